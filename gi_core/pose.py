@@ -1,0 +1,130 @@
+"""Rigid poses: rotation matrices, key-frame interpolation, points to and from object space.
+
+Arithmetic that reaches a path is written out element by element: a BLAS product may differ in the
+last bit with the number of rows, and then a frame would differ from the same pose from scratch.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.scene.errors import SceneError
+from gi_core.scene.types import KeyFrames, Pose
+
+RIGID_TOLERANCE = 1e-6  # on R^T R - 1 and on |q| - 1: float32 matrices from files pass, scales do not
+
+
+def rotation(pose: Pose) -> np.ndarray:
+    """Return the (3, 3) float64 rotation matrix of a pose."""
+    w, x, y, z = pose.quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def to_world(pose: Pose, points: np.ndarray) -> np.ndarray:
+    """Carry points (n, 3) from object space to the world, float64."""
+    R = rotation(pose)
+    p = np.asarray(points, np.float64)
+    x, y, z = p[:, 0], p[:, 1], p[:, 2]
+    columns = [R[i, 0] * x + R[i, 1] * y + R[i, 2] * z + pose.position[i] for i in range(3)]
+    return np.stack(columns, axis=1)
+
+
+def to_world_directions(pose: Pose, directions: np.ndarray) -> np.ndarray:
+    """Carry directions (n, 3) from object space to the world, float64."""
+    return to_world(Pose((0.0, 0.0, 0.0), pose.quaternion), directions)
+
+
+def multiply_quaternions(a, b) -> tuple[float, float, float, float]:
+    """Return the rotation `b` followed by `a`."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def axis_angle(axis, degrees: float) -> tuple[float, float, float, float]:
+    """Return the unit quaternion of a turn about an axis."""
+    a = np.asarray(axis, np.float64)
+    a = a / np.linalg.norm(a)
+    half = np.radians(degrees) / 2
+    s = np.sin(half)
+    return (float(np.cos(half)), float(a[0] * s), float(a[1] * s), float(a[2] * s))
+
+
+def quaternion_of(R: np.ndarray) -> tuple[float, float, float, float]:
+    """Return the unit quaternion, w >= 0, of a (3, 3) rotation matrix."""
+    R = np.asarray(R, np.float64)
+    # Each row estimates 4 q q_i for one i; the longest row is the best conditioned.
+    K = np.array(
+        [
+            [1 + R[0, 0] + R[1, 1] + R[2, 2], R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]],
+            [R[2, 1] - R[1, 2], 1 + R[0, 0] - R[1, 1] - R[2, 2], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
+            [R[0, 2] - R[2, 0], R[0, 1] + R[1, 0], 1 - R[0, 0] + R[1, 1] - R[2, 2], R[1, 2] + R[2, 1]],
+            [R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], 1 - R[0, 0] - R[1, 1] + R[2, 2]],
+        ]
+    )
+    q = K[int(np.argmax(np.diag(K)))]
+    q = q / np.linalg.norm(q)
+    return tuple(float(c) for c in (q if q[0] >= 0 else -q))
+
+
+def as_pose(pose: Pose | np.ndarray, where: str = "pose") -> Pose:
+    """Check a pose, or turn a rigid (4, 4) matrix into one.
+
+    Raises SceneError for anything that is not finite and rigid.
+    """
+    if isinstance(pose, Pose):
+        position = np.asarray(pose.position, np.float64)
+        q = np.asarray(pose.quaternion, np.float64)
+        if position.shape != (3,) or q.shape != (4,) or not np.isfinite([*position, *q]).all():
+            raise SceneError(f"{where}: a pose is three finite metres and four finite quaternion numbers, got {pose}")
+        length = float(np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]))
+        if abs(length - 1) > RIGID_TOLERANCE:
+            raise SceneError(f"{where}: the quaternion (w, x, y, z) of a pose must have length 1, got {length:.6g}")
+        return Pose(tuple(map(float, position)), tuple(map(float, q / length)))
+    M = np.asarray(pose, np.float64)
+    if M.shape != (4, 4) or not np.isfinite(M).all():
+        raise SceneError(f"{where}: a pose is a Pose or a finite 4 x 4 matrix, got shape {M.shape}")
+    R = M[:3, :3]
+    off = np.abs(R.T @ R - np.eye(3)).max()
+    if off > RIGID_TOLERANCE or np.linalg.det(R) < 0 or np.abs(M[3] - [0, 0, 0, 1]).max() > 0:
+        raise SceneError(
+            f"{where}: poses must be rigid (rotation and translation only), got a matrix with R^T R off 1 by "
+            f"{off:.3g} and det {np.linalg.det(R):.3g}; bake scale into the mesh"
+        )
+    return Pose(tuple(map(float, M[:3, 3])), quaternion_of(R))
+
+
+def pose_at(path: KeyFrames, time: float) -> Pose:
+    """Return the pose on a path at a time [s], held at its two ends."""
+    times = path.times
+    t = float(np.clip(time, times[0], times[-1]))
+    k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, max(len(times) - 2, 0)))
+    if len(times) == 1:
+        return Pose(tuple(map(float, path.positions[0])), tuple(map(float, path.quaternions[0])))
+    u = (t - times[k]) / (times[k + 1] - times[k])
+    position = path.positions[k] * (1 - u) + path.positions[k + 1] * u
+    return Pose(tuple(map(float, position)), _slerp(path.quaternions[k], path.quaternions[k + 1], u))
+
+
+def _slerp(a: np.ndarray, b: np.ndarray, u: float) -> tuple[float, float, float, float]:
+    cosine = float(np.dot(a, b))
+    if cosine < 0:  # the shorter way round
+        b, cosine = -b, -cosine
+    if cosine > 1 - 1e-9:
+        q = a * (1 - u) + b * u
+    else:
+        angle = np.arccos(cosine)
+        q = (np.sin((1 - u) * angle) * a + np.sin(u * angle) * b) / np.sin(angle)
+    q = q / np.linalg.norm(q)
+    return tuple(float(c) for c in q)

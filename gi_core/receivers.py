@@ -1,0 +1,136 @@
+"""Receivers: one-sided (position, normal) points at the vertices of a mesh, where irradiance is wanted.
+
+Corners of faces share a receiver where they meet at one position on one smooth side: a box corner has
+three receivers, a vertex inside a wall one. The back of a two-sided face has receivers of its own.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from gi_core.scene.types import Mesh
+
+CREASE_DEGREES = 40.0  # faces that meet at a smaller angle shade as one smooth surface
+WELD = 1e-6  # of the mesh's extent: vertices nearer than that are one (float32 files repeat them)
+
+
+class Receivers(NamedTuple):
+    """Points with normals, and the area that each one stands for."""
+
+    positions: np.ndarray  # (R, 3) float64 [m]
+    normals: np.ndarray  # (R, 3) float64 unit
+    areas: np.ndarray  # (R,) float64 [m2], a third of each face around it
+
+
+class Built(NamedTuple):
+    receivers: Receivers
+    corner_front: np.ndarray  # (F, 3) int64
+    corner_back: np.ndarray  # (F, 3) int64, -1 where one-sided
+    patch: np.ndarray  # (F,) int64
+
+
+def build_receivers(mesh: Mesh, normals: np.ndarray, areas: np.ndarray, two_sided: np.ndarray) -> Built:
+    """Build the receivers of one mesh in its own space.
+
+    `normals` (F, 3), `areas` (F,), `two_sided` (F,) are per face. Corners are merged only where
+    their normals agree within the crease angle, so opposed normals are never averaged.
+    """
+    F = len(mesh.faces)
+    position_of = weld(mesh.vertices)[mesh.faces]  # (F, 3) welded vertex id a corner
+    corner_normals = mesh.corner_normals
+    if corner_normals is None:
+        group = _smooth_groups(position_of, normals)
+    else:
+        group = _equal_normals(position_of, corner_normals)
+    count = int(group.max(initial=-1)) + 1
+    flat = group.reshape(-1)
+
+    angles = _corner_angles(mesh)
+    directions = np.repeat(normals, 3, axis=0) if corner_normals is None else corner_normals.reshape(-1, 3)
+    weight = angles.reshape(-1) if corner_normals is None else np.ones(3 * F)
+    n = np.stack([np.bincount(flat, weight * directions[:, k], count) for k in range(3)], axis=1)
+    length = np.sqrt((n * n).sum(axis=1))
+    first = np.full(count, -1)
+    first[flat[::-1]] = np.arange(3 * F)[::-1]
+    # Slivers may leave nothing to average: take the first face's own normal.
+    n = np.where(length[:, None] > 1e-12, n / np.where(length > 0, length, 1)[:, None], directions[first])
+    positions = mesh.vertices[mesh.faces.reshape(-1)[first]]
+    area = np.bincount(flat, np.repeat(areas / 3, 3), count)
+
+    # A receiver has a twin on the back if any of its faces is two-sided.
+    sided_area = np.bincount(flat, np.repeat(np.where(two_sided, areas / 3, 0), 3), count)
+    has_back = np.bincount(flat, np.repeat(two_sided, 3), count) > 0
+    back_index = np.where(has_back, count + np.cumsum(has_back) - 1, -1)
+    receivers = Receivers(
+        positions=np.concatenate([positions, positions[has_back]]),
+        normals=np.concatenate([n, -n[has_back]]),
+        areas=np.concatenate([area, sided_area[has_back]]),
+    )
+    corner_back = np.where(two_sided[:, None], back_index[group], -1)
+    return Built(receivers, group, corner_back, _patches(group, count))
+
+
+def weld(vertices: np.ndarray) -> np.ndarray:
+    """Return for each vertex (V,) the id of its place: vertices in one small cell share it."""
+    if not len(vertices):
+        return np.zeros(0, np.int64)
+    low = vertices.min(axis=0)
+    cell = max(float((vertices.max(axis=0) - low).max()) * WELD, 1e-30)
+    return np.unique(np.round((vertices - low) / cell).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _smooth_groups(position_of: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Join corners at one place whose faces share an edge there and turn by less than the crease angle."""
+    F = len(position_of)
+    ends = position_of[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    corner = np.arange(3 * F).reshape(F, 3)
+    edge_corner = corner[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    face = np.repeat(np.arange(F), 3)
+    swap = ends[:, 0] > ends[:, 1]
+    ends[swap] = ends[swap][:, ::-1]
+    edge_corner[swap] = edge_corner[swap][:, ::-1]
+    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    ends, edge_corner, face = ends[order], edge_corner[order], face[order]
+    # Neighbours in the sorted list share an edge; a non-manifold edge joins only its smooth pairs.
+    pairs = []
+    for step in (1, 2, 3):
+        same = (ends[step:] == ends[:-step]).all(axis=1)
+        smooth = (normals[face[step:]] * normals[face[:-step]]).sum(axis=1) > np.cos(np.radians(CREASE_DEGREES))
+        k = np.flatnonzero(same & smooth)
+        pairs += [np.stack([edge_corner[k, e], edge_corner[k + step, e]], axis=1) for e in (0, 1)]
+    return _components(np.concatenate(pairs), 3 * F).reshape(F, 3)
+
+
+def _equal_normals(position_of: np.ndarray, corner_normals: np.ndarray) -> np.ndarray:
+    """Join corners at one place that carry the same normal (to 1/512)."""
+    key = np.concatenate(
+        [position_of.reshape(-1, 1), np.round(corner_normals.reshape(-1, 3) * 512).astype(np.int64)], axis=1
+    )
+    return np.unique(key, axis=0, return_inverse=True)[1].reshape(position_of.shape)
+
+
+def _patches(group: np.ndarray, count: int) -> np.ndarray:
+    """Return the patch of each face: faces that share a receiver are one smooth surface."""
+    F = len(group)
+    links = np.stack([np.repeat(np.arange(F), 3), F + group.reshape(-1)], axis=1)
+    return np.unique(_components(links, F + count)[:F], return_inverse=True)[1].reshape(-1)
+
+
+def _components(pairs: np.ndarray, n: int) -> np.ndarray:
+    graph = coo_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def _corner_angles(mesh: Mesh) -> np.ndarray:
+    """Return the inner angle (F, 3) [rad] at each corner."""
+    p = mesh.vertices[mesh.faces]
+    angles = np.empty(mesh.faces.shape)
+    for k in range(3):
+        u, v = p[:, (k + 1) % 3] - p[:, k], p[:, (k + 2) % 3] - p[:, k]
+        cross = np.cross(u, v)
+        angles[:, k] = np.arctan2(np.sqrt((cross * cross).sum(axis=1)), (u * v).sum(axis=1))
+    return angles

@@ -1,0 +1,133 @@
+"""What a scene is made of: meshes, materials, lights, mobiles, poses, probes, camera.
+
+Everything here can be built from numpy arrays; `load_scene` builds the same objects from files.
+Units: metres, watts, radians unless a name says degrees; colours are linear Rec. 709 RGB.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Material(NamedTuple):
+    """A diffuse surface. Emission leaves the front only."""
+
+    name: str
+    reflectance: tuple[float, float, float] = (0.7, 0.7, 0.7)  # rho, each in [0, 1)
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # Le, radiance [W/m2/sr], each >= 0
+    two_sided: bool = False  # the back reflects and receives too
+
+
+class Mesh(NamedTuple):
+    """Triangles. The front of a face is the side of (v1-v0) x (v2-v0)."""
+
+    vertices: np.ndarray  # (V, 3) float64 [m]
+    faces: np.ndarray  # (F, 3) int32, into vertices
+    face_material: np.ndarray  # (F,) int32, into Scene.materials
+    corner_normals: np.ndarray | None = None  # (F, 3, 3) float64 unit; None: from crease angles
+    face_reflectance: np.ndarray | None = None  # (F, 3) float64; None: that of the material
+
+
+class Pose(NamedTuple):
+    """A rigid object-to-world transform: rotate about the object's origin, then translate."""
+
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m]
+    quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)  # (w, x, y, z), unit
+
+
+class KeyFrames(NamedTuple):
+    """A path that a mobile follows: position linear, rotation by slerp between the keys."""
+
+    times: np.ndarray  # (K,) float64 [s], increasing
+    positions: np.ndarray  # (K, 3) float64 [m]
+    quaternions: np.ndarray  # (K, 4) float64 unit (w, x, y, z)
+
+
+class Mobile(NamedTuple):
+    """A rigid object that moves. Its mesh is in object space, any scale already baked in."""
+
+    name: str
+    mesh: Mesh
+    pose: Pose = Pose()
+    path: KeyFrames | None = None
+
+
+class PointLight(NamedTuple):
+    """Radiates equally in all directions."""
+
+    name: str
+    position: tuple[float, float, float]
+    flux: tuple[float, float, float]  # Phi [W]
+
+
+class SpotLight(NamedTuple):
+    """A cone: intensity is full inside `inner`, falls smoothly to 0 at `outer`."""
+
+    name: str
+    position: tuple[float, float, float]
+    direction: tuple[float, float, float]  # where it shines, any length > 0
+    intensity: tuple[float, float, float]  # I on the axis [W/sr]
+    inner_degrees: float  # half angles, 0 <= inner <= outer <= 90
+    outer_degrees: float
+
+
+class DirectionalLight(NamedTuple):
+    """Parallel light, emitted from a disc that covers the scene."""
+
+    name: str
+    direction: tuple[float, float, float]  # where it shines, any length > 0
+    irradiance: tuple[float, float, float]  # E on a plane facing it [W/m2]
+
+
+class SkyLight(NamedTuple):
+    """A uniform dome above the plane normal to `up`: the overcast sky of constant radiance."""
+
+    name: str
+    radiance: tuple[float, float, float]  # L [W/m2/sr]; a horizontal plane in the open gets pi L
+
+
+Light = PointLight | SpotLight | DirectionalLight | SkyLight
+
+
+class Probe(NamedTuple):
+    """A named point with a normal where irradiance is wanted."""
+
+    name: str
+    position: tuple[float, float, float]
+    normal: tuple[float, float, float]
+
+
+class Camera(NamedTuple):
+    position: tuple[float, float, float]
+    target: tuple[float, float, float]
+    vertical_fov_degrees: float = 45.0
+
+
+class Defaults(NamedTuple):
+    """What a scene file recommends; None leaves it to `gi_core.defaults`."""
+
+    photons: int | None = None
+    radius: float | None = None  # disc radius [m]
+    neighbours: int | None = None
+    estimator: str | None = None
+    exposure: float | None = None  # [EV]; None: metered
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A static part, one or more rigid mobiles, static lights. Area lights are emissive faces."""
+
+    static: Mesh
+    materials: tuple[Material, ...]
+    mobiles: tuple[Mobile, ...] = ()
+    lights: tuple[Light, ...] = ()
+    probes: tuple[Probe, ...] = ()
+    camera: Camera | None = None
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    units: str = "radiometric"  # or "photometric": labels change, arithmetic does not
+    name: str = "scene"
+    defaults: Defaults = Defaults()
+    notes: tuple[str, ...] = field(default=())  # one line each: what loading changed or assumed

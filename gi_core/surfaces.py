@@ -1,0 +1,93 @@
+"""Every object of a scene flattened into arrays with one global numbering of faces and receivers.
+
+Object 0 is the static part, object i + 1 is `scene.mobiles[i]`. Geometry stays in object space.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.receivers import Receivers, build_receivers
+from gi_core.scene.types import Mesh, Scene
+
+
+class Surfaces(NamedTuple):
+    """Faces of all objects; per-face arrays are in global face order."""
+
+    vertices: tuple[np.ndarray, ...]  # an object: (V, 3) float64, object space [m]
+    faces: tuple[np.ndarray, ...]  # an object: (F, 3) int32 into that object's vertices
+    first_face: np.ndarray  # (objects + 1,) int64
+    normals: np.ndarray  # (F, 3) float64 unit, object space
+    areas: np.ndarray  # (F,) float64 [m2]
+    reflectance: np.ndarray  # (F, 3) float64
+    emission: np.ndarray  # (F, 3) float64 Le [W/m2/sr]
+    two_sided: np.ndarray  # (F,) bool
+    corner_front: np.ndarray  # (F, 3) int32, receiver of each corner on the front
+    corner_back: np.ndarray  # (F, 3) int32, on the back; -1 where the face is one-sided
+    patch: np.ndarray  # (F,) int32, connected smooth patch
+    first_receiver: np.ndarray  # (objects + 1,) int64
+
+    @property
+    def objects(self) -> int:
+        return len(self.vertices)
+
+    def face_range(self, o: int) -> slice:
+        return slice(int(self.first_face[o]), int(self.first_face[o + 1]))
+
+    def receiver_range(self, o: int) -> slice:
+        return slice(int(self.first_receiver[o]), int(self.first_receiver[o + 1]))
+
+
+def flatten(scene: Scene) -> tuple[Surfaces, Receivers]:
+    """Flatten a scene; the receivers come back in object space, in global order."""
+    meshes = [scene.static, *(m.mesh for m in scene.mobiles)]
+    rho = np.array([m.reflectance for m in scene.materials], np.float64).reshape(-1, 3)
+    Le = np.array([m.emission for m in scene.materials], np.float64).reshape(-1, 3)
+    sided = np.array([m.two_sided for m in scene.materials], bool)
+    parts, receivers = [], []
+    receiver_count = patch_count = 0
+    for mesh in meshes:
+        two_sided = sided[mesh.face_material]
+        normals, areas = face_normals(mesh)
+        built = build_receivers(mesh, normals, areas, two_sided)
+        front = built.corner_front + receiver_count
+        back = np.where(built.corner_back >= 0, built.corner_back + receiver_count, -1)
+        reflectance = mesh.face_reflectance if mesh.face_reflectance is not None else rho[mesh.face_material]
+        parts.append(
+            (normals, areas, reflectance, Le[mesh.face_material], two_sided, front, back, built.patch + patch_count)
+        )
+        receivers.append(built.receivers)
+        receiver_count += len(built.receivers.positions)
+        patch_count += int(built.patch.max(initial=-1)) + 1
+    normals, areas, reflectance, emission, two_sided, front, back, patch = (
+        np.concatenate(c) for c in zip(*parts, strict=True)
+    )
+    surfaces = Surfaces(
+        vertices=tuple(np.ascontiguousarray(m.vertices, np.float64) for m in meshes),
+        faces=tuple(np.ascontiguousarray(m.faces, np.int32) for m in meshes),
+        first_face=_offsets([len(m.faces) for m in meshes]),
+        normals=normals,
+        areas=areas,
+        reflectance=np.ascontiguousarray(reflectance, np.float64),
+        emission=emission,
+        two_sided=two_sided,
+        corner_front=front.astype(np.int32),
+        corner_back=back.astype(np.int32),
+        patch=patch.astype(np.int32),
+        first_receiver=_offsets([len(r.positions) for r in receivers]),
+    )
+    return surfaces, Receivers(*(np.concatenate(c) for c in zip(*receivers, strict=True)))
+
+
+def face_normals(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return unit normals (F, 3) and areas (F,); a zero-area face has normal 0."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    length = np.sqrt((cross * cross).sum(axis=1))
+    return cross / np.where(length > 0, length, 1)[:, None], length / 2
+
+
+def _offsets(counts: list[int]) -> np.ndarray:
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
