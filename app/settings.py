@@ -1,0 +1,94 @@
+"""What the user asked for: one frozen record that the command line, the panel and the commands share.
+
+Only the standard library is imported at the top, so that `--help` and `--version` stay instant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gi_core.scene import Pose, Scene
+    from gi_core.solver import Solver
+
+TONE_MAPS = ("aces", "reinhard", "clip")
+SHOWS = ("radiance", "irradiance")
+SIZE = (1280, 800)
+
+
+class UsageError(ValueError):
+    """A value on the command line that only the loaded program can judge (exit code 2)."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """None means: let the scene file, then `gi_core.defaults`, decide."""
+
+    scene: str = "cornell"  # a built-in name, a scene file (.toml) or a mesh file
+    mobiles: tuple[str, ...] = ()  # mesh files that become mobiles
+    max_edge: float | None = None  # tessellate edges longer than this [m]
+    up: str | None = None  # "x", "y", "z", "-x"...
+    estimator: str | None = None  # a key of gi_core.estimators.ESTIMATORS
+    photons: int | None = None
+    radius: float | None = None  # [m]
+    neighbours: int | None = None
+    seed: int = 0
+    poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
+    exposure: float | None = None  # [EV]; None: metered once
+    tone_map: str = "aces"  # one of TONE_MAPS
+    show: str = "radiance"  # one of SHOWS: with reflectance, or E / pi alone
+    cull: bool = True  # see through the back of one-sided faces: the doll's house view
+    size: tuple[int, int] = SIZE  # pixels
+    fallback: bool = True  # without a window, render to a file instead of failing
+
+
+def open_scene(settings: Settings) -> Scene:
+    """Load the scene with its mobiles, at the poses asked for. Raises SceneError."""
+    from dataclasses import replace
+
+    from gi_core.scene import load_scene
+
+    options = {name: getattr(settings, name) for name in ("max_edge", "up") if getattr(settings, name) is not None}
+    scene = load_scene(settings.scene, mobiles=settings.mobiles, **options)
+    poses = start_poses(settings, scene)
+    return replace(scene, mobiles=tuple(m._replace(pose=poses.get(m.name, m.pose)) for m in scene.mobiles))
+
+
+def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
+    """Return the poses that `--pose` asks for; without a quaternion the scene's rotation is kept.
+
+    Raises SceneError for a mobile that the scene does not have and for a pose that is not rigid.
+    """
+    from gi_core.pose import as_pose
+    from gi_core.scene import Pose, SceneError
+
+    known = {m.name: m for m in scene.mobiles}
+    poses = {}
+    for name, numbers in settings.poses:
+        if name not in known:
+            there = ", ".join(known) or "none"
+            raise SceneError(
+                f'{scene.name}: --pose names the mobile "{name}", but the mobiles of this scene are: {there}'
+            )
+        quaternion = numbers[3:] or known[name].pose.quaternion
+        poses[name] = as_pose(Pose(tuple(numbers[:3]), tuple(quaternion)), f"--pose {name}")
+    return poses
+
+
+def make_solver(scene: Scene, settings: Settings) -> Solver:
+    """Prepare a solver for the scene; nothing is traced yet. Raises UsageError for an unknown estimator."""
+    from gi_core.estimators import ESTIMATORS
+    from gi_core.solver import Solver
+
+    estimator = settings.estimator or scene.defaults.estimator or "tangent_plane"
+    if estimator not in ESTIMATORS:
+        raise UsageError(f'--estimator must be one of {", ".join(ESTIMATORS)}, got "{estimator}"')
+    return Solver(
+        scene,
+        estimator=estimator,
+        photons=settings.photons,
+        radius=settings.radius,
+        neighbours=settings.neighbours,
+        seed=settings.seed,
+    )
