@@ -1,0 +1,182 @@
+"""Ray-intersection structures: the static scene built once, each mobile once in its object space.
+
+Only this module knows Embree. A mobile's structure never changes: lines are carried to it.
+The two-level nearest hit is defined here, for the background, for branches and from scratch alike:
+first the static scene along the sampled ray, which gives the *line* from the start to the static
+end (both stored as float32); then the mobiles along that line. So a line means the same whether a
+mobile was there when it was traced or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+from gi_core.jit import kernel
+from gi_core.pose import rotation
+from gi_core.scene.types import Pose
+from gi_core.surfaces import Surfaces
+from gi_core.threads import run_ranges
+
+RAY_GRAIN = 2048  # rays a thread: below that handing over costs more than it saves
+ORIGIN_LIFT = 2e-6  # of the world's size: clears the face a ray starts on (float32 rounding is 6e-8)
+FAR = 4.0  # of the world's size: where a segment that hits nothing ends
+
+
+class Transforms(NamedTuple):
+    """Object-to-world transforms of all objects, the static part (identity) first."""
+
+    rotation: np.ndarray  # (objects, 3, 3) float64
+    position: np.ndarray  # (objects, 3) float64
+
+
+def transforms(poses: list[Pose]) -> Transforms:
+    """Stack the poses of the mobiles behind the identity of the static part."""
+    return Transforms(
+        np.stack([np.eye(3), *(rotation(p) for p in poses)]),
+        np.array([(0.0, 0.0, 0.0), *(p.position for p in poses)], np.float64),
+    )
+
+
+class Accelerator:
+    """Nearest hit and any hit against a scene's objects."""
+
+    def __init__(self, surfaces: Surfaces, threads: int = 1):
+        self.first_face = surfaces.first_face
+        self.threads = threads
+        self._scenes = [_commit(v, f) for v, f in zip(surfaces.vertices, surfaces.faces, strict=True)]
+        self.face_object = np.repeat(np.arange(surfaces.objects), np.diff(surfaces.first_face)).astype(np.int16)
+        self.world_low, self.world_high = _box(surfaces.vertices[0])
+
+    def nearest(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray):
+        """Return distance (n,) float32 and global face (n,) int32, -1 for none, in object o's space.
+
+        origins, directions: (n, 3) float32, directions unit; limits: (n,) float32, not changed.
+        """
+        n = len(origins)
+        distances = np.array(limits, np.float32)  # embree overwrites it with the distance found
+        faces = np.full(n, -1, np.int32)
+        scene = self._scenes[o]
+        if scene is None or n == 0:
+            return distances, faces
+
+        def work(_, a, b):
+            faces[a:b] = scene.run(origins[a:b], directions[a:b], dists=distances[a:b])
+
+        run_ranges(work, n, self.threads, RAY_GRAIN)
+        faces[faces >= 0] += np.int32(self.first_face[o])
+        return distances, faces
+
+    def occluded(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
+        """Return (n,) bool: something of object o lies within the limit."""
+        blocked = np.zeros(len(origins), bool)
+        scene = self._scenes[o]
+        if scene is None or len(origins) == 0:
+            return blocked
+        distances = np.array(limits, np.float32)
+
+        def work(_, a, b):
+            blocked[a:b] = scene.run(origins[a:b], directions[a:b], dists=distances[a:b], query="OCCLUDED") == 0
+
+        run_ranges(work, len(origins), self.threads, RAY_GRAIN)
+        return blocked
+
+
+def nearest_in_world(accelerator: Accelerator, at: Transforms, origins, directions, limits):
+    """Return distance (n,) float32 and global face (n,) int32 over all objects, for any rays.
+
+    For pictures and for the reference: no line is formed, nothing is compared bit for bit.
+    """
+    origins = np.ascontiguousarray(origins, np.float32)
+    directions = np.ascontiguousarray(directions, np.float32)
+    distances, faces = accelerator.nearest(0, origins, directions, limits)
+    for o in range(1, len(at.position)):
+        local_o, local_d = rays_to_object(at, o, origins, directions)
+        d, f = accelerator.nearest(o, local_o, local_d, distances)
+        hit = f >= 0
+        distances[hit], faces[hit] = d[hit], f[hit]
+    return distances, faces
+
+
+def occluded_in_world(accelerator: Accelerator, at: Transforms, origins, directions, limits) -> np.ndarray:
+    """Return (n,) bool: any object lies within the limit along the ray."""
+    origins = np.ascontiguousarray(origins, np.float32)
+    directions = np.ascontiguousarray(directions, np.float32)
+    blocked = accelerator.occluded(0, origins, directions, limits)
+    for o in range(1, len(at.position)):
+        blocked |= accelerator.occluded(o, *rays_to_object(at, o, origins, directions), limits)
+    return blocked
+
+
+def rays_to_object(at: Transforms, o: int, origins: np.ndarray, directions: np.ndarray):
+    """Carry rays (n, 3) float32 into object o's space, float32."""
+    local_o, local_d = np.empty_like(origins), np.empty_like(directions)
+    _carry(at.rotation[o], at.position[o], origins, local_o)
+    _carry(at.rotation[o], np.zeros(3), directions, local_d)
+    return local_o, local_d
+
+
+@kernel
+def _carry(R, p, points, out):
+    """out = R^T (points - p), element by element."""
+    for k in range(len(points)):
+        x, y, z = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 2] - p[2]
+        for c in range(3):
+            out[k, c] = R[0, c] * x + R[1, c] * y + R[2, c] * z
+
+
+@kernel
+def line(ox, oy, oz, ex, ey, ez):
+    """Return the float32 unit direction and length of the line between two float32 points.
+
+    The one place that turns a stored segment into a ray: cuts and disc crossings use these bits.
+    """
+    dx, dy, dz = np.float64(ex) - ox, np.float64(ey) - oy, np.float64(ez) - oz
+    length = np.sqrt(dx * dx + dy * dy + dz * dz)
+    s = 1.0 / length if length > 0.0 else 0.0
+    return np.float32(dx * s), np.float32(dy * s), np.float32(dz * s), np.float32(length)
+
+
+@kernel
+def point_on_line(ox, oy, oz, dx, dy, dz, t):
+    """Return origin + t direction as float32, computed in float64."""
+    s = np.float64(t)
+    return np.float32(ox + s * dx), np.float32(oy + s * dy), np.float32(oz + s * dz)
+
+
+def _commit(vertices: np.ndarray, faces: np.ndarray):
+    if not len(faces):
+        return None
+    scene = EmbreeScene(robust=True)
+    TriangleMesh(scene, np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(faces, np.int32))
+    ray = np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32)
+    scene.run(*ray)  # embree commits at the first run; do it here, not in the first frame
+    return scene
+
+
+def _box(vertices: np.ndarray):
+    if not len(vertices):
+        return np.zeros(3), np.zeros(3)
+    return vertices.min(axis=0), vertices.max(axis=0)
+
+
+def bounding_spheres(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
+    """Return centre (objects, 3) in object space and radius (objects,) of a sphere around each object."""
+    centres = np.zeros((surfaces.objects, 3))
+    radii = np.zeros(surfaces.objects)
+    for o, vertices in enumerate(surfaces.vertices):
+        low, high = _box(vertices)
+        centres[o] = (low + high) / 2
+        if len(vertices):
+            off = vertices - centres[o]
+            radii[o] = np.sqrt((off * off).sum(axis=1).max())
+    return centres, radii
+
+
+def poses_in_order(names: list[str], poses: Mapping[str, Pose]) -> list[Pose]:
+    """Return the poses of the mobiles in scene order."""
+    return [poses[name] for name in names]

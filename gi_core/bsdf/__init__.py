@@ -1,0 +1,1 @@
+"""Surface models, one a file, of identical shape: eval, sample, pdf."""

@@ -1,0 +1,43 @@
+"""How kernels are compiled: once a machine, cached on disk, without the GIL, IEEE arithmetic.
+
+`kernel` is the only decorator in use. fastmath is never on: it flips disc crossings by position in a
+slice. `error_model="numpy"` lets a division by zero give inf, which LLVM can vectorise.
+The cache folder carries a hash of our sources, because numba's own check sees the file of a kernel
+but not the files of the functions that it inlines.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from functools import cache
+from pathlib import Path
+
+import numba
+import platformdirs
+
+_ROOT = Path(__file__).parent
+
+
+@cache
+def source_hash() -> str:
+    """Return a short hash of every file of gi_core that holds kernels, and of numba's version."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(_ROOT.rglob("*.py")):
+        source = path.read_bytes()
+        if b"@kernel" in source:
+            digest.update(path.relative_to(_ROOT).as_posix().encode() + source)
+    return digest.hexdigest()[:12]
+
+
+def cache_folder() -> Path:
+    """Return the folder that holds compiled kernels."""
+    if "NUMBA_CACHE_DIR" in os.environ:
+        return Path(os.environ["NUMBA_CACHE_DIR"])
+    return Path(platformdirs.user_cache_dir("gi-viewer", appauthor=False)) / f"kernels-{source_hash()}"
+
+
+if "NUMBA_CACHE_DIR" not in os.environ:
+    numba.config.CACHE_DIR = str(cache_folder())
+
+kernel = numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -1,0 +1,42 @@
+"""Splitting work over Python threads: kernels and embree release the GIL.
+
+Chosen over numba's own parallel loops because waking its pool costs milliseconds for tiny jobs, its
+`workqueue` layer aborts when two threads enter, and parallel kernels compile several times slower.
+All sums are integers, so the split never shows in the result.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+
+
+def available_cores() -> int:
+    """Return the number of cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@cache
+def _pool(workers: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(workers, thread_name_prefix="gi")
+
+
+def split(n: int, parts: int, grain: int) -> list[tuple[int, int]]:
+    """Cut range(n) into at most `parts` runs of at least `grain` items."""
+    parts = max(1, min(parts, n // max(grain, 1)))
+    bounds = [n * k // parts for k in range(parts + 1)]
+    return list(zip(bounds[:-1], bounds[1:], strict=True))
+
+
+def run_ranges(work: Callable[[int, int, int], object], n: int, threads: int, grain: int) -> list:
+    """Call work(part, start, stop) over range(n), in parallel where it pays; results in order."""
+    ranges = split(n, threads, grain)
+    if len(ranges) == 1:
+        return [work(0, *ranges[0])]
+    pool = _pool(threads)
+    later = [pool.submit(work, k, *r) for k, r in enumerate(ranges[1:], 1)]
+    return [work(0, *ranges[0]), *(f.result() for f in later)]
