@@ -58,14 +58,18 @@ class Accelerator:
         origins, directions: (n, 3) float32, directions unit; limits: (n,) float32, not changed.
         """
         n = len(origins)
-        distances = np.array(limits, np.float32)  # embree overwrites it with the distance found
+        distances = np.array(limits, np.float32)
         faces = np.full(n, -1, np.int32)
         scene = self._scenes[o]
         if scene is None or n == 0:
             return distances, faces
 
         def work(_, a, b):
-            faces[a:b] = scene.run(origins[a:b], directions[a:b], dists=distances[a:b])
+            # Only output=1 gives both numbers; it overwrites `dists`, but not in every version.
+            found = scene.run(origins[a:b], directions[a:b], dists=distances[a:b].copy(), output=1)
+            faces[a:b] = found["primID"]
+            hit = faces[a:b] >= 0
+            distances[a:b][hit] = found["tfar"][hit]
 
         run_ranges(work, n, self.threads, RAY_GRAIN)
         faces[faces >= 0] += np.int32(self.first_face[o])
@@ -121,12 +125,21 @@ def rays_to_object(at: Transforms, o: int, origins: np.ndarray, directions: np.n
 
 
 @kernel
+def to_local(R, x, y, z):
+    """Return R^T (x, y, z), element by element."""
+    return (
+        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
+        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
+        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
+    )
+
+
+@kernel
 def _carry(R, p, points, out):
     """out = R^T (points - p), element by element."""
     for k in range(len(points)):
         x, y, z = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 2] - p[2]
-        for c in range(3):
-            out[k, c] = R[0, c] * x + R[1, c] * y + R[2, c] * z
+        out[k, 0], out[k, 1], out[k, 2] = to_local(R, x, y, z)
 
 
 @kernel

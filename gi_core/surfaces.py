@@ -58,8 +58,9 @@ def flatten(scene: Scene) -> tuple[Surfaces, Receivers]:
         parts.append(
             (normals, areas, reflectance, Le[mesh.face_material], two_sided, front, back, built.patch + patch_count)
         )
-        receivers.append(built.receivers)
-        receiver_count += len(built.receivers.positions)
+        # Probes are receivers too, without faces: the last ones of the static part.
+        receivers.append(_with_probes(built.receivers, scene) if mesh is scene.static else built.receivers)
+        receiver_count += len(receivers[-1].positions)
         patch_count += int(built.patch.max(initial=-1)) + 1
     normals, areas, reflectance, emission, two_sided, front, back, patch = (
         np.concatenate(c) for c in zip(*parts, strict=True)
@@ -79,6 +80,14 @@ def flatten(scene: Scene) -> tuple[Surfaces, Receivers]:
         first_receiver=_offsets([len(r.positions) for r in receivers]),
     )
     return surfaces, Receivers(*(np.concatenate(c) for c in zip(*receivers, strict=True)))
+
+
+def _with_probes(receivers: Receivers, scene: Scene) -> Receivers:
+    positions = np.array([p.position for p in scene.probes], np.float64).reshape(-1, 3)
+    normals = np.array([p.normal for p in scene.probes], np.float64).reshape(-1, 3)
+    normals = normals / np.sqrt((normals * normals).sum(axis=1))[:, None]
+    more = Receivers(positions, normals, np.zeros(len(positions)))
+    return Receivers(*(np.concatenate(pair) for pair in zip(receivers, more, strict=True)))
 
 
 def face_normals(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,269 @@
+"""What a pose changes: photons cut by mobiles, the tails they lose, the branches they gain (fig. 2.2).
+
+Computed each frame from the background alone, never from the last frame, so nothing drifts. A photon
+keeps its *head* up to the first cut of its background path; the *tail* behind it is taken out; the
+*branch* reflected off the mobile is put in.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.accelerator import Transforms
+from gi_core.fixed_point import MAX_SEGMENTS
+from gi_core.jit import kernel
+from gi_core.model import Model
+from gi_core.paths import NONE, PathVertices, Segments, concatenate, empty_segments, interval, segments_at, take
+from gi_core.photon_trace import (
+    CUT_PAD,
+    Fates,
+    Rays,
+    advance,
+    emitted_rays,
+    nearest_mobile,
+    no_flux,
+    scatter_all,
+)
+from gi_core.threads import run_ranges
+
+SCAN_GRAIN = 20_000  # photons a thread
+
+
+class Frame(NamedTuple):
+    """Everything about the current poses that differs from the background."""
+
+    at: Transforms
+    photons: int
+    heads: Segments  # of cut photons: the segment that a mobile cuts, up to the cut
+    tails: Segments  # what they lose: the rest of that segment and all later ones
+    branches: Segments  # what they gain, from the mobile onwards
+    near: tuple[Segments, ...]  # a mobile: every current segment that may cross a disc on it
+    fates: Fates  # of all photons at these poses, less those of the background
+
+
+@kernel
+def _scan(offsets, position, first, last, centres, radii, photons, vertices):
+    """List the background segments of photons first .. last - 1 that pass near any mobile.
+
+    A float32 test against bounding spheres, padded by the caller; returns how many there are, which
+    may exceed the room in the output.
+    """
+    found = 0
+    for i in range(first, last):
+        for k in range(offsets[i], offsets[i + 1] - 1):
+            ox, oy, oz = position[k, 0], position[k, 1], position[k, 2]
+            dx, dy, dz = position[k + 1, 0] - ox, position[k + 1, 1] - oy, position[k + 1, 2] - oz
+            length2 = dx * dx + dy * dy + dz * dz
+            for m in range(len(radii)):
+                cx, cy, cz = centres[m, 0] - ox, centres[m, 1] - oy, centres[m, 2] - oz
+                along = cx * dx + cy * dy + cz * dz
+                c2 = cx * cx + cy * cy + cz * cz
+                r2 = radii[m] * radii[m]
+                # Nearest point before the start, on the segment, or behind the end.
+                if along <= np.float32(0.0):
+                    near = c2 <= r2
+                elif along >= length2:
+                    near = c2 - np.float32(2.0) * along + length2 <= r2
+                else:
+                    near = (c2 - r2) * length2 <= along * along
+                if near:
+                    if found < len(vertices):
+                        photons[found], vertices[found] = i, k
+                    found += 1
+                    break
+    return found
+
+
+SCAN_PAD = 1e-3  # of the world's size: float32 rounding of the scan, with room
+
+
+class ScanRoom:
+    """Output buffers of the scan, kept from frame to frame and grown when too small."""
+
+    def __init__(self):
+        self.photons: list[np.ndarray] = []
+        self.vertices: list[np.ndarray] = []
+
+    def part(self, k: int, n: int):
+        while len(self.photons) <= k:
+            self.photons.append(np.empty(0, np.int64))
+            self.vertices.append(np.empty(0, np.int64))
+        if len(self.photons[k]) < n:
+            self.photons[k], self.vertices[k] = np.empty(n, np.int64), np.empty(n, np.int64)
+        return self.photons[k], self.vertices[k]
+
+
+def find_near(model: Model, paths: PathVertices, at: Transforms, margin: float, room: ScanRoom):
+    """Return photon (n,) and vertex (n,) int64 of background segments within `margin` of a mobile's sphere."""
+    world = model.world
+    centres = np.empty((len(at.position) - 1, 3), np.float32)
+    for o in range(1, len(at.position)):
+        c, R = world.sphere_centre[o], at.rotation[o]
+        for i in range(3):
+            centres[o - 1, i] = R[i, 0] * c[0] + R[i, 1] * c[1] + R[i, 2] * c[2] + at.position[o, i]
+    radii = (world.sphere_radius[1:] + margin + SCAN_PAD * world.size).astype(np.float32)
+
+    def work(part, first, last):
+        photons, vertices = room.part(part, 4096)
+        while True:
+            n = _scan(paths.offsets, paths.position, first, last, centres, radii, photons, vertices)
+            if n <= len(vertices):
+                return photons[:n], vertices[:n]
+            photons, vertices = room.part(part, n * 3 // 2)
+
+    for k in range(model.threads):
+        room.part(k, 4096)
+    parts = run_ranges(work, len(paths.offsets) - 1, model.threads, SCAN_GRAIN)
+    return np.concatenate([p for p, _ in parts]), np.concatenate([v for _, v in parts])
+
+
+def change(model: Model, paths: PathVertices, at: Transforms, seed: int, margin: float, room: ScanRoom, clock) -> Frame:
+    """Find what the mobiles at `at` change of the background; `margin` [m] is the reach of a disc.
+
+    `clock(stage)` is called as each stage ends.
+    """
+    photons = len(paths.offsets) - 1
+    if photons == 0 or len(at.position) == 1:
+        nothing = empty_segments(0)
+        return Frame(at, photons, nothing, nothing, nothing, (nothing,) * (len(at.position) - 1), no_flux())
+
+    # Find the first segment of each photon that any mobile cuts.
+    rows = find_near(model, paths, at, margin, room)
+    clock("scan")
+    near = segments_at(paths, model.eps, *rows)
+    cut, cut_side = nearest_mobile(model.accelerator, model.world, at, near.origin, near.end, near.start_side)
+    first_cut = _first_of_each(near.photon, np.flatnonzero(cut_side != NONE))
+
+    clock("cuts")
+
+    # Split those photons into head and tail, and follow them off the mobile.
+    high = cut[first_cut] + model.eps
+    heads = take(near, first_cut)._replace(high=high, cut_side=cut_side[first_cut])
+    tails = _tails(model, paths, heads, rows[1][first_cut], high)
+    clock("tails")
+    fates = no_flux()
+    hit, _, rays = scatter_all(model.world, at, seed, heads, cut[first_cut], fates)
+    heads = heads._replace(hit=hit)
+    branches = follow(model, at, seed, rays, fates)
+    _subtract_background_fates(paths, rows[1][first_cut], heads, fates)
+
+    clock("branches")
+
+    # Collect what mobile receivers can see: untouched background nearby, heads, branches.
+    alive = _before_cut(near.photon, near.bounce, heads.photon, heads.bounce)
+    current = concatenate([take(near, alive), heads, branches])
+    collected = _near_each(model, at, current, margin)
+    clock("mobiles")
+    return Frame(at, photons, heads, tails, branches, collected, fates)
+
+
+def _first_of_each(photon: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return the first of the rows of each photon; rows are photon-major already."""
+    p = photon[rows]
+    return rows[np.concatenate([[True], p[1:] != p[:-1]])] if len(rows) else rows
+
+
+def _tails(model: Model, paths: PathVertices, heads: Segments, vertices: np.ndarray, high: np.ndarray) -> Segments:
+    """Return what cut photons lose; the first part of each starts where its head ends."""
+    ends = paths.offsets[heads.photon + 1] - 1
+    counts = ends - vertices
+    row = np.repeat(np.arange(len(counts)), counts)
+    step = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    tails = segments_at(paths, model.eps, heads.photon[row], vertices[row] + step)
+    low = tails.low
+    low[step == 0] = high
+    return tails
+
+
+def _before_cut(photon, bounce, cut_photon, cut_bounce) -> np.ndarray:
+    """Return (n,) bool: the segment is not cut and not behind a cut. Both lists are photon-major."""
+    if not len(cut_photon):
+        return np.ones(len(photon), bool)
+    k = np.minimum(np.searchsorted(cut_photon, photon), len(cut_photon) - 1)
+    return (cut_photon[k] != photon) | (bounce < cut_bounce[k])
+
+
+def follow(model: Model, at: Transforms, seed: int, rays: Rays, fates: Fates) -> Segments:
+    """Trace rays against static part and mobiles until all have ended; return their segments."""
+    parts = []
+    while len(rays.photon):
+        step = advance(model.accelerator, model.world, at, seed, rays, fates)
+        parts.append(_segments(model, rays, step))
+        rays = step.rays
+    return concatenate(parts)
+
+
+def _segments(model: Model, rays: Rays, step) -> Segments:
+    out = empty_segments(len(rays.photon))._replace(
+        origin=rays.origin, end=step.end, flux=rays.flux, start_side=rays.side, end_side=step.end_side,
+        cut_side=step.cut_side, hit=step.hit, photon=rays.photon, bounce=rays.bounce,
+    )  # fmt: skip
+    _intervals(rays.origin, step.end, step.end_side, step.cut, step.cut_side, model.eps, out.low, out.high)
+    return out
+
+
+@kernel
+def _intervals(origin, end, end_side, cut, cut_side, eps, low, high):
+    for k in range(len(low)):
+        o, e = origin[k], end[k]
+        x, y, z = np.float64(e[0]) - o[0], np.float64(e[1]) - o[1], np.float64(e[2]) - o[2]
+        length = np.float32(np.sqrt(x * x + y * y + z * z))
+        low[k], high[k] = interval(length, end_side[k] != NONE, eps)
+        if cut_side[k] != NONE:
+            high[k] = cut[k] + eps
+
+
+def current_segments(model: Model, at: Transforms, seed: int, first: int, count: int) -> tuple[Segments, Fates]:
+    """Trace photons first .. first + count - 1 from scratch, with the mobiles where they are.
+
+    Knows nothing of background, cuts or tails: what every frame must equal.
+    """
+    fates = no_flux()
+    return follow(model, at, seed, emitted_rays(model.emitters, seed, first, count, fates), fates), fates
+
+
+def _near_each(model: Model, at: Transforms, current: Segments, margin: float) -> tuple[Segments, ...]:
+    """Return for each mobile the segments that pass its bounding sphere, padded by the reach of a disc."""
+    out = []
+    for o in range(1, len(at.position)):
+        c, R = model.world.sphere_centre[o], at.rotation[o]
+        centre = np.array([R[i, 0] * c[0] + R[i, 1] * c[1] + R[i, 2] * c[2] + at.position[o, i] for i in range(3)])
+        radius = model.world.sphere_radius[o] + margin + (SCAN_PAD + CUT_PAD) * model.world.size
+        out.append(take(current, _pass(current.origin, current.end, centre, radius)))
+    return tuple(out)
+
+
+@kernel
+def _pass(origin, end, centre, radius):
+    out = np.empty(len(origin), np.bool_)
+    for k in range(len(origin)):
+        x, y, z = origin[k, 0] - centre[0], origin[k, 1] - centre[1], origin[k, 2] - centre[2]
+        dx, dy, dz = end[k, 0] - origin[k, 0], end[k, 1] - origin[k, 1], end[k, 2] - origin[k, 2]
+        length2 = dx * dx + dy * dy + dz * dz
+        t = -(x * dx + y * dy + z * dz) / length2 if length2 > 0.0 else 0.0
+        t = min(1.0, max(0.0, t))
+        x, y, z = x + t * dx, y + t * dy, z + t * dz
+        out[k] = x * x + y * y + z * z <= radius * radius
+    return out
+
+
+def _subtract_background_fates(paths: PathVertices, vertices: np.ndarray, heads: Segments, fates: Fates) -> None:
+    """Take what the background path did with the flux of cut photons, behind the cut, out of `fates`."""
+    sums = np.zeros((3, 3), np.int64)
+    _fates_behind(paths.offsets, paths.side, paths.flux, heads.photon, vertices, sums)
+    for total, part in zip((fates.absorbed, fates.escaped, fates.truncated), sums, strict=True):
+        total -= part
+
+
+@kernel
+def _fates_behind(offsets, side, flux, photons, vertices, sums):
+    for j in range(len(photons)):
+        end = offsets[photons[j] + 1] - 1
+        for k in range(vertices[j] + 1, end + 1):
+            fate = 1 if side[k] < 0 else 0
+            if k - offsets[photons[j]] >= MAX_SEGMENTS and side[k] >= 0:
+                fate = 2
+            for c in range(3):
+                sums[fate, c] += flux[k - 1, c] - flux[k, c]

@@ -1,0 +1,95 @@
+"""Density Estimation on the Tangent Plane (Lastra et al. 2002; report 1.2.1).
+
+E = flux of the segments that cross a receiver's disc from the front / pi r^2. Additive in segments,
+so on static receivers Eq. 2.4 holds: background - tails + branches. Receivers on a mobile are
+estimated from all current segments near it (report 2.5.2), in its own space, where discs never move.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gi_core.accelerator import Transforms
+from gi_core.cuts import Frame
+from gi_core.disc_search import SEARCHES
+from gi_core.disc_search.crossing import Discs, lines
+from gi_core.model import Model
+from gi_core.paths import Segments
+from gi_core.threads import run_ranges
+
+LINE_GRAIN = 1024  # segments a thread
+
+
+class TangentPlane:
+    """See the module; `radius` [m] is the disc's."""
+
+    def __init__(self, model: Model, radius: float, neighbours: int, search: str = "disc_index"):
+        self.model = model
+        own = model.receiver_sides
+        r = model.object_receivers
+        self._searches = []
+        for o in range(model.surfaces.objects):
+            rows = model.surfaces.receiver_range(o)
+            discs = Discs(
+                np.ascontiguousarray(r.positions[rows], np.float32),
+                np.ascontiguousarray(r.normals[rows], np.float32),
+                own[rows],
+                np.float32(radius),
+            )
+            self._searches.append(SEARCHES[search](discs))
+        self.reach = radius
+        self.area = np.full(len(r.areas), math.pi * radius * radius)
+        self.background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
+        self._parts: list[np.ndarray] = []
+
+    def add_background(self, segments: Segments) -> None:
+        """Add background segments to the sums of static receivers."""
+        self._splat(0, segments, self.model.static, 1, self.background)
+
+    def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+        """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by."""
+        sums = np.zeros((len(self.area), 3), np.int64)
+        static = sums[self.model.surfaces.receiver_range(0)]
+        static += self.background
+        self._splat(0, frame.tails, self.model.static, -1, static)
+        self._splat(0, frame.branches, self.model.static, 1, static)
+        for o, near in enumerate(frame.near, 1):
+            self._splat(o, near, frame.at, 1, sums[self.model.surfaces.receiver_range(o)])
+        return sums, self.area
+
+    def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
+        """Return what evaluate() does, from all current segments (an iterable of Segments)."""
+        sums = np.zeros((len(self.area), 3), np.int64)
+        for segments in parts:
+            for o in range(self.model.surfaces.objects):
+                self._splat(o, segments, at, 1, sums[self.model.surfaces.receiver_range(o)])
+        return sums, self.area
+
+    def _splat(self, o: int, segments: Segments, at: Transforms, sign: int, sums: np.ndarray) -> None:
+        if not segments.size or not len(sums):
+            return
+        ready = lines(segments, at.rotation[o], at.position[o], self.model.surfaces.patch)
+        search = self._searches[o]
+
+        def work(part, first, last):
+            if part == 0:
+                search.splat(ready, first, last, sign, sums)
+                return None
+            own = self._buffer(part, len(sums))
+            search.splat(ready, first, last, sign, own)
+            return own
+
+        for part in run_ranges(work, segments.size, self.model.threads, LINE_GRAIN)[1:]:
+            sums += part
+
+    def _buffer(self, part: int, n: int) -> np.ndarray:
+        """Return a zeroed (n, 3) int64 buffer of a thread's own."""
+        while len(self._parts) < part:
+            self._parts.append(np.empty((0, 3), np.int64))
+        if len(self._parts[part - 1]) < n:
+            self._parts[part - 1] = np.empty((n, 3), np.int64)
+        buffer = self._parts[part - 1][:n]
+        buffer.fill(0)
+        return buffer

@@ -1,0 +1,70 @@
+"""A scene made ready for tracing: flattened surfaces, accelerators, emitters, epsilons."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.accelerator import Accelerator, Transforms, bounding_spheres, transforms
+from gi_core.emission import build_emitters
+from gi_core.paths import END_EXTENSION
+from gi_core.photon_trace import build_world
+from gi_core.pose import as_pose, to_world, to_world_directions
+from gi_core.receivers import Receivers
+from gi_core.scene.errors import SceneError
+from gi_core.scene.types import Pose, Scene
+from gi_core.surfaces import flatten
+from gi_core.threads import available_cores
+
+
+class Model:
+    """What does not depend on poses, estimator or photons."""
+
+    def __init__(self, scene: Scene, threads: int | None = None):
+        self.scene = scene
+        self.threads = threads or available_cores()
+        self.surfaces, self.object_receivers = flatten(scene)
+        self.accelerator = Accelerator(self.surfaces, self.threads)
+        centres, radii = bounding_spheres(self.surfaces)
+        mobiles = [
+            np.add(m.pose.position, s * (radii[o] + np.abs(centres[o])))
+            for o, m in enumerate(scene.mobiles, 1)
+            for s in (-1, 1)
+        ]
+        delta_lights = [light.position for light in scene.lights if hasattr(light, "position")]
+        extra = np.array([*mobiles, *delta_lights], np.float64).reshape(-1, 3)
+        self.world = build_world(self.surfaces, self.accelerator, centres, radii, extra)
+        self.emitters = build_emitters(scene, self.surfaces, self.world.centre, self.world.size / 2)
+        self.eps = np.float32(END_EXTENSION * self.world.size)
+        self.static = transforms([])
+        self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)
+        self.names = [m.name for m in scene.mobiles]
+        if len(set(self.names)) != len(self.names):
+            raise SceneError(f"{scene.name}: mobiles must have names of their own, got {self.names}")
+
+    def start_poses(self) -> dict[str, Pose]:
+        return {m.name: as_pose(m.pose, f'{self.scene.name}: mobile "{m.name}"') for m in self.scene.mobiles}
+
+    def transforms(self, poses: dict[str, Pose]) -> Transforms:
+        """Return the transforms of all objects at the given poses."""
+        return transforms([poses[name] for name in self.names])
+
+    def receivers_at(self, poses: dict[str, Pose]) -> Receivers:
+        """Return all receivers in the world."""
+        positions, normals = self.object_receivers.positions.copy(), self.object_receivers.normals.copy()
+        for o, name in enumerate(self.names, 1):
+            rows = self.surfaces.receiver_range(o)
+            positions[rows] = to_world(poses[name], positions[rows])
+            normals[rows] = to_world_directions(poses[name], normals[rows])
+        return Receivers(positions, normals, self.object_receivers.areas)
+
+    @property
+    def receiver_sides(self) -> np.ndarray:
+        """Return 2 patch + side of receivers on two-sided surfaces, -1 of others. (R,) int32."""
+        s = self.surfaces
+        own = np.full(len(self.object_receivers.areas), -1, np.int32)
+        sided = np.repeat((s.corner_back >= 0).any(axis=1), 3)
+        patch = np.repeat(s.patch, 3)
+        own[s.corner_front.reshape(-1)[sided]] = 2 * patch[sided]
+        back = s.corner_back.reshape(-1)
+        own[back[back >= 0]] = 2 * patch[back >= 0] + 1
+        return own

@@ -1,0 +1,187 @@
+"""Background paths as they are stored, and segments as the estimators read them.
+
+Positions are float32: 2^-24 of a room of 10 m is 0.6 um. Flux is int32 fixed-point units. A path
+vertex takes 28 bytes; photons are in index order, so a prefix of photons is a prefix of every array.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.accelerator import line
+from gi_core.jit import kernel
+
+NONE = -1  # no surface
+END_EXTENSION = 1e-4  # of the world's size: discs of coplanar neighbours are crossed at the hit itself
+
+
+class PathVertices(NamedTuple):
+    """Vertices of the paths of some photons, photon-major."""
+
+    offsets: np.ndarray  # (N + 1,) int64, photon i owns vertices offsets[i] .. offsets[i + 1] - 1
+    position: np.ndarray  # (n, 3) float32 [m]
+    side: np.ndarray  # (n,) int32, 2 face + (1 on the back), NONE in free space
+    flux: np.ndarray  # (n, 3) int32, of the segment that leaves this vertex; 0 at a path's last one
+
+
+class Segments(NamedTuple):
+    """Segments, or parts of them: an interval [low, high) of distance along a line.
+
+    The line runs from `origin` to `end` (its static end) and stays whole when a mobile cuts it.
+    """
+
+    origin: np.ndarray  # (S, 3) float32 [m]
+    end: np.ndarray  # (S, 3) float32 [m]
+    low: np.ndarray  # (S,) float32 [m]
+    high: np.ndarray  # (S,) float32 [m]
+    flux: np.ndarray  # (S, 3) int32, fixed-point units
+    start_side: np.ndarray  # (S,) int32, side at the origin or NONE
+    end_side: np.ndarray  # (S,) int32, side at the line's static end or NONE
+    cut_side: np.ndarray  # (S,) int32, side of a mobile where the part ends, or NONE
+    hit: np.ndarray  # (S, 3) float32 [m], where the part ends
+    photon: np.ndarray  # (S,) int64
+    bounce: np.ndarray  # (S,) int32, 0 for the segment that leaves the light
+
+    @property
+    def size(self) -> int:
+        """How many segments there are."""
+        return len(self.low)
+
+    @property
+    def hit_side(self) -> np.ndarray:
+        """The side that receives the flux: a mobile's where cut, else the static end's. (S,) int32."""
+        return np.where(self.cut_side != NONE, self.cut_side, self.end_side)
+
+
+class PathStore:
+    """Background paths of photons 0 .. N - 1, growing as photons are added; never edited."""
+
+    def __init__(self):
+        self._offsets = np.zeros(1, np.int64)
+        self._position = np.empty((0, 3), np.float32)
+        self._side = np.empty(0, np.int32)
+        self._flux = np.empty((0, 3), np.int32)
+        self.photons = 0
+
+    def append(self, more: PathVertices) -> None:
+        """Add the paths of the next photons."""
+        n, have = len(more.offsets) - 1, int(self._offsets[self.photons])
+        self._offsets = _room(self._offsets, self.photons + 1 + n)
+        self._offsets[self.photons + 1 : self.photons + 1 + n] = more.offsets[1:] + have
+        total = have + int(more.offsets[-1])
+        self._position = _room(self._position, total)
+        self._side = _room(self._side, total)
+        self._flux = _room(self._flux, total)
+        self._position[have:total] = more.position
+        self._side[have:total] = more.side
+        self._flux[have:total] = more.flux
+        self.photons += n
+
+    def prefix(self, photons: int) -> PathVertices:
+        """Return views of the paths of the first photons."""
+        n = int(self._offsets[photons])
+        return PathVertices(self._offsets[: photons + 1], self._position[:n], self._side[:n], self._flux[:n])
+
+    @property
+    def segments(self) -> int:
+        return int(self._offsets[self.photons]) - self.photons  # one less than vertices, each photon
+
+
+def _room(array: np.ndarray, n: int) -> np.ndarray:
+    """Return the array, moved to twice the room if it holds fewer than n rows."""
+    if n <= len(array):
+        return array
+    grown = np.empty((max(n, 2 * len(array)), *array.shape[1:]), array.dtype)
+    grown[: len(array)] = array
+    return grown
+
+
+def empty_segments(n: int) -> Segments:
+    """Return room for n segments."""
+    return Segments(
+        origin=np.empty((n, 3), np.float32),
+        end=np.empty((n, 3), np.float32),
+        low=np.empty(n, np.float32),
+        high=np.empty(n, np.float32),
+        flux=np.empty((n, 3), np.int32),
+        start_side=np.empty(n, np.int32),
+        end_side=np.empty(n, np.int32),
+        cut_side=np.full(n, NONE, np.int32),
+        hit=np.empty((n, 3), np.float32),
+        photon=np.empty(n, np.int64),
+        bounce=np.empty(n, np.int32),
+    )
+
+
+def take(segments: Segments, rows) -> Segments:
+    """Return some of the segments."""
+    return Segments(*(a[rows] for a in segments))
+
+
+def concatenate(parts: list[Segments]) -> Segments:
+    """Return the segments of all parts, in order."""
+    if not parts:
+        return empty_segments(0)
+    return Segments(*(np.concatenate(a) for a in zip(*parts, strict=True)))
+
+
+@kernel
+def interval(length, hits, eps):
+    """Return [low, high) of a whole segment.
+
+    Starts eps away from its surface, ends eps behind its hit: a disc in the plane of the surface is
+    crossed by the segment that arrives, not by the one that leaves. Half-open, so that head + tail
+    of a segment cut at t (head up to t + eps, tail from t + eps) are the whole, exactly.
+    """
+    return eps, length + eps if hits else length
+
+
+@kernel
+def _write(offsets, position, side, flux, eps, photon, k, row, out):
+    """Write the whole background segment that leaves vertex k of a photon into a row."""
+    origin, end, low, high, q, start_side, end_side, cut_side, hit, photons, bounce = out
+    for c in range(3):
+        origin[row, c] = position[k, c]
+        end[row, c] = position[k + 1, c]
+        hit[row, c] = position[k + 1, c]
+        q[row, c] = flux[k, c]
+    _, _, _, length = line(
+        position[k, 0], position[k, 1], position[k, 2], position[k + 1, 0], position[k + 1, 1], position[k + 1, 2]
+    )
+    low[row], high[row] = interval(length, side[k + 1] != NONE, eps)
+    start_side[row] = side[k]
+    end_side[row] = side[k + 1]
+    cut_side[row] = NONE
+    photons[row] = photon
+    bounce[row] = k - offsets[photon]
+
+
+@kernel
+def _write_photons(offsets, position, side, flux, eps, first, last, out):
+    row = 0
+    for i in range(first, last):
+        for k in range(offsets[i], offsets[i + 1] - 1):
+            _write(offsets, position, side, flux, eps, i, k, row, out)
+            row += 1
+
+
+@kernel
+def _write_rows(offsets, position, side, flux, eps, photons, rows, out):
+    for j in range(len(rows)):
+        _write(offsets, position, side, flux, eps, photons[j], rows[j], j, out)
+
+
+def segments_of(paths: PathVertices, eps: np.float32, first: int, last: int) -> Segments:
+    """Return the whole segments of photons first .. last - 1."""
+    out = empty_segments(int(paths.offsets[last] - paths.offsets[first]) - (last - first))
+    _write_photons(*paths, eps, first, last, tuple(out))
+    return out
+
+
+def segments_at(paths: PathVertices, eps: np.float32, photons: np.ndarray, vertices: np.ndarray) -> Segments:
+    """Return the whole segments that leave the given vertices (n,) of the given photons (n,)."""
+    out = empty_segments(len(vertices))
+    _write_rows(*paths, eps, photons, vertices, tuple(out))
+    return out
