@@ -1,0 +1,209 @@
+"""Draws the scene with OpenGL 3.3 into a texture. Knows no window and no GUI: any context will do.
+
+Positions go up once; colours go up when the light changes, linear and unconverted (float32: packing them
+smaller costs more than it saves). Exposure, tone map and sRGB are applied per fragment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import resources
+
+import moderngl
+import numpy as np
+
+from app.vertex_colours import DrawMesh
+
+BACKGROUND = (0.145, 0.15, 0.16)  # display values: dark and neutral, yet lighter than an unlit black patch
+UNLIT = (0.21, 0.215, 0.225)  # the back of a one-sided face
+OUTLINE = (1.0, 0.78, 0.32, 0.95)
+TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """How to draw a frame."""
+
+    view_projection: np.ndarray  # (4, 4) float64 world to clip
+    models: tuple[np.ndarray, ...]  # one (4, 4) float64 object to world an object, the static part's included
+    exposure: float = 0.0  # [EV]
+    tone_map: str = "aces"
+    cull: bool = True
+    outlined: int = -1  # object with a line round it
+    outline_width: float = 2.0  # pixels
+
+
+class Renderer:
+    """Owns the GL objects of one scene and one picture; `release` gives them back."""
+
+    def __init__(self, ctx: moderngl.Context, samples: int = 4) -> None:
+        self.ctx = ctx
+        self._surface = _program(ctx, "surface.vert", "surface.frag")
+        self._mask = _program(ctx, "surface.vert", "mask.frag")
+        self._outline = _program(ctx, "screen.vert", "outline.frag")
+        self._screen = ctx.vertex_array(self._outline, [])
+        self._objects: list[_Object] = []
+        self._targets: _Targets | None = None
+        self.samples = samples
+        self.uploads = 0  # colour uploads so far
+        self.draws = 0  # pictures so far
+
+    def set_scene(self, meshes: tuple[DrawMesh, ...]) -> None:
+        """Take over the geometry: one DrawMesh an object."""
+        for o in self._objects:
+            o.release()
+        self._objects = [_Object(self.ctx, self._surface, self._mask, mesh) for mesh in meshes]
+
+    def set_colours(self, o: int, front: np.ndarray, back: np.ndarray) -> None:
+        """Take over linear radiance (D, 3) of both sides of an object's draw vertices."""
+        self._objects[o].upload(front, back)
+        self.uploads += 1
+
+    def resize(self, width: int, height: int, samples: int | None = None) -> None:
+        """Make the picture this many pixels; the old one is released (moderngl frees nothing by itself)."""
+        samples = min(self.samples if samples is None else samples, self.ctx.max_samples)
+        size = (max(int(width), 1), max(int(height), 1))
+        if self._targets is None or (self._targets.size, self._targets.samples) != (size, samples):
+            if self._targets is not None:
+                self._targets.release()
+            self._targets = _Targets(self.ctx, size, samples)
+
+    def draw(self, look: Look) -> None:
+        """Draw a picture of the size asked for by `resize`."""
+        targets, ctx = self._targets, self.ctx
+        assert targets is not None, "resize first"
+        targets.drawn.use()
+        targets.drawn.clear(*BACKGROUND, 1.0)
+        ctx.enable_only(ctx.DEPTH_TEST)
+        ctx.depth_func = "<"
+        ctx.front_face = "ccw"
+        ctx.cull_face = "back"
+        self._surface["exposure"] = 2.0**look.exposure
+        self._surface["tone_map"] = TONE_MAP_CODES[look.tone_map]
+        self._surface["unlit"] = UNLIT
+        for o, model in zip(self._objects, look.models, strict=True):
+            o.draw(self._surface, o.lit, look.view_projection, model, look.cull)
+        if targets.drawn is not targets.picture:
+            ctx.copy_framebuffer(targets.picture, targets.drawn)
+        if look.outlined >= 0:
+            self._draw_outline(targets, look)
+        self.draws += 1
+
+    def _draw_outline(self, targets: _Targets, look: Look) -> None:
+        ctx = self.ctx
+        targets.mask.use()
+        targets.mask.clear()
+        ctx.enable_only(ctx.NOTHING)
+        o = self._objects[look.outlined]
+        o.draw(self._mask, o.marked, look.view_projection, look.models[look.outlined], cull=False)
+        targets.picture.use()
+        ctx.enable_only(ctx.BLEND)
+        ctx.blend_func = ctx.SRC_ALPHA, ctx.ONE_MINUS_SRC_ALPHA, ctx.ZERO, ctx.ONE
+        targets.mask.color_attachments[0].use(0)
+        self._outline["mask"] = 0
+        self._outline["line"] = OUTLINE
+        self._outline["width"] = look.outline_width
+        self._screen.render(moderngl.TRIANGLES, vertices=3)
+        ctx.enable_only(ctx.NOTHING)
+
+    @property
+    def texture(self) -> int:
+        """The GL name of the picture; its first row is the bottom one."""
+        return self._targets.picture.color_attachments[0].glo
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self._targets.size
+
+    def pixels(self) -> np.ndarray:
+        """Read the picture back: (h, w, 3) uint8, top row first."""
+        w, h = self._targets.size
+        data = self._targets.picture.read(components=3, alignment=1)
+        return np.frombuffer(data, np.uint8).reshape(h, w, 3)[::-1]
+
+    def release(self) -> None:
+        for o in self._objects:
+            o.release()
+        if self._targets is not None:
+            self._targets.release()
+        for thing in (self._screen, self._surface, self._mask, self._outline):
+            thing.release()
+
+
+class _Object:
+    """Buffers of one object. Two-sided faces come last, so that culling can leave them out."""
+
+    def __init__(self, ctx, surface, mask, mesh: DrawMesh) -> None:
+        self.ctx = ctx
+        self._one_sided = mesh.back < 0
+        sided = self._one_sided[mesh.triangles[:, 0]]
+        triangles = np.concatenate([mesh.triangles[sided], mesh.triangles[~sided]])
+        self.one_sided_indices, self.indices = 3 * int(sided.sum()), 3 * len(triangles)
+        self._colours = np.zeros((len(mesh.positions), 6), np.float32)
+        # GL has no empty buffers; a scene may have an empty object.
+        self._owned = [
+            ctx.buffer(np.ascontiguousarray(mesh.positions, np.float32).tobytes() or bytes(12)),
+            ctx.buffer(self._colours.tobytes() or bytes(24), dynamic=True),
+            ctx.buffer(triangles.astype(np.int32).tobytes() or bytes(12)),
+        ]
+        positions, self._radiance, order = self._owned
+        self.lit = ctx.vertex_array(
+            surface, [(positions, "3f", "position"), (self._radiance, "3f 3f", "front", "back")], order
+        )
+        self.marked = ctx.vertex_array(mask, [(positions, "3f", "position")], order)
+
+    def upload(self, front: np.ndarray, back: np.ndarray) -> None:
+        self._colours[:, :3] = front
+        self._colours[:, 3:] = back
+        self._colours[self._one_sided, 3:] = -1.0  # see surface.frag
+        if len(self._colours):
+            self._radiance.write(self._colours)
+
+    def draw(self, program, vertices, view_projection: np.ndarray, model: np.ndarray, cull: bool) -> None:
+        if not self.indices:
+            return
+        program["view_projection"].write(view_projection.T.astype(np.float32).tobytes())
+        program["model"].write(model.T.astype(np.float32).tobytes())
+        split = self.one_sided_indices if cull else 0
+        if split:
+            self.ctx.enable(self.ctx.CULL_FACE)
+            vertices.render(moderngl.TRIANGLES, vertices=split)
+        self.ctx.disable(self.ctx.CULL_FACE)
+        if self.indices > split:
+            vertices.render(moderngl.TRIANGLES, vertices=self.indices - split, first=split)
+
+    def release(self) -> None:
+        for thing in (self.lit, self.marked, *self._owned):
+            thing.release()
+
+
+class _Targets:
+    """Framebuffers of one size: many samples to draw into, one sample to show, a mask for the outline."""
+
+    def __init__(self, ctx, size: tuple[int, int], samples: int) -> None:
+        self.size, self.samples = size, samples
+        shown = ctx.texture(size, 4)
+        shown.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        marks = ctx.texture(size, 1)
+        self._owned = [shown, marks]
+        if samples > 1:
+            colour, depth = ctx.renderbuffer(size, 4, samples=samples), ctx.depth_renderbuffer(size, samples=samples)
+            self._owned += [colour, depth]
+            self.picture = ctx.framebuffer([shown])
+            self.drawn = ctx.framebuffer([colour], depth)
+        else:
+            depth = ctx.depth_renderbuffer(size)
+            self._owned.append(depth)
+            self.picture = self.drawn = ctx.framebuffer([shown], depth)
+        self.mask = ctx.framebuffer([marks])
+
+    def release(self) -> None:
+        if self.drawn is not self.picture:
+            self.drawn.release()
+        for thing in (self.picture, self.mask, *self._owned):
+            thing.release()
+
+
+def _program(ctx, vertex: str, fragment: str):
+    read = [resources.files("shaders").joinpath(name).read_text("utf-8") for name in (vertex, fragment)]
+    return ctx.program(vertex_shader=read[0], fragment_shader=read[1])

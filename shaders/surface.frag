@@ -1,0 +1,30 @@
+#version 330 core
+// Chooses the side that is seen, then exposure, tone map, sRGB: once each, in this order.
+// app/tonemap.py does the same arithmetic for pictures without a window.
+
+uniform float exposure;  // factor: 2^EV
+uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES
+uniform vec3 unlit;      // display colour of a side that has no light by definition
+
+centroid in vec3 front_radiance;
+centroid in vec3 back_radiance;
+out vec4 colour;
+
+vec3 tone_mapped(vec3 c) {
+    if (tone_map == 1) c = c / (1.0 + dot(c, vec3(0.2126, 0.7152, 0.0722)));
+    if (tone_map == 2) c = c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14);
+    return clamp(c, 0.0, 1.0);
+}
+
+vec3 srgb(vec3 c) {
+    return mix(1.055 * pow(max(c, 0.0031308), vec3(1.0 / 2.4)) - 0.055, 12.92 * c, vec3(lessThanEqual(c, vec3(0.0031308))));
+}
+
+void main() {
+    vec3 radiance = gl_FrontFacing ? front_radiance : back_radiance;
+    if (radiance.r < -0.5) {
+        colour = vec4(unlit, 1.0);
+    } else {
+        colour = vec4(srgb(tone_mapped(max(radiance, 0.0) * exposure)), 1.0);
+    }
+}
