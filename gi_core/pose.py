@@ -35,6 +35,13 @@ def to_world(pose: Pose, points: np.ndarray) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
+def to_world_at(rotations: np.ndarray, positions: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Carry points (n, 3) by a transform each: rotations (n, 3, 3), positions (n, 3), float64."""
+    R, x, y, z = rotations, points[:, 0], points[:, 1], points[:, 2]
+    columns = [R[:, i, 0] * x + R[:, i, 1] * y + R[:, i, 2] * z + positions[:, i] for i in range(3)]
+    return np.stack(columns, axis=1)
+
+
 def to_world_directions(pose: Pose, directions: np.ndarray) -> np.ndarray:
     """Carry directions (n, 3) from object space to the world, float64."""
     return to_world(Pose((0.0, 0.0, 0.0), pose.quaternion), directions)

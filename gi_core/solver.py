@@ -26,6 +26,7 @@ from gi_core.scene.types import Pose, Scene
 from gi_core.surfaces import Surfaces
 
 STEP_SECONDS = 0.006  # aim of one step of solve_steps(): the caller's frame allows 8 ms
+FIRST_PICTURE = 4096  # photons
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
 LARGEST_CHUNK = 1 << 16
 SCRATCH_CHUNK = 1 << 16
@@ -81,69 +82,77 @@ class Solver:
         self.irradiance = np.zeros((len(self.model.object_receivers.areas), 3))
         self.photons_traced = 0  # photons that self.irradiance belongs to
         self._frame: Frame | None = None
-        self.configure(estimator=estimator, photons=self.photons, radius=self.radius, neighbours=self.neighbours)
+        self._shown: _Background | None = None  # what frames are computed from
+        self._next: _Background | None = None  # what replaces it, being built
+        self.configure(estimator, self.photons, self.radius, self.neighbours)
 
     # -- settings ---------------------------------------------------------------------------------
 
     def configure(self, estimator=None, photons=None, radius=None, neighbours=None) -> None:
         """Change settings. Paths are kept; solve_steps() does again only what depends on the change.
 
-        The last irradiance stays until a step refreshes it. Raises SceneError for a bad value.
+        Until it has, frames go on with the old settings. Raises SceneError for a bad value.
         """
         estimator = self.estimator if estimator is None else estimator
         if estimator not in ESTIMATORS:
             raise SceneError(f"estimator must be one of {', '.join(ESTIMATORS)}, got {estimator!r}")
-        photons = _number("photons", photons, self.photons, 0, MAX_PHOTONS, int)
-        radius = _number("radius", radius, self.radius, 0, np.inf, float)
-        neighbours = _number("neighbours", neighbours, self.neighbours, 1, 100_000, int)
-        kept = getattr(self, "_estimate", None)
-        if kept is None or (estimator, radius, neighbours) != (self.estimator, self.radius, self.neighbours):
-            self._estimate = None
-            self._estimated = 0
-        self.estimator, self.photons, self.radius, self.neighbours = estimator, photons, radius, neighbours
+        self.photons = _number("photons", photons, self.photons, 0, MAX_PHOTONS, int)
+        self.radius = _number("radius", radius, self.radius, 0, np.inf, float)
+        self.neighbours = _number("neighbours", neighbours, self.neighbours, 1, 100_000, int)
+        self.estimator = estimator
+
+    def _wanted(self) -> tuple:
+        return self.estimator, self.radius, self.neighbours
+
+    @property
+    def _goal(self) -> int:
+        return self.photons if len(self.model.emitters.kind) else 0
+
+    def _background(self) -> _Background:
+        """Return the estimate of the background to go on with: the one shown if it still fits."""
+        for kept in (self._shown, self._next):
+            if kept is not None and kept.setting == self._wanted() and kept.added <= self._goal:
+                return kept
+        estimate = ESTIMATORS[self.estimator](self.model, self.radius, self.neighbours)
+        self._next = _Background(self._wanted(), estimate)
+        return self._next
 
     # -- first frame ------------------------------------------------------------------------------
 
     def solve(self) -> None:
         """Trace and estimate all photons wanted."""
-        for _ in self.solve_steps(every_picture=False):
+        for _ in self.solve_steps(pictures=False):
             pass
 
-    def solve_steps(self, every_picture: bool = True) -> Iterator[Progress]:
-        """Trace and estimate in steps of some 6 ms, refreshing irradiance at doubling numbers of photons.
+    def solve_steps(self, pictures: bool = True) -> Iterator[Progress]:
+        """Trace and estimate in steps of some 6 ms; with `pictures`, refresh irradiance at doubling counts.
 
         May be abandoned between steps and started again: nothing traced is traced again.
         """
-        if self._estimate is None:
-            yield Progress("indexing", 0.0, False)
-            self._estimate = ESTIMATORS[self.estimator](self.model, self.radius, self.neighbours)
-        goal = self._goal()
+        goal, b = self._goal, self._background()
+        yield Progress("indexing", 0.0, False)
+        # A new setting is shown once it has as many photons as what it replaces.
+        shown = self._shown.estimate.photons if self._shown not in (None, b) else 0
+        due = max(FIRST_PICTURE, shown, 2 * b.added) if pictures else goal
         seconds_a_photon = STEP_SECONDS / FIRST_CHUNK
-        next_picture = max(2048, 2 * self._estimated) if every_picture else goal
-        while self._estimated < goal:
-            first = self._estimated
+        while b.added < goal:
             count = int(np.clip(STEP_SECONDS / seconds_a_photon, 64, LARGEST_CHUNK))
-            count = min(count, goal - first, max(next_picture - first, 1))
+            count = min(count, goal - b.added, max(due - b.added, 1))
             started = time.perf_counter()
-            stage = self._take_in(first, count)
-            seconds_a_photon = 0.5 * seconds_a_photon + 0.5 * (time.perf_counter() - started) / count
-            picture = self._estimated >= next_picture or self._estimated == goal
-            yield Progress(stage, self._estimated / goal, False)
-            if picture:
-                self._update()
-                next_picture = 2 * self._estimated
-                yield Progress("estimating", self._estimated / goal, True)
-        if self.photons_traced != goal or self._shown != self._setting():
-            self._update()
-            yield Progress("done", 1.0, True)
+            stage = self._take_in(b, count)
+            seconds_a_photon = 0.5 * (seconds_a_photon + (time.perf_counter() - started) / count)
+            yield Progress(stage, b.added / goal, False)
+            if due <= b.added < goal:
+                yield from self._show(b)
+                due = 2 * b.added
+        if b is not self._shown or b.estimate.photons != goal or self.photons_traced != goal:
+            yield from self._show(b)
+        yield Progress("done", 1.0, False)
 
-    def _goal(self) -> int:
-        return self.photons if len(self.model.emitters.kind) else 0
-
-    def _take_in(self, first: int, count: int) -> str:
-        """Bring photons first .. first + count - 1 into the background, tracing those that are new."""
-        stage = "estimating"
-        missing = first + count - self._store.photons
+    def _take_in(self, b: _Background, count: int) -> str:
+        """Bring the next photons into the background, tracing those that are new."""
+        stage, last = "estimating", b.added + count
+        missing = last - self._store.photons
         if missing > 0:
             m, stage = self.model, "tracing"
             paths, fates = trace_background(
@@ -151,10 +160,19 @@ class Solver:
             )
             self._store.append(paths)
             self._background_fates = _add(self._background_fates, fates)
-        paths = self._store.prefix(first + count)
-        self._estimate.add_background(segments_of(paths, self.model.eps, first, first + count))
-        self._estimated = first + count
+        paths = self._store.prefix(last)
+        b.estimate.add_background(segments_of(paths, self.model.eps, b.added, last), last)
+        b.added = last
         return stage
+
+    def _show(self, b: _Background) -> Iterator[Progress]:
+        """Prepare what has been added and let frames use it from now on."""
+        fraction = b.added / max(self._goal, 1)
+        for _ in b.estimate.prepare():
+            yield Progress("estimating", fraction, False)
+        self._shown, self._next = b, None
+        self._update()
+        yield Progress("estimating", fraction, True)
 
     # -- every next frame -------------------------------------------------------------------------
 
@@ -178,31 +196,24 @@ class Solver:
 
     def _update(self) -> None:
         """Compute the frame of the current poses from the background."""
-        if self._estimate is None:  # settings changed, nothing estimated with them yet
-            self._estimate = ESTIMATORS[self.estimator](self.model, self.radius, self.neighbours)
-        clock = _Stages()
-        paths = self._store.prefix(self._estimated)
+        if self._shown is None:
+            return  # nothing traced yet
+        clock, estimate = _Stages(), self._shown.estimate
+        paths = self._store.prefix(estimate.photons)
         at = self.model.transforms(self.poses)
-        self._frame = change(self.model, paths, at, self.seed, self._estimate.reach, self._room, clock)
-        sums, area = self._estimate.evaluate(self._frame)
+        self._frame = f = change(self.model, paths, at, self.seed, estimate.reach, self._room, clock)
+        sums, area = estimate.evaluate(f)
         clock("estimate")
-        self.irradiance = self._read_out(sums, area, self._estimated)
+        self.irradiance = self._read_out(sums, area, estimate.photons)
         clock("read out")
-        f = self._frame
         self.changes = Changes(f.heads.size, f.tails.size, f.heads.size + f.branches.size)
-        self.photons_traced = self._estimated
-        self._shown = self._setting()
+        self.photons_traced = estimate.photons
         self.timings = clock.seconds
 
     def _read_out(self, sums: np.ndarray, area: np.ndarray, photons: int) -> np.ndarray:
         if photons == 0:
             return np.zeros(sums.shape)
         return sums * (self.model.emitters.unit_flux / photons) / area[:, None]
-
-    def _setting(self):
-        return self.estimator, self.radius, self.neighbours
-
-    _shown = None
 
     # -- answers ----------------------------------------------------------------------------------
 
@@ -212,12 +223,13 @@ class Solver:
         What each frame must equal bit for bit; structures are prebuilt, nothing of the background is used.
         """
         at = self.model.transforms({**self.poses, **(poses or {})})
-        n = self._estimated
+        estimate = self._background().estimate if self._shown is None else self._shown.estimate
+        n = estimate.photons
         parts = (
             current_segments(self.model, at, self.seed, first, min(SCRATCH_CHUNK, n - first))[0]
             for first in range(0, n, SCRATCH_CHUNK)
         )
-        return self._read_out(*self._estimate.from_scratch(parts, at), n)
+        return self._read_out(*estimate.from_scratch(parts, at), n)
 
     @property
     def receivers(self) -> Receivers:
@@ -230,9 +242,31 @@ class Solver:
 
     @property
     def probe_irradiance(self) -> dict[str, np.ndarray]:
-        """Irradiance (3,) [W/m2] at each probe, as at the receivers."""
+        """Irradiance (3,) [W/m2] at each probe.
+
+        A probe is a receiver of its own; under impact_count, which counts on faces, it reads the
+        interpolated irradiance of the static face it lies on, or 0 off any face.
+        """
         first = self.model.first_probe
+        if self._shown is not None and self._shown.estimate.on_faces:
+            return dict(zip((p.name for p in self.scene.probes), self._on_faces(), strict=True))
         return {p.name: self.irradiance[first + k] for k, p in enumerate(self.scene.probes)}
+
+    def _on_faces(self) -> np.ndarray:
+        rows = slice(self.model.first_probe, self.surfaces.receiver_range(0).stop)
+        r, lift = self.model.object_receivers, 1e-4 * self.model.world.size
+        origins = (r.positions[rows] + lift * r.normals[rows]).astype(np.float32)
+        directions = (-r.normals[rows]).astype(np.float32)
+        limits = np.full(len(origins), 2 * lift, np.float32)
+        distance, face = self.model.accelerator.nearest(0, origins, directions, limits)
+        out = np.zeros((len(origins), 3))
+        for k in np.flatnonzero(face >= 0):
+            corners = self.surfaces.vertices[0][self.surfaces.faces[0][face[k]]]
+            weights = np.linalg.lstsq(corners.T, origins[k] + distance[k] * directions[k], rcond=None)[0]
+            front = directions[k] @ self.surfaces.normals[face[k]] < 0
+            index = (self.surfaces.corner_front if front else self.surfaces.corner_back)[face[k]]
+            out[k] = np.where(index[:, None] >= 0, self.irradiance[index], 0).T @ weights
+        return out
 
     @property
     def segments_total(self) -> int:
@@ -251,6 +285,13 @@ class Solver:
             total = _add(total, self._frame.fates)
         scale = self.model.emitters.unit_flux / n
         return {name: value * scale for name, value in zip(Fates._fields, total, strict=True)}
+
+
+class _Background:
+    """An estimate of the background under one setting, and how many photons were added to it."""
+
+    def __init__(self, setting: tuple, estimate):
+        self.setting, self.estimate, self.added = setting, estimate, 0
 
 
 class _Stages:

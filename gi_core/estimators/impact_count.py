@@ -7,6 +7,8 @@ face, on the side it hit, and nothing is ever stale.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from gi_core.accelerator import Transforms
@@ -34,15 +36,23 @@ class ImpactCount:
 
     reach = 0.0
 
+    on_faces = True  # probes need a face to count on
+
     def __init__(self, model: Model, radius: float, neighbours: int):
         self.model = model
         # Receiver areas are a third of each face around; the mean divides by the whole faces.
         self.area = np.maximum(3 * model.object_receivers.areas, 1e-300)
+        self.photons = 0  # photons that evaluate() covers
         self.background = np.zeros((len(self.area), 3), np.int64)
 
-    def add_background(self, segments: Segments) -> None:
-        """Add the hits of background segments."""
+    def add_background(self, segments: Segments, photons: int) -> None:
+        """Add the hits of background segments, which complete the first `photons`."""
         self._deposit(segments, 1, self.background)
+        self.photons = photons
+
+    def prepare(self) -> Iterator[None]:
+        """Nothing to prepare: sums are complete as soon as they are added to."""
+        return iter(())
 
     def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by."""

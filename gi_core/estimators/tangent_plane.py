@@ -8,6 +8,7 @@ estimated from all current segments near it (report 2.5.2), in its own space, wh
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -25,6 +26,8 @@ LINE_GRAIN = 1024  # segments a thread
 class TangentPlane:
     """See the module; `radius` [m] is the disc's."""
 
+    on_faces = False  # probes are receivers like any other
+
     def __init__(self, model: Model, radius: float, neighbours: int, search: str = "disc_index"):
         self.model = model
         own = model.receiver_sides
@@ -41,12 +44,18 @@ class TangentPlane:
             self._searches.append(SEARCHES[search](discs))
         self.reach = radius
         self.area = np.full(len(r.areas), math.pi * radius * radius)
+        self.photons = 0  # photons that evaluate() covers
         self.background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
         self._parts: list[np.ndarray] = []
 
-    def add_background(self, segments: Segments) -> None:
-        """Add background segments to the sums of static receivers."""
+    def add_background(self, segments: Segments, photons: int) -> None:
+        """Add background segments, which complete the first `photons`, to the sums of static receivers."""
         self._splat(0, segments, self.model.static, 1, self.background)
+        self.photons = photons
+
+    def prepare(self) -> Iterator[None]:
+        """Nothing to prepare: sums are complete as soon as they are added to."""
+        return iter(())
 
     def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by."""

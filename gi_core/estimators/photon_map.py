@@ -1,0 +1,187 @@
+"""Photon Maps (Jensen 2001; report 1.2, 2.9): the k nearest hits, no farther than the radius.
+
+With k hits inside, E = flux of the k - 1 nearest / (pi r_k^2): the k-th only says how far they
+reach, which makes the density unbiased (Garcia, Urena, Sbert 2012). `textbook=True` counts it too,
+which overestimates by k / (k - 1). With fewer than k, E = flux of all / (pi radius^2).
+Eq. 2.8 is false here: r_k depends on the whole set, so a frame estimates again each receiver that a
+changed hit concerns. Distances are those in the world.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from gi_core.accelerator import Transforms
+from gi_core.cuts import Frame
+from gi_core.hit_grid import HitGrid, Hits, build, build_steps, cell_of, gather, hits_of
+from gi_core.jit import kernel
+from gi_core.model import Model
+from gi_core.paths import Segments
+from gi_core.pose import to_world_at
+from gi_core.threads import run_ranges
+
+CELL_SHARE = 0.25  # of the radius: finer cells cost more visits than they save tests
+NEVER = np.int32(1 << 30)  # bounce of the cut of a photon that is not cut
+QUERY_GRAIN = 256  # receivers a thread
+QUERY_STEP = 1024  # receivers a step of prepare(): some 5 ms
+
+
+class PhotonMap:
+    """See the module; `radius` [m] bounds the search, `neighbours` is k."""
+
+    on_faces = False  # probes are receivers like any other
+
+    def __init__(self, model: Model, radius: float, neighbours: int, textbook: bool = False):
+        self.model, self.radius, self.k, self.textbook = model, float(radius), int(neighbours), textbook
+        self.reach = 0.0
+        self.stale = 0  # receivers estimated again in the last frame
+        self._parts: list[Hits] = []
+        self.photons = 0  # photons that evaluate() covers: those prepared
+        self._added = 0
+        self._static = model.surfaces.receiver_range(0)
+        self._sums = np.zeros((self._static.stop, 3), np.int64)
+        self._area = np.full(self._static.stop, math.pi * self.radius**2)
+        self._reach2 = np.full(self._static.stop, self.radius**2, np.float32)
+        self._cut_bounce = np.full(1, NEVER, np.int32)
+        self._grid: HitGrid = build(_joined([]), self.radius)
+        points, normals = self._receivers(model.static, self._static)
+        self._receiver_grid = build(_as_hits(points, normals), self.radius)
+
+    def add_background(self, segments: Segments, photons: int) -> None:
+        """Add the hits of background segments, which complete the first `photons`."""
+        self._parts.append(hits_of(segments))
+        self._added = photons
+
+    def prepare(self) -> Iterator[None]:
+        """Index the hits added and estimate static receivers from them, in steps of a few ms.
+
+        Until it has run through, evaluate() goes on with what was prepared before.
+        """
+        photons = self._added
+        grid = yield from build_steps(list(self._parts), CELL_SHARE * self.radius)
+        uncut = np.full(max(photons, 1), NEVER, np.int32)
+        points, normals = self._receivers(self.model.static, self._static)
+        nothing = build(_joined([]), self.radius)
+        found = []
+        for first in range(0, len(points), QUERY_STEP):
+            rows = slice(first, first + QUERY_STEP)
+            found.append(self._query(points[rows], normals[rows], (grid, nothing), uncut))
+            yield
+        sums, area, reach2 = (np.concatenate(a) for a in zip(*found, strict=True))
+        self._sums, self._area, self._reach2 = sums, area, reach2
+        self._grid, self._cut_bounce, self.photons = grid, uncut, photons
+
+    def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+        """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by."""
+        added = build(_joined([hits_of(frame.heads), hits_of(frame.branches)]), CELL_SHARE * self.radius)
+        removed = hits_of(frame.tails)
+
+        # Which static receivers does a changed hit concern?
+        stale = np.zeros(self._static.stop, bool)
+        for hits in (removed, added.hits):
+            _mark(hits.position, self._receiver_grid, self._reach2, self.radius, stale)
+        rows = np.flatnonzero(stale)
+        self.stale = len(rows)
+
+        sums = np.zeros((len(self.model.object_receivers.areas), 3), np.int64)
+        area = np.empty(len(sums))
+        sums[self._static], area[self._static] = self._sums, self._area
+        rows = np.concatenate([rows, np.arange(self._static.stop, len(sums))])
+        self._cut_bounce[frame.heads.photon] = frame.heads.bounce
+        points, normals = self._receivers(frame.at, rows)
+        sums[rows], area[rows], _ = self._query(points, normals, (self._grid, added), self._cut_bounce)
+        self._cut_bounce[frame.heads.photon] = NEVER
+        return sums, area
+
+    def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
+        """Return what evaluate() does, from all current segments (an iterable of Segments)."""
+        hits = _joined([hits_of(p) for p in parts])
+        grid = build(hits, CELL_SHARE * self.radius)
+        uncut = np.full(int(hits.photon.max(initial=0)) + 1, NEVER, np.int32)
+        points, normals = self._receivers(at, slice(None))
+        nothing = build(_joined([]), self.radius)
+        sums, area, _ = self._query(points, normals, (grid, nothing), uncut)
+        return sums, area
+
+    def _receivers(self, at: Transforms, rows) -> tuple[np.ndarray, np.ndarray]:
+        """Return positions and normals (n, 3) float32 of some receivers in the world."""
+        r, s = self.model.object_receivers, self.model.surfaces
+        index = np.arange(len(r.areas))[rows]
+        o = np.searchsorted(s.first_receiver, index, side="right") - 1
+        o = np.minimum(o, len(at.position) - 1)
+        points = to_world_at(at.rotation[o], at.position[o], r.positions[index])
+        normals = to_world_at(at.rotation[o], np.zeros((len(o), 3)), r.normals[index])
+        return points.astype(np.float32), normals.astype(np.float32)
+
+    def _query(self, points, normals, grids, cut_bounce):
+        """Return sums (n, 3) int64, area (n,), and the squared reach (n,) float32 of each estimate."""
+        n = len(points)
+        sums, area, reach2 = np.zeros((n, 3), np.int64), np.empty(n), np.empty(n, np.float32)
+        radius, counted = np.float32(self.radius), self.k if self.textbook else self.k - 1
+
+        def work(_, first, last):
+            _estimate(points, normals, radius, self.k, counted, *grids, cut_bounce, first, last, sums, area, reach2)
+
+        run_ranges(work, n, self.model.threads, QUERY_GRAIN)
+        return sums, area, reach2
+
+
+def _joined(parts: list[Hits]) -> Hits:
+    if not parts:
+        empty = np.empty((0, 3), np.float32)
+        return Hits(empty, empty, np.empty((0, 3), np.int32), np.empty(0, np.int64), np.empty(0, np.int32))
+    return Hits(*(np.concatenate(a) for a in zip(*parts, strict=True)))
+
+
+def _as_hits(points: np.ndarray, normals: np.ndarray) -> Hits:
+    """Let receivers be indexed as hits are; `photon` numbers them."""
+    n = len(points)
+    return Hits(points, normals, np.zeros((n, 3), np.int32), np.arange(n), np.zeros(n, np.int32))
+
+
+@kernel
+def _estimate(points, normals, radius, k, counted, background, added, cut_bounce, first, last, sums, area, reach2):
+    heap_d2, heap_photon = np.empty(k, np.float32), np.empty(k, np.int64)
+    heap_bounce, heap_hit = np.empty(k, np.int32), np.empty(k, np.int64)
+    flux, more = background[0][2], added[0][2]
+    for r in range(first, last):
+        p, m = points[r], normals[r]
+        n = gather(
+            p[0], p[1], p[2], m[0], m[1], m[2], radius, k, background, 0, cut_bounce,
+            heap_d2, heap_photon, heap_bounce, heap_hit, 0,
+        )  # fmt: skip
+        n = gather(
+            p[0], p[1], p[2], m[0], m[1], m[2], radius, k, added, 1, cut_bounce,
+            heap_d2, heap_photon, heap_bounce, heap_hit, n,
+        )  # fmt: skip
+        full = n == k and heap_d2[0] > 0.0
+        reach2[r] = heap_d2[0] if full else radius * radius
+        area[r] = math.pi * reach2[r]
+        # The root of the heap is the k-th hit.
+        for h in range(1 if full and counted < k else 0, n):
+            index = heap_hit[h] >> 1
+            for c in range(3):
+                sums[r, c] += more[index, c] if heap_hit[h] & 1 else flux[index, c]
+
+
+@kernel
+def _mark(position, receivers, reach2, radius, stale):
+    """Mark receivers whose estimate a hit at one of the positions concerns."""
+    (points, _, _, index, _), low, cell, shape, first = receivers
+    for k in range(len(position)):
+        x, y, z = position[k, 0], position[k, 1], position[k, 2]
+        x0, x1 = cell_of(x - radius, low[0], cell), cell_of(x + radius, low[0], cell)
+        y0, y1 = cell_of(y - radius, low[1], cell), cell_of(y + radius, low[1], cell)
+        z0, z1 = cell_of(z - radius, low[2], cell), cell_of(z + radius, low[2], cell)
+        for i in range(max(x0, 0), min(x1, shape[0] - 1) + 1):
+            for j in range(max(y0, 0), min(y1, shape[1] - 1) + 1):
+                for m in range(max(z0, 0), min(z1, shape[2] - 1) + 1):
+                    c = (i * shape[1] + j) * shape[2] + m
+                    for h in range(first[c], first[c + 1]):
+                        if not stale[index[h]]:
+                            a, b, e = points[h, 0] - x, points[h, 1] - y, points[h, 2] - z
+                            if a * a + b * b + e * e <= reach2[index[h]] * np.float32(1.0001):
+                                stale[index[h]] = True

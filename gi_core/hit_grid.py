@@ -1,0 +1,225 @@
+"""Hits near a point: a uniform grid over photon hits, sorted by cell, and the k nearest of them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.accelerator import line
+from gi_core.jit import kernel
+from gi_core.paths import NONE, Segments, take
+
+CELLS_A_HIT = 4  # memory bound: cells grow rather than outnumber hits by more
+
+
+class Hits(NamedTuple):
+    """Photon hits in cell order."""
+
+    position: np.ndarray  # (n, 3) float32 [m]
+    direction: np.ndarray  # (n, 3) float32 unit, of the photon as it arrived
+    flux: np.ndarray  # (n, 3) int32, fixed-point units
+    photon: np.ndarray  # (n,) int64
+    bounce: np.ndarray  # (n,) int32
+
+
+class HitGrid(NamedTuple):
+    """Hits with the cells that hold them."""
+
+    hits: Hits
+    low: np.ndarray  # (3,) float64, corner of the grid [m]
+    cell: float  # [m]
+    shape: np.ndarray  # (3,) int64
+    first: np.ndarray  # (cells + 1,) int64, cell c holds hits first[c] .. first[c + 1] - 1
+
+
+def hits_of(segments: Segments) -> Hits:
+    """Return the hits that end segments, whatever they hit."""
+    s = take(segments, segments.hit_side != NONE)
+    direction = np.empty((s.size, 3), np.float32)
+    _directions(s.origin, s.end, direction)
+    return Hits(s.hit, direction, s.flux, s.photon, s.bounce)
+
+
+@kernel
+def _directions(origin, end, direction):
+    for k in range(len(origin)):
+        o, e = origin[k], end[k]
+        direction[k, 0], direction[k, 1], direction[k, 2], _ = line(o[0], o[1], o[2], e[0], e[1], e[2])
+
+
+def build(hits: Hits, cell: float) -> HitGrid:
+    """Sort hits into cells of about `cell` [m]."""
+    steps = build_steps([hits], cell)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as done:
+            return done.value
+
+
+def build_steps(parts: list[Hits], cell: float):
+    """Do what build() does for hits in parts, a part a step; the generator returns the grid."""
+    n = sum(len(p.photon) for p in parts)
+    parts = [p for p in parts if len(p.photon)]
+    low, high = np.zeros(3), np.zeros(3)
+    if parts:
+        low = np.min([p.position.min(axis=0) for p in parts], axis=0).astype(np.float64)
+        high = np.max([p.position.max(axis=0) for p in parts], axis=0).astype(np.float64)
+    shape, cell = _cells(high - low, cell, n)
+    first = np.zeros(int(shape.prod()) + 1, np.int64)
+    for p in parts:
+        _count(p.position, low, cell, shape, first)
+        yield
+    np.cumsum(first, out=first)
+    sorted_hits = Hits(
+        np.empty((n, 3), np.float32),
+        np.empty((n, 3), np.float32),
+        np.empty((n, 3), np.int32),
+        np.empty(n, np.int64),
+        np.empty(n, np.int32),
+    )
+    cursor = first.copy()
+    for p in parts:
+        _scatter(tuple(p), low, cell, shape, cursor, tuple(sorted_hits))
+        yield
+    return HitGrid(sorted_hits, low, cell, shape, first)
+
+
+def _cells(extent: np.ndarray, cell: float, n: int) -> tuple[np.ndarray, float]:
+    """Return the number of cells along each axis, and their size, grown until memory is bounded."""
+    while True:
+        shape = np.floor(extent / cell).astype(np.int64) + 1
+        if float(shape[0]) * float(shape[1]) * float(shape[2]) <= CELLS_A_HIT * n + 64:
+            return shape, float(cell)
+        cell *= 1.26
+
+
+@kernel
+def cell_of(x, low, cell):
+    """Return the index along one axis, not clamped."""
+    return int(math.floor((x - low) / cell))
+
+
+@kernel
+def _key(x, y, z, low, cell, shape):
+    i = min(max(cell_of(x, low[0], cell), 0), shape[0] - 1)
+    j = min(max(cell_of(y, low[1], cell), 0), shape[1] - 1)
+    m = min(max(cell_of(z, low[2], cell), 0), shape[2] - 1)
+    return (i * shape[1] + j) * shape[2] + m
+
+
+@kernel
+def _count(position, low, cell, shape, first):
+    """Count hits a cell, one place further on: a running sum then gives where each cell starts."""
+    for k in range(len(position)):
+        first[_key(position[k, 0], position[k, 1], position[k, 2], low, cell, shape) + 1] += 1
+
+
+@kernel
+def _scatter(part, low, cell, shape, cursor, out):
+    position, direction, flux, photon, bounce = part
+    position2, direction2, flux2, photon2, bounce2 = out
+    for k in range(len(photon)):
+        c = _key(position[k, 0], position[k, 1], position[k, 2], low, cell, shape)
+        h = cursor[c]
+        cursor[c] += 1
+        photon2[h], bounce2[h] = photon[k], bounce[k]
+        for a in range(3):
+            position2[h, a], direction2[h, a], flux2[h, a] = position[k, a], direction[k, a], flux[k, a]
+
+
+@kernel
+def _later(d2, photon, bounce, e2, other, other_bounce):
+    """Tell whether the first hit is farther than the second; ties by photon, then bounce."""
+    if d2 != e2:
+        return d2 > e2
+    if photon != other:
+        return photon > other
+    return bounce > other_bounce
+
+
+@kernel
+def _sift_down(heap_d2, heap_photon, heap_bounce, heap_hit, n):
+    """Restore a heap, farthest first, whose root was replaced."""
+    i = 0
+    while True:
+        c = 2 * i + 1
+        if c >= n:
+            return
+        if c + 1 < n and _later(
+            heap_d2[c + 1], heap_photon[c + 1], heap_bounce[c + 1], heap_d2[c], heap_photon[c], heap_bounce[c]
+        ):
+            c += 1
+        if not _later(heap_d2[c], heap_photon[c], heap_bounce[c], heap_d2[i], heap_photon[i], heap_bounce[i]):
+            return
+        _swap(heap_d2, heap_photon, heap_bounce, heap_hit, i, c)
+        i = c
+
+
+@kernel
+def _swap(heap_d2, heap_photon, heap_bounce, heap_hit, i, j):
+    heap_d2[i], heap_d2[j] = heap_d2[j], heap_d2[i]
+    heap_photon[i], heap_photon[j] = heap_photon[j], heap_photon[i]
+    heap_bounce[i], heap_bounce[j] = heap_bounce[j], heap_bounce[i]
+    heap_hit[i], heap_hit[j] = heap_hit[j], heap_hit[i]
+
+
+@kernel
+def _offer(d2, photon, bounce, hit, heap_d2, heap_photon, heap_bounce, heap_hit, n, k):
+    """Add a hit to the k nearest; returns how many there are now."""
+    if n < k:
+        heap_d2[n], heap_photon[n], heap_bounce[n], heap_hit[n] = d2, photon, bounce, hit
+        i = n
+        while i > 0:
+            p = (i - 1) // 2
+            if not _later(heap_d2[i], heap_photon[i], heap_bounce[i], heap_d2[p], heap_photon[p], heap_bounce[p]):
+                break
+            _swap(heap_d2, heap_photon, heap_bounce, heap_hit, i, p)
+            i = p
+        return n + 1
+    if _later(heap_d2[0], heap_photon[0], heap_bounce[0], d2, photon, bounce):
+        heap_d2[0], heap_photon[0], heap_bounce[0], heap_hit[0] = d2, photon, bounce, hit
+        _sift_down(heap_d2, heap_photon, heap_bounce, heap_hit, n)
+    return n
+
+
+@kernel
+def gather(x, y, z, nx, ny, nz, radius, k, grid, tag, cut_bounce, heap_d2, heap_photon, heap_bounce, heap_hit, n):
+    """Add a grid's hits near (x, y, z), arriving at the front of the normal, to the k nearest.
+
+    Shells of cells are visited outwards until they lie behind the k-th hit. Hits of photon i from
+    bounce cut_bounce[i] on are gone. A hit is noted as 2 index + tag. Returns how many are held.
+    """
+    (position, direction, _, photon, bounce), low, cell, shape, first = grid
+    if len(photon) == 0:
+        return n
+    cx, cy, cz = cell_of(x, low[0], cell), cell_of(y, low[1], cell), cell_of(z, low[2], cell)
+    r2 = radius * radius
+    reach = int(math.ceil(radius / cell)) + 1
+    for s in range(reach + 1):
+        near = (s - 1) * cell  # no point of shell s is nearer than that
+        limit = heap_d2[0] if n == k else r2
+        if s > 1 and near * near > limit:
+            break
+        for i in range(max(cx - s, 0), min(cx + s, shape[0] - 1) + 1):
+            for j in range(max(cy - s, 0), min(cy + s, shape[1] - 1) + 1):
+                edge = i == cx - s or i == cx + s or j == cy - s or j == cy + s
+                step = 1 if edge or s == 0 else 2 * s
+                for m in range(cz - s, cz + s + 1, step):
+                    if m < 0 or m >= shape[2]:
+                        continue
+                    c = (i * shape[1] + j) * shape[2] + m
+                    for h in range(first[c], first[c + 1]):
+                        a, b, e = position[h, 0] - x, position[h, 1] - y, position[h, 2] - z
+                        d2 = a * a + b * b + e * e
+                        # Only background hits (tag 0) can be gone; added ones lie at or behind the cut.
+                        if d2 > r2 or (tag == 0 and bounce[h] >= cut_bounce[photon[h]]):
+                            continue
+                        if direction[h, 0] * nx + direction[h, 1] * ny + direction[h, 2] * nz >= 0.0:
+                            continue
+                        n = _offer(
+                            d2, photon[h], bounce[h], 2 * h + tag, heap_d2, heap_photon, heap_bounce, heap_hit, n, k
+                        )
+    return n

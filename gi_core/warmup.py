@@ -1,0 +1,72 @@
+"""Compiling every kernel before it is needed, so that nothing compiles while a user waits.
+
+`python -m gi_core.warmup` does it in a process of its own and prints a line "done/total name" a
+step: the viewer's window stays live meanwhile, and finds the kernels in the disk cache. A stamp in
+the cache folder says that it has been done for these sources.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.estimators import ESTIMATORS
+from gi_core.jit import cache_folder
+from gi_core.scene.types import Material, Mesh, Mobile, PointLight, Pose, Scene
+from gi_core.solver import Solver
+
+STAMP = "complete"
+
+
+class Step(NamedTuple):
+    """A compilation step that is about to run."""
+
+    done: int
+    total: int
+    name: str
+
+
+def is_warm() -> bool:
+    """Tell whether all kernels of these sources are in the disk cache."""
+    return (cache_folder() / STAMP).is_file()
+
+
+def compile_kernels() -> Iterator[Step]:
+    """Run a tiny scene through everything; yields before each step, and once at the end."""
+    total = 2 + len(ESTIMATORS)
+    yield Step(0, total, "photon tracing")
+    solver = Solver(_tiny_scene(), "impact_count", photons=64, radius=0.1, neighbours=4)
+    solver.solve()
+    for k, name in enumerate(ESTIMATORS, 1):
+        yield Step(k, total, name)
+        solver.configure(estimator=name)
+        solver.solve()
+        solver.move("mobile", Pose((0.0, 0.0, 0.4)))
+        solver.from_scratch()
+    yield Step(total - 1, total, "ready")
+    cache_folder().mkdir(parents=True, exist_ok=True)
+    (cache_folder() / STAMP).touch()
+    yield Step(total, total, "ready")
+
+
+def _tiny_scene() -> Scene:
+    """A floor, a ceiling, a lamp of each kind that kernels tell apart, and a mobile that cuts light."""
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float64)
+    quad = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    vertices = np.concatenate([corners, corners + [0, 0, 1]])
+    faces = np.concatenate([quad, quad[:, ::-1] + 4]).astype(np.int32)
+    static = Mesh(vertices, faces, np.array([0, 0, 1, 1], np.int32))
+    mobile = Mobile("mobile", Mesh(0.5 * corners, quad, np.array([2, 2], np.int32)), Pose((0.0, 0.0, 0.5)))
+    materials = (
+        Material("floor"),
+        Material("lamp", emission=(1.0, 1.0, 1.0)),
+        Material("leaf", two_sided=True),
+    )
+    return Scene(static, materials, (mobile,), (PointLight("bulb", (0.0, 0.0, 0.9), (1.0, 1.0, 1.0)),), up=(0, 0, 1))
+
+
+if __name__ == "__main__":
+    for step in compile_kernels():
+        print(f"{step.done}/{step.total} {step.name}", flush=True)
