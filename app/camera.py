@@ -152,18 +152,22 @@ def frame_of(up) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return east, np.cross(up, east), up
 
 
-def from_camera(camera: Camera | None, up, bounds: Bounds) -> Turntable:
-    """Return the turntable that shows what a scene's camera shows; without one, the whole scene from above a corner."""
+def from_camera(camera: Camera | None, up, bounds: Bounds, lit: Bounds | None = None) -> Turntable:
+    """Return the turntable that shows what a scene's camera shows.
+
+    Without one: what light reaches (`lit`, else all) from above a corner; a ground slab may be far larger.
+    """
     if camera is None:
+        lit = lit or bounds
         fov = np.radians(40.0)
-        distance = bounds.radius / np.sin(fov / 2)
+        distance = lit.radius / np.sin(fov / 2)
         yaw, pitch = DEFAULT_VIEW
-        return Turntable(tuple(bounds.centre), float(distance), float(yaw), float(pitch), float(fov), tuple(up), bounds)
+        return Turntable(tuple(lit.centre), float(distance), float(yaw), float(pitch), float(fov), tuple(up), bounds)
     east, north, upward = frame_of(up)
     back = np.array(camera.position, np.float64) - np.array(camera.target, np.float64)
     distance = float(np.linalg.norm(back))
     if distance == 0:
-        return from_camera(None, up, bounds)
+        return from_camera(None, up, bounds, lit)
     back = back / distance
     pitch = float(np.clip(np.arcsin(np.clip(back @ upward, -1, 1)), -STEEPEST, STEEPEST))
     flat = abs(back @ upward) > 1 - 1e-9

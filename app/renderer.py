@@ -115,6 +115,10 @@ class Renderer:
     def size(self) -> tuple[int, int]:
         return self._targets.size
 
+    @property
+    def samples_now(self) -> int:
+        return self._targets.samples
+
     def pixels(self) -> np.ndarray:
         """Read the picture back: (h, w, 3) uint8, top row first."""
         w, h = self._targets.size

@@ -1,0 +1,117 @@
+"""From a command line to a lit scene, beside a window that stays alive.
+
+Kernels that were never compiled on this machine are compiled in a process of their own (a compiler holds
+the interpreter lock for seconds); the rest runs in a thread up to the first picture, so that every kernel
+has been loaded when the window's own thread takes over. Only one thread at a time uses the solver.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from dataclasses import replace
+from typing import NamedTuple
+
+from app.settings import Settings, make_solver, open_scene
+
+IMPORTING, COMPILING, LOADING, TRACING = "importing", "compiling kernels", "loading scene", "tracing"
+SWITCH_SECONDS = 0.001  # how soon the thread lets the window have the interpreter; Python's own 5 ms make it stutter
+
+
+class Opened(NamedTuple):
+    """A scene that has its first picture."""
+
+    settings: Settings  # with every None filled in
+    solver: object
+    meshes: tuple  # DrawMesh an object
+    picker: object
+
+
+class Opening:
+    """Runs in the background; look at `phase`, `detail`, `fraction`, then at `result` or `problem`."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.phase, self.detail = IMPORTING, ""
+        self.fraction: float | None = None  # None: unknown
+        self.result: Opened | None = None
+        self.problem: BaseException | None = None
+        self._cancelled = False
+        self._compiler: subprocess.Popen | None = None
+        self._thread = threading.Thread(target=self._run, name="opening", daemon=True)
+        self._interval = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH_SECONDS)
+        self._thread.start()
+
+    @property
+    def done(self) -> bool:
+        if self._thread.is_alive():
+            return False
+        sys.setswitchinterval(self._interval)
+        return True
+
+    def cancel(self) -> None:
+        """Give up; returns when nothing of it runs any more (a second at most)."""
+        self._cancelled = True
+        if self._compiler is not None:
+            self._compiler.kill()
+        self._thread.join(timeout=1.0)
+
+    def _run(self) -> None:
+        try:
+            self._compile()
+            self.result = self._open()
+        except BaseException as problem:  # shown in the window, or raised by the caller
+            self.problem = problem
+
+    def _compile(self) -> None:
+        from gi_core import warmup
+
+        if warmup.is_warm():
+            return
+        self.phase, self.fraction = COMPILING, 0.0
+        self._compiler = subprocess.Popen(
+            [sys.executable, "-m", "gi_core.warmup"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        for line in self._compiler.stdout:
+            count, _, self.detail = line.strip().partition(" ")
+            done, _, total = count.partition("/")
+            if done.isdigit() and total.isdigit() and int(total):
+                self.fraction = int(done) / int(total)
+        errors = self._compiler.stderr.read()
+        if self._compiler.wait() and not self._cancelled:
+            # Not fatal: the kernels are then compiled at their first use, with a pause.
+            last = errors.strip().splitlines()[-1] if errors.strip() else f"exit code {self._compiler.returncode}"
+            self.detail = f"compiling ahead failed ({last})"
+        self._compiler = None
+
+    def _open(self) -> Opened:
+        from app.picking import Picker
+        from app.vertex_colours import draw_meshes
+
+        self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
+        scene = open_scene(self.settings)
+        self._stop_if_cancelled()
+        solver = make_solver(scene, self.settings)
+        meshes, picker = draw_meshes(solver.surfaces), Picker(solver.surfaces)
+        self.phase, self.detail = TRACING, ""
+        for progress in solver.solve_steps():
+            self._stop_if_cancelled()
+            self.detail, self.fraction = progress.stage, progress.fraction
+            if progress.picture:
+                break
+        if solver.poses:
+            solver.move_all(solver.poses)  # the first frame of a drag then finds its kernels loaded
+        settings = replace(
+            self.settings,
+            estimator=solver.estimator,
+            photons=solver.photons,
+            radius=solver.radius,
+            neighbours=solver.neighbours,
+        )
+        return Opened(settings, solver, meshes, picker)
+
+    def _stop_if_cancelled(self) -> None:
+        if self._cancelled:
+            raise RuntimeError("cancelled")

@@ -1,0 +1,315 @@
+"""The light of one scene while it is looked at: refine, move, play, change settings. No window, no GL.
+
+The window calls `tick` once a frame and shows `irradiance` when `version` has changed. A frame does either
+some refinement, within a budget, or one move; never both, so that a drag never waits for anything else.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from app.history import History
+from app.log import WARNING, Log
+from app.motion import paths_of
+from app.opening import Opened, Opening
+from app.settings import Settings
+from app.vertex_colours import colours
+from gi_core.pose import pose_at, rotation
+from gi_core.receivers import Receivers
+from gi_core.scene import Pose
+
+BUDGET = 0.008  # s of refinement a frame
+SETTLE = 0.15  # s: a slider's value counts once it has rested so long, or is let go
+SMOOTHED = 31  # frames that a shown time is the median of
+HELD_SHARE, HELD_SECONDS = 8, 1.0  # a new setting shows at 1/8 of the photons it replaces, or after a second
+SOLVER_SETTINGS = ("estimator", "photons", "radius", "neighbours")
+
+
+class Smoothed:
+    """The median of the last values: one slow frame does not show."""
+
+    def __init__(self) -> None:
+        self._values: deque[float] = deque(maxlen=SMOOTHED)
+
+    def add(self, value: float) -> None:
+        self._values.append(value)
+
+    @property
+    def value(self) -> float:
+        return statistics.median(self._values) if self._values else 0.0
+
+
+class Session:
+    """`ready` turns True when there is a solver; before that only `opening` is worth a look."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        log: Log,
+        open_with: Callable = Opening,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self.settings = settings  # as the user wants them
+        self.log = log
+        self.clock = clock
+        self.opening: Opening | None = open_with(settings)
+        self.problem: BaseException | None = None  # why there is no scene
+        self.solver = None
+        self.meshes: tuple = ()
+        self.picker = None
+        self.version = 0  # of what is to be shown
+        self.progress = None  # of the refinement under way, None when there is none
+        self.dragging = False
+        self.before_drag: dict[str, Pose] = {}  # poses when the drag, or playing, began
+        self.playing = False
+        self.history = History()
+        self.gi_seconds = Smoothed()  # new poses in, irradiance out
+        self.steps_this_frame = 0
+        self._steps = None
+        self._applied = settings
+        self._changed_at = 0.0
+        self._shown = None  # irradiance held while a new setting is too coarse to show
+        self._held_until = (0, 0.0)  # (photons, time)
+        self._path_time = 0.0
+        self._paths: dict = {}
+
+    @property
+    def ready(self) -> bool:
+        return self.solver is not None
+
+    @property
+    def refining(self) -> bool:
+        return self._steps is not None or self.settings != self._applied
+
+    @property
+    def poses(self) -> dict[str, Pose]:
+        return self.solver.poses
+
+    @property
+    def pose_list(self) -> list[Pose]:
+        return [self.solver.poses[m.name] for m in self.solver.scene.mobiles]
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """Irradiance (R, 3) to show: the last picture, or the one before while the new one is too coarse."""
+        return self.solver.irradiance if self._shown is None else self._shown
+
+    # Once a frame -----------------------------------------------------------------------------------
+
+    def tick(self, seconds: float, editing: bool = False) -> None:
+        """Do the work of one frame; `seconds` since the last, `editing` while a slider is held."""
+        self.steps_this_frame = 0
+        if not self.ready:
+            self._wait_for_opening()
+            return
+        if self.settings != self._applied and not self.dragging:
+            rested = self.clock() - self._changed_at >= SETTLE
+            if not editing or rested:
+                self._apply()
+        if self.playing and not self.dragging:
+            self._play(seconds)
+        elif not self.dragging:
+            self._refine(BUDGET)
+
+    def want(self, settings: Settings) -> None:
+        """Ask for other settings; they are taken over once they rest."""
+        if settings != self.settings:
+            self.settings = settings
+            self._changed_at = self.clock()
+
+    def _wait_for_opening(self) -> None:
+        if self.opening is None or not self.opening.done:
+            return
+        opening, self.opening = self.opening, None
+        if opening.problem is not None:
+            self.problem = opening.problem
+            self.log.error("opening", opening.problem)
+            return
+        self.adopt(opening.result)
+
+    def adopt(self, opened: Opened) -> None:
+        """Take over a scene that has its first picture."""
+        # What the panel changed meanwhile stays; what was open is filled in.
+        filled = {k: v for k, v in vars(opened.settings).items() if getattr(self.settings, k) is None}
+        self.settings = self._applied = replace(self.settings, **filled)
+        self.solver, self.meshes, self.picker = opened.solver, opened.meshes, opened.picker
+        self._start = dict(self.solver.poses)
+        static = Receivers(*(column[self.solver.surfaces.receiver_range(0)] for column in self.solver.receivers))
+        paths = paths_of(self.solver.scene, static, self.solver.scene_size)
+        self._paths = {name: path for name, path in paths.items() if len(path.times) > 1}
+        self._steps = self.solver.solve_steps()
+        self.version += 1
+        for note in self.solver.scene.notes:
+            self.log(note)
+
+    # Refinement -------------------------------------------------------------------------------------
+
+    def _refine(self, budget: float) -> None:
+        """Run steps for as long as the next one is likely to fit the budget; always one."""
+        started = self.clock()
+        longest = 0.0
+        while self._steps is not None:
+            before = self.clock()
+            if self.steps_this_frame and before - started + longest > budget:
+                break
+            self._step()
+            longest = max(longest, self.clock() - before)
+
+    def _step(self) -> None:
+        self.steps_this_frame += 1
+        try:
+            self.progress = next(self._steps, None)
+        except Exception as problem:
+            self._steps = self.progress = self._shown = None
+            self.log.error("refining", problem)
+            return
+        if self.progress is None:
+            self._steps = None
+            self._release_hold()
+        elif self.progress.picture:
+            photons, until = self._held_until
+            if self._shown is None or self.solver.photons_traced >= photons or self.clock() >= until:
+                self._release_hold()
+                self.version += 1
+
+    def _release_hold(self) -> None:
+        if self._shown is not None:
+            self._shown = None
+            self.version += 1
+
+    def _apply(self) -> None:
+        """Take over what the panel asks for, going back no further than needed."""
+        old, new = self._applied, self.settings
+        changed = {name: getattr(new, name) for name in SOLVER_SETTINGS if getattr(new, name) != getattr(old, name)}
+        if new.show != old.show:
+            self.version += 1
+        self._applied = new
+        if not changed:
+            return
+        coarse = self.solver.irradiance if self._shown is None else self._shown
+        photons = min(self.solver.photons_traced, changed.get("photons", self.solver.photons))
+        try:
+            self.solver.configure(**changed)
+        except Exception as problem:
+            kept = {name: getattr(old, name) for name in changed}
+            self.settings = self._applied = replace(new, **kept)
+            self.log.error("settings", problem)
+            return
+        # The array is replaced by each picture, never written into, so holding it is free.
+        self._shown = coarse
+        self._held_until = (photons / HELD_SHARE, self.clock() + HELD_SECONDS)
+        self._steps = self.solver.solve_steps()
+
+    # Motion -----------------------------------------------------------------------------------------
+
+    def move(self, poses: Mapping[str, Pose]) -> None:
+        """Put mobiles at poses; irradiance belongs to them when this returns."""
+        started = self.clock()
+        try:
+            if self._shown is not None:  # a setting has just changed: show its first picture, however coarse
+                while self._steps is not None and self._shown is not None:
+                    self._step()
+                    if self.progress is not None and self.progress.picture:
+                        self._release_hold()
+            started = self.clock()
+            self.solver.move_all(poses)
+        except Exception as problem:
+            self.playing = False
+            self.log.error("moving", problem)
+            return
+        self.gi_seconds.add(self.clock() - started)
+        self.version += 1
+        # The iterator may have been left between two steps: begin a new one, nothing is traced twice.
+        self._steps = self.solver.solve_steps()
+
+    def begin_drag(self) -> None:
+        self.dragging = True
+        self.before_drag = dict(self.solver.poses)
+
+    def end_drag(self, keep: bool = True) -> None:
+        """Finish a drag: one step of undo; or, not kept, the poses as they were at the press."""
+        self.dragging = False
+        if keep:
+            self.history.push(self.before_drag, self.solver.poses)
+        elif self.before_drag != self.solver.poses:
+            self.move(self.before_drag)
+
+    def undo(self) -> None:
+        self._go_back(self.history.undo(), "nothing to undo")
+
+    def redo(self) -> None:
+        self._go_back(self.history.redo(), "nothing to redo")
+
+    def _go_back(self, poses: Mapping[str, Pose], otherwise: str) -> None:
+        self.playing = False
+        if poses:
+            self.move(poses)
+        else:
+            self.log(otherwise)
+
+    def reset_poses(self) -> None:
+        self.playing = False
+        self._path_time = 0.0
+        if self.solver.poses != self._start:
+            before = dict(self.solver.poses)
+            self.move(self._start)
+            self.history.push(before, self.solver.poses)
+
+    # Playing ----------------------------------------------------------------------------------------
+
+    @property
+    def paths(self) -> dict:
+        """The paths that mobiles follow: the scene's, else a circle for the first mobile."""
+        return self._paths
+
+    def toggle_play(self) -> None:
+        if not self.playing and not self.paths:
+            self.log("this scene has no mobile to play", WARNING)
+            return
+        self.playing = not self.playing
+        if self.playing:
+            self.before_drag = dict(self.solver.poses)
+        else:
+            self.history.push(self.before_drag, self.solver.poses)
+
+    def _play(self, seconds: float) -> None:
+        """Go on by the time that has passed, so the speed does not depend on the frame rate."""
+        self._path_time += seconds
+        self.move({name: pose_at(path, play_head(path, self._path_time)) for name, path in self.paths.items()})
+
+    # To be drawn ------------------------------------------------------------------------------------
+
+    def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return linear radiance (D, 3) float32 of both sides of an object's draw vertices."""
+        return colours(self.meshes[o], self.irradiance, self.settings.show == "radiance")
+
+    def models(self) -> tuple[np.ndarray, ...]:
+        """Return one (4, 4) object-to-world matrix an object; the static part's is 1."""
+        matrices = [np.eye(4)]
+        for pose in self.pose_list:
+            M = np.eye(4)
+            M[:3, :3], M[:3, 3] = rotation(pose), pose.position
+            matrices.append(M)
+        return tuple(matrices)
+
+    def close(self) -> None:
+        if self.opening is not None:
+            self.opening.cancel()
+
+
+def play_head(path, seconds: float) -> float:
+    """Return the time on a path after playing for so long: round and round if it closes, else there and back."""
+    first, length = float(path.times[0]), float(path.times[-1] - path.times[0])
+    closed = np.allclose(path.positions[0], path.positions[-1]) and np.isclose(
+        abs(float(np.dot(path.quaternions[0], path.quaternions[-1]))), 1.0
+    )
+    if closed:
+        return first + seconds % length
+    at = seconds % (2 * length)
+    return first + (at if at <= length else 2 * length - at)

@@ -1,0 +1,281 @@
+"""The interactive viewer: one window, one loop: input, light, draw.
+
+run(settings)                       until the window is closed
+run(settings, frames=N)             N frames after the first picture
+run(settings, screenshot=path)      the whole window, once the light has been refined
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from imgui_bundle import hello_imgui, imgui, immapp
+
+from app import keys, metering, panel, screenshot, theme, window
+from app.log import ERROR, WARNING, Log
+from app.opening import Opening
+from app.renderer import Renderer
+from app.session import Session, Smoothed
+from app.settings import Settings, UsageError
+from app.viewport import Viewport, overlay_text
+
+SAMPLES = 4  # a pixel
+QUIET_FRAMES = 6  # after which a software renderer may draw with all samples again
+LONGEST_STEP = 0.1  # s: after a pause of the whole program, animations go on, they do not jump
+
+
+class Viewer:
+    """Everything behind the window. `frame` parts are called by HelloImGui, in this order: viewport, panel, status."""
+
+    def __init__(self, settings: Settings, open_with: Callable = Opening) -> None:
+        self.log = Log()
+        self.session = Session(settings, self.log, open_with)
+        self.viewport = Viewport(self.session)
+        self.renderer: Renderer | None = None
+        self.params = window.runner_params(settings, self.draw_viewport, self.draw_panel, self.draw_status)
+        self.params.callbacks.show_gui = self._begin_frame
+        self.params.callbacks.before_exit = self._close
+        self.frame_seconds = Smoothed()
+        self.frames = 0
+        self.frames_left: int | None = None
+        self.exit_when_refined = False
+        self.help_open = False
+        self.metered = 0.0
+        self._uploaded = 0  # session.version that the colour buffers hold
+        self._estimators: dict[str, str] = {}
+        self._before = time.perf_counter()
+        self._seconds = 0.0
+        self._quiet = 0
+        self._software = False
+        self._ready = False
+
+    # HelloImGui's callbacks -------------------------------------------------------------------------
+
+    def _begin_frame(self) -> None:
+        now = time.perf_counter()
+        self._seconds, self._before = min(now - self._before, LONGEST_STEP), now
+        self.frames += 1
+        self.frame_seconds.add(self._seconds)
+        for action in keys.pressed():
+            self._do(action)
+        if self.help_open:
+            self.help_open = keys.draw_help(list(self._estimators), self.help_open)
+        problem = self.session.problem
+        if isinstance(problem, (UsageError, ValueError, OSError)):  # a scene that cannot be used: see `run`
+            self.params.app_shall_exit = True
+        if self._ready and self.frames_left is not None:
+            self.frames_left -= 1
+            if self.frames_left <= 0:
+                self.params.app_shall_exit = True
+        if self._ready and self.exit_when_refined and not self.session.refining and self._quiet > QUIET_FRAMES:
+            self.params.app_shall_exit = True
+
+    def draw_viewport(self) -> None:
+        """Input, then light, then the picture: what is drawn belongs to the pose of this very frame."""
+        padding = imgui.get_style().window_padding
+        imgui.set_cursor_pos((0, imgui.get_cursor_pos().y - padding.y))
+        self.viewport.handle_input(self._seconds)
+        editing = imgui.is_any_item_active()
+        self._guard("light", lambda: self.session.tick(self._seconds, editing))
+        if self.session.ready and not self._ready:
+            self._guard("starting", self._adopt)
+        if self._ready:
+            self._guard("drawing", self._draw_scene)
+        self._draw_overlay()
+
+    def draw_panel(self) -> None:
+        if not self._ready:
+            imgui.text_disabled("The controls appear with the scene.")
+            return
+        wanted, actions = panel.draw(self.session.settings, self._facts())
+        self.session.want(wanted)
+        for action in actions:
+            self._do(action)
+
+    def draw_status(self) -> None:
+        entry = self.log.last
+        if entry is None:
+            imgui.text_disabled("H: help")
+            return
+        colour = {ERROR: theme.ERROR, WARNING: theme.WARNING}.get(entry.level, theme.DIM)
+        imgui.text_colored((*colour, 1.0), entry.text)
+        if imgui.is_item_hovered() and len(self.log.entries) > 1:
+            imgui.set_tooltip("\n".join(e.text for e in list(self.log.entries)[-12:]))
+
+    def _close(self) -> None:
+        self.session.close()
+        if self.renderer is not None:
+            self.renderer.release()
+
+    # A frame ----------------------------------------------------------------------------------------
+
+    def _adopt(self) -> None:
+        """Set up GL, camera and exposure for the scene that has just become ready."""
+        from gi_core.estimators import ESTIMATORS
+
+        self._ready = True  # tried once, even if something below fails
+        ctx = window.current_context()
+        self._software = window.is_software(ctx)
+        self.renderer = Renderer(ctx, SAMPLES)
+        self.renderer.set_scene(self.session.meshes)
+        self.viewport.adopt()
+        self._estimators = {key: (kind.__doc__ or key).strip().splitlines()[0] for key, kind in ESTIMATORS.items()}
+        settings = self.session.settings
+        if settings.exposure is None:
+            given = self.session.solver.scene.defaults.exposure
+            exposure = metering.metered(self.session, self.viewport.camera) if given is None else given
+            self.session.want(replace(self.session.settings, exposure=exposure))
+        self.metered = self.session.settings.exposure
+
+    def _draw_scene(self) -> None:
+        session = self.session
+        moving = session.dragging or session.playing or self.viewport.is_moving
+        changed = self._uploaded != session.version
+        self._quiet = 0 if moving or changed else self._quiet + 1
+        if changed:
+            for o in range(len(session.meshes)):
+                self.renderer.set_colours(o, *session.colours(o))
+            self._uploaded = session.version
+        samples = 1 if self._software and self._quiet < QUIET_FRAMES else SAMPLES
+        self.viewport.draw(self.renderer, samples)
+
+    def _draw_overlay(self) -> None:
+        em = imgui.get_font_size()
+        (x, y), (w, h) = self.viewport.origin, self.viewport.size
+        session = self.session
+        if not self._ready:
+            self._draw_opening(x + w / 2, y + h / 2, em)
+            return
+        hint = self.viewport.hint()
+        if hint:
+            overlay_text(hint, x + em, y + h - 2.6 * em)
+        elif session.refining:
+            progress = session.progress
+            share = f" {100 * progress.fraction:.0f} %" if progress is not None else ""
+            overlay_text(f"refining{share}", x + em, y + h - 2.6 * em, theme.DIM)
+
+    def _draw_opening(self, x: float, y: float, em: float) -> None:
+        opening = self.session.opening
+        if opening is None:
+            problem = self.session.problem
+            overlay_text(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
+            return
+        text = opening.phase + (f": {opening.detail}" if opening.detail else "")
+        overlay_text(text, x, y - 1.4 * em, centred=True)
+        width = 18 * em
+        imgui.set_cursor_screen_pos((x - width / 2, y + 0.4 * em))
+        # A negative fraction makes ImGui's bar run to and fro: something is going on, nobody knows how long.
+        fraction = -imgui.get_time() if opening.fraction is None else opening.fraction
+        imgui.progress_bar(fraction, (width, 0.35 * em), "")
+
+    def _guard(self, doing: str, work: Callable[[], None]) -> None:
+        """Run a stage of the frame; what goes wrong is told in the log line and the window survives."""
+        try:
+            work()
+        except Exception as problem:
+            self.log.error(doing, problem)
+
+    # Actions ----------------------------------------------------------------------------------------
+
+    def _do(self, action: str) -> None:
+        self._guard(action, lambda: self._act(action))
+
+    def _act(self, action: str) -> None:
+        session, viewport = self.session, self.viewport
+        if action == "quit":
+            self.params.app_shall_exit = True
+        elif action == "help":
+            self.help_open = not self.help_open
+        elif action == "cancel":
+            if not viewport.cancel_drag():
+                self.help_open = False
+        elif action == "toggle panel":
+            self._panel.is_visible = not self._panel.is_visible
+        elif not self._ready:
+            return
+        elif action == "play":
+            session.toggle_play()
+        elif action in ("reset view", "reset all", "reset poses"):
+            if action != "reset view":
+                viewport.cancel_drag()
+                session.reset_poses()
+            if action != "reset poses":
+                viewport.go_home()
+        elif action in ("undo", "redo"):
+            viewport.cancel_drag()
+            getattr(session, action)()
+        elif action == "meter":
+            exposure = metering.metered(session, viewport.camera)
+            session.want(replace(session.settings, exposure=exposure))
+            self.log(f"metered: {exposure:+.1f} EV")
+        elif action == "screenshot":
+            path = screenshot.next_free(Path.cwd())
+            look = viewport.look(outlined=False)
+            self.log(f"saved {screenshot.save(self.renderer, look, session, viewport.camera, path)}")
+            viewport.redraw()
+        elif action.startswith("estimator "):
+            names = list(self._estimators)
+            k = int(action.removeprefix("estimator "))
+            if k < len(names):
+                session.want(replace(session.settings, estimator=names[k]))
+
+    @property
+    def _panel(self) -> hello_imgui.DockableWindow:
+        return self.params.docking_params.dockable_window_of_name("Panel")
+
+    def _facts(self) -> panel.Facts:
+        session, solver = self.session, self.session.solver
+        return panel.Facts(
+            estimators=self._estimators,
+            scene_size=solver.scene_size,
+            photometric=solver.scene.units == "photometric",
+            gi_seconds=session.gi_seconds.value,
+            frame_seconds=self.frame_seconds.value,
+            timings=solver.timings,
+            photons_traced=solver.photons_traced,
+            photons_goal=solver.photons,
+            segments=solver.segments_total,
+            photons_cut=solver.changes.photons_cut,
+            old_segments=solver.changes.old_segments,
+            new_segments=solver.changes.new_segments,
+            triangles=sum(len(mesh.triangles) for mesh in session.meshes),
+            receivers=len(solver.irradiance),
+            mobiles=len(solver.scene.mobiles),
+            playing=session.playing,
+            metered=self.metered,
+            probes=solver.probe_irradiance,
+            notes=solver.scene.notes,
+        )
+
+
+def run(settings: Settings, *, frames: int | None = None, screenshot: str | Path | None = None) -> int:
+    """Open the window and stay in it. Return 0, or 1 if the scene could not be opened for a reason of our own.
+
+    Raises SceneError, UsageError or OSError, after closing the window, for a scene that cannot be used: the
+    command line prints its sentence and exits with its code.
+    """
+    viewer = Viewer(settings)
+    viewer.frames_left = frames
+    viewer.exit_when_refined = screenshot is not None and frames is None
+    window.prepare()
+    immapp.run(viewer.params)
+    if screenshot is not None:
+        _write_window(Path(screenshot))
+    return finish(viewer)
+
+
+def finish(viewer: Viewer) -> int:
+    """Return the exit code of a viewer whose window has closed, or raise what closed it."""
+    problem = viewer.session.problem
+    if isinstance(problem, (ValueError, OSError)):
+        raise problem
+    return 0 if problem is None else 1
+
+
+def _write_window(path: Path) -> None:
+    from app.png import write_png
+
+    write_png(path, hello_imgui.final_app_window_screenshot(), {"software": "gi-viewer"})
