@@ -1,15 +1,10 @@
 """Ray-intersection structures: the static scene built once, each mobile once in its object space.
 
-Only this module knows Embree. A mobile's structure never changes: lines are carried to it.
-The two-level nearest hit is defined here, for the background, for branches and from scratch alike:
-first the static scene along the sampled ray, which gives the *line* from the start to the static
-end (both stored as float32); then the mobiles along that line. So a line means the same whether a
-mobile was there when it was traced or not.
+Only this module knows Embree. A mobile's structure never changes: rays are carried to it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -188,8 +183,3 @@ def bounding_spheres(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
             off = vertices - centres[o]
             radii[o] = np.sqrt((off * off).sum(axis=1).max())
     return centres, radii
-
-
-def poses_in_order(names: list[str], poses: Mapping[str, Pose]) -> list[Pose]:
-    """Return the poses of the mobiles in scene order."""
-    return [poses[name] for name in names]

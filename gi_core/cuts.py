@@ -17,16 +17,15 @@ from gi_core.jit import kernel
 from gi_core.model import Model
 from gi_core.paths import NONE, PathVertices, Segments, concatenate, empty_segments, interval, segments_at, take
 from gi_core.photon_trace import (
-    CUT_PAD,
     Fates,
     Rays,
     advance,
     emitted_rays,
-    nearest_mobile,
     no_flux,
     scatter_all,
 )
 from gi_core.threads import run_ranges
+from gi_core.two_level import CUT_PAD, nearest_mobile
 
 SCAN_GRAIN = 20_000  # photons a thread
 

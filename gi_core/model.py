@@ -7,13 +7,13 @@ import numpy as np
 from gi_core.accelerator import Accelerator, Transforms, bounding_spheres, transforms
 from gi_core.emission import build_emitters
 from gi_core.paths import END_EXTENSION
-from gi_core.photon_trace import build_world
 from gi_core.pose import as_pose, to_world, to_world_directions
 from gi_core.receivers import Receivers
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
 from gi_core.surfaces import flatten
 from gi_core.threads import available_cores
+from gi_core.two_level import build_world
 
 
 class Model:

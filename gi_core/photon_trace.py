@@ -1,39 +1,23 @@
 """Tracing photons: the background through the static scene (report fig. 2.1), and any path onwards.
 
-`advance` is one bounce for many photons at once: nearest static hit, nearest mobile along the line,
-scatter. The background calls it without mobiles, branches with them; nothing else bends a photon.
+`advance` is one bounce for many photons at once: two-level nearest hit, scatter.
+The background calls it without mobiles, branches with them; nothing else bends a photon.
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core import sampling
-from gi_core.accelerator import FAR, ORIGIN_LIFT, Accelerator, Transforms, line, point_on_line, to_local
+from gi_core.accelerator import Accelerator, Transforms, line, point_on_line
 from gi_core.bsdf import lambertian
 from gi_core.emission import Emitters, emit
 from gi_core.fixed_point import MAX_SEGMENTS, attenuate
 from gi_core.jit import kernel
 from gi_core.paths import NONE, PathVertices
-from gi_core.surfaces import Surfaces
-
-CUT_PAD = 1e-5  # of the world's size: bounding spheres grow by it, so that culling never loses a hit
-
-
-class World(NamedTuple):
-    """What every kernel needs to know of the scene, in arrays."""
-
-    normals: np.ndarray  # (F, 3) float64, object space
-    reflectance: np.ndarray  # (F, 3) float64
-    two_sided: np.ndarray  # (F,) bool
-    face_object: np.ndarray  # (F,) int16
-    centre: np.ndarray  # (3,) float64, of a sphere round everything [m]
-    size: float  # its diameter [m]: what epsilons are scaled by
-    sphere_centre: np.ndarray  # (objects, 3) float64, bounding spheres in object space
-    sphere_radius: np.ndarray  # (objects,) float64
+from gi_core.two_level import World, nearest_mobile, nearest_static
 
 
 class Fates(NamedTuple):
@@ -70,112 +54,6 @@ class Step(NamedTuple):
     hit: np.ndarray  # (n, 3) float32, where the photon really is now
     rays: Rays  # those that go on, in order
     alive: np.ndarray  # (n,) bool, which ones
-
-
-@kernel
-def _lift(origin, side, normals, rotation, face_object, lift, out):
-    """Lift ray origins off the face they leave."""
-    for k in range(len(origin)):
-        for c in range(3):
-            out[k, c] = origin[k, c]
-        if side[k] >= 0:
-            f = side[k] >> 1
-            s = lift if side[k] & 1 == 0 else -lift
-            n = normals[f]
-            R = rotation[face_object[f]]
-            for c in range(3):
-                out[k, c] = origin[k, c] + s * (R[c, 0] * n[0] + R[c, 1] * n[1] + R[c, 2] * n[2])
-
-
-@kernel
-def _static_ends(lifted, origin, direction, distance, face, normals, far, end, end_side):
-    """Turn static hits into ends of lines; a miss ends far away in free space."""
-    for k in range(len(face)):
-        o = lifted if face[k] >= 0 else origin
-        t = distance[k] if face[k] >= 0 else far
-        d = direction[k]
-        end[k, 0], end[k, 1], end[k, 2] = point_on_line(o[k, 0], o[k, 1], o[k, 2], d[0], d[1], d[2], t)
-        end_side[k] = NONE
-        if face[k] >= 0:
-            n = normals[face[k]]
-            behind = d[0] * n[0] + d[1] * n[1] + d[2] * n[2] > 0.0
-            end_side[k] = 2 * face[k] + (1 if behind else 0)
-
-
-@kernel
-def _lines_near(origin, end, side, face_object, o, R, p, centre, radius, lift, normals, rows, local_o, local_d, limit):
-    """Collect the lines that pass object o's bounding sphere, carried to its space; return how many.
-
-    A line that starts on o itself is lifted off its face.
-    """
-    n = 0
-    for k in range(len(origin)):
-        x, y, z = origin[k, 0] - p[0], origin[k, 1] - p[1], origin[k, 2] - p[2]
-        ox, oy, oz = to_local(R, x, y, z)
-        x, y, z = end[k, 0] - p[0], end[k, 1] - p[1], end[k, 2] - p[2]
-        ex, ey, ez = to_local(R, x, y, z)
-        if not _passes(ox, oy, oz, ex, ey, ez, centre, radius):
-            continue
-        fox, foy, foz = np.float32(ox), np.float32(oy), np.float32(oz)
-        dx, dy, dz, length = line(fox, foy, foz, np.float32(ex), np.float32(ey), np.float32(ez))
-        if side[k] >= 0 and face_object[side[k] >> 1] == o:
-            s = lift if side[k] & 1 == 0 else -lift
-            m = normals[side[k] >> 1]
-            fox, foy, foz = np.float32(ox + s * m[0]), np.float32(oy + s * m[1]), np.float32(oz + s * m[2])
-        rows[n] = k
-        local_o[n, 0], local_o[n, 1], local_o[n, 2] = fox, foy, foz
-        local_d[n, 0], local_d[n, 1], local_d[n, 2] = dx, dy, dz
-        limit[n] = length
-        n += 1
-    return n
-
-
-@kernel
-def _passes(ox, oy, oz, ex, ey, ez, centre, radius):
-    """Tell whether the segment o-e comes within radius of a point."""
-    dx, dy, dz = ex - ox, ey - oy, ez - oz
-    cx, cy, cz = centre[0] - ox, centre[1] - oy, centre[2] - oz
-    length2 = dx * dx + dy * dy + dz * dz
-    t = (cx * dx + cy * dy + cz * dz) / length2 if length2 > 0.0 else 0.0
-    t = min(1.0, max(0.0, t))
-    x, y, z = cx - t * dx, cy - t * dy, cz - t * dz
-    return x * x + y * y + z * z <= radius * radius
-
-
-def nearest_mobile(accelerator: Accelerator, world: World, at: Transforms, origin, end, side):
-    """Return where mobiles first cut lines: distance (n,) float32 (inf: nowhere) and side (n,) int32.
-
-    Ties go to the static end, then to the mobile that comes first in the scene.
-    """
-    n = len(origin)
-    cut = np.full(n, np.inf, np.float32)
-    cut_side = np.full(n, NONE, np.int32)
-    if len(at.position) == 1 or n == 0:
-        return cut, cut_side
-    rows = np.empty(n, np.int64)
-    local_o, local_d = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
-    limit = np.empty(n, np.float32)
-    for o in range(1, len(at.position)):
-        R, p = at.rotation[o], at.position[o]
-        radius = world.sphere_radius[o] + CUT_PAD * world.size
-        m = _lines_near(
-            origin, end, side, world.face_object, o, R, p, world.sphere_centre[o], radius,
-            ORIGIN_LIFT * world.size, world.normals, rows, local_o, local_d, limit,
-        )  # fmt: skip
-        if m:
-            distance, face = accelerator.nearest(o, local_o[:m], local_d[:m], limit[:m])
-            _keep_nearer(rows[:m], distance, face, limit, local_d, world.normals, cut, cut_side)
-    return cut, cut_side
-
-
-@kernel
-def _keep_nearer(rows, distance, face, limit, local_d, normals, cut, cut_side):
-    for j in range(len(rows)):
-        k = rows[j]
-        if face[j] >= 0 and distance[j] < limit[j] and distance[j] < cut[k]:
-            n, d = normals[face[j]], local_d[j]
-            cut[k] = distance[j]
-            cut_side[k] = 2 * face[j] + (1 if d[0] * n[0] + d[1] * n[1] + d[2] * n[2] > 0.0 else 0)
 
 
 @kernel
@@ -285,13 +163,7 @@ class _Ended(NamedTuple):
 
 def advance(accelerator: Accelerator, world: World, at: Transforms, seed: int, rays: Rays, fates: Fates) -> Step:
     """Trace one segment of each ray against the static part and the mobiles in `at`, and scatter."""
-    n = len(rays.photon)
-    lifted = np.empty((n, 3), np.float32)
-    _lift(rays.origin, rays.side, world.normals, at.rotation, world.face_object, ORIGIN_LIFT * world.size, lifted)
-    far = np.float32(FAR * world.size)
-    distance, face = accelerator.nearest(0, lifted, rays.direction, np.full(n, far, np.float32))
-    end, end_side = np.empty((n, 3), np.float32), np.empty(n, np.int32)
-    _static_ends(lifted, rays.origin, rays.direction, distance, face, world.normals, far, end, end_side)
+    end, end_side = nearest_static(accelerator, world, at, rays.origin, rays.direction, rays.side)
     cut, cut_side = nearest_mobile(accelerator, world, at, rays.origin, end, rays.side)
     ended = _Ended(rays.photon, rays.bounce, rays.origin, end, end_side, cut_side, rays.flux)
     hit, alive, onwards = scatter_all(world, at, seed, ended, cut, fates)
@@ -337,20 +209,3 @@ def _photon_major(vertices, first: int, count: int) -> PathVertices:
     out = PathVertices(offsets, np.empty_like(position), np.empty_like(side), np.empty_like(flux))
     out.position[place], out.side[place], out.flux[place] = position, side, flux
     return out
-
-
-def build_world(surfaces: Surfaces, accelerator: Accelerator, centres, radii, extra_points: np.ndarray) -> World:
-    """Flatten what the kernels need; `extra_points` (n, 3) widen the world beyond the static part."""
-    points = np.concatenate([surfaces.vertices[0].reshape(-1, 3), extra_points.reshape(-1, 3)])
-    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3), np.zeros(3))
-    diagonal = high - low
-    return World(
-        surfaces.normals,
-        surfaces.reflectance,
-        surfaces.two_sided,
-        accelerator.face_object,
-        (low + high) / 2,
-        max(math.sqrt(float((diagonal * diagonal).sum())), 1e-9),
-        centres,
-        radii,
-    )

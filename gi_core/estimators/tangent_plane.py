@@ -26,9 +26,10 @@ LINE_GRAIN = 1024  # segments a thread
 class TangentPlane:
     """See the module; `radius` [m] is the disc's."""
 
+    search = "disc_index"  # of SEARCHES
     on_faces = False  # probes are receivers like any other
 
-    def __init__(self, model: Model, radius: float, neighbours: int, search: str = "disc_index"):
+    def __init__(self, model: Model, radius: float, neighbours: int):
         self.model = model
         own = model.receiver_sides
         r = model.object_receivers
@@ -41,7 +42,7 @@ class TangentPlane:
                 own[rows],
                 np.float32(radius),
             )
-            self._searches.append(SEARCHES[search](discs))
+            self._searches.append(SEARCHES[self.search](discs))
         self.reach = radius
         self.area = np.full(len(r.areas), math.pi * radius * radius)
         self.photons = 0  # photons that evaluate() covers

@@ -1,0 +1,142 @@
+"""Splitting long edges, so that irradiance at vertices can follow the light.
+
+Whether an edge is split, and where, depends on that edge alone, in a fixed order of its two ends:
+all faces around it agree, across materials too, so neither T-junctions nor cracks can arise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.receivers import weld
+from gi_core.scene.errors import SceneError
+from gi_core.scene.types import Mesh
+
+GROWTH = 4.0  # outside the core an edge may be as long as its distance from it over this
+MOST_FACES = 4_000_000  # a misplaced decimal point must not fill the memory
+
+
+def tessellate(mesh: Mesh, max_edge: float, core: tuple[np.ndarray, np.ndarray] | None = None) -> Mesh:
+    """Split every edge longer than `max_edge` [m] at its middle, again and again.
+
+    `core`: corners (low, high) of a box; outside it the allowed length grows with the distance, so
+    that a ground plane far away stays coarse. Vertices of one place become one. Corner normals are
+    interpolated, materials and face reflectances carried along.
+
+    Raises SceneError if that makes more than MOST_FACES triangles.
+    """
+    if not max_edge > 0:
+        raise SceneError(f"max_edge must be a length > 0, got {max_edge}")
+    place = weld(mesh.vertices)
+    points = mesh.vertices[np.unique(place, return_index=True)[1]]
+    faces = place[mesh.faces]
+    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)  # a face smaller than the weld is none
+    faces, source, normals = faces[whole], np.flatnonzero(whole), mesh.corner_normals
+    normals = None if normals is None else normals[whole]
+    done, done_source, done_normals = [], [], []
+    total = 0
+    while len(faces):
+        # Mark the long edges: edge k runs from corner k to corner k + 1.
+        ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)
+        low, high = ends.min(axis=2), ends.max(axis=2)
+        long = _too_long(points[low], points[high], max_edge, core)
+        # An edge that is short now stays: a face without a long edge is finished for good.
+        pattern = long @ np.array([1, 2, 4])
+        rest = pattern == 0
+        done.append(faces[rest])
+        done_source.append(source[rest])
+        done_normals.append(None if normals is None else normals[rest])
+        total += int(rest.sum())
+        split = ~rest
+        faces, source, pattern, long = faces[split], source[split], pattern[split], long[split]
+        low, high = low[split], high[split]
+        if not len(faces):
+            break
+        # Give each long edge its one midpoint.
+        key = low[long] * len(points) + high[long]
+        unique, index = np.unique(key, return_inverse=True)
+        middle = np.full(faces.shape, -1)
+        middle[long] = len(points) + index.reshape(-1)
+        a, b = unique // len(points), unique % len(points)
+        points = np.concatenate([points, 0.5 * (points[a] + points[b])])
+        # Cut each face by the template of its marks.
+        slots = np.concatenate([faces, middle], axis=1)
+        slot_normals = None if normals is None else _with_middles(normals[split])
+        faces, source, normals = _cut(slots, source, slot_normals, pattern, points)
+        if total + len(faces) > MOST_FACES:
+            raise SceneError(
+                f"max_edge {max_edge:g} makes more than {MOST_FACES:,} triangles; write a larger one, or check the units"
+            )
+    source = np.concatenate(done_source)
+    return Mesh(
+        points,
+        np.concatenate(done).astype(np.int32),
+        mesh.face_material[source],
+        None if mesh.corner_normals is None else np.concatenate(done_normals),
+        None if mesh.face_reflectance is None else mesh.face_reflectance[source],
+    )
+
+
+def _too_long(a, b, max_edge, core) -> np.ndarray:
+    d = b - a
+    length = np.sqrt(d[..., 0] * d[..., 0] + d[..., 1] * d[..., 1] + d[..., 2] * d[..., 2])
+    if core is None:
+        return length > max_edge
+    middle = 0.5 * (a + b)
+    out = np.maximum(np.maximum(core[0] - middle, middle - core[1]), 0.0)
+    distance = np.sqrt((out * out).sum(axis=-1)) - length / 2  # of the edge's nearest end, at least
+    return length > np.maximum(max_edge, distance / GROWTH)
+
+
+def _with_middles(n: np.ndarray) -> np.ndarray:
+    """Return normals (F, 6, 3) of the corners and of the middles of the edges."""
+    middle = n + np.roll(n, -1, axis=1)
+    length = np.sqrt((middle * middle).sum(axis=2, keepdims=True))
+    middle = np.where(length > 1e-6, middle / np.where(length > 0, length, 1), n)  # opposed: keep the first
+    return np.concatenate([n, middle], axis=1)
+
+
+def _rotated(triangles, turns: int):
+    return [tuple((i + turns) % 3 + 3 * (i >= 3) for i in t) for t in triangles]
+
+
+# Slots 0 1 2 are the corners, 3 4 5 the middles of edges 01, 12, 20. Pattern: bit k = edge k is split.
+TEMPLATES = {
+    0b001: [(0, 3, 2), (3, 1, 2)],
+    0b010: _rotated([(0, 3, 2), (3, 1, 2)], 1),
+    0b100: _rotated([(0, 3, 2), (3, 1, 2)], 2),
+    0b111: [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],
+}
+# Two edges split: a corner triangle and a quad, cut along the shorter of its diagonals (03 and 15 turned).
+TWO = {0b110: 0, 0b101: 1, 0b011: 2}  # pattern -> turns that bring the unsplit edge to slot 01
+TIP = [(4, 2, 5)]
+DIAGONALS = ([(0, 1, 4), (0, 4, 5)], [(0, 1, 5), (1, 4, 5)])
+
+
+def _cut(slots, source, normals, pattern, points):
+    faces_out, source_out, normals_out = [], [], []
+
+    def emit(rows, triangles):
+        for t in triangles:
+            faces_out.append(slots[rows][:, t])
+            source_out.append(source[rows])
+            if normals is not None:
+                normals_out.append(normals[rows][:, t])
+
+    for bits, triangles in TEMPLATES.items():
+        emit(np.flatnonzero(pattern == bits), triangles)
+    for bits, turns in TWO.items():
+        rows = np.flatnonzero(pattern == bits)
+        corner = slots[rows]
+        (a, d), (b, e) = ([i for i in _rotated([pair], turns)[0]] for pair in ((0, 4), (1, 5)))
+        first = points[corner[:, a]] - points[corner[:, d]]
+        second = points[corner[:, b]] - points[corner[:, e]]
+        shorter = (first * first).sum(axis=1) <= (second * second).sum(axis=1)
+        emit(rows, _rotated(TIP, turns))
+        emit(rows[shorter], _rotated(DIAGONALS[0], turns))
+        emit(rows[~shorter], _rotated(DIAGONALS[1], turns))
+    return (
+        np.concatenate(faces_out),
+        np.concatenate(source_out),
+        None if normals is None else np.concatenate(normals_out),
+    )

@@ -1,0 +1,154 @@
+"""The naive twin of the solver: loops, and no idea of background, cuts or tails.
+
+Every photon is traced through static part and mobiles on every bounce, every segment is tried on
+every receiver. Shared with the solver are only the two-level nearest hit, the sampling functions,
+the accept predicate and the rounding of flux.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gi_core import sampling
+from gi_core.bsdf import lambertian
+from gi_core.disc_search.crossing import crossed, lives_elsewhere
+from gi_core.emission import emit
+from gi_core.fixed_point import MAX_SEGMENTS, attenuate
+from gi_core.model import Model
+from gi_core.pose import rotation
+from gi_core.two_level import nearest_mobile, nearest_static
+
+F32 = np.float32
+
+
+class Twin:
+    """Irradiance at given poses from nothing but the scene."""
+
+    def __init__(self, scene, photons: int, radius: float, neighbours: int, seed: int):
+        self.model = Model(scene, threads=1)
+        self.photons, self.radius, self.neighbours, self.seed = photons, radius, neighbours, seed
+
+    def segments(self, poses) -> list[dict]:
+        at = self.model.transforms(poses)
+        return [s for i in range(self.photons) for s in self._path(i, at)]
+
+    def _path(self, i: int, at):
+        """Follow photon i until it ends."""
+        m, world = self.model, self.model.world
+        origin, direction, flux, side = emit(m.emitters, self.seed, i, 1)
+        q = [int(c) for c in flux[0]]
+        for bounce in range(MAX_SEGMENTS):
+            end, end_side = nearest_static(m.accelerator, world, at, origin, direction, side)
+            cut, cut_side = nearest_mobile(m.accelerator, world, at, origin, end, side)
+            d, length = _line(origin[0], end[0])
+            segment = {
+                "photon": i, "bounce": bounce, "flux": tuple(q), "origin": origin[0], "end": end[0],
+                "low": m.eps, "high": length + m.eps if end_side[0] >= 0 else length,
+                "start_side": int(side[0]), "end_side": int(end_side[0]), "cut_side": int(cut_side[0]),
+                "hit": end[0], "hit_side": int(end_side[0]), "direction": d,
+            }  # fmt: skip
+            if cut_side[0] >= 0:
+                segment["high"] = cut[0] + m.eps
+                segment["hit"] = (origin[0].astype(float) + float(cut[0]) * d.astype(float)).astype(F32)
+                segment["hit_side"] = int(cut_side[0])
+            yield segment
+            side = np.array([segment["hit_side"]], np.int32)
+            if side[0] < 0 or bounce + 1 == MAX_SEGMENTS:
+                return
+            face, back = side[0] >> 1, side[0] & 1
+            rho = world.reflectance[face]
+            survival = max(rho)
+            if (back and not world.two_sided[face]) or (
+                sampling.uniform(self.seed, i, bounce + 1, sampling.SURVIVAL) >= survival
+            ):
+                return
+            q = [attenuate(c, r, survival) for c, r in zip(q, rho, strict=True)]
+            u, v = (sampling.uniform(self.seed, i, bounce + 1, k) for k in (sampling.SCATTER_U, sampling.SCATTER_V))
+            n, R = world.normals[face], at.rotation[world.face_object[face]]
+            n = [(-1 if back else 1) * (R[k, 0] * n[0] + R[k, 1] * n[1] + R[k, 2] * n[2]) for k in range(3)]
+            direction = np.array([sampling.from_frame(*lambertian.sample(u, v), *n)], F32)
+            origin = segment["hit"][None]
+
+    def irradiance(self, estimator: str, poses) -> np.ndarray:
+        """Return E (R, 3) of every receiver at the given poses."""
+        segments = self.segments(poses)
+        sums, area = getattr(self, "_" + estimator)(segments, poses)
+        scale = self.model.emitters.unit_flux / self.photons
+        return np.array(sums, np.int64) * scale / np.asarray(area)[:, None]
+
+    def _impact_count(self, segments, poses):
+        s = self.model.surfaces
+        areas = 3 * self.model.object_receivers.areas
+        sums = [[0, 0, 0] for _ in areas]
+        for segment in segments:
+            side = segment["hit_side"]
+            if side >= 0:
+                for r in (s.corner_back if side & 1 else s.corner_front)[side >> 1]:
+                    if r >= 0:
+                        sums[r] = [a + b for a, b in zip(sums[r], segment["flux"], strict=True)]
+        return sums, np.maximum(areas, 1e-300)
+
+    def _tangent_plane(self, segments, poses):
+        model, radius = self.model, F32(self.radius)
+        receivers, own, patch = model.object_receivers, model.receiver_sides, model.surfaces.patch
+        r2 = radius * radius
+        sums = [[0, 0, 0] for _ in receivers.areas]
+        for o in range(model.surfaces.objects):
+            rows = np.arange(len(receivers.areas))[model.surfaces.receiver_range(o)]
+            p, n = receivers.positions[rows].astype(F32), receivers.normals[rows].astype(F32)
+            columns = [np.ascontiguousarray(a[:, c]) for a in (p, n) for c in range(3)]
+            mask = np.zeros(len(rows), np.uint8)
+            for s in segments:
+                points = [_to_object(poses, model.names, o, s[k]) for k in ("origin", "end", "hit")]
+                d, _ = _line(points[0], points[1])
+                crossed(*columns, *points[0], *d, F32(s["low"]), F32(s["high"]), r2, mask)
+                patches = np.array(
+                    [
+                        2 * patch[k >> 1] + (k & 1) if k >= 0 else -1
+                        for k in (s["start_side"], s["end_side"], s["cut_side"])
+                    ],
+                    np.int32,
+                )
+                for j in np.flatnonzero(mask):
+                    if not lives_elsewhere(own[rows[j]], *p[j], r2, patches, np.array(points)):
+                        sums[rows[j]] = [a + b for a, b in zip(sums[rows[j]], s["flux"], strict=True)]
+        return sums, np.full(len(sums), math.pi * self.radius * self.radius)
+
+    def _photon_map(self, segments, poses):
+        model, k, radius = self.model, self.neighbours, F32(self.radius)
+        receivers = model.receivers_at(poses)
+        hits = [s for s in segments if s["hit_side"] >= 0]
+        x = np.array([h["hit"] for h in hits], F32).reshape(-1, 3)
+        d = np.array([h["direction"] for h in hits], F32).reshape(-1, 3)
+        sums, area = [], []
+        for p, n in zip(receivers.positions.astype(F32), receivers.normals.astype(F32), strict=True):
+            a, b, c = x[:, 0] - p[0], x[:, 1] - p[1], x[:, 2] - p[2]
+            d2 = a * a + b * b + c * c
+            front = d[:, 0] * n[0] + d[:, 1] * n[1] + d[:, 2] * n[2] < 0
+            near = [j for j in range(len(hits)) if d2[j] <= radius * radius and front[j]]
+            near = sorted(near, key=lambda j: (d2[j], hits[j]["photon"], hits[j]["bounce"]))[:k]
+            full = len(near) == k and d2[near[-1]] > 0
+            counted = near[: k - 1] if full else near
+            sums.append([sum(hits[j]["flux"][c] for j in counted) for c in range(3)])
+            area.append(math.pi * float(d2[near[-1]] if full else radius * radius))
+        return sums, area
+
+
+def _line(origin, end):
+    """Return the float32 unit direction and length from one float32 point to another."""
+    d = end.astype(float) - origin.astype(float)
+    length = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    scale = 1.0 / length if length > 0 else 0.0
+    return np.array([c * scale for c in d], F32), F32(length)
+
+
+def _to_object(poses, names, o: int, point):
+    """Carry a world point (3,) float32 to object o's space."""
+    if o == 0:
+        return point
+    pose = poses[names[o - 1]]
+    R = rotation(pose)
+    x, y, z = (float(point[k]) - pose.position[k] for k in range(3))
+    return np.array([R[0, k] * x + R[1, k] * y + R[2, k] * z for k in range(3)], F32)
