@@ -13,7 +13,7 @@ from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
 from gi_core.surfaces import flatten
 from gi_core.threads import available_cores
-from gi_core.two_level import build_world
+from gi_core.two_level import build_world, enclosing_sphere
 
 
 class Model:
@@ -30,10 +30,11 @@ class Model:
             for o, m in enumerate(scene.mobiles, 1)
             for s in (-1, 1)
         ]
-        delta_lights = [light.position for light in scene.lights if hasattr(light, "position")]
-        extra = np.array([*mobiles, *delta_lights], np.float64).reshape(-1, 3)
-        self.world = build_world(self.surfaces, self.accelerator, centres, radii, extra)
-        self.emitters = build_emitters(scene, self.surfaces, self.world.centre, self.world.size / 2)
+        lights = np.array([light.position for light in scene.lights if hasattr(light, "position")], np.float64)
+        self.world = build_world(self.surfaces, self.accelerator, centres, radii, lights)
+        # Directional and sky light must reach mobiles that stand out of the static part.
+        lit = enclosing_sphere(self.surfaces.vertices[0], lights, np.array(mobiles))
+        self.emitters = build_emitters(scene, self.surfaces, *lit)
         self.eps = np.float32(END_EXTENSION * self.world.size)
         self.static = transforms([])
         self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)

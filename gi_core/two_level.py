@@ -27,8 +27,7 @@ class World(NamedTuple):
     reflectance: np.ndarray  # (F, 3) float64
     two_sided: np.ndarray  # (F,) bool
     face_object: np.ndarray  # (F,) int16
-    centre: np.ndarray  # (3,) float64, of a sphere round everything [m]
-    size: float  # its diameter [m]: what epsilons are scaled by
+    size: float  # diameter of a sphere round the static part and lights [m]: what epsilons are scaled by
     sphere_centre: np.ndarray  # (objects, 3) float64, bounding spheres in object space
     sphere_radius: np.ndarray  # (objects,) float64
 
@@ -154,18 +153,28 @@ def _keep_nearer(rows, distance, face, limit, local_d, normals, cut, cut_side):
             cut_side[k] = 2 * face[j] + (1 if d[0] * n[0] + d[1] * n[1] + d[2] * n[2] > 0.0 else 0)
 
 
-def build_world(surfaces: Surfaces, accelerator: Accelerator, centres, radii, extra_points: np.ndarray) -> World:
-    """Flatten what the kernels need; `extra_points` (n, 3) widen the world beyond the static part."""
-    points = np.concatenate([surfaces.vertices[0].reshape(-1, 3), extra_points.reshape(-1, 3)])
-    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3), np.zeros(3))
-    diagonal = high - low
+def build_world(surfaces: Surfaces, accelerator: Accelerator, centres, radii, lights: np.ndarray) -> World:
+    """Flatten what the kernels need.
+
+    Its size is that of the static part and of the positions of `lights` (n, 3): mobiles play no
+    part, so that the static solution is the same with and without them.
+    """
     return World(
         surfaces.normals,
         surfaces.reflectance,
         surfaces.two_sided,
         accelerator.face_object,
-        (low + high) / 2,
-        max(math.sqrt(float((diagonal * diagonal).sum())), 1e-9),
+        max(2 * enclosing_sphere(surfaces.vertices[0], lights)[1], 1e-9),
         centres,
         radii,
     )
+
+
+def enclosing_sphere(*points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return centre (3,) and radius of the sphere round the box of all points (n, 3)."""
+    every = np.concatenate([np.asarray(p, np.float64).reshape(-1, 3) for p in points])
+    if not len(every):
+        return np.zeros(3), 0.0
+    low, high = every.min(axis=0), every.max(axis=0)
+    diagonal = high - low
+    return (low + high) / 2, 0.5 * math.sqrt(float((diagonal * diagonal).sum()))

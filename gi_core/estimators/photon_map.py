@@ -90,10 +90,11 @@ class PhotonMap:
         area = np.empty(len(sums))
         sums[self._static], area[self._static] = self._sums, self._area
         rows = np.concatenate([rows, np.arange(self._static.stop, len(sums))])
-        self._cut_bounce[frame.heads.photon] = frame.heads.bounce
+        # A photon's hits are gone from its first tail on, which is written last here.
+        self._cut_bounce[frame.tails.photon[::-1]] = frame.tails.bounce[::-1]
         points, normals = self._receivers(frame.at, rows)
         sums[rows], area[rows], _ = self._query(points, normals, (self._grid, added), self._cut_bounce)
-        self._cut_bounce[frame.heads.photon] = NEVER
+        self._cut_bounce[frame.tails.photon] = NEVER
         return sums, area
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
