@@ -10,6 +10,7 @@ import numpy as np
 from gi_core.accelerator import line
 from gi_core.jit import kernel
 from gi_core.paths import NONE, Segments, take
+from gi_core.steps import finish
 
 CELLS_A_HIT = 4  # memory bound: cells grow rather than outnumber hits by more
 
@@ -51,12 +52,7 @@ def _directions(origin, end, direction):
 
 def build(hits: Hits, cell: float) -> HitGrid:
     """Sort hits into cells of about `cell` [m]."""
-    steps = build_steps([hits], cell)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as done:
-            return done.value
+    return finish(build_steps([hits], cell))
 
 
 def build_steps(parts: list[Hits], cell: float):

@@ -60,12 +60,10 @@ class Model:
 
     @property
     def receiver_sides(self) -> np.ndarray:
-        """Return 2 patch + side of receivers on two-sided surfaces, -1 of others. (R,) int32."""
+        """Return 2 patch + side of each receiver (1: the back of a two-sided surface), -1 of probes. (R,) int32."""
         s = self.surfaces
         own = np.full(len(self.object_receivers.areas), -1, np.int32)
-        sided = np.repeat((s.corner_back >= 0).any(axis=1), 3)
-        patch = np.repeat(s.patch, 3)
-        own[s.corner_front.reshape(-1)[sided]] = 2 * patch[sided]
+        own[s.corner_front.reshape(-1)] = np.repeat(2 * s.patch, 3)
         back = s.corner_back.reshape(-1)
-        own[back[back >= 0]] = 2 * patch[back >= 0] + 1
+        own[back[back >= 0]] = np.repeat(2 * s.patch + 1, 3)[back >= 0]
         return own

@@ -60,11 +60,13 @@ class Solver:
         neighbours: int | None = None,
         seed: int = 0,
         threads: int | None = None,
+        control: bool = True,
     ):
         """Prepare a scene; nothing is traced yet but for a small pilot that sets the defaults.
 
         photons: how many to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map;
-        None takes the scene file's value, else the rule of `gi_core.defaults`. Raises SceneError.
+        None takes the scene file's value, else the rule of `gi_core.defaults`; control: artifact
+        control of tangent_plane (see `gi_core.reachable_area`). Raises SceneError.
         """
         self.scene = scene
         self.seed = int(seed)
@@ -72,7 +74,7 @@ class Solver:
         self.chosen = choose(self.model, photons, radius, neighbours)
         self.scene_size = self.chosen.scene_size
         self.photons, self.radius, self.neighbours = self.chosen.photons, self.chosen.radius, self.chosen.neighbours
-        self.estimator = estimator
+        self.estimator, self.control = estimator, control
         self.poses: dict[str, Pose] = self.model.start_poses()
         self._store = PathStore()
         self._background_fates = no_flux()
@@ -88,7 +90,7 @@ class Solver:
 
     # -- settings ---------------------------------------------------------------------------------
 
-    def configure(self, estimator=None, photons=None, radius=None, neighbours=None) -> None:
+    def configure(self, estimator=None, photons=None, radius=None, neighbours=None, control=None) -> None:
         """Change settings. Paths are kept; solve_steps() does again only what depends on the change.
 
         Until it has, frames go on with the old settings. Raises SceneError for a bad value.
@@ -100,9 +102,10 @@ class Solver:
         self.radius = _number("radius", radius, self.radius, 0, np.inf, float)
         self.neighbours = _number("neighbours", neighbours, self.neighbours, 1, 100_000, int)
         self.estimator = estimator
+        self.control = self.control if control is None else bool(control)
 
     def _wanted(self) -> tuple:
-        return self.estimator, self.radius, self.neighbours
+        return self.estimator, self.radius, self.neighbours, self.control
 
     @property
     def _goal(self) -> int:
@@ -113,7 +116,7 @@ class Solver:
         for kept in (self._shown, self._next):
             if kept is not None and kept.setting == self._wanted() and kept.added <= self._goal:
                 return kept
-        estimate = ESTIMATORS[self.estimator](self.model, self.radius, self.neighbours)
+        estimate = ESTIMATORS[self.estimator](self.model, self.radius, self.neighbours, self.control)
         self._next = _Background(self._wanted(), estimate)
         return self._next
 
@@ -131,6 +134,10 @@ class Solver:
         """
         goal, b = self._goal, self._background()
         yield Progress("indexing", 0.0, False)
+        if not b.built:
+            for _ in b.estimate.build():
+                yield Progress("indexing", 0.0, False)
+            b.built = True
         # A new setting is shown once it has as many photons as what it replaces.
         shown = self._shown.estimate.photons if self._shown not in (None, b) else 0
         due = max(FIRST_PICTURE, shown, 2 * b.added) if pictures else goal
@@ -213,7 +220,9 @@ class Solver:
     def _read_out(self, sums: np.ndarray, area: np.ndarray, photons: int) -> np.ndarray:
         if photons == 0:
             return np.zeros(sums.shape)
-        return sums * (self.model.emitters.unit_flux / photons) / area[:, None]
+        # No area, no light: nothing can reach such a receiver, or it has no face.
+        inverse = np.divide(1.0, area, out=np.zeros_like(area), where=area > 0)
+        return sums * (self.model.emitters.unit_flux / photons) * inverse[:, None]
 
     # -- answers ----------------------------------------------------------------------------------
 
@@ -291,7 +300,7 @@ class _Background:
     """An estimate of the background under one setting, and how many photons were added to it."""
 
     def __init__(self, setting: tuple, estimate):
-        self.setting, self.estimate, self.added = setting, estimate, 0
+        self.setting, self.estimate, self.added, self.built = setting, estimate, 0, False
 
 
 class _Stages:

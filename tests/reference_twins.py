@@ -13,11 +13,13 @@ import numpy as np
 
 from gi_core import sampling
 from gi_core.bsdf import lambertian
-from gi_core.disc_search.crossing import crossed, lives_elsewhere
+from gi_core.disc_search.crossing import counts, crossed
 from gi_core.emission import emit
 from gi_core.fixed_point import MAX_SEGMENTS, attenuate
 from gi_core.model import Model
 from gi_core.pose import rotation
+from gi_core.reachable_area import regions
+from gi_core.steps import finish
 from gi_core.two_level import nearest_mobile, nearest_static
 
 F32 = np.float32
@@ -76,7 +78,9 @@ class Twin:
         segments = self.segments(poses)
         sums, area = getattr(self, "_" + estimator)(segments, poses)
         scale = self.model.emitters.unit_flux / self.photons
-        return np.array(sums, np.int64) * scale / np.asarray(area)[:, None]
+        area = np.asarray(area, float)
+        inverse = np.divide(1.0, area, out=np.zeros(len(area)), where=area > 0)
+        return np.array(sums, np.int64) * scale * inverse[:, None]
 
     def _impact_count(self, segments, poses):
         s = self.model.surfaces
@@ -88,22 +92,26 @@ class Twin:
                 for r in (s.corner_back if side & 1 else s.corner_front)[side >> 1]:
                     if r >= 0:
                         sums[r] = [a + b for a, b in zip(sums[r], segment["flux"], strict=True)]
-        return sums, np.maximum(areas, 1e-300)
+        return sums, areas
 
     def _tangent_plane(self, segments, poses):
         model, radius = self.model, F32(self.radius)
         receivers, own, patch = model.object_receivers, model.receiver_sides, model.surfaces.patch
         r2 = radius * radius
-        sums = [[0, 0, 0] for _ in receivers.areas]
+        sums, area = [[0, 0, 0] for _ in receivers.areas], np.empty(len(receivers.areas))
         for o in range(model.surfaces.objects):
             rows = np.arange(len(receivers.areas))[model.surfaces.receiver_range(o)]
             p, n = receivers.positions[rows].astype(F32), receivers.normals[rows].astype(F32)
+            region = finish(regions(model, o, self.radius))
+            area[rows] = region.area
             columns = [np.ascontiguousarray(a[:, c]) for a in (p, n) for c in range(3)]
             mask = np.zeros(len(rows), np.uint8)
             for s in segments:
                 points = [_to_object(poses, model.names, o, s[k]) for k in ("origin", "end", "hit")]
                 d, _ = _line(points[0], points[1])
-                crossed(*columns, *points[0], *d, F32(s["low"]), F32(s["high"]), r2, mask)
+                stop = F32(s["high"])
+                high = stop + F32(2 * self.radius) if s["hit_side"] >= 0 else stop
+                crossed(*columns, *points[0], *d, F32(s["low"]), high, r2, mask)
                 patches = np.array(
                     [
                         2 * patch[k >> 1] + (k & 1) if k >= 0 else -1
@@ -112,9 +120,10 @@ class Twin:
                     np.int32,
                 )
                 for j in np.flatnonzero(mask):
-                    if not lives_elsewhere(own[rows[j]], *p[j], r2, patches, np.array(points)):
+                    touches, rules = np.array(points), tuple(region[:3])
+                    if counts(j, *p[j], *n[j], points[0], d, stop, r2, own[rows], rules, patches, touches):
                         sums[rows[j]] = [a + b for a, b in zip(sums[rows[j]], s["flux"], strict=True)]
-        return sums, np.full(len(sums), math.pi * self.radius * self.radius)
+        return sums, area
 
     def _photon_map(self, segments, poses):
         model, k, radius = self.model, self.neighbours, F32(self.radius)

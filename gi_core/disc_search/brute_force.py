@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gi_core.disc_search.crossing import Discs, Lines, crossed, lives_elsewhere
+from gi_core.disc_search.crossing import Discs, Lines, counts, crossed
 from gi_core.jit import kernel
 
 
@@ -21,13 +21,15 @@ class BruteForce:
 
         Returns the number of crossings.
         """
-        return _splat(*self._columns, self.discs.own, self.discs.radius, *lines, first, last, sign, sums)
+        rules = tuple(self.discs.regions[:3])
+        return _splat(*self._columns, self.discs.own, rules, self.discs.radius, *lines, first, last, sign, sums)
 
 
 @kernel
 def _splat(
-    cx, cy, cz, nx, ny, nz, own, radius, origin, direction, low, high, flux, patches, touches, first, last, sign, sums
-):
+    cx, cy, cz, nx, ny, nz, own, rules, radius,
+    origin, direction, low, stop, high, flux, patches, touches, first, last, sign, sums,
+):  # fmt: skip
     mask = np.zeros(len(cx), np.uint8)
     r2 = radius * radius
     total = 0
@@ -37,7 +39,9 @@ def _splat(
         if n == 0:
             continue
         for j in range(len(cx)):
-            if mask[j] and not lives_elsewhere(own[j], cx[j], cy[j], cz[j], r2, patches[k], touches[k]):
+            if mask[j] and counts(
+                j, cx[j], cy[j], cz[j], nx[j], ny[j], nz[j], o, d, stop[k], r2, own, rules, patches[k], touches[k]
+            ):
                 total += 1
                 for c in range(3):
                     sums[j, c] += sign * flux[k, c]

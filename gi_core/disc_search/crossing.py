@@ -1,6 +1,6 @@
 """The one predicate that decides whether a segment crosses a receiver's disc, and what it adds.
 
-Every disc search calls these two functions; a search only chooses which discs are tried, and is a
+Every disc search calls crossed() and counts(); a search only chooses which discs are tried, and is a
 superset. All arithmetic is float32 with a fixed order, so a decision has the same bits everywhere.
 """
 
@@ -13,6 +13,7 @@ import numpy as np
 from gi_core.accelerator import line, to_local
 from gi_core.jit import kernel
 from gi_core.paths import NONE, Segments
+from gi_core.reachable_area import Regions, sector
 
 
 class Discs(NamedTuple):
@@ -20,8 +21,9 @@ class Discs(NamedTuple):
 
     positions: np.ndarray  # (R, 3) float32 [m]
     normals: np.ndarray  # (R, 3) float32 unit
-    own: np.ndarray  # (R,) int32, 2 patch + side of a two-sided receiver, NONE of a one-sided one
+    own: np.ndarray  # (R,) int32, 2 patch + side of the receiver, NONE of a probe
     radius: np.float32  # [m]
+    regions: Regions  # which part of each disc light can reach
 
 
 class Lines(NamedTuple):
@@ -30,7 +32,8 @@ class Lines(NamedTuple):
     origin: np.ndarray  # (S, 3) float32
     direction: np.ndarray  # (S, 3) float32 unit
     low: np.ndarray  # (S,) float32
-    high: np.ndarray  # (S,) float32
+    stop: np.ndarray  # (S,) float32, where the segment ends ...
+    high: np.ndarray  # (S,) float32, ... and where its extension behind the hit does
     flux: np.ndarray  # (S, 3) int32
     patches: np.ndarray  # (S, 3) int32, 2 patch + side at start, static end, cut; NONE
     touches: np.ndarray  # (S, 3, 3) float32, those three points
@@ -53,14 +56,18 @@ def _lines(R, p, origin, end, hit, low, high, start_side, end_side, cut_side, pa
         patches[k, 2] = 2 * patch[cut_side[k] >> 1] + (cut_side[k] & 1) if cut_side[k] >= 0 else NONE
 
 
-def lines(segments: Segments, rotation: np.ndarray, position: np.ndarray, patch: np.ndarray) -> Lines:
-    """Carry segments into an object's space; `patch` (F,) int32 is the patch of every face."""
+def lines(segments: Segments, rotation: np.ndarray, position: np.ndarray, patch: np.ndarray, radius: float) -> Lines:
+    """Carry segments into an object's space; `patch` (F,) int32 is the patch of every face.
+
+    A segment that hits something is extended by 2 radius: see counts().
+    """
     s, n = segments, segments.size
     out = Lines(
         np.empty((n, 3), np.float32),
         np.empty((n, 3), np.float32),
         s.low,
         s.high,
+        np.where(s.hit_side != NONE, s.high + np.float32(2 * radius), s.high),
         s.flux,
         np.empty((n, 3), np.int32),
         np.empty((n, 3, 3), np.float32),
@@ -92,18 +99,43 @@ def crossed(cx, cy, cz, nx, ny, nz, ox, oy, oz, dx, dy, dz, low, high, r2, mask)
 
 
 @kernel
-def lives_elsewhere(own, x, y, z, r2, patches, touches):
-    """Tell whether a crossing belongs to the other side of a two-sided receiver's surface.
-
-    A segment that starts or ends on the receiver's own patch within 2r of it counts only for the
-    side on which it lives there: on a convex surface the disc floats in front, and light that
-    leaves the front crosses it from behind. (On a sphere such a start is within 2r, exactly.)
-    """
-    if own == NONE:
+def _touches_own(own, e, x, y, z, r2, patches, touches):
+    """Tell whether the segment meets the receiver's patch at its point e (either side) within 2r."""
+    if patches[e] == NONE or patches[e] >> 1 != own >> 1:
         return False
-    for e in range(3):
-        if patches[e] != NONE and patches[e] >> 1 == own >> 1 and patches[e] != own:
-            a, b, c = touches[e, 0] - x, touches[e, 1] - y, touches[e, 2] - z
-            if a * a + b * b + c * c <= np.float32(4.0) * r2:
-                return True
-    return False
+    a, b, c = touches[e, 0] - x, touches[e, 1] - y, touches[e, 2] - z
+    return a * a + b * b + c * c <= np.float32(4.0) * r2
+
+
+@kernel
+def counts(i, x, y, z, nx, ny, nz, o, d, stop, r2, own, rules, patches, touches):
+    """Tell whether a crossing that crossed() found counts for receiver i at (x, y, z).
+
+    - A segment that starts or ends on the receiver's own patch within 2r of it counts only for the
+      side on which it lives there: on a convex surface the disc floats in front, and light that
+      leaves the front crosses it from behind. (On a sphere such a start is within 2r, exactly.)
+    - Behind its hit a segment counts for at most 2r, and only on the patch that it hit, within 2r of
+      the hit: a concave surface rises through its own tangent disc (report 1.2.1).
+    - The crossing must lie in the reachable region of the disc.
+    """
+    mine = own[i]
+    lands = False
+    if mine != NONE:
+        for e in range(3):
+            if _touches_own(mine, e, x, y, z, r2, patches, touches):
+                if patches[e] != mine:
+                    return False
+                lands = lands or e > 0
+    ax, ay, az = x - o[0], y - o[1], z - o[2]
+    t = (ax * nx + ay * ny + az * nz) / (d[0] * nx + d[1] * ny + d[2] * nz)
+    if t >= stop:
+        e = 2 if patches[2] != NONE else 1  # what really stops this part
+        if mine == NONE or patches[e] != mine or not _touches_own(mine, e, x, y, z, r2, patches, touches):
+            return False
+    row, near, far = rules
+    if row[i] >= 0:
+        px, py, pz = t * d[0] - ax, t * d[1] - ay, t * d[2] - az
+        free = far if lands else near
+        limit = free[row[i], sector(px, py, pz, nx, ny, nz)]
+        return px * px + py * py + pz * pz <= limit * limit
+    return True

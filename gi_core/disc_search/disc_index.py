@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from gi_core.disc_search.crossing import Discs, Lines, crossed, lives_elsewhere
+from gi_core.disc_search.crossing import Discs, Lines, counts, crossed
 from gi_core.jit import kernel
 
 CELL_RADII = 4.0  # cell edge in disc radii: see docs/measurements.md
@@ -50,7 +50,7 @@ class DiscIndex:
         """
         return _splat(
             self.low, self.cell, self.shape, self.first, self.ids, self.largest, *self._columns, self.discs.own,
-            self.discs.radius, *lines, first, last, sign, sums,
+            tuple(self.discs.regions[:3]), self.discs.radius, *lines, first, last, sign, sums,
         )  # fmt: skip
 
 
@@ -115,8 +115,8 @@ def _axis(o, d, t, low, cell, n):
 
 @kernel
 def _splat(
-    low, cell, shape, first_of, ids, largest, cx, cy, cz, nx, ny, nz, own, radius,
-    origin, direction, t_low, t_high, flux, patches, touches, first, last, sign, sums,
+    low, cell, shape, first_of, ids, largest, cx, cy, cz, nx, ny, nz, own, rules, radius,
+    origin, direction, t_low, stop, t_high, flux, patches, touches, first, last, sign, sums,
 ):  # fmt: skip
     mask = np.zeros(largest, np.uint8)
     r2 = radius * radius
@@ -152,9 +152,12 @@ def _splat(
                 if n > 0:
                     for j in range(i1 - i0):
                         if mask[j]:
-                            i = ids[i0 + j]
                             m = i0 + j
-                            if not lives_elsewhere(own[i], cx[m], cy[m], cz[m], r2, patches[k], touches[k]):
+                            i = ids[m]
+                            if counts(
+                                i, cx[m], cy[m], cz[m], nx[m], ny[m], nz[m], o, d, stop[k], r2,
+                                own, rules, patches[k], touches[k],
+                            ):  # fmt: skip
                                 total += 1
                                 for ch in range(3):
                                     sums[i, ch] += sign * flux[k, ch]

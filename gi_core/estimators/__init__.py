@@ -1,9 +1,9 @@
 """Estimators of irradiance from segments, of identical shape. A new one adds its line here.
 
-Each has `reach` [m] (how far from a receiver on a mobile it looks for segments),
-`add_background(segments, photons)`, `prepare()` (steps after which `photons` covers all added),
-`photons` (those that evaluate() covers), `evaluate(frame) -> (sums, area)` and
-`from_scratch(parts, at) -> (sums, area)`; irradiance is sums x flux unit / (photons x area).
+Each has, in the order of use: `build()`, steps to run once; `add_background(segments, photons)`;
+`prepare()`, steps after which `photons` covers all added; `evaluate(frame) -> (sums, area)`, with
+`reach` [m], how far from a receiver on a mobile it looks for segments; and, to check against,
+`from_scratch(parts, at) -> (sums, area)`. Irradiance is sums x flux unit / (photons x area).
 """
 
 from gi_core.estimators.impact_count import ImpactCount

@@ -38,12 +38,16 @@ class ImpactCount:
 
     on_faces = True  # probes need a face to count on
 
-    def __init__(self, model: Model, radius: float, neighbours: int):
+    def __init__(self, model: Model, radius: float, neighbours: int, control: bool = True):
         self.model = model
         # Receiver areas are a third of each face around; the mean divides by the whole faces.
-        self.area = np.maximum(3 * model.object_receivers.areas, 1e-300)
+        self.area = 3 * model.object_receivers.areas
         self.photons = 0  # photons that evaluate() covers
         self.background = np.zeros((len(self.area), 3), np.int64)
+
+    def build(self) -> Iterator[None]:
+        """Nothing to build."""
+        return iter(())
 
     def add_background(self, segments: Segments, photons: int) -> None:
         """Add the hits of background segments, which complete the first `photons`."""

@@ -34,7 +34,7 @@ class PhotonMap:
 
     on_faces = False  # probes are receivers like any other
 
-    def __init__(self, model: Model, radius: float, neighbours: int, textbook: bool = False):
+    def __init__(self, model: Model, radius: float, neighbours: int, control: bool = True, textbook: bool = False):
         self.model, self.radius, self.k, self.textbook = model, float(radius), int(neighbours), textbook
         self.reach = 0.0
         self.stale = 0  # receivers estimated again in the last frame
@@ -49,6 +49,10 @@ class PhotonMap:
         self._grid: HitGrid = build(_joined([]), self.radius)
         points, normals = self._receivers(model.static, self._static)
         self._receiver_grid = build(_as_hits(points, normals), self.radius)
+
+    def build(self) -> Iterator[None]:
+        """Nothing to build: hits are indexed by prepare()."""
+        return iter(())
 
     def add_background(self, segments: Segments, photons: int) -> None:
         """Add the hits of background segments, which complete the first `photons`."""

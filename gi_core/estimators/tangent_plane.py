@@ -1,6 +1,6 @@
 """Density Estimation on the Tangent Plane (Lastra et al. 2002; report 1.2.1).
 
-E = flux of the segments that cross a receiver's disc from the front / pi r^2. Additive in segments,
+E = flux of the segments that cross a receiver's disc from the front / the disc's reachable area. Additive in segments,
 so on static receivers Eq. 2.4 holds: background - tails + branches. Receivers on a mobile are
 estimated from all current segments near it (report 2.5.2), in its own space, where discs never move.
 """
@@ -18,6 +18,7 @@ from gi_core.disc_search import SEARCHES
 from gi_core.disc_search.crossing import Discs, lines
 from gi_core.model import Model
 from gi_core.paths import Segments
+from gi_core.reachable_area import regions, whole_discs
 from gi_core.threads import run_ranges
 
 LINE_GRAIN = 1024  # segments a thread
@@ -29,25 +30,31 @@ class TangentPlane:
     search = "disc_index"  # of SEARCHES
     on_faces = False  # probes are receivers like any other
 
-    def __init__(self, model: Model, radius: float, neighbours: int):
-        self.model = model
-        own = model.receiver_sides
-        r = model.object_receivers
-        self._searches = []
-        for o in range(model.surfaces.objects):
-            rows = model.surfaces.receiver_range(o)
-            discs = Discs(
-                np.ascontiguousarray(r.positions[rows], np.float32),
-                np.ascontiguousarray(r.normals[rows], np.float32),
-                own[rows],
-                np.float32(radius),
-            )
-            self._searches.append(SEARCHES[self.search](discs))
+    def __init__(self, model: Model, radius: float, neighbours: int, control: bool = True):
+        self.model, self.radius, self.control = model, radius, control
         self.reach = radius
-        self.area = np.full(len(r.areas), math.pi * radius * radius)
+        self.area = np.full(len(model.object_receivers.areas), math.pi * radius * radius)
         self.photons = 0  # photons that evaluate() covers
         self.background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
+        self._searches: list = []
         self._parts: list[np.ndarray] = []
+
+    def build(self) -> Iterator[None]:
+        """Find reachable regions and index the discs of every object, in steps of a few ms."""
+        own, r = self.model.receiver_sides, self.model.object_receivers
+        self._searches = []
+        for o in range(self.model.surfaces.objects):
+            rows = self.model.surfaces.receiver_range(o)
+            if self.control:
+                region = yield from regions(self.model, o, self.radius)
+            else:
+                region = whole_discs(rows.stop - rows.start, self.radius)
+            self.area[rows] = region.area
+            positions = np.ascontiguousarray(r.positions[rows], np.float32)
+            normals = np.ascontiguousarray(r.normals[rows], np.float32)
+            discs = Discs(positions, normals, own[rows], np.float32(self.radius), region)
+            self._searches.append(SEARCHES[self.search](discs))
+            yield
 
     def add_background(self, segments: Segments, photons: int) -> None:
         """Add background segments, which complete the first `photons`, to the sums of static receivers."""
@@ -80,7 +87,7 @@ class TangentPlane:
     def _splat(self, o: int, segments: Segments, at: Transforms, sign: int, sums: np.ndarray) -> None:
         if not segments.size or not len(sums):
             return
-        ready = lines(segments, at.rotation[o], at.position[o], self.model.surfaces.patch)
+        ready = lines(segments, at.rotation[o], at.position[o], self.model.surfaces.patch, self.radius)
         search = self._searches[o]
 
         def work(part, first, last):

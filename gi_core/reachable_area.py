@@ -1,0 +1,132 @@
+"""The part of a receiver's disc that light can reach (report 1.2.1, artifact control; 2.9.1).
+
+The region is star-shaped round the receiver: in each of SECTORS sectors the free distance to the next
+surface of the same object. A crossing counts only inside, and the divisor is the region's area, so
+a disc that reaches into a wall neither loses light nor sees that of the next room. Only the object
+itself is looked at: regions never change when mobiles move.
+
+Two distances a sector, because a concave surface rises through its own tangent disc. Light that
+lands on the receiver's own patch nearby may cross the disc behind the surface ("far": own patch
+ignored); other light may not ("near": own patch blocks too).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.jit import kernel
+from gi_core.model import Model
+from gi_core.sampling import basis
+
+SECTORS = 64  # a wall through the receiver is placed to half a sector each end: 1.6 % of the area
+PROBES = 16  # sectors tried first; a receiver with none of them blocked needs no control
+CHUNK = 2048  # receivers a step: some 5 ms
+LIFT = 2e-3  # of the radius, along the normal: clears the receiver's own flat surface
+NUDGE = 1e-2  # of the radius, towards the faces: an edge vertex lies in its neighbour's plane
+TANGENT = 0.25  # of the radius: own patch met nearer than this means the disc lies behind it from the start
+LEAST_AREA = 1e-3  # of the disc: smaller regions count as unreachable (they would be noise alone)
+
+
+class Regions(NamedTuple):
+    """Regions of one object's receivers."""
+
+    row: np.ndarray  # (R,) int32 into the arrays below, -1: the whole disc
+    near: np.ndarray  # (C, SECTORS) float32 [m]
+    far: np.ndarray  # (C, SECTORS) float32 [m]
+    area: np.ndarray  # (R,) float64 [m2], 0 where nothing can arrive
+
+
+def whole_discs(count: int, radius: float) -> Regions:
+    """Return regions that are whole discs."""
+    nothing = np.empty((0, SECTORS), np.float32)
+    return Regions(np.full(count, -1, np.int32), nothing, nothing, np.full(count, math.pi * radius * radius))
+
+
+def regions(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:
+    """Find the regions of object o's receivers, in steps of a few ms; the generator returns them."""
+    s = model.surfaces
+    rows = np.arange(*s.receiver_range(o).indices(len(model.object_receivers.areas)))
+    points, normals = _lifted(model, o, radius)
+    patch = model.receiver_sides[rows] >> 1
+    row = np.full(len(rows), -1, np.int32)
+    near, far = [], []
+    for first in range(0, len(rows), CHUNK):
+        part = slice(first, first + CHUNK)
+        tried, _ = _distances(model, o, points[part], normals[part], patch[part], radius, SECTORS // PROBES)
+        blocked = first + np.flatnonzero((tried < np.float32(radius)).any(axis=1))
+        yield
+        if len(blocked):
+            row[blocked] = sum(map(len, near)) + np.arange(len(blocked))
+            a, b = _distances(model, o, points[blocked], normals[blocked], patch[blocked], radius, 1)
+            near.append(a)
+            far.append(b)
+            yield
+    nothing = [np.empty((0, SECTORS), np.float32)]
+    near, far = np.concatenate(near or nothing), np.concatenate(far or nothing)
+    area = np.full(len(rows), math.pi * radius * radius)
+    area[row >= 0] = math.pi / SECTORS * (far.astype(np.float64) ** 2).sum(axis=1)
+    area[area < LEAST_AREA * math.pi * radius * radius] = 0.0
+    return Regions(row, near, far, area)
+
+
+def _lifted(model: Model, o: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return where to look round from, (R, 3) float64 each: lifted off the surface, nudged off its edges."""
+    s, receivers = model.surfaces, model.object_receivers
+    rows = s.receiver_range(o)
+    centroids = s.vertices[o][s.faces[o]].mean(axis=1)
+    total, count = np.zeros((len(receivers.areas), 3)), np.zeros(len(receivers.areas))
+    for corners in (s.corner_front, s.corner_back):
+        for k in range(3):
+            index = corners[s.face_range(o), k]
+            has = index >= 0
+            np.add.at(total, index[has], centroids[has])
+            np.add.at(count, index[has], 1)
+    has = count[rows] > 0
+    towards = np.zeros((len(has), 3))
+    towards[has] = total[rows][has] / count[rows][has][:, None] - receivers.positions[rows][has]
+    n = receivers.normals[rows]
+    towards -= (towards * n).sum(axis=1)[:, None] * n
+    # Inside a surface the centroids surround the receiver: what little is left over changes nothing.
+    length = np.sqrt((towards * towards).sum(axis=1))[:, None]
+    step = np.minimum(length, NUDGE * radius) / np.where(length > 0, length, 1)
+    return receivers.positions[rows] + LIFT * radius * n + step * towards, n
+
+
+def _distances(model: Model, o: int, points, normals, patch, radius: float, stride: int):
+    """Return near and far distances (n, SECTORS / stride) float32 [m]."""
+    n, count = len(points), SECTORS // stride
+    origins, directions = np.empty((n * count, 3), np.float32), np.empty((n * count, 3), np.float32)
+    _radial(points, normals, stride, origins, directions)
+    distance, face = model.accelerator.nearest(o, origins, directions, np.full(n * count, radius, np.float32))
+    own = (face >= 0) & (model.surfaces.patch[face] == np.repeat(patch, count))
+    near = np.where(own & (distance < TANGENT * radius), np.float32(0), distance)
+    far = np.where(own, np.float32(radius), distance)
+    return near.reshape(n, count), far.reshape(n, count)
+
+
+@kernel
+def _radial(points, normals, stride, origins, directions):
+    count = SECTORS // stride
+    for i in range(len(points)):
+        n = normals[i]
+        ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
+        for k in range(count):
+            angle = 2.0 * math.pi * (k * stride + 0.5) / SECTORS
+            c, s = math.cos(angle), math.sin(angle)
+            j = i * count + k
+            origins[j, 0], origins[j, 1], origins[j, 2] = points[i, 0], points[i, 1], points[i, 2]
+            directions[j, 0] = c * ax + s * bx
+            directions[j, 1] = c * ay + s * by
+            directions[j, 2] = c * az + s * bz
+
+
+@kernel
+def sector(px, py, pz, nx, ny, nz):
+    """Return the sector in which an offset from a receiver lies."""
+    ax, ay, az, bx, by, bz = basis(float(nx), float(ny), float(nz))
+    angle = math.atan2(px * bx + py * by + pz * bz, px * ax + py * ay + pz * az)
+    return int(math.floor(angle * (SECTORS / (2.0 * math.pi)))) & (SECTORS - 1)
