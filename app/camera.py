@@ -113,7 +113,8 @@ class Turntable:
     def dolly(self, notches: float) -> Turntable:
         """Go nearer by notches of the wheel."""
         r = self.bounds.radius
-        return replace(self, distance=float(np.clip(self.distance * DOLLY_STEP**notches, NEAREST * r, FARTHEST * r)))
+        distance = self.distance * DOLLY_STEP ** float(np.clip(notches, -100, 100))
+        return replace(self, distance=float(np.clip(distance, NEAREST * r, FARTHEST * r)))
 
     def centred(self, point) -> Turntable:
         """Make a point the pivot: it comes to the middle at the depth that it has, seen from the same side."""

@@ -16,12 +16,13 @@ from gi_core.scene import Pose
 
 SLIDE, LIFT, FACE, TURN = "slide", "lift", "face", "turn"
 MODES = {
-    SLIDE: "slides at this height",
+    SLIDE: "slides it at this height",
     LIFT: "moves it up and down",
     FACE: "moves it in the plane of the picture",
     TURN: "turns it about the vertical",
 }
 TURN_SPEED = 360.0  # degrees for a drag across the picture's height
+HEADROOM = 0.5  # of the scene's diagonal: how high mobiles can at least be lifted
 GRAZING = 1e-4  # |cos| of ray and plane: below it the hit is farther than any scene
 STEEP = 0.25  # sine of view and vertical: below it a vertical drag is read in the picture instead
 
@@ -36,6 +37,17 @@ class Grab(NamedTuple):
     camera: Turntable
     u: float  # the cursor in the picture, (0, 0) top left, (1, 1) bottom right
     v: float
+    low: np.ndarray  # (3,) the mobile's box in the world, at the press
+    high: np.ndarray
+
+
+def room_for(bounds: Bounds, up) -> Bounds:
+    """Return where mobiles may be dragged: the scene's box, made half as high as it is long where it is flat."""
+    up = frame_of(up)[2]
+    low, high = np.array(bounds.low), np.array(bounds.high)
+    missing = max(HEADROOM * float(np.linalg.norm(high - low)) - float(np.abs(up) @ (high - low)), 0.0)
+    low, high = low + np.minimum(up, 0) * missing, high + np.maximum(up, 0) * missing
+    return Bounds(tuple(map(float, low)), tuple(map(float, high)))
 
 
 def mode_of(shift: bool, alt: bool, ctrl: bool) -> str:
@@ -44,7 +56,7 @@ def mode_of(shift: bool, alt: bool, ctrl: bool) -> str:
 
 
 def dragged(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> Pose:
-    """Return the pose for the cursor at (u, v); the point grabbed stays inside the bounds."""
+    """Return the pose for the cursor at (u, v); the mobile stays inside the bounds."""
     if grab.mode == TURN:
         q = axis_angle(grab.camera.up, (u - grab.u) * aspect * TURN_SPEED)
         turned = np.array(multiply_quaternions(q, grab.pose.quaternion))
@@ -114,8 +126,10 @@ _TARGETS = {SLIDE: _slide, LIFT: _lift, FACE: _face}
 
 
 def _room(grab: Grab, bounds: Bounds) -> tuple[np.ndarray, np.ndarray]:
-    """Return the box where the point may go: the bounds, grown where the point was outside already."""
-    return np.minimum(bounds.low, grab.point), np.maximum(bounds.high, grab.point)
+    """Return the box where the point may go so that the mobile stays inside; grown where it was outside already."""
+    low = np.array(bounds.low) + (grab.point - grab.low)
+    high = np.array(bounds.high) - (grab.high - grab.point)
+    return np.minimum(low, grab.point), np.maximum(high, grab.point)
 
 
 def _track_in_box(origin, direction, low, high) -> tuple[float, float | None]:

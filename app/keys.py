@@ -60,10 +60,9 @@ def _is_pressed(chord: int) -> bool:
     return int(imgui.get_io().key_mods) == modifiers and imgui.is_key_pressed(key, repeat=False)
 
 
-def draw_help(estimators: list[str], is_open: bool) -> bool:
-    """Show the help window; return whether it stays open."""
+def draw_help(estimators: list[str], centre: tuple[float, float], is_open: bool) -> bool:
+    """Show the help window, at first round `centre`; return whether it stays open."""
     em = imgui.get_font_size()
-    centre = imgui.get_main_viewport().get_center()
     imgui.set_next_window_pos(centre, imgui.Cond_.appearing, (0.5, 0.5))
     flags = imgui.WindowFlags_
     shown, is_open = imgui.begin(

@@ -10,10 +10,14 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from app.settings import Settings, make_solver, open_scene
+
+if TYPE_CHECKING:
+    from gi_core.scene import Scene
 
 IMPORTING, COMPILING, LOADING, TRACING = "importing", "compiling kernels", "loading scene", "tracing"
 SWITCH_SECONDS = 0.001  # how soon the thread lets the window have the interpreter; Python's own 5 ms make it stutter
@@ -31,8 +35,9 @@ class Opened(NamedTuple):
 class Opening:
     """Runs in the background; look at `phase`, `detail`, `fraction`, then at `result` or `problem`."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, load: Callable[[Settings], Scene] = open_scene) -> None:
         self.settings = settings
+        self._load = load
         self.phase, self.detail = IMPORTING, ""
         self.fraction: float | None = None  # None: unknown
         self.result: Opened | None = None
@@ -91,7 +96,7 @@ class Opening:
         from app.vertex_colours import draw_meshes
 
         self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
-        scene = open_scene(self.settings)
+        scene = self._load(self.settings)
         self._stop_if_cancelled()
         solver = make_solver(scene, self.settings)
         meshes, picker = draw_meshes(solver.surfaces), Picker(solver.surfaces)

@@ -127,7 +127,7 @@ def _picture(s: Settings, facts: Facts, actions: set[str]) -> Settings:
                 "How radiance becomes display colour: ACES keeps highlights, Reinhard keeps hue, Clip is exact below "
                 "white.")  # fmt: skip
     s = _choice(s, "Show", "show", {k: SHOW_NAMES.get(k, k) for k in SHOWS},
-                "The picture with each surface's reflectance, or the irradiance alone, as if everything were white.")  # fmt: skip
+                "With each surface's reflectance, or the irradiance alone, as if everything were white.")  # fmt: skip
     _label("Doll's house")
     changed, cull = imgui.checkbox("##Doll's house", s.cull)
     if changed:
@@ -169,15 +169,14 @@ def _paths(facts: Facts) -> None:
     imgui.separator_text("Paths")
     _label("Traced")
     share = facts.photons_traced / facts.photons_goal if facts.photons_goal else 1.0
-    text = f"{_thousands(facts.photons_traced)} of {_thousands(facts.photons_goal)}"
-    imgui.progress_bar(min(share, 1.0), (-1, 0), text)
-    _tip("Photons that the picture is made of, and photons wanted.")
+    imgui.progress_bar(min(share, 1.0), (-1, 0), "")
+    _write_over(f"{_thousands(facts.photons_traced)} of {_thousands(facts.photons_goal)}")
+    _tip(f"Photons that the picture is made of, and photons wanted: {_thousands(facts.segments)} path segments.")
     n = max(facts.photons_traced, 1)
     _number("Photons cut", f"{_thousands(facts.photons_cut)}   ({100 * facts.photons_cut / n:.2g} %)",
             "Photons whose path through the static scene a mobile blocks: the only ones traced anew.")  # fmt: skip
     _number("Old segments", _thousands(facts.old_segments), "Path segments that the mobiles take out.")
     _number("New segments", _thousands(facts.new_segments), "Path segments that the mobiles put in.")
-    _number("All segments", _thousands(facts.segments), "Path segments through the static scene.")
     _number("Triangles", _thousands(facts.triangles), "Of the static part and the mobiles together.")
     _number("Receivers", _thousands(facts.receivers), "One-sided points where irradiance is computed.")
 
@@ -189,7 +188,8 @@ def _probes(facts: Facts) -> None:
     unit = "lx" if facts.photometric else "W/m²"
     for name, E in facts.probes.items():
         red, green, blue = (f"{float(c):.4g}" for c in E)
-        _number(name, f"{float(luminance(E)):.4g} {unit}", f"Irradiance at the probe: red {red}, green {green}, blue {blue}.")  # fmt: skip
+        tip = f"Irradiance at the probe: red {red}, green {green}, blue {blue}."
+        _number(name, f"{float(luminance(E)):.4g} {unit}", tip)
 
 
 def _notes(facts: Facts) -> None:
@@ -218,22 +218,22 @@ def _label(text: str) -> None:
     imgui.set_next_item_width(-1)
 
 
+def _write_over(text: str) -> None:
+    """Write in the middle of the last widget; ImGui's own text on a progress bar runs along with it."""
+    low, high, size = imgui.get_item_rect_min(), imgui.get_item_rect_max(), imgui.calc_text_size(text)
+    at = ((low.x + high.x - size.x) / 2, (low.y + high.y - size.y) / 2)
+    imgui.get_window_draw_list().add_text(at, imgui.get_color_u32(imgui.Col_.text), text)
+
+
 def _number(label: str, value: str, tip: str) -> None:
     """Write a number at the right end of its line."""
-    imgui.begin_group()
+    right = imgui.get_content_region_avail().x
+    imgui.begin_group()  # positions on a line count from the group's left end
     imgui.text_colored((*theme.DIM, 1.0), label)
-    imgui.same_line(_right(value))
+    imgui.same_line(right - imgui.calc_text_size(value).x)
     imgui.text(value)
     imgui.end_group()
     _tip(tip)
-
-
-def _right(value: str) -> float:
-    window = imgui.get_style().window_padding.x
-    inside = imgui.get_window_width() - window
-    if imgui.get_scroll_max_y() > 0:
-        inside -= imgui.get_style().scrollbar_size
-    return inside - imgui.calc_text_size(value).x
 
 
 def _tip(text: str) -> None:

@@ -44,6 +44,9 @@ class Renderer:
         self._screen = ctx.vertex_array(self._outline, [])
         self._objects: list[_Object] = []
         self._targets: _Targets | None = None
+        # Bound again after each picture: the GUI draws next and expects the window, and moderngl must not
+        # be left with a framebuffer bound that `resize` releases.
+        self._default = ctx.detect_framebuffer(0)
         self.samples = samples
         self.uploads = 0  # colour uploads so far
         self.draws = 0  # pictures so far
@@ -87,6 +90,8 @@ class Renderer:
             ctx.copy_framebuffer(targets.picture, targets.drawn)
         if look.outlined >= 0:
             self._draw_outline(targets, look)
+        ctx.enable_only(ctx.NOTHING)
+        self._default.use()
         self.draws += 1
 
     def _draw_outline(self, targets: _Targets, look: Look) -> None:
@@ -104,7 +109,6 @@ class Renderer:
         self._outline["line"] = OUTLINE
         self._outline["width"] = look.outline_width
         self._screen.render(moderngl.TRIANGLES, vertices=3)
-        ctx.enable_only(ctx.NOTHING)
 
     @property
     def texture(self) -> int:

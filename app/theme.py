@@ -10,6 +10,8 @@ FRAME = (0.190, 0.196, 0.210)
 FRAME_HOVERED = (0.235, 0.243, 0.262)
 FRAME_ACTIVE = (0.270, 0.282, 0.310)
 ACCENT = (0.918, 0.655, 0.298)  # lamp light
+GRAB = (0.560, 0.420, 0.225)  # the accent, dark enough to read white on
+GRAB_ACTIVE = (0.680, 0.500, 0.250)
 TEXT = (0.870, 0.875, 0.885)
 DIM = (0.580, 0.595, 0.620)
 WARNING = (0.950, 0.760, 0.350)
@@ -38,14 +40,14 @@ def set_style() -> None:
     style.frame_rounding, style.grab_rounding, style.tab_rounding = 4.0, 4.0, 4.0
     style.window_border_size, style.frame_border_size, style.popup_border_size = 0.0, 0.0, 1.0
     style.window_padding, style.frame_padding = (12, 10), (8, 4)
-    style.item_spacing, style.item_inner_spacing = (8, 6), (6, 4)
+    style.item_spacing, style.item_inner_spacing = (8, 5), (6, 4)
     style.scrollbar_size, style.grab_min_size = 10.0, 10.0
     style.separator_text_border_size, style.separator_text_padding = 1.0, (0, 4)
     style.docking_separator_size = 1.0
     style.hover_stationary_delay, style.hover_delay_normal = 0.15, 0.45
     C = imgui.Col_
     clear = (0.0, 0.0, 0.0, 0.0)
-    for which, colour in {
+    colours = {
         C.text: TEXT,
         C.text_disabled: DIM,
         C.window_bg: PANEL,
@@ -58,8 +60,8 @@ def set_style() -> None:
         C.title_bg: WINDOW,
         C.title_bg_active: FRAME,
         C.check_mark: ACCENT,
-        C.slider_grab: (*ACCENT, 0.80),
-        C.slider_grab_active: ACCENT,
+        C.slider_grab: GRAB,
+        C.slider_grab_active: GRAB_ACTIVE,
         C.button: FRAME,
         C.button_hovered: FRAME_HOVERED,
         C.button_active: FRAME_ACTIVE,
@@ -67,12 +69,15 @@ def set_style() -> None:
         C.header_hovered: FRAME_HOVERED,
         C.header_active: FRAME_ACTIVE,
         C.separator: (0.235, 0.242, 0.258),
-        C.plot_histogram: ACCENT,
+        C.plot_histogram: GRAB,
         C.tab: WINDOW,
         C.tab_selected: FRAME,
         C.tab_hovered: FRAME_HOVERED,
         C.docking_empty_bg: WINDOW,
         C.scrollbar_bg: clear,
         C.text_selected_bg: (*ACCENT, 0.35),
-    }.items():
+    }
+    if hasattr(C, "checkbox_selected_bg"):
+        colours[C.checkbox_selected_bg] = FRAME
+    for which, colour in colours.items():
         style.set_color_(which, colour if len(colour) == 4 else (*colour, 1.0))

@@ -62,7 +62,8 @@ class Viewer:
         for action in keys.pressed():
             self._do(action)
         if self.help_open:
-            self.help_open = keys.draw_help(list(self._estimators), self.help_open)
+            (x, y), (w, h) = self.viewport.origin, self.viewport.size
+            self.help_open = keys.draw_help(list(self._estimators), (x + w / 2, y + h / 2), self.help_open)
         problem = self.session.problem
         if isinstance(problem, (UsageError, ValueError, OSError)):  # a scene that cannot be used: see `run`
             self.params.app_shall_exit = True
@@ -75,8 +76,10 @@ class Viewer:
 
     def draw_viewport(self) -> None:
         """Input, then light, then the picture: what is drawn belongs to the pose of this very frame."""
-        padding = imgui.get_style().window_padding
-        imgui.set_cursor_pos((0, imgui.get_cursor_pos().y - padding.y))
+        flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (0, 0))
+        imgui.begin("Viewport", None, flags)
+        imgui.pop_style_var()
         self.viewport.handle_input(self._seconds)
         editing = imgui.is_any_item_active()
         self._guard("light", lambda: self.session.tick(self._seconds, editing))
@@ -85,6 +88,7 @@ class Viewer:
         if self._ready:
             self._guard("drawing", self._draw_scene)
         self._draw_overlay()
+        imgui.end()
 
     def draw_panel(self) -> None:
         if not self._ready:
@@ -97,9 +101,14 @@ class Viewer:
 
     def draw_status(self) -> None:
         entry = self.log.last
+        hint = "H: help    Tab: panel"
+        start = imgui.get_cursor_pos()
+        room = imgui.get_content_region_avail().x - imgui.calc_text_size(hint).x
+        imgui.set_cursor_pos((start.x + room, start.y))
+        imgui.text_disabled(hint)
         if entry is None:
-            imgui.text_disabled("H: help")
             return
+        imgui.set_cursor_pos(start)
         colour = {ERROR: theme.ERROR, WARNING: theme.WARNING}.get(entry.level, theme.DIM)
         imgui.text_colored((*colour, 1.0), entry.text)
         if imgui.is_item_hovered() and len(self.log.entries) > 1:

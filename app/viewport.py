@@ -14,6 +14,7 @@ from app.camera import Bounds, Turntable, from_camera
 from app.picking import Hit
 from app.renderer import Look, Renderer
 from app.session import Session
+from gi_core.pose import to_world
 
 FLIGHT_SECONDS = 0.35  # of the way home and to a new pivot
 THRESHOLD_PIXELS = 2.0  # a click that trembles is not a drag
@@ -28,7 +29,8 @@ class Viewport:
         self.session = session
         self.camera: Turntable | None = None
         self.home: Turntable | None = None
-        self.bounds: Bounds | None = None
+        self.bounds: Bounds | None = None  # of everything
+        self.room: Bounds | None = None  # where mobiles may be dragged
         self.hover: Hit | None = None  # mobile under the cursor
         self.grab: drag.Grab | None = None
         self.size = (1, 1)  # points
@@ -42,6 +44,7 @@ class Viewport:
         """Take the scene's camera; called when the session has become ready."""
         solver = self.session.solver
         self.bounds = scene_bounds(solver, self.session.poses)
+        self.room = drag.room_for(self.bounds, solver.scene.up)
         lit = Bounds(tuple(solver.chosen.low), tuple(solver.chosen.high)) if hasattr(solver, "chosen") else None
         self.home = self.camera = from_camera(solver.scene.camera, solver.scene.up, self.bounds, lit)
 
@@ -126,7 +129,9 @@ class Viewport:
         self._flight = None
         self.session.playing = False
         self.session.begin_drag()
-        self.grab = drag.Grab(mobile, mode, self.hover.point, self.session.poses[mobile], self.camera, u, v)
+        pose = self.session.poses[mobile]
+        box = to_world(pose, self.session.solver.surfaces.vertices[self.hover.object])
+        self.grab = drag.Grab(mobile, mode, self.hover.point, pose, self.camera, u, v, box.min(axis=0), box.max(axis=0))
 
     def _go_on_dragging(self, io) -> None:
         button = BUTTONS["left"] if imgui.is_mouse_down(BUTTONS["left"]) else BUTTONS["right"]
@@ -135,7 +140,7 @@ class Viewport:
             if moved:
                 # The camera may have dollied since the press: the grab keeps the point, the ray is today's.
                 grab = self.grab._replace(camera=self.camera)
-                pose = drag.dragged(grab, *self._uv(io.mouse_pos), self.aspect, self.bounds)
+                pose = drag.dragged(grab, *self._uv(io.mouse_pos), self.aspect, self.room)
                 if pose != self.session.poses[grab.mobile]:
                     self.session.move({grab.mobile: pose})
         else:
@@ -247,8 +252,6 @@ _CURSORS = {
 
 def scene_bounds(solver, poses) -> Bounds:
     """Return the box round everything, mobiles at their poses."""
-    from gi_core.pose import to_world
-
     surfaces = solver.surfaces
     points = [surfaces.vertices[0]]
     for mobile, vertices in zip(solver.scene.mobiles, surfaces.vertices[1:], strict=True):

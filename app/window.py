@@ -154,10 +154,11 @@ def runner_params(
     split.direction = imgui.Dir.right
     split.ratio = min(PANEL_EM * FONT_PIXELS / settings.size[0], 0.5)
     params.docking_params.docking_splits = [split]
-    params.docking_params.main_dock_space_node_flags = imgui.DockNodeFlags_.auto_hide_tab_bar
+    no_tabs = int(imgui.internal.DockNodeFlagsPrivate_.no_tab_bar)
+    split.node_flags = params.docking_params.main_dock_space_node_flags = no_tabs
 
     shown = hello_imgui.DockableWindow("Viewport", "MainDockSpace", viewport, can_be_closed_=False)
-    shown.imgui_window_flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+    shown.call_begin_end = False  # it has no padding, which must be said before `begin`
     beside = hello_imgui.DockableWindow("Panel", "Side", panel, can_be_closed_=False)
     beside.remember_is_visible = False
     params.docking_params.dockable_windows = [shown, beside]

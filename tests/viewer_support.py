@@ -1,0 +1,140 @@
+"""What the tests of the viewer share: a small scene from arrays, a screenless GL, a viewer driven by a script."""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from app.opening import Opening
+from app.settings import Settings
+from gi_core.scene import Camera, KeyFrames, Material, Mesh, Mobile, Pose, Probe, Scene
+
+
+def quad(a, b, c, d, n: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices and faces of a quadrilateral in n x n cells; the front sees a, b, c, d go counter-clockwise."""
+    a, b, c, d = (np.array(p, np.float64) for p in (a, b, c, d))
+    s = np.linspace(0, 1, n + 1)
+    u, v = (w[..., None] for w in np.meshgrid(s, s, indexing="ij"))
+    vertices = ((1 - u) * (1 - v) * a + u * (1 - v) * b + u * v * c + (1 - u) * v * d).reshape(-1, 3)
+    i = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    p, q, r, t = i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]
+    return vertices, np.stack([p, q, r, p, r, t], axis=-1).reshape(-1, 3).astype(np.int32)
+
+
+def mesh(parts) -> Mesh:
+    """Join (vertices, faces, material) triples."""
+    vertices, faces, materials, first = [], [], [], 0
+    for v, f, m in parts:
+        vertices.append(v)
+        faces.append(f + first)
+        materials.append(np.full(len(f), m, np.int32))
+        first += len(v)
+    return Mesh(np.concatenate(vertices), np.concatenate(faces).astype(np.int32), np.concatenate(materials))
+
+
+def box(low, high, material: int, n: int = 1, inward: bool = False) -> list:
+    """Return the six sides of a box as parts."""
+    (x, y, z), (X, Y, Z) = low, high
+    sides = [
+        ((x, y, z), (x, y, Z), (x, Y, Z), (x, Y, z)),
+        ((X, y, Z), (X, y, z), (X, Y, z), (X, Y, Z)),
+        ((x, y, Z), (x, y, z), (X, y, z), (X, y, Z)),
+        ((x, Y, z), (x, Y, Z), (X, Y, Z), (X, Y, z)),
+        ((X, y, z), (x, y, z), (x, Y, z), (X, Y, z)),
+        ((x, y, Z), (X, y, Z), (X, Y, Z), (x, Y, Z)),
+    ]
+    return [(*quad(*(s[::-1] if inward else s), n), material) for s in sides]
+
+
+def room(n: int = 8) -> Scene:
+    """A closed room 1 m wide, y up: red left wall, green right wall, a lamp, a box to drag along a path."""
+    walls = box((0, 0, 0), (1, 1, 1), 0, n, inward=True)
+    walls[0] = (*walls[0][:2], 1)
+    walls[1] = (*walls[1][:2], 2)
+    lamp = (*quad((0.35, 0.995, 0.35), (0.65, 0.995, 0.35), (0.65, 0.995, 0.65), (0.35, 0.995, 0.65)), 3)
+    materials = (
+        Material("white", (0.73, 0.73, 0.73)),
+        Material("red", (0.6, 0.06, 0.05)),
+        Material("green", (0.12, 0.45, 0.1)),
+        Material("lamp", (0.0, 0.0, 0.0), (15.0, 14.0, 11.0)),
+    )
+    pose = Pose((0.5, 0.3, 0.5))
+    path = KeyFrames(np.array([0.0, 2.0]), np.array([[0.3, 0.3, 0.5], [0.7, 0.3, 0.5]]), np.array([[1.0, 0, 0, 0]] * 2))
+    block = Mobile("block", mesh(box((-0.12, -0.12, -0.12), (0.12, 0.12, 0.12), 0, 4)), pose, path)
+    return Scene(
+        mesh([*walls, lamp]),
+        materials,
+        (block,),
+        probes=(Probe("desk", (0.5, 0.01, 0.5), (0.0, 1.0, 0.0)),),
+        camera=Camera((0.5, 0.55, 2.9), (0.5, 0.45, 0.5), 38.0),
+        name="room",
+        notes=("made for the tests",),
+    )
+
+
+SETTINGS = Settings(scene="room", photons=20_000, radius=0.06, neighbours=40, size=(960, 640))
+
+
+def opening(scene: Scene) -> Callable:
+    """Return what opens a ready scene instead of a file."""
+    return functools.partial(Opening, load=lambda settings: scene)
+
+
+def opened(settings: Settings = SETTINGS, scene: Scene | None = None):
+    """Open a scene to its first picture and return it."""
+    job = opening(scene or room())(settings)
+    job._thread.join()
+    assert job.done
+    if job.problem is not None:
+        raise job.problem
+    return job.result
+
+
+def need_gl(reason: str) -> None:
+    """Skip for a reason, or fail where GL is required."""
+    if os.environ.get("GI_REQUIRE_GL") == "1":
+        pytest.fail(f"GI_REQUIRE_GL=1, but {reason}")
+    pytest.skip(reason)
+
+
+@functools.cache
+def screenless() -> str | None:
+    """Tell glfw to do without a screen (null platform, EGL), for the whole process; return why it cannot."""
+    try:
+        import imgui_bundle  # noqa: F401, I001  before glfw: it brings the libglfw that both must use
+        import glfw
+    except (ImportError, OSError) as problem:
+        return f"the GUI does not load: {problem}"
+    glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL)
+    from app.window import why_no_window
+
+    return why_no_window()
+
+
+def standalone_context():
+    """Return a GL 3.3 context without a window, or skip."""
+    import moderngl
+
+    problems = []
+    for options in ({"backend": "egl"}, {}):
+        try:
+            return moderngl.create_standalone_context(require=330, **options)
+        except Exception as problem:  # moderngl raises plain Exception
+            problems.append(str(problem))
+    need_gl(f"no OpenGL 3.3: {'; '.join(problems)}")
+
+
+def drive(viewer, script: Callable) -> None:
+    """Run a viewer without a screen; `script(ctx)` clicks and types in it with ImGui's test engine."""
+    from imgui_bundle.immapp import testing
+
+    from app import window
+
+    viewer.params.ini_disable = True
+    viewer.params.app_window_params.restore_previous_geometry = False
+    window.prepare()
+    testing.run(test_function=script, runner_params=viewer.params)
