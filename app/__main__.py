@@ -107,7 +107,7 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=_seed, default=0, metavar="N", help="which photons (0)")
     add("--exposure", type=_finite, metavar="EV", help="stops, +1 doubles (the scene's, else metered)")
     add("--max-edge", type=_positive, metavar="M", help="cut triangles until no edge is longer [m]")
-    add("--up", choices=["x", "y", "z", "-x", "-y", "-z"], metavar="AXIS", help="x, y, z, or --up=-x and so on")
+    add("--up", choices=["x", "y", "z"], help="which axis points up, instead of the file's")
     add("--version", action=_Version, nargs=0, help="print the version")
 
 

@@ -28,7 +28,7 @@ class Settings:
     scene: str = "cornell"  # a built-in name, a scene file (.toml) or a mesh file
     mobiles: tuple[str, ...] = ()  # mesh files that become mobiles
     max_edge: float | None = None  # tessellate edges longer than this [m]
-    up: str | None = None  # "x", "y", "z", "-x"...
+    up: str | None = None  # "x", "y" or "z"
     estimator: str | None = None  # a key of gi_core.estimators.ESTIMATORS
     photons: int | None = None
     radius: float | None = None  # [m]

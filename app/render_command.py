@@ -1,0 +1,129 @@
+"""`gi-viewer render`: pictures without a window, one, or many along the path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from app import motion, raycast
+from app.camera import Bounds, Turntable, from_camera
+from app.metering import metered
+from app.png import write_png
+from app.progress import Bar, compile_kernels, solve
+from app.settings import Settings, UsageError, make_solver, open_scene
+from app.vertex_colours import colours, draw_meshes
+
+
+class Shot:
+    """A solved scene that is looked at: what a picture and the light meter need."""
+
+    def __init__(self, solver, settings: Settings) -> None:
+        self.solver, self.settings = solver, settings
+        self.meshes = draw_meshes(solver.surfaces)
+        self.camera = home_camera(solver)
+        self.exposure = settings.exposure
+        if self.exposure is None:
+            self.exposure = solver.scene.defaults.exposure
+
+    def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return linear radiance of front and back (D, 3) of object o."""
+        return colours(self.meshes[o], self.solver.irradiance, self.settings.show == "radiance")
+
+    def take(self, progress=lambda fraction: None) -> np.ndarray:
+        """Return the picture (h, w, 3) uint8; the first one sets the exposure if nobody else does."""
+        if self.exposure is None:
+            self.exposure = metered(self, self.camera)
+        model, s = self.solver.model, self.settings
+        return raycast.picture(
+            model.accelerator,
+            model.transforms(self.solver.poses),
+            self.meshes,
+            [self.colours(o) for o in range(len(self.meshes))],
+            self.camera,
+            s.size,
+            self.exposure,
+            s.tone_map,
+            s.cull,
+            progress,
+        )
+
+    def parameters(self) -> dict[str, object]:
+        """Return what is needed to make the same picture again."""
+        s, solver, view = self.settings, self.solver, self.camera.as_camera()
+        entries = {
+            "software": "gi-viewer render",
+            "scene": s.scene,
+            "mobiles": " ".join(s.mobiles) or "-",
+            "estimator": solver.estimator,
+            "photons": solver.photons_traced,
+            "radius": f"{solver.radius:.6g} m",
+            "neighbours": solver.neighbours,
+            "seed": solver.seed,
+            "exposure": f"{self.exposure:.4f} EV",
+            "tone_map": s.tone_map,
+            "show": s.show,
+            "cull": s.cull,
+            "camera": f"position {_numbers(view.position)} target {_numbers(view.target)} "
+            f"vertical_fov_degrees {view.vertical_fov_degrees:.6g}",
+        }
+        poses = {f"pose {name}": _numbers((*p.position, *p.quaternion)) for name, p in solver.poses.items()}
+        return entries | poses
+
+
+def render(settings: Settings, out: Path, frames: int | None = None) -> list[Path]:
+    """Write one picture, or `frames` pictures along the mobiles' paths; return their full paths.
+
+    Raises SceneError, UsageError, OSError.
+    """
+    _check(out)
+    with Bar() as bar:
+        bar("loading", 0.0)
+        scene = open_scene(settings)
+        compile_kernels(bar)
+        solver = make_solver(scene, settings)
+        solve(solver, bar)
+        shot = Shot(solver, settings)
+        if frames is None:
+            return [write_png(out, shot.take(lambda f: bar("drawing", f)), shot.parameters())]
+        written = []
+        for k, poses in enumerate(motion.spread(motion_paths(solver), frames)):
+            bar("drawing", k / frames)
+            if poses:
+                solver.move_all(poses)
+            written.append(write_png(numbered(out, k + 1), shot.take(), shot.parameters()))
+        return written
+
+
+def motion_paths(solver) -> dict:
+    """Return the paths that the mobiles follow, a circle for want of any."""
+    static = solver.surfaces.receiver_range(0)
+    receivers = solver.model.object_receivers
+    return motion.paths_of(solver.scene, type(receivers)(*(a[static] for a in receivers)), solver.scene_size)
+
+
+def home_camera(solver) -> Turntable:
+    """Return the scene's camera as the viewer opens with it."""
+    receivers = solver.receivers
+    p = receivers.positions[receivers.areas > 0]
+    low, high = (p.min(axis=0), p.max(axis=0)) if len(p) else (-np.ones(3), np.ones(3))
+    everything = Bounds(tuple(low), tuple(high))
+    lit = Bounds(tuple(solver.chosen.low), tuple(solver.chosen.high))
+    return from_camera(solver.scene.camera, solver.scene.up, everything, lit)
+
+
+def numbered(out: Path, k: int) -> Path:
+    """Return a.0001.png for a.png."""
+    return out.with_name(f"{out.stem}.{k:04d}{out.suffix}")
+
+
+def _check(out: Path) -> None:
+    """Refuse before the work, not after it."""
+    if out.suffix.lower() != ".png":
+        raise UsageError(f"--out must name a .png file, got {out}")
+    if not out.resolve().parent.is_dir():
+        raise UsageError(f"--out must name a file in a folder that exists, got {out}")
+
+
+def _numbers(values) -> str:
+    return ",".join(f"{v:.9g}" for v in values)
