@@ -13,6 +13,8 @@ from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Mesh
 
 GROWTH = 4.0  # outside the core an edge may be as long as its distance from it over this
+FINEST = 0.005  # of the scene's size: refine_to goes no finer, shadows blur over more than that
+BISECTIONS = 8
 MOST_FACES = 4_000_000  # a misplaced decimal point must not fill the memory
 
 
@@ -75,6 +77,29 @@ def tessellate(mesh: Mesh, max_edge: float, core: tuple[np.ndarray, np.ndarray] 
         None if mesh.corner_normals is None else np.concatenate(done_normals),
         None if mesh.face_reflectance is None else mesh.face_reflectance[source],
     )
+
+
+def refine_to(mesh: Mesh, materials, most: int, core, size: float) -> tuple[Mesh, float]:
+    """Tessellate as finely as leaves about `most` receivers; return the mesh and its longest edge [m].
+
+    A mesh that has more of its own is refined until a third more are there: its large faces need it all the same.
+    """
+    sided = np.array([1 + m.two_sided for m in materials])
+
+    def cost(m: Mesh) -> float:
+        return float(sided[m.face_material].sum()) / 2  # a closed surface has half as many vertices as faces
+
+    allowed = max(most, cost(mesh) * 4 / 3)
+    coarse, fine = float(size), float(size) * FINEST
+    best, edge = mesh, coarse
+    for _ in range(BISECTIONS):
+        middle = float(np.sqrt(coarse * fine))
+        tried = tessellate(mesh, middle, core)
+        if cost(tried) <= allowed:
+            best, edge, coarse = tried, middle, middle
+        else:
+            fine = middle
+    return best, edge
 
 
 def _too_long(a, b, max_edge, core) -> np.ndarray:

@@ -1,0 +1,32 @@
+"""Where scenes are: a path, or the name of one that is shipped."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+from gi_core.scene.errors import SceneError
+
+
+def shipped_scenes() -> list[str]:
+    """Return the names of the scenes that come with the program, sorted."""
+    folder = resources.files("scenes")
+    return sorted(p.name[: -len(".toml")] for p in folder.iterdir() if p.name.endswith(".toml"))
+
+
+def find_scene(name_or_path: str | Path) -> Path:
+    """Return the path of a scene file: an existing path, or a shipped scene by its bare name.
+
+    Raises SceneError naming the shipped scenes if there is neither.
+    """
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    name = str(name_or_path)
+    shipped = shipped_scenes()
+    if name in shipped:
+        return Path(str(resources.files("scenes") / f"{name}.toml"))
+    listed = ", ".join(shipped)
+    if path.is_dir():
+        raise SceneError(f"{name}: a scene is a file, this is a folder; shipped scenes are {listed}")
+    raise SceneError(f"{name}: there is no such scene file; shipped scenes are {listed}")

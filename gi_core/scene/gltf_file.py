@@ -1,0 +1,206 @@
+"""glTF 2.0 and GLB: the node tree, materials, lights and cameras.
+
+Read here and not by trimesh 5.2, which drops emissive strength, lights, cameras and texture transforms,
+and rounds colours to 8 bit. Light units are the format's: candela, lux, nits.
+"""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from gi_core.scene.errors import SceneError
+from gi_core.scene.file_parts import FileParts, Part, average_over_triangles, open_image, srgb_to_linear
+from gi_core.scene.gltf_buffers import Document
+from gi_core.scene.gltf_lights import node_camera, node_light
+from gi_core.scene.types import Material
+
+TRIANGLES, STRIP, FAN = 4, 5, 6
+CLAMP_TO_EDGE = 33071
+
+
+def read_gltf(path, where: str) -> FileParts:
+    """Read every triangle primitive of the default scene, with its world transform applied."""
+    document = Document(path, where)
+    try:
+        return _Reader(document).read()
+    except (KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
+        if isinstance(error, SceneError):
+            raise
+        raise SceneError(f"{where}: the glTF is damaged ({type(error).__name__}: {error}); export it again") from None
+
+
+class _Reader:
+    def __init__(self, document: Document):
+        self.document = document
+        self.json = document.json
+        self.notes = document.notes
+        self.images = {}
+        self.materials = [self._material(i, m) for i, m in enumerate(self.json.get("materials", []))]
+        self.plain = None  # index of the material for primitives without one
+        self.parts, self.lights, self.camera = [], [], None
+        self.world = {}  # node -> (4, 4)
+
+    def read(self) -> FileParts:
+        nodes = self.json.get("nodes", [])
+        scenes = self.json.get("scenes", [])
+        if scenes:
+            roots = scenes[self.json.get("scene", 0)].get("nodes", [])
+        else:
+            children = {c for n in nodes for c in n.get("children", [])}
+            roots = [i for i in range(len(nodes)) if i not in children]
+        stack = [(i, np.eye(4)) for i in roots]
+        while stack:
+            i, parent = stack.pop()
+            if i in self.world:
+                raise SceneError(f"{self.document.where}: node {i} has two parents; a glTF scene must be a tree")
+            self.world[i] = parent @ _local(nodes[i])
+            stack += [(c, self.world[i]) for c in reversed(nodes[i].get("children", []))]
+        for i, matrix in self.world.items():
+            node = nodes[i]
+            if "mesh" in node:
+                for k, primitive in enumerate(self.json["meshes"][node["mesh"]]["primitives"]):
+                    self._primitive(node, matrix, primitive, f"mesh {node['mesh']} primitive {k}")
+            light = node_light(self.json, node, matrix, len(self.lights))
+            if light is not None:
+                self.lights.append(light)
+            if self.camera is None:
+                self.camera = node_camera(self.json, node, matrix)
+        return FileParts(self.parts, self.materials, self.lights, self.camera, "y", self.notes)
+
+    def _primitive(self, node, matrix, primitive, what):
+        mode = primitive.get("mode", TRIANGLES)
+        attributes = primitive["attributes"]
+        if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
+            self.notes.append(f"{what} holds points or lines: left out")
+            return
+        p = self.document.accessor(attributes["POSITION"])
+        n = self.document.accessor(attributes["NORMAL"]) if "NORMAL" in attributes else None
+        if "skin" in node and "JOINTS_0" in attributes:
+            p, n = self._skinned(node["skin"], attributes, p, n)
+        else:
+            p = p @ matrix[:3, :3].T + matrix[:3, 3]
+            # Normals go with the cofactors; the sign keeps them outside under a mirroring transform.
+            n = None if n is None else n @ _cofactor(matrix[:3, :3]).T
+        order = (
+            self.document.accessor(primitive["indices"]).reshape(-1) if "indices" in primitive else np.arange(len(p))
+        )
+        faces = _triangles(order.astype(np.int64), mode)
+        if len(faces) and not (0 <= faces.min() and faces.max() < len(p)):
+            raise SceneError(f"{self.document.where}: {what} has vertex indices outside its {len(p)} vertices")
+        if np.linalg.det(matrix[:3, :3]) < 0:
+            faces = faces[:, ::-1]
+        index = primitive.get("material")
+        if index is None:
+            if self.plain is None:
+                self.plain = len(self.materials)
+                self.materials.append(Material("default"))
+            index = self.plain
+        colour = self._colour(index, attributes, faces)
+        normals = None if n is None else n[faces]
+        self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, colour))
+
+    def _colour(self, index, attributes, faces):
+        """Return colours a face (F, 3) from texture and vertex colours, None where the factor says it all."""
+        described = self.json["materials"][index] if index < len(self.json.get("materials", [])) else {}
+        texture = described.get("pbrMetallicRoughness", {}).get("baseColorTexture")
+        factor = np.array(self.materials[index].reflectance)
+        colour = None
+        if texture is not None:
+            image, clamp = self._image(texture["index"])
+            channel = texture.get("texCoord", 0)
+            transform = texture.get("extensions", {}).get("KHR_texture_transform", {})
+            name = f"TEXCOORD_{transform.get('texCoord', channel)}"
+            if image is not None and name in attributes:
+                uv = _transform_uv(self.document.accessor(attributes[name]), transform)
+                colour = factor * average_over_triangles(image, uv[faces], clamp)
+        if "COLOR_0" in attributes:
+            vertex = self.document.accessor(attributes["COLOR_0"])[:, :3]
+            if np.abs(vertex - 1).max(initial=0) > 1e-3:
+                colour = (factor if colour is None else colour) * np.clip(vertex[faces].mean(axis=1), 0, 1)
+        return colour
+
+    def _material(self, i: int, m: dict) -> Material:
+        pbr = m.get("pbrMetallicRoughness", {})
+        extensions = m.get("extensions", {})
+        name = m.get("name") or f"material {i}"
+        emission = np.array(m.get("emissiveFactor", [0, 0, 0]), np.float64)
+        emission = emission * extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        if "emissiveTexture" in m and emission.any():
+            image, _ = self._image(m["emissiveTexture"]["index"])
+            if image is not None:
+                emission = emission * srgb_to_linear(image / 255.0).mean(axis=(0, 1))
+                self.notes.append(f'material "{name}": emits the mean colour of its emissive texture')
+        if m.get("alphaMode", "OPAQUE") != "OPAQUE" or "KHR_materials_transmission" in extensions:
+            self.notes.append(f'material "{name}" is transparent in the file: taken as opaque')
+        base = tuple(float(c) for c in pbr.get("baseColorFactor", [1, 1, 1, 1])[:3])
+        return Material(name, base, tuple(float(e) for e in emission), bool(m.get("doubleSided", False)))
+
+    def _image(self, texture: int):
+        """Return the pixels of a texture (None if unreadable) and whether it clamps at its edges."""
+        described = self.json["textures"][texture]
+        sampler = described.get("sampler")
+        clamp = sampler is not None and self.json["samplers"][sampler].get("wrapS") == CLAMP_TO_EDGE
+        source = described.get("source")
+        if source not in self.images:
+            data = None if source is None else self.document.image(source)
+            self.images[source] = None if data is None else open_image(io.BytesIO(data))
+            if self.images[source] is None:
+                self.notes.append(f"texture {texture} not readable: the plain colour is used instead")
+        return self.images[source], clamp
+
+    def _skinned(self, skin: int, attributes, p, n):
+        """Return positions and normals in the pose that the file's nodes hold: the rest pose."""
+        described = self.json["skins"][skin]
+        joints = described["joints"]
+        world = np.stack([self.world.get(j, np.eye(4)) for j in joints])
+        if "inverseBindMatrices" in described:
+            world = world @ self.document.accessor(described["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
+        ids = self.document.accessor(attributes["JOINTS_0"]).astype(np.int64)
+        weights = self.document.accessor(attributes["WEIGHTS_0"])
+        weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
+        blend = np.einsum("vj,vjab->vab", weights, world[ids])
+        moved = np.einsum("vab,vb->va", blend[:, :3, :3], p) + blend[:, :3, 3]
+        return moved, None if n is None else np.einsum("vab,vb->va", blend[:, :3, :3], n)
+
+
+def _local(node: dict) -> np.ndarray:
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T  # stored by columns
+    x, y, z, w = node.get("rotation", [0, 0, 0, 1])
+    length = np.sqrt(x * x + y * y + z * z + w * w) or 1.0
+    x, y, z, w = x / length, y / length, z / length, w / length
+    M = np.eye(4)
+    M[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    M[:3, :3] *= np.array(node.get("scale", [1, 1, 1]), np.float64)
+    M[:3, 3] = node.get("translation", [0, 0, 0])
+    return M
+
+
+def _cofactor(A: np.ndarray) -> np.ndarray:
+    rows = [np.cross(A[1], A[2]), np.cross(A[2], A[0]), np.cross(A[0], A[1])]
+    return np.stack(rows) * (1 if np.linalg.det(A) >= 0 else -1)
+
+
+def _triangles(order: np.ndarray, mode: int) -> np.ndarray:
+    if mode == TRIANGLES:
+        return order[: len(order) // 3 * 3].reshape(-1, 3)
+    k = np.arange(max(len(order) - 2, 0))
+    if mode == FAN:
+        return np.stack([np.broadcast_to(order[:1], k.shape), order[k + 1], order[k + 2]], axis=1)
+    odd = k % 2  # every other triangle of a strip runs the other way round
+    return np.stack([order[k], order[k + 1 + odd], order[k + 2 - odd]], axis=1)
+
+
+def _transform_uv(uv: np.ndarray, transform: dict) -> np.ndarray:
+    if not transform:
+        return uv
+    r = transform.get("rotation", 0.0)
+    u, v = (uv * transform.get("scale", [1, 1])).T
+    rotated = np.stack([np.cos(r) * u + np.sin(r) * v, -np.sin(r) * u + np.cos(r) * v], axis=1)
+    return rotated + transform.get("offset", [0, 0])

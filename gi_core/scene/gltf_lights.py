@@ -1,0 +1,49 @@
+"""Lights (KHR_lights_punctual) and cameras of glTF nodes; both look along their node's -z."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gi_core.scene.types import Camera, DirectionalLight, PointLight, SpotLight
+
+
+def node_light(json: dict, node: dict, matrix: np.ndarray, number: int):
+    """Return the light at a node, or None."""
+    held = node.get("extensions", {}).get("KHR_lights_punctual")
+    if held is None:
+        return None
+    light = json["extensions"]["KHR_lights_punctual"]["lights"][held["light"]]
+    name = light.get("name") or f"light {number}"
+    colour = np.array(light.get("color", [1, 1, 1]), np.float64) * light.get("intensity", 1.0)
+    position = tuple(float(x) for x in matrix[:3, 3])
+    direction = _forward(matrix)
+    if light["type"] == "point":  # candela in every direction
+        return PointLight(name, position, tuple(float(c) for c in 4 * math.pi * colour))
+    intensity = tuple(float(c) for c in colour)
+    if light["type"] == "directional":
+        return DirectionalLight(name, direction, intensity)
+    cone = light.get("spot", {})
+    outer = min(math.degrees(cone.get("outerConeAngle", math.pi / 4)), 90.0)
+    inner = min(math.degrees(cone.get("innerConeAngle", 0.0)), outer)
+    return SpotLight(name, position, direction, intensity, inner, outer)
+
+
+def node_camera(json: dict, node: dict, matrix: np.ndarray) -> Camera | None:
+    """Return the perspective camera at a node, or None; the target is one unit ahead."""
+    if "camera" not in node:
+        return None
+    camera = json["cameras"][node["camera"]]
+    if camera.get("type") != "perspective":
+        return None
+    position = matrix[:3, 3]
+    target = position + np.array(_forward(matrix))
+    fov = math.degrees(camera["perspective"]["yfov"])
+    return Camera(tuple(map(float, position)), tuple(map(float, target)), fov)
+
+
+def _forward(matrix: np.ndarray) -> tuple[float, float, float]:
+    d = -matrix[:3, 2]
+    d = d / max(float(np.sqrt((d * d).sum())), 1e-30)
+    return tuple(float(x) for x in d)

@@ -1,0 +1,211 @@
+"""Mesh files as clean triangles: read by format, then repaired, with a note for every repair.
+
+GLB, glTF and OBJ have readers of their own beside this file; PLY and STL go through trimesh.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.receivers import build_receivers, weld
+from gi_core.scene.errors import SceneError
+from gi_core.scene.file_parts import FileParts, Part, srgb_to_linear
+from gi_core.scene.gltf_file import read_gltf
+from gi_core.scene.obj_file import read_obj
+from gi_core.scene.types import Camera, Light, Material, Mesh
+from gi_core.surfaces import face_normals
+
+SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+MOST_REFLECTANCE = 0.98  # a reflectance of 1 would keep light in a closed room for ever
+DEGENERATE = 1e-7  # of the mesh's extent: a face lower than that is a line (float32 files cannot say it better)
+OPPOSED = 0.1  # cosine to the geometric normal below which a file's normal is not believed
+
+
+class MeshFile(NamedTuple):
+    """A mesh file, cleaned. Face materials index `materials`."""
+
+    mesh: Mesh
+    materials: list[Material]
+    lights: list[Light]
+    camera: Camera | None
+    up: str  # "y" or "z", by the format's custom
+    notes: list[str]
+
+
+def read_mesh_file(path: Path, where: str | None = None) -> MeshFile:
+    """Read a mesh file and clean it.
+
+    Raises SceneError if the file is missing, of another format, damaged, or holds no triangle.
+    """
+    path = Path(path)
+    where = where or str(path)
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise SceneError(f"{where}: a mesh file must be one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}")
+    if not path.is_file():
+        raise SceneError(f"{where}: there is no such mesh file")
+    if suffix in (".glb", ".gltf"):
+        parts = read_gltf(path, where)
+    elif suffix == ".obj":
+        parts = read_obj(path, where)
+    else:
+        parts = _read_with_trimesh(path, where)
+    return _clean(parts, where)
+
+
+def _read_with_trimesh(path: Path, where: str) -> FileParts:
+    import trimesh
+
+    try:
+        mesh = trimesh.load(path, process=False, force="mesh")
+    except Exception as error:  # trimesh raises whatever its parsers stumble over
+        raise SceneError(f"{where}: not a readable {path.suffix[1:].upper()} file: {error}") from None
+    faces = np.asarray(getattr(mesh, "faces", ()), np.int64).reshape(-1, 3)
+    vertices = np.asarray(getattr(mesh, "vertices", ()), np.float64).reshape(-1, 3)
+    colours = None
+    if len(faces) and mesh.visual.kind == "face":
+        colours = srgb_to_linear(np.asarray(mesh.visual.face_colors)[:, :3] / 255.0)
+    elif len(faces) and mesh.visual.kind == "vertex":
+        colours = srgb_to_linear(np.asarray(mesh.visual.vertex_colors)[:, :3] / 255.0)[faces].mean(axis=1)
+    part = Part(vertices, faces, np.zeros(len(faces), np.int64), None, colours)
+    return FileParts([part], [Material(path.stem, two_sided=True)], [], None, "z", [])
+
+
+def _clean(read: FileParts, where: str) -> MeshFile:
+    notes = list(read.notes)
+    materials = _clamped(read.materials, notes)
+    parts = [p for p in read.parts if len(p.faces)]
+    if not parts:
+        raise SceneError(f"{where}: the mesh has no triangles; a scene needs at least one")
+    for p in parts:
+        if not np.isfinite(p.vertices[p.faces]).all():
+            raise SceneError(f"{where}: vertices must be finite numbers, got NaN or infinity; repair the mesh")
+    first = np.cumsum([0, *(len(p.vertices) for p in parts)])
+    vertices = np.concatenate([p.vertices for p in parts])
+    faces = np.concatenate([p.faces + o for p, o in zip(parts, first, strict=False)])
+    material = np.concatenate([p.material for p in parts])
+    part_of = np.repeat(np.arange(len(parts)), [len(p.faces) for p in parts])
+
+    keep, sided = _repair(vertices, faces, material, materials, notes)
+    if not len(keep):
+        raise SceneError(f"{where}: every triangle of the mesh has zero area; is it compressed or flattened?")
+    material = _two_sided_copies(material, sided, materials)
+    mesh = Mesh(vertices, faces[keep].astype(np.int32), material[keep].astype(np.int32))
+    mesh = mesh._replace(
+        corner_normals=_corner_normals(mesh, parts, part_of[keep], keep, notes),
+        face_reflectance=_face_reflectance(parts, materials, material, keep),
+    )
+    return MeshFile(compact(mesh), materials, list(read.lights), read.camera, read.up, notes)
+
+
+def compact(mesh: Mesh) -> Mesh:
+    """Drop vertices that no face uses."""
+    used, faces = np.unique(mesh.faces, return_inverse=True)
+    return mesh._replace(
+        vertices=np.ascontiguousarray(mesh.vertices[used]), faces=faces.reshape(-1, 3).astype(np.int32)
+    )
+
+
+def _clamped(materials: list[Material], notes: list[str]) -> list[Material]:
+    result, bright = [], []
+    for m in materials:
+        if not np.isfinite([*m.reflectance, *m.emission]).all() or min(*m.reflectance, *m.emission) < 0:
+            raise SceneError(f'material "{m.name}" must have finite colours >= 0, got {m.reflectance}, {m.emission}')
+        if max(m.reflectance) > MOST_REFLECTANCE:
+            bright.append(m.name)
+            m = m._replace(reflectance=tuple(min(c, MOST_REFLECTANCE) for c in m.reflectance))
+        result.append(m)
+    if bright:
+        names = ", ".join(bright[:4]) + (f" and {len(bright) - 4} more" if len(bright) > 4 else "")
+        notes.append(f"reflectance limited to {MOST_REFLECTANCE}: {names}")
+    return result
+
+
+def _repair(vertices, faces, material, materials, notes):
+    """Return the faces to keep, and which of them must become two-sided."""
+    p = vertices[faces]
+    cross = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    edges = p - np.roll(p, 1, axis=1)
+    longest = np.sqrt((edges * edges).sum(axis=2)).max(axis=1)
+    extent = float(np.ptp(p.reshape(-1, 3), axis=0).max())
+    height = np.sqrt((cross * cross).sum(axis=1)) / np.where(longest > 0, longest, 1)
+    solid = np.flatnonzero(height > DEGENERATE * extent)
+
+    # Faces on the same three places: keep the emissive one, else the first.
+    ids = weld(vertices)[faces[solid]]
+    key = np.sort(ids, axis=1)
+    emissive = np.array([any(m.emission) for m in materials])[material[solid]]
+    order = np.lexsort((np.arange(len(solid)), ~emissive, key[:, 2], key[:, 1], key[:, 0]))
+    k = key[order]
+    first = np.ones(len(k), bool)
+    first[1:] = (k[1:] != k[:-1]).any(axis=1)
+    leader = order[np.maximum.accumulate(np.where(first, np.arange(len(k)), 0))]
+    # A one-sided pair back to back stands for a sheet that is seen from both sides.
+    turned = (cross[solid[order]] * cross[solid[leader]]).sum(axis=1) < 0
+    sided = np.zeros(len(faces), bool)
+    sided[solid[leader[turned]]] = True
+    keep = np.sort(solid[order[first]])
+    zero, double = len(faces) - len(solid), len(solid) - len(keep)
+    if zero or double:
+        notes.append(f"left out {zero:,} triangles of zero area and {double:,} duplicates of {len(faces):,}")
+    return keep, sided
+
+
+def _two_sided_copies(material, sided, materials):
+    material = material.copy()
+    for i in range(len(materials)):
+        rows = sided & (material == i)
+        if rows.any() and not materials[i].two_sided:
+            material[rows] = len(materials)
+            materials.append(materials[i]._replace(two_sided=True))
+    return material
+
+
+def _corner_normals(mesh, parts, part_of, keep, notes):
+    """Return (F, 3, 3) unit normals, or None if no part has any that can be believed."""
+    starts = np.cumsum([0, *(len(p.faces) for p in parts)])
+    geometric, _ = face_normals(mesh)
+    result = np.repeat(geometric[:, None], 3, axis=1)
+    believed = np.zeros(len(parts), bool)
+    disbelieved = 0
+    for i, part in enumerate(parts):
+        if part.corner_normals is None:
+            continue
+        rows = np.flatnonzero(part_of == i)
+        n = part.corner_normals[keep[rows] - starts[i]]
+        length = np.sqrt((n * n).sum(axis=2, keepdims=True))
+        good = np.isfinite(length) & (length > 1e-12)
+        n = np.where(good, n / np.where(good, length, 1), result[rows])
+        if ((n * result[rows]).sum(axis=2) < OPPOSED).any():
+            disbelieved += 1
+            continue
+        result[rows] = n
+        believed[i] = True
+    if disbelieved:
+        notes.append(f"normals of {disbelieved} of {len(parts)} parts oppose their faces: taken from crease angles")
+    if not believed.any():
+        return None
+    rest = np.flatnonzero(~believed[part_of])
+    if len(rest):
+        result[rest] = crease_corner_normals(Mesh(mesh.vertices, mesh.faces[rest], mesh.face_material[rest]))
+    return result
+
+
+def crease_corner_normals(mesh: Mesh) -> np.ndarray:
+    """Return corner normals (F, 3, 3) smoothed across edges that turn by less than the crease angle."""
+    built = build_receivers(mesh, *face_normals(mesh), np.zeros(len(mesh.faces), bool))
+    return built.receivers.normals[built.corner_front]
+
+
+def _face_reflectance(parts, materials, material, keep):
+    if all(p.reflectance is None for p in parts):
+        return None
+    plain = np.array([m.reflectance for m in materials])[material]
+    rows = np.cumsum([0, *(len(p.faces) for p in parts)])
+    for i, p in enumerate(parts):
+        if p.reflectance is not None:
+            plain[rows[i] : rows[i + 1]] = p.reflectance
+    return np.clip(plain[keep], 0.0, MOST_REFLECTANCE)

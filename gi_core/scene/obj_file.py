@@ -1,0 +1,132 @@
+"""Wavefront OBJ with its MTL.
+
+Read here and not by trimesh: both classic Cornell boxes use relative indices between the vertices,
+which trimesh 5.2 turns into wrong geometry without a word, and it keeps `Ke` as text.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from gi_core.scene.errors import SceneError
+from gi_core.scene.file_parts import FileParts, Part, average_over_triangles, open_image
+from gi_core.scene.types import Material
+
+NO_MATERIAL = "default"
+
+
+def read_obj(path: Path, where: str) -> FileParts:
+    """Read triangles and polygons (cut into fans), normals, materials and colour textures."""
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise SceneError(f"{where}: the mesh file cannot be read: {error.strerror or error}") from None
+    v, vt, vn = [], [], []
+    corners, normal_corners, uv_corners, face_material = [], [], [], []
+    library, names, current, notes = {}, {}, None, []
+    for number, line in enumerate(text.replace("\\\n", " ").split("\n"), 1):
+        word, _, rest = line.strip().partition(" ")
+        try:
+            if word == "v":
+                v.append([float(x) for x in rest.split()[:3]])
+            elif word == "vn":
+                vn.append([float(x) for x in rest.split()[:3]])
+            elif word == "vt":
+                vt.append([float(x) for x in (rest.split() + ["0"])[:2]])
+            elif word == "f":
+                polygon = [_corner(c, len(v), len(vt), len(vn)) for c in rest.partition("#")[0].split()]
+                if current is None:
+                    current = names.setdefault(NO_MATERIAL, len(names))
+                for k in range(1, len(polygon) - 1):
+                    triangle = polygon[0], polygon[k], polygon[k + 1]
+                    corners.append([c[0] for c in triangle])
+                    uv_corners.append([c[1] for c in triangle])
+                    normal_corners.append([c[2] for c in triangle])
+                    face_material.append(current)
+            elif word == "usemtl":
+                current = names.setdefault(rest.strip() or NO_MATERIAL, len(names))
+            elif word == "mtllib":
+                library.update(_read_library(path, rest.strip(), notes))
+        except (ValueError, IndexError) as error:
+            raise SceneError(f"{where}: line {number} is not OBJ ({error}): {line.strip()[:60]!r}") from None
+    vertices = np.array(v, np.float64).reshape(-1, 3)
+    faces = np.array(corners, np.int64).reshape(-1, 3)
+    material = np.array(face_material, np.int64)
+    materials = [library[n].material if n in library else Material(n, two_sided=True) for n in names]
+    missing = [n for n in names if n not in library and n != NO_MATERIAL]
+    if missing:
+        notes.append(f"no definition of material {', '.join(missing)}: taken as grey 0.7")
+    ids = np.array(normal_corners, np.int64).reshape(-1, 3)
+    normals = np.array(vn, np.float64)[ids] if len(vn) and len(ids) and ids.min() >= 0 else None
+    uv_ids = np.array(uv_corners, np.int64).reshape(-1, 3)
+    reflectance = _textures(names, library, material, np.array(vt, np.float64).reshape(-1, 2), uv_ids, materials)
+    return FileParts([Part(vertices, faces, material, normals, reflectance)], materials, [], None, "y", notes)
+
+
+class _Entry:
+    def __init__(self, name: str):
+        self.name, self.kd, self.ke, self.image = name, (0.7, 0.7, 0.7), (0.0, 0.0, 0.0), None
+
+    @property
+    def material(self) -> Material:
+        return Material(self.name, self.kd, self.ke, two_sided=True)
+
+
+def _corner(text: str, v: int, vt: int, vn: int) -> tuple[int, int, int]:
+    """Return 0-based position, texture and normal index of `7`, `7/1`, `7//3`, `-1/-1/-1`; -1 for none."""
+    fields = (text.split("/") + ["", ""])[:3]
+    result = []
+    for field, count in zip(fields, (v, vt, vn), strict=True):
+        if not field:
+            result.append(-1)
+            continue
+        # A negative index counts back from the last element read so far, not from the end of the file.
+        i = int(field)
+        i = i - 1 if i > 0 else i + count
+        if i < 0 or (i >= count):
+            raise ValueError(f"index {field} of {count}")
+        result.append(i)
+    return tuple(result)
+
+
+def _read_library(obj: Path, name: str, notes: list[str]) -> dict[str, _Entry]:
+    # Exporters write the path of their own machine: the file's bare name beside the OBJ comes next.
+    tries = [obj.parent / name, obj.parent / name.replace("\\", "/").rpartition("/")[2], obj.with_suffix(".mtl")]
+    found = next((p for p in tries if p.is_file()), None)
+    if found is None:
+        notes.append(f"material file {name} not found: materials taken as grey 0.7")
+        return {}
+    entries, entry = {}, None
+    for line in found.read_text(encoding="utf-8", errors="replace").split("\n"):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        if words[0] == "newmtl":
+            entry = entries.setdefault(" ".join(words[1:]), _Entry(" ".join(words[1:])))
+        elif entry is not None and words[0] in ("Kd", "Ke") and len(words) > 1 and words[1] not in ("spectral", "xyz"):
+            colour = tuple(max(0.0, float(x)) for x in (words[1:] * 3)[:3])
+            setattr(entry, words[0].lower(), colour)
+        elif entry is not None and words[0] == "map_Kd":
+            file = line.split(None, 1)[1].strip().split(" ")[-1].replace("\\", "/")
+            image = next(
+                (p for p in (found.parent / file, found.parent / file.rpartition("/")[2]) if p.is_file()), None
+            )
+            entry.image = open_image(image) if image else None
+            if entry.image is None:
+                notes.append(f"texture {file} of material {entry.name} not readable: its colour is used instead")
+    return entries
+
+
+def _textures(names, library, material, vt, uv_ids, materials) -> np.ndarray | None:
+    textured = [(i, library[n].image) for n, i in names.items() if n in library and library[n].image is not None]
+    if not textured or not len(vt):
+        return None
+    reflectance = np.array([m.reflectance for m in materials])[material]
+    for i, image in textured:
+        rows = np.flatnonzero((material == i) & (uv_ids.min(axis=1) >= 0))
+        uv = vt[uv_ids[rows]] * [1, -1] + [0, 1]  # OBJ counts v upwards
+        # The texture replaces Kd: exporters leave Kd at anything, black included, where a map is given.
+        reflectance[rows] = average_over_triangles(image, uv)
+    return reflectance
