@@ -94,22 +94,22 @@ def _above_horizon(v: np.ndarray, n: np.ndarray) -> np.ndarray:
     return np.array(out).reshape(-1, 3)
 
 
-def rectangle_above_corner(radiance: float, a: float, b: float, height: float) -> float:
+def rectangle_above_corner(radiance: float, a, b, height: float):
     """Return E below one corner of a parallel a x b rectangle at a height, facing it.
 
     Integrating L h^2 / (x^2 + y^2 + h^2)^2 over the rectangle:
     E = L/2 [a/A atan(b/A) + b/B atan(a/B)], A = sqrt(a^2 + h^2), B = sqrt(b^2 + h^2).
     Any rectangle seen from any point is a signed sum of four of these.
     """
-    A, B = math.hypot(a, height), math.hypot(b, height)
-    return radiance / 2 * (a / A * math.atan(b / A) + b / B * math.atan(a / B))
+    A, B = np.hypot(a, height), np.hypot(b, height)
+    return radiance / 2 * (a / A * np.arctan(b / A) + b / B * np.arctan(a / B))
 
 
-def parallel_rectangle(radiance: float, x0: float, x1: float, y0: float, y1: float, height: float, x: float, y: float):
+def parallel_rectangle(radiance: float, x0: float, x1: float, y0: float, y1: float, height: float, x, y):
     """Return E at (x, y, 0) below the rectangle [x0, x1] x [y0, y1] at a height, by four corners."""
 
     def corner(u, v):
-        return math.copysign(1, u * v) * rectangle_above_corner(radiance, abs(u), abs(v), height)
+        return np.sign(u * v) * rectangle_above_corner(radiance, np.abs(u), np.abs(v), height)
 
     return corner(x1 - x, y1 - y) - corner(x0 - x, y1 - y) - corner(x1 - x, y0 - y) + corner(x0 - x, y0 - y)
 
@@ -172,6 +172,18 @@ def disc_mean(field, centre, normal, radius: float) -> float:
     """
     points, weights = disc_nodes(centre, normal, radius)
     return float(weights @ field(points))
+
+
+def sector_nodes(centre, normal, first, angle: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """As disc_nodes(), over the sector that turns from the direction `first` by `angle` [rad] about `normal`."""
+    f = np.asarray(first, float) / np.linalg.norm(first)
+    g = np.cross(normal, f)
+    s, w = np.polynomial.legendre.leggauss(4)
+    r = radius * np.sqrt((s + 1) / 2)
+    phi = angle * (s + 1) / 2
+    along = np.cos(phi)[:, None] * f + np.sin(phi)[:, None] * g
+    points = np.asarray(centre, float) + r[:, None, None] * along
+    return points.reshape(-1, 3), np.outer(w, w).reshape(-1) / 4
 
 
 def triangle_mean(field, corners) -> float:
