@@ -30,9 +30,9 @@ LONGEST_STEP = 0.1  # s: after a pause of the whole program, animations go on, t
 class Viewer:
     """Everything behind the window. `frame` parts are called by HelloImGui, in this order: viewport, panel, status."""
 
-    def __init__(self, settings: Settings, open_with: Callable = Opening) -> None:
+    def __init__(self, settings: Settings, open_with: Callable | None = None) -> None:
         self.log = Log()
-        self.session = Session(settings, self.log, open_with)
+        self.session = Session(settings, self.log, open_with or Opening)
         self.viewport = Viewport(self.session)
         self.renderer: Renderer | None = None
         self.params = window.runner_params(settings, self.draw_viewport, self.draw_panel, self.draw_status)

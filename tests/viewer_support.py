@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ import pytest
 from app.opening import Opening
 from app.settings import Settings
 from gi_core.scene import Camera, KeyFrames, Material, Mesh, Mobile, Pose, Probe, Scene
+
+ROOT = Path(__file__).resolve().parent.parent
 
 
 def quad(a, b, c, d, n: int = 1) -> tuple[np.ndarray, np.ndarray]:
@@ -128,8 +131,11 @@ def standalone_context():
     need_gl(f"no OpenGL 3.3: {'; '.join(problems)}")
 
 
-def drive(viewer, script: Callable) -> None:
-    """Run a viewer without a screen; `script(ctx)` clicks and types in it with ImGui's test engine."""
+def drive(viewer, script: Callable, quits: bool = False) -> None:
+    """Run a viewer without a screen; `script(ctx)` clicks and types in it with ImGui's test engine.
+
+    `quits`: the script ends by closing the window, which the engine would count as a failure.
+    """
     from imgui_bundle.immapp import testing
 
     from app import window
@@ -137,4 +143,59 @@ def drive(viewer, script: Callable) -> None:
     viewer.params.ini_disable = True
     viewer.params.app_window_params.restore_previous_geometry = False
     window.prepare()
-    testing.run(test_function=script, runner_params=viewer.params)
+    testing.run(test_function=script, runner_params=viewer.params, raise_on_error=not quits)
+
+
+class Clock:
+    """Time that passes only where a test says so."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class CountingSolver:
+    """The solver's interface around counters: every step and every move costs stated seconds of a test's clock."""
+
+    def __init__(self, scene: Scene, clock: Clock, step_seconds: float = 0.006, steps: int = 40) -> None:
+        from gi_core.surfaces import flatten
+
+        self.scene, self.clock, self.step_seconds, self.steps = scene, clock, step_seconds, steps
+        self.surfaces, self.receivers = flatten(scene)
+        self.irradiance = np.ones((len(self.receivers.areas), 3))
+        self.poses = {m.name: m.pose for m in scene.mobiles}
+        self.scene_size, self.seed = 1.0, 0
+        self.estimator, self.photons, self.radius, self.neighbours = "tangent_plane", 1000, 0.05, 50
+        self.photons_traced = 0
+        self.log: list[tuple] = []  # ("step", k), ("move", poses), ("configure", changes)
+
+    def solve_steps(self):
+        from gi_core.solver import Progress
+
+        for k in range(1, self.steps + 1):
+            self.clock.now += self.step_seconds
+            self.log.append(("step", k))
+            picture = k % 10 == 0
+            if picture:
+                self.photons_traced = self.photons * k // self.steps
+                self.irradiance = np.full_like(self.irradiance, len(self.log))
+            yield Progress("tracing", k / self.steps, picture)
+
+    def move_all(self, poses) -> None:
+        self.clock.now += 0.004
+        self.log.append(("move", dict(poses)))
+        self.poses.update(poses)
+        self.irradiance = np.full_like(self.irradiance, len(self.log))
+
+    def configure(self, **changes) -> None:
+        self.log.append(("configure", changes))
+        for name, value in changes.items():
+            if value == "unknown":
+                raise ValueError("no such estimator")
+            setattr(self, name, value)
+        self.photons_traced = 0
+
+    def count(self, what: str) -> int:
+        return sum(entry[0] == what for entry in self.log)

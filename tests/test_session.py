@@ -1,0 +1,247 @@
+"""What a frame does: one thing, within its budget. Counted on a solver that only counts, with a clock held still."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import viewer_support as support
+
+from app.log import ERROR, Log
+from app.opening import Opened
+from app.session import BUDGET, SETTLE, Session, play_head
+from app.settings import Settings
+from gi_core.scene import KeyFrames, Pose
+
+FRAME = 1 / 60
+
+
+@pytest.fixture
+def session():
+    return make()
+
+
+def make(step_seconds=0.006, steps=40):
+    clock = support.Clock()
+    solver = support.CountingSolver(support.room(1), clock, step_seconds, steps)
+    settings = Settings(estimator="tangent_plane", photons=1000, radius=0.05, neighbours=50, exposure=0.0)
+    s = Session(settings, Log(), open_with=lambda settings: None, clock=clock)
+    s.adopt(Opened(settings, solver, (), None))
+    return s
+
+
+def frame(s, editing=False, seconds=FRAME):
+    """Run one frame; return what the solver was asked in it."""
+    before = len(s.solver.log)
+    started = s.clock.now
+    s.tick(seconds, editing)
+    spent = s.clock.now - started
+    s.clock.now += max(seconds - spent, 0)
+    return [entry[0] for entry in s.solver.log[before:]], spent
+
+
+@pytest.mark.parametrize("step_seconds", [0.0005, 0.002, 0.006, 0.02])
+def test_refinement_keeps_to_its_budget(step_seconds):
+    """A step that is itself over the budget is the solver's affair; a second one then never follows."""
+    s = make(step_seconds, steps=200)
+    frames = 0
+    while s.refining:
+        asked, spent = frame(s)
+        assert spent <= max(BUDGET, step_seconds) + 1e-12
+        frames += 1
+    assert s.solver.count("step") == 200
+    assert frames <= 201 * max(step_seconds / BUDGET * 2, 1)
+
+
+def test_dragging_a_slider_never_does_more_than_one_frame_of_steps(session):
+    """Radius dragged for two seconds: no frame is over the budget, and settings are taken over only when they rest."""
+    for k in range(120):
+        session.want(replace(session.settings, radius=0.05 + 1e-4 * k))
+        asked, spent = frame(session, editing=True)
+        assert spent <= BUDGET and asked.count("step") <= 1
+    assert session.solver.count("configure") == 0
+    asked, spent = frame(session, editing=False)  # let go
+    assert asked.count("configure") == 1 and spent <= BUDGET
+    assert session.solver.radius == pytest.approx(0.05 + 1e-4 * 119)
+
+
+def test_a_held_slider_that_rests_is_taken_over_once(session):
+    session.want(replace(session.settings, radius=0.08))
+    for _ in range(int(SETTLE / FRAME) - 1):
+        assert "configure" not in frame(session, editing=True)[0]
+    for _ in range(20):
+        frame(session, editing=True)
+    assert session.solver.count("configure") == 1
+
+
+def test_only_what_changed_reaches_the_solver(session):
+    session.want(replace(session.settings, exposure=3.0, tone_map="clip", cull=False))
+    frame(session)
+    assert session.solver.count("configure") == 0
+    session.want(replace(session.settings, photons=500))
+    frame(session)
+    assert session.solver.log[-2] == ("configure", {"photons": 500})
+
+
+def test_the_old_picture_stays_until_the_new_one_is_fine_enough(session):
+    while session.refining:
+        frame(session)
+    old, version = session.irradiance, session.version
+    session.want(replace(session.settings, estimator="impact_count"))
+    frame(session)
+    assert session.irradiance is old and session.version == version
+    while session.version == version:
+        assert session.irradiance is old
+        frame(session)
+    assert session.irradiance is session.solver.irradiance and session.irradiance is not old
+
+
+def test_a_setting_that_the_solver_refuses_is_told_and_taken_back(session):
+    session.want(replace(session.settings, estimator="unknown", tone_map="clip"))
+    frame(session)
+    assert session.settings.estimator == "tangent_plane" and session.settings.tone_map == "clip"
+    assert session.log.last.level == ERROR and "no such estimator" in session.log.last.text
+    frame(session)
+    assert session.solver.count("configure") == 1, "not asked again and again"
+
+
+def test_a_drag_moves_and_does_not_refine(session):
+    frame(session)
+    session.begin_drag()
+    for k in range(10):
+        version = session.version
+        session.move({"block": Pose((0.4 + 0.01 * k, 0.3, 0.5))})
+        assert session.version == version + 1 and session.irradiance is session.solver.irradiance
+        assert frame(session)[0] == []
+    session.end_drag()
+    assert "step" in frame(session)[0], "refinement goes on afterwards"
+    assert session.gi_seconds.value == pytest.approx(0.004)
+
+
+def test_a_drag_right_after_a_new_setting_shows_light_not_black(session):
+    while session.refining:
+        frame(session)
+    session.want(replace(session.settings, radius=0.01))
+    frame(session)
+    session.begin_drag()
+    session.move({"block": Pose((0.4, 0.3, 0.5))})
+    assert session.irradiance is session.solver.irradiance
+    assert session.solver.photons_traced > 0
+    assert session.gi_seconds.value == pytest.approx(0.004), "the wait for the first picture is not the move's"
+
+
+def test_undo_redo_cancel_and_reset(session):
+    start = session.poses["block"]
+    a, b = Pose((0.4, 0.3, 0.5)), Pose((0.6, 0.2, 0.5))
+    for pose in (a, b):
+        session.begin_drag()
+        session.move({"block": Pose((0.45, 0.3, 0.5))})
+        session.move({"block": pose})
+        session.end_drag()
+    session.begin_drag()
+    session.move({"block": Pose((0.1, 0.1, 0.1))})
+    session.end_drag(keep=False)
+    assert session.poses["block"] == b
+    session.undo()
+    assert session.poses["block"] == a
+    session.undo()
+    assert session.poses["block"] == start
+    session.undo()
+    assert session.poses["block"] == start and session.log.last.text == "nothing to undo"
+    session.redo()
+    session.redo()
+    session.redo()
+    assert session.poses["block"] == b
+    session.reset_poses()
+    assert session.poses["block"] == start
+    session.undo()
+    assert session.poses["block"] == b, "a reset can be undone"
+    session.begin_drag()
+    session.end_drag()
+    session.redo()
+    assert session.poses["block"] == start, "a click is no step"
+
+
+@pytest.mark.parametrize("rate", [10, 60, 240])
+def test_playing_does_not_depend_on_the_frame_rate(rate):
+    """A second along a path of 2 s is half of it, whatever the number of frames."""
+    s = make()
+    s.toggle_play()
+    for _ in range(rate):
+        assert "step" not in frame(s, seconds=1 / rate)[0]
+    assert s.poses["block"].position == pytest.approx((0.5, 0.3, 0.5))
+    s.toggle_play()
+    assert "step" in frame(s)[0]
+    s.undo()
+    assert s.poses["block"] == s.solver.scene.mobiles[0].pose, "playing is one step of undo"
+
+
+def test_play_head_goes_there_and_back_or_round():
+    q = np.array([[1.0, 0, 0, 0]] * 3)
+    there = KeyFrames(np.array([1.0, 2.0, 3.0]), np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), q)
+    assert [play_head(there, t) for t in (0, 1, 2, 3, 4, 5)] == pytest.approx([1, 2, 3, 2, 1, 2])
+    ring = there._replace(positions=np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 0]]))
+    assert [play_head(ring, t) for t in (0, 1, 1.5, 2, 3)] == pytest.approx([1, 2, 2.5, 1, 2])
+
+
+def test_an_exception_while_refining_or_moving_is_told_and_survived(session):
+    session.solver.solve_steps = lambda: iter_raising("embree lost its scene")
+    session.want(replace(session.settings, radius=0.01))
+    frame(session)
+    frame(session)
+    assert session.log.last.level == ERROR and "embree lost its scene" in session.log.last.text
+    assert not session.refining and session.irradiance is session.solver.irradiance
+
+    def refuse(poses):
+        raise ValueError("not rigid")
+
+    session.solver.move_all = refuse
+    session.toggle_play()
+    frame(session)
+    assert not session.playing and "not rigid" in session.log.last.text
+
+
+def iter_raising(text):
+    raise RuntimeError(text)
+    yield
+
+
+def test_the_same_error_every_frame_is_one_line():
+    log = Log()
+    for _ in range(100):
+        log("a", ERROR)
+    log("b\n  c")
+    assert [e.text for e in log.entries] == ["a", "b c"]
+
+
+def test_opening_fills_in_what_was_left_open():
+    opened = support.opened(Settings(scene="room"))
+    s = Session(Settings(scene="room"), Log(), open_with=lambda settings: None)
+    s.settings = replace(s.settings, tone_map="clip")  # changed in the panel meanwhile
+    s.adopt(opened)
+    assert s.settings.tone_map == "clip"
+    assert s.settings.photons == opened.solver.photons and s.settings.radius == opened.solver.radius
+    assert opened.solver.irradiance.any(), "opened with a first picture"
+    assert s.log.last.text == "made for the tests"
+    front, back = s.colours(0)
+    assert front.dtype == np.float32 and front.any()
+    assert [m.shape for m in s.models()] == [(4, 4)] * 2
+
+
+def test_opening_tells_what_went_wrong_and_can_be_cancelled():
+    def bad(settings):
+        raise ValueError("scenes/x.toml: no such thing")
+
+    from app.opening import Opening
+
+    job = Opening(support.SETTINGS, load=bad)
+    s = Session(support.SETTINGS, Log(), open_with=lambda settings: job)
+    job._thread.join()
+    s.tick(FRAME)
+    assert not s.ready and isinstance(s.problem, ValueError) and "no such thing" in s.log.last.text
+
+    job = support.opening(support.room())(replace(support.SETTINGS, photons=50_000_000))
+    job.cancel()
+    job._thread.join(10)
+    assert job.done
