@@ -2,7 +2,7 @@
 
 - Scene size: longest side of the box that holds the central 98 % of a pilot trace's hits (a ground
   slab may be five times the room).
-- Radius: 2 % of the scene size: shadows blur over that length, rims beside walls are that wide.
+- Radius: 2.5 % of the scene size: shadows blur over that length, rims beside walls are that wide.
 - Photons: so many that a disc holds HITS expected crossings, averaged over the lit surface, at most
   MOST_PHOTONS (some seconds on two cores).
 """
@@ -21,7 +21,7 @@ from gi_core.photon_trace import trace_background
 PILOT_PHOTONS = 4096
 PILOT_SEED = 0x5EED  # never a seed of the solution: the pilot must not bias what it sets
 CENTRAL_SHARE = 0.98
-RADIUS_SHARE = 0.02
+RADIUS_SHARE = 0.025
 HITS = 500
 MOST_PHOTONS = 1_000_000
 FEWEST_PHOTONS = 10_000

@@ -1,11 +1,12 @@
 """The part of a receiver's disc that light can reach (report 1.2.1, artifact control; 2.9.1).
 
-The region is star-shaped round the receiver: in each of SECTORS sectors the free distance to the next
-surface of the same object. A crossing counts only inside, and the divisor is the region's area, so
+The region is a star-shaped polygon round the receiver: along each of RAYS directions the free distance
+to the next surface of the same object. A straight wall is met by its vertices exactly, so nothing
+leaks through it. A crossing counts only inside, and the divisor is the polygon's area, so
 a disc that reaches into a wall neither loses light nor sees that of the next room. Only the object
 itself is looked at: regions never change when mobiles move.
 
-Two distances a sector, because a concave surface rises through its own tangent disc. Light that
+Two distances a direction, because a concave surface rises through its own tangent disc. Light that
 lands on the receiver's own patch nearby may cross the disc behind the surface ("far": own patch
 ignored); other light may not ("near": own patch blocks too).
 """
@@ -22,8 +23,8 @@ from gi_core.jit import kernel
 from gi_core.model import Model
 from gi_core.sampling import basis
 
-SECTORS = 64  # a wall through the receiver is placed to half a sector each end: 1.6 % of the area
-PROBES = 16  # sectors tried first; a receiver with none of them blocked needs no control
+RAYS = 64  # the polygon in a free disc has 99.8 % of its area; crossings outside it are dropped too
+PROBES = 16  # directions tried first; a receiver with none of them blocked needs no control
 CHUNK = 2048  # receivers a step: some 5 ms
 LIFT = 2e-3  # of the radius, along the normal: clears the receiver's own flat surface
 NUDGE = 1e-2  # of the radius, towards the faces: an edge vertex lies in its neighbour's plane
@@ -35,14 +36,14 @@ class Regions(NamedTuple):
     """Regions of one object's receivers."""
 
     row: np.ndarray  # (R,) int32 into the arrays below, -1: the whole disc
-    near: np.ndarray  # (C, SECTORS) float32 [m]
-    far: np.ndarray  # (C, SECTORS) float32 [m]
+    near: np.ndarray  # (C, RAYS) float32 [m]
+    far: np.ndarray  # (C, RAYS) float32 [m]
     area: np.ndarray  # (R,) float64 [m2], 0 where nothing can arrive
 
 
 def whole_discs(count: int, radius: float) -> Regions:
     """Return regions that are whole discs."""
-    nothing = np.empty((0, SECTORS), np.float32)
+    nothing = np.empty((0, RAYS), np.float32)
     return Regions(np.full(count, -1, np.int32), nothing, nothing, np.full(count, math.pi * radius * radius))
 
 
@@ -56,7 +57,7 @@ def regions(model: Model, o: int, radius: float) -> Generator[None, None, Region
     near, far = [], []
     for first in range(0, len(rows), CHUNK):
         part = slice(first, first + CHUNK)
-        tried, _ = _distances(model, o, points[part], normals[part], patch[part], radius, SECTORS // PROBES)
+        tried, _ = _distances(model, o, points[part], normals[part], patch[part], radius, RAYS // PROBES)
         blocked = first + np.flatnonzero((tried < np.float32(radius)).any(axis=1))
         yield
         if len(blocked):
@@ -65,10 +66,11 @@ def regions(model: Model, o: int, radius: float) -> Generator[None, None, Region
             near.append(a)
             far.append(b)
             yield
-    nothing = [np.empty((0, SECTORS), np.float32)]
+    nothing = [np.empty((0, RAYS), np.float32)]
     near, far = np.concatenate(near or nothing), np.concatenate(far or nothing)
     area = np.full(len(rows), math.pi * radius * radius)
-    area[row >= 0] = math.pi / SECTORS * (far.astype(np.float64) ** 2).sum(axis=1)
+    d = far.astype(np.float64)
+    area[row >= 0] = 0.5 * math.sin(2 * math.pi / RAYS) * (d * np.roll(d, -1, axis=1)).sum(axis=1)
     area[area < LEAST_AREA * math.pi * radius * radius] = 0.0
     return Regions(row, near, far, area)
 
@@ -97,8 +99,8 @@ def _lifted(model: Model, o: int, radius: float) -> tuple[np.ndarray, np.ndarray
 
 
 def _distances(model: Model, o: int, points, normals, patch, radius: float, stride: int):
-    """Return near and far distances (n, SECTORS / stride) float32 [m]."""
-    n, count = len(points), SECTORS // stride
+    """Return near and far distances (n, RAYS / stride) float32 [m]."""
+    n, count = len(points), RAYS // stride
     origins, directions = np.empty((n * count, 3), np.float32), np.empty((n * count, 3), np.float32)
     _radial(points, normals, stride, origins, directions)
     distance, face = model.accelerator.nearest(o, origins, directions, np.full(n * count, radius, np.float32))
@@ -110,12 +112,12 @@ def _distances(model: Model, o: int, points, normals, patch, radius: float, stri
 
 @kernel
 def _radial(points, normals, stride, origins, directions):
-    count = SECTORS // stride
+    count = RAYS // stride
     for i in range(len(points)):
         n = normals[i]
         ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
         for k in range(count):
-            angle = 2.0 * math.pi * (k * stride + 0.5) / SECTORS
+            angle = 2.0 * math.pi * k * stride / RAYS
             c, s = math.cos(angle), math.sin(angle)
             j = i * count + k
             origins[j, 0], origins[j, 1], origins[j, 2] = points[i, 0], points[i, 1], points[i, 2]
@@ -125,8 +127,14 @@ def _radial(points, normals, stride, origins, directions):
 
 
 @kernel
-def sector(px, py, pz, nx, ny, nz):
-    """Return the sector in which an offset from a receiver lies."""
+def inside(px, py, pz, nx, ny, nz, distances):
+    """Tell whether an offset from a receiver lies in the polygon with these radial distances (RAYS,)."""
     ax, ay, az, bx, by, bz = basis(float(nx), float(ny), float(nz))
-    angle = math.atan2(px * bx + py * by + pz * bz, px * ax + py * ay + pz * az)
-    return int(math.floor(angle * (SECTORS / (2.0 * math.pi)))) & (SECTORS - 1)
+    x, y = px * ax + py * ay + pz * az, px * bx + py * by + pz * bz
+    step = 2.0 * math.pi / RAYS
+    k = int(math.floor(math.atan2(y, x) / step))
+    # The corners on either side of the offset, and which side of their edge it is on.
+    d0, d1 = distances[k & (RAYS - 1)], distances[(k + 1) & (RAYS - 1)]
+    x0, y0 = d0 * math.cos(k * step), d0 * math.sin(k * step)
+    x1, y1 = d1 * math.cos((k + 1) * step), d1 * math.sin((k + 1) * step)
+    return (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0.0

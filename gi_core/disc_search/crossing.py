@@ -13,7 +13,7 @@ import numpy as np
 from gi_core.accelerator import line, to_local
 from gi_core.jit import kernel
 from gi_core.paths import NONE, Segments
-from gi_core.reachable_area import Regions, sector
+from gi_core.reachable_area import Regions, inside
 
 
 class Discs(NamedTuple):
@@ -135,7 +135,5 @@ def counts(i, x, y, z, nx, ny, nz, o, d, stop, r2, own, rules, patches, touches)
     row, near, far = rules
     if row[i] >= 0:
         px, py, pz = t * d[0] - ax, t * d[1] - ay, t * d[2] - az
-        free = far if lands else near
-        limit = free[row[i], sector(px, py, pz, nx, ny, nz)]
-        return px * px + py * py + pz * pz <= limit * limit
+        return inside(px, py, pz, nx, ny, nz, (far if lands else near)[row[i]])
     return True
