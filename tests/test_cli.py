@@ -1,0 +1,272 @@
+"""The command line: codes, one-line errors, nothing heavy before it is needed, the commands' output."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from app import __main__ as cli
+from app.progress import Bar
+from app.settings import Settings
+
+ROOT = Path(__file__).resolve().parent.parent
+FAST = ["cornell", "--photons", "2000"]
+HEAVY = ("numpy", "numba", "scipy", "trimesh", "embreex", "moderngl", "glfw", "imgui_bundle", "PIL", "gi_core")
+KEYS = """scene triangles receivers photons estimator radius threads commit frames frame_ms stages_ms share_cut
+segments_changed us_per_cut_photon from_scratch_ms first_frame_ms peak_rss_mb bits_equal""".split()
+
+
+def run(*arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess:
+    """Run the program in a process of its own."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "app", *arguments]
+    return subprocess.run(command, cwd=cwd, env=environment, text=True, capture_output=True, timeout=300)
+
+
+def settings(*arguments: str) -> Settings:
+    return cli.settings_of(cli.parse(list(arguments)))
+
+
+@pytest.fixture
+def no_window(monkeypatch):
+    from app import window
+
+    monkeypatch.setattr(window, "why_no_window", lambda: "no GL 3.3: install libgl1.")
+
+
+# Nothing heavy --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["--version"], *([c, "--help"] for c in cli.COMMANDS), ["--size", "0"]]
+)
+def test_help_and_version_import_nothing_heavy(arguments):
+    code = f"""
+import sys
+from app.__main__ import main
+code = main({arguments!r})
+loaded = [name for name in {HEAVY!r} if name in sys.modules]
+print(code, loaded, file=sys.stderr)
+"""
+    ran = subprocess.run([sys.executable, "-c", code], cwd=ROOT, text=True, capture_output=True, timeout=60)
+    assert ran.stderr.splitlines()[-1] == f"{2 if '--size' in arguments else 0} []"
+
+
+def test_version_is_that_of_the_project():
+    import tomllib
+
+    wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert run("--version").stdout == f"gi-viewer {wanted}\n"
+
+
+def test_help_names_every_command():
+    text = run("--help").stdout
+    assert all(f"gi-viewer {name}" in text for name in cli.COMMANDS)
+
+
+# Arguments ------------------------------------------------------------------------------------------
+
+
+def test_every_command_takes_the_common_options():
+    common = "x.toml --mobile a.glb --mobile b.glb --estimator impact_count --photons 1e5 --radius 0.02 --neighbours 30"
+    common += " --seed 7 --exposure -1.5 --pose chair=-1,2,3 --pose lamp=a=0,0,0,1,0,0,0 --max-edge 0.1 --up z"
+    for command in ([], *([c] for c in cli.COMMANDS)):
+        s = settings(*command, *common.split())
+        assert (s.scene, s.mobiles, s.estimator) == ("x.toml", ("a.glb", "b.glb"), "impact_count")
+        assert (s.photons, s.radius, s.neighbours, s.seed, s.exposure) == (100_000, 0.02, 30, 7, -1.5)
+        assert s.poses == (("chair", (-1, 2, 3)), ("lamp=a", (0, 0, 0, 1, 0, 0, 0)))
+        assert (s.max_edge, s.up) == (0.1, "z")
+
+
+def test_defaults_leave_the_choice_to_scene_and_program():
+    assert settings() == Settings() and settings("render", "tree", "--size", "64x48") == Settings("tree", size=(64, 48))
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        "--photons 0",
+        "--photons 1.5",
+        "--photons many",
+        "--photons nan",
+        "--radius -1",
+        "--radius inf",
+        "--neighbours 0",
+        "--seed -1",
+        "--exposure nan",
+        "--pose x=1,2",
+        "--pose 1,2,3",
+        "--pose x=1,2,nan",
+        "--size 100",
+        "--size 0x5",
+        "--size -3x5",
+        "--tone-map sepia",
+        "--up w",
+        "--nonsense",
+        "a b",
+    ],
+)
+def test_bad_usage_is_code_2(bad, capsys):
+    assert cli.main(bad.split()) == 2
+    assert capsys.readouterr().err.startswith("usage: gi-viewer")
+
+
+@pytest.mark.parametrize("bad", ["render cornell --out a.jpg", "render cornell --out no/such/folder/a.png"])
+def test_an_output_that_cannot_be_written_is_refused_before_the_work(bad, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(bad.split()) == 2
+    assert one_line(capsys.readouterr().err).startswith("gi-viewer: --out must name")
+
+
+def test_an_unknown_estimator_is_refused_with_the_names_there_are(capsys, estimator):
+    assert cli.main(["info", *FAST, "--estimator", "guess"]) == 2
+    assert estimator in one_line(capsys.readouterr().err)
+
+
+# Scenes that cannot be used -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", [[], *([c] for c in cli.COMMANDS)])
+def test_a_scene_that_is_not_there_is_code_3_in_one_line(command, capsys, tmp_path, monkeypatch, no_window):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main([*command, "nowhere.glb"]) == 3
+    captured = capsys.readouterr()
+    assert "nowhere.glb" in one_line(captured.err) and captured.out == ""
+
+
+def test_no_traceback_in_a_process_of_its_own(tmp_path):
+    (tmp_path / "bad.toml").write_text("static = 3\n")
+    for scene in ("bad.toml", "missing.toml"):
+        ran = run("render", scene, cwd=tmp_path)
+        assert ran.returncode == 3 and scene in one_line(ran.stderr)
+
+
+def test_an_unknown_mobile_and_a_pose_that_is_not_rigid_are_code_3(capsys):
+    assert cli.main(["info", *FAST, "--pose", "nobody=0,0,0"]) == 3
+    assert '"nobody"' in one_line(capsys.readouterr().err)
+    assert cli.main(["info", *FAST, "--pose", "pawn=0,0,0,2,0,0,0"]) == 3
+    assert "length 1" in one_line(capsys.readouterr().err)
+
+
+def one_line(text: str) -> str:
+    """Check that an error is one line without a traceback, and return it."""
+    assert len(text.splitlines()) == 1 and "Traceback" not in text, text
+    return text
+
+
+# No window ------------------------------------------------------------------------------------------
+
+
+def test_without_a_window_the_picture_goes_to_a_file(capsys, tmp_path, monkeypatch, no_window):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main([*FAST, "--size", "64x48"]) == 0
+    out = capsys.readouterr().out
+    picture = tmp_path / "gi-viewer.png"
+    assert picture.is_file() and str(picture.resolve()) in out and "install libgl1" in out
+
+
+def test_without_a_window_and_without_fallback_it_is_code_4(capsys, tmp_path, monkeypatch, no_window):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main([*FAST, "--no-fallback"]) == 4
+    assert "install libgl1" in one_line(capsys.readouterr().err) and not list(tmp_path.iterdir())
+
+
+def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
+    import types
+
+    from app import window
+
+    seen = []
+    monkeypatch.setattr(window, "why_no_window", lambda: None)
+    monkeypatch.setitem(sys.modules, "app.viewer", types.SimpleNamespace(run=lambda s: seen.append(s) or 0))
+    assert cli.main([*FAST, "--exposure", "2"]) == 0
+    assert seen == [Settings(photons=2000, exposure=2.0)]
+
+
+# Commands -------------------------------------------------------------------------------------------
+
+
+def test_render_prints_the_full_path(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["render", *FAST, "--out", "a.png", "--size", "64x48", "--pose", "pawn=0.3,0.05,0.2"]) == 0
+    assert capsys.readouterr().out == f"{(tmp_path / 'a.png').resolve()}\n"
+    from app.png import read_parameters
+
+    assert read_parameters(tmp_path / "a.png")["pose pawn"].startswith("0.3,0.05,0.2,")
+
+
+def test_bench_writes_every_number_and_the_light_is_that_from_scratch(capsys, tmp_path, estimator):
+    file = tmp_path / "b.json"
+    assert cli.main(["bench", *FAST, "--frames", "4", "--json", str(file), "--estimator", estimator]) == 0
+    numbers = json.loads(file.read_text())
+    assert set(KEYS) <= set(numbers)
+    assert numbers["bits_equal"] is True and numbers["frames"] == 4 and numbers["estimator"] == estimator
+    assert set(numbers["frame_ms"]) == {"median", "p95", "min", "max"} and numbers["stages_ms"]
+    assert 0 < numbers["frame_ms"]["min"] <= numbers["frame_ms"]["median"] <= numbers["frame_ms"]["max"]
+    assert numbers["photons"] == 2000 and numbers["first_frame_ms"] > 0 and numbers["from_scratch_ms"] > 0
+    text = capsys.readouterr().out
+    assert "GI frame" in text and "same bits     yes" in text
+
+
+def test_bench_needs_a_mobile(capsys, monkeypatch):
+    from dataclasses import replace
+
+    from app import bench_command
+
+    opened = bench_command.open_scene
+    monkeypatch.setattr(bench_command, "open_scene", lambda s: replace(opened(s), mobiles=()))
+    assert cli.main(["bench", *FAST]) == 2
+    assert "--mobile FILE" in one_line(capsys.readouterr().err)
+
+
+def test_info_says_what_is_there_and_why(capsys, estimator):
+    assert cli.main(["info", *FAST, "--radius", "0.02"]) == 0
+    text = capsys.readouterr().out
+    for part in ("triangles", 'mobile "pawn"', 'light "lamp"', "absorbed", "kernel cache", "threads", estimator):
+        assert part in text
+    assert "0.02 m: as asked" in text and "2,000: as asked" in text and "warning" not in text
+
+
+def test_info_warns_when_most_light_escapes(capsys, monkeypatch):
+    from dataclasses import replace
+
+    from app import info_command
+    from gi_core.scene import PointLight, Scene
+    from tests.scene_builders import grey, quad
+
+    floor = quad((-1, 0, -1), (0, 0, 2), (2, 0, 0), (4, 4))
+    scene = Scene(floor, (grey(0.5),), lights=(PointLight("bulb", (0, 5, 0), (1, 1, 1)),))
+    monkeypatch.setattr(info_command, "open_scene", lambda s: replace(scene, name="desert"))
+    assert cli.main(["info", "--photons", "20000"]) == 0
+    text = capsys.readouterr().out
+    assert "% of the light leaves the scene" in text and 'light "bulb"' in text and "(1, 1, 1) W, point" in text
+
+
+def test_ctrl_c_ends_quietly(capsys, monkeypatch):
+    from app import info_command
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(info_command, "open_scene", interrupted)
+    assert cli.main(["info"]) == 130
+    assert one_line(capsys.readouterr().err) == "gi-viewer: stopped\n"
+
+
+class _Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_the_progress_bar_draws_on_terminals_only_and_cleans_up():
+    for stream, drawn in ((_Terminal(), True), (io.StringIO(), False)):
+        with Bar(stream) as bar:
+            bar("tracing", 0.5)
+        text = stream.getvalue()
+        assert ("tracing" in text and " 50 %" in text and text.endswith("\r")) is drawn and (drawn or text == "")
