@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -23,13 +22,13 @@ def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: dict[str
         info.add_text(str(key), _latin(value))
     data = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(picture)).save(data, "PNG", pnginfo=info)
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    # Not a tempfile: those are readable by nobody else, and the picture would stay so.
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data.getvalue())
-        os.replace(name, path)
+        part.write_bytes(data.getvalue())
+        os.replace(part, path)
     except OSError:
-        Path(name).unlink(missing_ok=True)
+        part.unlink(missing_ok=True)
         raise
     return path
 
