@@ -84,7 +84,7 @@ def _box(model: Model, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _photons(model: Model, radius: float, low: np.ndarray, high: np.ndarray, hits_a_photon: float) -> int:
-    """Return HITS x lit area / (disc area x hits a photon), to one digit."""
+    """Return HITS x lit area / (disc area x hits a photon), to two digits."""
     positions, areas = model.object_receivers.positions, model.object_receivers.areas
     rows = model.surfaces.receiver_range(0)
     margin = 0.01 * (high - low)
@@ -95,8 +95,8 @@ def _photons(model: Model, radius: float, low: np.ndarray, high: np.ndarray, hit
 
 
 def _round(x: float) -> float:
-    """Return x to one significant digit: settings that can be read out and typed in."""
+    """Return x to two significant digits: settings that can be read out and typed in."""
     if x <= 0:
         return x
-    unit = 10.0 ** math.floor(math.log10(x))
+    unit = 10.0 ** (math.floor(math.log10(x)) - 1)
     return round(x / unit) * unit

@@ -117,7 +117,7 @@ def spot_solid_angle(cos_inner: float, cos_outer: float) -> float:
 @kernel
 def _emit(seed, i, kind, parameters, face, cdf, units, origin, direction, flux, start, k):
     """Write photon i into row k."""
-    pick = sampling.low_discrepancy(seed, i)
+    pick = sampling.uniform(seed, i, 0, sampling.LIGHT)
     e = np.searchsorted(cdf, pick, side="right")
     e = min(e, len(cdf) - 1)
     p = parameters[e]

@@ -115,10 +115,10 @@ def area_events(seed, path, vertex, position, normal, lights, gap, direction, li
     """
     for k in range(len(path)):
         limit[k] = -1.0
-        pick = sampling.uniform(seed, path[k], vertex, PICK)
+        pick = sampling.independent(seed, path[k], vertex, PICK)
         e = min(np.searchsorted(lights.cdf, pick, side="right"), len(lights.cdf) - 1)
         b, c = sampling.triangle(
-            sampling.uniform(seed, path[k], vertex, LIGHT_U), sampling.uniform(seed, path[k], vertex, LIGHT_V)
+            sampling.independent(seed, path[k], vertex, LIGHT_U), sampling.independent(seed, path[k], vertex, LIGHT_V)
         )
         a = 1.0 - b - c
         p, n, m = lights.corners[e], normal[k], lights.normal[e]
@@ -198,7 +198,7 @@ def small_events(seed, path, vertex, position, normal, lights, far, gap, directi
             total += s * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))
         if total <= 0.0:
             continue
-        left = sampling.uniform(seed, path[k], vertex, SMALL_PICK) * total
+        left = sampling.independent(seed, path[k], vertex, SMALL_PICK) * total
         for e in range(count):
             s, dx, dy, dz, d = small_light_at(lights.kind[e], lights.parameters[e], x, y, z, nx, ny, nz, far)
             weight = s * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))

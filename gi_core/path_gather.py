@@ -118,9 +118,9 @@ def _bounce(model, at, lights: Lights, seed, v: PathEnds, bounce, light_sampling
 def _scatter(seed, path, bounce, normal, direction):
     """Choose cosine-distributed directions."""
     for k in range(len(path)):
-        x, y, z = lambertian.sample(
-            sampling.uniform(seed, path[k], bounce, SCATTER_U), sampling.uniform(seed, path[k], bounce, SCATTER_V)
-        )
+        u = sampling.independent(seed, path[k], bounce, SCATTER_U)
+        v = sampling.independent(seed, path[k], bounce, SCATTER_V)
+        x, y, z = lambertian.sample(u, v)
         x, y, z = sampling.from_frame(x, y, z, normal[k, 0], normal[k, 1], normal[k, 2])
         direction[k, 0], direction[k, 1], direction[k, 2] = x, y, z
 
@@ -163,7 +163,7 @@ def _arrive(
         rho = reflectance[f]
         largest = max(rho[0], max(rho[1], rho[2]))
         survival = 1.0 if bounce < ROULETTE_FROM and largest > 0.0 else min(largest, MOST_SURVIVAL)
-        if not (sampling.uniform(seed, path[k], bounce, SURVIVAL) < survival):
+        if not (sampling.independent(seed, path[k], bounce, SURVIVAL) < survival):
             continue
         alive[k] = True
         s = 1.0 if facing > 0.0 else -1.0
