@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gi_core.scene.types import Material, Mesh, Mobile, Scene
+from gi_core.scene.types import Material, Mesh, Mobile, PointLight, Scene, SpotLight
 
 BLACK = Material("black", (0.0, 0.0, 0.0))
 
@@ -141,3 +141,23 @@ def box_mobile(name: str = "box", size: float = 0.2, material: int = 0) -> Mobil
     """A small box about its own origin."""
     h = size / 2
     return Mobile(name, box((-h, -h, -h), (h, h, h), 2, material))
+
+
+def coloured_room(mobiles=()):
+    """A room of coloured walls, small lamp, point light inside, two-sided shelf."""
+    room = box((0, 0, 0), (1, 1, 1), 2, 0, inward=True)
+    panel = quad((0.4, 0.4, 0.95), (0, 0.3, 0), (0.2, 0, 0), (1, 1), 1)
+    shelf = quad((0.6, 0.1, 0.5), (0.3, 0, 0.1), (0, 0.6, 0), (1, 1), 2)
+    wall = grey(0.6)._replace(reflectance=(0.8, 0.5, 0.2))
+    materials = (wall, lamp(8.0, 0.5), grey(0.7, two_sided=True))
+    lights = (
+        PointLight("p", (0.2, 0.8, 0.4), (1.0, 2.0, 0.5)),
+        SpotLight("s", (0.5, 0.5, 0.9), (1, 0, -1), (1.0,) * 3, 10.0, 40.0),
+    )
+    return Scene(merge(room, panel, shelf), materials, mobiles, lights, up=(0.0, 0.0, 1.0), name="room")
+
+
+ROOM_POINTS = (
+    np.array([(0.5, 0.5, 0), (0.02, 0.5, 0), (0, 0.3, 0.6), (0.75, 0.4, 0.55 + 1e-6), (0.75, 0.4, 0.55 - 1e-6)]),
+    np.array([(0, 0, 1), (0, 0, 1), (1, 0, 0), (-0.316227766, 0, 0.948683298), (0.316227766, 0, -0.948683298)]),
+)

@@ -109,20 +109,6 @@ def test_at_a_two_wall_corner(light_sampling):
     assert expected[-1] == pytest.approx(2 * math.pi * closed_form.corner_view(math.pi / 2), rel=1e-3)
 
 
-def test_a_vertex_in_the_corner_gets_what_lies_beside_it():
-    """At the vertex itself every ray would hit the wall at once: E must be near 1/2 pi L, not pi L or 0."""
-    scene = build.corner_scene(1.0)
-    surfaces, receivers = flatten(scene)
-    at_edge = (np.abs(receivers.positions[:, [0, 2]]).max(axis=1) < 1e-9) & (receivers.normals[:, 2] > 0.9)
-    inner = at_edge & (np.abs(receivers.positions[:, 1]) < 0.4)
-    P, N = (a[inner] for a in evaluation_points(surfaces, receivers))
-    assert len(P) == 3 and (P[:, 0] > 1e-4).all() and (P[:, 2] > 0).all()
-    E, error = reference_irradiance(scene, P, N, 20000, 4)
-    wall = [(0, -0.5, 0), (0, 0.5, 0), (0, 0.5, 1), (0, -0.5, 1)]
-    z_test(E[:, 0], [closed_form.lambert_polygon(1.0, wall, p, UP) for p in P], error[:, 0], "at the edge")
-    assert E[:, 0] == pytest.approx(math.pi / 2, rel=0.03)
-
-
 @pytest.mark.parametrize("tilt", [0.0, 60.0, 90.0, 150.0])
 def test_sky_on_a_tilted_plane(tilt):
     b = math.radians(tilt)
@@ -146,42 +132,26 @@ def test_furnace(reflectance, light_sampling):
     z_test(E[:, 0], closed_form.furnace(2.0, reflectance), error[:, 0], "furnace")
 
 
-def coloured_room(mobiles=()):
-    """A room of coloured walls, small lamp, point light inside, two-sided shelf."""
-    room = build.box((0, 0, 0), (1, 1, 1), 2, 0, inward=True)
-    lamp = build.quad((0.4, 0.4, 0.95), (0, 0.3, 0), (0.2, 0, 0), (1, 1), 1)
-    shelf = build.quad((0.6, 0.1, 0.5), (0.3, 0, 0.1), (0, 0.6, 0), (1, 1), 2)
-    wall = build.grey(0.6)._replace(reflectance=(0.8, 0.5, 0.2))
-    materials = (wall, build.lamp(8.0, 0.5), build.grey(0.7, two_sided=True))
-    lights = (
-        PointLight("p", (0.2, 0.8, 0.4), (1.0, 2.0, 0.5)),
-        SpotLight("s", (0.5, 0.5, 0.9), (1, 0, -1), (1.0,) * 3, 10.0, 40.0),
-    )
-    return Scene(build.merge(room, lamp, shelf), materials, mobiles, lights, up=(0.0, 0.0, 1.0), name="room")
-
-
-ROOM_POINTS = (
-    np.array([(0.5, 0.5, 0), (0.02, 0.5, 0), (0, 0.3, 0.6), (0.75, 0.4, 0.55 + 1e-6), (0.75, 0.4, 0.55 - 1e-6)]),
-    np.array([(0, 0, 1), (0, 0, 1), (1, 0, 0), (-0.316227766, 0, 0.948683298), (0.316227766, 0, -0.948683298)]),
-)
-
-
 def test_light_sampling_changes_the_noise_only():
     """Joining lamps and hitting them are two ways to one answer; different seeds, so independent."""
     mobile = Mobile("box", build.box((-0.1,) * 3, (0.1,) * 3), Pose((0.3, 0.4, 0.2), axis_angle((1, 2, 3), 40)))
-    scene = coloured_room((mobile,))
-    a, error_a = reference_irradiance(scene, *ROOM_POINTS, 30000, 7)
-    b, error_b = reference_irradiance(scene, *ROOM_POINTS, 30000, 8, light_sampling=False)
+    scene = build.coloured_room((mobile,))
+    a, error_a = reference_irradiance(scene, *build.ROOM_POINTS, 30000, 7)
+    b, error_b = reference_irradiance(scene, *build.ROOM_POINTS, 30000, 8, light_sampling=False)
     z_test(a, b, np.hypot(error_a, error_b), "sampled against hit")
     assert (error_a < 0.5 * error_b)[:3].all()
 
 
 def test_standard_error_is_what_seeds_scatter_by():
-    runs = np.array([reference_irradiance(coloured_room(), *ROOM_POINTS, 100, s)[0] for s in range(60)])
-    _, error = reference_irradiance(coloured_room(), *ROOM_POINTS, 6000, 99)
+    runs = np.array([reference_irradiance(build.coloured_room(), *build.ROOM_POINTS, 100, s)[0] for s in range(60)])
+    _, error = reference_irradiance(build.coloured_room(), *build.ROOM_POINTS, 6000, 99)
     scatter = runs.std(axis=0, ddof=1)
     assert scatter == pytest.approx(error * math.sqrt(60), rel=0.4)
-    seeds_test(runs, reference_irradiance(coloured_room(), *ROOM_POINTS, 200_000, 98)[0], "short runs against a long")
+    seeds_test(
+        runs,
+        reference_irradiance(build.coloured_room(), *build.ROOM_POINTS, 200_000, 98)[0],
+        "short runs against a long",
+    )
 
 
 # -- sides and poses --------------------------------------------------------------------------------
@@ -222,11 +192,11 @@ def test_emissive_faces_of_mobiles_do_not_emit():
 def test_a_mobile_moved_by_pose_is_the_same_as_one_built_there():
     mesh = build.box((-0.1,) * 3, (0.1,) * 3)
     there = Pose((0.6, 0.3, 0.2), axis_angle((0, 1, 1), 30))
-    moved, at_rest = (coloured_room((Mobile("box", mesh, p),)) for p in (Pose((0.2, 0.2, 0.2)), there))
-    a = reference_irradiance(moved, *ROOM_POINTS, 2000, 12, poses={"box": there})
-    b = reference_irradiance(at_rest, *ROOM_POINTS, 2000, 12)
+    moved, at_rest = (build.coloured_room((Mobile("box", mesh, p),)) for p in (Pose((0.2, 0.2, 0.2)), there))
+    a = reference_irradiance(moved, *build.ROOM_POINTS, 2000, 12, poses={"box": there})
+    b = reference_irradiance(at_rest, *build.ROOM_POINTS, 2000, 12)
     z_test(a[0], b[0], 1e-4 + 0 * b[0], "same paths")  # the worlds differ by the lift: some 1e-6
-    away = reference_irradiance(moved, *ROOM_POINTS, 2000, 12)[0]
+    away = reference_irradiance(moved, *build.ROOM_POINTS, 2000, 12)[0]
     assert np.abs(a[0] - away).max() > 1e-3
 
 
@@ -234,8 +204,8 @@ def test_a_mobile_moved_by_pose_is_the_same_as_one_built_there():
 
 
 def test_same_seed_same_answer_and_points_do_not_depend_on_each_other():
-    scene = coloured_room()
-    P, N = ROOM_POINTS
+    scene = build.coloured_room()
+    P, N = build.ROOM_POINTS
     a, b = (reference_irradiance(scene, P, N, 500, 13) for _ in range(2))
     assert np.array_equal(a[0], b[0]) and np.array_equal(a[1], b[1])
     first = reference_irradiance(scene, P[:1], N[:1], 500, 13)[0]
@@ -245,21 +215,23 @@ def test_same_seed_same_answer_and_points_do_not_depend_on_each_other():
 
 def test_steps_run_up_to_the_same_answer(monkeypatch):
     monkeypatch.setattr("gi_core.reference.BATCH", 64)
-    P, N = ROOM_POINTS
-    steps = list(reference_steps(coloured_room(), P, N, 100, 15))
+    P, N = build.ROOM_POINTS
+    steps = list(reference_steps(build.coloured_room(), P, N, 100, 15))
     assert [s.paths for s in steps][-1] == 100 and len(steps) > 5
     monkeypatch.undo()
-    mean, error = reference_irradiance(coloured_room(), P, N, 100, 15)
+    mean, error = reference_irradiance(build.coloured_room(), P, N, 100, 15)
     assert steps[-1].mean == pytest.approx(mean, rel=1e-12)
     assert steps[-1].standard_error == pytest.approx(error, rel=1e-9)
-    assert reference_irradiance(coloured_room(), P, N, steps[0].paths, 15)[0] == pytest.approx(steps[0].mean, rel=1e-12)
+    assert reference_irradiance(build.coloured_room(), P, N, steps[0].paths, 15)[0] == pytest.approx(
+        steps[0].mean, rel=1e-12
+    )
 
 
 def test_more_points_than_a_batch(monkeypatch):
-    P, N = (np.tile(a, (20, 1)) for a in ROOM_POINTS)
-    whole = reference_irradiance(coloured_room(), P, N, 3, 16)
+    P, N = (np.tile(a, (20, 1)) for a in build.ROOM_POINTS)
+    whole = reference_irradiance(build.coloured_room(), P, N, 3, 16)
     monkeypatch.setattr("gi_core.reference.BATCH", 7)
-    split = reference_irradiance(coloured_room(), P, N, 3, 16)
+    split = reference_irradiance(build.coloured_room(), P, N, 3, 16)
     assert split[0] == pytest.approx(whole[0], rel=1e-12)
     assert split[1] == pytest.approx(whole[1], rel=1e-9)
 
@@ -287,26 +259,3 @@ def test_bad_arguments_are_refused():
         reference_irradiance(scene, P, N, 1, 0, poses={"box": Pose()})
     with pytest.raises(SceneError, match="rigid"):
         reference_irradiance(scene, P, N, 1, 0, poses={"crate": 2 * np.eye(4)})
-
-
-# -- evaluation points ------------------------------------------------------------------------------
-
-
-def test_evaluation_points_lie_off_every_wall_and_inside_their_faces():
-    room = build.furnace_scene(divisions=3)
-    surfaces, receivers = flatten(room)
-    P, N = evaluation_points(surfaces, receivers)
-    assert ((P > 1e-5) & (P < 1 - 1e-5)).all()
-    assert np.abs(P - receivers.positions).max() < 0.02 / 3
-    assert np.array_equal(N, receivers.normals)
-
-
-def test_evaluation_points_of_a_sphere_stay_on_their_side():
-    surfaces, receivers = flatten(build.sphere_scene(subdivisions=2))
-    P, N = evaluation_points(surfaces, receivers)
-    side = np.sign((receivers.positions * N).sum(axis=1))
-    # Outside, beyond the circumscribed sphere; inside, nearer than any vertex.
-    assert (side * (np.sqrt((P * P).sum(axis=1)) - 1) > 1e-5).all()
-    # Those of the inside are nearer than any face too: no ray starts behind its own wall.
-    scene = build.sphere_scene(DirectionalLight("d", (0, 0, -1), (1.0,) * 3), subdivisions=2)
-    assert not reference_irradiance(scene, P[side < 0], N[side < 0], 50, 0)[0].any()
