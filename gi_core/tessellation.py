@@ -13,16 +13,21 @@ from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Mesh
 
 GROWTH = 4.0  # outside the core an edge may be as long as its distance from it over this
+THIN = 1 / 8  # of the longest edge: refine_to leaves thinner faces to their neighbours
 FINEST = 0.005  # of the scene's size: refine_to goes no finer, shadows blur over more than that
 BISECTIONS = 8
 MOST_FACES = 4_000_000  # a misplaced decimal point must not fill the memory
 
 
-def tessellate(mesh: Mesh, max_edge: float, core: tuple[np.ndarray, np.ndarray] | None = None) -> Mesh:
+def tessellate(
+    mesh: Mesh, max_edge: float, core: tuple[np.ndarray, np.ndarray] | None = None, thinnest: float = 0.0
+) -> Mesh:
     """Split every edge longer than `max_edge` [m] at its middle, again and again.
 
     `core`: corners (low, high) of a box; outside it the allowed length grows with the distance, so
-    that a ground plane far away stays coarse. Vertices of one place become one. Corner normals are
+    that a ground plane far away stays coarse. `thinnest` [m]: faces lower than that ask for no split (they
+    are split where a neighbour asks): mouldings would use up the receivers that walls need.
+    Vertices of one place become one. Corner normals are
     interpolated, materials and face reflectances carried along.
 
     Raises SceneError if that makes more than MOST_FACES triangles.
@@ -35,6 +40,8 @@ def tessellate(mesh: Mesh, max_edge: float, core: tuple[np.ndarray, np.ndarray] 
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)  # a face smaller than the weld is none
     faces, source, normals = faces[whole], np.flatnonzero(whole), mesh.corner_normals
     normals = None if normals is None else normals[whole]
+    # Asked of the whole face, so that an edge never changes its mind while its faces are cut.
+    asks = _heights(points, place[mesh.faces]) >= thinnest
     done, done_source, done_normals = [], [], []
     total = 0
     while len(faces):
@@ -42,6 +49,9 @@ def tessellate(mesh: Mesh, max_edge: float, core: tuple[np.ndarray, np.ndarray] 
         ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)
         low, high = ends.min(axis=2), ends.max(axis=2)
         long = _too_long(points[low], points[high], max_edge, core)
+        if thinnest > 0:
+            key = low * len(points) + high
+            long &= np.isin(key, np.unique(key[long & asks[source][:, None]]))
         # An edge that is short now stays: a face without a long edge is finished for good.
         pattern = long @ np.array([1, 2, 4])
         rest = pattern == 0
@@ -67,7 +77,7 @@ def tessellate(mesh: Mesh, max_edge: float, core: tuple[np.ndarray, np.ndarray] 
         faces, source, normals = _cut(slots, source, slot_normals, pattern, points)
         if total + len(faces) > MOST_FACES:
             raise SceneError(
-                f"max_edge {max_edge:g} makes more than {MOST_FACES:,} triangles; write a larger one, or check the units"
+                f"max_edge {max_edge:g} makes more than {MOST_FACES:,} triangles; write a larger one or check the units"
             )
     source = np.concatenate(done_source)
     return Mesh(
@@ -82,24 +92,33 @@ def tessellate(mesh: Mesh, max_edge: float, core: tuple[np.ndarray, np.ndarray] 
 def refine_to(mesh: Mesh, materials, most: int, core, size: float) -> tuple[Mesh, float]:
     """Tessellate as finely as leaves about `most` receivers; return the mesh and its longest edge [m].
 
-    A mesh that has more of its own is refined until a third more are there: its large faces need it all the same.
+    A mesh that has many of its own in small parts gets up to as many again: its large faces need them all the same.
     """
     sided = np.array([1 + m.two_sided for m in materials])
 
     def cost(m: Mesh) -> float:
         return float(sided[m.face_material].sum()) / 2  # a closed surface has half as many vertices as faces
 
-    allowed = max(most, cost(mesh) * 4 / 3)
+    allowed = max(most, most + cost(mesh) if cost(mesh) > most / 4 else 0)
     coarse, fine = float(size), float(size) * FINEST
     best, edge = mesh, coarse
     for _ in range(BISECTIONS):
         middle = float(np.sqrt(coarse * fine))
-        tried = tessellate(mesh, middle, core)
+        tried = tessellate(mesh, middle, core, middle * THIN)
         if cost(tried) <= allowed:
             best, edge, coarse = tried, middle, middle
         else:
             fine = middle
     return best, edge
+
+
+def _heights(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the least height (F,) of each triangle [m]."""
+    p = points[faces]
+    d = p - np.roll(p, 1, axis=1)
+    longest = np.sqrt((d * d).sum(axis=2)).max(axis=1)
+    cross = np.cross(d[:, 1], d[:, 2])
+    return np.sqrt((cross * cross).sum(axis=1)) / np.where(longest > 0, longest, 1)
 
 
 def _too_long(a, b, max_edge, core) -> np.ndarray:

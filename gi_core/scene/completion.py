@@ -19,7 +19,8 @@ def complete(scene: Scene, unplaced, bare: bool):
     if not unplaced and lit and scene.camera is not None and not bare:
         return scene, None
     from gi_core.scene.pilot import Rays, useful_box
-    from gi_core.scene.placement import default_camera, default_light, place
+    from gi_core.scene.placement import place
+    from gi_core.scene.stand_ins import default_camera, default_light
 
     rays = Rays(scene)
     box = useful_box(scene, rays)

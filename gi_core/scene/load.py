@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from gi_core.scene.completion import complete
 from gi_core.scene.errors import SceneError
 from gi_core.scene.find import find_scene
 from gi_core.scene.materials_table import check_used, override, single
 from gi_core.scene.mesh_file import SUFFIXES, MeshFile, read_mesh_file
-from gi_core.scene.completion import complete
 from gi_core.scene.toml_file import UP, SceneFile, StaticEntry, read_scene_file
 from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Scene
 from gi_core.tessellation import refine_to, tessellate

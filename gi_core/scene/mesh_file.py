@@ -76,8 +76,9 @@ def _read_with_trimesh(path: Path, where: str) -> FileParts:
 
 def _clean(read: FileParts, where: str) -> MeshFile:
     notes = list(read.notes)
-    materials = _clamped(read.materials, notes)
     parts = [p for p in read.parts if len(p.faces)]
+    plain = {int(i) for p in parts if p.reflectance is None for i in np.unique(p.material)}
+    materials = _clamped(read.materials, plain, notes)
     if not parts:
         raise SceneError(f"{where}: the mesh has no triangles; a scene needs at least one")
     for p in parts:
@@ -109,13 +110,15 @@ def compact(mesh: Mesh) -> Mesh:
     )
 
 
-def _clamped(materials: list[Material], notes: list[str]) -> list[Material]:
+def _clamped(materials: list[Material], plain: set[int], notes: list[str]) -> list[Material]:
+    """Return materials below the largest reflectance; where a texture says the colour that is no news."""
     result, bright = [], []
-    for m in materials:
+    for i, m in enumerate(materials):
         if not np.isfinite([*m.reflectance, *m.emission]).all() or min(*m.reflectance, *m.emission) < 0:
             raise SceneError(f'material "{m.name}" must have finite colours >= 0, got {m.reflectance}, {m.emission}')
         if max(m.reflectance) > MOST_REFLECTANCE:
-            bright.append(m.name)
+            if i in plain:
+                bright.append(m.name)
             m = m._replace(reflectance=tuple(min(c, MOST_REFLECTANCE) for c in m.reflectance))
         result.append(m)
     if bright:

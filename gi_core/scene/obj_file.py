@@ -27,7 +27,7 @@ def read_obj(path: Path, where: str) -> FileParts:
     corners, normal_corners, uv_corners, face_material = [], [], [], []
     library, names, current, notes = {}, {}, None, []
     for number, line in enumerate(text.replace("\\\n", " ").split("\n"), 1):
-        word, _, rest = line.strip().partition(" ")
+        word, rest = [*line.split(None, 1), "", ""][:2]
         try:
             if word == "v":
                 v.append([float(x) for x in rest.split()[:3]])

@@ -26,6 +26,7 @@ class Box(NamedTuple):
     low: np.ndarray  # (3,) [m]
     high: np.ndarray  # (3,) [m]
     size: float  # longest side [m]
+    hits: np.ndarray  # (n, 3) the central hits [m]
 
 
 class Rays:
@@ -70,7 +71,8 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
     if len(found) >= 100:
         tail = (1 - CENTRAL_SHARE) / 2
         low, high = np.quantile(found, tail, axis=0), np.quantile(found, 1 - tail, axis=0)
-    return Box(low, high, max(float((high - low).max()), 1e-9))
+    central = found[((found >= low) & (found <= high)).all(axis=1)]
+    return Box(low, high, max(float((high - low).max()), 1e-9), central)
 
 
 def cosine(normals: np.ndarray, rng) -> np.ndarray:
