@@ -74,6 +74,9 @@ def _view_parser() -> argparse.ArgumentParser:
         action="store_false",
         help=f"fail with code {NO_GL} where no window can be opened, instead of drawing ./{FALLBACK_PICTURE}",
     )
+    parser.add_argument(
+        "--screenshot", type=_png, metavar="FILE.png", help="save the whole window once its light is refined, and quit"
+    )
     parser.set_defaults(run=_view)
     return parser
 
@@ -117,7 +120,7 @@ def _add_picture(parser: argparse.ArgumentParser) -> None:
     add("--size", type=_size, default=Settings.size, metavar="WxH", help=f"pixels ({default})")
     add("--tone-map", choices=TONE_MAPS, default=Settings.tone_map, help=f"({Settings.tone_map})")
     add("--show", choices=SHOWS, default=Settings.show, help="with reflectance, or irradiance alone (radiance)")
-    add("--no-cull", dest="cull", action="store_false", help="draw the backs of one-sided faces too, black")
+    add("--no-cull", dest="cull", action="store_false", help="draw the backs of one-sided faces too, dark grey")
 
 
 def _view(arguments: argparse.Namespace) -> int:
@@ -128,12 +131,12 @@ def _view(arguments: argparse.Namespace) -> int:
     if reason is None:
         from app.viewer import run
 
-        return run(settings)
+        return run(settings, screenshot=arguments.screenshot)
     if not settings.fallback:
         return _fail(reason, NO_GL)
     from app.render_command import render
 
-    (path,) = render(settings, Path(FALLBACK_PICTURE))
+    (path,) = render(settings, arguments.screenshot or Path(FALLBACK_PICTURE))
     print(f"No window: {reason}\nThe picture is in {path}")
     return OK
 
@@ -211,6 +214,12 @@ def _seed(text: str) -> int:
     if not 0 <= value < 2**63:
         raise argparse.ArgumentTypeError(f"must be in 0 .. 2^63 - 1, got {text}")
     return value
+
+
+def _png(text: str) -> Path:
+    if Path(text).suffix.lower() != ".png" or not Path(text).resolve().parent.is_dir():
+        raise argparse.ArgumentTypeError(f"must be a .png file in a folder that exists, got {text}")
+    return Path(text)
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -108,6 +108,8 @@ def test_defaults_leave_the_choice_to_scene_and_program():
         "--size -3x5",
         "--tone-map sepia",
         "--up w",
+        "--screenshot a.jpg",
+        "--screenshot no/such/folder/a.png",
         "--nonsense",
         "a b",
     ],
@@ -184,7 +186,7 @@ def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
 
     seen = []
     monkeypatch.setattr(window, "why_no_window", lambda: None)
-    monkeypatch.setitem(sys.modules, "app.viewer", types.SimpleNamespace(run=lambda s: seen.append(s) or 0))
+    monkeypatch.setitem(sys.modules, "app.viewer", types.SimpleNamespace(run=lambda s, screenshot: seen.append(s) or 0))
     assert cli.main([*FAST, "--exposure", "2"]) == 0
     assert seen == [Settings(photons=2000, exposure=2.0)]
 
