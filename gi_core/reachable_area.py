@@ -32,19 +32,32 @@ TANGENT = 0.25  # of the radius: own patch met nearer than this means the disc l
 LEAST_AREA = 1e-3  # of the disc: smaller regions count as unreachable (they would be noise alone)
 
 
+PLAIN, WHOLE = -1, -2  # in place of a row: one-sided with a free disc; any other with a free disc
+
+
 class Regions(NamedTuple):
     """Regions of one object's receivers."""
 
-    row: np.ndarray  # (R,) int32 into the arrays below, -1: the whole disc
+    row: np.ndarray  # (R,) int32 into the arrays below, or PLAIN, or WHOLE
     near: np.ndarray  # (C, RAYS) float32 [m]
     far: np.ndarray  # (C, RAYS) float32 [m]
     area: np.ndarray  # (R,) float64 [m2], 0 where nothing can arrive
 
 
-def whole_discs(count: int, radius: float) -> Regions:
-    """Return regions that are whole discs."""
-    nothing = np.empty((0, RAYS), np.float32)
-    return Regions(np.full(count, -1, np.int32), nothing, nothing, np.full(count, math.pi * radius * radius))
+def whole_discs(model: Model, o: int, radius: float) -> Regions:
+    """Return regions of object o's receivers that are whole discs."""
+    nothing, row = np.empty((0, RAYS), np.float32), _free(model, o)
+    return Regions(row, nothing, nothing, np.full(len(row), math.pi * radius * radius))
+
+
+def _free(model: Model, o: int) -> np.ndarray:
+    """Return PLAIN or WHOLE for each receiver of object o. (R,) int32."""
+    s, rows = model.surfaces, model.surfaces.receiver_range(o)
+    two_sided = np.zeros(len(model.object_receivers.areas), bool)
+    both = s.corner_back >= 0
+    two_sided[s.corner_front[both]] = True
+    two_sided[s.corner_back[both]] = True
+    return np.where(two_sided[rows], WHOLE, PLAIN).astype(np.int32)
 
 
 def regions(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:
@@ -53,7 +66,7 @@ def regions(model: Model, o: int, radius: float) -> Generator[None, None, Region
     rows = np.arange(*s.receiver_range(o).indices(len(model.object_receivers.areas)))
     points, normals = _lifted(model, o, radius)
     patch = model.receiver_sides[rows] >> 1
-    row = np.full(len(rows), -1, np.int32)
+    row = _free(model, o)
     near, far = [], []
     for first in range(0, len(rows), CHUNK):
         part = slice(first, first + CHUNK)

@@ -48,7 +48,7 @@ class TangentPlane:
             if self.control:
                 region = yield from regions(self.model, o, self.radius)
             else:
-                region = whole_discs(rows.stop - rows.start, self.radius)
+                region = whole_discs(self.model, o, self.radius)
             self.area[rows] = region.area
             positions = np.ascontiguousarray(r.positions[rows], np.float32)
             normals = np.ascontiguousarray(r.normals[rows], np.float32)
