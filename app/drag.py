@@ -16,10 +16,10 @@ from gi_core.scene import Pose
 
 SLIDE, LIFT, FACE, TURN = "slide", "lift", "face", "turn"
 MODES = {
-    SLIDE: "slides it at this height",
-    LIFT: "moves it up and down",
-    FACE: "moves it in the plane of the picture",
-    TURN: "turns it about the vertical",
+    SLIDE: "slides at this height",
+    LIFT: "moves up and down",
+    FACE: "moves in the plane of the picture",
+    TURN: "turns about the vertical",
 }
 TURN_SPEED = 360.0  # degrees for a drag across the picture's height
 HEADROOM = 0.5  # of the scene's diagonal: how high mobiles can at least be lifted

@@ -6,6 +6,7 @@ smaller costs more than it saves). Exposure, tone map and sRGB are applied per f
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from importlib import resources
 
@@ -96,10 +97,13 @@ class Renderer:
 
     def _draw_outline(self, targets: _Targets, look: Look) -> None:
         ctx = self.ctx
+        o = self._objects[look.outlined]
+        # The filter reads 25 texels a pixel: a software renderer does that only where the object is.
+        area = o.rectangle(look.view_projection @ look.models[look.outlined], targets.size, look.outline_width)
         targets.mask.use()
         targets.mask.clear()
         ctx.enable_only(ctx.NOTHING)
-        o = self._objects[look.outlined]
+        targets.picture.scissor = area
         o.draw(self._mask, o.marked, look.view_projection, look.models[look.outlined], cull=False)
         targets.picture.use()
         ctx.enable_only(ctx.BLEND)
@@ -109,6 +113,7 @@ class Renderer:
         self._outline["line"] = OUTLINE
         self._outline["width"] = look.outline_width
         self._screen.render(moderngl.TRIANGLES, vertices=3)
+        targets.picture.scissor = None
 
     @property
     def texture(self) -> int:
@@ -148,6 +153,10 @@ class _Object:
         triangles = np.concatenate([mesh.triangles[sided], mesh.triangles[~sided]])
         self.one_sided_indices, self.indices = 3 * int(sided.sum()), 3 * len(triangles)
         self._colours = np.zeros((len(mesh.positions), 6), np.float32)
+        self._corners = np.zeros((0, 3))  # of its box, object space
+        if len(mesh.positions):
+            low_high = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)], axis=1)
+            self._corners = np.array(list(itertools.product(*low_high)), np.float64)
         # GL has no empty buffers; a scene may have an empty object.
         self._owned = [
             ctx.buffer(np.ascontiguousarray(mesh.positions, np.float32).tobytes() or bytes(12)),
@@ -179,6 +188,17 @@ class _Object:
         self.ctx.disable(self.ctx.CULL_FACE)
         if self.indices > split:
             vertices.render(moderngl.TRIANGLES, vertices=self.indices - split, first=split)
+
+    def rectangle(self, to_clip: np.ndarray, size: tuple[int, int], margin: float) -> tuple[int, int, int, int]:
+        """Return (x, y, width, height) in pixels that hold the object; everything where it reaches behind the eye."""
+        corners = np.c_[self._corners, np.ones(len(self._corners))] @ to_clip.T
+        w, h = size
+        if not len(corners) or corners[:, 3].min() <= 1e-6 * np.abs(corners).max():
+            return (0, 0, w, h)
+        at = (corners[:, :2] / corners[:, 3:] + 1) / 2 * size
+        low = np.clip(np.floor(at.min(axis=0) - margin - 1), 0, size).astype(int)
+        high = np.clip(np.ceil(at.max(axis=0) + margin + 1), 0, size).astype(int)
+        return (int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1]))
 
     def release(self) -> None:
         for thing in (self.lit, self.marked, *self._owned):

@@ -23,7 +23,7 @@ from app.settings import Settings, UsageError
 from app.viewport import Viewport, overlay_text
 
 SAMPLES = 4  # a pixel
-QUIET_FRAMES = 6  # after which a software renderer may draw with all samples again
+QUIET_FRAMES = 20  # with nothing new, after which a software renderer draws with all samples: that takes it 50 ms
 LONGEST_STEP = 0.1  # s: after a pause of the whole program, animations go on, they do not jump
 
 
@@ -37,6 +37,7 @@ class Viewer:
         self.renderer: Renderer | None = None
         self.params = window.runner_params(settings, self.draw_viewport, self.draw_panel, self.draw_status)
         self.params.callbacks.show_gui = self._begin_frame
+        self.params.callbacks.after_swap = self._end_frame
         self.params.callbacks.before_exit = self._close
         self.frame_seconds = Smoothed()
         self.frames = 0
@@ -73,6 +74,11 @@ class Viewer:
                 self.params.app_shall_exit = True
         if self._ready and self.exit_when_refined and not self.session.refining and self._quiet > QUIET_FRAMES:
             self.params.app_shall_exit = True
+
+    def _end_frame(self) -> None:
+        if self._software and self.renderer is not None:
+            # It queues frames where no screen slows it down; the next upload would then wait for all of them.
+            self.renderer.ctx.finish()
 
     def draw_viewport(self) -> None:
         """Input, then light, then the picture: what is drawn belongs to the pose of this very frame."""
@@ -141,9 +147,9 @@ class Viewer:
 
     def _draw_scene(self) -> None:
         session = self.session
-        moving = session.dragging or session.playing or self.viewport.is_moving
         changed = self._uploaded != session.version
-        self._quiet = 0 if moving or changed else self._quiet + 1
+        busy = changed or session.refining or session.dragging or session.playing or self.viewport.is_moving
+        self._quiet = 0 if busy else self._quiet + 1
         if changed:
             for o in range(len(session.meshes)):
                 self.renderer.set_colours(o, *session.colours(o))

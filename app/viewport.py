@@ -233,12 +233,12 @@ class Viewport:
         """Return one line: what a drag does now, or would do."""
         io = imgui.get_io()
         if self.grab is not None:
-            return f"{self.grab.mobile}: {drag.MODES[self.grab.mode]}  ·  Esc puts it back"
+            return f"{self.grab.mobile} {drag.MODES[self.grab.mode]}  ·  Esc puts it back"
         if self.hover is not None:
             name = self.session.solver.scene.mobiles[self.hover.object - 1].name
             mode = drag.mode_of(io.key_shift, io.key_alt, io.key_ctrl)
             others = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the picture  ·  Ctrl: turn"
-            return f"{name}: a drag {drag.MODES[mode]}{others}"
+            return f"Drag {name}: {drag.MODES[mode]}{others}"
         return ""
 
 
