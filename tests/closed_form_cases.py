@@ -25,7 +25,7 @@ class Case(NamedTuple):
     groups: Callable  # receivers -> {name: (R,) bool}
     photons: int
     radius: float  # [m]
-    neighbours: int = 150
+    neighbours: int = 250
     dark: Callable | None = None  # receivers -> (R,) bool: those that get exactly nothing
 
 
@@ -122,7 +122,7 @@ CASES = {
         point_over_plane,
         lambda p, n: closed_form.point_over_plane(1.0, 0.6, np.hypot(p[:, 0], p[:, 1])),
         rings(0, 0.4, 0.7, 1.2),
-        250_000,
+        120_000,
         0.12,
     ),
     "spot over a plane": Case(
@@ -131,7 +131,7 @@ CASES = {
             1.0, 1.0, np.hypot(p[:, 0], p[:, 1]), math.cos(math.radians(20)), math.cos(math.radians(40))
         ),
         rings(0, 0.36, 0.8),
-        150_000,
+        100_000,
         0.12,
         400,
     ),
@@ -165,7 +165,7 @@ CASES = {
         sphere_in_sun,
         lambda p, n: closed_form.directional(1.0, (0, 0, -1), n),
         bands(0.1, 0.5, 0.8, 1.0),
-        160_000,
+        100_000,
         0.11,
         dark=inside,
     ),
@@ -173,16 +173,15 @@ CASES = {
         sphere_by_lamp,
         lambda p, n: closed_form.point_light(1.0, (0, 0, 2.5), p, n),
         bands(0.5, 0.8, 1.0),
-        800_000,
+        300_000,
         0.11,
-        250,
         dark=inside,
     ),
     "tilted plate that has been moved": Case(
         plate,
         lambda p, n: closed_form.point_light(1.0, (0, 0, 1.2), p, n),
         lambda r: {"plate": np.linalg.norm(r.positions - PLATE_POSE.position, axis=1) < 0.4},
-        300_000,
+        120_000,
         0.1,
     ),
 }

@@ -69,7 +69,22 @@ def photon_map(solver: Solver, field) -> np.ndarray:
     return out
 
 
+def half_a_hit(solver: Solver) -> float:
+    """The share of photon_map's estimate that depends on how regularly hits lie: half a hit of k.
+
+    That k - 1 hits over the disc of the k-th is unbiased holds for independent photons. Those of a
+    lattice lie more evenly: where they were perfectly regular, the k-th would be at m(r_k) = k - 1/2 and
+    the estimate (k - 1) / (k - 1/2) = 1 - 1 / 2k of the truth. Projected from more dimensions they may
+    also lie less evenly. Measured with lattice photons: -0.84, -0.31, -0.10 % for k = 50, 150, 400.
+    """
+    return 0.5 / solver.neighbours
+
+
 MEANS = {"tangent_plane": tangent_plane, "impact_count": impact_count, "photon_map": photon_map}
+
+
+# Relative bias that an estimator is allowed, because its mean is known only up to it.
+UNKNOWN = {"photon_map": half_a_hit}
 
 
 def _faces(solver: Solver):

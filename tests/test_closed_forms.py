@@ -15,8 +15,8 @@ from functools import cache
 import numpy as np
 import pytest
 from closed_form_cases import CASES, PLATE_POSE, Case, outside
-from estimator_means import MEANS
-from significance import crossing_deviation, photons_for_power, seeds_test, sees
+from estimator_means import MEANS, UNKNOWN
+from significance import EFFECT, crossing_deviation, photons_for_power, seeds_test, sees
 
 from gi_core.estimators import ESTIMATORS
 from gi_core.solver import Solver
@@ -61,15 +61,27 @@ def test_every_estimator_has_an_expectation():
     assert set(MEANS) == set(ESTIMATORS)
 
 
+def unknown(name: str, estimator: str) -> float:
+    """Return the relative bias up to which an estimator's mean is known: 0 but for photon_map."""
+    return UNKNOWN[estimator](runs(name)[0]) if estimator in UNKNOWN else 0.0
+
+
+def assert_closed_form(ratios: np.ndarray, bound: float, what: str) -> None:
+    """Assert that the mean over seeds of ratios (seeds, n) is within `bound` of 1, as a z-test beyond it."""
+    seeds_test(ratios - np.clip(ratios.mean(axis=0) - 1, -bound, bound), 1.0, what)
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_estimate_is_the_closed_form(name, estimator):
-    ratios = group_ratios(name, estimator, runs(name)[1][estimator])
+    ratios, bound = group_ratios(name, estimator, runs(name)[1][estimator]), unknown(name, estimator)
     error = ratios.std(axis=0, ddof=1) / math.sqrt(len(ratios))
-    assert sees(error, 1.0, tests=ratios.shape[1], degrees=len(ratios) - 1), f"too few photons: {error}"
-    seeds_test(ratios, 1.0, f"{estimator}, {name}")
+    # Seen even where the unknown part hides as much of the 2 % as it can.
+    enough = sees(error, 1.0, EFFECT - 2 * bound, tests=ratios.shape[1], degrees=len(ratios) - 1)
+    assert enough, f"too few photons: {error}"
+    assert_closed_form(ratios, bound, f"{estimator}, {name}")
     # With all flux 2 % higher the same test fails.
     with pytest.raises(AssertionError):
-        seeds_test(1.02 * ratios, 1.0)
+        assert_closed_form(1.02 * ratios, bound, "")
 
 
 def test_scaling_flux_scales_irradiance_and_is_seen(estimator):
@@ -105,7 +117,8 @@ def test_each_receiver_alone(estimator):
     name = "furnace"
     solver, E = runs(name)
     rows = np.any(list(CASES[name].groups(solver.receivers).values()), axis=0)
-    seeds_test(E[estimator][:, rows], expected(name, estimator)[rows], f"{estimator}, each receiver of the furnace")
+    ratios = E[estimator][:, rows] / expected(name, estimator)[rows]
+    assert_closed_form(ratios, unknown(name, estimator), f"{estimator}, each receiver of the furnace")
 
 
 def test_photons_were_enough_by_the_formula_too():
