@@ -16,6 +16,7 @@ from gi_core.bsdf import lambertian
 from gi_core.disc_search.crossing import counts, crossed
 from gi_core.emission import emit
 from gi_core.fixed_point import MAX_SEGMENTS, attenuate
+from gi_core.hit_grid import OTHER_SIDE
 from gi_core.model import Model
 from gi_core.pose import rotation
 from gi_core.reachable_area import regions
@@ -49,7 +50,7 @@ class Twin:
                 "photon": i, "bounce": bounce, "flux": tuple(q), "origin": origin[0], "end": end[0],
                 "low": m.eps, "high": length + m.eps if end_side[0] >= 0 else length,
                 "start_side": int(side[0]), "end_side": int(end_side[0]), "cut_side": int(cut_side[0]),
-                "hit": end[0], "hit_side": int(end_side[0]), "direction": d,
+                "hit": end[0], "hit_side": int(end_side[0]),
             }  # fmt: skip
             if cut_side[0] >= 0:
                 segment["high"] = cut[0] + m.eps
@@ -68,10 +69,15 @@ class Twin:
                 return
             q = [attenuate(c, r, survival) for c, r in zip(q, rho, strict=True)]
             u, v = (sampling.uniform(self.seed, i, bounce + 1, k) for k in (sampling.SCATTER_U, sampling.SCATTER_V))
-            n, R = world.normals[face], at.rotation[world.face_object[face]]
-            n = [(-1 if back else 1) * (R[k, 0] * n[0] + R[k, 1] * n[1] + R[k, 2] * n[2]) for k in range(3)]
+            n = self._side_normal(side[0], at)
             direction = np.array([sampling.from_frame(*lambertian.sample(u, v), *n)], F32)
             origin = segment["hit"][None]
+
+    def _side_normal(self, side: int, at):
+        """Return the world normal [x, y, z] of a side."""
+        world, face = self.model.world, side >> 1
+        n, R = world.normals[face], at.rotation[world.face_object[face]]
+        return [(-1 if side & 1 else 1) * (R[k, 0] * n[0] + R[k, 1] * n[1] + R[k, 2] * n[2]) for k in range(3)]
 
     def irradiance(self, estimator: str, poses) -> np.ndarray:
         """Return E (R, 3) of every receiver at the given poses."""
@@ -130,12 +136,12 @@ class Twin:
         receivers = model.receivers_at(poses)
         hits = [s for s in segments if s["hit_side"] >= 0]
         x = np.array([h["hit"] for h in hits], F32).reshape(-1, 3)
-        d = np.array([h["direction"] for h in hits], F32).reshape(-1, 3)
+        d = np.array([self._side_normal(h["hit_side"], model.transforms(poses)) for h in hits], F32).reshape(-1, 3)
         sums, area = [], []
         for p, n in zip(receivers.positions.astype(F32), receivers.normals.astype(F32), strict=True):
             a, b, c = x[:, 0] - p[0], x[:, 1] - p[1], x[:, 2] - p[2]
             d2 = a * a + b * b + c * c
-            front = d[:, 0] * n[0] + d[:, 1] * n[1] + d[:, 2] * n[2] < 0
+            front = d[:, 0] * n[0] + d[:, 1] * n[1] + d[:, 2] * n[2] > OTHER_SIDE
             near = [j for j in range(len(hits)) if d2[j] <= radius * radius and front[j]]
             near = sorted(near, key=lambda j: (d2[j], hits[j]["photon"], hits[j]["bounce"]))[:k]
             full = len(near) == k and d2[near[-1]] > 0

@@ -112,7 +112,8 @@ def counts(i, x, y, z, nx, ny, nz, o, d, stop, r2, own, rules, patches, touches)
     """Tell whether a crossing that crossed() found counts for receiver i at (x, y, z).
 
     Most receivers are PLAIN, one-sided with nothing in reach: all that crosses them before the end of
-    the segment counts. Asking that first takes a crossing from 170 ns to 90 in cornell, where a tenth of receivers are not.
+    the segment counts. Asking that first halves the cost of a crossing in cornell (170 to 90 ns),
+    where a tenth of the receivers are not.
     """
     ax, ay, az = x - o[0], y - o[1], z - o[2]
     t = (ax * nx + ay * ny + az * nz) / (d[0] * nx + d[1] * ny + d[2] * nz)

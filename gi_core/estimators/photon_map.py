@@ -3,6 +3,7 @@
 With k hits inside, E = flux of the k - 1 nearest / (pi r_k^2): the k-th only says how far they
 reach, which makes the density unbiased (Garcia, Urena, Sbert 2012). `textbook=True` counts it too,
 which overestimates by k / (k - 1). With fewer than k, E = flux of all / (pi radius^2).
+(Photons on a lattice are more regular than chance: measured 1 / 2k low instead of unbiased.)
 Eq. 2.8 is false here: r_k depends on the whole set, so a frame estimates again each receiver that a
 changed hit concerns. Distances are those in the world.
 """
@@ -56,7 +57,7 @@ class PhotonMap:
 
     def add_background(self, segments: Segments, photons: int) -> None:
         """Add the hits of background segments, which complete the first `photons`."""
-        self._parts.append(hits_of(segments))
+        self._parts.append(hits_of(segments, self.model.world, self.model.static))
         self._added = photons
 
     def prepare(self) -> Iterator[None]:
@@ -80,8 +81,10 @@ class PhotonMap:
 
     def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by."""
-        added = build(_joined([hits_of(frame.heads), hits_of(frame.branches)]), CELL_SHARE * self.radius)
-        removed = hits_of(frame.tails)
+        world = self.model.world
+        changed = [hits_of(s, world, frame.at) for s in (frame.heads, frame.branches)]
+        added = build(_joined(changed), CELL_SHARE * self.radius)
+        removed = hits_of(frame.tails, world, frame.at)
 
         # Which static receivers does a changed hit concern?
         stale = np.zeros(self._static.stop, bool)
@@ -103,7 +106,7 @@ class PhotonMap:
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
         """Return what evaluate() does, from all current segments (an iterable of Segments)."""
-        hits = _joined([hits_of(p) for p in parts])
+        hits = _joined([hits_of(p, self.model.world, at) for p in parts])
         grid = build(hits, CELL_SHARE * self.radius)
         uncut = np.full(int(hits.photon.max(initial=0)) + 1, NEVER, np.int32)
         points, normals = self._receivers(at, slice(None))
