@@ -216,6 +216,24 @@ def test_bench_writes_every_number_and_the_light_is_that_from_scratch(capsys, tm
     assert "GI frame" in text and "same bits     yes" in text
 
 
+def test_the_tree_bench_has_light_to_move():
+    """Along the tree's path half a percent of the photons or more are cut in the median frame."""
+    from app import motion
+    from app.render_command import motion_paths
+    from app.settings import make_solver, open_scene
+
+    settings = Settings("tree", photons=10_000, estimator="impact_count")
+    solver = make_solver(open_scene(settings), settings)
+    solver.solve()
+    for frames in (50, 200):
+        cut = []
+        for poses in motion.walk(motion_paths(solver), motion.STEP, frames):  # the tree is 1 m in size
+            solver.move_all(poses)
+            cut.append(solver.changes.photons_cut)
+        share = sorted(cut)[frames // 2] / solver.photons_traced
+        assert share >= 0.005, f"{frames} frames: {100 * share:.3f} % of the photons cut in the median frame"
+
+
 def test_bench_needs_a_mobile(capsys, monkeypatch):
     from dataclasses import replace
 
