@@ -11,6 +11,7 @@ import numpy as np
 from gi_core.receivers import weld
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Mesh
+from gi_core.surfaces import face_normals
 
 GROWTH = 4.0  # outside the core an edge may be as long as its distance from it over this
 THIN = 1 / 8  # of the longest edge: refine_to leaves thinner faces to their neighbours
@@ -40,6 +41,9 @@ def tessellate(
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)  # a face smaller than the weld is none
     faces, source, normals = faces[whole], np.flatnonzero(whole), mesh.corner_normals
     normals = None if normals is None else normals[whole]
+    # No triangle is larger than half the square of its longest edge: refuse before the work, not after it.
+    if core is None and thinnest == 0 and face_normals(mesh)[1].sum() > MOST_FACES * max_edge * max_edge / 2:
+        raise _too_many(max_edge)
     # Asked of the whole face, so that an edge never changes its mind while its faces are cut.
     asks = _heights(points, place[mesh.faces]) >= thinnest
     done, done_source, done_normals = [], [], []
@@ -76,9 +80,7 @@ def tessellate(
         slot_normals = None if normals is None else _with_middles(normals[split])
         faces, source, normals = _cut(slots, source, slot_normals, pattern, points)
         if total + len(faces) > MOST_FACES:
-            raise SceneError(
-                f"max_edge {max_edge:g} makes more than {MOST_FACES:,} triangles; write a larger one or check the units"
-            )
+            raise _too_many(max_edge)
     source = np.concatenate(done_source)
     return Mesh(
         points,
@@ -86,6 +88,12 @@ def tessellate(
         mesh.face_material[source],
         None if mesh.corner_normals is None else np.concatenate(done_normals),
         None if mesh.face_reflectance is None else mesh.face_reflectance[source],
+    )
+
+
+def _too_many(max_edge: float) -> SceneError:
+    return SceneError(
+        f"max_edge {max_edge:g} makes more than {MOST_FACES:,} triangles; write a larger one or check the units"
     )
 
 

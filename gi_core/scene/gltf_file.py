@@ -50,7 +50,7 @@ class _Reader:
         else:
             children = {c for n in nodes for c in n.get("children", [])}
             roots = [i for i in range(len(nodes)) if i not in children]
-        stack = [(i, np.eye(4)) for i in roots]
+        stack = [(i, np.eye(4)) for i in reversed(roots)]
         while stack:
             i, parent = stack.pop()
             if i in self.world:

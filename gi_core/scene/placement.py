@@ -16,6 +16,7 @@ GRID = 28  # candidate columns along each horizontal side of the useful box
 LEVELS = (0.12, 0.35, 0.6, 0.9)  # heights in the box from which candidates are sought downwards
 LEVEL_COSINE = 0.97  # a floor is level to 14 degrees
 CLEARANCE = 1.15  # of the mobile's own radius
+SPACE = 0.15  # of the scene's size: free space around the mobile that is worth having
 RING = np.linspace(0, 2 * np.pi, 12, endpoint=False)
 SPHERE = 48  # directions that decide whether a place is inside a room
 
@@ -79,12 +80,13 @@ def floor_spot(scene: Scene, rays: Rays, box: Box, height: float, radius: float)
     # Headroom, and what a column of the mobile's size would touch.
     above, _ = rays.hits(points + up * lift, np.broadcast_to(up, points.shape))
     ring = [np.cos(a) * east + np.sin(a) * north for a in RING]
-    free = np.zeros(n)
+    free, around_it = np.zeros(n), np.full(n, np.inf)
     for share in (0.1, 0.5, 0.9):
         start = points + up * max(share * height, lift)
         for d in ring:
             t, _ = rays.hits(start, np.broadcast_to(d, points.shape))
             free += t > radius * CLEARANCE
+            around_it = np.minimum(around_it, t - radius)
     for d in ring:
         for reach in (0.5, 1.0):
             start = points + d * radius * reach + up * height
@@ -111,7 +113,8 @@ def floor_spot(scene: Scene, rays: Rays, box: Box, height: float, radius: float)
     distance = np.sqrt((off * off).sum(axis=1)) / box.size
     room = 1.0 * (inside > 0.75) if (fits & (inside > 0.75)).any() else 0.0
     lit = _light_on(points, box, up)
-    score = 1.5 * lit + 4.0 * fits + 2.0 * room + 0.5 * popular + inside - 1.5 * distance + free
+    open_space = np.clip(around_it / (SPACE * box.size), 0, 1)
+    score = 1.0 * open_space + 1.5 * lit + 4.0 * fits + 2.0 * room + 0.5 * popular + inside - 1.5 * distance + free
     best = int(np.argmax(score))
     return Spot(points[best], float(above[best]), bool(fits[best]))
 

@@ -117,7 +117,7 @@ def _score(position, target, fov, points, subject, rays: Rays, box: Box) -> floa
     in_view = d @ forward > np.cos(np.radians(fov / 2 * 1.1))
     clear = _unhidden(rays, position, d, length - 2e-3 * box.size)
     visible = in_view & clear
-    return float(visible[:-1].mean()) + 0.5 * float(visible[-1])
+    return float(visible[:-1].mean()) + 0.3 * float(visible[-1])
 
 
 def _unhidden(rays: Rays, position, d, length) -> np.ndarray:

@@ -1,0 +1,131 @@
+"""Tessellation: no T-junctions, nothing lost, the same whatever the order of the faces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.receivers import weld
+from gi_core.scene import Mesh, SceneError
+from gi_core.surfaces import face_normals
+from gi_core.tessellation import refine_to, tessellate
+
+
+def box(size=(1.0, 0.7, 0.3), repeat_vertices=False) -> Mesh:
+    """Return a closed box of two materials; with repeated vertices as float32 files have them."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float64) * size
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
+    material = np.array([0, 1] * 6, np.int32)
+    if repeat_vertices:
+        corners, faces = corners[faces.reshape(-1)], np.arange(36, dtype=np.int32).reshape(12, 3)
+    return Mesh(corners, faces, material)
+
+
+def edges_of(mesh: Mesh) -> np.ndarray:
+    faces = weld(mesh.vertices)[mesh.faces]
+    return np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+
+
+def longest(mesh: Mesh) -> float:
+    p = mesh.vertices[mesh.faces]
+    d = p - np.roll(p, 1, axis=1)
+    return float(np.sqrt((d * d).sum(axis=2)).max())
+
+
+@pytest.mark.parametrize("repeat", [False, True])
+@pytest.mark.parametrize("max_edge", [5.0, 0.4, 0.11, 0.037])
+def test_closed_surface_stays_closed(max_edge, repeat):
+    """Every edge of a closed surface has exactly two faces: a T-junction would leave edges with one."""
+    mesh = tessellate(box(repeat_vertices=repeat), max_edge)
+    _, counts = np.unique(edges_of(mesh), axis=0, return_counts=True)
+    assert (counts == 2).all()
+    assert longest(mesh) <= max_edge or max_edge == 5.0
+
+
+def test_core_stays_closed_too():
+    core = np.array([0.0, 0, 0]), np.array([0.1, 0.1, 0.1])
+    mesh = tessellate(box((20.0, 20.0, 20.0)), 0.1, core)
+    _, counts = np.unique(edges_of(mesh), axis=0, return_counts=True)
+    assert (counts == 2).all()
+    assert len(mesh.faces) < 20_000 < 2 * 6 * (20 / 0.1) ** 2  # far away it stays coarse
+
+
+def test_thin_faces_wait_for_their_neighbours():
+    mesh = tessellate(box((1.0, 1.0, 0.005)), 0.1, None, 0.02)
+    _, counts = np.unique(edges_of(mesh), axis=0, return_counts=True)
+    assert (counts == 2).all()
+    alone = box((1.0, 0.005, 0.005))
+    assert len(tessellate(alone, 0.1, None, 0.02).faces) == 12
+
+
+def test_area_material_and_orientation_are_kept():
+    before = box()
+    after = tessellate(before, 0.08)
+    (n0, a0), (n1, a1) = face_normals(before), face_normals(after)
+    for material in (0, 1):
+        rows0, rows1 = before.face_material == material, after.face_material == material
+        flux0 = (n0[rows0, :, None] * n0[rows0, None] * a0[rows0, None, None]).sum(axis=0)
+        flux1 = (n1[rows1, :, None] * n1[rows1, None] * a1[rows1, None, None]).sum(axis=0)
+        np.testing.assert_allclose(flux0, flux1, rtol=1e-12, atol=1e-15)
+    p = after.vertices[after.faces]
+    volume = (p[:, 0] * np.cross(p[:, 1], p[:, 2])).sum() / 6
+    assert volume == pytest.approx(0.21, rel=1e-12)
+
+
+def test_attributes_are_carried_along():
+    """Normals (x, 0, 1) normalised over a unit square: interpolated, unit; reflectance is that of the parent."""
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    n = np.array([[0.0, 0, 1], [1, 0, 1], [1, 0, 1], [0, 0, 1]])
+    n /= np.sqrt((n * n).sum(axis=1, keepdims=True))
+    colours = np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    mesh = tessellate(Mesh(vertices, faces, np.zeros(2, np.int32), n[faces], colours), 0.2)
+    assert np.abs(np.sqrt((mesh.corner_normals**2).sum(axis=2)) - 1).max() < 1e-12
+    x = mesh.vertices[mesh.faces][..., 0]
+    angle = np.arctan2(mesh.corner_normals[..., 0], mesh.corner_normals[..., 2])
+    assert np.abs(angle - x * np.pi / 4).max() < 1e-12  # halving an edge halves the angle
+    below = mesh.vertices[mesh.faces].mean(axis=1)
+    first = below[:, 1] < below[:, 0]
+    np.testing.assert_array_equal(mesh.face_reflectance, np.where(first[:, None], colours[0], colours[1]))
+
+
+def test_order_of_faces_does_not_matter():
+    mesh = box()
+    order = np.random.default_rng(3).permutation(12)
+    permuted = mesh._replace(faces=mesh.faces[order], face_material=mesh.face_material[order])
+
+    def in_order(m):
+        t = tessellate(m, 0.09)
+        rows = np.concatenate([t.vertices[t.faces].reshape(-1, 9), t.face_material[:, None]], axis=1)
+        return rows[np.lexsort(rows.T)]
+
+    np.testing.assert_array_equal(in_order(mesh), in_order(permuted))
+
+
+def test_faces_of_different_materials_split_alike():
+    """Two sheets that meet at an edge, each with vertices of its own: the shared edge gets the same points."""
+    a = np.array([[0.0, 0, 0], [1, 0, 0], [0.3, 1, 0]])
+    b = np.array([[1.0, 0, 0], [0, 0, 0], [0.6, -0.2, 0.9]])
+    mesh = Mesh(np.concatenate([a, b]), np.array([[0, 1, 2], [3, 4, 5]], np.int32), np.array([0, 1], np.int32))
+    fine = tessellate(mesh, 0.13)
+    on_edge = [np.unique(fine.vertices[fine.faces[fine.face_material == m]].reshape(-1, 3), axis=0) for m in (0, 1)]
+    on_edge = [p[(p[:, 1] == 0) & (p[:, 2] == 0)] for p in on_edge]
+    np.testing.assert_array_equal(*on_edge)
+    assert len(on_edge[0]) == 9
+
+
+def test_refine_to_spends_what_it_is_given():
+    from gi_core.scene import Material
+
+    materials = [Material("a"), Material("b")]
+    mesh, edge = refine_to(box(), materials, 2000, None, 1.0)
+    assert 1000 < len(mesh.faces) / 2 <= 2000
+    assert longest(mesh) <= edge
+
+
+def test_absurd_lengths_are_refused():
+    with pytest.raises(SceneError, match="makes more than 4,000,000 triangles; write a larger one"):
+        tessellate(box(), 1e-5)
+    with pytest.raises(SceneError, match="max_edge must be a length > 0, got 0"):
+        tessellate(box(), 0)
