@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from gi_core.scene import Scene
 
 IMPORTING, COMPILING, LOADING, TRACING = "importing", "compiling kernels", "loading scene", "tracing"
-SWITCH_SECONDS = 0.001  # how soon the thread lets the window have the interpreter; Python's own 5 ms make it stutter
 
 
 class Opened(NamedTuple):
@@ -45,16 +44,11 @@ class Opening:
         self._cancelled = False
         self._compiler: subprocess.Popen | None = None
         self._thread = threading.Thread(target=self._run, name="opening", daemon=True)
-        self._interval = sys.getswitchinterval()
-        sys.setswitchinterval(SWITCH_SECONDS)
         self._thread.start()
 
     @property
     def done(self) -> bool:
-        if self._thread.is_alive():
-            return False
-        sys.setswitchinterval(self._interval)
-        return True
+        return not self._thread.is_alive()
 
     def cancel(self) -> None:
         """Give up; returns when nothing of it runs any more (a second at most)."""

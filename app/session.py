@@ -1,7 +1,8 @@
 """The light of one scene while it is looked at: refine, move, play, change settings. No window, no GL.
 
-The window calls `tick` once a frame and shows `irradiance` when `version` has changed. A frame does either
-some refinement, within a budget, or one move; never both, so that a drag never waits for anything else.
+The window calls `tick` once a frame and shows `irradiance` when `version` has changed. Refinement runs step
+by step in a thread of its own; a frame waits for it as long as its budget allows and goes on with it behind
+the picture. A move runs at once, in the frame that asks for it, and no step runs beside it.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.background import PATIENCE, Job, Worker
 from app.history import History
 from app.log import WARNING, Log
 from app.motion import paths_of
@@ -24,10 +26,10 @@ from gi_core.pose import pose_at, rotation
 from gi_core.receivers import Receivers
 from gi_core.scene import Pose
 
-BUDGET = 0.008  # s of refinement a frame
+BUDGET = 0.008  # s that a frame waits for refinement
+GRACE = 0.030  # s that a move waits for the step under way; then it is made as soon as the step is done
 SETTLE = 0.15  # s: a slider's value counts once it has rested so long, or is let go
 SMOOTHED = 31  # frames that a shown time is the median of
-HELD_SHARE, HELD_SECONDS = 8, 1.0  # a new setting shows at 1/8 of the photons it replaces, or after a second
 SOLVER_SETTINGS = ("estimator", "photons", "radius", "neighbours")
 
 
@@ -54,6 +56,7 @@ class Session:
         log: Log,
         open_with: Callable = Opening,
         clock: Callable[[], float] = time.perf_counter,
+        worker: Worker | None = None,
     ) -> None:
         self.settings = settings  # as the user wants them
         self.log = log
@@ -64,18 +67,19 @@ class Session:
         self.meshes: tuple = ()
         self.picker = None
         self.version = 0  # of what is to be shown
-        self.progress = None  # of the refinement under way, None when there is none
+        self.progress = None  # the last step of the refinement under way, None when there is none
         self.dragging = False
         self.before_drag: dict[str, Pose] = {}  # poses when the drag, or playing, began
         self.playing = False
         self.history = History()
         self.gi_seconds = Smoothed()  # new poses in, irradiance out
         self.steps_this_frame = 0
-        self._steps = None
+        self._worker = worker or Worker()
+        self._job: Job | None = None  # the step under way
+        self._steps = None  # what is still to be refined
+        self._pending: dict[str, Pose] = {}  # moves that wait for the step under way
         self._applied = settings
         self._changed_at = 0.0
-        self._shown = None  # irradiance held while a new setting is too coarse to show
-        self._held_until = (0, 0.0)  # (photons, time)
         self._path_time = 0.0
         self._paths: dict = {}
 
@@ -85,20 +89,22 @@ class Session:
 
     @property
     def refining(self) -> bool:
-        return self._steps is not None or self.settings != self._applied
+        return self._steps is not None or bool(self._pending) or self._to_apply
 
     @property
     def poses(self) -> dict[str, Pose]:
-        return self.solver.poses
+        """Where the mobiles are, or will be when the step under way is done."""
+        return {**self.solver.poses, **self._pending}
 
     @property
     def pose_list(self) -> list[Pose]:
+        """Poses as drawn, in the scene's order: those that the light belongs to."""
         return [self.solver.poses[m.name] for m in self.solver.scene.mobiles]
 
     @property
     def irradiance(self) -> np.ndarray:
-        """Irradiance (R, 3) to show: the last picture, or the one before while the new one is too coarse."""
-        return self.solver.irradiance if self._shown is None else self._shown
+        """Irradiance (R, 3) at the poses as drawn."""
+        return self.solver.irradiance
 
     # Once a frame -----------------------------------------------------------------------------------
 
@@ -108,10 +114,9 @@ class Session:
         if not self.ready:
             self._wait_for_opening()
             return
-        if self.settings != self._applied and not self.dragging:
-            rested = self.clock() - self._changed_at >= SETTLE
-            if not editing or rested:
-                self._apply()
+        self._move_pending(0.0)
+        if self._to_apply and not self.dragging and (not editing or self.clock() - self._changed_at >= SETTLE):
+            self._apply()
         if self.playing and not self.dragging:
             self._play(seconds)
         elif not self.dragging:
@@ -151,73 +156,75 @@ class Session:
     # Refinement -------------------------------------------------------------------------------------
 
     def _refine(self, budget: float) -> None:
-        """Run steps for as long as the next one is likely to fit the budget; always one."""
-        started = self.clock()
-        longest = 0.0
+        """Wait for steps until the budget is spent; the one under way then goes on behind the picture."""
+        deadline = self.clock() + budget
         while self._steps is not None:
-            before = self.clock()
-            if self.steps_this_frame and before - started + longest > budget:
+            if self._job is None:
+                steps = self._steps
+                self._job = self._worker.submit(lambda steps=steps: next(steps, None))
+                self.steps_this_frame += 1
+            if not self._take_step(deadline - self.clock()):
                 break
-            self._step()
-            longest = max(longest, self.clock() - before)
 
-    def _step(self) -> None:
-        self.steps_this_frame += 1
+    def _take_step(self, seconds: float) -> bool:
+        """Take over the step under way if it is done within so long; True when none is under way any more."""
+        if self._job is None:
+            return True
+        if not self._job.wait(seconds):
+            return False
+        job, self._job = self._job, None
         try:
-            self.progress = next(self._steps, None)
+            self.progress = job.result()
         except Exception as problem:
-            self._steps = self.progress = self._shown = None
+            self._steps = self.progress = None
             self.log.error("refining", problem)
-            return
+            return True
         if self.progress is None:
             self._steps = None
-            self._release_hold()
         elif self.progress.picture:
-            photons, until = self._held_until
-            if self._shown is None or self.solver.photons_traced >= photons or self.clock() >= until:
-                self._release_hold()
-                self.version += 1
-
-    def _release_hold(self) -> None:
-        if self._shown is not None:
-            self._shown = None
             self.version += 1
+        return True
+
+    @property
+    def _to_apply(self) -> bool:
+        return self.settings != self._applied
 
     def _apply(self) -> None:
         """Take over what the panel asks for, going back no further than needed."""
         old, new = self._applied, self.settings
         changed = {name: getattr(new, name) for name in SOLVER_SETTINGS if getattr(new, name) != getattr(old, name)}
+        if changed and not self._take_step(BUDGET):
+            return  # in the next frame, then
         if new.show != old.show:
             self.version += 1
         self._applied = new
         if not changed:
             return
-        coarse = self.solver.irradiance if self._shown is None else self._shown
-        photons = min(self.solver.photons_traced, changed.get("photons", self.solver.photons))
         try:
+            # The solver keeps the old picture until the new one is as good.
             self.solver.configure(**changed)
         except Exception as problem:
-            kept = {name: getattr(old, name) for name in changed}
-            self.settings = self._applied = replace(new, **kept)
+            self.settings = self._applied = replace(new, **{name: getattr(old, name) for name in changed})
             self.log.error("settings", problem)
             return
-        # The array is replaced by each picture, never written into, so holding it is free.
-        self._shown = coarse
-        self._held_until = (photons / HELD_SHARE, self.clock() + HELD_SECONDS)
         self._steps = self.solver.solve_steps()
 
     # Motion -----------------------------------------------------------------------------------------
 
     def move(self, poses: Mapping[str, Pose]) -> None:
-        """Put mobiles at poses; irradiance belongs to them when this returns."""
+        """Put mobiles at poses; irradiance belongs to them when this returns.
+
+        Only where a long step is under way they follow later: until then the old poses are drawn, in their light.
+        """
+        self._pending.update(poses)
+        self._move_pending(GRACE)
+
+    def _move_pending(self, patience: float) -> None:
+        if not self._pending or not self._take_step(patience):
+            return
+        poses, self._pending = self._pending, {}
         started = self.clock()
         try:
-            if self._shown is not None:  # a setting has just changed: show its first picture, however coarse
-                while self._steps is not None and self._shown is not None:
-                    self._step()
-                    if self.progress is not None and self.progress.picture:
-                        self._release_hold()
-            started = self.clock()
             self.solver.move_all(poses)
         except Exception as problem:
             self.playing = False
@@ -230,14 +237,14 @@ class Session:
 
     def begin_drag(self) -> None:
         self.dragging = True
-        self.before_drag = dict(self.solver.poses)
+        self.before_drag = self.poses
 
     def end_drag(self, keep: bool = True) -> None:
         """Finish a drag: one step of undo; or, not kept, the poses as they were at the press."""
         self.dragging = False
         if keep:
-            self.history.push(self.before_drag, self.solver.poses)
-        elif self.before_drag != self.solver.poses:
+            self.history.push(self.before_drag, self.poses)
+        elif self.before_drag != self.poses:
             self.move(self.before_drag)
 
     def undo(self) -> None:
@@ -256,10 +263,10 @@ class Session:
     def reset_poses(self) -> None:
         self.playing = False
         self._path_time = 0.0
-        if self.solver.poses != self._start:
-            before = dict(self.solver.poses)
+        before = self.poses
+        if before != self._start:
             self.move(self._start)
-            self.history.push(before, self.solver.poses)
+            self.history.push(before, self._start)
 
     # Playing ----------------------------------------------------------------------------------------
 
@@ -274,9 +281,9 @@ class Session:
             return
         self.playing = not self.playing
         if self.playing:
-            self.before_drag = dict(self.solver.poses)
+            self.before_drag = self.poses
         else:
-            self.history.push(self.before_drag, self.solver.poses)
+            self.history.push(self.before_drag, self.poses)
 
     def _play(self, seconds: float) -> None:
         """Go on by the time that has passed, so the speed does not depend on the frame rate."""
@@ -299,8 +306,12 @@ class Session:
         return tuple(matrices)
 
     def close(self) -> None:
+        """Stop all work; returns when nothing runs any more, or after a moment."""
         if self.opening is not None:
             self.opening.cancel()
+        self._steps = None
+        self._take_step(PATIENCE)
+        self._worker.close()
 
 
 def play_head(path, seconds: float) -> float:

@@ -7,6 +7,7 @@ run(settings, screenshot=path)      the whole window, once the light has been re
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,6 +25,7 @@ from app.viewport import Viewport, overlay_text
 
 SAMPLES = 4  # a pixel
 QUIET_FRAMES = 20  # with nothing new, after which a software renderer draws with all samples: that takes it 50 ms
+SWITCH_SECONDS = 0.001  # how soon other threads let the window have the interpreter; Python's own 5 ms stutter
 LONGEST_STEP = 0.1  # s: after a pause of the whole program, animations go on, they do not jump
 
 
@@ -276,7 +278,12 @@ def run(settings: Settings, *, frames: int | None = None, screenshot: str | Path
     viewer.frames_left = frames
     viewer.exit_when_refined = screenshot is not None and frames is None
     window.prepare()
-    immapp.run(viewer.params)
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_SECONDS)
+    try:
+        immapp.run(viewer.params)
+    finally:
+        sys.setswitchinterval(interval)
     if screenshot is not None:
         _write_window(Path(screenshot))
     return finish(viewer)

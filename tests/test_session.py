@@ -24,14 +24,16 @@ def session():
 
 def make(step_seconds=0.006, steps=40):
     clock = support.Clock()
-    solver = support.CountingSolver(support.room(1), clock, step_seconds, steps)
+    solver = support.CountingSolver(support.room(1), clock, steps)
     settings = Settings(estimator="tangent_plane", photons=1000, radius=0.05, neighbours=50, exposure=0.0)
-    s = Session(settings, Log(), open_with=lambda settings: None, clock=clock)
+    s = Session(
+        settings, Log(), open_with=lambda settings: None, clock=clock, worker=support.Behind(clock, step_seconds)
+    )
     s.adopt(Opened(settings, solver, (), None))
     return s
 
 
-def frame(s, editing=False, seconds=FRAME):
+def frame(s: Session, editing=False, seconds=FRAME):
     """Run one frame; return what the solver was asked in it."""
     before = len(s.solver.log)
     started = s.clock.now
@@ -41,17 +43,18 @@ def frame(s, editing=False, seconds=FRAME):
     return [entry[0] for entry in s.solver.log[before:]], spent
 
 
-@pytest.mark.parametrize("step_seconds", [0.0005, 0.002, 0.006, 0.02])
+@pytest.mark.parametrize("step_seconds", [0.0005, 0.002, 0.006, 0.02, 1.5])
 def test_refinement_keeps_to_its_budget(step_seconds):
-    """A step that is itself over the budget is the solver's affair; a second one then never follows."""
-    s = make(step_seconds, steps=200)
+    """Whatever a step takes, no frame waits longer than its budget; the thread has always something to do."""
+    s = make(step_seconds, steps=50)
     frames = 0
     while s.refining:
         asked, spent = frame(s)
-        assert spent <= max(BUDGET, step_seconds) + 1e-12
+        assert spent <= BUDGET + 1e-12
         frames += 1
-    assert s.solver.count("step") == 200
-    assert frames <= 201 * max(step_seconds / BUDGET * 2, 1)
+    assert s.solver.count("step") == 50
+    # 8 ms of each frame's 16.7 and, of the step under way at its end, the rest too.
+    assert frames <= 52 * max(step_seconds / BUDGET, 1)
 
 
 def test_dragging_a_slider_never_does_more_than_one_frame_of_steps(session):
@@ -59,10 +62,11 @@ def test_dragging_a_slider_never_does_more_than_one_frame_of_steps(session):
     for k in range(120):
         session.want(replace(session.settings, radius=0.05 + 1e-4 * k))
         asked, spent = frame(session, editing=True)
-        assert spent <= BUDGET and asked.count("step") <= 1
+        assert spent <= BUDGET + 1e-12 and asked.count("step") <= 2
     assert session.solver.count("configure") == 0
     asked, spent = frame(session, editing=False)  # let go
-    assert asked.count("configure") == 1 and spent <= BUDGET
+    assert asked.count("configure") == 1
+    assert spent <= 2 * BUDGET, "it waits for the step under way, then for one of the new ones"
     assert session.solver.radius == pytest.approx(0.05 + 1e-4 * 119)
 
 
@@ -81,20 +85,20 @@ def test_only_what_changed_reaches_the_solver(session):
     assert session.solver.count("configure") == 0
     session.want(replace(session.settings, photons=500))
     frame(session)
-    assert session.solver.log[-2] == ("configure", {"photons": 500})
+    assert ("configure", {"photons": 500}) in session.solver.log
 
 
-def test_the_old_picture_stays_until_the_new_one_is_fine_enough(session):
+def test_the_old_picture_stays_until_the_new_one_is_there(session):
     while session.refining:
         frame(session)
     old, version = session.irradiance, session.version
     session.want(replace(session.settings, estimator="impact_count"))
-    frame(session)
-    assert session.irradiance is old and session.version == version
+    frames = 0
     while session.version == version:
         assert session.irradiance is old
         frame(session)
-    assert session.irradiance is session.solver.irradiance and session.irradiance is not old
+        frames += 1
+    assert frames > 3 and session.irradiance is not old
 
 
 def test_a_setting_that_the_solver_refuses_is_told_and_taken_back(session):
@@ -119,16 +123,24 @@ def test_a_drag_moves_and_does_not_refine(session):
     assert session.gi_seconds.value == pytest.approx(0.004)
 
 
-def test_a_drag_right_after_a_new_setting_shows_light_not_black(session):
-    while session.refining:
-        frame(session)
-    session.want(replace(session.settings, radius=0.01))
-    frame(session)
-    session.begin_drag()
-    session.move({"block": Pose((0.4, 0.3, 0.5))})
-    assert session.irradiance is session.solver.irradiance
-    assert session.solver.photons_traced > 0
-    assert session.gi_seconds.value == pytest.approx(0.004), "the wait for the first picture is not the move's"
+def test_a_move_never_waits_for_a_long_step_and_is_not_forgotten():
+    """An index that takes 2 s is under way: the frame goes on, old pose and old light together, until it is done."""
+    s = make(step_seconds=2.0)
+    frame(s)
+    s.begin_drag()
+    start, there = s.pose_list[0], Pose((0.4, 0.3, 0.5))
+    before = s.clock.now
+    s.move({"block": Pose((0.45, 0.3, 0.5))})
+    s.move({"block": there})
+    assert s.clock.now - before <= 0.07
+    assert s.poses["block"] == there and s.pose_list[0] == start and s.solver.count("move") == 0
+    for _ in range(200):
+        asked, spent = frame(s)
+        assert spent <= 0.07
+    assert s.pose_list[0] == there and s.solver.count("move") == 1, "once, to where it is wanted now"
+    s.end_drag()
+    s.undo()
+    assert s.poses["block"] == start
 
 
 def test_undo_redo_cancel_and_reset(session):
@@ -188,10 +200,10 @@ def test_play_head_goes_there_and_back_or_round():
 def test_an_exception_while_refining_or_moving_is_told_and_survived(session):
     session.solver.solve_steps = lambda: iter_raising("embree lost its scene")
     session.want(replace(session.settings, radius=0.01))
-    frame(session)
-    frame(session)
+    for _ in range(4):
+        frame(session)
     assert session.log.last.level == ERROR and "embree lost its scene" in session.log.last.text
-    assert not session.refining and session.irradiance is session.solver.irradiance
+    assert not session.refining
 
     def refuse(poses):
         raise ValueError("not rigid")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from dataclasses import replace
 
@@ -326,19 +327,32 @@ def test_panel_controls(play):
 
 
 def test_a_slider_drag_never_holds_a_frame_up(play):
-    """While Radius is dragged to and fro, a frame asks for no more than its budget and configures nothing."""
-    work, configured = [], []
+    """While Radius is dragged to and fro the solver is left alone; then its steps run beside the window's thread.
+
+    How long a frame may wait for them is counted in test_session.py, on a clock that no busy machine disturbs.
+    """
+    threads, configured, waited = set(), [], []
 
     def script(hand, viewer):
         session, ctx = viewer.session, hand.ctx
         hand.wait_for_light()
-        configure = session.solver.configure
+        solver = session.solver
+        configure, solve_steps, tick = solver.configure, solver.solve_steps, session.tick
 
-        def counted(**changes):
-            configured.append(changes)
-            configure(**changes)
+        def watched_steps():
+            for progress in solve_steps():
+                threads.add(threading.get_ident())
+                yield progress
 
-        session.solver.configure = counted
+        def watched_tick(*arguments):
+            started = time.perf_counter()
+            tick(*arguments)
+            waited.append(time.perf_counter() - started)
+            windows_thread.add(threading.get_ident())
+
+        windows_thread = set()
+        solver.configure = lambda **changes: (configured.append(changes), configure(**changes))
+        solver.solve_steps, session.tick = watched_steps, watched_tick
         info = ctx.item_info("//Panel/##Radius")
         low, high = info.rect_full.min, info.rect_full.max
         y = (low.y + high.y) / 2
@@ -346,19 +360,16 @@ def test_a_slider_drag_never_holds_a_frame_up(play):
         ctx.mouse_down(0)
         for k in range(40):
             ctx.mouse_move_to_pos((low.x + 40 + (high.x - low.x - 80) * (k % 20) / 20, y))
-            work.append(session.steps_this_frame)
-        assert configured == [], "not while it moves"
-        moving = len(work)
+        assert configured == [] and threads == set(), "not while it moves"
         ctx.mouse_up(0)
-        while session.refining:
-            ctx.yield_()
-            work.append(session.steps_this_frame)
+        ctx.yield_(3)
+        hand.wait(lambda: not session.refining)
         assert len(configured) == 1 and list(configured[0]) == ["radius"]
-        assert moving >= 40
+        assert session.solver.radius == session.settings.radius != support.SETTINGS.radius
+        assert threads and not threads & windows_thread
 
-    play(script)
-    # Steps aim at 6 ms of the 8: only the very cheap ones (an index, an empty tail) share a frame.
-    assert np.median([w for w in work if w]) <= 2 and max(work) <= 8
+    assert errors(play(script)) == []
+    assert np.quantile(waited, 0.9) < 0.05, "frames come more often than every 50 ms"
 
 
 def test_keys(play, folder):

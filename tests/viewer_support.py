@@ -157,12 +157,12 @@ class Clock:
 
 
 class CountingSolver:
-    """The solver's interface around counters: every step and every move costs stated seconds of a test's clock."""
+    """The solver's interface around counters; a move costs 4 ms of a test's clock, a step what `Behind` says."""
 
-    def __init__(self, scene: Scene, clock: Clock, step_seconds: float = 0.006, steps: int = 40) -> None:
+    def __init__(self, scene: Scene, clock: Clock, steps: int = 40) -> None:
         from gi_core.surfaces import flatten
 
-        self.scene, self.clock, self.step_seconds, self.steps = scene, clock, step_seconds, steps
+        self.scene, self.clock, self.steps = scene, clock, steps
         self.surfaces, self.receivers = flatten(scene)
         self.irradiance = np.ones((len(self.receivers.areas), 3))
         self.poses = {m.name: m.pose for m in scene.mobiles}
@@ -175,7 +175,6 @@ class CountingSolver:
         from gi_core.solver import Progress
 
         for k in range(1, self.steps + 1):
-            self.clock.now += self.step_seconds
             self.log.append(("step", k))
             picture = k % 10 == 0
             if picture:
@@ -195,7 +194,45 @@ class CountingSolver:
             if value == "unknown":
                 raise ValueError("no such estimator")
             setattr(self, name, value)
-        self.photons_traced = 0
 
     def count(self, what: str) -> int:
         return sum(entry[0] == what for entry in self.log)
+
+
+class Behind:
+    """A background thread on a test's clock: every call takes so long, and goes on while nobody waits."""
+
+    def __init__(self, clock: Clock, seconds: float) -> None:
+        self.clock, self.seconds = clock, seconds
+        self.jobs = 0  # under way, one at most
+
+    def submit(self, call: Callable) -> Behind.Job:
+        assert self.jobs == 0, "the solver is never used by two at a time"
+        self.jobs = 1
+        return self.Job(self, call)
+
+    def close(self) -> None:
+        pass
+
+    class Job:
+        def __init__(self, thread: Behind, call: Callable) -> None:
+            self.thread, self.call = thread, call
+            self.end = thread.clock.now + thread.seconds
+            self.done = False
+
+        def wait(self, seconds: float) -> bool:
+            clock = self.thread.clock
+            clock.now = max(min(self.end, clock.now + max(seconds, 0)), clock.now)
+            if clock.now >= self.end - 1e-12 and not self.done:
+                self.done = True
+                self.thread.jobs = 0
+                try:
+                    self.value, self.problem = self.call(), None
+                except Exception as problem:
+                    self.problem = problem
+            return self.done
+
+        def result(self):
+            if self.problem is not None:
+                raise self.problem
+            return self.value
