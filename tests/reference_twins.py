@@ -13,7 +13,7 @@ import numpy as np
 
 from gi_core import sampling
 from gi_core.bsdf import lambertian
-from gi_core.disc_search.crossing import counts, crossed
+from gi_core.disc_search.crossing import LANES, columns, counts, crossed
 from gi_core.emission import emit
 from gi_core.fixed_point import MAX_SEGMENTS, attenuate
 from gi_core.hit_grid import OTHER_SIDE
@@ -110,14 +110,16 @@ class Twin:
             p, n = receivers.positions[rows].astype(F32), receivers.normals[rows].astype(F32)
             region = finish(regions(model, o, self.radius))
             area[rows] = region.area
-            columns = [np.ascontiguousarray(a[:, c]) for a in (p, n) for c in range(3)]
-            mask = np.zeros(len(rows), np.uint8)
+            filled = np.full(-(-len(rows) // LANES) * LANES, -1)
+            filled[: len(rows)] = np.arange(len(rows))
+            discs = columns(p, n, filled)
+            mask, every = np.zeros(len(filled), np.uint8), (np.uint64(0), np.uint64(len(filled)))
             for s in segments:
                 points = [_to_object(poses, model.names, o, s[k]) for k in ("origin", "end", "hit")]
                 d, _ = _line(points[0], points[1])
                 stop = F32(s["high"])
                 high = stop + F32(2 * self.radius) if s["hit_side"] >= 0 else stop
-                crossed(*columns, *points[0], *d, F32(s["low"]), high, r2, mask)
+                crossed(*discs, *every, *points[0], *d, F32(s["low"]), high, r2, mask)
                 patches = np.array(
                     [
                         2 * patch[k >> 1] + (k & 1) if k >= 0 else -1
@@ -126,8 +128,8 @@ class Twin:
                     np.int32,
                 )
                 for j in np.flatnonzero(mask):
-                    touches, rules = np.array(points), tuple(region[:3])
-                    if counts(j, *p[j], *n[j], points[0], d, stop, r2, own[rows], rules, patches, touches):
+                    line, touches = (*points[0], *d, stop, r2), np.array([points])
+                    if counts(j, *p[j], *n[j], 0, *line, own[rows], *region[:3], patches, touches):
                         sums[rows[j]] = [a + b for a, b in zip(sums[rows[j]], s["flux"], strict=True)]
         return sums, area
 

@@ -15,6 +15,9 @@ from gi_core.jit import kernel
 from gi_core.paths import NONE, Segments
 from gi_core.reachable_area import PLAIN, Regions, inside
 
+LANES = 16  # discs tested at a time: two AVX2 vectors
+_STEP = np.uint64(LANES)
+
 
 class Discs(NamedTuple):
     """Receivers' discs in one object's space."""
@@ -80,52 +83,64 @@ def lines(segments: Segments, rotation: np.ndarray, position: np.ndarray, patch:
 
 
 @kernel
-def crossed(cx, cy, cz, nx, ny, nz, ox, oy, oz, dx, dy, dz, low, high, r2, mask):
-    """Set mask[j] for the discs of a slice that a line crosses from the front at t in [low, high).
+def crossed(cx, cy, cz, nx, ny, nz, first, last, ox, oy, oz, dx, dy, dz, low, high, r2, mask):
+    """Set mask[j - first] for the discs first .. last - 1 that a line crosses from the front at t in [low, high).
 
-    Returns how many. Everything is float32. The loop has no branch: LLVM makes it 16 discs wide.
-    A line in the plane of a disc divides by zero; inf and nan fail the comparisons.
+    Returns how many. Everything is float32. The loop has no branch and a fixed length: LLVM makes it
+    vectors without a scalar rest, which for the 8 to 60 discs of a cell used to take most of the time.
+    `first` and `last` are unsigned multiples of LANES: columns() fills up. (Checks for negative indices
+    stop LLVM; slices would do, but counting references to six of them costs more than a small cell.)
+    A line in the plane of a disc divides by zero, a filler 0 by 0; inf and nan fail the comparisons.
     """
     count = 0
-    for j in range(len(cx)):
-        slope = dx * nx[j] + dy * ny[j] + dz * nz[j]
-        ax, ay, az = cx[j] - ox, cy[j] - oy, cz[j] - oz
-        t = (ax * nx[j] + ay * ny[j] + az * nz[j]) / slope
-        px, py, pz = t * dx - ax, t * dy - ay, t * dz - az
-        yes = (slope < 0.0) & (t >= low) & (t < high) & (px * px + py * py + pz * pz <= r2)
-        mask[j] = yes
-        count += yes
+    for block in range(first, last, _STEP):
+        for lane in range(_STEP):
+            j = block + lane
+            slope = dx * nx[j] + dy * ny[j] + dz * nz[j]
+            ax, ay, az = cx[j] - ox, cy[j] - oy, cz[j] - oz
+            t = (ax * nx[j] + ay * ny[j] + az * nz[j]) / slope
+            px, py, pz = t * dx - ax, t * dy - ay, t * dz - az
+            yes = (slope < 0.0) & (t >= low) & (t < high) & (px * px + py * py + pz * pz <= r2)
+            mask[j - first] = yes
+            count += yes
     return count
 
 
+def columns(positions: np.ndarray, normals: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return x, y, z of positions and of normals of some rows (n,); a row of -1 is a filler, never crossed."""
+    kept = rows >= 0
+    return tuple(
+        np.where(kept, a[np.where(kept, rows, 0), c], np.float32(0)) for a in (positions, normals) for c in range(3)
+    )
+
+
 @kernel
-def _touches_own(own, e, x, y, z, r2, patches, touches):
+def _touches_own(own, k, e, x, y, z, r2, patches, touches):
     """Tell whether the segment meets the receiver's patch at its point e (either side) within 2r."""
-    if patches[e] == NONE or patches[e] >> 1 != own >> 1:
+    if patches[k, e] == NONE or patches[k, e] >> 1 != own >> 1:
         return False
-    a, b, c = touches[e, 0] - x, touches[e, 1] - y, touches[e, 2] - z
+    a, b, c = touches[k, e, 0] - x, touches[k, e, 1] - y, touches[k, e, 2] - z
     return a * a + b * b + c * c <= np.float32(4.0) * r2
 
 
 @kernel
-def counts(i, x, y, z, nx, ny, nz, o, d, stop, r2, own, rules, patches, touches):
-    """Tell whether a crossing that crossed() found counts for receiver i at (x, y, z).
+def counts(i, x, y, z, nx, ny, nz, k, ox, oy, oz, dx, dy, dz, stop, r2, own, row, near, far, patches, touches):
+    """Tell whether a crossing of line k that crossed() found counts for receiver i at (x, y, z).
 
     Most receivers are PLAIN, one-sided with nothing in reach: all that crosses them before the end of
     the segment counts. Asking that first halves the cost of a crossing in cornell (170 to 90 ns),
     where a tenth of the receivers are not.
     """
-    ax, ay, az = x - o[0], y - o[1], z - o[2]
-    t = (ax * nx + ay * ny + az * nz) / (d[0] * nx + d[1] * ny + d[2] * nz)
-    if rules[0][i] == PLAIN and t < stop:
+    ax, ay, az = x - ox, y - oy, z - oz
+    t = (ax * nx + ay * ny + az * nz) / (dx * nx + dy * ny + dz * nz)
+    if row[i] == PLAIN and t < stop:
         return True
-    return _counts(
-        i, x, y, z, nx, ny, nz, t * d[0] - ax, t * d[1] - ay, t * d[2] - az, t >= stop, r2, own, rules, patches, touches
-    )
+    px, py, pz = t * dx - ax, t * dy - ay, t * dz - az
+    return _counts(i, x, y, z, nx, ny, nz, k, px, py, pz, t >= stop, r2, own, row, near, far, patches, touches)
 
 
 @kernel
-def _counts(i, x, y, z, nx, ny, nz, px, py, pz, behind, r2, own, rules, patches, touches):
+def _counts(i, x, y, z, nx, ny, nz, k, px, py, pz, behind, r2, own, row, near, far, patches, touches):
     """Tell whether the crossing at offset p from receiver i counts.
 
     - A segment that starts or ends on the receiver's own patch within 2r of it counts only for the
@@ -139,15 +154,16 @@ def _counts(i, x, y, z, nx, ny, nz, px, py, pz, behind, r2, own, rules, patches,
     lands = False
     if mine != NONE:
         for e in range(3):
-            if _touches_own(mine, e, x, y, z, r2, patches, touches):
-                if patches[e] != mine:
+            if _touches_own(mine, k, e, x, y, z, r2, patches, touches):
+                if patches[k, e] != mine:
                     return False
                 lands = lands or e > 0
     if behind:
-        e = 2 if patches[2] != NONE else 1  # what really stops this part
-        if mine == NONE or patches[e] != mine or not _touches_own(mine, e, x, y, z, r2, patches, touches):
+        e = 2 if patches[k, 2] != NONE else 1  # what really stops this part
+        if mine == NONE or patches[k, e] != mine or not _touches_own(mine, k, e, x, y, z, r2, patches, touches):
             return False
-    row, near, far = rules
     if row[i] >= 0:
-        return inside(px, py, pz, nx, ny, nz, (far if lands else near)[row[i]])
+        if lands:
+            return inside(px, py, pz, nx, ny, nz, far, row[i])
+        return inside(px, py, pz, nx, ny, nz, near, row[i])
     return True

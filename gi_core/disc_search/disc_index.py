@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from gi_core.disc_search.crossing import Discs, Lines, counts, crossed
+from gi_core.disc_search.crossing import LANES, Discs, Lines, columns, counts, crossed
 from gi_core.jit import kernel
 
 CELL_RADII = 4.0  # cell edge in disc radii: see docs/measurements.md
@@ -36,12 +36,12 @@ class DiscIndex:
         counts = np.zeros(int(self.shape.prod()) + 1, np.int64)
         half = _half_extents(discs, PAD * cell)
         _count(p, half, low, cell, self.shape, counts)
-        self.first = np.concatenate([[0], np.cumsum(counts[:-1])]).astype(np.int64)
-        self.ids = np.empty(int(self.first[-1]), np.int32)
+        room = (counts[:-1] + LANES - 1) // LANES * LANES
+        self.first = np.concatenate([[0], np.cumsum(room)]).astype(np.int64)
+        self.ids = np.full(int(self.first[-1]), -1, np.int32)
         _fill(p, half, low, cell, self.shape, self.first[:-1].copy(), self.ids)
-        n = discs.normals
-        self._columns = tuple(np.ascontiguousarray(a[self.ids, c]) for a in (p, n) for c in range(3))
-        self.largest = int(counts.max())
+        self._columns = columns(p, discs.normals, self.ids)
+        self.largest = int(room.max())
 
     def splat(self, lines: Lines, first: int, last: int, sign: int, sums: np.ndarray) -> int:
         """Add sign x flux of lines first .. last - 1 to sums (R, 3) int64 of the discs they cross.
@@ -50,7 +50,7 @@ class DiscIndex:
         """
         return _splat(
             self.low, self.cell, self.shape, self.first, self.ids, self.largest, *self._columns, self.discs.own,
-            tuple(self.discs.regions[:3]), self.discs.radius, *lines, first, last, sign, sums,
+            *self.discs.regions[:3], self.discs.radius, *lines, first, last, sign, sums,
         )  # fmt: skip
 
 
@@ -115,7 +115,7 @@ def _axis(o, d, t, low, cell, n):
 
 @kernel
 def _splat(
-    low, cell, shape, first_of, ids, largest, cx, cy, cz, nx, ny, nz, own, rules, radius,
+    low, cell, shape, first_of, ids, largest, cx, cy, cz, nx, ny, nz, own, row, near, far, radius,
     origin, direction, t_low, stop, t_high, flux, patches, touches, first, last, sign, sums,
 ):  # fmt: skip
     mask = np.zeros(largest, np.uint8)
@@ -123,9 +123,8 @@ def _splat(
     pad = PAD * cell
     total = 0
     for k in range(first, last):
-        o, d = origin[k], direction[k]
-        ox, oy, oz = float(o[0]), float(o[1]), float(o[2])
-        dx, dy, dz = float(d[0]), float(d[1]), float(d[2])
+        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
+        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
         # Clip to the grid, a little outside so that no crossing is lost to rounding.
         t0, t1 = float(t_low[k]), float(t_high[k])
         t0, t1 = _clip(ox, dx, low[0] - pad, low[0] + shape[0] * cell + pad, t0, t1)
@@ -146,17 +145,15 @@ def _splat(
             i0, i1 = first_of[c], first_of[c + 1]
             if i1 > i0 and b > a:
                 n = crossed(
-                    cx[i0:i1], cy[i0:i1], cz[i0:i1], nx[i0:i1], ny[i0:i1], nz[i0:i1],
-                    o[0], o[1], o[2], d[0], d[1], d[2], a, b, r2, mask,
-                )  # fmt: skip
+                    cx, cy, cz, nx, ny, nz, np.uint64(i0), np.uint64(i1), ox, oy, oz, dx, dy, dz, a, b, r2, mask
+                )
                 if n > 0:
-                    for j in range(i1 - i0):
-                        if mask[j]:
-                            m = i0 + j
+                    for m in range(i0, i1):
+                        if mask[m - i0]:
                             i = ids[m]
                             if counts(
-                                i, cx[m], cy[m], cz[m], nx[m], ny[m], nz[m], o, d, stop[k], r2,
-                                own, rules, patches[k], touches[k],
+                                i, cx[m], cy[m], cz[m], nx[m], ny[m], nz[m], k, ox, oy, oz, dx, dy, dz, stop[k], r2,
+                                own, row, near, far, patches, touches,
                             ):  # fmt: skip
                                 total += 1
                                 for ch in range(3):
