@@ -120,13 +120,8 @@ class Twin:
                 stop = F32(s["high"])
                 high = stop + F32(2 * self.radius) if s["hit_side"] >= 0 else stop
                 crossed(*discs, *every, *points[0], *d, F32(s["low"]), high, r2, mask)
-                patches = np.array(
-                    [
-                        2 * patch[k >> 1] + (k & 1) if k >= 0 else -1
-                        for k in (s["start_side"], s["end_side"], s["cut_side"])
-                    ],
-                    np.int32,
-                )
+                patches = [2 * patch[k >> 1] + (k & 1) if k >= 0 else -1 for k in sides]
+                patches = np.array([patches], np.int32)
                 for j in np.flatnonzero(mask):
                     line, touches = (*points[0], *d, stop, r2), np.array([points])
                     if counts(j, *p[j], *n[j], 0, *line, own[rows], *region[:3], patches, touches):
