@@ -108,7 +108,7 @@ class Session:
 
     # Once a frame -----------------------------------------------------------------------------------
 
-    def tick(self, seconds: float, editing: bool = False) -> None:
+    def tick(self, seconds: float, editing: bool = False, budget: float = BUDGET) -> None:
         """Do the work of one frame; `seconds` since the last, `editing` while a slider is held."""
         self.steps_this_frame = 0
         if not self.ready:
@@ -120,7 +120,7 @@ class Session:
         if self.playing and not self.dragging:
             self._play(seconds)
         elif not self.dragging:
-            self._refine(BUDGET)
+            self._refine(budget)
 
     def want(self, settings: Settings) -> None:
         """Ask for other settings; they are taken over once they rest."""

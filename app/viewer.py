@@ -19,13 +19,14 @@ from app import keys, metering, panel, screenshot, theme, window
 from app.log import ERROR, WARNING, Log
 from app.opening import Opening
 from app.renderer import Renderer
-from app.session import Session, Smoothed
+from app.session import BUDGET, Session, Smoothed
 from app.settings import Settings, UsageError
 from app.viewport import Viewport, overlay_text
 
 SAMPLES = 4  # a pixel
 QUIET_FRAMES = 20  # with nothing new, after which a software renderer draws with all samples: that takes it 50 ms
 SWITCH_SECONDS = 0.001  # how soon other threads let the window have the interpreter; Python's own 5 ms stutter
+LONGEST_WAIT = 0.02  # s that a frame waits for refinement where drawing itself is slow
 LONGEST_STEP = 0.1  # s: after a pause of the whole program, animations go on, they do not jump
 
 
@@ -36,6 +37,7 @@ class Viewer:
         self.log = Log()
         self.session = Session(settings, self.log, open_with or Opening)
         self.viewport = Viewport(self.session)
+        self.ctx = None  # moderngl's, of the window
         self.renderer: Renderer | None = None
         self.params = window.runner_params(settings, self.draw_viewport, self.draw_panel, self.draw_status)
         self.params.callbacks.show_gui = self._begin_frame
@@ -51,6 +53,7 @@ class Viewer:
         self._estimators: dict[str, str] = {}
         self._before = time.perf_counter()
         self._seconds = 0.0
+        self._light_seconds = 0.0  # of the last frame: refinement or a move
         self._quiet = 0
         self._software = False
         self._ready = False
@@ -60,6 +63,9 @@ class Viewer:
     def _begin_frame(self) -> None:
         now = time.perf_counter()
         self._seconds, self._before = min(now - self._before, LONGEST_STEP), now
+        if self.frames == 0:
+            self.ctx = window.current_context()
+            self._software = window.is_software(self.ctx)
         self.frames += 1
         self.frame_seconds.add(self._seconds)
         for action in keys.pressed():
@@ -78,9 +84,9 @@ class Viewer:
             self.params.app_shall_exit = True
 
     def _end_frame(self) -> None:
-        if self._software and self.renderer is not None:
+        if self._software:
             # It queues frames where no screen slows it down; the next upload would then wait for all of them.
-            self.renderer.ctx.finish()
+            self.ctx.finish()
 
     def draw_viewport(self) -> None:
         """Input, then light, then the picture: what is drawn belongs to the pose of this very frame."""
@@ -90,7 +96,9 @@ class Viewer:
         imgui.pop_style_var()
         self.viewport.handle_input(self._seconds)
         editing = imgui.is_any_item_active()
-        self._guard("light", lambda: self.session.tick(self._seconds, editing))
+        started = time.perf_counter()
+        self._guard("light", lambda: self.session.tick(self._seconds, editing, self._budget()))
+        self._light_seconds = time.perf_counter() - started
         if self.session.ready and not self._ready:
             self._guard("starting", self._adopt)
         if self._ready:
@@ -129,14 +137,21 @@ class Viewer:
 
     # A frame ----------------------------------------------------------------------------------------
 
+    def _budget(self) -> float:
+        """Return how long to wait for refinement [s]: as long as the rest of a frame takes, within bounds.
+
+        Where drawing is slow it is done on the same cores: half of them for light then, as long as nothing moves.
+        """
+        if self.viewport.is_moving:
+            return BUDGET
+        return min(max(self._seconds - self._light_seconds, BUDGET), LONGEST_WAIT)
+
     def _adopt(self) -> None:
         """Set up GL, camera and exposure for the scene that has just become ready."""
         from gi_core.estimators import ESTIMATORS
 
         self._ready = True  # tried once, even if something below fails
-        ctx = window.current_context()
-        self._software = window.is_software(ctx)
-        self.renderer = Renderer(ctx, SAMPLES)
+        self.renderer = Renderer(self.ctx, SAMPLES)
         self.renderer.set_scene(self.session.meshes)
         self.viewport.adopt()
         self._estimators = {key: (kind.__doc__ or key).strip().splitlines()[0] for key, kind in ESTIMATORS.items()}

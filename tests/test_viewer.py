@@ -87,7 +87,7 @@ class Hand:
         self.ctx.yield_(3)
 
     def pixels(self) -> np.ndarray:
-        """Read the picture back, on the window's thread: this one, the engine's, has no GL context and reads nothing."""
+        """Read the picture back, on the window's thread: this one, the engine's, has no GL context."""
         self.ctx.yield_(2)
         read = []
         self._jobs.append(lambda: read.append(self.viewer.renderer.pixels().copy()))
