@@ -120,7 +120,10 @@ class Twin:
                 stop = F32(s["high"])
                 high = stop + F32(2 * self.radius) if s["hit_side"] >= 0 else stop
                 crossed(*discs, *every, *points[0], *d, F32(s["low"]), high, r2, mask)
-                patches = [2 * patch[k >> 1] + (k & 1) if k >= 0 else -1 for k in sides]
+                patches = [
+                    2 * patch[k >> 1] + (k & 1) if k >= 0 else -1
+                    for k in (s["start_side"], s["end_side"], s["cut_side"])
+                ]
                 patches = np.array([patches], np.int32)
                 for j in np.flatnonzero(mask):
                     line, touches = (*points[0], *d, stop, r2), np.array([points])
