@@ -30,11 +30,11 @@ def read_obj(path: Path, where: str) -> FileParts:
         word, rest = [*line.split(None, 1), "", ""][:2]
         try:
             if word == "v":
-                v.append([float(x) for x in rest.split()[:3]])
+                v.append(_numbers(rest, 3))
             elif word == "vn":
-                vn.append([float(x) for x in rest.split()[:3]])
+                vn.append(_numbers(rest, 3))
             elif word == "vt":
-                vt.append([float(x) for x in (rest.split() + ["0"])[:2]])
+                vt.append(_numbers(rest + " 0", 2))
             elif word == "f":
                 polygon = [_corner(c, len(v), len(vt), len(vn)) for c in rest.partition("#")[0].split()]
                 if current is None:
@@ -72,6 +72,13 @@ class _Entry:
     @property
     def material(self) -> Material:
         return Material(self.name, self.kd, self.ke, two_sided=True)
+
+
+def _numbers(text: str, n: int) -> list[float]:
+    values = [float(x) for x in text.split()[:n]]
+    if len(values) < n:
+        raise ValueError(f"{n} numbers wanted")
+    return values
 
 
 def _corner(text: str, v: int, vt: int, vn: int) -> tuple[int, int, int]:

@@ -75,6 +75,20 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
     return Box(low, high, max(float((high - low).max()), 1e-9), central)
 
 
+def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return up to `most` hits (n, 3), one a cell, and their weights (n,), which sum to 1.
+
+    The weight is the square root of the cell's hits: light caught in a narrow gap must not outvote the room.
+    """
+    if not len(box.hits):
+        return ((box.low + box.high) / 2)[None], np.ones(1)
+    cell = np.floor(box.hits / (box.size / 14)).astype(np.int64)
+    _, one, count = np.unique(cell, axis=0, return_index=True, return_counts=True)
+    chosen = np.random.default_rng(SEED).permutation(len(one))[:most]
+    weight = np.sqrt(count[chosen])
+    return box.hits[one[chosen]], weight / weight.sum()
+
+
 def cosine(normals: np.ndarray, rng) -> np.ndarray:
     """Return a cosine-distributed direction about each unit normal."""
     ball = rng.normal(size=normals.shape)

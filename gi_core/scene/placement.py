@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.scene.pilot import Box, Rays
+from gi_core.scene.pilot import Box, Rays, spread
 from gi_core.scene.types import Pose, Scene
 
 LARGEST, SHRUNK = 1 / 3, 1 / 6  # of the scene's size: a mobile larger than the one is scaled to the other
@@ -16,9 +16,9 @@ GRID = 28  # candidate columns along each horizontal side of the useful box
 LEVELS = (0.12, 0.35, 0.6, 0.9)  # heights in the box from which candidates are sought downwards
 LEVEL_COSINE = 0.97  # a floor is level to 14 degrees
 CLEARANCE = 1.15  # of the mobile's own radius
-SPACE = 0.15  # of the scene's size: free space around the mobile that is worth having
 RING = np.linspace(0, 2 * np.pi, 12, endpoint=False)
 SPHERE = 48  # directions that decide whether a place is inside a room
+ROOM = 0.7  # share of them that hit something near: an open front leaves that much
 
 
 class Spot(NamedTuple):
@@ -80,13 +80,12 @@ def floor_spot(scene: Scene, rays: Rays, box: Box, height: float, radius: float)
     # Headroom, and what a column of the mobile's size would touch.
     above, _ = rays.hits(points + up * lift, np.broadcast_to(up, points.shape))
     ring = [np.cos(a) * east + np.sin(a) * north for a in RING]
-    free, around_it = np.zeros(n), np.full(n, np.inf)
+    free = np.zeros(n)
     for share in (0.1, 0.5, 0.9):
         start = points + up * max(share * height, lift)
         for d in ring:
             t, _ = rays.hits(start, np.broadcast_to(d, points.shape))
             free += t > radius * CLEARANCE
-            around_it = np.minimum(around_it, t - radius)
     for d in ring:
         for reach in (0.5, 1.0):
             start = points + d * radius * reach + up * height
@@ -104,19 +103,32 @@ def floor_spot(scene: Scene, rays: Rays, box: Box, height: float, radius: float)
         inside += t < 1.5 * box.size
     inside /= SPHERE
 
-    # Of the floors, the one with most candidates; near the middle of the box, in the light.
+    # Of the floors, the one with most candidates; near the middle, in the light; where a room is open, by the
+    # opening, since one looks in from there.
     level = np.round((points @ up) / max(0.03 * box.size, 1e-9)).astype(np.int64)
     _, index, counts = np.unique(level, return_inverse=True, return_counts=True)
     popular = counts[index.reshape(-1)] / counts.max()
     off = points - (box.low + box.high) / 2
     off -= (off @ up)[:, None] * up
     distance = np.sqrt((off * off).sum(axis=1)) / box.size
-    room = 1.0 * (inside > 0.75) if (fits & (inside > 0.75)).any() else 0.0
+    room = 1.0 * (inside > ROOM) if (fits & (inside > ROOM)).any() else 0.0
     lit = _light_on(points, box, up)
-    open_space = np.clip(around_it / (SPACE * box.size), 0, 1)
-    score = 1.0 * open_space + 1.5 * lit + 4.0 * fits + 2.0 * room + 0.5 * popular + inside - 1.5 * distance + free
+    prominent = _outlook(points + up * 0.6 * height, rays, box)
+    score = 4.0 * fits + 2.0 * room + prominent + 1.5 * lit + 1.5 * popular + free + 3.0 * (1 - inside) - 1.5 * distance
     best = int(np.argmax(score))
     return Spot(points[best], float(above[best]), bool(fits[best]))
+
+
+def _outlook(points, rays: Rays, box: Box) -> np.ndarray:
+    """Return the share (n,) of the lit scene that is seen from each place: a nook behind a cupboard sees little."""
+    seen, weight = spread(box, 60)
+    total = np.zeros(len(points))
+    for target, w in zip(seen, weight, strict=True):
+        d = target - points
+        length = np.sqrt((d * d).sum(axis=1))
+        t, _ = rays.hits(points, d / np.maximum(length, 1e-12)[:, None])
+        total += w * (t > length - 2e-3 * box.size)
+    return total
 
 
 def _light_on(points, box: Box, up) -> np.ndarray:

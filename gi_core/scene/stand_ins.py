@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gi_core.scene.pilot import Box, Rays
+from gi_core.pose import to_world
+from gi_core.scene.pilot import Box, Rays, spread
 from gi_core.scene.placement import floor_spot, horizontal
 from gi_core.scene.types import Camera, Material, Mesh, Scene
 
@@ -15,8 +16,9 @@ LAMP_DROP = 0.03  # of the headroom: the lamp hangs that far below the ceiling
 LAMP_SIDE = 0.3  # of the headroom
 OPEN_HEIGHT, OPEN_SIDE = 1.0, 0.5  # of the scene's size, above the highest lit point where there is no ceiling
 OUTSIDE_FOV, INSIDE_FOV = 40.0, 65.0  # degrees
-OUTSIDE_BONUS = 0.1
+OUTSIDE_BONUS = 0.2
 SAMPLE = 240  # points of the scene whose visibility is counted for each camera tried
+SHOWN = 24  # and of the mobile
 SEE_THROUGH = 4  # back faces of one-sided surfaces that a sight line may pass
 
 
@@ -68,11 +70,13 @@ def default_camera(scene: Scene, rays: Rays, box: Box) -> Camera:
     east, north = horizontal(up)
     stand = _subject(scene, rays, box)
     subject = stand + up * 0.04 * box.size
+    shown = subject[None]
     if scene.mobiles:
-        v = scene.mobiles[0].mesh.vertices
-        subject = stand + up * float((v @ up).max()) / 2
+        mesh, pose = scene.mobiles[0].mesh, scene.mobiles[0].pose
+        shown = to_world(pose, mesh.vertices[:: max(len(mesh.vertices) // SHOWN, 1)])
+        subject = (shown.min(axis=0) + shown.max(axis=0)) / 2
+    seen = spread(box, SAMPLE)
     middle = (box.low + box.high) / 2
-    seen = _spread(box) if len(box.hits) else middle[None]
 
     tries = []
     radius = float(np.sqrt(((box.high - box.low) ** 2).sum())) / 2
@@ -89,35 +93,28 @@ def default_camera(scene: Scene, rays: Rays, box: Box) -> Camera:
                 tries.append((subject + reach * d, subject, INSIDE_FOV))
     # From outside one sees the whole at once: it wins unless walls hide much of it.
     scores = [
-        _score(p, target, fov, seen, subject, rays, box) + (OUTSIDE_BONUS if fov == OUTSIDE_FOV else 0.0)
+        _score(p, target, fov, seen, shown, rays, box) + (OUTSIDE_BONUS if fov == OUTSIDE_FOV else 0.0)
         for p, target, fov in tries
     ]
     position, target, fov = tries[int(np.argmax(scores))]
     return Camera(tuple(map(float, position)), tuple(map(float, target)), fov)
 
 
-def _spread(box: Box) -> np.ndarray:
-    """Return up to SAMPLE hits, one a cell: light caught in a narrow gap must not outvote the room."""
-    cell = np.floor(box.hits / (box.size / 14)).astype(np.int64)
-    one = np.unique(cell, axis=0, return_index=True)[1]
-    rng = np.random.default_rng(0)
-    return box.hits[rng.permutation(one)[:SAMPLE]]
-
-
-def _score(position, target, fov, points, subject, rays: Rays, box: Box) -> float:
-    """Return the share of points in view and unhidden, plus a bonus if the mobile is, less one for nearness."""
+def _score(position, target, fov, seen, shown, rays: Rays, box: Box) -> float:
+    """Return the share of the lit scene in view and unhidden, plus that of the mobile and a little for its size."""
     forward = target - position
     distance = float(np.sqrt((forward * forward).sum()))
     if distance < 0.15 * box.size:
         return -1.0
-    forward = forward / distance
-    to = np.concatenate([points, subject[None]]) - position
+    points, weight = seen
+    to = np.concatenate([points, shown]) - position
     length = np.sqrt((to * to).sum(axis=1))
     d = to / np.maximum(length, 1e-12)[:, None]
-    in_view = d @ forward > np.cos(np.radians(fov / 2 * 1.1))
-    clear = _unhidden(rays, position, d, length - 2e-3 * box.size)
-    visible = in_view & clear
-    return float(visible[:-1].mean()) + 0.3 * float(visible[-1])
+    in_view = d @ (forward / distance) > np.cos(np.radians(fov / 2 * 1.1))
+    visible = in_view & _unhidden(rays, position, d, length - 2e-3 * box.size)
+    n = len(points)
+    reach = float(np.sqrt((np.ptp(shown, axis=0) ** 2).sum())) / float(np.median(length[n:]))
+    return float(weight @ visible[:n]) + (0.6 + min(reach, 0.4)) * float(visible[n:].mean())
 
 
 def _unhidden(rays: Rays, position, d, length) -> np.ndarray:
