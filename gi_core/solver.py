@@ -20,6 +20,7 @@ from gi_core.model import Model
 from gi_core.paths import PathStore, segments_of
 from gi_core.photon_trace import Fates, no_flux, trace_background
 from gi_core.pose import as_pose
+from gi_core.radiosity import irradiance
 from gi_core.receivers import Receivers
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
@@ -220,9 +221,7 @@ class Solver:
     def _read_out(self, sums: np.ndarray, area: np.ndarray, photons: int) -> np.ndarray:
         if photons == 0:
             return np.zeros(sums.shape)
-        # No area, no light: nothing can reach such a receiver, or it has no face.
-        inverse = np.divide(1.0, area, out=np.zeros_like(area), where=area > 0)
-        return sums * (self.model.emitters.unit_flux / photons) * inverse[:, None]
+        return irradiance(sums, self.model.emitters.unit_flux / photons, area)
 
     # -- answers ----------------------------------------------------------------------------------
 

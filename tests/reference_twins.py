@@ -85,8 +85,8 @@ class Twin:
         sums, area = getattr(self, "_" + estimator)(segments, poses)
         scale = self.model.emitters.unit_flux / self.photons
         area = np.asarray(area, float)
-        inverse = np.divide(1.0, area, out=np.zeros(len(area)), where=area > 0)
-        return np.array(sums, np.int64) * scale * inverse[:, None]
+        factor = np.divide(scale, area, out=np.zeros(len(area)), where=area > 0)
+        return np.array(sums, np.int64) * factor[:, None]
 
     def _impact_count(self, segments, poses):
         s = self.model.surfaces
