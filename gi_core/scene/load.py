@@ -145,7 +145,7 @@ class _Builder:
             if any(materials[i].emission):
                 raise SceneError(
                     f'{where}: a mobile cannot emit light, its material "{materials[i].name}" has emission '
-                    f"{list(materials[i].emission)}; give it emission = [0, 0, 0] under [materials]"
+                    f"{list(materials[i].emission)}; give it emission = [0, 0, 0] under [materials] of a scene file"
                 )
 
     def _refined(self, scene: Scene, max_edge: float | None, box) -> Scene:
