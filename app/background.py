@@ -1,6 +1,6 @@
-"""One thread for the solver's steps, so that the window never waits for a long one.
+"""One thread for the solver's work, so that the window never waits for a long piece of it.
 
-Most steps take some milliseconds, but an index of a large scene, or the last picture of a million photons,
+Most pieces take some milliseconds, but an index of a large scene, or a move among a million photons,
 takes longer. One job runs at a time, and nobody else touches the solver while it does.
 """
 

@@ -1,12 +1,14 @@
 """The light of one scene while it is looked at: refine, move, play, change settings. No window, no GL.
 
-The window calls `tick` once a frame and shows `irradiance` when `version` has changed. Refinement runs step
-by step in a thread of its own; a frame waits for it as long as its budget allows and goes on with it behind
-the picture. A move runs at once, in the frame that asks for it, and no step runs beside it.
+The window calls `tick` once a frame and shows `irradiance` when `version` has changed. Refinement and moves
+run in a thread beside the window, one at a time. A frame waits for refinement as long as its budget allows,
+for a move as long as a frame may take: what is not done by then is drawn in a later frame, pose and light
+together, and meanwhile the window lives.
 """
 
 from __future__ import annotations
 
+import functools
 import statistics
 import time
 from collections import deque
@@ -27,7 +29,7 @@ from gi_core.receivers import Receivers
 from gi_core.scene import Pose
 
 BUDGET = 0.008  # s that a frame waits for refinement
-GRACE = 0.030  # s that a move waits for the step under way; then it is made as soon as the step is done
+GRACE = 0.040  # s that a frame waits for a move: with the drawing it stays under 50 ms
 SETTLE = 0.15  # s: a slider's value counts once it has rested so long, or is let go
 SMOOTHED = 31  # frames that a shown time is the median of
 SOLVER_SETTINGS = ("estimator", "photons", "radius", "neighbours")
@@ -75,9 +77,13 @@ class Session:
         self.gi_seconds = Smoothed()  # new poses in, irradiance out
         self.steps_this_frame = 0
         self._worker = worker or Worker()
-        self._job: Job | None = None  # the step under way
+        self._job: Job | None = None  # what the thread is doing
+        self._take: Callable[[Job], None]  # what to do with its result
         self._steps = None  # what is still to be refined
-        self._pending: dict[str, Pose] = {}  # moves that wait for the step under way
+        self._moving: dict[str, Pose] = {}  # poses of the move under way
+        self._pending: dict[str, Pose] = {}  # poses that wait for their turn
+        self._drawn: dict[str, Pose] = {}  # poses that the light on the screen belongs to
+        self._irradiance = np.zeros((0, 3))  # that light
         self._applied = settings
         self._changed_at = 0.0
         self._path_time = 0.0
@@ -89,22 +95,22 @@ class Session:
 
     @property
     def refining(self) -> bool:
-        return self._steps is not None or bool(self._pending) or self._to_apply
+        return self._steps is not None or self._job is not None or bool(self._pending) or self._to_apply
 
     @property
     def poses(self) -> dict[str, Pose]:
-        """Where the mobiles are, or will be when the step under way is done."""
-        return {**self.solver.poses, **self._pending}
+        """Where the mobiles are, or will be as soon as the thread gets there."""
+        return {**self._drawn, **self._moving, **self._pending}
 
     @property
     def pose_list(self) -> list[Pose]:
         """Poses as drawn, in the scene's order: those that the light belongs to."""
-        return [self.solver.poses[m.name] for m in self.solver.scene.mobiles]
+        return [self._drawn[m.name] for m in self.solver.scene.mobiles]
 
     @property
     def irradiance(self) -> np.ndarray:
         """Irradiance (R, 3) at the poses as drawn."""
-        return self.solver.irradiance
+        return self._irradiance
 
     # Once a frame -----------------------------------------------------------------------------------
 
@@ -149,7 +155,7 @@ class Session:
         paths = paths_of(self.solver.scene, static, self.solver.scene_size)
         self._paths = {name: path for name, path in paths.items() if len(path.times) > 1}
         self._steps = self.solver.solve_steps()
-        self.version += 1
+        self._show()
         for note in self.solver.scene.notes:
             self.log(note)
 
@@ -158,32 +164,43 @@ class Session:
     def _refine(self, budget: float) -> None:
         """Wait for steps until the budget is spent; the one under way then goes on behind the picture."""
         deadline = self.clock() + budget
-        while self._steps is not None:
+        while self._steps is not None and not self._pending:
             if self._job is None:
-                steps = self._steps
-                self._job = self._worker.submit(lambda steps=steps: next(steps, None))
+                self._begin(functools.partial(next, self._steps, None), self._take_step)
                 self.steps_this_frame += 1
-            if not self._take_step(deadline - self.clock()):
+            if not self._wait(deadline - self.clock()):
                 break
 
-    def _take_step(self, seconds: float) -> bool:
-        """Take over the step under way if it is done within so long; True when none is under way any more."""
+    def _begin(self, call: Callable, take: Callable[[Job], None]) -> None:
+        self._job, self._take = self._worker.submit(call), take
+
+    def _wait(self, seconds: float) -> bool:
+        """Wait so long for what is under way, and take it over; True when nothing is under way any more."""
         if self._job is None:
             return True
         if not self._job.wait(seconds):
             return False
         job, self._job = self._job, None
+        self._take(job)
+        return True
+
+    def _take_step(self, job: Job) -> None:
         try:
             self.progress = job.result()
         except Exception as problem:
             self._steps = self.progress = None
             self.log.error("refining", problem)
-            return True
+            return
         if self.progress is None:
             self._steps = None
         elif self.progress.picture:
-            self.version += 1
-        return True
+            self._show()
+
+    def _show(self) -> None:
+        """Let the window draw what the solver has now."""
+        # The solver replaces its array with each picture and never writes into it: keeping it is free.
+        self._drawn, self._irradiance = dict(self.solver.poses), self.solver.irradiance
+        self.version += 1
 
     @property
     def _to_apply(self) -> bool:
@@ -193,7 +210,7 @@ class Session:
         """Take over what the panel asks for, going back no further than needed."""
         old, new = self._applied, self.settings
         changed = {name: getattr(new, name) for name in SOLVER_SETTINGS if getattr(new, name) != getattr(old, name)}
-        if changed and not self._take_step(BUDGET):
+        if changed and not self._wait(BUDGET):
             return  # in the next frame, then
         if new.show != old.show:
             self.version += 1
@@ -212,26 +229,34 @@ class Session:
     # Motion -----------------------------------------------------------------------------------------
 
     def move(self, poses: Mapping[str, Pose]) -> None:
-        """Put mobiles at poses; irradiance belongs to them when this returns.
-
-        Only where a long step is under way they follow later: until then the old poses are drawn, in their light.
-        """
+        """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light."""
         self._pending.update(poses)
         self._move_pending(GRACE)
 
     def _move_pending(self, patience: float) -> None:
-        if not self._pending or not self._take_step(patience):
-            return
-        poses, self._pending = self._pending, {}
+        deadline = self.clock() + patience
+        while self._pending:
+            if not self._wait(deadline - self.clock()):
+                return
+            self._moving, self._pending = self._pending, {}
+            self._begin(functools.partial(self._timed_move, self._moving), self._take_move)
+        if self._moving:
+            self._wait(deadline - self.clock())
+
+    def _timed_move(self, poses: Mapping[str, Pose]) -> float:
         started = self.clock()
+        self.solver.move_all(poses)
+        return self.clock() - started
+
+    def _take_move(self, job: Job) -> None:
+        self._moving = {}
         try:
-            self.solver.move_all(poses)
+            self.gi_seconds.add(job.result())
         except Exception as problem:
             self.playing = False
             self.log.error("moving", problem)
             return
-        self.gi_seconds.add(self.clock() - started)
-        self.version += 1
+        self._show()
         # The iterator may have been left between two steps: begin a new one, nothing is traced twice.
         self._steps = self.solver.solve_steps()
 
@@ -310,7 +335,7 @@ class Session:
         if self.opening is not None:
             self.opening.cancel()
         self._steps = None
-        self._take_step(PATIENCE)
+        self._wait(PATIENCE)
         self._worker.close()
 
 
