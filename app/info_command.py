@@ -42,7 +42,7 @@ def _contents(scene, solver) -> list[tuple[str, str]]:
         ("scene", scene.name),
         ("triangles", f"{int(s.first_face[-1]):,}"),
         ("receivers", f"{len(solver.irradiance):,} (two-sided surfaces have two, probes one)"),
-        ("scene size", f"{solver.scene_size:.4g} m (longest side of the box of 98 % of the light's hits)"),
+        ("scene size", _size(solver)),
         ("  box", f"{_triple(np.round(low, 6))} to {_triple(np.round(high, 6))}"),
         ("up", _triple(scene.up)),
     ]
@@ -54,6 +54,12 @@ def _contents(scene, solver) -> list[tuple[str, str]]:
     if scene.probes:
         rows.append(("probes", ", ".join(p.name for p in scene.probes)))
     return rows
+
+
+def _size(solver) -> str:
+    if solver.scene.defaults.scene_size is not None:
+        return f"{solver.scene_size:.4g} m (the scene file's)"
+    return f"{solver.scene_size:.4g} m (longest side of the box of 98 % of the light's hits)"
 
 
 def _lights(scene, solver) -> list[tuple[str, str]]:
@@ -94,7 +100,7 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver) -> list[
 
     file = solver.scene.defaults
     rules = {
-        "photons": f"so that a disc holds some {defaults.HITS} hits, at most {defaults.MOST_PHOTONS:,}",
+        "photons": f"some {defaults.HITS} hits in a disc, at most {defaults.MOST_PHOTONS:,} or {defaults.MOST_CROSSINGS:,} crossings",
         "radius": f"{100 * defaults.RADIUS_SHARE:g} % of the scene size, rounded",
         "neighbours": "enough to smooth, few enough to stay local (photon_map alone uses it)",
     }

@@ -1,10 +1,10 @@
 """Photons, radius and k that make a good picture, by one stated rule.
 
 - Scene size: longest side of the box that holds the central 98 % of a pilot trace's hits (a ground
-  slab may be five times the room).
-- Radius: 2.5 % of the scene size: shadows blur over that length, rims beside walls are that wide.
-- Photons: so many that a disc holds HITS expected crossings, averaged over the lit surface, at most
-  MOST_PHOTONS (some seconds on two cores).
+  slab may be five times the room), unless the scene file states it (a dome may catch most hits).
+- Radius: 2.5 % of the scene size: shadows blur over that length.
+- Photons: so many that on the median lit surface a disc holds HITS expected hits (5 % noise), but no
+  more than MOST_PHOTONS, nor than make MOST_CROSSINGS: some four seconds on two cores each.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from gi_core.model import Model
 from gi_core.paths import NONE
@@ -20,10 +21,13 @@ from gi_core.photon_trace import trace_background
 
 PILOT_PHOTONS = 4096
 PILOT_SEED = 0x5EED  # never a seed of the solution: the pilot must not bias what it sets
+PILOT_NEIGHBOURS = 8  # hits that a local density is taken from
+SAMPLES = 2000  # receivers, and hits, looked at
 CENTRAL_SHARE = 0.98
 RADIUS_SHARE = 0.025
 HITS = 500
 MOST_PHOTONS = 1_000_000
+MOST_CROSSINGS = 40_000_000
 FEWEST_PHOTONS = 10_000
 NEIGHBOURS = 50
 
@@ -46,11 +50,11 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
     recommended = model.scene.defaults
     hits, first_flight = _pilot(model)
     low, high = _box(model, hits)
-    size = max(float((high - low).max()), 1e-9)
+    size = recommended.scene_size or max(float((high - low).max()), 1e-9)
     radius = radius or recommended.radius or _round(RADIUS_SHARE * size)
     a_photon = len(hits) / PILOT_PHOTONS
     if photons is None:
-        photons = recommended.photons or _photons(model, radius, low, high, a_photon)
+        photons = recommended.photons or _photons(model, hits, radius, low, high)
     return Chosen(
         int(photons),
         float(radius),
@@ -83,15 +87,26 @@ def _box(model: Model, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.quantile(hits, tail, axis=0), np.quantile(hits, 1 - tail, axis=0)
 
 
-def _photons(model: Model, radius: float, low: np.ndarray, high: np.ndarray, hits_a_photon: float) -> int:
-    """Return HITS x lit area / (disc area x hits a photon), to two digits."""
-    positions, areas = model.object_receivers.positions, model.object_receivers.areas
+def _photons(model: Model, hits: np.ndarray, radius: float, low: np.ndarray, high: np.ndarray) -> int:
+    """Return the number of photons by the rule above, to two digits."""
+    if len(hits) < 100:
+        return FEWEST_PHOTONS
     rows = model.surfaces.receiver_range(0)
+    positions, areas = model.object_receivers.positions[rows], model.object_receivers.areas[rows]
     margin = 0.01 * (high - low)
-    inside = ((positions[rows] >= low - margin) & (positions[rows] <= high + margin)).all(axis=1)
-    area = float(areas[rows][inside].sum())
-    wanted = HITS * area / (math.pi * radius * radius * max(hits_a_photon, 1e-3))
-    return int(min(max(_round(wanted), FEWEST_PHOTONS), MOST_PHOTONS))
+    inside = np.flatnonzero(((positions >= low - margin) & (positions <= high + margin)).all(axis=1) & (areas > 0))
+    if not len(inside):
+        return FEWEST_PHOTONS
+    # Even steps through the running area: every receiver stands for as much surface as the next.
+    share = np.cumsum(areas[inside])
+    sample = inside[np.searchsorted(share, (np.arange(SAMPLES) + 0.5) / SAMPLES * share[-1])]
+    reach = cKDTree(hits).query(positions[sample], PILOT_NEIGHBOURS)[0][:, -1]
+    in_disc = PILOT_NEIGHBOURS * (radius / np.median(reach)) ** 2 / PILOT_PHOTONS  # expected hits a photon
+    some = hits[:: max(1, len(hits) // SAMPLES)]
+    near = cKDTree(positions).query_ball_point(some, radius, return_length=True)
+    crossings = max(float(near.mean()) * len(hits) / PILOT_PHOTONS, 1e-3)  # a photon
+    wanted = min(HITS / in_disc, MOST_CROSSINGS / crossings, MOST_PHOTONS)
+    return int(max(_round(wanted), FEWEST_PHOTONS))
 
 
 def _round(x: float) -> float:

@@ -21,8 +21,11 @@ _ROOT = Path(__file__).parent
 
 @cache
 def source_hash() -> str:
-    """Return a short hash of every file of gi_core that holds kernels, and of numba's version."""
-    digest = hashlib.sha256(numba.__version__.encode())
+    """Return a short hash of every file of gi_core that holds kernels, of where they are, and of numba's version.
+
+    numba files kernels by the path of their source: another checkout must compile its own.
+    """
+    digest = hashlib.sha256(f"{numba.__version__} {_ROOT}".encode())
     for path in sorted(_ROOT.rglob("*.py")):
         source = path.read_bytes()
         if b"@kernel" in source:

@@ -42,6 +42,7 @@ def test_everything_in_a_scene_file_arrives(tmp_path):
     text += "[materials.wall]\ntwo_sided = false\n[materials.lamp]\nemission = [1, 2, 3]\n" + LIGHTS
     text += '[[probe]]\nname = "p"\nposition = [0, 0, 0]\nnormal = [0, 0, 5]\n'
     text += '[defaults]\nphotons = 1000\nradius = 0.1\nneighbours = 7\nestimator = "photon_map"\nexposure = 1.5\n'
+    text += "scene_size = 3.0\n"
     scene = load_scene(write_scene(tmp_path, text))
     assert scene.up == (0, 0, 1) and scene.units == "photometric" and scene.name == "test"
     assert scene.static.vertices.max() == 2.0
@@ -57,7 +58,7 @@ def test_everything_in_a_scene_file_arrives(tmp_path):
     assert isinstance(spot, SpotLight) and (spot.inner_degrees, spot.outer_degrees) == (10, 20)
     assert isinstance(sun, DirectionalLight) and isinstance(sky, SkyLight)
     assert scene.probes[0].normal == (0, 0, 1)
-    assert scene.defaults == (1000, 0.1, 7, "photon_map", 1.5)
+    assert scene.defaults == (1000, 0.1, 7, "photon_map", 1.5, 3.0)
     assert scene.camera.vertical_fov_degrees == 45
 
 

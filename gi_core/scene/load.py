@@ -19,6 +19,8 @@ from gi_core.tessellation import refine_to, tessellate
 
 MOST_RECEIVERS = 60_000  # a bare mesh is refined until it has about as many
 
+MOBILE_EDGE = 1 / 12  # of its longest side: the longest edge of a mobile that no scene file describes
+
 
 def load_scene(
     path: str | Path,
@@ -88,6 +90,9 @@ class _Builder:
             scene, up = self._extra(scene, Path(path))
             unplaced.append((len(scene.mobiles) - 1, up))
         scene, box = complete(scene, unplaced, self.bare)
+        described = len(self.file.mobiles)
+        finer = tuple(m._replace(mesh=_fine(m.mesh)) for m in scene.mobiles[described:])
+        scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
         return self._refined(scene, max_edge, box)
 
     def _shown(self, path: Path) -> str:
@@ -160,6 +165,11 @@ class _Builder:
             return scene
         note = f"edges split to {edge:.3g} m where light goes: {before:,} triangles became {len(mesh.faces):,}"
         return replace(scene, static=mesh, notes=(*scene.notes, note))
+
+
+def _fine(mesh: Mesh) -> Mesh:
+    """Return a mobile's mesh with flat sides split: one light value a corner would not show its shading."""
+    return tessellate(mesh, MOBILE_EDGE * float((mesh.vertices.max(axis=0) - mesh.vertices.min(axis=0)).max()))
 
 
 def join(meshes: list[Mesh], materials) -> Mesh:

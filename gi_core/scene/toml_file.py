@@ -226,7 +226,7 @@ def _camera(root: Table, where: str) -> Camera | None:
 
 
 def _defaults(root: Table, where: str) -> Defaults:
-    keys = ("photons", "radius", "neighbours", "estimator", "exposure")
+    keys = ("photons", "radius", "neighbours", "estimator", "exposure", "scene_size")
     t = Table(root.values.get("defaults", {}), f"{where}: [defaults]", keys)
     return Defaults(
         t.count("photons"),
@@ -234,4 +234,5 @@ def _defaults(root: Table, where: str) -> Defaults:
         t.count("neighbours"),
         t.text("estimator", None),
         t.number("exposure", None),
+        t.number("scene_size", None, above=0),
     )

@@ -114,6 +114,7 @@ class Defaults(NamedTuple):
     neighbours: int | None = None
     estimator: str | None = None
     exposure: float | None = None  # [EV]; None: metered
+    scene_size: float | None = None  # [m], what relative defaults are relative to; None: from a pilot trace
 
 
 @dataclass(frozen=True)
