@@ -31,6 +31,7 @@ class Look:
     tone_map: str = "aces"
     cull: bool = True
     outlined: int = -1  # object with a line round it
+    outline_model: np.ndarray | None = None  # where the line is, if not where the object is
     outline_width: float = 2.0  # pixels
 
 
@@ -99,12 +100,13 @@ class Renderer:
         ctx = self.ctx
         o = self._objects[look.outlined]
         # The filter reads 25 texels a pixel: a software renderer does that only where the object is.
-        area = o.rectangle(look.view_projection @ look.models[look.outlined], targets.size, look.outline_width)
+        model = look.models[look.outlined] if look.outline_model is None else look.outline_model
+        area = o.rectangle(look.view_projection @ model, targets.size, look.outline_width)
         targets.mask.use()
         targets.mask.clear()
         ctx.enable_only(ctx.NOTHING)
         targets.picture.scissor = area
-        o.draw(self._mask, o.marked, look.view_projection, look.models[look.outlined], cull=False)
+        o.draw(self._mask, o.marked, look.view_projection, model, cull=False)
         targets.picture.use()
         ctx.enable_only(ctx.BLEND)
         ctx.blend_func = ctx.SRC_ALPHA, ctx.ONE_MINUS_SRC_ALPHA, ctx.ZERO, ctx.ONE

@@ -323,12 +323,7 @@ class Session:
 
     def models(self) -> tuple[np.ndarray, ...]:
         """Return one (4, 4) object-to-world matrix an object; the static part's is 1."""
-        matrices = [np.eye(4)]
-        for pose in self.pose_list:
-            M = np.eye(4)
-            M[:3, :3], M[:3, 3] = rotation(pose), pose.position
-            matrices.append(M)
-        return tuple(matrices)
+        return (np.eye(4), *(matrix(pose) for pose in self.pose_list))
 
     def close(self) -> None:
         """Stop all work; returns when nothing runs any more, or after a moment."""
@@ -337,6 +332,13 @@ class Session:
         self._steps = None
         self._wait(PATIENCE)
         self._worker.close()
+
+
+def matrix(pose: Pose) -> np.ndarray:
+    """Return the (4, 4) object-to-world matrix of a pose."""
+    M = np.eye(4)
+    M[:3, :3], M[:3, 3] = rotation(pose), pose.position
+    return M
 
 
 def play_head(path, seconds: float) -> float:

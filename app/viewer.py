@@ -73,8 +73,7 @@ class Viewer:
         if self.help_open:
             (x, y), (w, h) = self.viewport.origin, self.viewport.size
             self.help_open = keys.draw_help(list(self._estimators), (x + w / 2, y + h / 2), self.help_open)
-        problem = self.session.problem
-        if isinstance(problem, (UsageError, ValueError, OSError)):  # a scene that cannot be used: see `run`
+        if is_users(self.session.problem):  # told on the terminal, see `run`
             self.params.app_shall_exit = True
         if self._ready and self.frames_left is not None:
             self.frames_left -= 1
@@ -307,9 +306,18 @@ def run(settings: Settings, *, frames: int | None = None, screenshot: str | Path
 def finish(viewer: Viewer) -> int:
     """Return the exit code of a viewer whose window has closed, or raise what closed it."""
     problem = viewer.session.problem
-    if isinstance(problem, (ValueError, OSError)):
+    if is_users(problem):
         raise problem
     return 0 if problem is None else 1
+
+
+def is_users(problem: BaseException | None) -> bool:
+    """Tell whether a problem lies in what was asked for; any other is ours, and shown in the window."""
+    if problem is None:
+        return False
+    from gi_core.scene import SceneError
+
+    return isinstance(problem, (SceneError, UsageError, OSError))
 
 
 def _write_window(path: Path) -> None:

@@ -13,7 +13,7 @@ from app import drag, theme
 from app.camera import Bounds, Turntable, from_camera
 from app.picking import Hit
 from app.renderer import Look, Renderer
-from app.session import Session
+from app.session import Session, matrix
 from gi_core.pose import to_world
 
 FLIGHT_SECONDS = 0.35  # of the way home and to a new pivot
@@ -203,6 +203,8 @@ class Viewport:
             s.settings.tone_map,
             s.settings.cull,
             marked,
+            # Where a move takes longer than a frame, the line shows where the object is going.
+            matrix(s.poses[s.solver.scene.mobiles[marked - 1].name]) if marked > 0 else None,
             OUTLINE_PIXELS * imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y,
         )
 
@@ -212,9 +214,9 @@ class Viewport:
         renderer.resize(round(self.size[0] * scale.x), round(self.size[1] * scale.y), samples)
         look = self.look()
         s = self.session.settings
-        drawn = (
-            renderer.size, samples, self.session.version, self.camera, s.exposure, s.tone_map, s.cull, look.outlined
-        )  # fmt: skip
+        line = None if look.outline_model is None else look.outline_model.tobytes()
+        picture = (self.session.version, self.camera, s.exposure, s.tone_map, s.cull, look.outlined, line)
+        drawn = (renderer.size, samples, picture)
         if drawn != self._drawn:
             renderer.draw(look)
             self._drawn = drawn

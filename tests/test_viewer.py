@@ -457,6 +457,26 @@ def test_a_scene_that_cannot_be_used_closes_the_window_with_its_sentence(monkeyp
         app.viewer.run(support.SETTINGS)
 
 
+def test_a_failure_of_our_own_at_the_start_is_shown_and_the_window_stays(play):
+    from app.opening import Opening
+
+    def broken(settings):
+        raise ZeroDivisionError("division by zero")
+
+    def script(hand, viewer):
+        hand.wait(lambda: viewer.session.problem is not None)
+        hand.ctx.yield_(5)
+        assert not viewer.params.app_shall_exit
+        hand.press(keys().h)
+        assert viewer.help_open
+
+    viewer = play(script, open_with=lambda s: Opening(s, load=broken))
+    assert errors(viewer) == ["opening: division by zero"]
+    from app.viewer import finish
+
+    assert finish(viewer) == 1
+
+
 def test_run_for_a_number_of_frames_and_a_picture_of_the_window(monkeypatch, folder):
     import app.viewer
     from app.opening import Opening
