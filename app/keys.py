@@ -60,10 +60,12 @@ def _is_pressed(chord: int) -> bool:
     return int(imgui.get_io().key_mods) == modifiers and imgui.is_key_pressed(key, repeat=False)
 
 
-def draw_help(estimators: list[str], centre: tuple[float, float], is_open: bool) -> bool:
-    """Show the help window, at first round `centre`; return whether it stays open."""
+def draw_help(estimators: list[str], area: tuple[float, float, float, float], is_open: bool) -> bool:
+    """Show the help window in the middle of an area (x, y, width, height); return whether it stays open."""
     em = imgui.get_font_size()
-    imgui.set_next_window_pos(centre, imgui.Cond_.appearing, (0.5, 0.5))
+    x, y, w, h = area
+    imgui.set_next_window_size_constraints((10 * em, 5 * em), (max(w, 10 * em), max(h, 5 * em)))
+    imgui.set_next_window_pos((x + w / 2, y + h / 2), imgui.Cond_.appearing, (0.5, 0.5))
     flags = imgui.WindowFlags_
     shown, is_open = imgui.begin(
         "Help###Help",
@@ -82,7 +84,7 @@ def draw_help(estimators: list[str], centre: tuple[float, float], is_open: bool)
 
 def _table(name: str, rows, em: float) -> None:
     if imgui.begin_table(name, 2, imgui.TableFlags_.sizing_fixed_fit):
-        imgui.table_setup_column("what", imgui.TableColumnFlags_.width_fixed, 10 * em)
+        imgui.table_setup_column("what", imgui.TableColumnFlags_.width_fixed, 9 * em)
         imgui.table_setup_column("does", imgui.TableColumnFlags_.width_fixed, 24 * em)
         for left, right in rows:
             imgui.table_next_row()

@@ -162,7 +162,7 @@ def _timings(facts: Facts) -> None:
     )
     _number("Whole frame", _ms(facts.frame_seconds), f"Everything, drawing and waiting included: {fps}.")
     for stage, seconds in facts.timings.items():
-        _number("   " + stage, _ms(seconds), f"The stage '{stage}' of the last GI frame.")
+        _number("   " + stage, _ms(seconds), f"The stage '{stage}' of the last light computed.")
 
 
 def _paths(facts: Facts) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from app.vertex_colours import DrawMesh
 
 BACKGROUND = (0.145, 0.15, 0.16)  # display values: dark and neutral, yet lighter than an unlit black patch
-UNLIT = (0.21, 0.215, 0.225)  # the back of a one-sided face
+UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
 TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
 

@@ -72,7 +72,7 @@ class Viewer:
             self._do(action)
         if self.help_open:
             (x, y), (w, h) = self.viewport.origin, self.viewport.size
-            self.help_open = keys.draw_help(list(self._estimators), (x + w / 2, y + h / 2), self.help_open)
+            self.help_open = keys.draw_help(list(self._estimators), (x, y, w, h), self.help_open)
         if is_users(self.session.problem):  # told on the terminal, see `run`
             self.params.app_shall_exit = True
         if self._ready and self.frames_left is not None:
@@ -153,7 +153,7 @@ class Viewer:
         self.renderer = Renderer(self.ctx, SAMPLES)
         self.renderer.set_scene(self.session.meshes)
         self.viewport.adopt()
-        self._estimators = {key: (kind.__doc__ or key).strip().splitlines()[0] for key, kind in ESTIMATORS.items()}
+        self._estimators = {key: _about(kind) for key, kind in ESTIMATORS.items()}
         settings = self.session.settings
         if settings.exposure is None:
             given = self.session.solver.scene.defaults.exposure
@@ -280,6 +280,12 @@ class Viewer:
             probes=solver.probe_irradiance,
             notes=solver.scene.notes,
         )
+
+
+def _about(estimator: type) -> str:
+    """Return the first sentence that an estimator's module says of itself."""
+    text = sys.modules[estimator.__module__].__doc__ or estimator.__doc__ or ""
+    return " ".join(text.strip().split("\n\n")[0].split())
 
 
 def run(settings: Settings, *, frames: int | None = None, screenshot: str | Path | None = None) -> int:
