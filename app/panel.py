@@ -157,10 +157,10 @@ def _motion(facts: Facts, actions: set[str]) -> None:
 def _timings(facts: Facts) -> None:
     imgui.separator_text("Time")
     fps = f"{1 / facts.frame_seconds:.0f} a second" if facts.frame_seconds > 0 else ""
-    _number(
-        "GI", _ms(facts.gi_seconds), "From new poses to irradiance: median of the last frames that moved something."
-    )
-    _number("Whole frame", _ms(facts.frame_seconds), f"Everything, drawing and waiting included: {fps}.")
+    whole = f"Everything, drawing and waiting for the screen included: {fps}."
+    _number("Whole frame", _ms(facts.frame_seconds), whole)
+    gi = _ms(facts.gi_seconds) if facts.gi_seconds > 0 else "nothing moved yet"
+    _number("GI", gi, "From new poses to irradiance: the median of the last moves.")
     for stage, seconds in facts.timings.items():
         _number("   " + stage, _ms(seconds), f"The stage '{stage}' of the last light computed.")
 
