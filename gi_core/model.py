@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from gi_core.accelerator import Accelerator, Transforms, bounding_spheres, transforms
@@ -14,6 +16,8 @@ from gi_core.scene.types import Pose, Scene
 from gi_core.surfaces import flatten
 from gi_core.threads import available_cores
 from gi_core.two_level import build_world, enclosing_sphere
+
+CONCAVE = 1e-3  # height over width of the faces round a receiver; float32 files are flat to 1e-5
 
 
 class Model:
@@ -58,7 +62,7 @@ class Model:
             normals[rows] = to_world_directions(poses[name], normals[rows])
         return Receivers(positions, normals, self.object_receivers.areas)
 
-    @property
+    @cached_property
     def receiver_sides(self) -> np.ndarray:
         """Return 2 patch + side of each receiver (1: the back of a two-sided surface), -1 of probes. (R,) int32."""
         s = self.surfaces
@@ -67,3 +71,32 @@ class Model:
         back = s.corner_back.reshape(-1)
         own[back[back >= 0]] = np.repeat(2 * s.patch + 1, 3)[back >= 0]
         return own
+
+    @cached_property
+    def towards_faces(self) -> np.ndarray:
+        """Return for each receiver the way to the mean centroid of its faces, in object space. (R, 3) float64."""
+        s, n = self.surfaces, len(self.object_receivers.areas)
+        total, count = np.zeros((n, 3)), np.zeros(n)
+        for o in range(s.objects):
+            centroids = np.repeat(s.vertices[o][s.faces[o]].mean(axis=1), 3, axis=0)
+            for corners in (s.corner_front, s.corner_back):
+                index = corners[s.face_range(o)].reshape(-1)
+                has = index >= 0
+                count += np.bincount(index[has], minlength=n)
+                for c in range(3):
+                    total[:, c] += np.bincount(index[has], centroids[has, c], n)
+        has = count > 0
+        out = np.zeros((n, 3))
+        out[has] = total[has] / count[has][:, None] - self.object_receivers.positions[has]
+        return out
+
+    @cached_property
+    def concave(self) -> np.ndarray:
+        """Return by 2 patch + side whether the patch rises through a tangent plane on that side. (2 P,) bool."""
+        own, way = self.receiver_sides, self.towards_faces
+        height = (way * self.object_receivers.normals).sum(axis=1)
+        # The face round a receiver is about as wide as the root of the area it stands for.
+        rises = (own >= 0) & (height > CONCAVE * np.sqrt(self.object_receivers.areas))
+        out = np.zeros(2 * (int(self.surfaces.patch.max(initial=-1)) + 1), bool)
+        out[own[rises]] = True
+        return out

@@ -118,7 +118,9 @@ class Twin:
                 points = [_to_object(poses, model.names, o, s[k]) for k in ("origin", "end", "hit")]
                 d, _ = _line(points[0], points[1])
                 stop = F32(s["high"])
-                high = stop + F32(2 * self.radius) if s["hit_side"] >= 0 else stop
+                side = s["hit_side"]
+                bent = side >= 0 and model.concave[2 * patch[side >> 1] + (side & 1)]
+                high = stop + F32(2 * self.radius) if bent else stop
                 crossed(*discs, *every, *points[0], *d, F32(s["low"]), high, r2, mask)
                 patches = [
                     2 * patch[k >> 1] + (k & 1) if k >= 0 else -1
@@ -127,7 +129,7 @@ class Twin:
                 patches = np.array([patches], np.int32)
                 for j in np.flatnonzero(mask):
                     line, touches = (*points[0], *d, stop, r2), np.array([points])
-                    if counts(j, *p[j], *n[j], 0, *line, own[rows], *region[:3], patches, touches):
+                    if counts(j, *p[j], *n[j], 0, *line, own[rows], *region[:2], patches, touches):
                         sums[rows[j]] = [a + b for a, b in zip(sums[rows[j]], s["flux"], strict=True)]
         return sums, area
 

@@ -23,12 +23,12 @@ class BruteForce:
         Returns the number of crossings.
         """
         d = self.discs
-        return _splat(*self._columns, d.own, *d.regions[:3], d.radius, *lines, first, last, sign, sums)
+        return _splat(*self._columns, d.own, *d.regions[:2], d.radius, *lines, first, last, sign, sums)
 
 
 @kernel
 def _splat(
-    cx, cy, cz, nx, ny, nz, own, row, near, far, radius,
+    cx, cy, cz, nx, ny, nz, own, row, reach, radius,
     origin, direction, low, stop, high, flux, patches, touches, first, last, sign, sums,
 ):  # fmt: skip
     mask = np.zeros(len(cx), np.uint8)
@@ -44,7 +44,7 @@ def _splat(
         for j in range(len(cx)):
             if mask[j] and counts(
                 j, cx[j], cy[j], cz[j], nx[j], ny[j], nz[j], k, ox, oy, oz, dx, dy, dz, stop[k], r2,
-                own, row, near, far, patches, touches,
+                own, row, reach, patches, touches,
             ):  # fmt: skip
                 total += 1
                 for c in range(3):

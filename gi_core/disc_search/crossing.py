@@ -6,12 +6,14 @@ superset. All arithmetic is float32 with a fixed order, so a decision has the sa
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.accelerator import line, to_local
-from gi_core.jit import kernel
+from gi_core.jit import inlined, kernel
+from gi_core.model import Model
 from gi_core.paths import NONE, Segments
 from gi_core.reachable_area import PLAIN, Regions, inside
 
@@ -43,8 +45,11 @@ class Lines(NamedTuple):
 
 
 @kernel
-def _lines(R, p, origin, end, hit, low, high, start_side, end_side, cut_side, patch, o, d, patches, touches):
-    for k in range(len(low)):
+def _lines(
+    R, p, origin, end, hit, start_side, end_side, cut_side, stop, patch, concave, extension,
+    o, d, high, patches, touches,
+):  # fmt: skip
+    for k in range(len(high)):
         x, y, z = to_local(R, origin[k, 0] - p[0], origin[k, 1] - p[1], origin[k, 2] - p[2])
         touches[k, 0, 0], touches[k, 0, 1], touches[k, 0, 2] = x, y, z
         x, y, z = to_local(R, end[k, 0] - p[0], end[k, 1] - p[1], end[k, 2] - p[2])
@@ -57,12 +62,17 @@ def _lines(R, p, origin, end, hit, low, high, start_side, end_side, cut_side, pa
         patches[k, 0] = 2 * patch[start_side[k] >> 1] + (start_side[k] & 1) if start_side[k] >= 0 else NONE
         patches[k, 1] = 2 * patch[end_side[k] >> 1] + (end_side[k] & 1) if end_side[k] >= 0 else NONE
         patches[k, 2] = 2 * patch[cut_side[k] >> 1] + (cut_side[k] & 1) if cut_side[k] >= 0 else NONE
+        landed = patches[k, 2] if patches[k, 2] != NONE else patches[k, 1]
+        high[k] = stop[k]
+        if landed != NONE and concave[landed]:
+            high[k] += extension
 
 
-def lines(segments: Segments, rotation: np.ndarray, position: np.ndarray, patch: np.ndarray, radius: float) -> Lines:
-    """Carry segments into an object's space; `patch` (F,) int32 is the patch of every face.
+def lines(segments: Segments, rotation: np.ndarray, position: np.ndarray, model: Model, radius: float) -> Lines:
+    """Carry segments into an object's space.
 
-    A segment that hits something is extended by 2 radius: see counts().
+    A segment that lands on a concave side of a patch is extended by 2 radius: see counts(). Others
+    are not: behind a wall a cupboard may hold thousands of discs.
     """
     s, n = segments, segments.size
     out = Lines(
@@ -70,14 +80,14 @@ def lines(segments: Segments, rotation: np.ndarray, position: np.ndarray, patch:
         np.empty((n, 3), np.float32),
         s.low,
         s.high,
-        np.where(s.hit_side != NONE, s.high + np.float32(2 * radius), s.high),
+        np.empty(n, np.float32),
         s.flux,
         np.empty((n, 3), np.int32),
         np.empty((n, 3, 3), np.float32),
     )
     _lines(
-        rotation, position, s.origin, s.end, s.hit, s.low, s.high, s.start_side, s.end_side, s.cut_side, patch,
-        out.origin, out.direction, out.patches, out.touches,
+        rotation, position, s.origin, s.end, s.hit, s.start_side, s.end_side, s.cut_side, s.high, model.surfaces.patch,
+        model.concave, np.float32(2 * radius), out.origin, out.direction, out.high, out.patches, out.touches,
     )  # fmt: skip
     return out
 
@@ -114,7 +124,7 @@ def columns(positions: np.ndarray, normals: np.ndarray, rows: np.ndarray) -> tup
     )
 
 
-@kernel
+@inlined
 def _touches_own(own, k, e, x, y, z, r2, patches, touches):
     """Tell whether the segment meets the receiver's patch at its point e (either side) within 2r."""
     if patches[k, e] == NONE or patches[k, e] >> 1 != own >> 1:
@@ -123,8 +133,8 @@ def _touches_own(own, k, e, x, y, z, r2, patches, touches):
     return a * a + b * b + c * c <= np.float32(4.0) * r2
 
 
-@kernel
-def counts(i, x, y, z, nx, ny, nz, k, ox, oy, oz, dx, dy, dz, stop, r2, own, row, near, far, patches, touches):
+@inlined
+def counts(i, x, y, z, nx, ny, nz, k, ox, oy, oz, dx, dy, dz, stop, r2, own, row, reach, patches, touches):
     """Tell whether a crossing of line k that crossed() found counts for receiver i at (x, y, z).
 
     Most receivers are PLAIN, one-sided with nothing in reach: all that crosses them before the end of
@@ -136,11 +146,11 @@ def counts(i, x, y, z, nx, ny, nz, k, ox, oy, oz, dx, dy, dz, stop, r2, own, row
     if row[i] == PLAIN and t < stop:
         return True
     px, py, pz = t * dx - ax, t * dy - ay, t * dz - az
-    return _counts(i, x, y, z, nx, ny, nz, k, px, py, pz, t >= stop, r2, own, row, near, far, patches, touches)
+    return _counts(i, x, y, z, nx, ny, nz, k, px, py, pz, t >= stop, r2, own, row, reach, patches, touches)
 
 
-@kernel
-def _counts(i, x, y, z, nx, ny, nz, k, px, py, pz, behind, r2, own, row, near, far, patches, touches):
+@inlined
+def _counts(i, x, y, z, nx, ny, nz, k, px, py, pz, behind, r2, own, row, reach, patches, touches):
     """Tell whether the crossing at offset p from receiver i counts.
 
     - A segment that starts or ends on the receiver's own patch within 2r of it counts only for the
@@ -163,7 +173,5 @@ def _counts(i, x, y, z, nx, ny, nz, k, px, py, pz, behind, r2, own, row, near, f
         if mine == NONE or patches[k, e] != mine or not _touches_own(mine, k, e, x, y, z, r2, patches, touches):
             return False
     if row[i] >= 0:
-        if lands:
-            return inside(px, py, pz, nx, ny, nz, far, row[i])
-        return inside(px, py, pz, nx, ny, nz, near, row[i])
+        return inside(px, py, pz, nx, ny, nz, math.sqrt(r2), reach, row[i], 1 if lands else 0)
     return True

@@ -35,6 +35,7 @@ class DiscIndex:
         self.low, self.cell = low, cell
         counts = np.zeros(int(self.shape.prod()) + 1, np.int64)
         half = _half_extents(discs, PAD * cell)
+        half[discs.regions.area == 0] = -1.0  # nothing can cross these: listed nowhere
         _count(p, half, low, cell, self.shape, counts)
         room = (counts[:-1] + LANES - 1) // LANES * LANES
         self.first = np.concatenate([[0], np.cumsum(room)]).astype(np.int64)
@@ -50,7 +51,7 @@ class DiscIndex:
         """
         return _splat(
             self.low, self.cell, self.shape, self.first, self.ids, self.largest, *self._columns, self.discs.own,
-            *self.discs.regions[:3], self.discs.radius, *lines, first, last, sign, sums,
+            *self.discs.regions[:2], self.discs.radius, *lines, first, last, sign, sums,
         )  # fmt: skip
 
 
@@ -70,6 +71,8 @@ def _span(x, half, low, cell, n):
 @kernel
 def _count(positions, half, low, cell, shape, counts):
     for j in range(len(positions)):
+        if half[j, 0] < 0.0:
+            continue
         x0, x1 = _span(positions[j, 0], half[j, 0], low[0], cell, shape[0])
         y0, y1 = _span(positions[j, 1], half[j, 1], low[1], cell, shape[1])
         z0, z1 = _span(positions[j, 2], half[j, 2], low[2], cell, shape[2])
@@ -82,6 +85,8 @@ def _count(positions, half, low, cell, shape, counts):
 @kernel
 def _fill(positions, half, low, cell, shape, cursor, ids):
     for j in range(len(positions)):
+        if half[j, 0] < 0.0:
+            continue
         x0, x1 = _span(positions[j, 0], half[j, 0], low[0], cell, shape[0])
         y0, y1 = _span(positions[j, 1], half[j, 1], low[1], cell, shape[1])
         z0, z1 = _span(positions[j, 2], half[j, 2], low[2], cell, shape[2])
@@ -115,7 +120,7 @@ def _axis(o, d, t, low, cell, n):
 
 @kernel
 def _splat(
-    low, cell, shape, first_of, ids, largest, cx, cy, cz, nx, ny, nz, own, row, near, far, radius,
+    low, cell, shape, first_of, ids, largest, cx, cy, cz, nx, ny, nz, own, row, reach, radius,
     origin, direction, t_low, stop, t_high, flux, patches, touches, first, last, sign, sums,
 ):  # fmt: skip
     mask = np.zeros(largest, np.uint8)
@@ -153,7 +158,7 @@ def _splat(
                             i = ids[m]
                             if counts(
                                 i, cx[m], cy[m], cz[m], nx[m], ny[m], nz[m], k, ox, oy, oz, dx, dy, dz, stop[k], r2,
-                                own, row, near, far, patches, touches,
+                                own, row, reach, patches, touches,
                             ):  # fmt: skip
                                 total += 1
                                 for ch in range(3):

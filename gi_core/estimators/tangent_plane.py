@@ -87,7 +87,7 @@ class TangentPlane:
     def _splat(self, o: int, segments: Segments, at: Transforms, sign: int, sums: np.ndarray) -> None:
         if not segments.size or not len(sums):
             return
-        ready = lines(segments, at.rotation[o], at.position[o], self.model.surfaces.patch, self.radius)
+        ready = lines(segments, at.rotation[o], at.position[o], self.model, self.radius)
         search = self._searches[o]
 
         def work(part, first, last):
