@@ -9,11 +9,13 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from importlib import resources
+from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
 
-from app.vertex_colours import DrawMesh
+if TYPE_CHECKING:
+    from app.vertex_colours import DrawMesh
 
 BACKGROUND = (0.145, 0.15, 0.16)  # display values: dark and neutral, yet lighter than an unlit black patch
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from app.camera import Turntable
-from app.png import write_png
 from app.renderer import Look, Renderer
 from app.session import Session
 
@@ -46,6 +45,8 @@ def parameters(session: Session, camera: Turntable) -> dict[str, str]:
 
 def save(renderer: Renderer, look: Look, session: Session, camera: Turntable, path: Path) -> Path:
     """Draw at the viewport's size with many samples and write it. Raises OSError."""
+    from app.png import write_png
+
     size, samples = renderer.size, renderer.samples_now
     renderer.resize(*size, SAMPLES)
     try:

@@ -1,52 +1,32 @@
-"""The light of one scene while it is looked at: refine, move, play, change settings. No window, no GL.
+"""One scene while it is looked at: its opening, its settings, moves, undo, playing. No window, no GL.
 
-The window calls `tick` once a frame and shows `irradiance` when `version` has changed. Refinement and moves
-run in a thread beside the window, one at a time. A frame waits for refinement as long as its budget allows,
-for a move as long as a frame may take: what is not done by then is drawn in a later frame, pose and light
-together, and meanwhile the window lives.
+The window calls `tick` once a frame and draws `irradiance` when `version` has changed.
 """
 
 from __future__ import annotations
 
-import functools
-import statistics
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.background import PATIENCE, Job, Worker
+from app.background import Worker
 from app.history import History
 from app.log import WARNING, Log
-from app.motion import paths_of
 from app.opening import Opened, Opening
 from app.settings import Settings
-from app.vertex_colours import colours
+from app.solving import Solving
 from gi_core.pose import pose_at, rotation
-from gi_core.receivers import Receivers
 from gi_core.scene import Pose
 
+if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/opening.py
+    from gi_core.solver import Solver
+
 BUDGET = 0.008  # s that a frame waits for refinement
-GRACE = 0.040  # s that a frame waits for a move: with the drawing it stays under 50 ms
 SETTLE = 0.15  # s: a slider's value counts once it has rested so long, or is let go
-SMOOTHED = 31  # frames that a shown time is the median of
 SOLVER_SETTINGS = ("estimator", "photons", "radius", "neighbours")
-
-
-class Smoothed:
-    """The median of the last values: one slow frame does not show."""
-
-    def __init__(self) -> None:
-        self._values: deque[float] = deque(maxlen=SMOOTHED)
-
-    def add(self, value: float) -> None:
-        self._values.append(value)
-
-    @property
-    def value(self) -> float:
-        return statistics.median(self._values) if self._values else 0.0
 
 
 class Session:
@@ -65,25 +45,14 @@ class Session:
         self.clock = clock
         self.opening: Opening | None = open_with(settings)
         self.problem: BaseException | None = None  # why there is no scene
-        self.solver = None
         self.meshes: tuple = ()
         self.picker = None
-        self.version = 0  # of what is to be shown
-        self.progress = None  # the last step of the refinement under way, None when there is none
         self.dragging = False
         self.before_drag: dict[str, Pose] = {}  # poses when the drag, or playing, began
         self.playing = False
         self.history = History()
-        self.gi_seconds = Smoothed()  # new poses in, irradiance out
-        self.steps_this_frame = 0
+        self.light: Solving | None = None
         self._worker = worker or Worker()
-        self._job: Job | None = None  # what the thread is doing
-        self._take: Callable[[Job], None]  # what to do with its result
-        self._steps = None  # what is still to be refined
-        self._moving: dict[str, Pose] = {}  # poses of the move under way
-        self._pending: dict[str, Pose] = {}  # poses that wait for their turn
-        self._drawn: dict[str, Pose] = {}  # poses that the light on the screen belongs to
-        self._irradiance = np.zeros((0, 3))  # that light
         self._applied = settings
         self._changed_at = 0.0
         self._path_time = 0.0
@@ -91,42 +60,52 @@ class Session:
 
     @property
     def ready(self) -> bool:
-        return self.solver is not None
+        return self.light is not None
+
+    @property
+    def solver(self) -> Solver:
+        return self.light.solver
 
     @property
     def refining(self) -> bool:
-        return self._steps is not None or self._job is not None or bool(self._pending) or self._to_apply
+        return self.light.busy or self._to_apply
+
+    @property
+    def version(self) -> int:
+        """Grows whenever there is something new to draw."""
+        return self.light.version
 
     @property
     def poses(self) -> dict[str, Pose]:
-        """Where the mobiles are, or will be as soon as the thread gets there."""
-        return {**self._drawn, **self._moving, **self._pending}
+        """Where the mobiles are, or will be as soon as their light is there."""
+        return self.light.poses
 
     @property
     def pose_list(self) -> list[Pose]:
         """Poses as drawn, in the scene's order: those that the light belongs to."""
-        return [self._drawn[m.name] for m in self.solver.scene.mobiles]
+        return [self.light.poses_drawn[m.name] for m in self.solver.scene.mobiles]
 
     @property
     def irradiance(self) -> np.ndarray:
         """Irradiance (R, 3) at the poses as drawn."""
-        return self._irradiance
+        return self.light.irradiance
 
     # Once a frame -----------------------------------------------------------------------------------
 
     def tick(self, seconds: float, editing: bool = False, budget: float = BUDGET) -> None:
         """Do the work of one frame; `seconds` since the last, `editing` while a slider is held."""
-        self.steps_this_frame = 0
         if not self.ready:
             self._wait_for_opening()
             return
-        self._move_pending(0.0)
+        self.light.move_pending(0.0)
         if self._to_apply and not self.dragging and (not editing or self.clock() - self._changed_at >= SETTLE):
             self._apply()
+        self.playing &= not self.light.move_failed
         if self.playing and not self.dragging:
             self._play(seconds)
+            self.playing &= not self.light.move_failed
         elif not self.dragging:
-            self._refine(budget)
+            self.light.refine(budget)
 
     def want(self, settings: Settings) -> None:
         """Ask for other settings; they are taken over once they rest."""
@@ -146,61 +125,20 @@ class Session:
 
     def adopt(self, opened: Opened) -> None:
         """Take over a scene that has its first picture."""
+        from app.motion import paths_of
+        from gi_core.receivers import Receivers
+
         # What the panel changed meanwhile stays; what was open is filled in.
         filled = {k: v for k, v in vars(opened.settings).items() if getattr(self.settings, k) is None}
         self.settings = self._applied = replace(self.settings, **filled)
-        self.solver, self.meshes, self.picker = opened.solver, opened.meshes, opened.picker
+        self.meshes, self.picker = opened.meshes, opened.picker
+        self.light = Solving(opened.solver, self.log, self.clock, self._worker)
         self._start = dict(self.solver.poses)
         static = Receivers(*(column[self.solver.surfaces.receiver_range(0)] for column in self.solver.receivers))
         paths = paths_of(self.solver.scene, static, self.solver.scene_size)
         self._paths = {name: path for name, path in paths.items() if len(path.times) > 1}
-        self._steps = self.solver.solve_steps()
-        self._show()
         for note in self.solver.scene.notes:
             self.log(note)
-
-    # Refinement -------------------------------------------------------------------------------------
-
-    def _refine(self, budget: float) -> None:
-        """Wait for steps until the budget is spent; the one under way then goes on behind the picture."""
-        deadline = self.clock() + budget
-        while self._steps is not None and not self._pending:
-            if self._job is None:
-                self._begin(functools.partial(next, self._steps, None), self._take_step)
-                self.steps_this_frame += 1
-            if not self._wait(deadline - self.clock()):
-                break
-
-    def _begin(self, call: Callable, take: Callable[[Job], None]) -> None:
-        self._job, self._take = self._worker.submit(call), take
-
-    def _wait(self, seconds: float) -> bool:
-        """Wait so long for what is under way, and take it over; True when nothing is under way any more."""
-        if self._job is None:
-            return True
-        if not self._job.wait(seconds):
-            return False
-        job, self._job = self._job, None
-        self._take(job)
-        return True
-
-    def _take_step(self, job: Job) -> None:
-        try:
-            self.progress = job.result()
-        except Exception as problem:
-            self._steps = self.progress = None
-            self.log.error("refining", problem)
-            return
-        if self.progress is None:
-            self._steps = None
-        elif self.progress.picture:
-            self._show()
-
-    def _show(self) -> None:
-        """Let the window draw what the solver has now."""
-        # The solver replaces its array with each picture and never writes into it: keeping it is free.
-        self._drawn, self._irradiance = dict(self.solver.poses), self.solver.irradiance
-        self.version += 1
 
     @property
     def _to_apply(self) -> bool:
@@ -210,55 +148,21 @@ class Session:
         """Take over what the panel asks for, going back no further than needed."""
         old, new = self._applied, self.settings
         changed = {name: getattr(new, name) for name in SOLVER_SETTINGS if getattr(new, name) != getattr(old, name)}
-        if changed and not self._wait(BUDGET):
-            return  # in the next frame, then
-        if new.show != old.show:
-            self.version += 1
-        self._applied = new
-        if not changed:
-            return
         try:
-            # The solver keeps the old picture until the new one is as good.
-            self.solver.configure(**changed)
+            if changed and not self.light.configure(changed, BUDGET):
+                return  # in the next frame, then
         except Exception as problem:
-            self.settings = self._applied = replace(new, **{name: getattr(old, name) for name in changed})
+            self.settings = new = replace(new, **{name: getattr(old, name) for name in changed})
             self.log.error("settings", problem)
-            return
-        self._steps = self.solver.solve_steps()
+        if new.show != old.show:
+            self.light.version += 1
+        self._applied = new
 
     # Motion -----------------------------------------------------------------------------------------
 
     def move(self, poses: Mapping[str, Pose]) -> None:
         """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light."""
-        self._pending.update(poses)
-        self._move_pending(GRACE)
-
-    def _move_pending(self, patience: float) -> None:
-        deadline = self.clock() + patience
-        while self._pending:
-            if not self._wait(deadline - self.clock()):
-                return
-            self._moving, self._pending = self._pending, {}
-            self._begin(functools.partial(self._timed_move, self._moving), self._take_move)
-        if self._moving:
-            self._wait(deadline - self.clock())
-
-    def _timed_move(self, poses: Mapping[str, Pose]) -> float:
-        started = self.clock()
-        self.solver.move_all(poses)
-        return self.clock() - started
-
-    def _take_move(self, job: Job) -> None:
-        self._moving = {}
-        try:
-            self.gi_seconds.add(job.result())
-        except Exception as problem:
-            self.playing = False
-            self.log.error("moving", problem)
-            return
-        self._show()
-        # The iterator may have been left between two steps: begin a new one, nothing is traced twice.
-        self._steps = self.solver.solve_steps()
+        self.light.move(poses)
 
     def begin_drag(self) -> None:
         self.dragging = True
@@ -319,6 +223,8 @@ class Session:
 
     def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
         """Return linear radiance (D, 3) float32 of both sides of an object's draw vertices."""
+        from app.vertex_colours import colours
+
         return colours(self.meshes[o], self.irradiance, self.settings.show == "radiance")
 
     def models(self) -> tuple[np.ndarray, ...]:
@@ -329,9 +235,8 @@ class Session:
         """Stop all work; returns when nothing runs any more, or after a moment."""
         if self.opening is not None:
             self.opening.cancel()
-        self._steps = None
-        self._wait(PATIENCE)
-        self._worker.close()
+        if self.light is not None:
+            self.light.close()
 
 
 def matrix(pose: Pose) -> np.ndarray:

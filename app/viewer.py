@@ -19,8 +19,9 @@ from app import keys, metering, panel, screenshot, theme, window
 from app.log import ERROR, WARNING, Log
 from app.opening import Opening
 from app.renderer import Renderer
-from app.session import BUDGET, Session, Smoothed
+from app.session import BUDGET, Session
 from app.settings import Settings, UsageError
+from app.solving import Smoothed
 from app.viewport import Viewport, overlay_text
 
 SAMPLES = 4  # a pixel
@@ -184,7 +185,7 @@ class Viewer:
         if hint:
             overlay_text(hint, x + em, y + h - 2.6 * em)
         elif session.refining:
-            progress = session.progress
+            progress = session.light.progress
             share = f" {100 * progress.fraction:.0f} %" if progress is not None else ""
             overlay_text(f"refining{share}", x + em, y + h - 2.6 * em, theme.DIM)
 
@@ -263,7 +264,7 @@ class Viewer:
             estimators=self._estimators,
             scene_size=solver.scene_size,
             photometric=solver.scene.units == "photometric",
-            gi_seconds=session.gi_seconds.value,
+            gi_seconds=session.light.gi_seconds.value,
             frame_seconds=self.frame_seconds.value,
             timings=solver.timings,
             photons_traced=solver.photons_traced,

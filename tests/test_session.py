@@ -10,8 +10,9 @@ import viewer_support as support
 
 from app.log import ERROR, Log
 from app.opening import Opened
-from app.session import BUDGET, GRACE, SETTLE, Session, play_head
+from app.session import BUDGET, SETTLE, Session, play_head
 from app.settings import Settings
+from app.solving import GRACE
 from gi_core.scene import KeyFrames, Pose
 
 FRAME = 1 / 60
@@ -121,7 +122,7 @@ def test_a_drag_moves_and_does_not_refine(session):
         assert frame(session)[0] == []
     session.end_drag()
     assert "step" in frame(session)[0], "refinement goes on afterwards"
-    assert session.gi_seconds.value == pytest.approx(0.004)
+    assert session.light.gi_seconds.value == pytest.approx(0.004)
 
 
 def test_a_move_never_waits_for_a_long_step_and_is_not_forgotten():

@@ -1,0 +1,162 @@
+"""The solver beside the window: steps of refinement and moves in one thread, one at a time.
+
+What the window draws is a snapshot: poses and the light that belongs to them change together, when a picture
+or a move is complete. A frame waits for refinement as long as its budget allows, for a move as long as a
+frame may take; what is not done by then goes on behind the picture.
+"""
+
+from __future__ import annotations
+
+import functools
+import statistics
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.background import PATIENCE, Job, Worker
+from app.log import Log
+
+if TYPE_CHECKING:  # the solver takes a second to import: that happens behind the window's first frames
+    from gi_core.scene import Pose
+    from gi_core.solver import Progress, Solver
+
+GRACE = 0.040  # s that a frame waits for a move: with the drawing it stays under 50 ms
+SMOOTHED = 31  # frames that a shown time is the median of
+
+
+class Smoothed:
+    """The median of the last values: one slow frame does not show."""
+
+    def __init__(self) -> None:
+        self._values: deque[float] = deque(maxlen=SMOOTHED)
+
+    def add(self, value: float) -> None:
+        self._values.append(value)
+
+    @property
+    def value(self) -> float:
+        return statistics.median(self._values) if self._values else 0.0
+
+
+class Solving:
+    """Only this touches the solver once it is open; all its methods are the window's thread's."""
+
+    def __init__(self, solver: Solver, log: Log, clock: Callable[[], float], worker: Worker) -> None:
+        self.solver = solver
+        self.log = log
+        self.clock = clock
+        self.version = 0  # of what is to be drawn
+        self.progress: Progress | None = None  # the last step of the refinement under way
+        self.gi_seconds = Smoothed()  # new poses in, irradiance out
+        self.steps_begun = 0
+        self.move_failed = False  # the last one
+        self.poses_drawn: dict[str, Pose] = {}
+        self.irradiance = np.zeros((0, 3))  # (R, 3) at those poses
+        self._worker = worker
+        self._job: Job | None = None  # what the thread is doing
+        self._take: Callable[[Job], None]  # what to do with its result
+        self._steps = solver.solve_steps()  # what is still to be refined, None when nothing is
+        self._moving: dict[str, Pose] = {}  # poses of the move under way
+        self._pending: dict[str, Pose] = {}  # poses that wait for their turn
+        self._show()
+
+    @property
+    def busy(self) -> bool:
+        return self._steps is not None or self._job is not None or bool(self._pending)
+
+    @property
+    def poses(self) -> dict[str, Pose]:
+        """Where the mobiles are, or will be as soon as the thread gets there."""
+        return {**self.poses_drawn, **self._moving, **self._pending}
+
+    def configure(self, changes: Mapping[str, object], patience: float) -> bool:
+        """Change the solver's settings; False if it is busy for longer than one's patience. Raises what it raises."""
+        if not self._wait(patience):
+            return False
+        # The solver keeps the old picture until the new one is as good.
+        self.solver.configure(**changes)
+        self._steps = self.solver.solve_steps()
+        return True
+
+    def close(self) -> None:
+        """Stop after what is under way."""
+        self._steps = None
+        self._wait(PATIENCE)
+        self._worker.close()
+
+    def refine(self, budget: float) -> None:
+        """Wait for steps until the budget is spent; the one under way then goes on behind the picture."""
+        deadline = self.clock() + budget
+        while self._steps is not None and not self._pending:
+            if self._job is None:
+                self._begin(functools.partial(next, self._steps, None), self._take_step)
+                self.steps_begun += 1
+            if not self._wait(deadline - self.clock()):
+                break
+
+    def _begin(self, call: Callable, take: Callable[[Job], None]) -> None:
+        self._job, self._take = self._worker.submit(call), take
+
+    def _wait(self, seconds: float) -> bool:
+        """Wait so long for what is under way, and take it over; True when nothing is under way any more."""
+        if self._job is None:
+            return True
+        if not self._job.wait(seconds):
+            return False
+        job, self._job = self._job, None
+        self._take(job)
+        return True
+
+    def _take_step(self, job: Job) -> None:
+        try:
+            self.progress = job.result()
+        except Exception as problem:
+            self._steps = self.progress = None
+            self.log.error("refining", problem)
+            return
+        if self.progress is None:
+            self._steps = None
+        elif self.progress.picture:
+            self._show()
+
+    def _show(self) -> None:
+        """Let the window draw what the solver has now."""
+        # The solver replaces its array with each picture and never writes into it: keeping it is free.
+        self.poses_drawn, self.irradiance = dict(self.solver.poses), self.solver.irradiance
+        self.version += 1
+
+    def move(self, poses: Mapping[str, Pose]) -> None:
+        """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light."""
+        self._pending.update(poses)
+        self.move_pending(GRACE)
+
+    def move_pending(self, patience: float) -> None:
+        """Make the moves that wait, as far as one's patience [s] goes."""
+        deadline = self.clock() + patience
+        while self._pending:
+            if not self._wait(deadline - self.clock()):
+                return
+            self._moving, self._pending = self._pending, {}
+            self.move_failed = False
+            self._begin(functools.partial(self._timed_move, self._moving), self._take_move)
+        if self._moving:
+            self._wait(deadline - self.clock())
+
+    def _timed_move(self, poses: Mapping[str, Pose]) -> float:
+        started = self.clock()
+        self.solver.move_all(poses)
+        return self.clock() - started
+
+    def _take_move(self, job: Job) -> None:
+        self._moving = {}
+        try:
+            self.gi_seconds.add(job.result())
+        except Exception as problem:
+            self.move_failed = True
+            self.log.error("moving", problem)
+            return
+        self._show()
+        # The iterator may have been left between two steps: begin a new one, nothing is traced twice.
+        self._steps = self.solver.solve_steps()
