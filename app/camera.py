@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gi_core.pose import to_world
 from gi_core.scene import Camera
 
 STEEPEST = np.radians(89.0)  # at 90 the side-ways direction has no answer
@@ -182,3 +183,16 @@ def from_camera(camera: Camera | None, up, bounds: Bounds, lit: Bounds | None = 
         tuple(map(float, up)),
         bounds,
     )
+
+
+def scene_bounds(solver, poses) -> Bounds:
+    """Return the box round everything, mobiles at their poses."""
+    surfaces = solver.surfaces
+    points = [surfaces.vertices[0]]
+    for mobile, vertices in zip(solver.scene.mobiles, surfaces.vertices[1:], strict=True):
+        points.append(to_world(poses[mobile.name], vertices))
+    points = [p for p in points if len(p)]
+    if not points:
+        return Bounds((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
+    low, high = np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)
+    return Bounds(tuple(map(float, low)), tuple(map(float, high)))

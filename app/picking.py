@@ -6,13 +6,15 @@ able to grab what stands behind it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from gi_core.pose import rotation
 from gi_core.scene import Pose
-from gi_core.surfaces import Surfaces
+
+if TYPE_CHECKING:
+    from gi_core.surfaces import Surfaces
 
 BLOCK = 256  # faces to a box: 80k faces are 320 boxes, and a ray opens a handful of them
 EDGE = 1e-9  # barycentric slack, so that no ray slips between two triangles

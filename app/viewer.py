@@ -15,14 +15,14 @@ from pathlib import Path
 
 from imgui_bundle import hello_imgui, imgui, immapp
 
-from app import keys, metering, panel, screenshot, theme, window
-from app.log import ERROR, WARNING, Log
+from app import keys, metering, overlay, panel, screenshot, window
+from app.log import Log
 from app.opening import Opening
 from app.renderer import Renderer
 from app.session import BUDGET, Session
 from app.settings import Settings, UsageError
 from app.solving import Smoothed
-from app.viewport import Viewport, overlay_text
+from app.viewport import Viewport
 
 SAMPLES = 4  # a pixel
 QUIET_FRAMES = 20  # with nothing new, after which a software renderer draws with all samples: that takes it 50 ms
@@ -103,7 +103,7 @@ class Viewer:
             self._guard("starting", self._adopt)
         if self._ready:
             self._guard("drawing", self._draw_scene)
-        self._draw_overlay()
+        overlay.draw(self.viewport, self.session, self._ready)
         imgui.end()
 
     def draw_panel(self) -> None:
@@ -116,19 +116,7 @@ class Viewer:
             self._do(action)
 
     def draw_status(self) -> None:
-        entry = self.log.last
-        hint = "H: help    Tab: panel"
-        start = imgui.get_cursor_pos()
-        room = imgui.get_content_region_avail().x - imgui.calc_text_size(hint).x
-        imgui.set_cursor_pos((start.x + room, start.y))
-        imgui.text_disabled(hint)
-        if entry is None:
-            return
-        imgui.set_cursor_pos(start)
-        colour = {ERROR: theme.ERROR, WARNING: theme.WARNING}.get(entry.level, theme.DIM)
-        imgui.text_colored((*colour, 1.0), entry.text)
-        if imgui.is_item_hovered() and len(self.log.entries) > 1:
-            imgui.set_tooltip("\n".join(e.text for e in list(self.log.entries)[-12:]))
+        overlay.draw_status(self.log)
 
     def _close(self) -> None:
         self.session.close()
@@ -173,35 +161,6 @@ class Viewer:
             self._uploaded = session.version
         samples = 1 if self._software and self._quiet < QUIET_FRAMES else SAMPLES
         self.viewport.draw(self.renderer, samples)
-
-    def _draw_overlay(self) -> None:
-        em = imgui.get_font_size()
-        (x, y), (w, h) = self.viewport.origin, self.viewport.size
-        session = self.session
-        if not self._ready:
-            self._draw_opening(x + w / 2, y + h / 2, em)
-            return
-        hint = self.viewport.hint()
-        if hint:
-            overlay_text(hint, x + em, y + h - 2.6 * em)
-        elif session.refining:
-            progress = session.light.progress
-            share = f" {100 * progress.fraction:.0f} %" if progress is not None else ""
-            overlay_text(f"refining{share}", x + em, y + h - 2.6 * em, theme.DIM)
-
-    def _draw_opening(self, x: float, y: float, em: float) -> None:
-        opening = self.session.opening
-        if opening is None:
-            problem = self.session.problem
-            overlay_text(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
-            return
-        text = opening.phase + (f": {opening.detail}" if opening.detail else "")
-        overlay_text(text, x, y - 1.4 * em, centred=True)
-        width = 18 * em
-        imgui.set_cursor_screen_pos((x - width / 2, y + 0.4 * em))
-        # A negative fraction makes ImGui's bar run to and fro: something is going on, nobody knows how long.
-        fraction = -imgui.get_time() if opening.fraction is None else opening.fraction
-        imgui.progress_bar(fraction, (width, 0.35 * em), "")
 
     def _guard(self, doing: str, work: Callable[[], None]) -> None:
         """Run a stage of the frame; what goes wrong is told in the log line and the window survives."""

@@ -6,11 +6,10 @@ Shown with `imgui.image` and asked with the window's hover, not with a button ov
 
 from __future__ import annotations
 
-import numpy as np
 from imgui_bundle import imgui
 
-from app import drag, theme
-from app.camera import Bounds, Turntable, from_camera
+from app import drag
+from app.camera import Bounds, Turntable, from_camera, scene_bounds
 from app.picking import Hit
 from app.renderer import Look, Renderer
 from app.session import Session, matrix
@@ -250,29 +249,3 @@ _CURSORS = {
     drag.FACE: imgui.MouseCursor_.hand,
     drag.TURN: imgui.MouseCursor_.resize_ew,
 }
-
-
-def scene_bounds(solver, poses) -> Bounds:
-    """Return the box round everything, mobiles at their poses."""
-    surfaces = solver.surfaces
-    points = [surfaces.vertices[0]]
-    for mobile, vertices in zip(solver.scene.mobiles, surfaces.vertices[1:], strict=True):
-        points.append(to_world(poses[mobile.name], vertices))
-    points = [p for p in points if len(p)]
-    if not points:
-        return Bounds((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
-    low, high = np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)
-    return Bounds(tuple(map(float, low)), tuple(map(float, high)))
-
-
-def overlay_text(text: str, x: float, y: float, colour=theme.TEXT, centred: bool = False) -> None:
-    """Write on the picture, on a dark plate so that it reads on any scene; (x, y) is the plate's corner or centre."""
-    em = imgui.get_font_size()
-    size = imgui.calc_text_size(text)
-    pad = (0.6 * em, 0.3 * em)
-    if centred:
-        x, y = x - size.x / 2 - pad[0], y - size.y / 2 - pad[1]
-    draw = imgui.get_window_draw_list()
-    plate = imgui.get_color_u32((0.06, 0.062, 0.068, 0.78))
-    draw.add_rect_filled((x, y), (x + size.x + 2 * pad[0], y + size.y + 2 * pad[1]), plate, 0.35 * em)
-    draw.add_text((x + pad[0], y + pad[1]), imgui.get_color_u32((*colour, 1.0)), text)

@@ -1,0 +1,74 @@
+"""What is written over the picture and below it: progress, hints, the log line."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from app import theme
+from app.log import ERROR, WARNING, Log
+from app.session import Session
+from app.viewport import Viewport
+
+KEYS = "H: help    Tab: panel"
+TOLD = 12  # messages in the log line's tooltip
+
+
+def draw(viewport: Viewport, session: Session, ready: bool) -> None:
+    """Write over the picture: while opening what is done, then what a drag does, else how far refinement is."""
+    em = imgui.get_font_size()
+    (x, y), (w, h) = viewport.origin, viewport.size
+    if not ready:
+        _draw_opening(session, x + w / 2, y + h / 2, em)
+        return
+    corner = x + em, y + h - 2.6 * em
+    hint = viewport.hint()
+    if hint:
+        _write(hint, *corner)
+    elif session.refining:
+        progress = session.light.progress
+        share = f" {100 * progress.fraction:.0f} %" if progress is not None else ""
+        _write(f"refining{share}", *corner, theme.DIM)
+
+
+def _draw_opening(session: Session, x: float, y: float, em: float) -> None:
+    opening = session.opening
+    if opening is None:
+        problem = session.problem or "see the line below"
+        _write(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
+        return
+    text = opening.phase + (f": {opening.detail}" if opening.detail else "")
+    _write(text, x, y - 1.4 * em, centred=True)
+    width = 18 * em
+    imgui.set_cursor_screen_pos((x - width / 2, y + 0.4 * em))
+    # A negative fraction makes ImGui's bar run to and fro: something is going on, nobody knows how long.
+    fraction = -imgui.get_time() if opening.fraction is None else opening.fraction
+    imgui.progress_bar(fraction, (width, 0.35 * em), "")
+
+
+def draw_status(log: Log) -> None:
+    """Write the log line: the last message, at the right how to get help."""
+    start = imgui.get_cursor_pos()
+    room = imgui.get_content_region_avail().x - imgui.calc_text_size(KEYS).x
+    imgui.set_cursor_pos((start.x + room, start.y))
+    imgui.text_disabled(KEYS)
+    entry = log.last
+    if entry is None:
+        return
+    imgui.set_cursor_pos(start)
+    colour = {ERROR: theme.ERROR, WARNING: theme.WARNING}.get(entry.level, theme.DIM)
+    imgui.text_colored((*colour, 1.0), entry.text)
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("\n".join(e.text for e in list(log.entries)[-TOLD:]))
+
+
+def _write(text: str, x: float, y: float, colour=theme.TEXT, centred: bool = False) -> None:
+    """Write on the picture, on a dark plate so that it reads on any scene; (x, y) is the plate's corner or centre."""
+    em = imgui.get_font_size()
+    size = imgui.calc_text_size(text)
+    pad = (0.6 * em, 0.3 * em)
+    if centred:
+        x, y = x - size.x / 2 - pad[0], y - size.y / 2 - pad[1]
+    draw = imgui.get_window_draw_list()
+    plate = imgui.get_color_u32((0.06, 0.062, 0.068, 0.78))
+    draw.add_rect_filled((x, y), (x + size.x + 2 * pad[0], y + size.y + 2 * pad[1]), plate, 0.35 * em)
+    draw.add_text((x + pad[0], y + pad[1]), imgui.get_color_u32((*colour, 1.0)), text)
