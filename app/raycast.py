@@ -17,7 +17,7 @@ from app.vertex_colours import DrawMesh
 from gi_core.accelerator import Accelerator, Transforms, nearest_in_world
 
 BACKGROUND = (0.145, 0.15, 0.16)  # display values, those of the renderer (a test compares them)
-UNLIT = (0.21, 0.215, 0.225)  # the back of a one-sided face, where it is drawn at all
+UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face, where it is drawn at all
 # Where the rays of a pixel go: a rotated grid, so that edges near the axes get all four levels.
 SAMPLES = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
 RAYS = 1 << 17  # a batch: enough for embree, small enough for the cache
