@@ -44,20 +44,29 @@ MOUSE = (
 )
 
 
-def pressed() -> list[str]:
-    """Return the actions whose keys went down in this frame; none while a text is being typed."""
-    if imgui.get_io().want_text_input:
-        return []
-    actions = [s.action for s in SHORTCUTS if any(_is_pressed(chord) for chord in s.chords)]
-    actions += [f"estimator {k}" for k, key in enumerate(ESTIMATOR_KEYS) if _is_pressed(key)]
-    return actions
+class Keyboard:
+    """Tells which actions the keys ask for."""
+
+    def __init__(self) -> None:
+        self._held = 0  # modifiers of the last frame
+
+    def pressed(self) -> list[str]:
+        """Return the actions whose keys went down in this frame; none while a text is being typed."""
+        io = imgui.get_io()
+        # A quick hand lets go of Ctrl in the frame in which Q goes down: what was held just before counts too.
+        held, self._held = int(io.key_mods) | self._held, int(io.key_mods)
+        if io.want_text_input:
+            return []
+        actions = [s.action for s in SHORTCUTS if any(_is_pressed(chord, held) for chord in s.chords)]
+        actions += [f"estimator {k}" for k, key in enumerate(ESTIMATOR_KEYS) if _is_pressed(key, held)]
+        return actions
 
 
-def _is_pressed(chord: int) -> bool:
+def _is_pressed(chord: int, held: int) -> bool:
     """Tell whether a chord went down with exactly its own modifiers."""
     modifiers = int(chord) & int(K.mod_mask_)
     key = K(int(chord) & ~int(K.mod_mask_))
-    return int(imgui.get_io().key_mods) == modifiers and imgui.is_key_pressed(key, repeat=False)
+    return held == modifiers and imgui.is_key_pressed(key, repeat=False)
 
 
 def draw_help(estimators: list[str], area: tuple[float, float, float, float], is_open: bool) -> bool:

@@ -48,6 +48,7 @@ class Viewer:
         self.frames = 0
         self.frames_left: int | None = None
         self.exit_when_refined = False
+        self.keyboard = keys.Keyboard()
         self.help_open = False
         self.metered = 0.0
         self._uploaded = 0  # session.version that the colour buffers hold
@@ -69,7 +70,7 @@ class Viewer:
             self._software = window.is_software(self.ctx)
         self.frames += 1
         self.frame_seconds.add(self._seconds)
-        for action in keys.pressed():
+        for action in self.keyboard.pressed():
             self._do(action)
         if self.help_open:
             (x, y), (w, h) = self.viewport.origin, self.viewport.size
