@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from app.settings import Settings, make_solver, open_scene
@@ -41,6 +43,7 @@ class Opening:
         self.fraction: float | None = None  # None: unknown
         self.result: Opened | None = None
         self.problem: BaseException | None = None
+        self.warnings: list[str] = []
         self._cancelled = False
         self._compiler: subprocess.Popen | None = None
         self._thread = threading.Thread(target=self._run, name="opening", daemon=True)
@@ -65,24 +68,31 @@ class Opening:
             self.problem = problem
 
     def _compile(self) -> None:
+        import gi_core
         from gi_core import warmup
 
         if warmup.is_warm():
             return
         self.phase, self.fraction = COMPILING, 0.0
-        self._compiler = subprocess.Popen(
-            [sys.executable, "-m", "gi_core.warmup"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-        for line in self._compiler.stdout:
-            count, _, self.detail = line.strip().partition(" ")
-            done, _, total = count.partition("/")
-            if done.isdigit() and total.isdigit() and int(total):
-                self.fraction = int(done) / int(total)
-        errors = self._compiler.stderr.read()
-        if self._compiler.wait() and not self._cancelled:
-            # Not fatal: the kernels are then compiled at their first use, with a pause.
-            last = errors.strip().splitlines()[-1] if errors.strip() else f"exit code {self._compiler.returncode}"
-            self.detail = f"compiling ahead failed ({last})"
+        with tempfile.TemporaryFile("w+") as errors:
+            self._compiler = subprocess.Popen(
+                [sys.executable, "-m", "gi_core.warmup"],
+                cwd=Path(gi_core.__file__).parent.parent,  # found there, installed or not
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                text=True,
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+            for line in self._compiler.stdout:
+                count, _, self.detail = line.strip().partition(" ")
+                done, _, total = count.partition("/")
+                if done.isdigit() and total.isdigit() and int(total):
+                    self.fraction = int(done) / int(total)
+            if self._compiler.wait() and not self._cancelled:
+                # Not fatal: the kernels are then compiled at their first use, with a pause.
+                errors.seek(0)
+                last = (errors.read().strip().splitlines() or [f"exit code {self._compiler.returncode}"])[-1]
+                self.warnings.append(f"compiling ahead failed: {last}")
         self._compiler = None
 
     def _open(self) -> Opened:

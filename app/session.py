@@ -117,6 +117,8 @@ class Session:
         if self.opening is None or not self.opening.done:
             return
         opening, self.opening = self.opening, None
+        for warning in opening.warnings:
+            self.log(warning, WARNING)
         if opening.problem is not None:
             self.problem = opening.problem
             self.log.error("opening", opening.problem)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -263,6 +265,46 @@ def test_opening_fills_in_what_was_left_open():
     front, back = s.colours(0)
     assert front.dtype == np.float32 and front.any()
     assert [m.shape for m in s.models()] == [(4, 4)] * 2
+
+
+def test_kernels_are_compiled_in_a_process_of_its_own_whose_steps_are_shown(monkeypatch):
+    """The real child process, given a tiny program instead of the compiler; then one that fails."""
+    from app.opening import COMPILING, Opening
+    from gi_core import warmup
+
+    seen = []
+    real = subprocess.Popen
+    program = "print('1/4 photon tracing', flush=True); import time; time.sleep(0.3); print('4/4 ready', flush=True)"
+    programs = [program, "raise SystemExit('no compiler here')"]
+    monkeypatch.setattr(warmup, "is_warm", lambda: False)
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **o: real([command[0], "-c", programs.pop(0)], **o))
+    for expected in ([], ["compiling ahead failed: no compiler here"]):
+        job = Opening(support.SETTINGS, load=lambda settings: support.room(1))
+        while not job.done:
+            seen.append((job.phase, job.detail, job.fraction))
+            time.sleep(0.005)
+        assert job.warnings == expected
+        assert job.problem is None and job.result is not None
+    assert (COMPILING, "photon tracing", 0.25) in seen
+
+
+def test_the_meter_is_not_fooled_by_noise():
+    """The median of a noisy first picture is too dark: plain metering was off by 0.3 EV on the Cornell box."""
+    from app import metering
+    from app.camera import from_camera, scene_bounds
+
+    exposures = []
+    for photons in (1_000, 60_000):
+        opened = support.opened(replace(support.SETTINGS, photons=photons, radius=0.04))
+        s = Session(opened.settings, Log(), open_with=lambda settings: None)
+        s.adopt(opened)
+        while s.refining:
+            s.tick(FRAME)
+        scene = s.solver.scene
+        camera = from_camera(scene.camera, scene.up, scene_bounds(s.solver, s.poses))
+        exposures.append(metering.metered(s, camera))
+        s.close()
+    assert exposures[0] == pytest.approx(exposures[1], abs=0.2)
 
 
 def test_opening_tells_what_went_wrong_and_can_be_cancelled():
