@@ -174,12 +174,33 @@ def _box(vertices: np.ndarray):
 
 def bounding_spheres(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
     """Return centre (objects, 3) in object space and radius (objects,) of a sphere around each object."""
-    centres = np.zeros((surfaces.objects, 3))
-    radii = np.zeros(surfaces.objects)
+    low, high = bounding_boxes(surfaces)
+    centres, radii = (low + high) / 2, np.zeros(surfaces.objects)
     for o, vertices in enumerate(surfaces.vertices):
-        low, high = _box(vertices)
-        centres[o] = (low + high) / 2
         if len(vertices):
             off = vertices - centres[o]
             radii[o] = np.sqrt((off * off).sum(axis=1).max())
     return centres, radii
+
+
+def bounding_boxes(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
+    """Return corners low and high (objects, 3) of the box around each object, in object space."""
+    low, high = zip(*(_box(v) for v in surfaces.vertices), strict=True)
+    return np.array(low), np.array(high)
+
+
+@kernel
+def passes_box(ox, oy, oz, ex, ey, ez, low, high, pad):
+    """Tell whether the segment o-e meets the box low - pad .. high + pad."""
+    t0, t1 = _slab(ox, ex - ox, low[0] - pad, high[0] + pad, 0.0, 1.0)
+    t0, t1 = _slab(oy, ey - oy, low[1] - pad, high[1] + pad, t0, t1)
+    t0, t1 = _slab(oz, ez - oz, low[2] - pad, high[2] + pad, t0, t1)
+    return t0 <= t1
+
+
+@kernel
+def _slab(o, d, low, high, t0, t1):
+    if d == 0.0:
+        return (t0, t1) if low <= o <= high else (1.0, 0.0)
+    a, b = (low - o) / d, (high - o) / d
+    return max(t0, min(a, b)), min(t1, max(a, b))

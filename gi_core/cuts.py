@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.accelerator import Transforms
+from gi_core.accelerator import Transforms, passes_box, to_local
 from gi_core.fixed_point import MAX_SEGMENTS
 from gi_core.jit import kernel
 from gi_core.model import Model
@@ -224,27 +224,22 @@ def current_segments(model: Model, at: Transforms, seed: int, first: int, count:
 
 
 def _near_each(model: Model, at: Transforms, current: Segments, margin: float) -> tuple[Segments, ...]:
-    """Return for each mobile the segments that pass its bounding sphere, padded by the reach of a disc."""
-    out = []
+    """Return for each mobile the segments that pass its bounding box, padded by the reach of a disc."""
+    world, out = model.world, []
     for o in range(1, len(at.position)):
-        c, R = model.world.sphere_centre[o], at.rotation[o]
-        centre = np.array([R[i, 0] * c[0] + R[i, 1] * c[1] + R[i, 2] * c[2] + at.position[o, i] for i in range(3)])
-        radius = model.world.sphere_radius[o] + margin + (SCAN_PAD + CUT_PAD) * model.world.size
-        out.append(take(current, _pass(current.origin, current.end, centre, radius)))
+        pad = margin + (SCAN_PAD + CUT_PAD) * world.size
+        box = world.box_low[o], world.box_high[o]
+        out.append(take(current, _pass(current.origin, current.end, at.rotation[o], at.position[o], *box, pad)))
     return tuple(out)
 
 
 @kernel
-def _pass(origin, end, centre, radius):
+def _pass(origin, end, R, p, low, high, pad):
     out = np.empty(len(origin), np.bool_)
     for k in range(len(origin)):
-        x, y, z = origin[k, 0] - centre[0], origin[k, 1] - centre[1], origin[k, 2] - centre[2]
-        dx, dy, dz = end[k, 0] - origin[k, 0], end[k, 1] - origin[k, 1], end[k, 2] - origin[k, 2]
-        length2 = dx * dx + dy * dy + dz * dz
-        t = -(x * dx + y * dy + z * dz) / length2 if length2 > 0.0 else 0.0
-        t = min(1.0, max(0.0, t))
-        x, y, z = x + t * dx, y + t * dy, z + t * dz
-        out[k] = x * x + y * y + z * z <= radius * radius
+        ox, oy, oz = to_local(R, origin[k, 0] - p[0], origin[k, 1] - p[1], origin[k, 2] - p[2])
+        ex, ey, ez = to_local(R, end[k, 0] - p[0], end[k, 1] - p[1], end[k, 2] - p[2])
+        out[k] = passes_box(ox, oy, oz, ex, ey, ez, low, high, pad)
     return out
 
 

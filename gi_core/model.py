@@ -35,7 +35,7 @@ class Model:
             for s in (-1, 1)
         ]
         lights = np.array([light.position for light in scene.lights if hasattr(light, "position")], np.float64)
-        self.world = build_world(self.surfaces, self.accelerator, centres, radii, lights)
+        self.world = build_world(self.surfaces, self.accelerator, lights)
         # Directional and sky light must reach mobiles that stand out of the static part.
         lit = enclosing_sphere(self.surfaces.vertices[0], lights, np.array(mobiles))
         self.emitters = build_emitters(scene, self.surfaces, *lit)

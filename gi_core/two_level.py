@@ -12,12 +12,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.accelerator import FAR, ORIGIN_LIFT, Accelerator, Transforms, line, point_on_line, to_local
+from gi_core.accelerator import (
+    FAR,
+    ORIGIN_LIFT,
+    Accelerator,
+    Transforms,
+    bounding_boxes,
+    bounding_spheres,
+    line,
+    passes_box,
+    point_on_line,
+    to_local,
+)
 from gi_core.jit import kernel
 from gi_core.paths import NONE
 from gi_core.surfaces import Surfaces
 
-CUT_PAD = 1e-5  # of the world's size: bounding spheres grow by it, so that culling never loses a hit
+CUT_PAD = 1e-5  # of the world's size: bounding boxes grow by it, so that culling never loses a hit
 
 
 class World(NamedTuple):
@@ -30,6 +41,8 @@ class World(NamedTuple):
     size: float  # diameter of a sphere round the static part and lights [m]: what epsilons are scaled by
     sphere_centre: np.ndarray  # (objects, 3) float64, bounding spheres in object space
     sphere_radius: np.ndarray  # (objects,) float64
+    box_low: np.ndarray  # (objects, 3) float64, bounding boxes in object space
+    box_high: np.ndarray  # (objects, 3) float64
 
 
 @kernel
@@ -63,8 +76,8 @@ def _static_ends(lifted, origin, direction, distance, face, normals, far, end, e
 
 
 @kernel
-def _lines_near(origin, end, side, face_object, o, R, p, centre, radius, lift, normals, rows, local_o, local_d, limit):
-    """Collect the lines that pass object o's bounding sphere, carried to its space; return how many.
+def _lines_near(origin, end, side, face_object, o, R, p, low, high, pad, lift, normals, rows, local_o, local_d, limit):
+    """Collect the lines that pass object o's bounding box, carried to its space; return how many.
 
     A line that starts on o itself is lifted off its face.
     """
@@ -74,7 +87,7 @@ def _lines_near(origin, end, side, face_object, o, R, p, centre, radius, lift, n
         ox, oy, oz = to_local(R, x, y, z)
         x, y, z = end[k, 0] - p[0], end[k, 1] - p[1], end[k, 2] - p[2]
         ex, ey, ez = to_local(R, x, y, z)
-        if not _passes(ox, oy, oz, ex, ey, ez, centre, radius):
+        if not passes_box(ox, oy, oz, ex, ey, ez, low, high, pad):
             continue
         fox, foy, foz = np.float32(ox), np.float32(oy), np.float32(oz)
         dx, dy, dz, length = line(fox, foy, foz, np.float32(ex), np.float32(ey), np.float32(ez))
@@ -88,18 +101,6 @@ def _lines_near(origin, end, side, face_object, o, R, p, centre, radius, lift, n
         limit[n] = length
         n += 1
     return n
-
-
-@kernel
-def _passes(ox, oy, oz, ex, ey, ez, centre, radius):
-    """Tell whether the segment o-e comes within radius of a point."""
-    dx, dy, dz = ex - ox, ey - oy, ez - oz
-    cx, cy, cz = centre[0] - ox, centre[1] - oy, centre[2] - oz
-    length2 = dx * dx + dy * dy + dz * dz
-    t = (cx * dx + cy * dy + cz * dz) / length2 if length2 > 0.0 else 0.0
-    t = min(1.0, max(0.0, t))
-    x, y, z = cx - t * dx, cy - t * dy, cz - t * dz
-    return x * x + y * y + z * z <= radius * radius
 
 
 def nearest_static(accelerator: Accelerator, world: World, at: Transforms, origin, direction, side):
@@ -132,9 +133,8 @@ def nearest_mobile(accelerator: Accelerator, world: World, at: Transforms, origi
     limit = np.empty(n, np.float32)
     for o in range(1, len(at.position)):
         R, p = at.rotation[o], at.position[o]
-        radius = world.sphere_radius[o] + CUT_PAD * world.size
         m = _lines_near(
-            origin, end, side, world.face_object, o, R, p, world.sphere_centre[o], radius,
+            origin, end, side, world.face_object, o, R, p, world.box_low[o], world.box_high[o], CUT_PAD * world.size,
             ORIGIN_LIFT * world.size, world.normals, rows, local_o, local_d, limit,
         )  # fmt: skip
         if m:
@@ -153,7 +153,7 @@ def _keep_nearer(rows, distance, face, limit, local_d, normals, cut, cut_side):
             cut_side[k] = 2 * face[j] + (1 if d[0] * n[0] + d[1] * n[1] + d[2] * n[2] > 0.0 else 0)
 
 
-def build_world(surfaces: Surfaces, accelerator: Accelerator, centres, radii, lights: np.ndarray) -> World:
+def build_world(surfaces: Surfaces, accelerator: Accelerator, lights: np.ndarray) -> World:
     """Flatten what the kernels need.
 
     Its size is that of the static part and of the positions of `lights` (n, 3): mobiles play no
@@ -165,8 +165,8 @@ def build_world(surfaces: Surfaces, accelerator: Accelerator, centres, radii, li
         surfaces.two_sided,
         accelerator.face_object,
         max(2 * enclosing_sphere(surfaces.vertices[0], lights)[1], 1e-9),
-        centres,
-        radii,
+        *bounding_spheres(surfaces),
+        *bounding_boxes(surfaces),
     )
 
 
