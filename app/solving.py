@@ -50,6 +50,7 @@ class Solving:
         self.version = 0  # of what is to be drawn
         self.progress: Progress | None = None  # the last step of the refinement under way
         self.gi_seconds = Smoothed()  # new poses in, irradiance out
+        self.grace = GRACE  # s that a frame waits for a move
         self.steps_begun = 0
         self.move_failed = False  # the last one
         self.poses_drawn: dict[str, Pose] = {}
@@ -130,7 +131,7 @@ class Solving:
     def move(self, poses: Mapping[str, Pose]) -> None:
         """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light."""
         self._pending.update(poses)
-        self.move_pending(GRACE)
+        self.move_pending(self.grace)
 
     def move_pending(self, patience: float) -> None:
         """Make the moves that wait, as far as one's patience [s] goes."""

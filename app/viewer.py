@@ -28,6 +28,7 @@ SAMPLES = 4  # a pixel
 QUIET_FRAMES = 20  # with nothing new, after which a software renderer draws with all samples: that takes it 50 ms
 SWITCH_SECONDS = 0.001  # how soon other threads let the window have the interpreter; Python's own 5 ms stutter
 LONGEST_WAIT = 0.02  # s that a frame waits for refinement where drawing itself is slow
+SOFTWARE_GRACE = 0.2  # s that a frame waits for a move where drawing meanwhile would only take its cores away
 LONGEST_STEP = 0.1  # s: after a pause of the whole program, animations go on, they do not jump
 
 
@@ -140,6 +141,8 @@ class Viewer:
         from gi_core.estimators import ESTIMATORS
 
         self._ready = True  # tried once, even if something below fails
+        if self._software:
+            self.session.light.grace = SOFTWARE_GRACE
         self.renderer = Renderer(self.ctx, SAMPLES)
         self.renderer.set_scene(self.session.meshes)
         self.viewport.adopt()
