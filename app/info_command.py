@@ -100,7 +100,8 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver) -> list[
 
     file = solver.scene.defaults
     rules = {
-        "photons": f"some {defaults.HITS} hits in a disc, at most {defaults.MOST_PHOTONS:,} or {defaults.MOST_CROSSINGS:,} crossings",
+        "photons": f"some {defaults.HITS} hits in a disc, at most {defaults.MOST_PHOTONS:,} or so many"
+        f" as make {defaults.MOST_CROSSINGS:,} crossings",
         "radius": f"{100 * defaults.RADIUS_SHARE:g} % of the scene size, rounded",
         "neighbours": "enough to smooth, few enough to stay local (photon_map alone uses it)",
     }

@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
-MID_GREY = 0.18  # linear, before the tone map: where the metered median lands
+MID_GREY = 0.25  # linear, before the tone map: where the metered median lands; rooms look dim at 0.18
 BRIGHTEST = 2.0  # linear: the 95th percentile stays below it, so that a spot-lit stage is not burnt out
+ACES_EXPOSURE = 0.6
 LIT = 1e-4  # of the mean luminance: darker points are not lit and do not count
 
 
@@ -30,7 +31,11 @@ def reinhard(c: np.ndarray) -> np.ndarray:
 
 
 def aces(c: np.ndarray) -> np.ndarray:
-    """Return the filmic curve of the ACES reference rendering as fitted by Narkowicz 2015, channel by channel."""
+    """Return the filmic curve of the ACES reference rendering as fitted by Narkowicz 2015, channel by channel.
+
+    The fit wants 0.6 of the exposure: without it mid-grey comes out at twice its brightness.
+    """
+    c = ACES_EXPOSURE * c
     return np.clip(c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14), 0.0, 1.0)
 
 

@@ -27,7 +27,7 @@ from gi_core.scene.types import Pose, Scene
 from gi_core.surfaces import Surfaces
 
 STEP_SECONDS = 0.006  # aim of one step of solve_steps(): the caller's frame allows 8 ms
-FIRST_PICTURE = 4096  # photons
+FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
 LARGEST_CHUNK = 1 << 16
 SCRATCH_CHUNK = 1 << 16

@@ -12,7 +12,7 @@ out vec4 colour;
 
 vec3 tone_mapped(vec3 c) {
     if (tone_map == 1) c = c / (1.0 + dot(c, vec3(0.2126, 0.7152, 0.0722)));
-    if (tone_map == 2) c = c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14);
+    if (tone_map == 2) { c *= 0.6; c = c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14); }
     return clamp(c, 0.0, 1.0);
 }
 
