@@ -17,9 +17,9 @@ TRIANGLES = 71_966
 CELLS = 50  # of the ground along a side
 LAMP_SIDE, LAMP_HEIGHT = 0.3, 1.6
 LAMP_RADIANCE = (30.0, 27.0, 22.5)
-DOME_RADIUS, DOME_RINGS = 1.7, 6
+DOME_RADIUS, DOME_HEIGHT, DOME_RINGS = 1.05, 1.7, 8  # close round the ground, or most photons never see it
 AROUND = 40  # vertices around skirt and dome: every fifth of the ground's edge
-SKIRT_RADII = (0.85, 1.1, 1.4)
+SKIRT_RADII = (0.8, 0.92)
 SKY_SHARE = 0.10  # of the lamp's flux: a dim sky
 SKY_COLOUR = np.array([0.75, 0.9, 1.15])
 GROUND, SKIRT = (0.74, 0.69, 0.60), (0.74, 0.71, 0.65)
@@ -131,12 +131,12 @@ def _skirt():
 
 def _dome():
     angles = np.pi / 2 * np.arange(DOME_RINGS) / DOME_RINGS
-    rings = [_circle(DOME_RADIUS * np.cos(a), DOME_RADIUS * np.sin(a)) for a in angles]
+    rings = [_circle(DOME_RADIUS * np.cos(a), DOME_HEIGHT * np.sin(a)) for a in angles]
     v, f = _bands(rings)
     k, j = np.arange(AROUND), (np.arange(AROUND) + 1) % AROUND
     last = (DOME_RINGS - 1) * AROUND
     cap = np.stack([last + k, np.full(AROUND, len(v)), last + j], axis=1)
-    return np.concatenate([v, [[0.5, 0.5, DOME_RADIUS]]]), np.concatenate([f, cap])
+    return np.concatenate([v, [[0.5, 0.5, DOME_HEIGHT]]]), np.concatenate([f, cap])
 
 
 if __name__ == "__main__":
