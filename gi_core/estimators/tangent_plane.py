@@ -15,7 +15,7 @@ import numpy as np
 from gi_core.accelerator import Transforms
 from gi_core.cuts import Frame
 from gi_core.disc_search import SEARCHES
-from gi_core.disc_search.crossing import Discs, lines
+from gi_core.disc_search.crossing import Discs, fill_lines, room_for_lines
 from gi_core.model import Model
 from gi_core.paths import Segments
 from gi_core.reachable_area import regions, whole_discs
@@ -87,14 +87,12 @@ class TangentPlane:
     def _splat(self, o: int, segments: Segments, at: Transforms, sign: int, sums: np.ndarray) -> None:
         if not segments.size or not len(sums):
             return
-        ready = lines(segments, at.rotation[o], at.position[o], self.model, self.radius)
         search = self._searches[o]
+        ready = room_for_lines(segments)
 
         def work(part, first, last):
-            if part == 0:
-                search.splat(ready, first, last, sign, sums)
-                return None
-            own = self._buffer(part, len(sums))
+            fill_lines(ready, segments, at.rotation[o], at.position[o], self.model, self.radius, first, last)
+            own = sums if part == 0 else self._buffer(part, len(sums))
             search.splat(ready, first, last, sign, own)
             return own
 
