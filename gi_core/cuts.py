@@ -57,7 +57,7 @@ def _scan(offsets, position, first, last, centres, radii, photons, vertices):
             length2 = max(dx * dx + dy * dy + dz * dz, np.float32(1e-30))
             for m in range(len(radii)):
                 cx, cy, cz = centres[m, 0] - ox, centres[m, 1] - oy, centres[m, 2] - oz
-                # The nearest point of the segment, with no branch: three unpredictable ones cost 8 ns.
+                # The nearest point of the segment, with no branch: unpredictable ones doubled the scan.
                 along = cx * dx + cy * dy + cz * dz
                 t = min(max(along / length2, np.float32(0.0)), np.float32(1.0))
                 x, y, z = t * dx - cx, t * dy - cy, t * dz - cz

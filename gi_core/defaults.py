@@ -4,7 +4,7 @@
   slab may be five times the room), unless the scene file states it (a dome may catch most hits).
 - Radius: 2.5 % of the scene size: shadows blur over that length.
 - Photons: so many that on the median lit surface a disc holds HITS expected hits (5 % noise), but no
-  more than MOST_PHOTONS, nor than make MOST_CROSSINGS: some four seconds on two cores each.
+  more than MOST_PHOTONS, nor than make MOST_CROSSINGS: three and ten seconds on two cores.
 """
 
 from __future__ import annotations

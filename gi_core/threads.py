@@ -1,7 +1,7 @@
 """Splitting work over Python threads: kernels and embree release the GIL.
 
-Chosen over numba's own parallel loops because waking its pool costs milliseconds for tiny jobs, its
-`workqueue` layer aborts when two threads enter, and parallel kernels compile several times slower.
+Chosen over numba's own parallel loops because waking its pool costs milliseconds for tiny jobs, and its
+`workqueue` layer aborts when two threads enter.
 All sums are integers, so the split never shows in the result.
 """
 
