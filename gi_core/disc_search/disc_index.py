@@ -36,11 +36,11 @@ class DiscIndex:
         counts = np.zeros(int(self.shape.prod()) + 1, np.int64)
         half = _half_extents(discs, PAD * cell)
         half[discs.regions.area == 0] = -1.0  # nothing can cross these: listed nowhere
-        _count(p, half, low, cell, self.shape, counts)
+        _list(p, half, low, cell, self.shape, counts, np.empty(0, np.int32))
         room = (counts[:-1] + LANES - 1) // LANES * LANES
         self.first = np.concatenate([[0], np.cumsum(room)]).astype(np.int64)
         self.ids = np.full(int(self.first[-1]), -1, np.int32)
-        _fill(p, half, low, cell, self.shape, self.first[:-1].copy(), self.ids)
+        _list(p, half, low, cell, self.shape, self.first[:-1].copy(), self.ids)
         self._columns = columns(p, discs.normals, self.ids)
         self.largest = int(room.max())
 
@@ -69,21 +69,8 @@ def _span(x, half, low, cell, n):
 
 
 @kernel
-def _count(positions, half, low, cell, shape, counts):
-    for j in range(len(positions)):
-        if half[j, 0] < 0.0:
-            continue
-        x0, x1 = _span(positions[j, 0], half[j, 0], low[0], cell, shape[0])
-        y0, y1 = _span(positions[j, 1], half[j, 1], low[1], cell, shape[1])
-        z0, z1 = _span(positions[j, 2], half[j, 2], low[2], cell, shape[2])
-        for x in range(x0, x1 + 1):
-            for y in range(y0, y1 + 1):
-                for z in range(z0, z1 + 1):
-                    counts[(x * shape[1] + y) * shape[2] + z] += 1
-
-
-@kernel
-def _fill(positions, half, low, cell, shape, cursor, ids):
+def _list(positions, half, low, cell, shape, cursor, ids):
+    """Advance the cursor of each cell once for each disc in it; write the disc there if ids has room at all."""
     for j in range(len(positions)):
         if half[j, 0] < 0.0:
             continue
@@ -94,7 +81,8 @@ def _fill(positions, half, low, cell, shape, cursor, ids):
             for y in range(y0, y1 + 1):
                 for z in range(z0, z1 + 1):
                     c = (x * shape[1] + y) * shape[2] + z
-                    ids[cursor[c]] = j
+                    if len(ids):
+                        ids[cursor[c]] = j
                     cursor[c] += 1
 
 
