@@ -8,7 +8,7 @@ import numpy as np
 
 from gi_core.accelerator import Accelerator, Transforms, bounding_spheres, transforms
 from gi_core.emission import build_emitters
-from gi_core.paths import END_EXTENSION
+from gi_core.paths import END_EXTENSION, NONE
 from gi_core.pose import as_pose, to_world, to_world_directions
 from gi_core.receivers import Receivers
 from gi_core.scene.errors import SceneError
@@ -17,6 +17,7 @@ from gi_core.surfaces import flatten
 from gi_core.threads import available_cores
 from gi_core.two_level import build_world, enclosing_sphere
 
+BEHIND = -2  # in place of the receiver on the back of a disc: this is one, its front stands for both
 CONCAVE = 1e-3  # height over width of the faces round a receiver; float32 files are flat to 1e-5
 
 
@@ -71,6 +72,19 @@ class Model:
         back = s.corner_back.reshape(-1)
         own[back[back >= 0]] = np.repeat(2 * s.patch + 1, 3)[back >= 0]
         return own
+
+    def backs(self, o: int) -> np.ndarray:
+        """Return for each receiver of object o the one on the other side of its disc. (n,) int32.
+
+        Counted within the object; NONE where the surface is one-sided, BEHIND on the backs themselves.
+        """
+        s, rows = self.surfaces, self.surfaces.receiver_range(o)
+        front, back = (c[s.face_range(o)].reshape(-1) for c in (s.corner_front, s.corner_back))
+        front, back = front[back >= 0] - rows.start, back[back >= 0] - rows.start
+        out = np.full(rows.stop - rows.start, NONE, np.int32)
+        out[front] = back
+        out[back] = BEHIND
+        return out
 
     @cached_property
     def towards_faces(self) -> np.ndarray:

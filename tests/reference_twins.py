@@ -13,7 +13,7 @@ import numpy as np
 
 from gi_core import sampling
 from gi_core.bsdf import lambertian
-from gi_core.disc_search.crossing import LANES, columns, counts, crossed
+from gi_core.disc_search.crossing import LANES, Discs, blocks, counts, crossed
 from gi_core.emission import emit
 from gi_core.fixed_point import MAX_SEGMENTS, attenuate
 from gi_core.hit_grid import OTHER_SIDE
@@ -112,8 +112,9 @@ class Twin:
             area[rows] = region.area
             filled = np.full(-(-len(rows) // LANES) * LANES, -1)
             filled[: len(rows)] = np.arange(len(rows))
-            discs = columns(p, n, filled)
-            mask, every = np.zeros(len(filled), np.uint8), (np.uint64(0), np.uint64(len(filled)))
+            # Every receiver its own disc: that two sides share one is the searches' business.
+            alone = np.full(len(rows), -1, np.int32)
+            discs = blocks(Discs(p, n, own[rows], alone, radius, region), filled)
             for s in segments:
                 points = [_to_object(poses, model.names, o, s[k]) for k in ("origin", "end", "hit")]
                 d, _ = _line(points[0], points[1])
@@ -121,13 +122,17 @@ class Twin:
                 side = s["hit_side"]
                 bent = side >= 0 and model.concave[2 * patch[side >> 1] + (side & 1)]
                 high = stop + F32(2 * self.radius) if bent else stop
-                crossed(*discs, *every, *points[0], *d, F32(s["low"]), high, r2, mask)
+                every = range(len(filled) // LANES)
+                lanes = [crossed(discs.data, b, *points[0], *d, F32(s["low"]), high, r2) for b in every]
+                near = [LANES * b + k for b in every for k in range(LANES) if lanes[b] >> k & 1]
                 patches = [
                     2 * patch[k >> 1] + (k & 1) if k >= 0 else -1
                     for k in (s["start_side"], s["end_side"], s["cut_side"])
                 ]
                 patches = np.array([patches], np.int32)
-                for j in np.flatnonzero(mask):
+                for j in near:
+                    if not d[0] * n[j, 0] + d[1] * n[j, 1] + d[2] * n[j, 2] < 0:
+                        continue
                     line, touches = (*points[0], *d, stop, r2), np.array([points])
                     if counts(j, *p[j], *n[j], 0, *line, own[rows], *region[:2], patches, touches):
                         sums[rows[j]] = [a + b for a, b in zip(sums[rows[j]], s["flux"], strict=True)]

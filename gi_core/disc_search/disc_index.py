@@ -2,8 +2,7 @@
 
 A disc is listed in every cell that its padded box touches. A crossing is accepted only in the cell
 whose half-open interval of t holds it, so each disc counts once and no mailbox is needed. The
-discs of a cell are copied in cell order as a structure of arrays, so that a slice can be tested
-with vector instructions.
+discs of a cell lie in blocks that vector instructions test at once.
 """
 
 from __future__ import annotations
@@ -12,12 +11,14 @@ import math
 
 import numpy as np
 
-from gi_core.disc_search.crossing import LANES, Discs, Lines, columns, counts, crossed
-from gi_core.jit import kernel
+from gi_core.disc_search.crossing import LANES, Discs, Lines, blocks, counts, crossed, lane_of, receiver, to_list
+from gi_core.jit import inlined, kernel
 
 CELL_RADII = 4.0  # cell edge in disc radii: see docs/measurements.md
 MAX_CELLS = 1 << 22  # memory bound for tiny discs in a big scene; cells grow instead
 PAD = 1e-3  # of a cell: rounding of a crossing against the cell's walls
+VISITS = 1024  # cells that are listed before their discs are tested: these lists stay in the first cache
+ROOM = 2048  # crossings that are listed before they are added
 
 
 class DiscIndex:
@@ -31,18 +32,20 @@ class DiscIndex:
         high = p.max(axis=0).astype(np.float64) + 1.01 * r if len(p) else np.ones(3)
         extent = np.maximum(high - low, 1e-12)
         cell = max(cell_radii * r, float(extent.max()) / 512, float(extent.prod() / MAX_CELLS) ** (1 / 3))
-        self.shape = np.maximum(1, np.ceil(extent / cell)).astype(np.int64)
+        # A border of empty cells: a walk inside the grid needs no look at where it ends.
+        self.shape = np.maximum(1, np.ceil(extent / cell)).astype(np.int64) + 2
+        low = low - cell
         self.low, self.cell = low, cell
-        counts = np.zeros(int(self.shape.prod()) + 1, np.int64)
+        cells = int(self.shape.prod())
+        count = np.zeros(cells + 1, np.int64)
         half = _half_extents(discs, PAD * cell)
-        half[discs.regions.area == 0] = -1.0  # nothing can cross these: listed nowhere
-        _list(p, half, low, cell, self.shape, counts, np.empty(0, np.int32))
-        room = (counts[:-1] + LANES - 1) // LANES * LANES
-        self.first = np.concatenate([[0], np.cumsum(room)]).astype(np.int64)
-        self.ids = np.full(int(self.first[-1]), -1, np.int32)
-        _list(p, half, low, cell, self.shape, self.first[:-1].copy(), self.ids)
-        self._columns = columns(p, discs.normals, self.ids)
-        self.largest = int(room.max())
+        half[~to_list(discs)] = -1.0
+        _list(p, half, low, cell, self.shape, count, np.empty(0, np.int32))
+        room = (count[:-1] + LANES - 1) // LANES
+        self.first = np.concatenate([[0], np.cumsum(room)]).astype(np.int32)
+        ids = np.full(int(self.first[-1]) * LANES, -1, np.int32)
+        _list(p, half, low, cell, self.shape, self.first[:-1].astype(np.int64) * LANES, ids)
+        self.blocks = blocks(discs, ids)
 
     def splat(self, lines: Lines, first: int, last: int, sign: int, sums: np.ndarray) -> int:
         """Add sign x flux of lines first .. last - 1 to sums (R, 3) int64 of the discs they cross.
@@ -50,7 +53,7 @@ class DiscIndex:
         Returns the number of crossings.
         """
         return _splat(
-            self.low, self.cell, self.shape, self.first, self.ids, self.largest, *self._columns, self.discs.own,
+            self.low, self.cell, self.shape, self.first, *self.blocks, self.discs.own,
             *self.discs.regions[:2], self.discs.radius, *lines, first, last, sign, sums,
         )  # fmt: skip
 
@@ -95,7 +98,7 @@ def _clip(o, d, low, high, t0, t1):
     return max(t0, min(a, b)), min(t1, max(a, b))
 
 
-@kernel
+@inlined
 def _axis(o, d, t, low, cell, n):
     """Return where a walk along one axis stands: cell, step, t of the next wall, t between walls."""
     i = min(max(int(math.floor((o + t * d - low) / cell)), 0), n - 1)
@@ -108,65 +111,115 @@ def _axis(o, d, t, low, cell, n):
 
 @kernel
 def _splat(
-    low, cell, shape, first_of, ids, largest, cx, cy, cz, nx, ny, nz, own, row, reach, radius,
+    low, cell, shape, first_of, data, front, behind, own, row, reach, radius,
     origin, direction, t_low, stop, t_high, flux, patches, touches, first, last, sign, sums,
 ):  # fmt: skip
-    mask = np.zeros(largest, np.uint8)
+    """Three passes over some segments at a time: full cells on the way, discs crossed there, sums.
+
+    Apart, because most of the time goes into waiting for memory: within one pass the accesses of
+    different segments do not depend on each other, and the processor overlaps them.
+    """
     r2 = radius * radius
     pad = PAD * cell
+    near = cell - pad
+    lx, ly, lz = low[0], low[1], low[2]
+    nx, ny, nz = shape[0], shape[1], shape[2]
+    visit_line, visit_blocks = np.empty(VISITS, np.int64), np.empty((VISITS, 2), np.int32)
+    visit_low, visit_high = np.empty(VISITS, np.float32), np.empty(VISITS, np.float32)
+    found = np.empty((ROOM, 2), np.int64)
+    visits = 0
     total = 0
     for k in range(first, last):
         ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
         dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
-        # Clip to the grid, a little outside so that no crossing is lost to rounding.
+        # Clip to what is inside the border, a little outside so that no crossing is lost to rounding.
         t0, t1 = float(t_low[k]), float(t_high[k])
-        t0, t1 = _clip(ox, dx, low[0] - pad, low[0] + shape[0] * cell + pad, t0, t1)
-        t0, t1 = _clip(oy, dy, low[1] - pad, low[1] + shape[1] * cell + pad, t0, t1)
-        t0, t1 = _clip(oz, dz, low[2] - pad, low[2] + shape[2] * cell + pad, t0, t1)
+        t0, t1 = _clip(ox, dx, lx + near, lx + nx * cell - near, t0, t1)
+        t0, t1 = _clip(oy, dy, ly + near, ly + ny * cell - near, t0, t1)
+        t0, t1 = _clip(oz, dz, lz + near, lz + nz * cell - near, t0, t1)
         if not t0 < t1:
             continue
-        ix, sx, tx, wx = _axis(ox, dx, t0, low[0], cell, shape[0])
-        iy, sy, ty, wy = _axis(oy, dy, t0, low[1], cell, shape[1])
-        iz, sz, tz, wz = _axis(oz, dz, t0, low[2], cell, shape[2])
-        a = np.float32(t_low[k]) if t0 == float(t_low[k]) else np.float32(t0 - pad)
-        a = max(a, t_low[k])
+        ix, sx, tx, wx = _axis(ox, dx, t0, lx, cell, nx)
+        iy, sy, ty, wy = _axis(oy, dy, t0, ly, cell, ny)
+        iz, sz, tz, wz = _axis(oz, dz, t0, lz, cell, nz)
+        a = t_low[k] if t0 == float(t_low[k]) else max(t_low[k], np.float32(t0 - pad))
+        c = (ix * ny + iy) * nz + iz
+        jump_x, jump_y, jump_z = sx * ny * nz, sy * nz, sz
         while True:
-            # This cell's part of the line is [a, b); the next one starts at the same bits.
             t = min(tx, min(ty, tz))
-            b = t_high[k] if t >= t1 else max(a, np.float32(t))
-            c = (ix * shape[1] + iy) * shape[2] + iz
-            i0, i1 = first_of[c], first_of[c + 1]
-            if i1 > i0 and b > a:
-                n = crossed(
-                    cx, cy, cz, nx, ny, nz, np.uint64(i0), np.uint64(i1), ox, oy, oz, dx, dy, dz, a, b, r2, mask
-                )
-                if n > 0:
-                    for m in range(i0, i1):
-                        if mask[m - i0]:
-                            i = ids[m]
-                            if counts(
-                                i, cx[m], cy[m], cz[m], nx[m], ny[m], nz[m], k, ox, oy, oz, dx, dy, dz, stop[k], r2,
-                                own, row, reach, patches, touches,
-                            ):  # fmt: skip
-                                total += 1
-                                for ch in range(3):
-                                    sums[i, ch] += sign * flux[k, ch]
+            if first_of[c] < first_of[c + 1]:
+                # This cell's part of the line is [a, b); the next one starts at the same bits.
+                visit_line[visits] = k
+                visit_blocks[visits, 0], visit_blocks[visits, 1] = first_of[c], first_of[c + 1]
+                visit_low[visits], visit_high[visits] = a, t_high[k] if t >= t1 else max(a, np.float32(t))
+                visits += 1
+                if visits == VISITS:
+                    total += _cross(
+                        visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
+                        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
+                    )  # fmt: skip
+                    visits = 0
             if t >= t1:
                 break
-            a = b
+            a = max(a, np.float32(t))
             if tx <= ty and tx <= tz:
-                ix += sx
+                c += jump_x
                 tx += wx
-                if ix < 0 or ix >= shape[0]:
-                    break
             elif ty <= tz:
-                iy += sy
+                c += jump_y
                 ty += wy
-                if iy < 0 or iy >= shape[1]:
-                    break
             else:
-                iz += sz
+                c += jump_z
                 tz += wz
-                if iz < 0 or iz >= shape[2]:
-                    break
+    total += _cross(
+        visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
+        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
+    )  # fmt: skip
+    return total
+
+
+@kernel
+def _cross(
+    visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
+    row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
+):  # fmt: skip
+    total = n = 0
+    for v in range(visits):
+        k = visit_line[v]
+        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
+        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
+        a, b = visit_low[v], visit_high[v]
+        for block in range(visit_blocks[v, 0], visit_blocks[v, 1]):
+            bits = crossed(data, block, ox, oy, oz, dx, dy, dz, a, b, r2)
+            while bits != 0:
+                found[n, 0], found[n, 1] = k, block * LANES + lane_of(bits)
+                bits &= bits - np.uint32(1)
+                n += 1
+            if n > ROOM - LANES:
+                total += _add(
+                    n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches,
+                    touches, sign, sums,
+                )  # fmt: skip
+                n = 0
+    return total + _add(
+        n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums
+    )
+
+
+@kernel
+def _add(
+    n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums
+):
+    total = 0
+    for f in range(n):
+        k = found[f, 0]
+        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
+        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
+        i, x, y, z, mx, my, mz = receiver(data, front, behind, found[f, 1], dx, dy, dz)
+        if i >= 0 and counts(
+            i, x, y, z, mx, my, mz, k, ox, oy, oz, dx, dy, dz, stop[k], r2, own, row, reach, patches, touches
+        ):
+            total += 1
+            for c in range(3):
+                sums[i, c] += sign * flux[k, c]
     return total

@@ -52,7 +52,7 @@ class TangentPlane:
             self.area[rows] = region.area
             positions = np.ascontiguousarray(r.positions[rows], np.float32)
             normals = np.ascontiguousarray(r.normals[rows], np.float32)
-            discs = Discs(positions, normals, own[rows], np.float32(self.radius), region)
+            discs = Discs(positions, normals, own[rows], self.model.backs(o), np.float32(self.radius), region)
             self._searches.append(SEARCHES[self.search](discs))
             yield
 
