@@ -1,4 +1,6 @@
-"""Generates tree.glb and ring.glb: `python -m scenes.make_tree`. z is up; the ground is 1 x 1.
+"""Generates tree.glb and ring.glb, and the paths in tree.toml and tree_worst.toml: `python -m scenes.make_tree`.
+
+z is up; the ground is 1 x 1.
 
 The report's tree scene in numbers: 71,966 static triangles, a ground of 0.02 x 0.02 squares, a tree of
 edges about 0.01, a mobile of 500 triangles.
@@ -11,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from scenes.glb import Part, glb_bytes, material, write
+from scenes.key_frames import Loop, loop, write_paths
 from scenes.tree_growth import bark, grow, leaves
 
 TRIANGLES = 71_966
@@ -27,6 +30,9 @@ DOME = (0.5, 0.5, 0.5)
 BARK, LEAF = (0.33, 0.24, 0.17), (0.20, 0.42, 0.10)
 RING_RADIUS, TUBE_RADIUS = 0.080, 0.048  # of the mobile, a ring of 25 x 10 quads
 RING_COLOUR = (0.85, 0.62, 0.25)
+SPEED = 0.3  # of the ring [m/s]: a frame of 1/20 s moves it by 1.5 % of the ground, as in the report
+CLOVER_RADIUS, CLOVER_DEPTH, CLOVER_HEIGHT = 0.332, 0.160, 0.094  # out to the corners, in to the trunk, near the ground
+ELLIPSE_RADII, ELLIPSE_HEIGHT = (0.16, 0.10), 1.25  # between crown and lamp
 DECIMALS = 6  # micrometres: the same float32 whatever the platform's sine
 
 
@@ -72,6 +78,23 @@ def files() -> dict[str, bytes]:
     return {
         "tree.glb": glb_bytes(tree_parts(), materials),
         "ring.glb": glb_bytes([ring_part()], [material("brass", RING_COLOUR)]),
+    }
+
+
+def paths() -> dict[str, Loop]:
+    """Return the ring's paths by scene file."""
+
+    def clover(a):
+        r = CLOVER_RADIUS - CLOVER_DEPTH * np.cos(4 * a)
+        return np.stack([0.5 + r * np.cos(a), 0.5 + r * np.sin(a), np.full(len(a), CLOVER_HEIGHT)], axis=1)
+
+    def ellipse(a):
+        x, y = ELLIPSE_RADII
+        return np.stack([0.5 + x * np.cos(a), 0.5 + y * np.sin(a), np.full(len(a), ELLIPSE_HEIGHT)], axis=1)
+
+    return {
+        "tree.toml": loop(clover, keys=128, speed=SPEED, turns=6),
+        "tree_worst.toml": loop(ellipse, keys=32, speed=SPEED, turns=2),
     }
 
 
@@ -141,3 +164,4 @@ def _dome():
 
 if __name__ == "__main__":
     write(Path(__file__).parent, files())
+    write_paths(Path(__file__).parent, paths())

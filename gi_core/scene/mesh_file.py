@@ -16,12 +16,14 @@ from gi_core.scene.file_parts import FileParts, Part, srgb_to_linear
 from gi_core.scene.gltf_file import read_gltf
 from gi_core.scene.obj_file import read_obj
 from gi_core.scene.types import Camera, Light, Material, Mesh
+from gi_core.scene.winding import faces_to_turn, with_turned
 from gi_core.surfaces import face_normals
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_REFLECTANCE = 0.98  # a reflectance of 1 would keep light in a closed room for ever
 DEGENERATE = 1e-7  # of the mesh's extent: a face lower than that is a line (float32 files cannot say it better)
 OPPOSED = 0.1  # cosine to the geometric normal below which a file's normal is not believed
+MOST_WRONG = 0.1  # share of such faces beyond which no normal of the part is believed
 
 
 class MeshFile(NamedTuple):
@@ -90,7 +92,13 @@ def _clean(read: FileParts, where: str) -> MeshFile:
     material = np.concatenate([p.material for p in parts])
     part_of = np.repeat(np.arange(len(parts)), [len(p.faces) for p in parts])
 
+    turn, torn = faces_to_turn(parts, vertices, faces)
+    parts = [with_turned(p, turn[part_of == i]) for i, p in enumerate(parts)]
+    faces[turn] = faces[turn][:, ::-1]
     keep, sided = _repair(vertices, faces, material, materials, notes)
+    if turn[keep].any():
+        notes.append(f"{int(turn[keep].sum()):,} triangles were wound against their neighbours or normals: turned")
+    sided |= torn
     if not len(keep):
         raise SceneError(f"{where}: every triangle of the mesh has zero area; is it compressed or flattened?")
     material = _two_sided_copies(material, sided, materials)
@@ -182,10 +190,11 @@ def _corner_normals(mesh, parts, part_of, keep, notes):
         length = np.sqrt((n * n).sum(axis=2, keepdims=True))
         good = np.isfinite(length) & (length > 1e-12)
         n = np.where(good, n / np.where(good, length, 1), result[rows])
-        if ((n * result[rows]).sum(axis=2) < OPPOSED).any():
+        wrong = ((n * result[rows]).sum(axis=2) < OPPOSED).any(axis=1)
+        if wrong.sum() > MOST_WRONG * len(rows):
             disbelieved += 1
             continue
-        result[rows] = n
+        result[rows[~wrong]] = n[~wrong]  # the odd wrong face stays flat
         believed[i] = True
     if disbelieved:
         notes.append(f"normals of {disbelieved} of {len(parts)} parts oppose their faces: taken from crease angles")

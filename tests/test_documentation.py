@@ -1,0 +1,325 @@
+"""Everything that the documentation shows is true: examples run, tables are complete, sentences are the program's.
+
+A document is worked through like a reader would, in a folder of its own. Python blocks share a namespace.
+A TOML block begins with `# NAME.toml`, or `# added to NAME.toml` to go on with that file, and must load. Of
+shell blocks the lines that start with `gi-viewer` run, with few photons and pixels. A comment
+`<!-- files: a.glb, b.obj -->` stands for files that a reader has already.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+import shlex
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from mesh_writers import BOX, BOX_FACES, write_glb
+
+from app import __main__ as cli
+from gi_core.scene import SceneError, load_scene
+
+ROOT = Path(__file__).resolve().parent.parent
+ROOM = ROOT / "docs" / "your-own-room.md"
+DOCUMENTS = ["docs/your-own-room.md", "docs/scene-format.md", "docs/api.md", "README.md"]
+# What a manual would not say, but a test must; --estimator only where the example leaves it open.
+SMALL = "--photons 2000 --max-edge 0.5".split()
+OF_COMMAND = {"view": ["--size", "64x40"], "render": ["--size", "64x40"], "bench": [], "info": []}
+FRAMES = ["--frames", "2"]
+CHEAPEST = ["--estimator", "impact_count"]
+
+
+class Block(NamedTuple):
+    """A fenced block, or a comment that names files."""
+
+    language: str  # "files" for the comment
+    line: int  # of its first line of text
+    text: str
+
+
+def blocks(path: Path) -> list[Block]:
+    """Return the fenced blocks of a Markdown file and its comments about files, in order."""
+    pattern = r"^```(\w*)[^\n]*\n(.*?)^```[ ]*$|^<!-- files: (.*?) -->$"
+    text = path.read_text(encoding="utf-8")
+    found = []
+    for match in re.finditer(pattern, text, re.MULTILINE | re.DOTALL):
+        line = text[: match.start()].count("\n") + 1
+        if match[3] is not None:
+            found.append(Block("files", line, match[3]))
+        else:
+            found.append(Block(match[1], line + 1, match[2]))
+    return found
+
+
+def work_through(document: str, monkeypatch, folder: Path) -> int:
+    """Do in `folder` what a document shows; return the number of blocks that were run."""
+    from app import window
+
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(window, "why_no_window", lambda: "tests have no window")
+    names: dict = {"__name__": document}
+    done = 0
+    for block in blocks(ROOT / document):
+        where = f"{document}:{block.line}"
+        if block.language == "files":
+            bring(block.text)
+        elif block.language == "python":
+            # Blank lines in front: a traceback then names the line of the document.
+            exec(compile("\n" * (block.line - 1) + block.text, str(ROOT / document), "exec"), names)
+        elif block.language == "toml":
+            load_toml(block.text, where)
+        elif block.language == "sh":
+            for command in commands(block.text):
+                assert run(command) == 0, f"{where}: {command}"
+        done += block.language in ("python", "toml", "sh")
+    return done
+
+
+def load_toml(text: str, where: str) -> None:
+    """Write a block to the file that its first line names, and load that."""
+    first = re.match(r"# (added to )?([\w-]+\.toml)\n", text)
+    assert first, f"{where}: a scene must begin with `# NAME.toml` or `# added to NAME.toml`"
+    file = Path(first[2])
+    file.write_text((file.read_text() if first[1] else "") + text)
+    try:
+        load_scene(file)
+    except SceneError as error:
+        pytest.fail(f"{where}: {error}")
+
+
+def commands(text: str) -> list[list[str]]:
+    """Return the arguments of each line that calls gi-viewer."""
+    lines = text.replace("\\\n", " ").splitlines()
+    return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("gi-viewer")]
+
+
+def run(arguments: list[str]) -> int:
+    """Run a command on a small scale; what it writes must then be there."""
+    name = arguments[0] if arguments and arguments[0] in cli.COMMANDS else "view"
+    more = [*SMALL, *OF_COMMAND[name]]  # the last one counts where an option is given twice
+    more += FRAMES if "--frames" in arguments else []
+    more += CHEAPEST if "--estimator" not in arguments else []
+    code = cli.main([*arguments, *more])
+    for option in ("--out", "--json", "--screenshot"):
+        if option in arguments:
+            file = Path(arguments[arguments.index(option) + 1])
+            if option == "--out" and "--frames" in arguments:
+                file = file.with_stem(f"{file.stem}.0001")
+            assert file.stat().st_size > 0
+    return code
+
+
+FILES = {
+    "empty.obj": "v 0 0 0\n",
+    "flat.obj": "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n",
+    "nan.obj": "v 0 0 0\nv 1 nan 0\nv 1 1 0\nf 1 2 3\n",
+    "short.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 9\n",
+    "text.gltf": "once upon a time",
+    "draco.gltf": '{"asset": {"version": "2.0"}, "extensionsUsed": ["KHR_draco_mesh_compression"]}',
+}
+
+
+def bring(names: str) -> None:
+    """Write the files named, of small contents of our own."""
+    for name in re.split(r",\s*", names):
+        path = Path(name)
+        if name in ("room.obj", "stool.obj"):
+            exec(next(b.text for b in blocks(ROOM) if b.language == "python"), {})  # writes both
+        elif name in FILES:
+            path.write_text(FILES[name])
+        elif path.suffix == ".glb" and name.startswith("room"):
+            node = {"extensions": {"KHR_lights_punctual": {"light": 0}}, "translation": [0.5, 0.8, 0.5]}
+            lights = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 5}]}}
+            write_glb(path, BOX, BOX_FACES, material={"doubleSided": True}, nodes=[node], extensions=lights)
+        elif path.suffix == ".glb":
+            write_glb(path, BOX * 0.2, BOX_FACES)
+        else:
+            pytest.fail(f"no test knows how to write {name}")
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_every_example_runs(document, monkeypatch, tmp_path):
+    assert work_through(document, monkeypatch, tmp_path) >= 1
+
+
+# Scene format -----------------------------------------------------------------------------------------
+
+FORMAT = ROOT / "docs" / "scene-format.md"
+UNKNOWN = {  # section: a scene with a key in that table that is like no other, so that all known ones are listed
+    "At the top of the file": "____ = 1",
+    "[static]": "static = { ____ = 1 }",
+    "[[mobile]]": "mobile = [{ ____ = 1 }]",
+    "[mobile.path]": 'mobile = [{ name = "m", mesh = "room.obj", path = { ____ = 1 } }]',
+    'type = "point"': 'light = [{ type = "point", ____ = 1 }]',
+    'type = "spot"': 'light = [{ type = "spot", ____ = 1 }]',
+    'type = "directional"': 'light = [{ type = "directional", ____ = 1 }]',
+    'type = "sky"': 'light = [{ type = "sky", ____ = 1 }]',
+    "[materials.NAME]": "materials.wall = { ____ = 1 }",
+    "[camera]": "camera = { ____ = 1 }",
+    "[[probe]]": "probe = [{ ____ = 1 }]",
+    "[defaults]": "defaults = { ____ = 1 }",
+}
+
+
+def section(path: Path, title: str) -> str:
+    """Return the text under a heading, up to the next one."""
+    found = re.search(rf"^##+ {re.escape(title)}$(.*?)(?=^#|\Z)", path.read_text(encoding="utf-8"), re.M | re.S)
+    assert found, f"{path.name} has no section {title!r}"
+    return found[1]
+
+
+def complaint(line: str) -> str:
+    """Return what loading room.toml, one line of TOML and a mesh, complains about."""
+    mesh = "" if line.startswith("static") else 'static.mesh = "room.obj"\n'
+    Path("room.toml").write_text(f"{line}\n{mesh}")
+    with pytest.raises(SceneError) as caught:
+        load_scene("room.toml")
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("title", UNKNOWN)
+def test_every_key_that_the_program_knows_is_in_the_table_and_no_other(title, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    bring("room.obj")
+    sentence = complaint(UNKNOWN[title])
+    known = re.search(r"unknown key '____'; known here are (.*)", sentence)
+    assert known, sentence
+    rows = re.findall(r"^\| `(\w+)` \|", section(FORMAT, title), re.MULTILINE)
+    assert sorted(rows) == known[1].split(", ")
+
+
+def test_every_sentence_about_a_mistake_is_the_programs(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    bring("room.obj")
+    text = section(FORMAT, "When something is wrong")
+    mistakes = re.findall(r"^\| `([^`]+)` \| `(.+)` \|$", text, re.MULTILINE)
+    meshes = re.findall(r"^\| `([\w.]+)`, [^|]+ \| `(.+)` \|$", text, re.MULTILINE)
+    assert len(mistakes) > 20 and len(meshes) > 4
+    assert len(mistakes) + len(meshes) == text.count("\n| `")
+    for name, sentence in meshes:
+        bring(name)
+        mistakes.append((f'static = {{ mesh = "{name}" }}', sentence))
+    for line, sentence in mistakes:
+        said = complaint(line)
+        if sentence.endswith("..."):  # the rest is the words of a library
+            said = said[: len(sentence) - 3] + "..."
+        assert said == sentence, line
+
+
+def test_numbers_in_the_text_are_those_of_the_program():
+    from gi_core import defaults, receivers
+    from gi_core.scene import load, mesh_file, placement
+
+    text = FORMAT.read_text(encoding="utf-8")
+    for sentence in (
+        f"some {load.MOST_RECEIVERS:,} receivers",
+        f"reflectances above {mesh_file.MOST_REFLECTANCE:g} ",
+        f"at less than {receivers.CREASE_DEGREES:g} degrees",
+        f"some {defaults.HITS} hits in a disc, at most {defaults.MOST_PHOTONS:,}",
+        f"| {100 * defaults.RADIUS_SHARE:g} % of the scene size |",
+        f"| whole number | {defaults.NEIGHBOURS} |",
+    ):
+        assert sentence in text
+    assert (placement.LARGEST, placement.SMALLEST, load.MOBILE_EDGE) == (1 / 3, 1 / 50, 1 / 12)  # in words there
+
+
+# Interface --------------------------------------------------------------------------------------------
+
+API = ROOT / "docs" / "api.md"
+MODULES = ("gi_core.scene", "gi_core.solver", "gi_core.reference", "gi_core.error", "gi_core.pose", "gi_core.radiosity",
+           "gi_core.tessellation", "gi_core.surfaces", "gi_core.receivers")  # fmt: skip
+
+
+def described() -> dict[str, tuple[str | None, str]]:
+    """Return of each name that has a heading its arguments (None without parentheses) and the text below it."""
+    pattern = r"^###+ `([\w.]+)(?:\((.*)\))?`$((?:\n(?!#).*)*)"
+    found = re.finditer(pattern, API.read_text(encoding="utf-8"), re.MULTILINE)
+    return {match[1]: (match[2], match[3]) for match in found}
+
+
+def look_up(name: str):
+    """Return what a name in the document stands for."""
+    first, *rest = name.split(".")
+    for module in MODULES:
+        thing = getattr(importlib.import_module(module), first, None)
+        if thing is not None:
+            for part in rest:
+                thing = getattr(thing, part)
+            return thing
+    raise AssertionError(f"api.md describes {name}, which is in none of {MODULES}")
+
+
+def test_signatures_are_those_of_the_program():
+    headings = described()
+    assert len(headings) > 30
+    for name, (arguments, _) in headings.items():
+        thing = look_up(name)
+        if not callable(thing) or (isinstance(thing, type) and issubclass(thing, Exception)):
+            assert arguments is None, f"{name} takes no arguments"
+        else:
+            assert arguments == signature(thing), name
+
+
+def signature(thing) -> str:
+    """Return the arguments of a callable as the document writes them: names and defaults."""
+    parameters = [p for p in inspect.signature(thing).parameters.values() if p.name != "self"]
+    return ", ".join(p.name if p.default is p.empty else f"{p.name}={short(p.default)}" for p in parameters)
+
+
+def short(value) -> str:
+    """Return a default as one would write it: `Pose()`, not all its fields."""
+    return f"{type(value).__name__}()" if hasattr(value, "_fields") and value == type(value)() else repr(value)
+
+
+def test_nothing_public_is_left_out():
+    from gi_core import scene
+    from gi_core.solver import Solver
+
+    described_names = set(described())
+    wanted = set(scene.__all__)
+    wanted |= {f"Solver.{name}" for name, _ in inspect.getmembers(Solver) if not name.startswith("_")}
+    text = API.read_text(encoding="utf-8")
+    assert wanted - described_names == set()
+    attributes = vars(Solver(load_scene_for_attributes(), photons=0))
+    assert [a for a in attributes if not a.startswith("_") and f"`{a}`" not in text] == []
+
+
+def load_scene_for_attributes():
+    from scene_builders import plane_scene
+
+    return plane_scene()
+
+
+def test_fields_of_records_are_named():
+    for name, (_, text) in described().items():
+        thing = look_up(name)
+        for field in getattr(thing, "_fields", ()):
+            assert f"`{field}`" in text, f"api.md: {name} does not say what {field} is"
+
+
+# The test itself --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "```python\nx = undefined\n```\n",
+        '```toml\n# a.toml\n[static]\nmesh = "nowhere.obj"\n```\n',
+        '```toml\n[static]\nmesh = "room.obj"\n```\n',
+        "```sh\ngi-viewer info nowhere.toml\n```\n",
+        "```sh\ngi-viewer --nonsense\n```\n",
+        "<!-- files: a.xyz -->\n",
+    ],
+)
+def test_a_broken_example_is_noticed(text, monkeypatch, tmp_path):
+    (tmp_path / "a.md").write_text(text)
+    monkeypatch.setattr("test_documentation.ROOT", tmp_path)
+    with pytest.raises((Exception, pytest.fail.Exception)):
+        work_through("a.md", monkeypatch, tmp_path)
+
+
+def test_blocks_are_found():
+    assert np.isin(["python", "toml", "sh"], [b.language for d in DOCUMENTS for b in blocks(ROOT / d)]).all()
