@@ -7,10 +7,10 @@ Exit codes: 0 done, 2 usage, 3 the scene cannot be used, 4 no OpenGL window (onl
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from pathlib import Path
 
+from app import values
 from app.settings import SHOWS, TONE_MAPS, Settings, UsageError
 
 OK, USAGE, SCENE, NO_GL = 0, 2, 3, 4
@@ -75,7 +75,18 @@ def _view_parser() -> argparse.ArgumentParser:
         help=f"fail with code {NO_GL} where no window can be opened, instead of drawing ./{FALLBACK_PICTURE}",
     )
     parser.add_argument(
-        "--screenshot", type=_png, metavar="FILE.png", help="save the whole window once its light is refined, and quit"
+        "--budget",
+        type=values.not_negative,
+        default=Settings.budget,
+        metavar="MS",
+        help="what light may take while something moves, with as many photons as fit; 0: always all"
+        f" ({Settings.budget:g})",
+    )
+    parser.add_argument(
+        "--screenshot",
+        type=values.png,
+        metavar="FILE.png",
+        help="save the whole window once its light is refined, and quit",
     )
     parser.set_defaults(run=_view)
     return parser
@@ -88,11 +99,14 @@ def _command_parser(name: str) -> argparse.ArgumentParser:
         _add_picture(parser)
         parser.add_argument("--out", type=Path, default=Path(FALLBACK_PICTURE), metavar="FILE.png", help="the picture")
         parser.add_argument(
-            "--frames", type=_positive_int, metavar="N", help="N pictures along the path: FILE.0001.png and so on"
+            "--frames", type=values.positive_int, metavar="N", help="N pictures along the path: FILE.0001.png and so on"
         )
     if name == "bench":
-        parser.add_argument("--frames", type=_positive_int, default=100, metavar="N", help="timed frames (default 100)")
+        parser.add_argument(
+            "--frames", type=values.positive_int, default=100, metavar="N", help="timed frames (default 100)"
+        )
         parser.add_argument("--json", type=Path, metavar="FILE", help="write every number to a JSON file too")
+        _add_sweep(parser)
     parser.set_defaults(run={"render": _render, "bench": _bench, "info": _info}[name])
     return parser
 
@@ -101,15 +115,22 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("scene", nargs="?", default="cornell", metavar="SCENE", help="built-in name, .toml or mesh file (cornell)")
     add("--mobile", dest="mobiles", action="append", default=[], metavar="FILE", help="add a mesh file as a mobile")
-    add("--pose", dest="poses", type=_pose, action="append", default=[], metavar="NAME=x,y,z[,qw,qx,qy,qz]",
+    add("--pose", dest="poses", type=values.pose, action="append", default=[], metavar="NAME=x,y,z[,qw,qx,qy,qz]",
         help="put a mobile somewhere [m], with a unit quaternion or turned as it is")  # fmt: skip
     add("--estimator", metavar="NAME", help="how light is gathered; `gi-viewer info` lists the names (tangent_plane)")
-    add("--photons", type=_positive_int, metavar="N", help="photons to trace, 1e6 is allowed (scene's, else chosen)")
-    add("--radius", type=_positive, metavar="M", help="disc radius or largest search radius [m]")
-    add("--neighbours", type=_positive_int, metavar="K", help="hits that photon_map averages over")
-    add("--seed", type=_seed, default=0, metavar="N", help="which photons (0)")
-    add("--exposure", type=_finite, metavar="EV", help="stops, +1 doubles (the scene's, else metered)")
-    add("--max-edge", type=_positive, metavar="M", help="cut triangles until no edge is longer [m]")
+    add(
+        "--photons",
+        type=values.positive_int,
+        metavar="N",
+        help="photons to trace, 1e6 is allowed (scene's, else chosen)",
+    )
+    add("--radius", type=values.positive, metavar="M", help="disc radius or largest search radius [m]")
+    add("--neighbours", type=values.positive_int, metavar="K", help="hits that photon_map averages over")
+    add("--no-control", dest="control", action="store_false",
+        help="tangent_plane without artifact control: faster, dark in corners, and walls leak")  # fmt: skip
+    add("--seed", type=values.seed, default=0, metavar="N", help="which photons (0)")
+    add("--exposure", type=values.finite, metavar="EV", help="stops, +1 doubles (the scene's, else metered)")
+    add("--max-edge", type=values.positive, metavar="M", help="cut triangles until no edge is longer [m]")
     add("--up", choices=["x", "y", "z"], help="which axis points up, instead of the file's")
     add("--version", action=_Version, nargs=0, help="print the version")
 
@@ -117,10 +138,21 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
 def _add_picture(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     default = "x".join(map(str, Settings.size))
-    add("--size", type=_size, default=Settings.size, metavar="WxH", help=f"pixels ({default})")
+    add("--size", type=values.size, default=Settings.size, metavar="WxH", help=f"pixels ({default})")
     add("--tone-map", choices=TONE_MAPS, default=Settings.tone_map, help=f"({Settings.tone_map})")
     add("--show", choices=SHOWS, default=Settings.show, help="with reflectance, or irradiance alone (radiance)")
     add("--no-cull", dest="cull", action="store_false", help="draw the backs of one-sided faces too, dark grey")
+
+
+def _add_sweep(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add(
+        "--sweep", action="store_true", help="measure a table of settings into --out; goes on with one that was stopped"
+    )
+    add("--out", type=Path, metavar="DIR", help="where --sweep writes sweep.json and sweep.md")
+    add("--large", action="store_true", help="--sweep with 10,000,000 photons as well: minutes, and gigabytes")
+    add("--compare", type=Path, nargs=2, metavar=("A.json", "B.json"),
+        help="print B / A of every number that two such files both have")  # fmt: skip
 
 
 def _view(arguments: argparse.Namespace) -> int:
@@ -150,6 +182,19 @@ def _render(arguments: argparse.Namespace) -> int:
 
 
 def _bench(arguments: argparse.Namespace) -> int:
+    if arguments.compare is not None:
+        from app.bench_compare import compare
+
+        print("\n".join(compare(*arguments.compare)))
+        return OK
+    if arguments.sweep != (arguments.out is not None):
+        raise UsageError("--sweep and --out DIR go together: the folder that sweep.json and sweep.md are written to")
+    if arguments.sweep:
+        from app.bench_sweep import sweep
+
+        sweep(settings_of(arguments), arguments.frames, arguments.out, arguments.large)
+        print((arguments.out / "sweep.md").read_text(encoding="utf-8"))
+        return OK
     from app.bench_command import bench
 
     bench(settings_of(arguments), arguments.frames, arguments.json)
@@ -186,58 +231,6 @@ def version() -> str:
 
         with open(Path(__file__).parent.parent / "pyproject.toml", "rb") as file:
             return tomllib.load(file)["project"]["version"]
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"must be a finite number, got {text}")
-    return value
-
-
-def _positive(text: str) -> float:
-    value = _finite(text)
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f"must be over 0, got {text}")
-    return value
-
-
-def _positive_int(text: str) -> int:
-    value = _positive(text)
-    if value != int(value):
-        raise argparse.ArgumentTypeError(f"must be a whole number, got {text}")
-    return int(value)
-
-
-def _seed(text: str) -> int:
-    value = int(text)
-    if not 0 <= value < 2**63:
-        raise argparse.ArgumentTypeError(f"must be in 0 .. 2^63 - 1, got {text}")
-    return value
-
-
-def _png(text: str) -> Path:
-    if Path(text).suffix.lower() != ".png" or not Path(text).resolve().parent.is_dir():
-        raise argparse.ArgumentTypeError(f"must be a .png file in a folder that exists, got {text}")
-    return Path(text)
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, cross, height = text.lower().partition("x")
-    if not (cross and width.isdecimal() and height.isdecimal() and 0 < int(width) <= 16384 >= int(height) > 0):
-        raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels, each 1 .. 16384, got {text}")
-    return int(width), int(height)
-
-
-def _pose(text: str) -> tuple[str, tuple[float, ...]]:
-    name, equals, numbers = text.rpartition("=")
-    try:
-        values = tuple(_finite(n) for n in numbers.split(","))
-    except ValueError:
-        values = ()
-    if not (name and equals and len(values) in (3, 7)):
-        raise argparse.ArgumentTypeError(f"must be NAME=x,y,z or NAME=x,y,z,qw,qx,qy,qz, got {text}")
-    return name, values
 
 
 if __name__ == "__main__":

@@ -1,27 +1,20 @@
-"""`gi-viewer bench`: the mobile walks along its path, every frame is timed, and its light is checked.
+"""`gi-viewer bench`: one scene under one setting, as a table for a person and as JSON.
 
-A GI frame is everything from the new poses to the irradiance array. Kernels are compiled, structures built
-and one frame at the start discarded before anything is timed.
+Kernels are compiled, structures built and one frame at the start discarded before anything is timed.
 """
 
 from __future__ import annotations
 
 import json
-import os
-import statistics
-import subprocess
-import time
 from pathlib import Path
 
-import numpy as np
-
 from app import motion
-from app.progress import Bar, compile_kernels, solve
-from app.render_command import motion_paths
-from app.settings import Settings, UsageError, make_solver, open_scene
+from app.bench_bounds import told
+from app.bench_measure import measure, warm_up
+from app.progress import Bar, compile_kernels
+from app.settings import Settings, UsageError, open_scene
 
-BEST_OF = 3  # from-scratch runs
-MB = 1e6
+SOAK = 20  # frames, from which on a first and a last tenth say something
 
 
 def bench(settings: Settings, frames: int, json_file: Path | None = None) -> dict:
@@ -37,7 +30,7 @@ def bench(settings: Settings, frames: int, json_file: Path | None = None) -> dic
         if not scene.mobiles:
             raise UsageError(f"{settings.scene} has no mobile to move: add one with --mobile FILE")
         compile_kernels(bar)
-        _warm_up(scene, settings)
+        warm_up(scene, settings)
         numbers = measure(scene, settings, frames, bar)
     print("\n".join(table(numbers)))
     if json_file is not None:
@@ -45,122 +38,58 @@ def bench(settings: Settings, frames: int, json_file: Path | None = None) -> dic
     return numbers
 
 
-def measure(scene, settings: Settings, frames: int, bar: Bar) -> dict:
-    """Return every number that `bench` prints, by its JSON key."""
-    started = time.perf_counter()
-    solver = make_solver(scene, settings)
-    prepared = time.perf_counter()
-    solve(solver, bar)
-    first_frame = time.perf_counter() - prepared
-
-    walk = motion.walk(motion_paths(solver), motion.STEP * solver.scene_size, frames)
-    solver.move_all(walk[-1])  # the frame before the first one, untimed
-    seconds, stages, cut, changed = [], [], [], []
-    for k, poses in enumerate(walk):
-        bar("moving", k / frames)
-        before = time.perf_counter()
-        solver.move_all(poses)
-        seconds.append(time.perf_counter() - before)
-        stages.append(dict(solver.timings))
-        cut.append(solver.changes.photons_cut)
-        changed.append(solver.changes.old_segments + solver.changes.new_segments)
-
-    scratch, equal = [], True
-    for k in range(BEST_OF):
-        bar("from scratch", k / BEST_OF)
-        before = time.perf_counter()
-        fresh = solver.from_scratch(walk[-1])
-        scratch.append(time.perf_counter() - before)
-        equal = equal and bool(np.array_equal(fresh, solver.irradiance))
-
-    per_cut = [1e6 * s / c for s, c in zip(seconds, cut, strict=True) if c]
-    return {
-        "scene": settings.scene,
-        "triangles": int(solver.surfaces.first_face[-1]),
-        "receivers": len(solver.irradiance),
-        "photons": solver.photons_traced,
-        "estimator": solver.estimator,
-        "radius": solver.radius,
-        "neighbours": solver.neighbours,
-        "seed": solver.seed,
-        "threads": solver.model.threads,
-        "commit": commit(),
-        "frames": frames,
-        "frame_ms": {
-            "median": 1e3 * statistics.median(seconds),
-            "p95": 1e3 * float(np.quantile(seconds, 0.95)),
-            "min": 1e3 * min(seconds),
-            "max": 1e3 * max(seconds),
-        },
-        "stages_ms": {name: 1e3 * statistics.median(s.get(name, 0.0) for s in stages) for name in _names(stages)},
-        "share_cut": statistics.median(cut) / max(solver.photons_traced, 1),
-        "segments": solver.segments_total,
-        "segments_changed": statistics.median(changed),
-        "us_per_cut_photon": statistics.median(per_cut) if per_cut else None,
-        "from_scratch_ms": 1e3 * min(scratch),
-        "prepare_ms": 1e3 * (prepared - started),
-        "first_frame_ms": 1e3 * first_frame,
-        "peak_rss_mb": peak_rss_mb(),
-        "bits_equal": equal,
-    }
-
-
 def table(n: dict) -> list[str]:
     """Return the numbers as lines for a person."""
-    f = n["frame_ms"]
-    per_cut, rss = n["us_per_cut_photon"], n["peak_rss_mb"]
+    f, b = n["frame_ms"], n["bounds"]
+    per_cut, peak = n["us_per_cut_photon"], n["rss_mb"]["peak"]
+    control = "with" if n["control"] else "without"
     rows = [
         ("scene", f"{n['scene']}: {n['triangles']:,} triangles, {n['receivers']:,} receivers"),
         ("light", f"{n['photons']:,} photons, {n['segments']:,} segments, seed {n['seed']}"),
-        ("estimator", f"{n['estimator']}, radius {n['radius']:.4g} m, k {n['neighbours']}"),
-        ("machine", f"{n['threads']} threads, commit {n['commit'] or 'unknown'}"),
+        ("estimator", f"{n['estimator']}, radius {n['radius']:.4g} m, k {n['neighbours']}, {control} artifact control"),
+        ("machine", f"{n['processor']}, {n['threads']} threads, commit {n['commit'] or 'unknown'}"),
+        ("copying", f"{b['copy_gb_per_s']:.1f} GB a second, read and written"),
         ("GI frame", f"median {f['median']:.2f} ms, p95 {f['p95']:.2f}, min {f['min']:.2f}, max {f['max']:.2f}"),
         ("frames", f"{n['frames']}, one step of {100 * motion.STEP:g} % of the scene size each"),
-        *((f"  {name}", f"{ms:.2f} ms") for name, ms in n["stages_ms"].items()),
+        ("bound", f"{b['frame_bound_ms']:.2f} ms for what a frame cannot do without; it takes {_ratio(b)} of that"),
+        *((f"  {name}", _stage(name, ms, b)) for name, ms in n["stages_ms"].items()),
         ("photons cut", f"{100 * n['share_cut']:.3f} % (median)"),
         ("changed", f"{n['segments_changed']:,.0f} segments, old and new (median)"),
         ("a cut photon", f"{per_cut:.2f} us" if per_cut is not None else "none was cut"),
-        ("from scratch", f"{n['from_scratch_ms']:.1f} ms, {n['from_scratch_ms'] / f['median']:.1f} frames"),
+        *_stale(n["photon_map"]),
+        ("from scratch", f"{n['from_scratch_ms']:.1f} ms, {n['from_scratch_ratio']:.1f} frames"),
         ("first frame", f"{n['first_frame_ms']:.0f} ms, after {n['prepare_ms']:.0f} ms of preparing the scene"),
-        ("peak memory", f"{rss:.0f} MB" if rss is not None else "unknown on this platform"),
+        ("peak memory", f"{peak:.0f} MB" if peak is not None else "unknown on this platform"),
+        *_soak(n),
         ("same bits", "yes" if n["bits_equal"] else "NO: the frame differs from the same pose from scratch"),
     ]
     return [f"{name:<14}{text}" for name, text in rows]
 
 
-def _warm_up(scene, settings: Settings) -> None:
-    """Load what is compiled and start the threads, on a solver of its own with few photons."""
-    from dataclasses import replace
-
-    solver = make_solver(scene, replace(settings, photons=1000))
-    solver.solve()
-    solver.move_all(solver.poses)
-    solver.from_scratch()
+def _ratio(bound: dict) -> str:
+    return f"{bound['frame_ratio']:.1f} times" if bound["frame_ratio"] else "no share"
 
 
-def _names(stages: list[dict]) -> list[str]:
-    return list(dict.fromkeys(name for s in stages for name in s))
+def _stage(name: str, ms: float, bound: dict) -> str:
+    known = bound["stages"].get(name)
+    return f"{ms:.3f} ms" + (f", {told(known)}" if known else "")
 
 
-def peak_rss_mb() -> float | None:
-    """Return the most memory this process has held [MB], None where the platform does not tell (Windows)."""
-    try:
-        import resource
-    except ImportError:
-        return None
-    import sys
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / MB if sys.platform == "darwin" else peak * 1024 / MB
+def _stale(queries: dict | None) -> list[tuple[str, str]]:
+    if queries is None:
+        return []
+    q = queries
+    share = f"{100 * q['stale_share']:.2f} % of the receivers, {q['queries']:,.0f} queries of {q['us_a_query']:.2f} us"
+    full = f"{q['full_estimate_ms']:.0f} ms for all of them, {q['allowed_ms']:.2f} ms for that share"
+    return [("stale", share), ("full estimate", full)]
 
 
-def commit() -> str | None:
-    """Return the commit that the program runs from, "-dirty" if changed since; None outside a checkout."""
-    root = Path(__file__).resolve().parent.parent
-    if not (root / ".git").exists():  # installed: a repository around the environment is not ours
-        return None
-    command = ["git", "-C", os.fspath(root), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
-    try:
-        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip() or None
-    except (OSError, subprocess.SubprocessError):
-        return None
+def _soak(n: dict) -> list[tuple[str, str]]:
+    if n["frames"] < SOAK:
+        return []
+    f, rss = n["frame_ms"], n["rss_mb"]
+    rows = [("first tenth", f"{f['first_tenth']:.3f} ms a frame"), ("last tenth", f"{f['last_tenth']:.3f} ms a frame")]
+    if rss["first_tenth"] is None or rss["last_tenth"] is None:
+        return rows
+    held = (f", {rss[key]:.1f} MB held after it" for key in ("first_tenth", "last_tenth"))
+    return [(name, text + more) for (name, text), more in zip(rows, held, strict=True)]

@@ -143,7 +143,7 @@ def _machine(solver) -> list[tuple[str, str]]:
     versions = ", ".join(f"{name} {_version_of(name)}" for name in LIBRARIES)
     return [
         ("gi-viewer", f"{version()}, Python {sys.version.split()[0]} on {sys.platform}"),
-        ("threads", f"{solver.model.threads}: Python's own, kernels release the lock (no numba threading layer)"),
+        ("threads", f"{solver.model.threads}: Python threads over kernels that release the GIL, not numba's own"),
         ("libraries", versions),
         ("kernel cache", str(cache_folder())),
         ("shipped scenes", ", ".join(shipped_scenes())),

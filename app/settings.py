@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 TONE_MAPS = ("aces", "reinhard", "clip")
 SHOWS = ("radiance", "irradiance")
 SIZE = (1280, 800)
+BUDGET = 16.0  # [ms]: 60 frames a second
 
 
 class UsageError(ValueError):
@@ -33,6 +34,7 @@ class Settings:
     photons: int | None = None
     radius: float | None = None  # [m]
     neighbours: int | None = None
+    control: bool = True  # artifact control of tangent_plane, see gi_core/reachable_area.py
     seed: int = 0
     poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
     exposure: float | None = None  # [EV]; None: metered once
@@ -40,6 +42,7 @@ class Settings:
     show: str = "radiance"  # one of SHOWS: with reflectance, or E / pi alone
     cull: bool = True  # see through the back of one-sided faces: the doll's house view
     size: tuple[int, int] = SIZE  # pixels
+    budget: float = BUDGET  # [ms] a frame's light may take while something moves; 0: always all photons
     fallback: bool = True  # without a window, render to a file instead of failing
 
 
@@ -91,4 +94,5 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         radius=settings.radius,
         neighbours=settings.neighbours,
         seed=settings.seed,
+        control=settings.control,
     )

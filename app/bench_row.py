@@ -1,0 +1,88 @@
+"""One row of a sweep in a process of its own: `python -m app.bench_row`, the row on stdin, its numbers on stdout.
+
+So each row's peak memory is its own, what it held is given back, and one that fails takes no other along.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from app.settings import Settings, UsageError
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+class Failed(Exception):
+    """A row that could not be measured; says why in one line."""
+
+
+def run_apart(spec: dict) -> dict:
+    """Measure a row in a process of its own. Raises Failed."""
+    code = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from app.bench_row import main; sys.exit(main())"
+    done = subprocess.run([sys.executable, "-c", code], input=json.dumps(spec), text=True, capture_output=True)
+    if done.returncode:
+        said = done.stderr.strip().splitlines()
+        raise Failed(said[-1] if said else f"ended with code {done.returncode}")
+    return json.loads(done.stdout)
+
+
+def measure_row(spec: dict) -> dict:
+    """Open the scene, make the variant of it, measure. Raises SceneError, UsageError."""
+    from app.bench_measure import measure, warm_up
+    from app.progress import Bar, compile_kernels
+    from app.settings import open_scene
+
+    given = {name: _tuples(value) for name, value in spec["settings"].items()}
+    settings = Settings(**given)
+    scene = open_scene(settings)
+    if not scene.mobiles:
+        raise UsageError(f"{settings.scene} has no mobile to move: add one with --mobile FILE")
+    scene, settings = vary(scene, settings, spec["variant"])
+    with Bar() as bar:
+        compile_kernels(bar)
+        warm_up(scene, settings)
+        return measure(scene, settings, spec["frames"], bar)
+
+
+def vary(scene, settings: Settings, variant: dict):
+    """Return scene and settings with the row's variant: `two_sided`, or `triangles` and `radius`.
+
+    With `radius` "scaled" the disc shrinks as triangles do, so that a segment crosses as many discs.
+    """
+    from app.bench_rows import TREE
+    from app.bench_scenes import with_sides, with_triangles
+    from app.settings import make_solver
+
+    if "two_sided" in variant:
+        scene = with_sides(scene, variant["two_sided"])
+    if "triangles" in variant:
+        radius, own = make_solver(scene, settings).radius, len(scene.static.faces)
+        scene = with_triangles(scene, variant["triangles"], coarse=settings.scene == TREE)
+        scale = math.sqrt(own / len(scene.static.faces)) if variant["radius"] == "scaled" else 1.0
+        settings = replace(settings, radius=radius * scale)
+    return scene, settings
+
+
+def _tuples(value):
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
+
+
+def main() -> int:
+    """Measure the row on stdin; return the exit code."""
+    from gi_core.scene import SceneError
+
+    try:
+        print(json.dumps(measure_row(json.load(sys.stdin))))
+    except (SceneError, UsageError, OSError, MemoryError) as problem:
+        print(" ".join(str(problem).split()) or type(problem).__name__, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
