@@ -145,6 +145,18 @@ def test_every_example_runs(document, monkeypatch, tmp_path):
     assert work_through(document, monkeypatch, tmp_path) >= 1
 
 
+def test_every_file_in_the_readme_s_table_is_there():
+    rows = re.findall(r"^\| (`[^|]*`) \|", section(ROOT / "README.md", "How it works"), re.MULTILINE)
+    assert len(rows) > 15
+    for row in rows:
+        folder = None
+        for name in re.findall(r"`([^`]+)`", row):  # `gi_core/a.py`, `b.py`: the same folder; `c/`: a subfolder
+            tried = [ROOT / name, *([folder / name] if folder else [])]
+            found = [path for pattern in tried for path in pattern.parent.glob(pattern.name)]
+            assert found, f"README.md: {name} of {row}"
+            folder = folder or (ROOT / name).parent
+
+
 # Scene format -----------------------------------------------------------------------------------------
 
 FORMAT = ROOT / "docs" / "scene-format.md"

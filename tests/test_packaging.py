@@ -96,11 +96,6 @@ def test_the_readme_has_two_set_up_commands_and_ci_runs_the_second():
         assert package in readme
 
 
-def test_the_example_in_the_readme_runs():
-    (example,) = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S)
-    exec(compile(example, "README.md", "exec"), {})
-
-
 def test_every_file_that_the_readme_shows_is_there():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     linked = [*re.findall(r"!?\[[^\]]*\]\(([^)#:]+)\)", readme), *re.findall(r'src="([^":]+)"', readme)]
