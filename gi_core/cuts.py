@@ -28,6 +28,7 @@ from gi_core.threads import run_ranges
 from gi_core.two_level import CUT_PAD, nearest_mobile
 
 SCAN_GRAIN = 20_000  # photons a thread
+FOLLOW_GRAIN = 512  # photons a thread: a bounce costs some 60 us of Python, however few there are
 
 
 class Frame(NamedTuple):
@@ -140,7 +141,7 @@ def change(model: Model, paths: PathVertices, at: Transforms, seed: int, margin:
     fates = no_flux()
     hit, _, rays = scatter_all(model.world, at, seed, heads, cut[first_cut], fates)
     heads = heads._replace(hit=hit)
-    branches = follow(model, at, seed, rays, fates)
+    branches = follow_all(model, at, seed, rays, fates)
     _subtract_background_fates(paths, rows[1][first_cut], heads, fates)
 
     clock("branches")
@@ -177,6 +178,20 @@ def _before_cut(photon, bounce, cut_photon, cut_bounce) -> np.ndarray:
         return np.ones(len(photon), bool)
     k = np.minimum(np.searchsorted(cut_photon, photon), len(cut_photon) - 1)
     return (cut_photon[k] != photon) | (bounce < cut_bounce[k])
+
+
+def follow_all(model: Model, at: Transforms, seed: int, rays: Rays, fates: Fates) -> Segments:
+    """Do what follow() does, a share of the photons a thread."""
+
+    def work(_, first, last):
+        part = no_flux()
+        return follow(model, at, seed, Rays(*(a[first:last] for a in rays)), part), part
+
+    results = run_ranges(work, len(rays.photon), model.threads, FOLLOW_GRAIN)
+    for _, part in results:
+        for total, more in zip(fates, part, strict=True):
+            total += more
+    return concatenate([segments for segments, _ in results])
 
 
 def follow(model: Model, at: Transforms, seed: int, rays: Rays, fates: Fates) -> Segments:

@@ -82,10 +82,10 @@ def full_estimate(solver: Solver) -> Callable[[], None]:
     paths = solver._store.prefix(photons)
     for first in range(0, photons, CHUNK):
         last = min(first + CHUNK, photons)
-        twin.add_background(segments_of(paths, solver.model.eps, first, last), last)
+        twin.add_background(segments_of(paths, solver.model.eps, first, last), 0)
 
     def run() -> None:
-        for _ in twin.prepare():
+        for _ in twin.prepare(photons):
             pass
 
     return run

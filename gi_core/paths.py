@@ -79,6 +79,13 @@ class PathStore:
         self._flux[have:total] = more.flux
         self.photons += n
 
+    def reserve(self, photons: int) -> None:
+        """Make room for so many photons at once; memory that is never written to costs nothing."""
+        if self.photons and photons >= len(self._offsets):
+            n = int(1.05 * photons * int(self._offsets[self.photons]) / self.photons)
+            self._offsets = _room(self._offsets, photons + 1)
+            self._position, self._side, self._flux = (_room(a, n) for a in (self._position, self._side, self._flux))
+
     def prefix(self, photons: int) -> PathVertices:
         """Return views of the paths of the first photons."""
         n = int(self._offsets[photons])
@@ -90,10 +97,10 @@ class PathStore:
 
 
 def _room(array: np.ndarray, n: int) -> np.ndarray:
-    """Return the array, moved to twice the room if it holds fewer than n rows."""
+    """Return the array, moved to more room if it holds fewer than n rows."""
     if n <= len(array):
         return array
-    grown = np.empty((max(n, 2 * len(array)), *array.shape[1:]), array.dtype)
+    grown = np.empty((max(n, len(array) * 5 // 4), *array.shape[1:]), array.dtype)
     grown[: len(array)] = array
     return grown
 
@@ -139,7 +146,7 @@ def interval(length, hits, eps):
 
 
 @kernel
-def _write(offsets, position, side, flux, eps, photon, k, row, out):
+def _write(offsets, position, side, flux, eps, base, photon, k, row, out):
     """Write the whole background segment that leaves vertex k of a photon into a row."""
     origin, end, low, high, q, start_side, end_side, cut_side, hit, photons, bounce = out
     for c in range(3):
@@ -154,29 +161,29 @@ def _write(offsets, position, side, flux, eps, photon, k, row, out):
     start_side[row] = side[k]
     end_side[row] = side[k + 1]
     cut_side[row] = NONE
-    photons[row] = photon
+    photons[row] = base + photon
     bounce[row] = k - offsets[photon]
 
 
 @kernel
-def _write_photons(offsets, position, side, flux, eps, first, last, out):
+def _write_photons(offsets, position, side, flux, eps, base, first, last, out):
     row = 0
     for i in range(first, last):
         for k in range(offsets[i], offsets[i + 1] - 1):
-            _write(offsets, position, side, flux, eps, i, k, row, out)
+            _write(offsets, position, side, flux, eps, base, i, k, row, out)
             row += 1
 
 
 @kernel
 def _write_rows(offsets, position, side, flux, eps, photons, rows, out):
     for j in range(len(rows)):
-        _write(offsets, position, side, flux, eps, photons[j], rows[j], j, out)
+        _write(offsets, position, side, flux, eps, 0, photons[j], rows[j], j, out)
 
 
-def segments_of(paths: PathVertices, eps: np.float32, first: int, last: int) -> Segments:
-    """Return the whole segments of photons first .. last - 1."""
+def segments_of(paths: PathVertices, eps: np.float32, first: int, last: int, base: int = 0) -> Segments:
+    """Return the whole segments of photons first .. last - 1 of some paths, whose first is photon `base`."""
     out = empty_segments(int(paths.offsets[last] - paths.offsets[first]) - (last - first))
-    _write_photons(*paths, eps, first, last, tuple(out))
+    _write_photons(*paths, eps, base, first, last, tuple(out))
     return out
 
 

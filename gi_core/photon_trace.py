@@ -52,8 +52,8 @@ class Step(NamedTuple):
     cut: np.ndarray  # (n,) float32, distance at which a mobile cuts the line, inf for none
     cut_side: np.ndarray  # (n,) int32
     hit: np.ndarray  # (n, 3) float32, where the photon really is now
+    left: np.ndarray  # (n, 3) int32, flux that goes on from there, 0 where the path ends
     rays: Rays  # those that go on, in order
-    alive: np.ndarray  # (n,) bool, which ones
 
 
 @kernel
@@ -101,54 +101,66 @@ def scatter(seed, photon, bounce, side, q, normals, reflectance, two_sided, rota
 
 @kernel
 def _scatter_all(
-    seed, photon, bounce, origin, end, end_side, cut, cut_side, flux,
-    normals, reflectance, two_sided, rotation, face_object, hit, alive, direction, fates,
+    seed, photon, bounce, origin, end, end_side, cut, cut_side, flux, normals, reflectance, two_sided, rotation,
+    face_object, hit, left, on_photon, on_bounce, on_origin, on_direction, on_side, on_flux, fates,
 ):  # fmt: skip
+    """Scatter photons and write those that go on behind one another; returns how many."""
+    n = 0
     for k in range(len(photon)):
         side = end_side[k]
+        x, y, z = end[k, 0], end[k, 1], end[k, 2]
         if cut_side[k] != NONE:
             side = cut_side[k]
-            o, e = origin[k], end[k]
-            dx, dy, dz, _ = line(o[0], o[1], o[2], e[0], e[1], e[2])
-            hit[k, 0], hit[k, 1], hit[k, 2] = point_on_line(o[0], o[1], o[2], dx, dy, dz, cut[k])
-        else:
-            for c in range(3):
-                hit[k, c] = end[k, c]
-        alive[k] = scatter(
-            seed, photon[k], bounce[k], side, flux[k], normals, reflectance, two_sided, rotation, face_object,
-            direction[k], fates,
+            o = origin[k]
+            dx, dy, dz, _ = line(o[0], o[1], o[2], x, y, z)
+            x, y, z = point_on_line(o[0], o[1], o[2], dx, dy, dz, cut[k])
+        hit[k, 0], hit[k, 1], hit[k, 2] = x, y, z
+        q = left[k]
+        q[0], q[1], q[2] = flux[k, 0], flux[k, 1], flux[k, 2]
+        goes_on = scatter(
+            seed, photon[k], bounce[k], side, q, normals, reflectance, two_sided, rotation, face_object,
+            on_direction[n], fates,
         )  # fmt: skip
+        if goes_on:
+            on_photon[n], on_bounce[n], on_side[n] = photon[k], bounce[k] + 1, side
+            on_origin[n, 0], on_origin[n, 1], on_origin[n, 2] = x, y, z
+            on_flux[n, 0], on_flux[n, 1], on_flux[n, 2] = q[0], q[1], q[2]
+            n += 1
+        else:
+            q[0], q[1], q[2] = 0, 0, 0
+    return n
 
 
 def scatter_all(world: World, at: Transforms, seed: int, segments, cut: np.ndarray, fates: Fates):
     """Scatter photons at the ends of their segments.
 
-    `segments` needs photon, bounce, origin, end, end_side, cut_side, flux. Returns hit (n, 3)
-    float32, alive (n,) bool and the Rays that go on; adds to `fates`.
+    `segments` needs photon, bounce, origin, end, end_side, cut_side, flux. Returns hit (n, 3) float32,
+    the flux left (n, 3) int32 (0 where the path ends) and the Rays that go on, in order; adds to `fates`.
     """
     n = len(segments.photon)
-    hit = np.empty((n, 3), np.float32)
-    alive = np.empty(n, bool)
-    direction = np.empty((n, 3), np.float32)
-    flux = np.array(segments.flux, np.int32)
+    hit, left = np.empty((n, 3), np.float32), np.empty((n, 3), np.int32)
+    on = _room_for_rays(n)
     sums = np.zeros((3, 3), np.int64)
-    _scatter_all(
+    count = _scatter_all(
         seed, segments.photon, segments.bounce, segments.origin, segments.end, segments.end_side, cut,
-        segments.cut_side, flux, world.normals, world.reflectance, world.two_sided, at.rotation, world.face_object,
-        hit, alive, direction, sums,
+        segments.cut_side, segments.flux, world.normals, world.reflectance, world.two_sided, at.rotation,
+        world.face_object, hit, left, on.photon, on.bounce, on.origin, on.direction, on.side, on.flux, sums,
     )  # fmt: skip
     for total, part in zip((fates.absorbed, fates.escaped, fates.truncated), sums, strict=True):
         total += part
-    side = np.where(segments.cut_side != NONE, segments.cut_side, segments.end_side)
-    rays = Rays(
-        segments.photon[alive],
-        segments.bounce[alive] + np.int32(1),
-        hit[alive],
-        direction[alive],
-        side[alive],
-        flux[alive],
+    return hit, left, Rays(*(a[:count] for a in on))
+
+
+def _room_for_rays(n: int) -> Rays:
+    n += 1  # a photon's direction is written before it is known whether it goes on
+    return Rays(
+        np.empty(n, np.int64),
+        np.empty(n, np.int32),
+        np.empty((n, 3), np.float32),
+        np.empty((n, 3), np.float32),
+        np.empty(n, np.int32),
+        np.empty((n, 3), np.int32),
     )
-    return hit, alive, rays
 
 
 class _Ended(NamedTuple):
@@ -166,8 +178,8 @@ def advance(accelerator: Accelerator, world: World, at: Transforms, seed: int, r
     end, end_side = nearest_static(accelerator, world, at, rays.origin, rays.direction, rays.side)
     cut, cut_side = nearest_mobile(accelerator, world, at, rays.origin, end, rays.side)
     ended = _Ended(rays.photon, rays.bounce, rays.origin, end, end_side, cut_side, rays.flux)
-    hit, alive, onwards = scatter_all(world, at, seed, ended, cut, fates)
-    return Step(end, end_side, cut, cut_side, hit, onwards, alive)
+    hit, left, onwards = scatter_all(world, at, seed, ended, cut, fates)
+    return Step(end, end_side, cut, cut_side, hit, left, onwards)
 
 
 def emitted_rays(emitters: Emitters, seed: int, first: int, count: int, fates: Fates) -> Rays:
@@ -192,20 +204,38 @@ def trace_background(
             np.empty((0, 3), np.int32),
         ), fates
     rays = emitted_rays(emitters, seed, first, count, fates)
-    vertices = [(rays.photon, rays.bounce, rays.origin, rays.side, rays.flux)]
+    parts = [(rays.photon, rays.bounce, rays.origin, rays.side, rays.flux)]
     while len(rays.photon):
         step = advance(accelerator, world, static, seed, rays, fates)
-        flux = np.zeros((len(rays.photon), 3), np.int32)
-        flux[step.alive] = step.rays.flux
-        vertices.append((rays.photon, rays.bounce + np.int32(1), step.end, step.end_side, flux))
+        parts.append((rays.photon, rays.bounce + np.int32(1), step.end, step.end_side, step.left))
         rays = step.rays
-    return _photon_major(vertices, first, count), fates
+    return _photon_major(parts, first, count), fates
 
 
-def _photon_major(vertices, first: int, count: int) -> PathVertices:
-    photon, bounce, position, side, flux = (np.concatenate(a) for a in zip(*vertices, strict=True))
-    offsets = np.concatenate([[0], np.cumsum(np.bincount(photon - first, minlength=count))]).astype(np.int64)
-    place = offsets[photon - first] + bounce
-    out = PathVertices(offsets, np.empty_like(position), np.empty_like(side), np.empty_like(flux))
-    out.position[place], out.side[place], out.flux[place] = position, side, flux
+def _photon_major(parts, first: int, count: int) -> PathVertices:
+    """Order path vertices by photon; `parts`: one bounce each of photon, bounce, position, side, flux."""
+    offsets = np.zeros(count + 1, np.int64)
+    for photon, *_ in parts:
+        _count(photon, first, offsets)
+    np.cumsum(offsets, out=offsets)
+    n = int(offsets[-1])
+    out = PathVertices(offsets, np.empty((n, 3), np.float32), np.empty(n, np.int32), np.empty((n, 3), np.int32))
+    for part in parts:
+        _place(*part, first, *out)
     return out
+
+
+@kernel
+def _count(photon, first, offsets):
+    for k in range(len(photon)):
+        offsets[photon[k] - first + 1] += 1
+
+
+@kernel
+def _place(photon, bounce, position, side, flux, first, offsets, position_out, side_out, flux_out):
+    for k in range(len(photon)):
+        row = offsets[photon[k] - first] + bounce[k]
+        side_out[row] = side[k]
+        for c in range(3):
+            position_out[row, c] = position[k, c]
+            flux_out[row, c] = flux[k, c]

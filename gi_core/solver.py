@@ -16,6 +16,7 @@ from gi_core.cuts import Frame, ScanRoom, change, current_segments
 from gi_core.defaults import choose
 from gi_core.estimators import ESTIMATORS
 from gi_core.fixed_point import MAX_PHOTONS
+from gi_core.ladder import FrameTimes, is_rung, next_rung
 from gi_core.model import Model
 from gi_core.paths import PathStore, segments_of
 from gi_core.photon_trace import Fates, no_flux, trace_background
@@ -25,11 +26,14 @@ from gi_core.receivers import Receivers
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
 from gi_core.surfaces import Surfaces
+from gi_core.threads import run_ranges
 
 STEP_SECONDS = 0.006  # aim of one step of solve_steps(): the caller's frame allows 8 ms
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
 LARGEST_CHUNK = 1 << 16
+PART = 4096  # photons that a thread traces and splats in one go: their segments stay in its cache
+PART_GRAIN = 256  # photons a thread
 SCRATCH_CHUNK = 1 << 16
 
 
@@ -85,6 +89,7 @@ class Solver:
         self.irradiance = np.zeros((len(self.model.object_receivers.areas), 3))
         self.photons_traced = 0  # photons that self.irradiance belongs to
         self._frame: Frame | None = None
+        self._times = FrameTimes()
         self._shown: _Background | None = None  # what frames are computed from
         self._next: _Background | None = None  # what replaces it, being built
         self.configure(estimator, self.photons, self.radius, self.neighbours)
@@ -144,8 +149,8 @@ class Solver:
         due = max(FIRST_PICTURE, shown, 2 * b.added) if pictures else goal
         seconds_a_photon = STEP_SECONDS / FIRST_CHUNK
         while b.added < goal:
-            count = int(np.clip(STEP_SECONDS / seconds_a_photon, 64, LARGEST_CHUNK))
-            count = min(count, goal - b.added, max(due - b.added, 1))
+            count = int(np.clip(STEP_SECONDS / seconds_a_photon, 64, LARGEST_CHUNK)) if pictures else LARGEST_CHUNK
+            count = min(count, goal - b.added, max(due - b.added, 1), next_rung(b.added) - b.added)
             started = time.perf_counter()
             stage = self._take_in(b, count)
             seconds_a_photon = 0.5 * (seconds_a_photon + (time.perf_counter() - started) / count)
@@ -153,34 +158,54 @@ class Solver:
             if due <= b.added < goal:
                 yield from self._show(b)
                 due = 2 * b.added
+            elif is_rung(b.added) and b.estimate.additive:
+                yield from self._prepare(b)
         if b is not self._shown or b.estimate.photons != goal or self.photons_traced != goal:
             yield from self._show(b)
         yield Progress("done", 1.0, False)
 
     def _take_in(self, b: _Background, count: int) -> str:
-        """Bring the next photons into the background, tracing those that are new."""
-        stage, last = "estimating", b.added + count
-        missing = last - self._store.photons
-        if missing > 0:
-            m, stage = self.model, "tracing"
-            paths, fates = trace_background(
-                m.accelerator, m.world, m.static, m.emitters, self.seed, self._store.photons, missing
-            )
-            self._store.append(paths)
-            self._background_fates = _add(self._background_fates, fates)
-        paths = self._store.prefix(last)
-        b.estimate.add_background(segments_of(paths, self.model.eps, b.added, last), last)
-        b.added = last
-        return stage
+        """Bring the next photons into the background, tracing those that are new; a share of them a thread."""
+        m, stored = self.model, self._store.photons
+        known = self._store.prefix(min(stored, b.added + count))
+
+        def work(thread, first, last):
+            fresh = []
+            for at in range(first, last, PART):
+                n = min(PART, last - at)
+                if at < stored:
+                    n = min(n, stored - at)
+                    segments = segments_of(known, m.eps, at, at + n)
+                else:
+                    paths, fates = trace_background(m.accelerator, m.world, m.static, m.emitters, self.seed, at, n)
+                    fresh.append((paths, fates))
+                    segments = segments_of(paths, m.eps, 0, n, base=at)
+                b.estimate.add_background(segments, thread)
+            return fresh
+
+        def from_here(thread, first, last):
+            return work(thread, b.added + first, b.added + last)
+
+        for fresh in run_ranges(from_here, count, m.threads, PART_GRAIN):
+            for paths, fates in fresh:
+                self._store.reserve(self._goal)
+                self._store.append(paths)
+                self._background_fates = _add(self._background_fates, fates)
+        b.added += count
+        return "tracing" if self._store.photons > stored else "estimating"
 
     def _show(self, b: _Background) -> Iterator[Progress]:
         """Prepare what has been added and let frames use it from now on."""
-        fraction = b.added / max(self._goal, 1)
-        for _ in b.estimate.prepare():
-            yield Progress("estimating", fraction, False)
+        yield from self._prepare(b)
+        if b is not self._shown:
+            self._times = FrameTimes()
         self._shown, self._next = b, None
         self._update()
-        yield Progress("estimating", fraction, True)
+        yield Progress("estimating", b.added / max(self._goal, 1), True)
+
+    def _prepare(self, b: _Background) -> Iterator[Progress]:
+        for _ in b.estimate.prepare(b.added):
+            yield Progress("estimating", b.added / max(self._goal, 1), False)
 
     # -- every next frame -------------------------------------------------------------------------
 
@@ -191,8 +216,15 @@ class Solver:
         """
         self.move_all({name: pose})
 
-    def move_all(self, poses: Mapping[str, Pose | np.ndarray]) -> None:
-        """Put several mobiles at new poses and update irradiance once."""
+    def move_all(self, poses: Mapping[str, Pose | np.ndarray], photons: int | None = None) -> None:
+        """Put several mobiles at new poses and update irradiance once.
+
+        photons: one of `prefixes`, for a faster and noisier frame; None: all. Raises SceneError as
+        move() does, and for any other number of photons.
+        """
+        if photons is not None and photons not in self.prefixes:
+            have = ", ".join(map(str, self.prefixes))
+            raise SceneError(f"{self.scene.name}: a frame can use {have} photons, got {photons}")
         checked = {}
         for name, pose in poses.items():
             if name not in self.poses:
@@ -200,23 +232,34 @@ class Solver:
                 raise SceneError(f'{self.scene.name}: no mobile is called "{name}"; there is {have}')
             checked[name] = as_pose(pose, f'{self.scene.name}: mobile "{name}"')
         self.poses.update(checked)
-        self._update()
+        self._update(photons)
 
-    def _update(self) -> None:
-        """Compute the frame of the current poses from the background."""
+    @property
+    def prefixes(self) -> tuple[int, ...]:
+        """Numbers of photons that a frame can be computed from, ascending; the last is all."""
+        return () if self._shown is None else tuple(sorted(self._shown.estimate.prefixes))
+
+    def prefix_within(self, seconds: float) -> int:
+        """Return the largest of `prefixes` whose frame is expected to take no longer, judged by past frames."""
+        return self._times.largest_within(seconds, self.prefixes) if self.prefixes else 0
+
+    def _update(self, photons: int | None = None) -> None:
+        """Compute the frame of the current poses from the background, of a prefix of the photons."""
         if self._shown is None:
             return  # nothing traced yet
         clock, estimate = _Stages(), self._shown.estimate
-        paths = self._store.prefix(estimate.photons)
+        photons = estimate.photons if photons is None else photons
+        paths = self._store.prefix(photons)
         at = self.model.transforms(self.poses)
         self._frame = f = change(self.model, paths, at, self.seed, estimate.reach, self._room, clock)
         sums, area = estimate.evaluate(f)
         clock("estimate")
-        self.irradiance = self._read_out(sums, area, estimate.photons)
+        self.irradiance = self._read_out(sums, area, photons)
         clock("read out")
         self.changes = Changes(f.heads.size, f.tails.size, f.heads.size + f.branches.size)
-        self.photons_traced = estimate.photons
+        self.photons_traced = photons
         self.timings = clock.seconds
+        self._times.add(photons, sum(clock.seconds.values()))
 
     def _read_out(self, sums: np.ndarray, area: np.ndarray, photons: int) -> np.ndarray:
         if photons == 0:

@@ -8,6 +8,7 @@ All sums are integers, so the split never shows in the result.
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -18,6 +19,9 @@ def available_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+_part = threading.local()  # `busy` is set in a thread while it works on a part
 
 
 @cache
@@ -33,10 +37,21 @@ def split(n: int, parts: int, grain: int) -> list[tuple[int, int]]:
 
 
 def run_ranges(work: Callable[[int, int, int], object], n: int, threads: int, grain: int) -> list:
-    """Call work(part, start, stop) over range(n), in parallel where it pays; results in order."""
-    ranges = split(n, threads, grain)
+    """Call work(part, start, stop) over range(n), in parallel where it pays; results in order.
+
+    Within a part everything else runs in that part's thread: each call may split its own work freely.
+    """
+    ranges = split(n, 1 if getattr(_part, "busy", False) else threads, grain)
     if len(ranges) == 1:
         return [work(0, *ranges[0])]
     pool = _pool(threads)
-    later = [pool.submit(work, k, *r) for k, r in enumerate(ranges[1:], 1)]
-    return [work(0, *ranges[0]), *(f.result() for f in later)]
+    later = [pool.submit(_run_part, work, k, *r) for k, r in enumerate(ranges[1:], 1)]
+    return [_run_part(work, 0, *ranges[0]), *(f.result() for f in later)]
+
+
+def _run_part(work: Callable[[int, int, int], object], k: int, start: int, stop: int):
+    _part.busy = True
+    try:
+        return work(k, start, stop)
+    finally:
+        _part.busy = False

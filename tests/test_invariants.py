@@ -141,7 +141,7 @@ def test_mobiles_outside_all_light_give_the_static_solution(estimator):
 
 
 def test_threads_do_not_show(estimator, monkeypatch):
-    for module in ("accelerator.RAY_GRAIN", "cuts.SCAN_GRAIN"):
+    for module in ("accelerator.RAY_GRAIN", "cuts.SCAN_GRAIN", "cuts.FOLLOW_GRAIN", "solver.PART_GRAIN"):
         monkeypatch.setattr(f"gi_core.{module}", 1)  # or jobs this small would run serially
     for module in ("tangent_plane.LINE_GRAIN", "photon_map.QUERY_GRAIN"):
         monkeypatch.setattr(f"gi_core.estimators.{module}", 1)

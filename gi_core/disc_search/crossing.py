@@ -60,9 +60,9 @@ class Lines(NamedTuple):
 @kernel
 def _lines(
     R, p, origin, end, hit, start_side, end_side, cut_side, stop, patch, concave, extension,
-    o, d, high, patches, touches, first, last,
+    o, d, high, patches, touches,
 ):  # fmt: skip
-    for k in range(first, last):
+    for k in range(len(stop)):
         x, y, z = to_local(R, origin[k, 0] - p[0], origin[k, 1] - p[1], origin[k, 2] - p[2])
         touches[k, 0, 0], touches[k, 0, 1], touches[k, 0, 2] = x, y, z
         x, y, z = to_local(R, end[k, 0] - p[0], end[k, 1] - p[1], end[k, 2] - p[2])
@@ -81,10 +81,14 @@ def _lines(
             high[k] += extension
 
 
-def room_for_lines(segments: Segments) -> Lines:
-    """Return room for the lines of some segments; fill_lines() writes them."""
+def lines(segments: Segments, rotation, position, model: Model, radius: float) -> Lines:
+    """Return segments carried into an object's space.
+
+    A segment that lands on a concave side of a patch is extended by 2 radius: see counts(). Others
+    are not: behind a wall a cupboard may hold thousands of discs.
+    """
     s, n = segments, segments.size
-    return Lines(
+    out = Lines(
         np.empty((n, 3), np.float32),
         np.empty((n, 3), np.float32),
         s.low,
@@ -94,22 +98,11 @@ def room_for_lines(segments: Segments) -> Lines:
         np.empty((n, 3), np.int32),
         np.empty((n, 3, 3), np.float32),
     )
-
-
-def fill_lines(
-    out: Lines, segments: Segments, rotation, position, model: Model, radius: float, first: int, last: int
-) -> None:
-    """Carry segments first .. last - 1 into an object's space.
-
-    A segment that lands on a concave side of a patch is extended by 2 radius: see counts(). Others
-    are not: behind a wall a cupboard may hold thousands of discs.
-    """
-    s = segments
     _lines(
         rotation, position, s.origin, s.end, s.hit, s.start_side, s.end_side, s.cut_side, s.high, model.surfaces.patch,
         model.concave, np.float32(2 * radius), out.origin, out.direction, out.high, out.patches, out.touches,
-        first, last,
     )  # fmt: skip
+    return out
 
 
 @inlined

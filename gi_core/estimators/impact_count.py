@@ -13,7 +13,9 @@ import numpy as np
 
 from gi_core.accelerator import Transforms
 from gi_core.cuts import Frame
+from gi_core.estimators.thread_sums import ThreadSums
 from gi_core.jit import kernel
+from gi_core.ladder import Ladder
 from gi_core.model import Model
 from gi_core.paths import Segments
 
@@ -36,31 +38,36 @@ class ImpactCount:
 
     reach = 0.0
 
+    additive = True  # sums of parts are sums of the whole: preparing costs nothing
     on_faces = True  # probes need a face to count on
 
     def __init__(self, model: Model, radius: float, neighbours: int, control: bool = True):
         self.model = model
         # Receiver areas are a third of each face around; the mean divides by the whole faces.
         self.area = 3 * model.object_receivers.areas
-        self.photons = 0  # photons that evaluate() covers
-        self.background = np.zeros((len(self.area), 3), np.int64)
+        self.photons = 0  # photons that were prepared
+        self.prefixes = Ladder()  # sums of the background by the photons they cover
+        self._background = np.zeros((len(self.area), 3), np.int64)
+        self._added = ThreadSums(self._background.shape, model.threads)
 
     def build(self) -> Iterator[None]:
         """Nothing to build."""
         return iter(())
 
-    def add_background(self, segments: Segments, photons: int) -> None:
-        """Add the hits of background segments, which complete the first `photons`."""
-        self._deposit(segments, 1, self.background)
-        self.photons = photons
+    def add_background(self, segments: Segments, thread: int) -> None:
+        """Add the hits of background segments; several threads may, each with its number."""
+        self._deposit(segments, 1, self._added[thread])
 
-    def prepare(self) -> Iterator[None]:
-        """Nothing to prepare: sums are complete as soon as they are added to."""
+    def prepare(self, photons: int) -> Iterator[None]:
+        """Let frames use all that was added, which is the first `photons`; kept by that prefix."""
+        self._added.move_to(self._background)
+        self.prefixes[photons] = self._background.copy()
+        self.photons = photons
         return iter(())
 
     def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by."""
-        sums = self.background.copy()
+        sums = self.prefixes[frame.photons].copy()
         self._deposit(frame.tails, -1, sums)
         self._deposit(frame.heads, 1, sums)
         self._deposit(frame.branches, 1, sums)
@@ -68,7 +75,7 @@ class ImpactCount:
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
         """Return what evaluate() does, from all current segments (an iterable of Segments)."""
-        sums = np.zeros_like(self.background)
+        sums = np.zeros_like(self._background)
         for segments in parts:
             self._deposit(segments, 1, sums)
         return sums, self.area

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from gi_core.accelerator import Transforms
 from gi_core.cuts import Frame
 from gi_core.hit_grid import HitGrid, Hits, build, build_steps, cell_of, gather, hits_of
 from gi_core.jit import kernel
+from gi_core.ladder import Ladder
 from gi_core.model import Model
 from gi_core.paths import Segments
 from gi_core.pose import to_world_at
@@ -30,9 +32,20 @@ QUERY_GRAIN = 256  # receivers a thread
 QUERY_STEP = 1024  # receivers a step of prepare(): some 5 ms
 
 
+class _Prepared(NamedTuple):
+    """The estimate of the background from the hits of some photons."""
+
+    sums: np.ndarray  # (R, 3) int64 of static receivers
+    area: np.ndarray  # (R,) float64 [m2]
+    reach2: np.ndarray  # (R,) float32, squared distance within which a hit matters [m2]
+    grid: HitGrid
+    cut_bounce: np.ndarray  # (photons,) int32, NEVER but while a frame is computed
+
+
 class PhotonMap:
     """See the module; `radius` [m] bounds the search, `neighbours` is k."""
 
+    additive = False  # see the module: preparing estimates every receiver
     on_faces = False  # probes are receivers like any other
 
     def __init__(self, model: Model, radius: float, neighbours: int, control: bool = True, textbook: bool = False):
@@ -40,14 +53,9 @@ class PhotonMap:
         self.reach = 0.0
         self.stale = 0  # receivers estimated again in the last frame
         self._parts: list[Hits] = []
-        self.photons = 0  # photons that evaluate() covers: those prepared
-        self._added = 0
+        self.photons = 0  # photons that were prepared
+        self.prefixes = Ladder()  # _Prepared by the photons it covers
         self._static = model.surfaces.receiver_range(0)
-        self._sums = np.zeros((self._static.stop, 3), np.int64)
-        self._area = np.full(self._static.stop, math.pi * self.radius**2)
-        self._reach2 = np.full(self._static.stop, self.radius**2, np.float32)
-        self._cut_bounce = np.full(1, NEVER, np.int32)
-        self._grid: HitGrid = build(_joined([]), self.radius)
         points, normals = self._receivers(model.static, self._static)
         self._receiver_grid = build(_as_hits(points, normals), self.radius)
 
@@ -55,17 +63,15 @@ class PhotonMap:
         """Nothing to build: hits are indexed by prepare()."""
         return iter(())
 
-    def add_background(self, segments: Segments, photons: int) -> None:
-        """Add the hits of background segments, which complete the first `photons`."""
+    def add_background(self, segments: Segments, thread: int) -> None:
+        """Add the hits of background segments; several threads may."""
         self._parts.append(hits_of(segments, self.model.world, self.model.static))
-        self._added = photons
 
-    def prepare(self) -> Iterator[None]:
-        """Index the hits added and estimate static receivers from them, in steps of a few ms.
+    def prepare(self, photons: int) -> Iterator[None]:
+        """Index the hits added, which are those of the first `photons`, and estimate static receivers, in steps.
 
-        Until it has run through, evaluate() goes on with what was prepared before.
+        Kept by that prefix; until it has run through, evaluate() knows the earlier ones only.
         """
-        photons = self._added
         grid = yield from build_steps(list(self._parts), CELL_SHARE * self.radius)
         uncut = np.full(max(photons, 1), NEVER, np.int32)
         points, normals = self._receivers(self.model.static, self._static)
@@ -76,12 +82,12 @@ class PhotonMap:
             found.append(self._query(points[rows], normals[rows], (grid, nothing), uncut))
             yield
         sums, area, reach2 = (np.concatenate(a) for a in zip(*found, strict=True))
-        self._sums, self._area, self._reach2 = sums, area, reach2
-        self._grid, self._cut_bounce, self.photons = grid, uncut, photons
+        self.prefixes[photons] = _Prepared(sums, area, reach2, grid, uncut)
+        self.photons = photons
 
     def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by."""
-        world = self.model.world
+        world, background = self.model.world, self.prefixes[frame.photons]
         changed = [hits_of(s, world, frame.at) for s in (frame.heads, frame.branches)]
         added = build(_joined(changed), CELL_SHARE * self.radius)
         removed = hits_of(frame.tails, world, frame.at)
@@ -89,19 +95,19 @@ class PhotonMap:
         # Which static receivers does a changed hit concern?
         stale = np.zeros(self._static.stop, bool)
         for hits in (removed, added.hits):
-            _mark(hits.position, self._receiver_grid, self._reach2, self.radius, stale)
+            _mark(hits.position, self._receiver_grid, background.reach2, self.radius, stale)
         rows = np.flatnonzero(stale)
         self.stale = len(rows)
 
         sums = np.zeros((len(self.model.object_receivers.areas), 3), np.int64)
         area = np.empty(len(sums))
-        sums[self._static], area[self._static] = self._sums, self._area
+        sums[self._static], area[self._static] = background.sums, background.area
         rows = np.concatenate([rows, np.arange(self._static.stop, len(sums))])
         # A photon's hits are gone from its first tail on, which is written last here.
-        self._cut_bounce[frame.tails.photon[::-1]] = frame.tails.bounce[::-1]
+        background.cut_bounce[frame.tails.photon[::-1]] = frame.tails.bounce[::-1]
         points, normals = self._receivers(frame.at, rows)
-        sums[rows], area[rows], _ = self._query(points, normals, (self._grid, added), self._cut_bounce)
-        self._cut_bounce[frame.tails.photon] = NEVER
+        sums[rows], area[rows], _ = self._query(points, normals, (background.grid, added), background.cut_bounce)
+        background.cut_bounce[frame.tails.photon] = NEVER
         return sums, area
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:

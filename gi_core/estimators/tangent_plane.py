@@ -15,7 +15,9 @@ import numpy as np
 from gi_core.accelerator import Transforms
 from gi_core.cuts import Frame
 from gi_core.disc_search import SEARCHES
-from gi_core.disc_search.crossing import Discs, fill_lines, room_for_lines
+from gi_core.disc_search.crossing import Discs, lines
+from gi_core.estimators.thread_sums import ThreadSums
+from gi_core.ladder import Ladder
 from gi_core.model import Model
 from gi_core.paths import Segments
 from gi_core.reachable_area import regions, whole_discs
@@ -28,16 +30,19 @@ class TangentPlane:
     """See the module; `radius` [m] is the disc's."""
 
     search = "disc_index"  # of SEARCHES
+    additive = True  # sums of parts are sums of the whole: preparing costs nothing
     on_faces = False  # probes are receivers like any other
 
     def __init__(self, model: Model, radius: float, neighbours: int, control: bool = True):
         self.model, self.radius, self.control = model, radius, control
         self.reach = radius
         self.area = np.full(len(model.object_receivers.areas), math.pi * radius * radius)
-        self.photons = 0  # photons that evaluate() covers
-        self.background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
+        self.photons = 0  # photons that were prepared
+        self.prefixes = Ladder()  # sums of the background by the photons they cover
+        self._background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
         self._searches: list = []
-        self._parts: list[np.ndarray] = []
+        self._added = ThreadSums(self._background.shape, model.threads)
+        self._parts = ThreadSums((len(self.area), 3), model.threads)
 
     def build(self) -> Iterator[None]:
         """Find reachable regions and index the discs of every object, in steps of a few ms."""
@@ -56,20 +61,22 @@ class TangentPlane:
             self._searches.append(SEARCHES[self.search](discs))
             yield
 
-    def add_background(self, segments: Segments, photons: int) -> None:
-        """Add background segments, which complete the first `photons`, to the sums of static receivers."""
-        self._splat(0, segments, self.model.static, 1, self.background)
-        self.photons = photons
+    def add_background(self, segments: Segments, thread: int) -> None:
+        """Add background segments to the sums of static receivers; several threads may, each with its number."""
+        self._splat_part(0, segments, self.model.static, 1, self._added[thread])
 
-    def prepare(self) -> Iterator[None]:
-        """Nothing to prepare: sums are complete as soon as they are added to."""
+    def prepare(self, photons: int) -> Iterator[None]:
+        """Let frames use all that was added, which is the first `photons`; kept by that prefix."""
+        self._added.move_to(self._background)
+        self.prefixes[photons] = self._background.copy()
+        self.photons = photons
         return iter(())
 
     def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by."""
         sums = np.zeros((len(self.area), 3), np.int64)
         static = sums[self.model.surfaces.receiver_range(0)]
-        static += self.background
+        static += self.prefixes[frame.photons]
         self._splat(0, frame.tails, self.model.static, -1, static)
         self._splat(0, frame.branches, self.model.static, 1, static)
         for o, near in enumerate(frame.near, 1):
@@ -87,24 +94,18 @@ class TangentPlane:
     def _splat(self, o: int, segments: Segments, at: Transforms, sign: int, sums: np.ndarray) -> None:
         if not segments.size or not len(sums):
             return
-        search = self._searches[o]
-        ready = room_for_lines(segments)
+        rows = slice(len(sums))
 
         def work(part, first, last):
-            fill_lines(ready, segments, at.rotation[o], at.position[o], self.model, self.radius, first, last)
-            own = sums if part == 0 else self._buffer(part, len(sums))
-            search.splat(ready, first, last, sign, own)
-            return own
+            own = sums if part == 0 else self._parts[part][rows]
+            self._splat_part(o, Segments(*(a[first:last] for a in segments)), at, sign, own)
 
-        for part in run_ranges(work, segments.size, self.model.threads, LINE_GRAIN)[1:]:
-            sums += part
+        parts = run_ranges(work, segments.size, self.model.threads, LINE_GRAIN)
+        for part in range(1, len(parts)):
+            sums += self._parts[part][rows]
+            self._parts[part][rows] = 0
 
-    def _buffer(self, part: int, n: int) -> np.ndarray:
-        """Return a zeroed (n, 3) int64 buffer of a thread's own."""
-        while len(self._parts) < part:
-            self._parts.append(np.empty((0, 3), np.int64))
-        if len(self._parts[part - 1]) < n:
-            self._parts[part - 1] = np.empty((n, 3), np.int64)
-        buffer = self._parts[part - 1][:n]
-        buffer.fill(0)
-        return buffer
+    def _splat_part(self, o: int, segments: Segments, at: Transforms, sign: int, sums: np.ndarray) -> None:
+        if segments.size and len(sums):
+            ready = lines(segments, at.rotation[o], at.position[o], self.model, self.radius)
+            self._searches[o].splat(ready, 0, segments.size, sign, sums)
