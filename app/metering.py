@@ -11,6 +11,7 @@ import numpy as np
 from app.camera import Turntable
 from app.session import Session
 from app.tonemap import meter, view_weights
+from app.vertex_colours import mean_radiance
 
 PATCH = 0.1  # of the scene size
 
@@ -23,6 +24,8 @@ def metered(session: Session, camera: Turntable) -> float:
     drawn = np.zeros(len(radiance), bool)
     for o, mesh in enumerate(session.meshes):
         front, back = session.colours(o)
+        if session.settings.show == "radiance":
+            front, back = mean_radiance(mesh, front, back)
         both = mesh.back >= 0
         for rows, colour in ((mesh.front, front), (mesh.back[both], back[both])):
             radiance[rows] = colour

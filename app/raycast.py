@@ -1,7 +1,8 @@
 """The picture without OpenGL: camera rays against the scene, Gouraud interpolation of the same vertex colours.
 
-Seen sides, culling, tone map and background follow the viewer's renderer, so that a picture from here and a
-screenshot from there differ only in their edges.
+Textures are filtered over the whole pixel at every ray, as GL does it. Seen sides, culling, tone map and
+background follow the viewer's renderer, so that a picture from here and a screenshot from there differ only in
+their edges.
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ from app.camera import Turntable
 from app.tonemap import to_display
 from app.vertex_colours import DrawMesh
 from gi_core.accelerator import Accelerator, Transforms, nearest_in_world
+from gi_core.scene.texture_filter import lookup
+from gi_core.scene.texture_footprint import footprints
+from gi_core.scene.types import Texture
 
 BACKGROUND = (0.145, 0.15, 0.16)  # display values, those of the renderer (a test compares them)
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face, where it is drawn at all
@@ -33,6 +37,10 @@ class World(NamedTuple):
     draw: np.ndarray  # (F, 3) int64 into the colours of all objects
     one_sided: np.ndarray  # (F,) bool
     size: float  # [m] longest side of the box around everything
+    textures: tuple[Texture, ...]
+    texture: np.ndarray  # (F,) int64 into textures, -1: none; or (0,): none at all
+    uv: np.ndarray  # (F, 3, 2) float32, or (0, 3, 2)
+    emission: np.ndarray  # (F, 3) float64 that a texture does not colour, or (0, 3)
 
 
 def place(meshes: Sequence[DrawMesh], at: Transforms) -> World:
@@ -49,8 +57,30 @@ def place(meshes: Sequence[DrawMesh], at: Transforms) -> World:
     box = p.reshape(-1, 3)
     size = float(np.ptp(box, axis=0).max()) if len(box) else 1.0
     return World(
-        p.astype(np.float32), normals.astype(np.float32), np.concatenate(draw), np.concatenate(one_sided), size
+        p.astype(np.float32),
+        normals.astype(np.float32),
+        np.concatenate(draw),
+        np.concatenate(one_sided),
+        size,
+        *_textures(meshes),
     )
+
+
+def _textures(meshes: Sequence[DrawMesh]):
+    """Return the textures of all objects, and the texture, corner coordinates and emission of each face."""
+    textures = tuple(t for mesh in meshes for t in mesh.textures)
+    if not textures:
+        return (), np.zeros(0, np.int64), np.zeros((0, 3, 2), np.float32), np.zeros((0, 3))
+    texture, uv, emission, first = [], [], [], 0
+    for mesh in meshes:
+        corner = mesh.triangles[:, 0]
+        plain = mesh.texture is None
+        number = np.full(len(corner), -1) if plain else mesh.texture[corner].astype(np.int64)
+        texture.append(np.where(number < 0, -1, number + first))
+        uv.append(np.zeros((len(corner), 3, 2), np.float32) if plain else mesh.uv[mesh.triangles])
+        emission.append(mesh.emission[corner])
+        first += len(mesh.textures)
+    return textures, np.concatenate(texture), np.concatenate(uv), np.concatenate(emission)
 
 
 def picture(
@@ -64,22 +94,25 @@ def picture(
     tone_map: str = "aces",
     cull: bool = True,
     progress: Callable[[float], None] = lambda fraction: None,
+    textured: bool = True,
 ) -> np.ndarray:
     """Return the picture (height, width, 3) uint8.
 
     `colours` has linear radiance of front and back (D, 3) an object; `size` is (width, height) pixels.
+    `textured`: multiply it by textures where there are any.
     """
     width, height = size
     world = place(meshes, at)
     front, back = (np.concatenate([c[side] for c in colours]) for side in (0, 1))
     out = np.empty((height, width, 3), np.uint8)
     rows = max(1, RAYS // (width * len(SAMPLES)))
+    steps = _pixel_steps(camera, width, height) if textured and world.textures else None
     for top in range(0, height, rows):
         progress(top / height)
         bottom = min(top + rows, height)
         origins, directions = _rays(camera, width, height, top, bottom)
         face, u, v = _first_seen(accelerator, at, world, origins, directions, cull)
-        display = _shade(world, front, back, face, u, v, directions, exposure, tone_map)
+        display = _shade(world, front, back, face, u, v, directions, exposure, tone_map, steps, origins[0])
         # Averaged after the tone map, as the samples of a GL framebuffer are: a burnt-out lamp keeps clean edges.
         mean = display.reshape(bottom - top, width, len(SAMPLES), 3).mean(axis=2, dtype=np.float32)
         out[top:bottom] = np.round(mean)
@@ -136,7 +169,7 @@ def _barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np
     return u, np.clip((d * q).sum(axis=1) * inverse, 0, 1 - u)
 
 
-def _shade(world: World, front, back, face, u, v, directions, exposure: float, tone_map: str) -> np.ndarray:
+def _shade(world: World, front, back, face, u, v, directions, exposure, tone_map, steps, eye) -> np.ndarray:
     """Return display values (n, 3) uint8."""
     out = np.empty((len(face), 3), np.uint8)
     out[:] = np.round(np.array(BACKGROUND) * 255)
@@ -147,6 +180,29 @@ def _shade(world: World, front, back, face, u, v, directions, exposure: float, t
     facing = (world.normals[f] * directions[hit]).sum(axis=1) < 0  # gl_FrontFacing
     a, b, c = (np.where(facing[:, None], front[k], back[k]) for k in world.draw[f].T)
     radiance = (1 - u - v) * a + u * b + v * c
+    if steps is not None:
+        _colour(world, radiance, f, u, v, facing, eye, directions[hit], steps)
     out[hit] = to_display(radiance, exposure, tone_map)
     out[hit[~facing & world.one_sided[f]]] = np.round(np.array(UNLIT) * 255)
     return out
+
+
+def _pixel_steps(camera: Turntable, width: int, height: int) -> np.ndarray:
+    """Return how far a ray at unit distance along the view goes sideways from one pixel to the next, (3, 3) float64.
+
+    The rows: a pixel to the right, a pixel down, the view direction.
+    """
+    right, upward, forward = camera.basis()
+    step = 2 * np.tan(camera.fov / 2) / height  # pixels are square
+    return np.stack([right * step, -upward * step, forward])
+
+
+def _colour(world: World, radiance, face, u, v, facing, eye, directions, steps) -> None:
+    """Multiply radiance (n, 3) by the textures of the faces seen, in place."""
+    number = world.texture[face]
+    for t in np.unique(number[number >= 0]):
+        rows = np.flatnonzero(number == t)
+        f = face[rows]
+        seen = footprints(world.corners, world.uv, f, u[rows], v[rows], eye, directions[rows], steps)
+        glow = np.where(facing[rows, None], world.emission[f], 0.0)
+        radiance[rows] = radiance[rows] * lookup(world.textures[t], *seen) + glow

@@ -46,6 +46,7 @@ class Shot:
             s.tone_map,
             s.cull,
             progress,
+            s.show == "radiance",
         )
 
     def parameters(self) -> dict[str, object]:

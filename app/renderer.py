@@ -1,7 +1,7 @@
 """Draws the scene with OpenGL 3.3 into a texture. Knows no window and no GUI: any context will do.
 
-Positions go up once; colours go up when the light changes, linear and unconverted (float32: packing them
-smaller costs more than it saves). Exposure, tone map and sRGB are applied per fragment.
+Positions and textures go up once; colours go up when the light changes, linear and unconverted (float32:
+packing them smaller costs more than it saves). Texture, exposure, tone map and sRGB are applied per fragment.
 """
 
 from __future__ import annotations
@@ -9,13 +9,17 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from importlib import resources
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import moderngl
 import numpy as np
 
+from app.gl_textures import GLTextures
+from gi_core.scene.texture_filter import MOST_REFLECTANCE
+
 if TYPE_CHECKING:
     from app.vertex_colours import DrawMesh
+    from gi_core.scene.types import Texture
 
 BACKGROUND = (0.145, 0.15, 0.16)  # display values: dark and neutral, yet lighter than an unlit black patch
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face
@@ -35,6 +39,7 @@ class Look:
     outlined: int = -1  # object with a line round it
     outline_model: np.ndarray | None = None  # where the line is, if not where the object is
     outline_width: float = 2.0  # pixels
+    textured: bool = True  # colours are multiplied by textures where there are any
 
 
 class Renderer:
@@ -43,6 +48,8 @@ class Renderer:
     def __init__(self, ctx: moderngl.Context, samples: int = 4) -> None:
         self.ctx = ctx
         self._surface = _program(ctx, "surface.vert", "surface.frag")
+        self._textured = _program(ctx, "surface.vert", "surface.frag", "TEXTURED")
+        self._textures = GLTextures(ctx)
         self._mask = _program(ctx, "surface.vert", "mask.frag")
         self._outline = _program(ctx, "screen.vert", "outline.frag")
         self._screen = ctx.vertex_array(self._outline, [])
@@ -59,7 +66,8 @@ class Renderer:
         """Take over the geometry: one DrawMesh an object."""
         for o in self._objects:
             o.release()
-        self._objects = [_Object(self.ctx, self._surface, self._mask, mesh) for mesh in meshes]
+        self._textures.keep(t for mesh in meshes for t in mesh.textures)
+        self._objects = [_Object(self.ctx, self._surface, self._textured, self._mask, mesh) for mesh in meshes]
 
     def set_colours(self, o: int, front: np.ndarray, back: np.ndarray) -> None:
         """Take over linear radiance (D, 3) of both sides of an object's draw vertices."""
@@ -85,11 +93,19 @@ class Renderer:
         ctx.depth_func = "<"
         ctx.front_face = "ccw"
         ctx.cull_face = "back"
-        self._surface["exposure"] = 2.0**look.exposure
-        self._surface["tone_map"] = TONE_MAP_CODES[look.tone_map]
-        self._surface["unlit"] = UNLIT
+        for program in (self._surface, self._textured):
+            program["exposure"] = 2.0**look.exposure
+            program["tone_map"] = TONE_MAP_CODES[look.tone_map]
+            program["unlit"] = UNLIT
+        self._textured["image"] = 0
+        self._textured["brightest"] = MOST_REFLECTANCE
         for o, model in zip(self._objects, look.models, strict=True):
-            o.draw(self._surface, o.lit, look.view_projection, model, look.cull)
+            _place(self._surface, look.view_projection, model)
+            if o.textured is None or not look.textured:
+                o.draw(look.cull)
+            else:
+                _place(self._textured, look.view_projection, model)
+                o.draw_textured(self._textured, self._textures, look.cull)
         if targets.drawn is not targets.picture:
             ctx.copy_framebuffer(targets.picture, targets.drawn)
         if look.outlined >= 0:
@@ -108,7 +124,8 @@ class Renderer:
         targets.mask.clear()
         ctx.enable_only(ctx.NOTHING)
         targets.picture.scissor = area
-        o.draw(self._mask, o.marked, look.view_projection, model, cull=False)
+        _place(self._mask, look.view_projection, model)
+        o.mark()
         targets.picture.use()
         ctx.enable_only(ctx.BLEND)
         ctx.blend_func = ctx.SRC_ALPHA, ctx.ONE_MINUS_SRC_ALPHA, ctx.ZERO, ctx.ONE
@@ -143,19 +160,30 @@ class Renderer:
             o.release()
         if self._targets is not None:
             self._targets.release()
-        for thing in (self._screen, self._surface, self._mask, self._outline):
+        self._textures.keep(())
+        for thing in (self._screen, self._surface, self._textured, self._mask, self._outline):
             thing.release()
+
+
+class _Run(NamedTuple):
+    """Indices that are drawn at once."""
+
+    first: int
+    count: int
+    one_sided: bool
+    texture: Texture | None
+    emission: tuple[float, float, float]
 
 
 class _Object:
     """Buffers of one object. Two-sided faces come last, so that culling can leave them out."""
 
-    def __init__(self, ctx, surface, mask, mesh: DrawMesh) -> None:
+    def __init__(self, ctx, surface, textured, mask, mesh: DrawMesh) -> None:
         self.ctx = ctx
         self._one_sided = mesh.back < 0
-        sided = self._one_sided[mesh.triangles[:, 0]]
-        triangles = np.concatenate([mesh.triangles[sided], mesh.triangles[~sided]])
-        self.one_sided_indices, self.indices = 3 * int(sided.sum()), 3 * len(triangles)
+        order, self._runs = _runs(mesh)
+        self.indices = 3 * len(order)
+        self._one_sided_indices = sum(r.count for r in self._runs if r.one_sided)
         self._colours = np.zeros((len(mesh.positions), 6), np.float32)
         self._corners = np.zeros((0, 3))  # of its box, object space
         if len(mesh.positions):
@@ -165,13 +193,18 @@ class _Object:
         self._owned = [
             ctx.buffer(np.ascontiguousarray(mesh.positions, np.float32).tobytes() or bytes(12)),
             ctx.buffer(self._colours.tobytes() or bytes(24), dynamic=True),
-            ctx.buffer(triangles.astype(np.int32).tobytes() or bytes(12)),
+            ctx.buffer(mesh.triangles[order].astype(np.int32).tobytes() or bytes(12)),
         ]
-        positions, self._radiance, order = self._owned
-        self.lit = ctx.vertex_array(
-            surface, [(positions, "3f", "position"), (self._radiance, "3f 3f", "front", "back")], order
-        )
-        self.marked = ctx.vertex_array(mask, [(positions, "3f", "position")], order)
+        positions, self._radiance, triangles = self._owned
+        attributes = [(positions, "3f", "position"), (self._radiance, "3f 3f", "front", "back")]
+        self._lit = ctx.vertex_array(surface, attributes, triangles)
+        self._marked = ctx.vertex_array(mask, attributes[:1], triangles)
+        self._owned += [self._lit, self._marked]
+        self.textured = None
+        if mesh.uv is not None:
+            places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
+            self.textured = ctx.vertex_array(textured, [*attributes, (places, "2f", "place")], triangles)
+            self._owned += [places, self.textured]
 
     def upload(self, front: np.ndarray, back: np.ndarray) -> None:
         self._colours[:, :3] = front
@@ -180,18 +213,33 @@ class _Object:
         if len(self._colours):
             self._radiance.write(self._colours)
 
-    def draw(self, program, vertices, view_projection: np.ndarray, model: np.ndarray, cull: bool) -> None:
-        if not self.indices:
+    def draw(self, cull: bool) -> None:
+        """Draw everything in its vertex colours."""
+        split = self._one_sided_indices if cull else 0
+        self._part(self._lit, 0, split, True)
+        self._part(self._lit, split, self.indices - split, False)
+
+    def draw_textured(self, program, textures: GLTextures, cull: bool) -> None:
+        """Draw run after run, each with its texture."""
+        for run in self._runs:
+            if run.texture is not None:
+                textures.of(run.texture).use(0)
+                program["mirrored"] = tuple(float(way == "mirror") for way in run.texture.wrap)
+                program["emission"] = run.emission
+            vertices = self._lit if run.texture is None else self.textured
+            self._part(vertices, run.first, run.count, cull and run.one_sided)
+
+    def mark(self) -> None:
+        self._part(self._marked, 0, self.indices, False)
+
+    def _part(self, vertices, first: int, count: int, cull: bool) -> None:
+        if not count:
             return
-        program["view_projection"].write(view_projection.T.astype(np.float32).tobytes())
-        program["model"].write(model.T.astype(np.float32).tobytes())
-        split = self.one_sided_indices if cull else 0
-        if split:
+        if cull:
             self.ctx.enable(self.ctx.CULL_FACE)
-            vertices.render(moderngl.TRIANGLES, vertices=split)
-        self.ctx.disable(self.ctx.CULL_FACE)
-        if self.indices > split:
-            vertices.render(moderngl.TRIANGLES, vertices=self.indices - split, first=split)
+        else:
+            self.ctx.disable(self.ctx.CULL_FACE)
+        vertices.render(moderngl.TRIANGLES, vertices=count, first=first)
 
     def rectangle(self, to_clip: np.ndarray, size: tuple[int, int], margin: float) -> tuple[int, int, int, int]:
         """Return (x, y, width, height) in pixels that hold the object; everything where it reaches behind the eye."""
@@ -205,7 +253,7 @@ class _Object:
         return (int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1]))
 
     def release(self) -> None:
-        for thing in (self.lit, self.marked, *self._owned):
+        for thing in reversed(self._owned):
             thing.release()
 
 
@@ -236,6 +284,32 @@ class _Targets:
             thing.release()
 
 
-def _program(ctx, vertex: str, fragment: str):
+def _runs(mesh: DrawMesh) -> tuple[np.ndarray, list[_Run]]:
+    """Return an order of the triangles, and what to draw of them at once: by side, texture, and emission under it."""
+    corner = mesh.triangles[:, 0]
+    kind = (mesh.back[corner] >= 0).astype(np.int64)
+    if mesh.texture is not None:
+        under = np.where((mesh.texture >= 0)[:, None], mesh.emission, 0.0)[corner]
+        glow = np.unique(under, axis=0, return_inverse=True)[1].reshape(-1) if under.any() else 0
+        textures = len(mesh.textures) + 1
+        kind = (kind * textures + mesh.texture[corner] + 1) * (np.max(glow) + 1) + glow
+    _, ones, counts = np.unique(kind, return_index=True, return_counts=True)
+    runs, first = [], 0
+    for one, count in zip(ones, counts, strict=True):
+        v = corner[one]
+        texture = None if mesh.texture is None or mesh.texture[v] < 0 else mesh.textures[mesh.texture[v]]
+        runs.append(_Run(first, 3 * int(count), bool(mesh.back[v] < 0), texture, tuple(mesh.emission[v])))
+        first += 3 * int(count)
+    return np.argsort(kind, kind="stable"), runs
+
+
+def _place(program, view_projection: np.ndarray, model: np.ndarray) -> None:
+    program["view_projection"].write(view_projection.T.astype(np.float32).tobytes())
+    program["model"].write(model.T.astype(np.float32).tobytes())
+
+
+def _program(ctx, vertex: str, fragment: str, define: str | None = None):
     read = [resources.files("shaders").joinpath(name).read_text("utf-8") for name in (vertex, fragment)]
+    if define:
+        read = [text.replace("\n", f"\n#define {define}\n", 1) for text in read]  # #version must stay first
     return ctx.program(vertex_shader=read[0], fragment_shader=read[1])

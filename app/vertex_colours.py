@@ -1,7 +1,8 @@
 """What is drawn: each object's vertices split where their light or paint differs, and their colours.
 
-One mesh vertex is drawn once for every combination of front receiver, back receiver, reflectance and
-emission that meets there; colours are linear radiance, one for each side.
+One mesh vertex is drawn once for every combination of front receiver, back receiver, reflectance, emission
+and place in a texture that meets there; colours are linear radiance, one for each side. Where there is a
+texture they are the radiance before it: E / pi times what multiplies the texture, without emission.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.radiosity import exitant_radiance
+from gi_core.scene.texture_filter import mean_texels
+from gi_core.scene.types import Paint, Texture
 from gi_core.surfaces import Surfaces
 
 
@@ -21,8 +24,12 @@ class DrawMesh(NamedTuple):
     triangles: np.ndarray  # (F, 3) int32, into positions
     front: np.ndarray  # (D,) int32 receiver on the front
     back: np.ndarray  # (D,) int32 receiver on the back, -1 where one-sided
-    reflectance: np.ndarray  # (D, 3) float64 rho
+    reflectance: np.ndarray  # (D, 3) float64 rho, or what multiplies the texture
     emission: np.ndarray  # (D, 3) float64 Le [W/m2/sr]
+    textures: tuple[Texture, ...] = ()  # none: the three below are None
+    texture: np.ndarray | None = None  # (D,) int32 into textures, -1: none; a triangle's vertices agree
+    uv: np.ndarray | None = None  # (D, 2) float32
+    texel: np.ndarray | None = None  # (D, 3) float64, mean of the texture round the vertex, 1 where none
 
 
 def draw_meshes(surfaces: Surfaces) -> tuple[DrawMesh, ...]:
@@ -34,24 +41,50 @@ def _draw_mesh(surfaces: Surfaces, o: int) -> DrawMesh:
     faces = surfaces.faces[o]
     of = slice(int(surfaces.first_face[o]), int(surfaces.first_face[o + 1]))
     front, back = surfaces.corner_front[of].reshape(-1), surfaces.corner_back[of].reshape(-1)
-    paint = np.concatenate([surfaces.reflectance[of], surfaces.emission[of]], axis=1)
     corner = faces.reshape(-1)
     if not len(corner):
         none = np.zeros(0, np.int32)
         return DrawMesh(np.zeros((0, 3), np.float32), faces, none, none, np.zeros((0, 3)), np.zeros((0, 3)))
 
+    paint, emission = surfaces.paint[o], surfaces.emission[of]
+    if paint is None:
+        reflectance = np.repeat(surfaces.reflectance[of], 3, axis=0)
+        plain = np.concatenate([surfaces.reflectance[of], emission], axis=1)
+        kind = np.repeat(np.unique(plain, axis=0, return_inverse=True)[1].reshape(-1), 3)
+    else:
+        reflectance = paint.corner_colour.reshape(-1, 3).astype(np.float64)
+        kind = _painted_kind(paint, np.unique(emission, axis=0, return_inverse=True)[1].reshape(-1))
     # Pair the columns two by two: a four-column unique of a large mesh sorts ten times slower.
-    kind = np.unique(paint, axis=0, return_inverse=True)[1].reshape(-1)
-    key = _pair(_pair(corner, front), _pair(back, np.repeat(kind, 3)))
+    key = _pair(_pair(corner, front), _pair(back, kind))
     _, first, draw = np.unique(key, return_index=True, return_inverse=True)
-    return DrawMesh(
+    mesh = DrawMesh(
         positions=surfaces.vertices[o][corner[first]].astype(np.float32),
         triangles=draw.reshape(-1, 3).astype(np.int32),
         front=front[first].astype(np.int32),
         back=back[first].astype(np.int32),
-        reflectance=paint[first // 3, :3],
-        emission=paint[first // 3, 3:],
+        reflectance=reflectance[first],
+        emission=emission[first // 3],
     )
+    if paint is None or not (paint.face_texture >= 0).any():
+        return mesh
+    count = np.bincount(draw.reshape(-1), minlength=len(first))
+    texels = np.repeat(mean_texels(paint), 3, axis=0)
+    return mesh._replace(
+        textures=paint.textures,
+        texture=paint.face_texture[first // 3].astype(np.int32),
+        uv=np.ascontiguousarray(paint.corner_uv.reshape(-1, 2)[first], np.float32),
+        texel=np.stack([np.bincount(draw.reshape(-1), texels[:, k]) / count for k in range(3)], axis=1),
+    )
+
+
+def _painted_kind(paint: Paint, emission: np.ndarray) -> np.ndarray:
+    """Number the corners (3 F,) so that equal ones look equal; emission is numbered by face (F,)."""
+    kind = np.repeat(_pair(emission, paint.face_texture), 3)
+    colour, uv = (np.ascontiguousarray(c, np.float32) for c in (paint.corner_colour, paint.corner_uv))
+    bits = [*colour.reshape(-1, 3).view(np.int32).T, uv.reshape(-1, 2).view(np.int64)[:, 0]]
+    for column in bits:
+        kind = _pair(kind, np.unique(column, return_inverse=True)[1].reshape(-1))
+    return kind
 
 
 def _pair(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -64,15 +97,27 @@ def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = Tru
     """Return linear radiance (D, 3) float32 of the front and of the back of each draw vertex.
 
     `irradiance` (R, 3) [W/m2]. The front shows rho E / pi + Le, the back rho E / pi and nothing where the
-    face is one-sided. Without reflectance both show E / pi: every surface as if it were perfectly white.
+    face is one-sided; under a texture both lack the texture's factor, and Le. Without reflectance both show
+    E / pi: every surface as if it were perfectly white.
     """
     E_front = irradiance[draw.front]
     one_sided = draw.back < 0
     E_back = irradiance[draw.back]  # -1 reads the last receiver: blanked below
     E_back[one_sided] = 0.0
     if with_reflectance:
-        front = exitant_radiance(E_front, draw.reflectance, draw.emission)
+        emission = draw.emission
+        if draw.texture is not None:
+            emission = np.where((draw.texture < 0)[:, None], emission, 0.0)
+        front = exitant_radiance(E_front, draw.reflectance, emission)
         back = exitant_radiance(E_back, draw.reflectance, 0.0)
     else:
         front, back = exitant_radiance(E_front, 1.0, 0.0), exitant_radiance(E_back, 1.0, 0.0)
     return front.astype(np.float32), back.astype(np.float32)
+
+
+def mean_radiance(draw: DrawMesh, front: np.ndarray, back: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return `colours` (with reflectance) as seen from afar: times the mean of the texture, emission included."""
+    if draw.texture is None:
+        return front, back
+    glow = np.where((draw.texture < 0)[:, None], 0.0, draw.emission)
+    return front * draw.texel + glow, back * draw.texel

@@ -205,6 +205,7 @@ class Viewport:
             # Where a move takes longer than a frame, the line shows where the object is going.
             matrix(s.poses[s.solver.scene.mobiles[marked - 1].name]) if marked > 0 else None,
             OUTLINE_PIXELS * imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y,
+            textured=s.settings.show == "radiance",
         )
 
     def draw(self, renderer: Renderer, samples: int) -> None:

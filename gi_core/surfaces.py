@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.receivers import Receivers, build_receivers
-from gi_core.scene.types import Mesh, Scene
+from gi_core.scene.texture_filter import mean_colours
+from gi_core.scene.types import Mesh, Paint, Scene
 
 
 class Surfaces(NamedTuple):
@@ -28,6 +29,7 @@ class Surfaces(NamedTuple):
     corner_back: np.ndarray  # (F, 3) int32, on the back; -1 where the face is one-sided
     patch: np.ndarray  # (F,) int32, connected smooth patch
     first_receiver: np.ndarray  # (objects + 1,) int64
+    paint: tuple[Paint | None, ...]  # an object: what `reflectance` is the mean of; None: nothing finer
 
     @property
     def objects(self) -> int:
@@ -54,7 +56,9 @@ def flatten(scene: Scene) -> tuple[Surfaces, Receivers]:
         built = build_receivers(mesh, normals, areas, two_sided)
         front = built.corner_front + receiver_count
         back = np.where(built.corner_back >= 0, built.corner_back + receiver_count, -1)
-        reflectance = mesh.face_reflectance if mesh.face_reflectance is not None else rho[mesh.face_material]
+        reflectance = mesh.face_reflectance
+        if reflectance is None:
+            reflectance = rho[mesh.face_material] if mesh.paint is None else mean_colours(mesh.paint)
         parts.append(
             (normals, areas, reflectance, Le[mesh.face_material], two_sided, front, back, built.patch + patch_count)
         )
@@ -78,6 +82,7 @@ def flatten(scene: Scene) -> tuple[Surfaces, Receivers]:
         corner_back=back.astype(np.int32),
         patch=patch.astype(np.int32),
         first_receiver=_offsets([len(r.positions) for r in receivers]),
+        paint=tuple(m.paint for m in meshes),
     )
     return surfaces, Receivers(*(np.concatenate(c) for c in zip(*receivers, strict=True)))
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from gi_core.receivers import weld
 from gi_core.scene.errors import SceneError
-from gi_core.scene.types import Mesh
+from gi_core.scene.types import Mesh, Paint
 from gi_core.surfaces import face_normals
 
 GROWTH = 4.0  # outside the core an edge may be as long as its distance from it over this
@@ -28,8 +28,8 @@ def tessellate(
     `core`: corners (low, high) of a box; outside it the allowed length grows with the distance, so
     that a ground plane far away stays coarse. `thinnest` [m]: faces lower than that ask for no split (they
     are split where a neighbour asks): mouldings would use up the receivers that walls need.
-    Vertices of one place become one. Corner normals are
-    interpolated, materials and face reflectances carried along.
+    Vertices of one place become one. Corner normals and paint are interpolated, materials and face
+    reflectances carried along.
 
     Raises SceneError if that makes more than MOST_FACES triangles.
     """
@@ -46,7 +46,9 @@ def tessellate(
         raise _too_many(max_edge)
     # Asked of the whole face, so that an edge never changes its mind while its faces are cut.
     asks = _heights(points, place[mesh.faces]) >= thinnest
-    done, done_source, done_normals = [], [], []
+    # Where the corners lie in the face of the file: halves of halves, without any rounding.
+    inside = None if mesh.paint is None else np.broadcast_to(np.eye(3), (len(faces), 3, 3))
+    done, done_source, done_normals, done_inside = [], [], [], []
     total = 0
     while len(faces):
         # Mark the long edges: edge k runs from corner k to corner k + 1.
@@ -62,6 +64,7 @@ def tessellate(
         done.append(faces[rest])
         done_source.append(source[rest])
         done_normals.append(None if normals is None else normals[rest])
+        done_inside.append(None if inside is None else inside[rest])
         total += int(rest.sum())
         split = ~rest
         faces, source, pattern, long = faces[split], source[split], pattern[split], long[split]
@@ -78,7 +81,11 @@ def tessellate(
         # Cut each face by the template of its marks.
         slots = np.concatenate([faces, middle], axis=1)
         slot_normals = None if normals is None else _with_middles(normals[split])
-        faces, source, normals = _cut(slots, source, slot_normals, pattern, points)
+        slot_inside = None
+        if inside is not None:
+            inside = inside[split]
+            slot_inside = np.concatenate([inside, 0.5 * (inside + np.roll(inside, -1, axis=1))], axis=1)
+        faces, source, normals, inside = _cut(slots, source, slot_normals, slot_inside, pattern, points)
         if total + len(faces) > MOST_FACES:
             raise _too_many(max_edge)
     source = np.concatenate(done_source)
@@ -88,7 +95,18 @@ def tessellate(
         mesh.face_material[source],
         None if mesh.corner_normals is None else np.concatenate(done_normals),
         None if mesh.face_reflectance is None else mesh.face_reflectance[source],
+        None if mesh.paint is None else _painted(mesh.paint, source, np.concatenate(done_inside)),
     )
+
+
+def _painted(paint: Paint, source: np.ndarray, inside: np.ndarray) -> Paint:
+    """Return the paint of pieces of faces `source`, whose corners have weights (n, 3, 3) of the corners there."""
+    columns = []
+    for column in (paint.corner_uv, paint.corner_colour):
+        at = column[source].astype(np.float64)
+        # Term by term: a matrix product may round otherwise from one machine to the next.
+        columns.append(sum(inside[:, :, k, None] * at[:, k, None] for k in range(3)).astype(np.float32))
+    return Paint(paint.textures, paint.face_texture[source], *columns)
 
 
 def _too_many(max_edge: float) -> SceneError:
@@ -108,16 +126,17 @@ def refine_to(mesh: Mesh, materials, most: int, core, size: float) -> tuple[Mesh
         return float(sided[m.face_material].sum()) / 2  # a closed surface has half as many vertices as faces
 
     allowed = max(most, most + cost(mesh) if cost(mesh) > most / 4 else 0)
+    shape = Mesh(mesh.vertices, mesh.faces, mesh.face_material)  # where it is cut does not depend on the rest
     coarse, fine = float(size), float(size) * FINEST
-    best, edge = mesh, coarse
     for _ in range(BISECTIONS):
         middle = float(np.sqrt(coarse * fine))
-        tried = tessellate(mesh, middle, core, middle * THIN)
-        if cost(tried) <= allowed:
-            best, edge, coarse = tried, middle, middle
+        if cost(tessellate(shape, middle, core, middle * THIN)) <= allowed:
+            coarse = middle
         else:
             fine = middle
-    return best, edge
+    if coarse == float(size):
+        return mesh, coarse
+    return tessellate(mesh, coarse, core, coarse * THIN), coarse
 
 
 def _heights(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -165,8 +184,8 @@ TIP = [(4, 2, 5)]
 DIAGONALS = ([(0, 1, 4), (0, 4, 5)], [(0, 1, 5), (1, 4, 5)])
 
 
-def _cut(slots, source, normals, pattern, points):
-    faces_out, source_out, normals_out = [], [], []
+def _cut(slots, source, normals, inside, pattern, points):
+    faces_out, source_out, normals_out, inside_out = [], [], [], []
 
     def emit(rows, triangles):
         for t in triangles:
@@ -174,6 +193,8 @@ def _cut(slots, source, normals, pattern, points):
             source_out.append(source[rows])
             if normals is not None:
                 normals_out.append(normals[rows][:, t])
+            if inside is not None:
+                inside_out.append(inside[rows][:, t])
 
     for bits, triangles in TEMPLATES.items():
         emit(np.flatnonzero(pattern == bits), triangles)
@@ -191,4 +212,5 @@ def _cut(slots, source, normals, pattern, points):
         np.concatenate(faces_out),
         np.concatenate(source_out),
         None if normals is None else np.concatenate(normals_out),
+        None if inside is None else np.concatenate(inside_out),
     )

@@ -14,7 +14,9 @@ import numpy as np
 
 from gi_core.estimators import ESTIMATORS
 from gi_core.jit import cache_folder
-from gi_core.scene.types import Material, Mesh, Mobile, PointLight, Pose, Scene
+from gi_core.scene.texture_filter import lookup
+from gi_core.scene.texture_footprint import footprints
+from gi_core.scene.types import Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
 from gi_core.solver import Solver
 
 STAMP = "complete"
@@ -39,6 +41,7 @@ def compile_kernels() -> Iterator[Step]:
     yield Step(0, total, "photon tracing")
     solver = Solver(_tiny_scene(), "impact_count", photons=64, radius=0.1, neighbours=4)
     solver.solve()
+    _see_texture()
     for k, name in enumerate(ESTIMATORS, 1):
         yield Step(k, total, name)
         solver.configure(estimator=name)
@@ -57,7 +60,10 @@ def _tiny_scene() -> Scene:
     quad = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     vertices = np.concatenate([corners, corners + [0, 0, 1]])
     faces = np.concatenate([quad, quad[:, ::-1] + 4]).astype(np.int32)
-    static = Mesh(vertices, faces, np.array([0, 0, 1, 1], np.int32))
+    uv = np.broadcast_to(np.array([[0, 0], [1, 0], [1, 1]], np.float32), (4, 3, 2))
+    image = Texture(np.full((3, 3, 3), 128, np.uint8))
+    paint = Paint((image,), np.zeros(4, np.int32), uv, np.ones((4, 3, 3), np.float32))
+    static = Mesh(vertices, faces, np.array([0, 0, 1, 1], np.int32), paint=paint)
     mobile = Mobile("mobile", Mesh(0.5 * corners, quad, np.array([2, 2], np.int32)), Pose((0.0, 0.0, 0.5)))
     materials = (
         Material("floor"),
@@ -65,6 +71,14 @@ def _tiny_scene() -> Scene:
         Material("leaf", two_sided=True),
     )
     return Scene(static, materials, (mobile,), (PointLight("bulb", (0.0, 0.0, 0.9), (1.0, 1.0, 1.0)),), up=(0, 0, 1))
+
+
+def _see_texture() -> None:
+    """Look at one pixel of a texture: pictures without a window do."""
+    corners, uv = np.eye(3, dtype=np.float32)[None], np.zeros((1, 3, 2), np.float32)
+    one, ray = np.zeros(1), np.full((1, 3), 0.5, np.float32)
+    seen = footprints(corners, uv, np.zeros(1, np.int64), one, one, np.zeros(3), ray, np.eye(3))
+    lookup(Texture(np.full((3, 3, 3), 128, np.uint8)), *seen)
 
 
 if __name__ == "__main__":

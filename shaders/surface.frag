@@ -9,6 +9,13 @@ uniform vec3 unlit;      // display colour of a side that has no light by defini
 centroid in vec3 front_radiance;
 centroid in vec3 back_radiance;
 out vec4 colour;
+#ifdef TEXTURED
+uniform sampler2D image;    // sRGB, decoded before it is filtered
+uniform vec2 mirrored;      // 1 where the image is mirrored beyond its edges
+uniform float brightest;    // reflectance at most
+uniform vec3 emission;      // of the front, which the texture does not colour
+in vec2 uv;
+#endif
 
 vec3 tone_mapped(vec3 c) {
     if (tone_map == 1) c = c / (1.0 + dot(c, vec3(0.2126, 0.7152, 0.0722)));
@@ -22,6 +29,11 @@ vec3 srgb(vec3 c) {
 
 void main() {
     vec3 radiance = gl_FrontFacing ? front_radiance : back_radiance;
+#ifdef TEXTURED
+    vec2 at = mix(uv, 1.0 - abs(mod(uv, 2.0) - 1.0), mirrored);
+    vec3 paint = min(textureGrad(image, at, dFdx(uv), dFdy(uv)).rgb, brightest);
+    if (radiance.r >= -0.5) radiance = paint * radiance + (gl_FrontFacing ? emission : vec3(0.0));
+#endif
     if (radiance.r < -0.5) {
         colour = vec4(unlit, 1.0);
     } else {

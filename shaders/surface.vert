@@ -11,9 +11,18 @@ in vec3 back;   // the same; negative where the face is one-sided
 // Centroid: at a silhouette the plain interpolant reaches beyond the triangle and may turn negative.
 centroid out vec3 front_radiance;
 centroid out vec3 back_radiance;
+#ifdef TEXTURED
+in vec2 place;  // in the texture
+// Not centroid: a pixel's footprint can only be told from its middle to the next one's, and Mesa's centroid lies
+// far enough outside small triangles to show other parts of the image.
+out vec2 uv;
+#endif
 
 void main() {
     front_radiance = front;
     back_radiance = back;
+#ifdef TEXTURED
+    uv = place;
+#endif
     gl_Position = view_projection * (model * vec4(position, 1.0));
 }

@@ -18,7 +18,7 @@ BOX_FACES = np.array(
 )  # fmt: skip
 
 
-def write_glb(path, vertices, faces, normals=None, uv=None, material=None, node=None, **extra):
+def write_glb(path, vertices, faces, normals=None, uv=None, material=None, node=None, uv1=None, colours=None, **extra):
     """Write one primitive; `material`, `node` and `extra` go into the JSON as they are."""
     blob, views, accessors = b"", [], []
 
@@ -34,13 +34,18 @@ def write_glb(path, vertices, faces, normals=None, uv=None, material=None, node=
         attributes["NORMAL"] = store(np.asarray(normals, "<f4"), 5126, "VEC3")
     if uv is not None:
         attributes["TEXCOORD_0"] = store(np.asarray(uv, "<f4"), 5126, "VEC2")
+    if uv1 is not None:
+        attributes["TEXCOORD_1"] = store(np.asarray(uv1, "<f4"), 5126, "VEC2")
+    if colours is not None:
+        attributes["COLOR_0"] = store(np.asarray(colours, "<f4"), 5126, "VEC3")
     primitive = {"attributes": attributes, "indices": store(np.asarray(faces, "<u4").reshape(-1), 5125, "SCALAR")}
     image = extra.pop("image", None)
     if image is not None:
         blob += b"\0" * (-len(blob) % 4)
         views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": len(image)})
         blob += image
-        extra |= {"images": [{"bufferView": len(views) - 1, "mimeType": "image/png"}], "textures": [{"source": 0}]}
+        extra = {"textures": [{"source": 0}], **extra}
+        extra["images"] = [{"bufferView": len(views) - 1, "mimeType": "image/png"}]
     if material is not None:
         primitive["material"] = 0
         extra["materials"] = [material]

@@ -14,12 +14,14 @@ from gi_core.scene.types import (
     Material,
     Mesh,
     Mobile,
+    Paint,
     PointLight,
     Pose,
     Probe,
     Scene,
     SkyLight,
     SpotLight,
+    Texture,
 )
 
 __all__ = [
@@ -31,6 +33,7 @@ __all__ = [
     "Material",
     "Mesh",
     "Mobile",
+    "Paint",
     "PointLight",
     "Pose",
     "Probe",
@@ -38,6 +41,7 @@ __all__ = [
     "SceneError",
     "SkyLight",
     "SpotLight",
+    "Texture",
     "find_scene",
     "load_scene",
     "shipped_scenes",

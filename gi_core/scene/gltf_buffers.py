@@ -11,6 +11,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from gi_core.scene.errors import SceneError
+from gi_core.scene.texture_images import ImageError, find
 
 COMPONENT = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -65,15 +66,30 @@ class Document:
             return np.maximum(values / np.iinfo(dtype).max, -1.0)
         return values.astype(np.int64)
 
-    def image(self, index: int) -> bytes | None:
-        """Return the encoded bytes of an image, None if its file is missing."""
+    def image(self, index: int) -> bytes:
+        """Return the encoded bytes of an image. Raises ImageError, OSError."""
         image = self.json["images"][index]
         if "bufferView" in image:
             return bytes(self._view(image["bufferView"])[0])
-        try:
-            return self._uri(image["uri"])
-        except (OSError, ValueError):
-            return None
+        uri = image.get("uri", "")
+        if uri.startswith("data:"):
+            try:
+                return self._uri(uri)
+            except ValueError:
+                raise ImageError("is not a readable image") from None
+        folder = self.path.parent
+        return find([folder], folder, unquote(uri)).read_bytes()
+
+    def image_name(self, index: int) -> str:
+        """Return what an image is called in notes."""
+        image = self.json["images"][index]
+        uri = image.get("uri", "data:")
+        if not uri.startswith("data:"):
+            return unquote(uri)
+        return f"image {index}" + (f' "{image["name"]}"' if image.get("name") else "")
+
+    def no_image(self) -> bytes:
+        raise ImageError("names no image")
 
     def _strided(self, view: int, offset: int, dtype, width: int, count: int) -> np.ndarray:
         data, stride = self._view(view)

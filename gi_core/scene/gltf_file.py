@@ -6,18 +6,18 @@ and rounds colours to 8 bit. Light units are the format's: candela, lux, nits.
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 
 from gi_core.scene.errors import SceneError
-from gi_core.scene.file_parts import FileParts, Part, average_over_triangles, open_image, srgb_to_linear
+from gi_core.scene.file_parts import FileParts, Part
 from gi_core.scene.gltf_buffers import Document
 from gi_core.scene.gltf_lights import node_camera, node_light
+from gi_core.scene.texture_images import MISSING, Images
+from gi_core.scene.texture_levels import mean_linear
 from gi_core.scene.types import Material
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
-CLAMP_TO_EDGE = 33071
+WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 
 
 def read_gltf(path, where: str) -> FileParts:
@@ -36,7 +36,7 @@ class _Reader:
         self.document = document
         self.json = document.json
         self.notes = document.notes
-        self.images = {}
+        self.images = Images()
         self.materials = [self._material(i, m) for i, m in enumerate(self.json.get("materials", []))]
         self.plain = None  # index of the material for primitives without one
         self.parts, self.lights, self.camera = [], [], None
@@ -67,7 +67,9 @@ class _Reader:
                 self.lights.append(light)
             if self.camera is None:
                 self.camera = node_camera(self.json, node, matrix)
-        return FileParts(self.parts, self.materials, self.lights, self.camera, "y", self.notes)
+        self.notes += self.images.notes()
+        textures = tuple(self.images.textures)
+        return FileParts(self.parts, self.materials, self.lights, self.camera, "y", self.notes, textures)
 
     def _primitive(self, node, matrix, primitive, what):
         mode = primitive.get("mode", TRIANGLES)
@@ -97,29 +99,32 @@ class _Reader:
                 self.plain = len(self.materials)
                 self.materials.append(Material("default"))
             index = self.plain
-        colour = self._colour(index, attributes, faces)
         normals = None if n is None else n[faces]
-        self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, colour))
+        paint = self._paint(index, attributes, faces)
+        self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, *paint))
 
-    def _colour(self, index, attributes, faces):
-        """Return colours a face (F, 3) from texture and vertex colours, None where the factor says it all."""
+    def _paint(self, index, attributes, faces):
+        """Return corner colours, face textures and corner coordinates of a part, None each where there are none."""
         described = self.json["materials"][index] if index < len(self.json.get("materials", [])) else {}
-        texture = described.get("pbrMetallicRoughness", {}).get("baseColorTexture")
+        reference = described.get("pbrMetallicRoughness", {}).get("baseColorTexture")
         factor = np.array(self.materials[index].reflectance)
-        colour = None
-        if texture is not None:
-            image, clamp = self._image(texture["index"])
-            channel = texture.get("texCoord", 0)
-            transform = texture.get("extensions", {}).get("KHR_texture_transform", {})
-            name = f"TEXCOORD_{transform.get('texCoord', channel)}"
-            if image is not None and name in attributes:
-                uv = _transform_uv(self.document.accessor(attributes[name]), transform)
-                colour = factor * average_over_triangles(image, uv[faces], clamp)
+        colour = texture = uv = None
+        if reference is not None:
+            transform = reference.get("extensions", {}).get("KHR_texture_transform", {})
+            name = f"TEXCOORD_{transform.get('texCoord', reference.get('texCoord', 0))}"
+            found = self._texture(reference["index"])
+            if found is None:
+                factor = factor * MISSING
+                colour = np.broadcast_to(factor, (*faces.shape, 3))
+            elif name in attributes:
+                colour = np.broadcast_to(factor, (*faces.shape, 3))
+                texture = np.full(len(faces), found)
+                uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
         if "COLOR_0" in attributes:
             vertex = self.document.accessor(attributes["COLOR_0"])[:, :3]
             if np.abs(vertex - 1).max(initial=0) > 1e-3:
-                colour = (factor if colour is None else colour) * np.clip(vertex[faces].mean(axis=1), 0, 1)
-        return colour
+                colour = factor * np.clip(vertex[faces], 0, 1)
+        return colour, texture, uv
 
     def _material(self, i: int, m: dict) -> Material:
         pbr = m.get("pbrMetallicRoughness", {})
@@ -128,27 +133,32 @@ class _Reader:
         emission = np.array(m.get("emissiveFactor", [0, 0, 0]), np.float64)
         emission = emission * extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         if "emissiveTexture" in m and emission.any():
-            image, _ = self._image(m["emissiveTexture"]["index"])
+            otherwise = "lamps emit evenly where an emissive texture is missing"
+            image = self.images.pixels(*self._image(m["emissiveTexture"]["index"]), otherwise)
             if image is not None:
-                emission = emission * srgb_to_linear(image / 255.0).mean(axis=(0, 1))
+                emission = emission * mean_linear(image)
                 self.notes.append(f'material "{name}": emits the mean colour of its emissive texture')
         if m.get("alphaMode", "OPAQUE") != "OPAQUE" or "KHR_materials_transmission" in extensions:
             self.notes.append(f'material "{name}" is transparent in the file: taken as opaque')
         base = tuple(float(c) for c in pbr.get("baseColorFactor", [1, 1, 1, 1])[:3])
         return Material(name, base, tuple(float(e) for e in emission), bool(m.get("doubleSided", False)))
 
+    def _texture(self, index: int) -> int | None:
+        """Return the index of a texture among those read, None if it cannot be."""
+        sampler = self.json["textures"][index].get("sampler")
+        described = {} if sampler is None else self.json["samplers"][sampler]
+        wrap = tuple(WRAPS.get(described.get(axis), "repeat") for axis in ("wrapS", "wrapT"))
+        return self.images.texture(*self._image(index), wrap)
+
     def _image(self, texture: int):
-        """Return the pixels of a texture (None if unreadable) and whether it clamps at its edges."""
+        """Return the name of a texture's image and what reads its bytes."""
         described = self.json["textures"][texture]
-        sampler = described.get("sampler")
-        clamp = sampler is not None and self.json["samplers"][sampler].get("wrapS") == CLAMP_TO_EDGE
-        source = described.get("source")
-        if source not in self.images:
-            data = None if source is None else self.document.image(source)
-            self.images[source] = None if data is None else open_image(io.BytesIO(data))
-            if self.images[source] is None:
-                self.notes.append(f"texture {texture} not readable: the plain colour is used instead")
-        return self.images[source], clamp
+        # Some files name the image by an extension for its format alone: Pillow reads most of them.
+        extended = (e["source"] for e in described.get("extensions", {}).values() if "source" in e)
+        source = described.get("source", next(extended, None))
+        if source is None:
+            return f"texture {texture}", self.document.no_image
+        return self.document.image_name(source), lambda: self.document.image(source)
 
     def _skinned(self, skin: int, attributes, p, n):
         """Return positions and normals in the pose that the file's nodes hold: the rest pose."""

@@ -13,6 +13,7 @@ from gi_core.scene.errors import SceneError
 from gi_core.scene.find import find_scene
 from gi_core.scene.materials_table import check_used, override, single
 from gi_core.scene.mesh_file import SUFFIXES, MeshFile, read_mesh_file
+from gi_core.scene.paint import join_paints
 from gi_core.scene.toml_file import UP, SceneFile, StaticEntry, read_scene_file
 from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Scene
 from gi_core.tessellation import refine_to, tessellate
@@ -195,6 +196,7 @@ def join(meshes: list[Mesh], materials) -> Mesh:
         np.concatenate([m.face_material for m in meshes]).astype(np.int32),
         normals,
         colours,
+        join_paints(meshes, materials),
     )
 
 

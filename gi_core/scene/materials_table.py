@@ -38,13 +38,20 @@ def overridden(material: Material, table: Table | None) -> Material:
 
 
 def override(mesh: Mesh, materials: list[Material], tables: dict[str, Table]) -> tuple[Mesh, list[Material]]:
-    """Apply the tables to a mesh and its materials, texture averages included."""
+    """Apply the tables to a mesh and its materials: a reflectance written there replaces textures."""
     if mesh.face_reflectance is not None:
         colours = mesh.face_reflectance.copy()
         for i, m in enumerate(materials):
             if m.name in tables and "reflectance" in tables[m.name]:
                 colours[mesh.face_material == i] = tables[m.name].vector("reflectance")
         mesh = mesh._replace(face_reflectance=colours)
+    if mesh.paint is not None:
+        texture, colour = mesh.paint.face_texture.copy(), mesh.paint.corner_colour.copy()
+        for i, m in enumerate(materials):
+            if m.name in tables and "reflectance" in tables[m.name]:
+                texture[mesh.face_material == i] = -1
+                colour[mesh.face_material == i] = tables[m.name].vector("reflectance")
+        mesh = mesh._replace(paint=mesh.paint._replace(face_texture=texture, corner_colour=colour))
     return mesh, [overridden(m, tables.get(m.name)) for m in materials]
 
 
@@ -55,7 +62,8 @@ def single(mesh: Mesh, name: str, materials: list[Material], tables: dict[str, T
         known = sorted({*tables, *(m.name for m in materials)})
         raise SceneError(f'{where}: there is no material "{name}"; {nearest(name, known)}')
     material = overridden(found or Material(name), tables.get(name))
-    return mesh._replace(face_material=np.zeros(len(mesh.faces), np.int32), face_reflectance=None), [material]
+    plain = mesh._replace(face_material=np.zeros(len(mesh.faces), np.int32), face_reflectance=None, paint=None)
+    return plain, [material]
 
 
 def check_used(tables: dict[str, Table], used: set[str]) -> None:

@@ -12,15 +12,17 @@ import numpy as np
 
 from gi_core.receivers import build_receivers, weld
 from gi_core.scene.errors import SceneError
-from gi_core.scene.file_parts import FileParts, Part, srgb_to_linear
+from gi_core.scene.file_parts import FileParts, Part
 from gi_core.scene.gltf_file import read_gltf
 from gi_core.scene.obj_file import read_obj
-from gi_core.scene.types import Camera, Light, Material, Mesh
+from gi_core.scene.paint import rows_of
+from gi_core.scene.texture_filter import MOST_REFLECTANCE
+from gi_core.scene.texture_levels import srgb_to_linear
+from gi_core.scene.types import Camera, Light, Material, Mesh, Paint
 from gi_core.scene.winding import faces_to_turn, with_turned
 from gi_core.surfaces import face_normals
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-MOST_REFLECTANCE = 0.98  # a reflectance of 1 would keep light in a closed room for ever
 DEGENERATE = 1e-7  # of the mesh's extent: a face lower than that is a line (float32 files cannot say it better)
 OPPOSED = 0.1  # cosine to the geometric normal below which a file's normal is not believed
 MOST_WRONG = 0.1  # share of such faces beyond which no normal of the part is believed
@@ -69,9 +71,9 @@ def _read_with_trimesh(path: Path, where: str) -> FileParts:
     vertices = np.asarray(getattr(mesh, "vertices", ()), np.float64).reshape(-1, 3)
     colours = None
     if len(faces) and mesh.visual.kind == "face":
-        colours = srgb_to_linear(np.asarray(mesh.visual.face_colors)[:, :3] / 255.0)
+        colours = srgb_to_linear(np.asarray(mesh.visual.face_colors)[:, None, :3] / 255.0).repeat(3, axis=1)
     elif len(faces) and mesh.visual.kind == "vertex":
-        colours = srgb_to_linear(np.asarray(mesh.visual.vertex_colors)[:, :3] / 255.0)[faces].mean(axis=1)
+        colours = srgb_to_linear(np.asarray(mesh.visual.vertex_colors)[:, :3] / 255.0)[faces]
     part = Part(vertices, faces, np.zeros(len(faces), np.int64), None, colours)
     return FileParts([part], [Material(path.stem, two_sided=True)], [], None, "z", [])
 
@@ -79,7 +81,8 @@ def _read_with_trimesh(path: Path, where: str) -> FileParts:
 def _clean(read: FileParts, where: str) -> MeshFile:
     notes = list(read.notes)
     parts = [p for p in read.parts if len(p.faces)]
-    plain = {int(i) for p in parts if p.reflectance is None for i in np.unique(p.material)}
+    painted = [np.ones(len(p.faces), bool) if p.corner_colour is not None else _textured(p) for p in parts]
+    plain = {int(i) for p, rows in zip(parts, painted, strict=True) for i in np.unique(p.material[~rows])}
     materials = _clamped(read.materials, plain, notes)
     if not parts:
         raise SceneError(f"{where}: the mesh has no triangles; a scene needs at least one")
@@ -105,7 +108,7 @@ def _clean(read: FileParts, where: str) -> MeshFile:
     mesh = Mesh(vertices, faces[keep].astype(np.int32), material[keep].astype(np.int32))
     mesh = mesh._replace(
         corner_normals=_corner_normals(mesh, parts, part_of[keep], keep, notes),
-        face_reflectance=_face_reflectance(parts, materials, material, keep),
+        paint=rows_of(_paint(read, parts, materials), keep),
     )
     return MeshFile(compact(mesh), materials, list(read.lights), read.camera, read.up, notes)
 
@@ -212,12 +215,31 @@ def crease_corner_normals(mesh: Mesh) -> np.ndarray:
     return built.receivers.normals[built.corner_front]
 
 
-def _face_reflectance(parts, materials, material, keep):
-    if all(p.reflectance is None for p in parts):
+def _textured(part: Part) -> np.ndarray:
+    return np.zeros(len(part.faces), bool) if part.face_texture is None else part.face_texture >= 0
+
+
+def _paint(read: FileParts, parts: list[Part], materials: list[Material]) -> Paint | None:
+    """Return the colours of all faces of all parts, None if the materials say them all."""
+    if all(p.corner_colour is None and not _textured(p).any() for p in parts):
         return None
-    plain = np.array([m.reflectance for m in materials])[material]
-    rows = np.cumsum([0, *(len(p.faces) for p in parts)])
-    for i, p in enumerate(parts):
-        if p.reflectance is not None:
-            plain[rows[i] : rows[i + 1]] = p.reflectance
-    return np.clip(plain[keep], 0.0, MOST_REFLECTANCE)
+    rho = np.array([m.reflectance for m in materials], np.float32)
+    texture, uv, colour = [], [], []
+    for p in parts:
+        n, textured = len(p.faces), _textured(p)
+        texture.append(np.where(textured, p.face_texture, -1) if textured.any() else np.full(n, -1))
+        placed = np.zeros((n, 3, 2), np.float32)
+        if p.corner_uv is not None:
+            placed[textured] = np.nan_to_num(p.corner_uv[textured])
+        uv.append(placed)
+        plain = np.repeat(rho[p.material][:, None], 3, axis=1)
+        plain[textured] = 1.0
+        given = plain if p.corner_colour is None else np.nan_to_num(p.corner_colour)
+        # The texture brings a limit of its own.
+        colour.append(np.clip(given, 0, np.where(textured, 1.0, MOST_REFLECTANCE)[:, None, None]))
+    return Paint(
+        read.textures,
+        np.concatenate(texture).astype(np.int32),
+        np.concatenate(uv),
+        np.concatenate(colour).astype(np.float32),
+    )

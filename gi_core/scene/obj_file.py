@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from gi_core.scene.errors import SceneError
-from gi_core.scene.file_parts import FileParts, Part, average_over_triangles, open_image
+from gi_core.scene.file_parts import FileParts, Part
+from gi_core.scene.texture_images import MISSING, Images, find
+from gi_core.scene.texture_levels import mean_linear
 from gi_core.scene.types import Material
 
 NO_MATERIAL = "default"
@@ -25,7 +27,7 @@ def read_obj(path: Path, where: str) -> FileParts:
         raise SceneError(f"{where}: the mesh file cannot be read: {error.strerror or error}") from None
     v, vt, vn = [], [], []
     corners, normal_corners, uv_corners, face_material = [], [], [], []
-    library, names, current, notes = {}, {}, None, []
+    library, names, current, notes, images = {}, {}, None, [], Images()
     for number, line in enumerate(text.replace("\\\n", " ").split("\n"), 1):
         word, rest = [*line.split(None, 1), "", ""][:2]
         try:
@@ -48,7 +50,7 @@ def read_obj(path: Path, where: str) -> FileParts:
             elif word == "usemtl":
                 current = names.setdefault(rest.strip() or NO_MATERIAL, len(names))
             elif word == "mtllib":
-                library.update(_read_library(path, rest.strip(), notes))
+                library.update(_read_library(path, rest.strip(), notes, images))
         except (ValueError, IndexError) as error:
             raise SceneError(f"{where}: line {number} is not OBJ ({error}): {line.strip()[:60]!r}") from None
     vertices = np.array(v, np.float64).reshape(-1, 3)
@@ -61,17 +63,23 @@ def read_obj(path: Path, where: str) -> FileParts:
     ids = np.array(normal_corners, np.int64).reshape(-1, 3)
     normals = np.array(vn, np.float64)[ids] if len(vn) and len(ids) and ids.min() >= 0 else None
     uv_ids = np.array(uv_corners, np.int64).reshape(-1, 3)
-    reflectance = _textures(names, library, material, np.array(vt, np.float64).reshape(-1, 2), uv_ids, materials)
-    return FileParts([Part(vertices, faces, material, normals, reflectance)], materials, [], None, "y", notes)
+    texture, uv = _texture_coordinates(names, library, material, np.array(vt, np.float64).reshape(-1, 2), uv_ids)
+    part = Part(vertices, faces, material, normals, None, texture, uv)
+    return FileParts([part], materials, [], None, "y", notes + images.notes(), tuple(images.textures))
 
 
 class _Entry:
+    """A material of an MTL file."""
+
     def __init__(self, name: str):
-        self.name, self.kd, self.ke, self.image = name, (0.7, 0.7, 0.7), (0.0, 0.0, 0.0), None
+        self.name, self.kd, self.ke = name, (0.7, 0.7, 0.7), (0.0, 0.0, 0.0)
+        self.texture: int | None = None  # into Images.textures
+        self.missing = False  # the texture
+        self.scale, self.offset = (1.0, 1.0), (0.0, 0.0)  # of texture coordinates, v upwards
 
     @property
     def material(self) -> Material:
-        return Material(self.name, self.kd, self.ke, two_sided=True)
+        return Material(self.name, (MISSING,) * 3 if self.missing else self.kd, self.ke, two_sided=True)
 
 
 def _numbers(text: str, n: int) -> list[float]:
@@ -98,7 +106,7 @@ def _corner(text: str, v: int, vt: int, vn: int) -> tuple[int, int, int]:
     return tuple(result)
 
 
-def _read_library(obj: Path, name: str, notes: list[str]) -> dict[str, _Entry]:
+def _read_library(obj: Path, name: str, notes: list[str], images: Images) -> dict[str, _Entry]:
     # Exporters write the path of their own machine: the file's bare name beside the OBJ comes next.
     tries = [obj.parent / name, obj.parent / name.replace("\\", "/").rpartition("/")[2], obj.with_suffix(".mtl")]
     found = next((p for p in tries if p.is_file()), None)
@@ -115,25 +123,64 @@ def _read_library(obj: Path, name: str, notes: list[str]) -> dict[str, _Entry]:
         elif entry is not None and words[0] in ("Kd", "Ke") and len(words) > 1 and words[1] not in ("spectral", "xyz"):
             colour = tuple(max(0.0, float(x)) for x in (words[1:] * 3)[:3])
             setattr(entry, words[0].lower(), colour)
-        elif entry is not None and words[0] == "map_Kd":
-            file = line.split(None, 1)[1].strip().split(" ")[-1].replace("\\", "/")
-            image = next(
-                (p for p in (found.parent / file, found.parent / file.rpartition("/")[2]) if p.is_file()), None
-            )
-            entry.image = open_image(image) if image else None
-            if entry.image is None:
-                notes.append(f"texture {file} of material {entry.name} not readable: its colour is used instead")
+        elif entry is not None and words[0] in ("map_Kd", "map_Ke") and len(words) > 1:
+            _read_map(entry, words, images, [found.parent, obj.parent], obj.parent, notes)
     return entries
 
 
-def _textures(names, library, material, vt, uv_ids, materials) -> np.ndarray | None:
-    textured = [(i, library[n].image) for n, i in names.items() if n in library and library[n].image is not None]
+MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-mm": 2, "-boost": 1, "-texres": 1, "-imfchan": 1, "-type": 1}
+
+
+def _read_map(entry: _Entry, words, images: Images, folders: list[Path], inside: Path, notes: list[str]) -> None:
+    """Read the texture of a line `map_Kd -s 2 2 -clamp on wood.png`, options in any order, spaces in the name."""
+    rest, wrap = list(words[1:]), "repeat"
+    while rest and rest[0].startswith("-") and len(rest) > 1:
+        option = rest.pop(0)
+        if option in ("-s", "-o", "-t"):
+            numbers = []
+            while len(rest) > 1 and len(numbers) < 3 and _is_number(rest[0]):
+                numbers.append(float(rest.pop(0)))
+            pair = tuple((numbers + [1.0 if option == "-s" else 0.0] * 2)[:2])
+            if words[0] == "map_Kd" and option != "-t":
+                setattr(entry, "scale" if option == "-s" else "offset", pair)
+        elif option == "-clamp":
+            wrap = "clamp" if rest.pop(0) == "on" else "repeat"
+        else:
+            del rest[: min(MAP_OPTIONS.get(option, 0), len(rest) - 1)]
+    name = " ".join(rest)
+
+    def load() -> bytes:
+        return find(folders, inside, name).read_bytes()
+
+    if words[0] == "map_Kd":
+        entry.texture = images.texture(name, load, (wrap, wrap))
+        entry.missing = entry.texture is None
+        return
+    image = images.pixels(name, load, "lamps emit evenly where an emissive texture is missing")
+    if image is not None:
+        strength = np.array(entry.ke if any(entry.ke) else (1.0, 1.0, 1.0))
+        entry.ke = tuple(float(c) for c in strength * mean_linear(image))
+        notes.append(f'material "{entry.name}": emits the mean colour of its emissive texture')
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return np.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def _texture_coordinates(names, library, material, vt, uv_ids):
+    """Return the texture (F,) and the corner coordinates (F, 3, 2), v downwards, of each face; None for no texture.
+
+    The texture replaces Kd: exporters leave Kd at anything, black included, where a map is given.
+    """
+    textured = [(i, library[n]) for n, i in names.items() if n in library and library[n].texture is not None]
     if not textured or not len(vt):
-        return None
-    reflectance = np.array([m.reflectance for m in materials])[material]
-    for i, image in textured:
+        return None, None
+    texture, uv = np.full(len(material), -1), np.zeros((len(material), 3, 2))
+    for i, entry in textured:
         rows = np.flatnonzero((material == i) & (uv_ids.min(axis=1) >= 0))
-        uv = vt[uv_ids[rows]] * [1, -1] + [0, 1]  # OBJ counts v upwards
-        # The texture replaces Kd: exporters leave Kd at anything, black included, where a map is given.
-        reflectance[rows] = average_over_triangles(image, uv)
-    return reflectance
+        texture[rows] = entry.texture
+        uv[rows] = (vt[uv_ids[rows]] * entry.scale + entry.offset) * [1, -1] + [0, 1]  # OBJ counts v upwards
+    return texture, uv

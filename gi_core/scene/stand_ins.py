@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gi_core.pose import to_world
+from gi_core.scene.paint import join_paints
 from gi_core.scene.pilot import Box, Rays, spread
 from gi_core.scene.placement import floor_spot, horizontal
 from gi_core.scene.types import Camera, Material, Mesh, Scene
@@ -55,12 +56,14 @@ def _with_quad(scene: Scene, corners: np.ndarray, normal: np.ndarray) -> Mesh:
     m = scene.static
     faces = np.array([[0, 1, 2], [0, 2, 3]]) + len(m.vertices)
     normals, colours = m.corner_normals, m.face_reflectance
+    quad = Mesh(corners, faces, np.zeros(2, np.int32), None, np.zeros((2, 3)))
     return Mesh(
         np.concatenate([m.vertices, corners]),
         np.concatenate([m.faces, faces]).astype(np.int32),
         np.concatenate([m.face_material, [len(scene.materials)] * 2]).astype(np.int32),
         None if normals is None else np.concatenate([normals, np.broadcast_to(normal, (2, 3, 3))]),
         None if colours is None else np.concatenate([colours, np.zeros((2, 3))]),
+        join_paints([m, quad], scene.materials),
     )
 
 

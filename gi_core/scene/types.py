@@ -21,6 +21,23 @@ class Material(NamedTuple):
     two_sided: bool = False  # the back reflects and receives too
 
 
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """An image that colours a surface: its first row lies along v = 0, its first column along u = 0."""
+
+    pixels: np.ndarray  # (h, w, 3) uint8, sRGB
+    wrap: tuple[str, str] = ("repeat", "repeat")  # beyond 0..1 in u and in v: each "repeat", "mirror" or "clamp"
+
+
+class Paint(NamedTuple):
+    """Colours that vary within a face: rho at a point is the corner colour there times its texture there."""
+
+    textures: tuple[Texture, ...]
+    face_texture: np.ndarray  # (F,) int32 into textures, -1: none
+    corner_uv: np.ndarray  # (F, 3, 2) float32
+    corner_colour: np.ndarray  # (F, 3, 3) float32, linear, each in [0, 1]
+
+
 class Mesh(NamedTuple):
     """Triangles. The front of a face is the side of (v1-v0) x (v2-v0)."""
 
@@ -28,7 +45,8 @@ class Mesh(NamedTuple):
     faces: np.ndarray  # (F, 3) int32, into vertices
     face_material: np.ndarray  # (F,) int32, into Scene.materials
     corner_normals: np.ndarray | None = None  # (F, 3, 3) float64 unit; None: from crease angles
-    face_reflectance: np.ndarray | None = None  # (F, 3) float64; None: that of the material
+    face_reflectance: np.ndarray | None = None  # (F, 3) float64; None: the paint's mean, else the material's
+    paint: Paint | None = None  # None: each face of one colour
 
 
 class Pose(NamedTuple):

@@ -1,0 +1,48 @@
+"""Textures on the graphics card: each image once, however many objects wear it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import moderngl
+import numpy as np
+
+from gi_core.scene.texture_levels import levels
+from gi_core.scene.types import Texture
+
+SRGB8 = 0x8C41  # decoded to linear by the sampler, before filtering
+ANISOTROPY = 8.0  # samples at a grazing angle, as in `gi_core.scene.texture_filter`
+
+
+class GLTextures:
+    """Uploads textures and gives them back."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self._ctx = ctx
+        self._loaded: dict[Texture, moderngl.Texture] = {}
+        self._largest = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
+
+    def keep(self, textures: Iterable[Texture]) -> None:
+        """Have exactly these on the card."""
+        wanted = dict.fromkeys(textures)
+        for gone in [t for t in self._loaded if t not in wanted]:
+            self._loaded.pop(gone).release()
+        for texture in wanted:
+            if texture not in self._loaded:
+                self._loaded[texture] = self._upload(texture)
+
+    def of(self, texture: Texture) -> moderngl.Texture:
+        return self._loaded[texture]
+
+    def _upload(self, texture: Texture) -> moderngl.Texture:
+        pixels = texture.pixels
+        if max(pixels.shape[:2]) > self._largest:
+            pixels = next(level for level in levels(texture) if max(level.shape[:2]) <= self._largest)
+        h, w = pixels.shape[:2]
+        data = np.ascontiguousarray(pixels)
+        made = self._ctx.texture((w, h), 3, data, alignment=1, internal_format=SRGB8)
+        made.build_mipmaps()
+        made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        made.repeat_x, made.repeat_y = (way == "repeat" for way in texture.wrap)  # surface.frag mirrors by itself
+        made.anisotropy = min(ANISOTROPY, self._ctx.max_anisotropy)
+        return made

@@ -1,0 +1,45 @@
+"""Paint of meshes made of several: where one mesh has textures and the next has not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gi_core.scene.types import Material, Mesh, Paint
+
+
+def plain_paint(mesh: Mesh, materials: Sequence[Material]) -> Paint:
+    """Return paint that says what the mesh's face reflectances or materials say."""
+    colour = mesh.face_reflectance
+    if colour is None:
+        colour = np.array([m.reflectance for m in materials], np.float64).reshape(-1, 3)[mesh.face_material]
+    n = len(mesh.faces)
+    corners = np.repeat(colour.astype(np.float32)[:, None], 3, axis=1)
+    return Paint((), np.full(n, -1, np.int32), np.zeros((n, 3, 2), np.float32), corners)
+
+
+def join_paints(meshes: Sequence[Mesh], materials: Sequence[Material]) -> Paint | None:
+    """Return the paint of the faces of several meshes, one after the other; None if none of them is painted.
+
+    The face materials of all meshes index `materials`.
+    """
+    if all(m.paint is None for m in meshes):
+        return None
+    paints = [m.paint or plain_paint(m, materials) for m in meshes]
+    first = np.cumsum([0, *(len(p.textures) for p in paints)])
+    moved = [np.where(p.face_texture < 0, -1, p.face_texture + k) for p, k in zip(paints, first, strict=False)]
+    return Paint(
+        tuple(t for p in paints for t in p.textures),
+        np.concatenate(moved).astype(np.int32),
+        np.concatenate([p.corner_uv for p in paints]),
+        np.concatenate([p.corner_colour for p in paints]),
+    )
+
+
+def rows_of(paint: Paint | None, faces: np.ndarray) -> Paint | None:
+    """Return the paint of some faces."""
+    if paint is None:
+        return None
+    columns = (paint.face_texture, paint.corner_uv, paint.corner_colour)
+    return Paint(paint.textures, *(c[faces] for c in columns))
