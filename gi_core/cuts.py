@@ -15,6 +15,7 @@ from gi_core.accelerator import Transforms, passes_box, to_local
 from gi_core.fixed_point import MAX_SEGMENTS
 from gi_core.jit import kernel
 from gi_core.model import Model
+from gi_core.near_scan import PAD, Coarse, Room, find_near
 from gi_core.paths import NONE, PathVertices, Segments, concatenate, empty_segments, interval, segments_at, take
 from gi_core.photon_trace import (
     Fates,
@@ -27,7 +28,7 @@ from gi_core.photon_trace import (
 from gi_core.threads import run_ranges
 from gi_core.two_level import CUT_PAD, nearest_mobile
 
-SCAN_GRAIN = 20_000  # photons a thread
+CUT_GRAIN = 2048  # segments a thread
 FOLLOW_GRAIN = 512  # photons a thread: a bounce costs some 60 us of Python, however few there are
 
 
@@ -43,81 +44,12 @@ class Frame(NamedTuple):
     fates: Fates  # of all photons at these poses, less those of the background
 
 
-@kernel
-def _scan(offsets, position, first, last, centres, radii, photons, vertices):
-    """List the background segments of photons first .. last - 1 that pass near any mobile.
-
-    A float32 test against bounding spheres, padded by the caller; returns how many there are, which
-    may exceed the room in the output.
-    """
-    found = 0
-    for i in range(first, last):
-        for k in range(offsets[i], offsets[i + 1] - 1):
-            ox, oy, oz = position[k, 0], position[k, 1], position[k, 2]
-            dx, dy, dz = position[k + 1, 0] - ox, position[k + 1, 1] - oy, position[k + 1, 2] - oz
-            length2 = max(dx * dx + dy * dy + dz * dz, np.float32(1e-30))
-            for m in range(len(radii)):
-                cx, cy, cz = centres[m, 0] - ox, centres[m, 1] - oy, centres[m, 2] - oz
-                # The nearest point of the segment, with no branch: unpredictable ones doubled the scan.
-                along = cx * dx + cy * dy + cz * dz
-                t = min(max(along / length2, np.float32(0.0)), np.float32(1.0))
-                x, y, z = t * dx - cx, t * dy - cy, t * dz - cz
-                near = x * x + y * y + z * z <= radii[m] * radii[m]
-                if near:
-                    if found < len(vertices):
-                        photons[found], vertices[found] = i, k
-                    found += 1
-                    break
-    return found
-
-
-SCAN_PAD = 1e-3  # of the world's size: float32 rounding of the scan, with room
-
-
-class ScanRoom:
-    """Output buffers of the scan, kept from frame to frame and grown when too small."""
-
-    def __init__(self):
-        self.photons: list[np.ndarray] = []
-        self.vertices: list[np.ndarray] = []
-
-    def part(self, k: int, n: int):
-        while len(self.photons) <= k:
-            self.photons.append(np.empty(0, np.int64))
-            self.vertices.append(np.empty(0, np.int64))
-        if len(self.photons[k]) < n:
-            self.photons[k], self.vertices[k] = np.empty(n, np.int64), np.empty(n, np.int64)
-        return self.photons[k], self.vertices[k]
-
-
-def find_near(model: Model, paths: PathVertices, at: Transforms, margin: float, room: ScanRoom):
-    """Return photon (n,) and vertex (n,) int64 of background segments within `margin` of a mobile's sphere."""
-    world = model.world
-    centres = np.empty((len(at.position) - 1, 3), np.float32)
-    for o in range(1, len(at.position)):
-        c, R = world.sphere_centre[o], at.rotation[o]
-        for i in range(3):
-            centres[o - 1, i] = R[i, 0] * c[0] + R[i, 1] * c[1] + R[i, 2] * c[2] + at.position[o, i]
-    radii = (world.sphere_radius[1:] + margin + SCAN_PAD * world.size).astype(np.float32)
-
-    def work(part, first, last):
-        photons, vertices = room.part(part, 4096)
-        while True:
-            n = _scan(paths.offsets, paths.position, first, last, centres, radii, photons, vertices)
-            if n <= len(vertices):
-                return photons[:n], vertices[:n]
-            photons, vertices = room.part(part, n * 3 // 2)
-
-    for k in range(model.threads):
-        room.part(k, 4096)
-    parts = run_ranges(work, len(paths.offsets) - 1, model.threads, SCAN_GRAIN)
-    return np.concatenate([p for p, _ in parts]), np.concatenate([v for _, v in parts])
-
-
-def change(model: Model, paths: PathVertices, at: Transforms, seed: int, margin: float, room: ScanRoom, clock) -> Frame:
+def change(
+    model: Model, paths: PathVertices, coarse: Coarse, at: Transforms, seed: int, margin: float, room: Room, clock
+) -> Frame:
     """Find what the mobiles at `at` change of the background; `margin` [m] is the reach of a disc.
 
-    `clock(stage)` is called as each stage ends.
+    `paths` and `coarse` hold the same photons; `clock(stage)` is called as each stage ends.
     """
     photons = len(paths.offsets) - 1
     if photons == 0 or len(at.position) == 1:
@@ -125,10 +57,10 @@ def change(model: Model, paths: PathVertices, at: Transforms, seed: int, margin:
         return Frame(at, photons, nothing, nothing, nothing, (nothing,) * (len(at.position) - 1), no_flux())
 
     # Find the first segment of each photon that any mobile cuts.
-    rows = find_near(model, paths, at, margin, room)
+    rows = find_near(model.world, model.grid, coarse, at, margin, room, model.threads)
     clock("scan")
-    near = segments_at(paths, model.eps, *rows)
-    cut, cut_side = nearest_mobile(model.accelerator, model.world, at, near.origin, near.end, near.start_side)
+    near = segments_at(paths, model.eps, *rows, model.threads)
+    cut, cut_side = _cuts(model, at, near)
     first_cut = _first_of_each(near.photon, np.flatnonzero(cut_side != NONE))
 
     clock("cuts")
@@ -154,6 +86,19 @@ def change(model: Model, paths: PathVertices, at: Transforms, seed: int, margin:
     return Frame(at, photons, heads, tails, branches, collected, fates)
 
 
+def _cuts(model: Model, at: Transforms, near: Segments) -> tuple[np.ndarray, np.ndarray]:
+    """Return what nearest_mobile() does, a share of the segments a thread."""
+    cut, cut_side = np.empty(near.size, np.float32), np.empty(near.size, np.int32)
+
+    def work(_, first, last):
+        part = slice(first, last)
+        lines = near.origin[part], near.end[part], near.start_side[part]
+        cut[part], cut_side[part] = nearest_mobile(model.accelerator, model.world, at, *lines)
+
+    run_ranges(work, near.size, model.threads, CUT_GRAIN)
+    return cut, cut_side
+
+
 def _first_of_each(photon: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return the first of the rows of each photon; rows are photon-major already."""
     p = photon[rows]
@@ -166,7 +111,7 @@ def _tails(model: Model, paths: PathVertices, heads: Segments, vertices: np.ndar
     counts = ends - vertices
     row = np.repeat(np.arange(len(counts)), counts)
     step = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
-    tails = segments_at(paths, model.eps, heads.photon[row], vertices[row] + step)
+    tails = segments_at(paths, model.eps, heads.photon[row], vertices[row] + step, model.threads)
     low = tails.low
     low[step == 0] = high
     return tails
@@ -240,7 +185,7 @@ def _near_each(model: Model, at: Transforms, parts, margin: float) -> tuple[Segm
     """
     world, out = model.world, []
     for o in range(1, len(at.position)):
-        pad = margin + (SCAN_PAD + CUT_PAD) * world.size
+        pad = margin + (PAD + CUT_PAD) * world.size
         box = world.box_low[o], world.box_high[o]
         passing = (
             np.flatnonzero(_pass(p.origin, p.end, current, at.rotation[o], at.position[o], *box, pad))

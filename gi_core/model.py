@@ -8,6 +8,7 @@ import numpy as np
 
 from gi_core.accelerator import Accelerator, Transforms, bounding_spheres, transforms
 from gi_core.emission import build_emitters
+from gi_core.near_scan import grid_for
 from gi_core.paths import END_EXTENSION, NONE
 from gi_core.pose import as_pose, to_world, to_world_directions
 from gi_core.receivers import Receivers
@@ -40,6 +41,7 @@ class Model:
         # Directional and sky light must reach mobiles that stand out of the static part.
         lit = enclosing_sphere(self.surfaces.vertices[0], lights, np.array(mobiles))
         self.emitters = build_emitters(scene, self.surfaces, *lit)
+        self.grid = grid_for(self.world, *lit)
         self.eps = np.float32(END_EXTENSION * self.world.size)
         self.static = transforms([])
         self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)

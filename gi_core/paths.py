@@ -12,8 +12,10 @@ import numpy as np
 
 from gi_core.accelerator import line
 from gi_core.jit import kernel
+from gi_core.threads import run_ranges
 
 NONE = -1  # no surface
+WRITE_GRAIN = 4096  # segments a thread
 END_EXTENSION = 1e-4  # of the world's size: discs of coplanar neighbours are crossed at the hit itself
 
 
@@ -92,8 +94,9 @@ class PathStore:
         return PathVertices(self._offsets[: photons + 1], self._position[:n], self._side[:n], self._flux[:n])
 
     @property
-    def segments(self) -> int:
-        return int(self._offsets[self.photons]) - self.photons  # one less than vertices, each photon
+    def room(self) -> int:
+        """Vertices that there is room for."""
+        return len(self._side)
 
 
 def _room(array: np.ndarray, n: int) -> np.ndarray:
@@ -175,8 +178,8 @@ def _write_photons(offsets, position, side, flux, eps, base, first, last, out):
 
 
 @kernel
-def _write_rows(offsets, position, side, flux, eps, photons, rows, out):
-    for j in range(len(rows)):
+def _write_rows(offsets, position, side, flux, eps, photons, rows, first, last, out):
+    for j in range(first, last):
         _write(offsets, position, side, flux, eps, 0, photons[j], rows[j], j, out)
 
 
@@ -187,8 +190,14 @@ def segments_of(paths: PathVertices, eps: np.float32, first: int, last: int, bas
     return out
 
 
-def segments_at(paths: PathVertices, eps: np.float32, photons: np.ndarray, vertices: np.ndarray) -> Segments:
+def segments_at(
+    paths: PathVertices, eps: np.float32, photons: np.ndarray, vertices: np.ndarray, threads: int
+) -> Segments:
     """Return the whole segments that leave the given vertices (n,) of the given photons (n,)."""
     out = empty_segments(len(vertices))
-    _write_rows(*paths, eps, photons, vertices, tuple(out))
+
+    def work(_, first, last):
+        _write_rows(*paths, eps, photons, vertices, first, last, tuple(out))
+
+    run_ranges(work, len(vertices), threads, WRITE_GRAIN)
     return out

@@ -12,12 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.cuts import Frame, ScanRoom, change, current_segments
+from gi_core.cuts import Frame, change, current_segments
 from gi_core.defaults import choose
 from gi_core.estimators import ESTIMATORS
 from gi_core.fixed_point import MAX_PHOTONS
 from gi_core.ladder import FrameTimes, is_rung, next_rung
 from gi_core.model import Model
+from gi_core.near_scan import CoarseStore, Room
 from gi_core.paths import PathStore, segments_of
 from gi_core.photon_trace import Fates, no_flux, trace_background
 from gi_core.pose import as_pose
@@ -82,8 +83,9 @@ class Solver:
         self.estimator, self.control = estimator, control
         self.poses: dict[str, Pose] = self.model.start_poses()
         self._store = PathStore()
+        self._coarse = CoarseStore(self.model.grid)  # the same paths, for the scan
         self._background_fates = no_flux()
-        self._room = ScanRoom()
+        self._room = Room()
         self.timings: dict[str, float] = {}
         self.changes = Changes(0, 0, 0)
         self.irradiance = np.zeros((len(self.model.object_receivers.areas), 3))
@@ -189,6 +191,7 @@ class Solver:
         for fresh in run_ranges(from_here, count, m.threads, PART_GRAIN):
             for paths, fates in fresh:
                 self._store.reserve(self._goal)
+                self._coarse.append(paths, self._store.photons, self._store.room)
                 self._store.append(paths)
                 self._background_fates = _add(self._background_fates, fates)
         b.added += count
@@ -250,8 +253,9 @@ class Solver:
         clock, estimate = _Stages(), self._shown.estimate
         photons = estimate.photons if photons is None else photons
         paths = self._store.prefix(photons)
+        coarse = self._coarse.prefix(len(paths.side))
         at = self.model.transforms(self.poses)
-        self._frame = f = change(self.model, paths, at, self.seed, estimate.reach, self._room, clock)
+        self._frame = f = change(self.model, paths, coarse, at, self.seed, estimate.reach, self._room, clock)
         sums, area = estimate.evaluate(f)
         clock("estimate")
         self.irradiance = self._read_out(sums, area, photons)

@@ -141,7 +141,8 @@ def test_mobiles_outside_all_light_give_the_static_solution(estimator):
 
 
 def test_threads_do_not_show(estimator, monkeypatch):
-    for module in ("accelerator.RAY_GRAIN", "cuts.SCAN_GRAIN", "cuts.FOLLOW_GRAIN", "solver.PART_GRAIN"):
+    grains = ("accelerator.RAY", "cuts.CUT", "cuts.FOLLOW", "near_scan.SCAN", "paths.WRITE", "solver.PART")
+    for module in (f"{g}_GRAIN" for g in grains):
         monkeypatch.setattr(f"gi_core.{module}", 1)  # or jobs this small would run serially
     for module in ("tangent_plane.LINE_GRAIN", "photon_map.QUERY_GRAIN"):
         monkeypatch.setattr(f"gi_core.estimators.{module}", 1)
