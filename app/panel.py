@@ -20,6 +20,7 @@ LABEL_EM = 6.2  # width of the column of labels
 RADIUS_RANGE = (0.002, 0.2)  # of the scene size
 PHOTONS_RANGE = (1_000, 10_000_000)
 NEIGHBOURS_RANGE = (2, 1_000)
+BUDGET_RANGE = (8, 100)  # [ms]; one beyond it: off
 EXPOSURE_MARGIN = 10.0  # EV either way of what was metered at load
 
 TONE_MAP_NAMES = {"aces": "ACES (filmic)", "reinhard": "Reinhard", "clip": "Clip"}
@@ -36,8 +37,10 @@ class Facts:
     gi_seconds: float
     frame_seconds: float
     timings: Mapping[str, float]  # stage -> seconds
-    photons_traced: int
+    photons_shown: int  # that the picture is made of
+    photons_traced: int  # that it is made of at rest
     photons_goal: int
+    moving: bool  # something is dragged or played
     segments: int
     photons_cut: int
     old_segments: int
@@ -56,7 +59,7 @@ def draw(settings: Settings, facts: Facts) -> tuple[Settings, set[str]]:
     actions: set[str] = set()
     settings = _light(settings, facts)
     settings = _picture(settings, facts, actions)
-    _motion(facts, actions)
+    settings = _motion(settings, facts, actions)
     _timings(facts)
     _paths(facts)
     _probes(facts)
@@ -105,6 +108,15 @@ def _light(s: Settings, facts: Facts) -> Settings:
     if changed:
         s = replace(s, neighbours=max(k, 1))
     _tip("How many of the nearest photon hits photon_map averages over. The other estimators do not use it.")
+
+    _label("Control")
+    changed, control = imgui.checkbox("##Artifact control", s.control)
+    if changed:
+        s = replace(s, control=control)
+    _tip(
+        "Artifact control of tangent_plane: light counts only on the part of a disc that it can reach.\n"
+        "Off: a little faster, but corners turn dark and light leaks through thin walls."
+    )
     return s
 
 
@@ -136,7 +148,7 @@ def _picture(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     return s
 
 
-def _motion(facts: Facts, actions: set[str]) -> None:
+def _motion(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     imgui.separator_text("Motion")
     third = (imgui.get_content_region_avail().x - 2 * imgui.get_style().item_spacing.x) / 3
     imgui.begin_disabled(facts.mobiles == 0)
@@ -152,6 +164,19 @@ def _motion(facts: Facts, actions: set[str]) -> None:
     if imgui.button("Reset view", (third, 0)):
         actions.add("reset view")
     _tip("Bring the camera back to where it was at the start. Home key.")
+    _label("Budget")
+    low, high = BUDGET_RANGE
+    value = round(s.budget) if s.budget > 0 else high + 1
+    changed, value = imgui.slider_int("##Budget", value, low, high + 1, "%d ms" if value <= high else "off")
+    if changed:
+        s = replace(s, budget=float(value) if value <= high else 0.0)
+    _tip(
+        "What light may take in a frame while something moves: as many photons are used as fit, and all of them "
+        "as soon as it rests. Off: always all, however long it takes."
+    )
+    told = f"{_thousands(facts.photons_shown)} of {_thousands(facts.photons_traced)} photons"
+    _number("Moving" if facts.moving else "At rest", told, "Photons that this picture is made of, and all there are.")
+    return s
 
 
 def _timings(facts: Facts) -> None:
@@ -171,8 +196,10 @@ def _paths(facts: Facts) -> None:
     share = facts.photons_traced / facts.photons_goal if facts.photons_goal else 1.0
     imgui.progress_bar(min(share, 1.0), (-1, 0), "")
     _write_over(f"{_thousands(facts.photons_traced)} of {_thousands(facts.photons_goal)}")
-    _tip(f"Photons that the picture is made of, and photons wanted: {_thousands(facts.segments)} path segments.")
-    n = max(facts.photons_traced, 1)
+    _tip(
+        f"Photons that the picture is made of at rest, and photons wanted: {_thousands(facts.segments)} path segments."
+    )
+    n = max(facts.photons_shown, 1)
     _number("Photons cut", f"{_thousands(facts.photons_cut)}   ({100 * facts.photons_cut / n:.2g} %)",
             "Photons whose path through the static scene a mobile blocks: the only ones traced anew.")  # fmt: skip
     _number("Old segments", _thousands(facts.old_segments), "Path segments that the mobiles take out.")

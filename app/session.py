@@ -25,8 +25,9 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/openi
     from gi_core.solver import Solver
 
 BUDGET = 0.008  # s that a frame waits for refinement
+STILL = 0.25  # s that an object is held still, after which all photons are shown although it may go on
 SETTLE = 0.15  # s: a slider's value counts once it has rested so long, or is let go
-SOLVER_SETTINGS = ("estimator", "photons", "radius", "neighbours")
+SOLVER_SETTINGS = ("estimator", "photons", "radius", "neighbours", "control")
 
 
 class Session:
@@ -55,6 +56,7 @@ class Session:
         self._worker = worker or Worker()
         self._applied = settings
         self._changed_at = 0.0
+        self._moved_at = 0.0
         self._path_time = 0.0
         self._paths: dict = {}
 
@@ -97,6 +99,7 @@ class Session:
         if not self.ready:
             self._wait_for_opening()
             return
+        self.light.pace.budget = 1e-3 * self.settings.budget
         self.light.move_pending(0.0)
         if self._to_apply and not self.dragging and (not editing or self.clock() - self._changed_at >= SETTLE):
             self._apply()
@@ -105,7 +108,10 @@ class Session:
             self._play(seconds)
             self.playing &= not self.light.move_failed
         elif not self.dragging:
+            self.light.settle()
             self.light.refine(budget)
+        elif self.clock() - self._moved_at >= STILL:
+            self.light.settle()
 
     def want(self, settings: Settings) -> None:
         """Ask for other settings; they are taken over once they rest."""
@@ -163,11 +169,16 @@ class Session:
     # Motion -----------------------------------------------------------------------------------------
 
     def move(self, poses: Mapping[str, Pose]) -> None:
-        """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light."""
-        self.light.move(poses)
+        """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light.
+
+        While something is dragged or played it is the light of as many photons as fit the budget.
+        """
+        self._moved_at = self.clock()
+        self.light.move(poses, hasty=self.dragging or self.playing)
 
     def begin_drag(self) -> None:
         self.dragging = True
+        self.light.pace.begin()
         self.before_drag = self.poses
 
     def end_drag(self, keep: bool = True) -> None:
@@ -212,6 +223,7 @@ class Session:
             return
         self.playing = not self.playing
         if self.playing:
+            self.light.pace.begin()
             self.before_drag = self.poses
         else:
             self.history.push(self.before_drag, self.poses)

@@ -2,7 +2,8 @@
 
 What the window draws is a snapshot: poses and the light that belongs to them change together, when a picture
 or a move is complete. A frame waits for refinement as long as its budget allows, for a move as long as a
-frame may take; what is not done by then goes on behind the picture.
+frame may take; what is not done by then goes on behind the picture. While something moves, its light may be that
+of a prefix of the photons (app/pace.py); once it rests, that of all.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from app.background import PATIENCE, Job, Worker
 from app.log import Log
+from app.pace import Pace
 
 if TYPE_CHECKING:  # the solver takes a second to import: that happens behind the window's first frames
     from gi_core.scene import Pose
@@ -51,21 +53,30 @@ class Solving:
         self.progress: Progress | None = None  # the last step of the refinement under way
         self.gi_seconds = Smoothed()  # new poses in, irradiance out
         self.grace = GRACE  # s that a frame waits for a move
+        self.pace = Pace()
         self.steps_begun = 0
         self.move_failed = False  # the last one
         self.poses_drawn: dict[str, Pose] = {}
         self.irradiance = np.zeros((0, 3))  # (R, 3) at those poses
+        self.photons_shown = 0  # that it is made of ...
+        self.photons_there = 0  # ... and that it will be made of at rest
         self._worker = worker
         self._job: Job | None = None  # what the thread is doing
         self._take: Callable[[Job], None]  # what to do with its result
         self._steps = solver.solve_steps()  # what is still to be refined, None when nothing is
         self._moving: dict[str, Pose] = {}  # poses of the move under way
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
+        self._hasty = False  # these may be shown in the light of fewer photons
         self._show()
 
     @property
     def busy(self) -> bool:
-        return self._steps is not None or self._job is not None or bool(self._pending)
+        return self._steps is not None or self._job is not None or bool(self._pending) or self.partial
+
+    @property
+    def partial(self) -> bool:
+        """The picture is made of fewer photons than there are, and more is to come."""
+        return self.photons_shown < self.photons_there and not self.move_failed
 
     @property
     def poses(self) -> dict[str, Pose]:
@@ -126,12 +137,24 @@ class Solving:
         """Let the window draw what the solver has now."""
         # The solver replaces its array with each picture and never writes into it: keeping it is free.
         self.poses_drawn, self.irradiance = dict(self.solver.poses), self.solver.irradiance
+        self.photons_shown = self.solver.photons_traced
+        self.photons_there = max(self.solver.prefixes, default=self.photons_shown)
         self.version += 1
 
-    def move(self, poses: Mapping[str, Pose]) -> None:
-        """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light."""
+    def move(self, poses: Mapping[str, Pose], hasty: bool = False) -> None:
+        """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light.
+
+        `hasty`: in that of as many photons as fit the budget; settle() then brings the rest.
+        """
         self._pending.update(poses)
+        self._hasty = hasty
         self.move_pending(self.grace)
+
+    def settle(self) -> None:
+        """Begin to compute the light of all photons where the mobiles are, if the picture shows fewer."""
+        if self.partial and self._job is None and not self._pending:
+            self._moving = dict(self.poses_drawn)
+            self._begin_move(hasty=False, take=self._take_settled)
 
     def move_pending(self, patience: float) -> None:
         """Make the moves that wait, as far as one's patience [s] goes."""
@@ -140,24 +163,38 @@ class Solving:
             if not self._wait(deadline - self.clock()):
                 return
             self._moving, self._pending = self._pending, {}
-            self.move_failed = False
-            self._begin(functools.partial(self._timed_move, self._moving), self._take_move)
+            self._begin_move(self._hasty, self._take_move)
         if self._moving:
             self._wait(deadline - self.clock())
 
-    def _timed_move(self, poses: Mapping[str, Pose]) -> float:
+    def _begin_move(self, hasty: bool, take: Callable[[Job], None]) -> None:
+        self.move_failed = False
+        self._begin(functools.partial(self._timed_move, self._moving, hasty), take)
+
+    def _timed_move(self, poses: Mapping[str, Pose], hasty: bool) -> float:
+        photons = self.pace.choose(self.solver) if hasty else None
         started = self.clock()
-        self.solver.move_all(poses)
-        return self.clock() - started
+        self.solver.move_all(poses, photons)
+        seconds = self.clock() - started
+        if hasty:
+            self.pace.took(seconds, self.solver)
+        return seconds
 
     def _take_move(self, job: Job) -> None:
+        seconds = self._take_settled(job)
+        if seconds is not None:
+            self.gi_seconds.add(seconds)
+
+    def _take_settled(self, job: Job) -> float | None:
+        """Show the light that was computed; return how long it took, None if that failed."""
         self._moving = {}
         try:
-            self.gi_seconds.add(job.result())
+            seconds = job.result()
         except Exception as problem:
             self.move_failed = True
             self.log.error("moving", problem)
-            return
+            return None
         self._show()
         # The iterator may have been left between two steps: begin a new one, nothing is traced twice.
         self._steps = self.solver.solve_steps()
+        return seconds

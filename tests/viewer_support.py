@@ -157,9 +157,14 @@ class Clock:
 
 
 class CountingSolver:
-    """The solver's interface around counters; a move costs 4 ms of a test's clock, a step what `Behind` says."""
+    """The solver's interface around counters; a move costs 4 ms of a test's clock, a step what `Behind` says.
 
-    def __init__(self, scene: Scene, clock: Clock, steps: int = 40) -> None:
+    `photon_seconds`: what a move costs more for each photon; `wrong`: times that what prefix_within() goes by.
+    """
+
+    def __init__(
+        self, scene: Scene, clock: Clock, steps: int = 40, photon_seconds: float = 0.0, wrong: float = 1.0
+    ) -> None:
         from gi_core.surfaces import flatten
 
         self.scene, self.clock, self.steps = scene, clock, steps
@@ -169,7 +174,21 @@ class CountingSolver:
         self.scene_size, self.seed = 1.0, 0
         self.estimator, self.photons, self.radius, self.neighbours = "tangent_plane", 1000, 0.05, 50
         self.photons_traced = 0
+        self.photon_seconds, self.wrong = photon_seconds, wrong
+        self.at_rest = 0  # photons of the last picture
+        self.moved_with: list[int] = []  # photons of each move
         self.log: list[tuple] = []  # ("step", k), ("move", poses), ("configure", changes)
+
+    @property
+    def prefixes(self) -> tuple[int, ...]:
+        return tuple(n for n in (125, 250, 500) if n < self.at_rest) + (self.at_rest,) * (self.at_rest > 0)
+
+    def prefix_within(self, seconds: float) -> int:
+        fit = [n for n in self.prefixes if self.wrong * self.move_seconds(n) <= seconds]
+        return fit[-1] if fit else self.prefixes[0]
+
+    def move_seconds(self, photons: int) -> float:
+        return 0.004 + self.photon_seconds * photons
 
     def solve_steps(self):
         from gi_core.solver import Progress
@@ -178,12 +197,16 @@ class CountingSolver:
             self.log.append(("step", k))
             picture = k % 10 == 0
             if picture:
-                self.photons_traced = self.photons * k // self.steps
+                self.photons_traced = self.at_rest = self.photons * k // self.steps
                 self.irradiance = np.full_like(self.irradiance, len(self.log))
             yield Progress("tracing", k / self.steps, picture)
 
-    def move_all(self, poses) -> None:
-        self.clock.now += 0.004
+    def move_all(self, poses, photons: int | None = None) -> None:
+        assert photons is None or photons in self.prefixes
+        photons = self.at_rest if photons is None else photons
+        self.clock.now += self.move_seconds(photons)
+        self.photons_traced = photons
+        self.moved_with.append(photons)
         self.log.append(("move", dict(poses)))
         self.poses.update(poses)
         self.irradiance = np.full_like(self.irradiance, len(self.log))

@@ -1,0 +1,78 @@
+"""A hand for the tests of the window: words for what a user does."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+BLOCK_FRONT = (0.5, 0.3, 0.62)  # a point on the mobile that the camera sees
+
+
+class Hand:
+    """The test engine's context with words for what a user does."""
+
+    def __init__(self, viewer, ctx) -> None:
+        self.viewer, self.ctx = viewer, ctx
+        self._jobs = []
+        viewer.params.callbacks.pre_new_frame = self._run_jobs
+
+    def _run_jobs(self) -> None:
+        while self._jobs:
+            self._jobs.pop()()
+
+    def wait(self, what, seconds: float = 20.0) -> None:
+        """Let frames pass until something holds."""
+        limit = time.monotonic() + seconds
+        while not what():
+            assert time.monotonic() < limit, "waited too long"
+            self.ctx.yield_()
+
+    def wait_for_light(self) -> None:
+        self.wait(lambda: self.viewer._ready and not self.viewer.session.refining)
+        self.ctx.yield_(2)
+
+    def at(self, point) -> tuple[float, float]:
+        """Return where a point of the scene is in the window."""
+        v = self.viewer.viewport
+        x, y = v.camera.project(point, v.aspect)
+        return v.origin[0] + x * v.size[0], v.origin[1] + y * v.size[1]
+
+    def move(self, to) -> None:
+        self.ctx.mouse_move_to_pos(to)
+        self.ctx.yield_(2)
+
+    def drag(self, start, end, button: int = 0, modifier=None, steps: int = 3) -> None:
+        self.move(start)
+        if modifier is not None:
+            self.ctx.key_down(modifier)
+            self.ctx.yield_()
+        self.ctx.mouse_down(button)
+        for k in range(1, steps + 1):
+            self.move([a + (b - a) * k / steps for a, b in zip(start, end, strict=True)])
+        self.ctx.mouse_up(button)
+        if modifier is not None:
+            self.ctx.key_up(modifier)
+        self.ctx.yield_(2)
+
+    def press(self, key) -> None:
+        self.ctx.key_press(key)
+        self.ctx.yield_(3)
+
+    def pixels(self) -> np.ndarray:
+        """Read the picture back, on the window's thread: this one, the engine's, has no GL context."""
+        self.ctx.yield_(2)
+        read = []
+        self._jobs.append(lambda: read.append(self.viewer.renderer.pixels().copy()))
+        self.wait(lambda: read)
+        return read[0]
+
+
+def keys():
+    from imgui_bundle import imgui
+
+    return imgui.Key
+
+
+def errors(viewer) -> list[str]:
+    return [e.text for e in viewer.log.entries if e.level == "error"]
