@@ -40,15 +40,17 @@ def _lengths(points):
 
 
 def written(text: str, path: Loop, decimals: int = 4, a_row: int = 4) -> str:
-    """Return a scene file's text with times, positions and spin of its first path replaced."""
+    """Return a scene file's text with times, positions and spin of its last path replaced."""
+    start = text.rindex("[mobile.path]")
+    head, tail = text[:start], text[start:]
     times = [f"{t:.4f}" for t in path.times]
     rows = [f"[{', '.join(f'{x:.{decimals}f}' for x in p)}]" for p in path.positions]
-    text, n = re.subn(r"(?m)^times = \[.*?\]$", f"times = {_listed(times, 12)}", text, count=1, flags=re.S)
-    text, m = re.subn(r"(?ms)^positions = \[.*?^\]$", f"positions = {_listed(rows, a_row)}", text, count=1)
-    text, k = re.subn(r"(?m)^spin = \S+", f"spin = {path.spin:.6f}", text, count=1)
+    tail, n = re.subn(r"(?ms)^times = \[.*?^\]$", f"times = {_listed(times, 12)}", tail, count=1)
+    tail, m = re.subn(r"(?ms)^positions = \[.*?^\]$", f"positions = {_listed(rows, a_row)}", tail, count=1)
+    tail, k = re.subn(r"(?m)^spin = \S+", f"spin = {path.spin:.6f}", tail, count=1)
     if (n, m, k) != (1, 1, 1):
-        raise ValueError("the scene file needs a path with times, positions and spin to write into")
-    return text
+        raise ValueError("the last path of the scene file needs times, positions and spin to write into")
+    return head + tail
 
 
 def _listed(items: list[str], a_row: int) -> str:
