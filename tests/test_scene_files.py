@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from mesh_writers import BOX, SCENE, write_glb, write_obj, write_scene
+from mesh_writers import BOX, BOX_FACES, SCENE, write_glb, write_obj, write_scene
 
 from gi_core.pose import pose_at, rotation
 from gi_core.scene import DirectionalLight, PointLight, SceneError, SkyLight, SpotLight, load_scene
@@ -207,7 +207,7 @@ def test_mesh_file_alone_is_a_scene(tmp_path):
 
 
 def test_dark_scene_gets_a_lamp_that_shines_down(tmp_path):
-    file = write_obj(tmp_path / "dark.obj")
+    file = write_obj(tmp_path / "dark.obj", BOX, BOX_FACES[:, ::-1])
     scene = load_scene(file, mobiles=[write_obj(tmp_path / "cube.obj", BOX * 0.1)])
     lamp = next(i for i, m in enumerate(scene.materials) if m.name == "default light")
     p = scene.static.vertices[scene.static.faces[scene.static.face_material == lamp]]

@@ -1,4 +1,4 @@
-"""Where light goes in a scene, from a small trace: the box that matters.
+"""Where light goes in a scene, from a small trace: the box that matters. And the geometry of looking about.
 
 The bounding box misleads: a ground slab may be five times the room that stands on it.
 """
@@ -27,6 +27,7 @@ class Box(NamedTuple):
     high: np.ndarray  # (3,) [m]
     size: float  # longest side [m]
     hits: np.ndarray  # (n, 3) the central hits [m]
+    normals: np.ndarray  # (n, 3) unit, on the side that the light came to
 
 
 class Rays:
@@ -51,8 +52,9 @@ class Rays:
 def useful_box(scene: Scene, rays: Rays) -> Box:
     """Return the box of the central 98 % of hits of paths from the lights, or from the surfaces if it is dark."""
     rng = np.random.default_rng(SEED)
-    origins, directions = _starts(scene, rays, rng)
-    hits = []
+    origins, directions, normals = _starts(scene, rays, rng)
+    # In the dark a place counts that light could reach from another, and any that light could start from.
+    hits, sides = ([], []) if is_lit(scene) else ([origins], [normals])
     for _ in range(BOUNCES):
         t, face = rays.hits(origins, directions)
         landed = face >= 0
@@ -63,30 +65,61 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
         n = rays.surfaces.normals[face[landed]]
         facing = -np.sign((n * directions[landed]).sum(axis=1))
         go_on = (facing > 0) | rays.surfaces.two_sided[face[landed]]  # the back of a one-sided face absorbs
+        sides.append(n * facing[:, None])
         n = (n * facing[:, None])[go_on]
         origins = points[go_on] + n * LIFT * rays.extent
         directions = cosine(n, rng)
-    found = np.concatenate(hits) if hits else np.zeros((0, 3))
+    found, facing = (np.concatenate(a) if a else np.zeros((0, 3)) for a in (hits, sides))
     low, high = rays.low, rays.high
     if len(found) >= 100:
         tail = (1 - CENTRAL_SHARE) / 2
         low, high = np.quantile(found, tail, axis=0), np.quantile(found, 1 - tail, axis=0)
-    central = found[((found >= low) & (found <= high)).all(axis=1)]
-    return Box(low, high, max(float((high - low).max()), 1e-9), central)
+    central = ((found >= low) & (found <= high)).all(axis=1)
+    return Box(low, high, max(float((high - low).max()), 1e-9), found[central], facing[central])
 
 
-def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return up to `most` hits (n, 3), one a cell, and their weights (n,), which sum to 1.
+def is_lit(scene: Scene) -> bool:
+    """Tell whether anything in the scene emits light."""
+    emits = np.array([any(m.emission) for m in scene.materials])
+    return bool(scene.lights) or bool(emits[scene.static.face_material].any())
+
+
+def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return up to `most` hits (n, 3), one a cell, their normals (n, 3), and their weights (n,), which sum to 1.
 
     The weight is the square root of the cell's hits: light caught in a narrow gap must not outvote the room.
     """
     if not len(box.hits):
-        return ((box.low + box.high) / 2)[None], np.ones(1)
+        return ((box.low + box.high) / 2)[None], np.zeros((1, 3)), np.ones(1)
     cell = np.floor(box.hits / (box.size / 14)).astype(np.int64)
     _, one, count = np.unique(cell, axis=0, return_index=True, return_counts=True)
     chosen = np.random.default_rng(SEED).permutation(len(one))[:most]
     weight = np.sqrt(count[chosen])
-    return box.hits[one[chosen]], weight / weight.sum()
+    rows = one[chosen]
+    return box.hits[rows], box.normals[rows], weight / weight.sum()
+
+
+def horizontal(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return two unit vectors that are horizontal and at right angles."""
+    axis = np.eye(3)[int(np.argmin(np.abs(up)))]
+    east = np.cross(up, axis)
+    east /= np.sqrt((east * east).sum())
+    return east, np.cross(up, east)
+
+
+def bottom_centre(vertices: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Return the centre of the bottom of a box, upright along `up`, around the vertices."""
+    east, north = horizontal(up)
+    middle = [(vertices @ d).min() / 2 + (vertices @ d).max() / 2 for d in (east, north)]
+    return middle[0] * east + middle[1] * north + (vertices @ up).min() * up
+
+
+def sphere_directions(n: int) -> np.ndarray:
+    """Return n directions (n, 3) spread evenly (a Fibonacci spiral)."""
+    k = np.arange(n)
+    z = 1 - (2 * k + 1) / n
+    r, a = np.sqrt(1 - z * z), k * np.pi * (3 - np.sqrt(5))
+    return np.stack([r * np.cos(a), r * np.sin(a), z], axis=1)
 
 
 def cosine(normals: np.ndarray, rng) -> np.ndarray:
@@ -98,7 +131,7 @@ def cosine(normals: np.ndarray, rng) -> np.ndarray:
 
 
 def _starts(scene: Scene, rays: Rays, rng):
-    """Return origins and directions: emissive faces by flux, else lights with a place, else all faces by area."""
+    """Return origins, directions, normals: on emissive faces by flux, else at placed lights, else on all faces."""
     mesh = scene.static
     normals, areas = face_normals(mesh)
     emission = np.array([max(m.emission) for m in scene.materials])[mesh.face_material] * areas
@@ -109,12 +142,13 @@ def _starts(scene: Scene, rays: Rays, rng):
     elif placed:
         d = rng.normal(size=(RAYS, 3))
         d /= np.sqrt((d * d).sum(axis=1, keepdims=True))
-        return np.stack(placed)[rng.integers(len(placed), size=RAYS)], d
+        return np.stack(placed)[rng.integers(len(placed), size=RAYS)], d, np.zeros((RAYS, 3))
     elif distant or any(isinstance(light, SkyLight) for light in scene.lights):
         toward = np.array(scene.up) if not distant else -np.array(distant[0].direction)
         weight, sides = areas, np.where((normals * toward).sum(axis=1) < 0, -1.0, 1.0)
     else:
-        weight, sides = areas, np.where(rng.random(len(areas)) < 0.5, -1.0, 1.0)
+        two_sided = np.array([m.two_sided for m in scene.materials])[mesh.face_material]
+        weight, sides = areas, np.where(two_sided & (rng.random(len(areas)) < 0.5), -1.0, 1.0)
     total = weight.sum()
     face = np.searchsorted(np.cumsum(weight) / total, rng.random(RAYS), side="right").clip(0, len(areas) - 1)
     u, v = rng.random((2, RAYS, 1))
@@ -122,4 +156,4 @@ def _starts(scene: Scene, rays: Rays, rng):
     u, v = np.where(flip, 1 - u, u), np.where(flip, 1 - v, v)
     a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
     n = normals[face] * sides[face][:, None]
-    return a + u * (b - a) + v * (c - a) + n * LIFT * rays.extent, cosine(n, rng)
+    return a + u * (b - a) + v * (c - a) + n * LIFT * rays.extent, cosine(n, rng), n
