@@ -64,9 +64,10 @@ class CoarseStore:
         n = self._count + len(paths.side)
         room = max(room, n) + LANES
         if room > len(self._photon):
-            self._levels = [_grown(a, self._count, room, 0) for a in self._levels]
-            self._photon = _grown(self._photon, self._count, room, -1)
+            self._levels = [_grown(a, self._count, room) for a in self._levels]
+            self._photon = _grown(self._photon, self._count, room)
         _round(paths.offsets, paths.position, *self.grid, first, self._count, *self._levels, self._photon)
+        self._photon[n : n + LANES] = -1
         self._count = n
 
     def prefix(self, vertices: int) -> Coarse:
@@ -75,10 +76,9 @@ class CoarseStore:
         return Coarse(*(a[:n] for a in self._levels), self._photon[:n])
 
 
-def _grown(array: np.ndarray, used: int, room: int, rest: int) -> np.ndarray:
+def _grown(array: np.ndarray, used: int, room: int) -> np.ndarray:
     out = np.empty(room, array.dtype)
     out[:used] = array[:used]
-    out[used:] = rest
     return out
 
 
