@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.disc_search.disc_index import CELL_RADII
+from gi_core.disc_search.disc_grid import CELL_RADII
 from gi_core.estimators import ESTIMATORS
 from gi_core.jit import kernel
 from gi_core.paths import empty_segments, segments_of
