@@ -11,6 +11,7 @@ import numpy as np
 from gi_core.scene.completion import complete
 from gi_core.scene.errors import SceneError
 from gi_core.scene.find import find_scene
+from gi_core.scene.lamps import facing_the_scene
 from gi_core.scene.materials_table import check_used, override, single
 from gi_core.scene.mesh_file import SUFFIXES, MeshFile, read_mesh_file
 from gi_core.scene.paint import join_paints
@@ -90,7 +91,7 @@ class _Builder:
         for path in extra:
             scene, up = self._extra(scene, Path(path))
             unplaced.append((len(scene.mobiles) - 1, up))
-        scene, box = complete(scene, unplaced, self.bare)
+        scene, box = complete(facing_the_scene(scene), unplaced, self.bare)
         described = len(self.file.mobiles)
         finer = tuple(m._replace(mesh=_fine(m.mesh)) for m in scene.mobiles[described:])
         scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
