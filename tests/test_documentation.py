@@ -20,7 +20,7 @@ import pytest
 from mesh_writers import BOX, BOX_FACES, write_glb
 
 from app import __main__ as cli
-from gi_core.scene import SceneError, load_scene
+from gi_core.scene import SceneError, load_scene, shipped_scenes
 
 ROOT = Path(__file__).resolve().parent.parent
 ROOM = ROOT / "docs" / "your-own-room.md"
@@ -225,7 +225,7 @@ def test_numbers_in_the_text_are_those_of_the_program():
     from gi_core import defaults, receivers
     from gi_core.scene import load, mesh_file, placement
 
-    text = FORMAT.read_text(encoding="utf-8")
+    text = " ".join(FORMAT.read_text(encoding="utf-8").split())
     for sentence in (
         f"some {load.MOST_RECEIVERS:,} receivers",
         f"reflectances above {mesh_file.MOST_REFLECTANCE:g} ",
@@ -233,9 +233,19 @@ def test_numbers_in_the_text_are_those_of_the_program():
         f"some {defaults.HITS} hits in a disc, at most {defaults.MOST_PHOTONS:,}",
         f"| {100 * defaults.RADIUS_SHARE:g} % of the scene size |",
         f"| whole number | {defaults.NEIGHBOURS} |",
+        f"longer than {one_over(placement.LARGEST)} of the scene or shorter than {one_over(placement.SMALLEST)} of it",
+        f"split to {one_over(load.MOBILE_EDGE)} of their length",
     ):
         assert sentence in text
-    assert (placement.LARGEST, placement.SMALLEST, load.MOBILE_EDGE) == (1 / 3, 1 / 50, 1 / 12)  # in words there
+
+
+def one_over(share: float) -> str:
+    return f"1/{1 / share:g}"
+
+
+def test_every_shipped_scene_is_in_the_readme():
+    text = section(ROOT / "README.md", "Commands")
+    assert [name for name in shipped_scenes() if f"`{name}`" not in text] == []
 
 
 # Interface --------------------------------------------------------------------------------------------
