@@ -12,6 +12,8 @@ from gi_core.scene.types import Texture
 
 SRGB8 = 0x8C41  # decoded to linear by the sampler, before filtering
 ANISOTROPY = 8.0  # samples at a grazing angle, as in `gi_core.scene.texture_filter`
+# Drivers that draw on the processor: there it takes half as long again, and Mesa's blurs what is near.
+PLAIN = ("llvmpipe", "softpipe", "swiftshader", "software")
 
 
 class GLTextures:
@@ -21,6 +23,8 @@ class GLTextures:
         self._ctx = ctx
         self._loaded: dict[Texture, moderngl.Texture] = {}
         self._largest = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
+        plain = any(name in ctx.info["GL_RENDERER"].lower() for name in PLAIN)
+        self._anisotropy = 1.0 if plain else min(ANISOTROPY, ctx.max_anisotropy)
 
     def keep(self, textures: Iterable[Texture]) -> None:
         """Have exactly these on the card."""
@@ -44,5 +48,5 @@ class GLTextures:
         made.build_mipmaps()
         made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         made.repeat_x, made.repeat_y = (way == "repeat" for way in texture.wrap)  # surface.frag mirrors by itself
-        made.anisotropy = min(ANISOTROPY, self._ctx.max_anisotropy)
+        made.anisotropy = self._anisotropy
         return made

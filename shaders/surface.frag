@@ -31,7 +31,7 @@ void main() {
     vec3 radiance = gl_FrontFacing ? front_radiance : back_radiance;
 #ifdef TEXTURED
     vec2 at = mix(uv, 1.0 - abs(mod(uv, 2.0) - 1.0), mirrored);
-    vec3 paint = min(textureGrad(image, at, dFdx(uv), dFdy(uv)).rgb, brightest);
+    vec3 paint = min(texture(image, at).rgb, brightest);
     if (radiance.r >= -0.5) radiance = paint * radiance + (gl_FrontFacing ? emission : vec3(0.0));
 #endif
     if (radiance.r < -0.5) {

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gi_core.receivers import weld
-from gi_core.scene import Mesh, SceneError
-from gi_core.surfaces import face_normals
+from gi_core.scene import Material, Mesh, Paint, Scene, SceneError, Texture
+from gi_core.surfaces import face_normals, flatten
 from gi_core.tessellation import refine_to, tessellate
 
 
@@ -115,9 +115,93 @@ def test_faces_of_different_materials_split_alike():
     assert len(on_edge[0]) == 9
 
 
-def test_refine_to_spends_what_it_is_given():
-    from gi_core.scene import Material
+def strewn_box(seed: int) -> Mesh:
+    """A closed box whose sides are cut into cells of very unequal sizes, each cell of one of four materials.
 
+    Every face has vertices of its own, as files have them where materials or images change.
+    """
+    rng = np.random.default_rng(seed)
+    cuts = [np.unique(np.concatenate([[0, 1], rng.random(3) ** 3])) * length for length in (2.0, 1.0, 0.5)]
+    corners, material = [], []
+    for axis in range(3):
+        u, v = cuts[(axis + 1) % 3], cuts[(axis + 2) % 3]
+        for end in (0, 1):
+            for i in range(len(u) - 1):
+                for j in range(len(v) - 1):
+                    cell = np.zeros((4, 3))
+                    cell[:, axis] = cuts[axis][-1] * end
+                    cell[:, (axis + 1) % 3] = u[[i, i + 1, i + 1, i]]
+                    cell[:, (axis + 2) % 3] = v[[j, j, j + 1, j + 1]]
+                    cell = cell if end else cell[::-1]
+                    turned = np.roll(cell, rng.integers(4), axis=0)
+                    corners += [turned[[0, 1, 2]], turned[[0, 2, 3]]]
+                    material += [rng.integers(4)] * 2
+    order = rng.permutation(len(corners))
+    corners = np.array(corners)[order].reshape(-1, 3)
+    return Mesh(corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3), np.array(material, np.int32)[order])
+
+
+def shared_edges(mesh: Mesh) -> np.ndarray:
+    """Return the edges by vertex: in cells of a millionth of the box, welding would merge what is apart."""
+    return np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+
+
+def vertices_inside_edges(mesh: Mesh) -> int:
+    """Count T-junctions: vertices that lie on an edge of some face between its ends."""
+    ends = np.unique(shared_edges(mesh), axis=0)
+    a, b = mesh.vertices[ends[:, 0]], mesh.vertices[ends[:, 1]]
+    count = 0
+    for p in mesh.vertices[np.unique(mesh.faces)]:
+        along, off = b - a, p - a
+        length = (along * along).sum(axis=1)
+        share = (along * off).sum(axis=1) / length
+        away = ((off - share[:, None] * along) ** 2).sum(axis=1)
+        count += int(((away < 1e-18 * length) & (share > 1e-9) & (share < 1 - 1e-9)).sum())
+    return count
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("how", ["even", "core", "thin"])
+def test_no_junctions_between_faces_of_any_material_and_size(seed, how):
+    """Cells from a millionth to most of the side of a box, four materials: no vertex inside an edge, no edge alone."""
+    core = (np.zeros(3), np.full(3, 0.2)) if how == "core" else None
+    before = strewn_box(seed)
+    mesh = tessellate(before, 0.11, core, 0.02 if how == "thin" else 0.0)
+    assert len(mesh.faces) > len(before.faces)
+    _, counts = np.unique(shared_edges(mesh), axis=0, return_counts=True)
+    assert (counts == 2).all()
+    assert vertices_inside_edges(mesh) == 0
+
+
+def test_the_count_of_junctions_sees_one():
+    """A whole edge beside two halves: what the test above must not find."""
+    v = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0, 0], [0.3, -1, 0]])
+    faces = np.array([[0, 1, 2], [0, 4, 3], [3, 4, 1]], np.int32)
+    assert vertices_inside_edges(Mesh(v, faces, np.zeros(3, np.int32))) == 1
+
+
+def test_triangles_of_several_colours_share_one_irradiance():
+    """Report 3.4.2: E is kept per place and normal; materials, images and their seams make no second receiver."""
+    before = strewn_box(1)
+    rng = np.random.default_rng(2)
+    n = len(before.faces)
+    images = (Texture(np.zeros((2, 2, 3), np.uint8)), Texture(np.ones((2, 2, 3), np.uint8)))
+    paint = Paint(images, rng.integers(-1, 2, n).astype(np.int32), rng.random((n, 3, 2), np.float32),
+                  rng.random((n, 3, 3), np.float32))  # fmt: skip
+    mesh = tessellate(before._replace(paint=paint), 0.11)
+    materials = tuple(Material(f"m{k}", (0.1 + 0.2 * k,) * 3) for k in range(4))
+    surfaces, receivers = flatten(Scene(mesh, materials))
+    normals, _ = face_normals(mesh)
+    side = 2 * np.abs(normals).argmax(axis=1) + (normals.max(axis=1) > 0.5)
+    place = weld(mesh.vertices)[mesh.faces]
+    key = (place * 6 + side[:, None]).reshape(-1)
+    pairs = np.unique(np.stack([key, surfaces.corner_front.reshape(-1)], axis=1), axis=0)
+    assert len(pairs) == len(np.unique(key)) == len(receivers.areas)
+    coloured = np.unique(np.stack([surfaces.corner_front[:, 0], mesh.face_material], axis=1), axis=0)
+    assert len(coloured) > 1.05 * len(np.unique(coloured[:, 0])), "several materials do meet at receivers"
+
+
+def test_refine_to_spends_what_it_is_given():
     materials = [Material("a"), Material("b")]
     mesh, edge = refine_to(box(), materials, 2000, None, 1.0)
     assert 1000 < len(mesh.faces) / 2 <= 2000
