@@ -18,7 +18,7 @@ from gi_core.paths import NONE, Segments
 from gi_core.reachable_area import Regions, inside
 
 LANES = 16  # discs tested at a time: two AVX2 vectors, one of AVX-512
-_FIELDS = 6  # x, y, z of a position and of a normal
+_FIELDS = 7  # x, y, z of a position and of a normal, and the limit of the slope
 _BLOCK = np.uint64(_FIELDS * LANES)
 
 
@@ -39,7 +39,7 @@ class Blocks(NamedTuple):
     A disc of a two-sided surface stands for the receivers on both its sides.
     """
 
-    data: np.ndarray  # (E / LANES * 96,) float32: LANES x, LANES y, ... of positions, then of normals
+    data: np.ndarray  # (E / LANES * 112,) float32: LANES x, LANES y, ... of positions, of normals, limits
     front: np.ndarray  # (E,) int32 receiver that sees lines against the normal, NONE
     behind: np.ndarray  # (E,) int32 receiver that sees lines along the normal, NONE
 
@@ -107,7 +107,7 @@ def lines(segments: Segments, rotation, position, model: Model, radius: float) -
 
 @inlined
 def crossed(data, block, ox, oy, oz, dx, dy, dz, low, high, r2):
-    """Return which discs of a block a line crosses at t in [low, high), from either side: a bit a lane.
+    """Return which discs of a block a line crosses at t in [low, high), from a side that is seen: a bit a lane.
 
     Everything is float32. The loop has no branch, a fixed length, unsigned indices (checks for negative
     ones stop LLVM) and no memory to write to: LLVM makes it vectors. A line in the plane of a disc divides
@@ -122,7 +122,8 @@ def crossed(data, block, ox, oy, oz, dx, dy, dz, low, high, r2):
         ax, ay, az = data[j] - ox, data[j + np.uint64(LANES)] - oy, data[j + np.uint64(2 * LANES)] - oz
         t = (ax * nx + ay * ny + az * nz) / slope
         px, py, pz = t * dx - ax, t * dy - ay, t * dz - az
-        yes = (t >= low) & (t < high) & (px * px + py * py + pz * pz <= r2)
+        seen = slope < data[j + np.uint64(6 * LANES)]
+        yes = seen & (t >= low) & (t < high) & (px * px + py * py + pz * pz <= r2)
         bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
     return bits
 
@@ -159,6 +160,7 @@ def blocks(discs: Discs, rows: np.ndarray) -> Blocks:
     front = np.where(kept & lit[at], at, NONE)
     behind = np.where(kept, discs.back[at], NONE)
     behind[(behind >= 0) & ~lit[behind]] = NONE
+    data[:, 6] = np.where(behind >= 0, np.inf, 0.0).reshape(-1, LANES)
     return Blocks(data.reshape(-1), front.astype(np.int32), behind.astype(np.int32))
 
 
