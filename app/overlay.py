@@ -26,8 +26,8 @@ def draw(viewport: Viewport, session: Session, ready: bool) -> None:
         _write(hint, *corner)
     elif session.refining:
         progress = session.light.progress
-        share = f" {100 * progress.fraction:.0f} %" if progress is not None else ""
-        _write(f"refining{share}", *corner, theme.DIM)
+        if progress is not None and progress.fraction < 1:  # what comes after is not worth a word
+            _write(f"refining {100 * progress.fraction:.0f} %", *corner, theme.DIM)
 
 
 def _draw_opening(session: Session, x: float, y: float, em: float) -> None:

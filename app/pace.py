@@ -8,6 +8,7 @@ far, a larger one never before the next motion.
 from __future__ import annotations
 
 FAR = 1.5  # times the budget: that is missing it by far
+FEWEST = 16  # times fewer photons than at rest have four times the noise; beyond that pictures are confetti
 IN_A_ROW = 4  # frames that do, before fewer photons are taken: one or two are the machine's own hiccups
 
 
@@ -30,7 +31,7 @@ class Pace:
         if budget <= 0 or not prefixes:
             self._photons = None
         elif self._chosen_for != budget or self._photons not in prefixes:
-            self._photons, self._late = solver.prefix_within(budget), 0
+            self._photons, self._late = max(solver.prefix_within(budget), self._good_enough(prefixes)[0]), 0
         self._chosen_for = budget
         return self._photons
 
@@ -39,6 +40,10 @@ class Pace:
         if self._photons is None:
             return
         self._late = self._late + 1 if seconds > FAR * self.budget else 0
-        smaller = [n for n in solver.prefixes if n < self._photons]
+        smaller = [n for n in self._good_enough(solver.prefixes) if n < self._photons]
         if self._late >= IN_A_ROW and smaller:
             self._photons, self._late = smaller[-1], 0
+
+    @staticmethod
+    def _good_enough(prefixes: tuple[int, ...]) -> list[int]:
+        return [n for n in prefixes if FEWEST * n >= prefixes[-1]]

@@ -12,7 +12,7 @@ import functools
 import statistics
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,9 +22,10 @@ from app.pace import Pace
 
 if TYPE_CHECKING:  # the solver takes a second to import: that happens behind the window's first frames
     from gi_core.scene import Pose
-    from gi_core.solver import Progress, Solver
+    from gi_core.solver import Changes, Progress, Solver
 
 GRACE = 0.040  # s that a frame waits for a move: with the drawing it stays under 50 ms
+TIMED = 3  # frames a prefix
 SMOOTHED = 31  # frames that a shown time is the median of
 
 
@@ -42,6 +43,15 @@ class Smoothed:
         return statistics.median(self._values) if self._values else 0.0
 
 
+class Snapshot(NamedTuple):
+    """What the panel tells of the picture; the solver itself may be at work on something else."""
+
+    timings: dict[str, float]  # stage -> seconds, of the last move
+    changes: Changes
+    probes: dict[str, np.ndarray]  # name -> irradiance (3,)
+    segments: int
+
+
 class Solving:
     """Only this touches the solver once it is open; all its methods are the window's thread's."""
 
@@ -56,6 +66,7 @@ class Solving:
         self.pace = Pace()
         self.steps_begun = 0
         self.move_failed = False  # the last one
+        self.snapshot: Snapshot
         self.poses_drawn: dict[str, Pose] = {}
         self.irradiance = np.zeros((0, 3))  # (R, 3) at those poses
         self.photons_shown = 0  # that it is made of ...
@@ -64,6 +75,9 @@ class Solving:
         self._job: Job | None = None  # what the thread is doing
         self._take: Callable[[Job], None]  # what to do with its result
         self._steps = solver.solve_steps()  # what is still to be refined, None when nothing is
+        self._to_time: list[int | None] | None = (
+            None  # prefixes whose frames are still to be timed; None: not yet known
+        )
         self._moving: dict[str, Pose] = {}  # poses of the move under way
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
         self._hasty = False  # these may be shown in the light of fewer photons
@@ -90,6 +104,7 @@ class Solving:
         # The solver keeps the old picture until the new one is as good.
         self.solver.configure(**changes)
         self._steps = self.solver.solve_steps()
+        self._to_time = None
         return True
 
     def close(self) -> None:
@@ -107,6 +122,36 @@ class Solving:
                 self.steps_begun += 1
             if not self._wait(deadline - self.clock()):
                 break
+        if self._steps is None and not self._pending and self._wait(deadline - self.clock()) and not self.partial:
+            self._time_prefixes()
+
+    def _time_prefixes(self) -> None:
+        """Have the frame of each prefix timed, smallest first, so that the first drag knows which one fits.
+
+        Nothing of it is shown. One frame is one job: a drag that begins now waits for no more than that.
+        """
+        if self._to_time is None:
+            few = self.solver.prefixes[:-1] if self.pace.budget > 0 and self.poses_drawn else ()
+            # Three times each: a moment in which the machine was busy does not count. Then all photons, as before.
+            self._to_time = [n for n in few for _ in range(TIMED)] + [None] * bool(few)
+        if self._to_time:
+            photons = self._to_time.pop(0)
+            self._begin(functools.partial(self._timed, photons), self._take_time)
+
+    def _timed(self, photons: int | None) -> float:
+        started = self.clock()
+        self.solver.move_all({}, photons)
+        return self.clock() - started
+
+    def _take_time(self, job: Job) -> None:
+        try:
+            seconds = job.result()
+        except Exception as problem:
+            self._to_time = []
+            self.log.error("timing", problem)
+            return
+        if seconds > self.pace.budget and len(self._to_time) > 1:
+            del self._to_time[:-1]  # larger ones will not fit either
 
     def _begin(self, call: Callable, take: Callable[[Job], None]) -> None:
         self._job, self._take = self._worker.submit(call), take
@@ -133,12 +178,15 @@ class Solving:
         elif self.progress.picture:
             self._show()
 
-    def _show(self) -> None:
-        """Let the window draw what the solver has now."""
+    def _show(self, moved: bool = True) -> None:
+        """Let the window draw what the solver has now; what it took is told of moves."""
         # The solver replaces its array with each picture and never writes into it: keeping it is free.
         self.poses_drawn, self.irradiance = dict(self.solver.poses), self.solver.irradiance
         self.photons_shown = self.solver.photons_traced
         self.photons_there = max(self.solver.prefixes, default=self.photons_shown)
+        s = self.solver
+        timings = s.timings if moved else self.snapshot.timings
+        self.snapshot = Snapshot(timings, s.changes, s.probe_irradiance, s.segments_total)
         self.version += 1
 
     def move(self, poses: Mapping[str, Pose], hasty: bool = False) -> None:
@@ -148,13 +196,14 @@ class Solving:
         """
         self._pending.update(poses)
         self._hasty = hasty
+        self._to_time = self._to_time and []
         self.move_pending(self.grace)
 
     def settle(self) -> None:
         """Begin to compute the light of all photons where the mobiles are, if the picture shows fewer."""
         if self.partial and self._job is None and not self._pending:
             self._moving = dict(self.poses_drawn)
-            self._begin_move(hasty=False, take=self._take_settled)
+            self._begin_move(hasty=False, take=functools.partial(self._take_move, moved=False))
 
     def move_pending(self, patience: float) -> None:
         """Make the moves that wait, as far as one's patience [s] goes."""
@@ -180,21 +229,16 @@ class Solving:
             self.pace.took(seconds, self.solver)
         return seconds
 
-    def _take_move(self, job: Job) -> None:
-        seconds = self._take_settled(job)
-        if seconds is not None:
-            self.gi_seconds.add(seconds)
-
-    def _take_settled(self, job: Job) -> float | None:
-        """Show the light that was computed; return how long it took, None if that failed."""
+    def _take_move(self, job: Job, moved: bool = True) -> None:
         self._moving = {}
         try:
             seconds = job.result()
         except Exception as problem:
             self.move_failed = True
             self.log.error("moving", problem)
-            return None
-        self._show()
+            return
+        if moved:
+            self.gi_seconds.add(seconds)
+        self._show(moved)
         # The iterator may have been left between two steps: begin a new one, nothing is traced twice.
         self._steps = self.solver.solve_steps()
-        return seconds

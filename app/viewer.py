@@ -223,27 +223,28 @@ class Viewer:
 
     def _facts(self) -> panel.Facts:
         session, solver = self.session, self.session.solver
+        told = session.light.snapshot
         return panel.Facts(
             estimators=self._estimators,
             scene_size=solver.scene_size,
             photometric=solver.scene.units == "photometric",
             gi_seconds=session.light.gi_seconds.value,
             frame_seconds=self.frame_seconds.value,
-            timings=solver.timings,
+            timings=told.timings,
             photons_shown=session.light.photons_shown,
             photons_traced=session.light.photons_there,
             photons_goal=solver.photons,
             moving=session.dragging or session.playing,
-            segments=solver.segments_total,
-            photons_cut=solver.changes.photons_cut,
-            old_segments=solver.changes.old_segments,
-            new_segments=solver.changes.new_segments,
+            segments=told.segments,
+            photons_cut=told.changes.photons_cut,
+            old_segments=told.changes.old_segments,
+            new_segments=told.changes.new_segments,
             triangles=sum(len(mesh.triangles) for mesh in session.meshes),
             receivers=len(solver.irradiance),
             mobiles=len(solver.scene.mobiles),
             playing=session.playing,
             metered=self.metered,
-            probes=solver.probe_irradiance,
+            probes=told.probes,
             notes=solver.scene.notes,
         )
 

@@ -165,6 +165,7 @@ class CountingSolver:
     def __init__(
         self, scene: Scene, clock: Clock, steps: int = 40, photon_seconds: float = 0.0, wrong: float = 1.0
     ) -> None:
+        from gi_core.solver import Changes
         from gi_core.surfaces import flatten
 
         self.scene, self.clock, self.steps = scene, clock, steps
@@ -175,6 +176,8 @@ class CountingSolver:
         self.estimator, self.photons, self.radius, self.neighbours = "tangent_plane", 1000, 0.05, 50
         self.photons_traced = 0
         self.photon_seconds, self.wrong = photon_seconds, wrong
+        self.timings, self.probe_irradiance, self.segments_total = {}, {}, 0
+        self.changes = Changes(0, 0, 0)
         self.at_rest = 0  # photons of the last picture
         self.moved_with: list[int] = []  # photons of each move
         self.log: list[tuple] = []  # ("step", k), ("move", poses), ("configure", changes)
@@ -207,7 +210,7 @@ class CountingSolver:
         self.clock.now += self.move_seconds(photons)
         self.photons_traced = photons
         self.moved_with.append(photons)
-        self.log.append(("move", dict(poses)))
+        self.log.append(("move", dict(poses)) if poses else ("timed", photons))
         self.poses.update(poses)
         self.irradiance = np.full_like(self.irradiance, len(self.log))
 
