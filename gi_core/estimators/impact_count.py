@@ -48,6 +48,7 @@ class ImpactCount:
         self.photons = 0  # photons that were prepared
         self.prefixes = Ladder()  # sums of the background by the photons they cover
         self._background = np.zeros((len(self.area), 3), np.int64)
+        self._sums = np.zeros_like(self._background)  # of a frame
         self._added = ThreadSums(self._background.shape, model.threads)
 
     def build(self) -> Iterator[None]:
@@ -66,12 +67,15 @@ class ImpactCount:
         return iter(())
 
     def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by."""
-        sums = self.prefixes[frame.photons].copy()
-        self._deposit(frame.tails, -1, sums)
-        self._deposit(frame.heads, 1, sums)
-        self._deposit(frame.branches, 1, sums)
-        return sums, self.area
+        """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by.
+
+        The sums are valid until the next call.
+        """
+        np.copyto(self._sums, self.prefixes[frame.photons])
+        self._deposit(frame.tails, -1, self._sums)
+        self._deposit(frame.heads, 1, self._sums)
+        self._deposit(frame.branches, 1, self._sums)
+        return self._sums, self.area
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
         """Return what evaluate() does, from all current segments (an iterable of Segments)."""

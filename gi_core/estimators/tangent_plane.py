@@ -42,7 +42,8 @@ class TangentPlane:
         self._background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
         self._searches: list = []
         self._added = ThreadSums(self._background.shape, model.threads)
-        self._parts = ThreadSums((len(self.area), 3), model.threads)
+        self._sums = np.zeros((len(self.area), 3), np.int64)  # of a frame
+        self._parts = ThreadSums(self._sums.shape, model.threads)
 
     def build(self) -> Iterator[None]:
         """Find reachable regions and index the discs of every object, in steps of a few ms."""
@@ -73,37 +74,42 @@ class TangentPlane:
         return iter(())
 
     def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by."""
-        sums = np.zeros((len(self.area), 3), np.int64)
-        static = sums[self.model.surfaces.receiver_range(0)]
-        static += self.prefixes[frame.photons]
-        self._splat(0, frame.tails, self.model.static, -1, static)
-        self._splat(0, frame.branches, self.model.static, 1, static)
-        for o, near in enumerate(frame.near, 1):
-            self._splat(o, near, frame.at, 1, sums[self.model.surfaces.receiver_range(o)])
-        return sums, self.area
+        """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by.
+
+        The sums are valid until the next call.
+        """
+        static = self.model.surfaces.receiver_range(0)
+        np.copyto(self._sums[static], self.prefixes[frame.photons])
+        self._sums[static.stop :] = 0
+        near = [(o, segments, 1) for o, segments in enumerate(frame.near, 1)]
+        self._splat([(0, frame.tails, -1), (0, frame.branches, 1), *near], frame.at, self._sums)
+        return self._sums, self.area
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
         """Return what evaluate() does, from all current segments (an iterable of Segments)."""
-        sums = np.zeros((len(self.area), 3), np.int64)
+        sums = np.zeros_like(self._sums)
         for segments in parts:
-            for o in range(self.model.surfaces.objects):
-                self._splat(o, segments, at, 1, sums[self.model.surfaces.receiver_range(o)])
+            self._splat([(o, segments, 1) for o in range(self.model.surfaces.objects)], at, sums)
         return sums, self.area
 
-    def _splat(self, o: int, segments: Segments, at: Transforms, sign: int, sums: np.ndarray) -> None:
-        if not segments.size or not len(sums):
-            return
-        rows = slice(len(sums))
+    def _splat(self, jobs: list[tuple[int, Segments, int]], at: Transforms, sums: np.ndarray) -> None:
+        """Add sign x flux of segments to the sums of object o, for each job (o, segments, sign).
 
-        def work(part, first, last):
-            own = sums if part == 0 else self._parts[part][rows]
-            self._splat_part(o, Segments(*(a[first:last] for a in segments)), at, sign, own)
+        Every thread takes its share of every job, so that all end at about the same time.
+        """
+        threads = min(self.model.threads, 1 + sum(segments.size for _, segments, _ in jobs) // LINE_GRAIN)
 
-        parts = run_ranges(work, segments.size, self.model.threads, LINE_GRAIN)
-        for part in range(1, len(parts)):
-            sums += self._parts[part][rows]
-            self._parts[part][rows] = 0
+        def work(part, *_):
+            own = sums if part == 0 else self._parts[part]
+            for o, segments, sign in jobs:
+                share = slice(segments.size * part // threads, segments.size * (part + 1) // threads)
+                rows = self.model.surfaces.receiver_range(o)
+                self._splat_part(o, Segments(*(a[share] for a in segments)), at, sign, own[rows])
+
+        run_ranges(work, threads, threads, 1)
+        for part in range(1, threads):
+            sums += self._parts[part]
+            self._parts[part].fill(0)
 
     def _splat_part(self, o: int, segments: Segments, at: Transforms, sign: int, sums: np.ndarray) -> None:
         if segments.size and len(sums):
