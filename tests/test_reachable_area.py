@@ -68,3 +68,29 @@ def test_nothing_leaks_through_a_thin_wall():
     assert not E[x > 0.5025].any()
     _, uncontrolled = irradiance(scene, 50_000, 0.08, control=False)
     assert uncontrolled[x > 0.5025].max() > 0.05
+
+
+def test_grout_between_low_tiles_is_not_all_noise():
+    """Grout 1 mm wide in a floor of 1 m: beside tiles lower than the reach of a segment a disc keeps its width.
+
+    Light comes down to grout and tiles alike. In a groove deeper than that the region is the groove.
+    """
+    for height, low in ((7.5e-5, True), (1e-3, False)):
+        room = merge(
+            box((0, 0, 0), (1, 1, 1), 20, 0, inward=True),
+            box((0.05, 0.05, 0), (0.4995, 0.95, height), 18, 0),
+            box((0.5005, 0.05, 0), (0.95, 0.95, height), 18, 0),
+            quad((0.2, 0.2, 0.99), (0, 0.6, 0), (0.6, 0, 0), (1, 1), 1),
+        )
+        solver, E = irradiance(Scene(room, (grey(0.5), lamp(10.0)), up=(0, 0, 1)), 100_000, 0.02)
+        p, n = solver.receivers.positions, solver.receivers.normals
+        middle = (n[:, 2] > 0.5) & (np.abs(p[:, 0] - 0.5) < 0.06) & (np.abs(p[:, 1] - 0.5) < 0.3)
+        grout, tiles = E[middle & (p[:, 2] == 0)], E[middle & (p[:, 2] == height)]
+        grout = grout[np.abs(p[middle & (p[:, 2] == 0), 0] - 0.5) < 1e-6]
+        assert len(grout) > 8
+        assert len(tiles) > 40
+        noise = np.abs(grout / tiles.mean() - 1).mean()
+        # Discs expect 60 photons or more: 10 % noise. The groove's share of a disc is a thirtieth: 56 %.
+        assert (noise < 0.15) == low, noise
+        if low:
+            assert abs(grout.mean() / tiles.mean() - 1) < 0.05
