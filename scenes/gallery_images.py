@@ -18,7 +18,7 @@ def oak() -> Image:
 def stone() -> Image:
     """Return lacquer outside (left), bare plaster within (right), a soft edge between them."""
     x, _ = pixels(256, 4)
-    edge = np.clip((x - 0.46) / 0.08, 0, 1)
+    edge = np.clip((x - 0.485) / 0.03, 0, 1)
     return shades(edge * edge * (3 - 2 * edge), "c43a1d f0e9dc", 64, dither=0)
 
 

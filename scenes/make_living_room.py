@@ -10,19 +10,21 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes import furniture
+from scenes import furnishings, furniture
 from scenes import living_room_images as images
 from scenes.creatures import cat
 from scenes.furniture import parts_of, placed
 from scenes.glb import glb_bytes, material, write
 from scenes.key_frames import Loop, loop, write_paths
-from scenes.modelling import ball, box, part, radiance, rod, rounded_box, sheet, turned_body, wall
+from scenes.modelling import box, part, radiance, rounded_box, sheet, wall
+from scenes.round_shapes import ball, rod, turned_body
 from scenes.textures import png, swatch
 
 WIDTH, HEIGHT, DEPTH = 5.4, 2.6, 5.0
 LEFT, RIGHT, BACK, FRONT = -2.7, 2.7, -2.2, 2.8
-CELL = 0.2  # [m] of walls and floor: max_edge of the scene file halves it once
-WINDOW_Z, WINDOW_Y, REVEAL = (-1.25, 0.75), (0.65, 2.25), 0.16  # along the left wall, up, into it
+BAR = 0.055  # [m] width of the window's bars
+CELL = 0.26  # [m] of walls and floor: max_edge of the scene file halves it once
+WINDOW_Z, WINDOW_Y, REVEAL = (-1.25, 0.75), (0.65, 2.25), 0.08  # along the left wall, up, into it
 RUG = (-0.35, -0.30, 2.7, 1.9)  # middle x, z; size
 TABLE = (-0.35, -0.30)
 RUG_THICKNESS = 0.012
@@ -30,7 +32,7 @@ CAT_CIRCLE, CAT_START, CAT_SPEED = 0.8, 60, 0.4  # radius [m], the angle in livi
 SEED = 4
 
 # Light. Flux = pi x radiance x area; a warm white gives some 300 lumen a watt of visible light.
-WINDOW_FLUX = np.array([5.4, 7.0, 9.8])  # [W] dusk sky through 3.2 m2 of glass
+WINDOW_FLUX = np.array([3.4, 4.6, 6.8])  # [W] dusk sky through 3 m2 of glass
 DIFFUSER_FLUX = np.array([6.3, 4.4, 2.5])  # [W] up and down out of the floor lamp's shade, some 1,300 lumen
 SHADE_FLUX = np.array([1.3, 0.76, 0.36])  # [W] through its cloth
 BALL_FLUX = np.array([1.5, 1.0, 0.56])  # [W] the glass ball
@@ -72,27 +74,29 @@ def _shell():
 
 def _window():
     (z0, z1), (y0, y1) = WINDOW_Z, WINDOW_Y
-    pane = LEFT - REVEAL
-    glass = sheet((pane, y0, z1), (0, 0, z0 - z1), (0, y1 - y0, 0))
+    pane, wide, tall = LEFT - REVEAL, z1 - z0, y1 - y0
+
+    def flat(z, y, width, height):
+        """Return a rectangle in the plane of the glass from its corner nearest the camera, seen from the room."""
+        return wall((pane, y, z), (0, 0, -width), (0, height, 0), CELL / 2)
+
+    half = (wide - 3 * BAR) / 2
+    panes = [flat(z, y0 + BAR, half, tall - 2 * BAR) for z in (z1 - BAR, z1 - 2 * BAR - half)]
+    frame = [flat(z, y0 + BAR, BAR, tall - 2 * BAR) for z in (z1, z1 - BAR - half, z0 + BAR)]
+    frame += [flat(z1, y, wide, BAR) for y in (y0, y1 - BAR)]
     reveal = [
-        sheet((pane, y0, z1), (REVEAL, 0, 0), (0, 0, z0 - z1)),
-        sheet((pane, y1, z0), (REVEAL, 0, 0), (0, 0, z1 - z0)),
-        sheet((pane, y0, z0), (REVEAL, 0, 0), (0, y1 - y0, 0)),
-        sheet((LEFT, y0, z1), (-REVEAL, 0, 0), (0, y1 - y0, 0)),
+        sheet((pane, y1, z0), (REVEAL, 0, 0), (0, 0, wide), (3, 16)),
+        sheet((pane, y0, z0), (REVEAL, 0, 0), (0, tall, 0), (3, 13)),
+        sheet((LEFT, y0, z1), (-REVEAL, 0, 0), (0, tall, 0), (3, 13)),
     ]
-    bar, deep = 0.055, 0.05
-    x, wide, tall = pane + deep / 2, z1 - z0, y1 - y0
-    upright = box((deep, tall, bar), "-x-y+y")
-    across = box((deep, bar, wide), "-x-z+z")
-    frame = [upright.at(x, y0, z) for z in (z0 + bar / 2, (z0 + z1) / 2, z1 - bar / 2)]
-    frame += [across.at(x, y, (z0 + z1) / 2) for y in (y0, y1 - bar)]
-    sill = rounded_box((0.26, 0.03, wide + 0.16), 0.01).at(LEFT + 0.02, y0 - 0.012, (z0 + z1) / 2)
+    # The sill closes the opening below: from a little behind the glass to 15 cm into the room.
+    sill = rounded_box((REVEAL + 0.16, 0.03, wide + 0.16), 0.01).at((pane + LEFT + 0.14) / 2, y0 - 0.03, (z0 + z1) / 2)
     rail = rod((LEFT + 0.10, y1 + 0.14, z0 - 0.55), (LEFT + 0.10, y1 + 0.14, z1 + 0.55), 0.012, 6)
     drapes = [
-        placed(furniture.curtain(0.50, y1 + 0.11, 4, "linen"), LEFT + 0.10, 0, z, 90) for z in (z0 - 0.24, z1 + 0.24)
+        placed(furnishings.curtain(0.50, y1 + 0.11, 4, "linen"), LEFT + 0.10, 0, z, 90) for z in (z0 - 0.24, z1 + 0.24)
     ]
     return [
-        part("glass", glass),
+        part("glass", *panes),
         part("paint", *reveal, *frame),
         part("paint", sill),
         *parts_of({"brass": [rail]}, *drapes),
@@ -116,10 +120,10 @@ def _furnishing(rng, pick):
         placed(furniture.pillow(0.40, "rust"), 0.34, 0.45, BACK + 0.44, -12),
         placed(furniture.round_table(0.44, table_h, "walnut"), TABLE[0], 0, TABLE[1], 0),
         placed(furniture.round_table(0.22, 0.52, "walnut", 3), -1.82, 0, BACK + 0.40, 20),
-        placed(furniture.globe_lamp(0.10, "brass", "ball"), -1.82, 0.52, BACK + 0.40),
-        placed(furniture.floor_lamp(1.66, "brass", "shade", "diffuser"), 1.10, 0, BACK + 0.46),
-        placed(furniture.picture(1.30, 0.86, "frame", "painting"), -0.35, 1.53, BACK),
-        placed(furniture.rubber_plant(rng, 1.25, "pot", "leaf", "stem", "soil"), LEFT + 0.42, 0, 1.35),
+        placed(furnishings.globe_lamp(0.10, "brass", "ball"), -1.82, 0.52, BACK + 0.40),
+        placed(furnishings.floor_lamp(1.66, "brass", "shade", "diffuser"), 1.10, 0, BACK + 0.46),
+        placed(furnishings.picture(1.30, 0.86, "frame", "painting"), -0.35, 1.53, BACK),
+        placed(furnishings.rubber_plant(rng, 1.25, "pot", "leaf", "stem", "soil"), LEFT + 0.42, 0, 1.35),
         placed(case, *case_at),
         placed(_on_table(pick), TABLE[0], table_h, TABLE[1], 25),
         *(placed(p, *case_at) for p in _on_shelf(rng, pick, shelf_w, shelf_h, shelf_d, boards)),
@@ -141,7 +145,7 @@ def _on_table(pick):
     ]
     bowl = turned_body(np.array(side) * 0.14, 24)
     fruit = [ball(0.037, 14).at(*at) for at in ((-0.045, 0.062, 0.02), (0.04, 0.06, 0.035), (0.005, 0.063, -0.05))]
-    pile = furniture.lying_books([(0.26, 0.024, 0.19, 0), (0.22, 0.030, 0.16, 14)], pick)
+    pile = furnishings.lying_books([(0.26, 0.024, 0.19, 0), (0.22, 0.030, 0.16, 14)], pick)
     return {
         "ceramic": [bowl.at(0.14, 0, 0.05)],
         "orange": [f.at(0.14, 0.0, 0.05) for f in fruit],
@@ -157,16 +161,16 @@ def _on_shelf(rng, pick, width, height, depth, boards):
     standing = []
     # Board, where the row begins and how long it is, as shares of the board.
     for level, start, length in ((0, 0.0, 0.62), (1, 0.30, 0.66), (2, 0.0, 0.55), (3, 0.36, 0.60), (4, 0.0, 0.34)):
-        row = furniture.books(rng, length * inner, depth - 0.08, headroom, pick, at_side=start == 0)
+        row = furnishings.books(rng, length * inner, depth - 0.08, headroom, pick, at_side=start == 0)
         standing += [s.at((start - 0.5) * inner, levels[level], 0.10) for s in row]
-    pile = furniture.lying_books([(0.24, 0.03, 0.18, 0), (0.22, 0.024, 0.17, -8), (0.19, 0.03, 0.15, 5)], pick)
+    pile = furnishings.lying_books([(0.24, 0.03, 0.18, 0), (0.22, 0.024, 0.17, -8), (0.19, 0.03, 0.15, 5)], pick)
     casket = rounded_box((0.26, 0.20, 0.22), 0.012).tinted(*swatch(3, images.COVER_COUNT))
     return [
         {"covers": [*standing, *(s.at(0.28, levels[2], 0.02) for s in pile), casket.at(0.32, levels[4], 0)]},
-        placed(furniture.vase(ROUND_VASE, 0.20, "ceramic"), -0.35, levels[1], 0.02),
-        placed(furniture.vase(TALL_VASE, 0.26, "glaze"), 0.33, levels[0], 0.02),
-        placed(furniture.vase(TALL_VASE, 0.24, "ceramic"), -0.38, levels[3], 0.02),
-        placed(furniture.vase(ROUND_VASE, 0.22, "glaze"), 0.02, levels[4], 0.02),
+        placed(furnishings.vase(ROUND_VASE, 0.20, "ceramic"), -0.35, levels[1], 0.02),
+        placed(furnishings.vase(TALL_VASE, 0.26, "glaze"), 0.33, levels[0], 0.02),
+        placed(furnishings.vase(TALL_VASE, 0.24, "ceramic"), -0.38, levels[3], 0.02),
+        placed(furnishings.vase(ROUND_VASE, 0.22, "glaze"), 0.02, levels[4], 0.02),
     ]
 
 

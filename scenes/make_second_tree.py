@@ -13,7 +13,8 @@ import numpy as np
 
 from scenes.glb import Part, glb_bytes, material, write
 from scenes.key_frames import Loop, loop, write_paths
-from scenes.modelling import Shape, ball, grid_faces, joined, part, radiance, sheet, tube, turned_body
+from scenes.modelling import Shape, grid_faces, joined, part, radiance, sheet
+from scenes.round_shapes import ball, tube, turned_body
 
 RADIUS, RINGS, AROUND = 1.2, 24, 48  # of the meadow; the sky stands on its rim
 HILL, HILL_WIDTH = 0.10, 0.42  # height and breadth of the rise that the tree stands on

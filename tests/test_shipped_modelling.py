@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
-from scenes import furniture, implicit, modelling, textures
+from scenes import furnishings, implicit, modelling, round_shapes, textures
 from scenes.key_frames import loop, written
 from scenes.modelling import Shape
 
@@ -30,11 +30,13 @@ def unmatched_edges(shape: Shape) -> int:
 SOLIDS = {
     "box": (modelling.box((0.3, 0.2, 0.5)), 0.3 * 0.2 * 0.5, 1e-9),
     "rounded_box": (modelling.rounded_box((0.3, 0.2, 0.5), 0.02, 2), 0.3 * 0.2 * 0.5, 0.02),
-    "ball": (modelling.ball(0.2, 32), 4 / 3 * np.pi * 0.2**3, 0.02),
-    "turned_body": (modelling.turned_body([(0, 0), (0.1, 0), (0.1, 0.4), (0, 0.4)], 48), np.pi * 0.01 * 0.4, 0.01),
-    "tube": (modelling.rod((0, 0, 0), (0.3, 0.4, 0), 0.02, 32), np.pi * 0.0004 * 0.5, 0.01),
+    "ball": (round_shapes.ball(0.2, 32), 4 / 3 * np.pi * 0.2**3, 0.02),
+    "turned_body": (round_shapes.turned_body([(0, 0), (0.1, 0), (0.1, 0.4), (0, 0.4)], 48), np.pi * 0.01 * 0.4, 0.01),
+    "tube": (round_shapes.rod((0, 0, 0), (0.3, 0.4, 0), 0.02, 32), np.pi * 0.0004 * 0.5, 0.01),
     "ring": (
-        modelling.tube(np.array([[np.cos(a), 0, np.sin(a)] for a in np.arange(64) * np.pi / 32]), 0.1, 24, closed=True),
+        round_shapes.tube(
+            np.array([[np.cos(a), 0, np.sin(a)] for a in np.arange(64) * np.pi / 32]), 0.1, 24, closed=True
+        ),
         2 * np.pi**2 * 0.01,
         0.02,
     ),
@@ -86,7 +88,7 @@ def test_bodies_that_do_not_fit_are_refused():
 
 def test_joining_with_and_without_normals_is_refused():
     with pytest.raises(ValueError, match="cannot be joined"):
-        modelling.joined(modelling.box((1, 1, 1)), modelling.ball(1.0))
+        modelling.joined(modelling.box((1, 1, 1)), round_shapes.ball(1.0))
 
 
 def test_books_hide_no_cover_behind_another():
@@ -94,7 +96,7 @@ def test_books_hide_no_cover_behind_another():
 
     def sides(at_side):
         rng = np.random.default_rng(1)
-        row = modelling.joined(*furniture.books(rng, 0.5, 0.2, 0.3, lambda: (0.5, 0.5), at_side))
+        row = modelling.joined(*furnishings.books(rng, 0.5, 0.2, 0.3, lambda: (0.5, 0.5), at_side))
         p = row.vertices[row.faces]
         n = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) / 2
         return row, n
