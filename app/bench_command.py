@@ -48,8 +48,10 @@ def table(n: dict) -> list[str]:
         ("light", f"{n['photons']:,} photons, {n['segments']:,} segments, seed {n['seed']}"),
         ("estimator", f"{n['estimator']}, radius {n['radius']:.4g} m, k {n['neighbours']}, {control} artifact control"),
         ("machine", f"{n['processor']}, {n['threads']} threads, commit {n['commit'] or 'unknown'}"),
+        *_busy(n),
         ("copying", f"{b['copy_gb_per_s']:.1f} GB a second, read and written"),
         ("GI frame", f"median {f['median']:.2f} ms, p95 {f['p95']:.2f}, min {f['min']:.2f}, max {f['max']:.2f}"),
+        ("  CPU", f"{f['cpu']:.2f} ms, all threads together"),
         ("frames", f"{n['frames']}, one step of {100 * motion.STEP:g} % of the scene size each"),
         ("bound", f"{b['frame_bound_ms']:.2f} ms for what a frame cannot do without; it takes {_ratio(b)} of that"),
         *((f"  {name}", _stage(name, ms, b)) for name, ms in n["stages_ms"].items()),
@@ -64,6 +66,13 @@ def table(n: dict) -> list[str]:
         ("same bits", "yes" if n["bits_equal"] else "NO: the frame differs from the same pose from scratch"),
     ]
     return [f"{name:<14}{text}" for name, text in rows]
+
+
+def _busy(n: dict) -> list[tuple[str, str]]:
+    """Say when other programs had the processor too: times are then longer than they need be."""
+    if n["load"] is None or n["load"] < 0.5 * n["threads"]:
+        return []
+    return [("busy", f"{n['load']:.1f} threads wanted a core in the minute before: look at the CPU time")]
 
 
 def _ratio(bound: dict) -> str:

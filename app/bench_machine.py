@@ -29,6 +29,14 @@ def rss_mb() -> float | None:
     return pages * os.sysconf("SC_PAGE_SIZE") / MB
 
 
+def load() -> float | None:
+    """Return how many threads wanted a core in the last minute, None where the system does not tell (Windows)."""
+    try:
+        return os.getloadavg()[0]
+    except (AttributeError, OSError):
+        return None
+
+
 def processor() -> str:
     """Return what the processor calls itself, else its architecture."""
     import platform

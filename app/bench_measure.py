@@ -13,7 +13,7 @@ import numpy as np
 
 from app import motion
 from app.bench_bounds import best_seconds, bounds
-from app.bench_machine import commit, peak_rss_mb, processor, rss_mb
+from app.bench_machine import commit, load, peak_rss_mb, processor, rss_mb
 from app.bench_series import Series
 from app.progress import Bar, solve
 from app.render_command import motion_paths
@@ -34,6 +34,7 @@ def warm_up(scene, settings: Settings) -> None:
 
 def measure(scene, settings: Settings, frames: int, bar: Bar) -> dict:
     """Return every number that `bench` prints, by its JSON key."""
+    busy = load()
     started = time.perf_counter()
     solver = make_solver(scene, settings)
     prepared = time.perf_counter()
@@ -60,12 +61,14 @@ def measure(scene, settings: Settings, frames: int, bar: Bar) -> dict:
         "threads": solver.model.threads,
         "processor": processor(),
         "commit": commit(),
+        "load": busy,
         "frames": frames,
         "frame_ms": {
             "median": frame_ms,
             "p95": walked.frame.quantile(0.95),
             "min": walked.frame.min,
             "max": walked.frame.max,
+            "cpu": walked.cpu.median,
             "first_tenth": walked.first_tenth.median,
             "last_tenth": walked.last_tenth.median,
         },
@@ -90,6 +93,7 @@ class _Walked:
 
     def __init__(self) -> None:
         self.frame, self.first_tenth, self.last_tenth = Series(), Series(), Series()
+        self.cpu = Series()  # of all threads together: what other programs do hardly shows in it
         self.stages: dict[str, Series] = {}
         self.cut, self.changed, self.per_cut, self.stale = Series(), Series(), Series(), Series()
         self.rss_first: float | None = None  # MB held after the first tenth of the frames ...
@@ -103,10 +107,11 @@ def _walk(solver, lap: list[dict], frames: int, bar: Bar) -> _Walked:
     solver.move_all(lap[-1])  # the frame before the first one, untimed
     for k in range(frames):
         bar("moving", k / frames)
-        before = time.perf_counter()
+        before, cpu_before = time.perf_counter(), time.process_time()
         solver.move_all(lap[k % len(lap)])
         ms = 1e3 * (time.perf_counter() - before)
         walked.frame.add(ms)
+        walked.cpu.add(1e3 * (time.process_time() - cpu_before))
         if k < tenth:
             walked.first_tenth.add(ms)
         if k >= frames - tenth:

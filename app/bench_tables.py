@@ -31,8 +31,10 @@ def _head(sweep: dict) -> str:
     bits = "Every row's last frame has the same bits as from scratch." if rows and not wrong else ""
     if wrong:
         bits = f"**The last frame differs from scratch in: {'; '.join(wrong)}.**"
+    loads = [r["load"] for r in rows if r.get("load") is not None]
+    busy = f" Up to {max(loads):.1f} threads wanted a core in the minute before a row." if loads else ""
     machine = f"{sweep['processor']}, {threads} threads, commit {sweep['commit'] or 'unknown'}. Times in ms, medians"
-    return f"# Sweep of {sweep['scene']}\n\n{machine}; artifact control off unless stated. {bits}".rstrip()
+    return f"# Sweep of {sweep['scene']}\n\n{machine}; artifact control off unless stated.{busy} {bits}".rstrip()
 
 
 def _section(title: str, body: str) -> str:
@@ -45,7 +47,7 @@ def _all_photons(have: dict) -> list[tuple[int, str, bool]]:
 
 
 def _photons(have: dict) -> str:
-    head = ["estimator", "photons", "cut", "frame", "95 %", "us a cut photon", "of its bound", "from scratch",
+    head = ["estimator", "photons", "cut", "frame", "95 %", "CPU", "us a cut photon", "of its bound", "from scratch",
             "ratio", "first frame", "peak MB"]  # fmt: skip
     lines = []
     for n, estimator, control in _all_photons(have):
@@ -53,8 +55,9 @@ def _photons(have: dict) -> str:
         name = estimator + (", artifact control" if control else "")
         lines.append([
             name, f"{n:,}", f"{100 * r['share_cut']:.2f} %", _ms(r["frame_ms"]["median"]), _ms(r["frame_ms"]["p95"]),
-            _number(r["us_per_cut_photon"]), _times(r["bounds"]["frame_ratio"]), _ms(r["from_scratch_ms"]),
-            _times(r["from_scratch_ratio"]), _ms(r["first_frame_ms"]), _number(r["rss_mb"]["peak"], 0),
+            _ms(r["frame_ms"]["cpu"]), _number(r["us_per_cut_photon"]), _times(r["bounds"]["frame_ratio"]),
+            _ms(r["from_scratch_ms"]), _times(r["from_scratch_ratio"]), _ms(r["first_frame_ms"]),
+            _number(r["rss_mb"]["peak"], 0),
         ])  # fmt: skip
     return _section("Photons and estimators", table(head, lines))
 

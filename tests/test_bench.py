@@ -46,6 +46,7 @@ def test_every_number_is_written_and_the_light_is_that_from_scratch(measured, es
     assert n["bits_equal"] is True and n["frames"] == 24 and n["estimator"] == estimator and n["control"] is True
     f = n["frame_ms"]
     assert 0 < f["min"] <= f["median"] <= f["p95"] <= f["max"] and f["first_tenth"] > 0 and f["last_tenth"] > 0
+    assert 0 < f["cpu"] and (n["load"] is None or n["load"] >= 0)
     assert n["photons"] == 2000 and n["first_frame_ms"] > 0 and n["from_scratch_ms"] > 0 and n["stages_ms"]
     assert (n["photon_map"] is None) == (estimator != "photon_map")
 
@@ -67,6 +68,8 @@ def test_the_table_tells_frame_bound_and_memory(measured):
     text = "\n".join(bench_command.table(measured("--no-control")[0]))
     assert "GI frame" in text and "same bits     yes" in text
     assert "x its bound" in text and "rays at" in text and "disc tests" in text and "GB a second" in text
+    busy = "\n".join(bench_command.table({**measured("--no-control")[0], "load": 7.0}))
+    assert "7.0 threads wanted a core" in busy and "CPU" in busy
     assert "first tenth" in text and "last tenth" in text
 
 

@@ -31,7 +31,8 @@ def numbers(spec: dict, ms: float = 2.0) -> dict:
     return {
         "format": "gi-viewer bench 2", "scene": s["scene"], "triangles": triangles, "receivers": triangles,
         "photons": s["photons"], "estimator": s["estimator"], "control": s["control"], "radius": 0.01, "threads": 2,
-        "frame_ms": {"median": ms, "p95": 2 * ms}, "stages_ms": {"scan": 0.5, "estimate": 1.5},
+        "frame_ms": {"median": ms, "p95": 2 * ms, "cpu": 1.5 * ms}, "load": 0.3,
+        "stages_ms": {"scan": 0.5, "estimate": 1.5},
         "bounds": {"stages": {"estimate": {"bound_ms": 0.2, "ratio": 7.5, "work": work}}, "frame_bound_ms": 0.2,
                    "frame_ratio": 10.0},
         "share_cut": 0.01, "segments_changed": 100.0, "us_per_cut_photon": 1.2, "from_scratch_ms": 50.0,
