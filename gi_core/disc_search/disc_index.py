@@ -7,7 +7,6 @@ then lie in one single cell: such crowds get a grid of their own, and a segment 
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import label
 
 from gi_core.disc_search.crossing import Discs, Lines, to_list
 from gi_core.disc_search.disc_grid import CELL_RADII, DiscGrid, box_of, cell_for
@@ -42,6 +41,8 @@ def _crowds(discs: Discs, rows: np.ndarray, cell_radii: float) -> list[np.ndarra
     wanted = cell_radii * float(discs.radius)
     if cell_for(extent, float(discs.radius), cell_radii) <= TOO_LARGE * wanted or len(rows) < LEAST_CROWD:
         return [rows]
+    from scipy.ndimage import label  # 50 ms that few scenes need
+
     edge = float(extent.max()) / LOOK
     at = tuple(((discs.positions[rows] - low) / edge).astype(np.int64).T)
     held = np.zeros([int(a.max()) + 1 for a in at], np.int64)
