@@ -16,13 +16,13 @@ from gi_core.cuts import Frame, change, current_segments
 from gi_core.defaults import choose
 from gi_core.estimators import ESTIMATORS
 from gi_core.fixed_point import MAX_PHOTONS
-from gi_core.ladder import FrameTimes, is_rung, next_rung
+from gi_core.ladder import FrameTimes, Ladder, is_rung, next_rung
 from gi_core.model import Model
 from gi_core.near_scan import CoarseStore, Room
 from gi_core.paths import PathStore, segments_of
 from gi_core.photon_trace import Fates, no_flux, trace_background
 from gi_core.pose import as_pose
-from gi_core.radiosity import irradiance
+from gi_core.radiosity import irradiance, irradiance_of_frame
 from gi_core.receivers import Receivers
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
@@ -188,7 +188,12 @@ class Solver:
         def from_here(thread, first, last):
             return work(thread, b.added + first, b.added + last)
 
-        for fresh in run_ranges(from_here, count, m.threads, PART_GRAIN):
+        try:
+            parts = run_ranges(from_here, count, m.threads, PART_GRAIN)
+        except BaseException:
+            b.setting = None  # it holds a part of these photons: never go on with it
+            raise
+        for fresh in parts:
             for paths, fates in fresh:
                 self._store.reserve(self._goal)
                 self._coarse.append(paths, self._store.photons, self._store.room)
@@ -256,14 +261,25 @@ class Solver:
         coarse = self._coarse.prefix(len(paths.side))
         at = self.model.transforms(self.poses)
         self._frame = f = change(self.model, paths, coarse, at, self.seed, estimate.reach, self._room, clock)
-        sums, area = estimate.evaluate(f)
+        evaluated = estimate.evaluate(f)
         clock("estimate")
-        self.irradiance = self._read_out(sums, area, photons)
+        if photons:
+            scale, resting = self.model.emitters.unit_flux / photons, self._resting(photons)
+            self.irradiance = irradiance_of_frame(evaluated, scale, resting, self.model.threads)
+        else:
+            self.irradiance = np.zeros(evaluated.sums.shape)
         clock("read out")
         self.changes = Changes(f.heads.size, f.tails.size, f.heads.size + f.branches.size)
         self.photons_traced = photons
         self.timings = clock.seconds
         self._times.add(photons, sum(clock.seconds.values()))
+
+    def _resting(self, photons: int) -> np.ndarray:
+        """Return irradiance of static receivers without mobiles, computed once a prefix."""
+        resting = self._shown.resting
+        if photons not in resting:
+            resting[photons] = self._read_out(*self._shown.estimate.background(photons), photons)
+        return resting[photons]
 
     def _read_out(self, sums: np.ndarray, area: np.ndarray, photons: int) -> np.ndarray:
         if photons == 0:
@@ -347,6 +363,7 @@ class _Background:
 
     def __init__(self, setting: tuple, estimate):
         self.setting, self.estimate, self.added, self.built = setting, estimate, 0, False
+        self.resting = Ladder()  # irradiance of static receivers by prefix
 
 
 class _Stages:

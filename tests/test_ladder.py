@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scene_builders import box_mobile, coloured_room
 
+from gi_core.estimators.tangent_plane import TangentPlane
 from gi_core.ladder import LOWEST, FrameTimes, Ladder, next_rung
 from gi_core.pose import axis_angle
 from gi_core.scene import Pose, SceneError
@@ -89,3 +90,33 @@ def test_rungs_stay_and_other_counts_go():
     assert sorted(ladder) == [LOWEST, 2 * LOWEST, 10_000]
     assert next_rung(0) == LOWEST
     assert next_rung(LOWEST) == 2 * LOWEST
+
+
+@pytest.mark.parametrize("what", ["frame", "background"])
+def test_a_failure_half_way_leaves_no_trace(what, monkeypatch):
+    solver = solver_of(3000, "tangent_plane")
+    solver.solve()
+    expected = solver.irradiance.copy()
+    real, calls = TangentPlane._splat_part, []
+
+    def failing(*arguments):
+        calls.append(real(*arguments))
+        if len(calls) == 2:
+            raise MemoryError("half way")
+
+    monkeypatch.setattr(TangentPlane, "_splat_part", failing)
+    with pytest.raises(MemoryError):
+        if what == "frame":
+            solver.move("box", POSE)
+        else:
+            monkeypatch.setattr("gi_core.solver.PART", 300)
+            solver.configure(photons=6000)
+            solver.solve()
+    monkeypatch.undo()
+    solver.configure(photons=3000)
+    solver.solve()
+    solver.move("box", SCENE.mobiles[0].pose)
+    assert np.array_equal(solver.irradiance, expected)
+    solver.configure(photons=6000)
+    solver.solve()
+    assert np.array_equal(solver.irradiance, solver.from_scratch())

@@ -6,6 +6,7 @@ import numpy as np
 
 from gi_core.disc_search.crossing import LANES, Discs, Lines, blocks, counts, crossed, lane_of, receiver, to_list
 from gi_core.jit import kernel
+from gi_core.sums import CHUNK_BITS, Sums
 
 
 class BruteForce:
@@ -18,19 +19,19 @@ class BruteForce:
         rows[: len(listed)] = listed
         self.blocks = blocks(discs, rows)
 
-    def splat(self, lines: Lines, first: int, last: int, sign: int, sums: np.ndarray) -> int:
-        """Add sign x flux of lines first .. last - 1 to sums (R, 3) int64 of the discs they cross.
+    def splat(self, lines: Lines, first: int, last: int, sign: int, sums: Sums) -> int:
+        """Add sign x flux of lines first .. last - 1 to the sums of the discs they cross.
 
         Returns the number of crossings.
         """
         d = self.discs
-        return _splat(*self.blocks, d.own, *d.regions[:2], d.radius, *lines, first, last, sign, sums)
+        return _splat(*self.blocks, d.own, *d.regions[:2], d.radius, *lines, first, last, sign, *sums)
 
 
 @kernel
 def _splat(
     data, front, behind, own, row, reach, radius,
-    origin, direction, low, stop, high, flux, patches, touches, first, last, sign, sums,
+    origin, direction, low, stop, high, flux, patches, touches, first, last, sign, sums, touched, base,
 ):  # fmt: skip
     r2 = radius * radius
     total = 0
@@ -48,4 +49,5 @@ def _splat(
                     total += 1
                     for c in range(3):
                         sums[i, c] += sign * flux[k, c]
+                    touched[(base + i) >> CHUNK_BITS] = True
     return total

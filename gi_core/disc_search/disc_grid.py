@@ -13,6 +13,7 @@ import numpy as np
 
 from gi_core.disc_search.crossing import LANES, Discs, Lines, blocks, counts, crossed, lane_of, receiver
 from gi_core.jit import inlined, kernel
+from gi_core.sums import CHUNK_BITS, Sums
 
 CELL_RADII = 4.0  # cell edge in disc radii: see docs/measurements.md
 MAX_CELLS = 1 << 22  # memory bound for tiny discs in a big scene; cells grow instead
@@ -53,14 +54,14 @@ class DiscGrid:
         _list(*listed, self.first[:-1].astype(np.int64) * LANES, ids)
         self.blocks = blocks(discs, ids)
 
-    def splat(self, lines: Lines, first: int, last: int, sign: int, sums: np.ndarray) -> int:
-        """Add sign x flux of lines first .. last - 1 to sums (R, 3) int64 of the discs they cross.
+    def splat(self, lines: Lines, first: int, last: int, sign: int, sums: Sums) -> int:
+        """Add sign x flux of lines first .. last - 1 to the sums of the discs they cross.
 
         Returns the number of crossings.
         """
         return _splat(
             self.low, self.cell, self.shape, self.first, *self.blocks, self.discs.own,
-            *self.discs.regions[:2], self.discs.radius, *lines, first, last, sign, sums,
+            *self.discs.regions[:2], self.discs.radius, *lines, first, last, sign, *sums,
         )  # fmt: skip
 
 
@@ -116,7 +117,7 @@ def _axis(o, d, t, low, cell, n):
 @kernel
 def _splat(
     low, cell, shape, first_of, data, front, behind, own, row, reach, radius,
-    origin, direction, t_low, stop, t_high, flux, patches, touches, first, last, sign, sums,
+    origin, direction, t_low, stop, t_high, flux, patches, touches, first, last, sign, sums, touched, base,
 ):  # fmt: skip
     """Three passes over some segments at a time: full cells on the way, discs crossed there, sums.
 
@@ -160,7 +161,7 @@ def _splat(
                 if visits == VISITS:
                     total += _cross(
                         visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
-                        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
+                        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base,
                     )  # fmt: skip
                     visits = 0
             if t >= t1:
@@ -177,7 +178,7 @@ def _splat(
                 tz += wz
     total += _cross(
         visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
-        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
+        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base,
     )  # fmt: skip
     return total
 
@@ -185,7 +186,7 @@ def _splat(
 @kernel
 def _cross(
     visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
-    row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
+    row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base,
 ):  # fmt: skip
     total = n = 0
     for v in range(visits):
@@ -202,18 +203,20 @@ def _cross(
             if n > ROOM - LANES:
                 total += _add(
                     n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches,
-                    touches, sign, sums,
+                    touches, sign, sums, touched, base,
                 )  # fmt: skip
                 n = 0
     return total + _add(
-        n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums
-    )
+        n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
+        touched, base,
+    )  # fmt: skip
 
 
 @kernel
 def _add(
-    n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums
-):
+    n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
+    touched, base,
+):  # fmt: skip
     total = 0
     for f in range(n):
         k = found[f, 0]
@@ -226,4 +229,5 @@ def _add(
             total += 1
             for c in range(3):
                 sums[i, c] += sign * flux[k, c]
+            touched[(base + i) >> CHUNK_BITS] = True
     return total

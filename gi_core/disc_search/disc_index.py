@@ -10,6 +10,7 @@ import numpy as np
 
 from gi_core.disc_search.crossing import Discs, Lines, to_list
 from gi_core.disc_search.disc_grid import CELL_RADII, DiscGrid, box_of, cell_for
+from gi_core.sums import Sums
 
 TOO_LARGE = 1.5  # times the cell wanted: grids with larger cells are looked through for crowds
 LEAST_CROWD = 512  # discs: fewer do not repay a grid that every segment is clipped against
@@ -27,8 +28,8 @@ class DiscIndex:
         parts = _crowds(discs, np.flatnonzero(to_list(discs)), cell_radii)
         self.grids = [DiscGrid(discs, rows, cell_radii) for rows in parts]
 
-    def splat(self, lines: Lines, first: int, last: int, sign: int, sums: np.ndarray) -> int:
-        """Add sign x flux of lines first .. last - 1 to sums (R, 3) int64 of the discs they cross.
+    def splat(self, lines: Lines, first: int, last: int, sign: int, sums: Sums) -> int:
+        """Add sign x flux of lines first .. last - 1 to the sums of the discs they cross.
 
         Returns the number of crossings.
         """

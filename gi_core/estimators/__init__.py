@@ -2,7 +2,7 @@
 
 Each has, in the order of use: `build()`, steps to run once; `add_background(segments, thread)`;
 `prepare(photons)`, steps after which `prefixes` has all that was added, the first `photons`;
-`evaluate(frame) -> (sums, area)` for a frame of one of the prefixes, with `reach` [m], how far from a
+`evaluate(frame) -> Evaluated` for a frame of one of the prefixes, with `reach` [m], how far from a
 receiver on a mobile it looks for segments; and, to check against, `from_scratch(parts, at) -> (sums,
 area)`. Irradiance is sums x flux unit / (photons x area). `additive`: prepare() costs next to nothing.
 """

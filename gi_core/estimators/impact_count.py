@@ -13,15 +13,15 @@ import numpy as np
 
 from gi_core.accelerator import Transforms
 from gi_core.cuts import Frame
-from gi_core.estimators.thread_sums import ThreadSums
 from gi_core.jit import kernel
 from gi_core.ladder import Ladder
 from gi_core.model import Model
 from gi_core.paths import Segments
+from gi_core.sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums
 
 
 @kernel
-def _deposit(side, flux, front, back, sign, sums):
+def _deposit(side, flux, front, back, sign, sums, touched):
     for k in range(len(side)):
         if side[k] >= 0:
             corners = front if side[k] & 1 == 0 else back
@@ -29,6 +29,7 @@ def _deposit(side, flux, front, back, sign, sums):
             for v in range(3):
                 r = corners[f, v]
                 if r >= 0:
+                    touched[r >> CHUNK_BITS] = True
                     for c in range(3):
                         sums[r, c] += sign * flux[k, c]
 
@@ -48,8 +49,8 @@ class ImpactCount:
         self.photons = 0  # photons that were prepared
         self.prefixes = Ladder()  # sums of the background by the photons they cover
         self._background = np.zeros((len(self.area), 3), np.int64)
-        self._sums = np.zeros_like(self._background)  # of a frame
-        self._added = ThreadSums(self._background.shape, model.threads)
+        self._added = ThreadSums(len(self.area), model.threads)
+        self._frame = FrameSums(len(self.area), model.surfaces.receiver_range(0).stop, 1)
 
     def build(self) -> Iterator[None]:
         """Nothing to build."""
@@ -66,24 +67,26 @@ class ImpactCount:
         self.photons = photons
         return iter(())
 
-    def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by.
+    def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a prefix."""
+        rows = self.model.surfaces.receiver_range(0)
+        return self.prefixes[photons][rows], self.area[rows]
 
-        The sums are valid until the next call.
-        """
-        np.copyto(self._sums, self.prefixes[frame.photons])
-        self._deposit(frame.tails, -1, self._sums)
-        self._deposit(frame.heads, 1, self._sums)
-        self._deposit(frame.branches, 1, self._sums)
-        return self._sums, self.area
+    def evaluate(self, frame: Frame) -> Evaluated:
+        """Return what the frame's irradiance is read from, valid until the next call."""
+        added = self._frame.added[0]
+        self._deposit(frame.tails, -1, added)
+        self._deposit(frame.heads, 1, added)
+        self._deposit(frame.branches, 1, added)
+        return self._frame.collect(self.background(frame.photons)[0], self.area)
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
-        """Return what evaluate() does, from all current segments (an iterable of Segments)."""
-        sums = np.zeros_like(self._background)
+        """Return sums (R, 3) int64 and area (R,) [m2] from all current segments (an iterable of Segments)."""
+        sums = Sums.zeros(len(self.area))
         for segments in parts:
             self._deposit(segments, 1, sums)
-        return sums, self.area
+        return sums.flux, self.area
 
-    def _deposit(self, segments: Segments, sign: int, sums: np.ndarray) -> None:
+    def _deposit(self, segments: Segments, sign: int, sums: Sums) -> None:
         s = self.model.surfaces
-        _deposit(segments.hit_side, segments.flux, s.corner_front, s.corner_back, sign, sums)
+        _deposit(segments.hit_side, segments.flux, s.corner_front, s.corner_back, sign, sums.flux, sums.touched)

@@ -24,6 +24,7 @@ from gi_core.ladder import Ladder
 from gi_core.model import Model
 from gi_core.paths import Segments
 from gi_core.pose import to_world_at
+from gi_core.sums import CHUNK_BITS, Evaluated, chunks_of
 from gi_core.threads import run_ranges
 
 CELL_SHARE = 0.25  # of the radius: finer cells cost more visits than they save tests
@@ -85,8 +86,12 @@ class PhotonMap:
         self.prefixes[photons] = _Prepared(sums, area, reach2, grid, uncut)
         self.photons = photons
 
-    def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by."""
+    def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a prefix."""
+        return self.prefixes[photons].sums, self.prefixes[photons].area
+
+    def evaluate(self, frame: Frame) -> Evaluated:
+        """Return what the frame's irradiance is read from."""
         world, background = self.model.world, self.prefixes[frame.photons]
         changed = [hits_of(s, world, frame.at) for s in (frame.heads, frame.branches)]
         added = build(_joined(changed), CELL_SHARE * self.radius)
@@ -108,10 +113,12 @@ class PhotonMap:
         points, normals = self._receivers(frame.at, rows)
         sums[rows], area[rows], _ = self._query(points, normals, (background.grid, added), background.cut_bounce)
         background.cut_bounce[frame.tails.photon] = NEVER
-        return sums, area
+        changed = np.zeros(chunks_of(len(sums)), bool)
+        changed[rows >> CHUNK_BITS] = True
+        return Evaluated(sums, area, changed)
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
-        """Return what evaluate() does, from all current segments (an iterable of Segments)."""
+        """Return sums (R, 3) int64 and area (R,) [m2] from all current segments (an iterable of Segments)."""
         hits = _joined([hits_of(p, self.model.world, at) for p in parts])
         grid = build(hits, CELL_SHARE * self.radius)
         uncut = np.full(int(hits.photon.max(initial=0)) + 1, NEVER, np.int32)

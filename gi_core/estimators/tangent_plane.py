@@ -16,11 +16,11 @@ from gi_core.accelerator import Transforms
 from gi_core.cuts import Frame
 from gi_core.disc_search import SEARCHES
 from gi_core.disc_search.crossing import Discs, lines
-from gi_core.estimators.thread_sums import ThreadSums
 from gi_core.ladder import Ladder
 from gi_core.model import Model
 from gi_core.paths import Segments
 from gi_core.reachable_area import regions, whole_discs
+from gi_core.sums import Evaluated, FrameSums, Sums, ThreadSums
 from gi_core.threads import run_ranges
 
 LINE_GRAIN = 1024  # segments a thread
@@ -41,9 +41,8 @@ class TangentPlane:
         self.prefixes = Ladder()  # sums of the background by the photons they cover
         self._background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
         self._searches: list = []
-        self._added = ThreadSums(self._background.shape, model.threads)
-        self._sums = np.zeros((len(self.area), 3), np.int64)  # of a frame
-        self._parts = ThreadSums(self._sums.shape, model.threads)
+        self._added = ThreadSums(len(self._background), model.threads)
+        self._frame = FrameSums(len(self.area), len(self._background), model.threads)
 
     def build(self) -> Iterator[None]:
         """Find reachable regions and index the discs of every object, in steps of a few ms."""
@@ -73,26 +72,30 @@ class TangentPlane:
         self.photons = photons
         return iter(())
 
-    def evaluate(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (R, 3) int64 in fixed-point units and the area (R,) [m2] to divide by.
+    def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a prefix."""
+        return self.prefixes[photons], self.area[: len(self._background)]
 
-        The sums are valid until the next call.
-        """
-        static = self.model.surfaces.receiver_range(0)
-        np.copyto(self._sums[static], self.prefixes[frame.photons])
-        self._sums[static.stop :] = 0
+    def evaluate(self, frame: Frame) -> Evaluated:
+        """Return what the frame's irradiance is read from, valid until the next call."""
         near = [(o, segments, 1) for o, segments in enumerate(frame.near, 1)]
-        self._splat([(0, frame.tails, -1), (0, frame.branches, 1), *near], frame.at, self._sums)
-        return self._sums, self.area
+        try:
+            self._splat([(0, frame.tails, -1), (0, frame.branches, 1), *near], frame.at, self._frame.added)
+        except BaseException:
+            self._frame.clear()  # or the next frame would begin with half of this one
+            raise
+        return self._frame.collect(self.prefixes[frame.photons], self.area)
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
-        """Return what evaluate() does, from all current segments (an iterable of Segments)."""
-        sums = np.zeros_like(self._sums)
+        """Return sums (R, 3) int64 and area (R,) [m2] from all current segments (an iterable of Segments)."""
+        added = ThreadSums(len(self.area), self.model.threads)
         for segments in parts:
-            self._splat([(o, segments, 1) for o in range(self.model.surfaces.objects)], at, sums)
+            self._splat([(o, segments, 1) for o in range(self.model.surfaces.objects)], at, added)
+        sums = np.zeros((len(self.area), 3), np.int64)
+        added.move_to(sums)
         return sums, self.area
 
-    def _splat(self, jobs: list[tuple[int, Segments, int]], at: Transforms, sums: np.ndarray) -> None:
+    def _splat(self, jobs: list[tuple[int, Segments, int]], at: Transforms, added: ThreadSums) -> None:
         """Add sign x flux of segments to the sums of object o, for each job (o, segments, sign).
 
         Every thread takes its share of every job, so that all end at about the same time.
@@ -100,18 +103,14 @@ class TangentPlane:
         threads = min(self.model.threads, 1 + sum(segments.size for _, segments, _ in jobs) // LINE_GRAIN)
 
         def work(part, *_):
-            own = sums if part == 0 else self._parts[part]
             for o, segments, sign in jobs:
                 share = slice(segments.size * part // threads, segments.size * (part + 1) // threads)
                 rows = self.model.surfaces.receiver_range(o)
-                self._splat_part(o, Segments(*(a[share] for a in segments)), at, sign, own[rows])
+                self._splat_part(o, Segments(*(a[share] for a in segments)), at, sign, added[part].of(rows))
 
         run_ranges(work, threads, threads, 1)
-        for part in range(1, threads):
-            sums += self._parts[part]
-            self._parts[part].fill(0)
 
-    def _splat_part(self, o: int, segments: Segments, at: Transforms, sign: int, sums: np.ndarray) -> None:
-        if segments.size and len(sums):
+    def _splat_part(self, o: int, segments: Segments, at: Transforms, sign: int, sums: Sums) -> None:
+        if segments.size and len(sums.flux):
             ready = lines(segments, at.rotation[o], at.position[o], self.model, self.radius)
             self._searches[o].splat(ready, 0, segments.size, sign, sums)

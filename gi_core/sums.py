@@ -1,0 +1,116 @@
+"""Integer sums at receivers that several threads add to, and a frame's: the background's plus what was added.
+
+Each thread adds to an array of its own and marks the chunks of receivers it touched. A frame at few photons
+changes few of them: only those are summed, cleared, and read out.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.jit import kernel
+from gi_core.threads import run_ranges
+
+CHUNK_BITS = 6  # a chunk is 64 receivers: 1.5 kB of sums
+CHUNK = 1 << CHUNK_BITS
+CHUNK_GRAIN = 256  # chunks a thread
+
+
+def chunks_of(receivers: int) -> int:
+    return (receivers + CHUNK - 1) >> CHUNK_BITS
+
+
+class Sums(NamedTuple):
+    """Sums of some receivers, as kernels add to them."""
+
+    flux: np.ndarray  # (n, 3) int64, fixed-point units
+    touched: np.ndarray  # (chunks,) bool, of all receivers
+    first: int  # the receiver that row 0 of `flux` stands for
+
+    @classmethod
+    def zeros(cls, receivers: int) -> Sums:
+        return cls(np.zeros((receivers, 3), np.int64), np.zeros(chunks_of(receivers), bool), 0)
+
+    def of(self, rows: slice) -> Sums:
+        """Return a view of the receivers in `rows`."""
+        return Sums(self.flux[rows], self.touched, self.first + rows.start)
+
+
+class Evaluated(NamedTuple):
+    """What a frame's irradiance is read from: sums / area, valid in the chunks that differ from the background."""
+
+    sums: np.ndarray  # (R, 3) int64, fixed-point units
+    area: np.ndarray  # (R,) float64 [m2]
+    changed: np.ndarray  # (chunks,) bool
+
+
+class ThreadSums:
+    """Sums of zero, one a thread, made when first used."""
+
+    def __init__(self, receivers: int, threads: int):
+        self._receivers = receivers
+        self._parts: list[Sums | None] = [None] * threads
+
+    def __getitem__(self, thread: int) -> Sums:
+        if self._parts[thread] is None:
+            self._parts[thread] = Sums.zeros(self._receivers)
+        return self._parts[thread]
+
+    def move_to(self, total: np.ndarray) -> None:
+        """Add all to `total` (R, 3) int64 and start from zero again. Integers: the order does not matter."""
+        for part in self._parts:
+            if part is not None:
+                _move(part.touched, part.flux, total, 0, len(part.touched))
+
+
+@kernel
+def _move(touched, flux, total, first, last):
+    for chunk in range(first, last):
+        if touched[chunk]:
+            touched[chunk] = False
+            for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(flux))):
+                for c in range(3):
+                    total[r, c] += flux[r, c]
+                    flux[r, c] = 0
+
+
+class FrameSums:
+    """Sums of a frame: `added` by threads to those of the background."""
+
+    def __init__(self, receivers: int, static: int, threads: int):
+        self._sums, self._static, self._threads = np.zeros((receivers, 3), np.int64), static, threads
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget what was added."""
+        self.added = ThreadSums(len(self._sums), self._threads)
+
+    def collect(self, background: np.ndarray, area: np.ndarray) -> Evaluated:
+        """Return background (static receivers, 3) int64 plus all that was added, which is then zero again.
+
+        The sums are valid until the next call. Receivers on mobiles always count as changed.
+        """
+        changed = np.zeros(chunks_of(len(self._sums)), bool)
+        changed[self._static >> CHUNK_BITS :] = len(self._sums) > self._static
+        parts = [self.added[k] for k in range(self._threads)]
+        for part in parts:
+            changed |= part.touched
+
+        def work(_, first, last):
+            _start(changed, background, self._sums, first, last)
+            for part in parts:
+                _move(part.touched, part.flux, self._sums, first, last)
+
+        run_ranges(work, len(changed), self._threads, CHUNK_GRAIN)
+        return Evaluated(self._sums, area, changed)
+
+
+@kernel
+def _start(changed, background, sums, first, last):
+    for chunk in range(first, last):
+        if changed[chunk]:
+            for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(sums))):
+                for c in range(3):
+                    sums[r, c] = background[r, c] if r < len(background) else 0
