@@ -6,6 +6,8 @@ all faces around it agree, across materials too, so neither T-junctions nor crac
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from gi_core.receivers import weld
@@ -13,20 +15,14 @@ from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Mesh, Paint
 from gi_core.surfaces import face_normals
 
-GROWTH = 4.0  # outside the core an edge may be as long as its distance from it over this
-THIN = 1 / 8  # of the longest edge: refine_to leaves thinner faces to their neighbours
-FINEST = 0.005  # of the scene's size: refine_to goes no finer, shadows blur over more than that
-BISECTIONS = 8
 MOST_FACES = 4_000_000  # a misplaced decimal point must not fill the memory
 
 
-def tessellate(
-    mesh: Mesh, max_edge: float, core: tuple[np.ndarray, np.ndarray] | None = None, thinnest: float = 0.0
-) -> Mesh:
+def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thinnest: float = 0.0) -> Mesh:
     """Split every edge longer than `max_edge` [m] at its middle, again and again.
 
-    `core`: corners (low, high) of a box; outside it the allowed length grows with the distance, so
-    that a ground plane far away stays coarse. `thinnest` [m]: faces lower than that ask for no split (they
+    `longest`: a function of middles (..., 3) and lengths (...) of edges that returns the length [m] allowed
+    there, instead of `max_edge` everywhere. `thinnest` [m]: faces lower than that ask for no split (they
     are split where a neighbour asks): mouldings would use up the receivers that walls need.
     Vertices of one place become one. Corner normals and paint are interpolated, materials and face
     reflectances carried along.
@@ -42,7 +38,7 @@ def tessellate(
     faces, source, normals = faces[whole], np.flatnonzero(whole), mesh.corner_normals
     normals = None if normals is None else normals[whole]
     # No triangle is larger than half the square of its longest edge: refuse before the work, not after it.
-    if core is None and thinnest == 0 and face_normals(mesh)[1].sum() > MOST_FACES * max_edge * max_edge / 2:
+    if longest is None and thinnest == 0 and face_normals(mesh)[1].sum() > MOST_FACES * max_edge * max_edge / 2:
         raise _too_many(max_edge)
     # Asked of the whole face, so that an edge never changes its mind while its faces are cut.
     asks = _heights(points, place[mesh.faces]) >= thinnest
@@ -54,7 +50,7 @@ def tessellate(
         # Mark the long edges: edge k runs from corner k to corner k + 1.
         ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)
         low, high = ends.min(axis=2), ends.max(axis=2)
-        long = _too_long(points[low], points[high], max_edge, core)
+        long = _too_long(points[low], points[high], max_edge, longest)
         if thinnest > 0:
             key = low * len(points) + high
             long &= np.isin(key, np.unique(key[long & asks[source][:, None]]))
@@ -115,30 +111,6 @@ def _too_many(max_edge: float) -> SceneError:
     )
 
 
-def refine_to(mesh: Mesh, materials, most: int, core, size: float) -> tuple[Mesh, float]:
-    """Tessellate as finely as leaves about `most` receivers; return the mesh and its longest edge [m].
-
-    A mesh that has many of its own in small parts gets up to as many again: its large faces need them all the same.
-    """
-    sided = np.array([1 + m.two_sided for m in materials])
-
-    def cost(m: Mesh) -> float:
-        return float(sided[m.face_material].sum()) / 2  # a closed surface has half as many vertices as faces
-
-    allowed = max(most, most + cost(mesh) if cost(mesh) > most / 4 else 0)
-    shape = Mesh(mesh.vertices, mesh.faces, mesh.face_material)  # where it is cut does not depend on the rest
-    coarse, fine = float(size), float(size) * FINEST
-    for _ in range(BISECTIONS):
-        middle = float(np.sqrt(coarse * fine))
-        if cost(tessellate(shape, middle, core, middle * THIN)) <= allowed:
-            coarse = middle
-        else:
-            fine = middle
-    if coarse == float(size):
-        return mesh, coarse
-    return tessellate(mesh, coarse, core, coarse * THIN), coarse
-
-
 def _heights(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the least height (F,) of each triangle [m]."""
     p = points[faces]
@@ -148,15 +120,10 @@ def _heights(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.sqrt((cross * cross).sum(axis=1)) / np.where(longest > 0, longest, 1)
 
 
-def _too_long(a, b, max_edge, core) -> np.ndarray:
+def _too_long(a, b, max_edge, longest) -> np.ndarray:
     d = b - a
     length = np.sqrt(d[..., 0] * d[..., 0] + d[..., 1] * d[..., 1] + d[..., 2] * d[..., 2])
-    if core is None:
-        return length > max_edge
-    middle = 0.5 * (a + b)
-    out = np.maximum(np.maximum(core[0] - middle, middle - core[1]), 0.0)
-    distance = np.sqrt((out * out).sum(axis=-1)) - length / 2  # of the edge's nearest end, at least
-    return length > np.maximum(max_edge, distance / GROWTH)
+    return length > (max_edge if longest is None else longest(0.5 * (a + b), length))
 
 
 def _with_middles(n: np.ndarray) -> np.ndarray:

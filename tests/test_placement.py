@@ -139,7 +139,7 @@ def test_the_lamp_hangs_below_the_shelf_that_is_over_the_mobile():
     shelf = box((0, 1, 0), (1, 1.1, 1))
     mobile = cube(0.3)
     mobile = mobile._replace(pose=mobile.pose._replace(position=(0.5, 0.0, 0.5)))
-    scene, _ = complete(Scene(merge(room, shelf), (grey(0.7),), (mobile,)), [], True)
+    scene, _, _ = complete(Scene(merge(room, shelf), (grey(0.7),), (mobile,)), [], True)
     assert 0.8 < lamp_faces(scene)[..., 1].max() < 1
     (note,) = (n for n in scene.notes if "no light" in n)
     assert note.endswith("hangs below what is above the mobile")
@@ -150,7 +150,7 @@ def test_the_lamp_does_not_stick_into_a_beam():
     beam = box((2.3, 3.5, 0), (2.6, 4, 4))
     mobile = cube(0.4)
     mobile = mobile._replace(pose=mobile.pose._replace(position=(2.0, 0.0, 2.0)))
-    scene, _ = complete(Scene(merge(room, beam), (grey(0.7),), (mobile,)), [], True)
+    scene, _, _ = complete(Scene(merge(room, beam), (grey(0.7),), (mobile,)), [], True)
     assert lamp_faces(scene)[..., 0].max() < 2.3
 
 

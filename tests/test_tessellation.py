@@ -8,7 +8,7 @@ import pytest
 from gi_core.receivers import weld
 from gi_core.scene import Material, Mesh, Paint, Scene, SceneError, Texture
 from gi_core.surfaces import face_normals, flatten
-from gi_core.tessellation import refine_to, tessellate
+from gi_core.tessellation import tessellate
 
 
 def box(size=(1.0, 0.7, 0.3), repeat_vertices=False) -> Mesh:
@@ -43,9 +43,11 @@ def test_closed_surface_stays_closed(max_edge, repeat):
     assert longest(mesh) <= max_edge or max_edge == 5.0
 
 
-def test_core_stays_closed_too():
-    core = np.array([0.0, 0, 0]), np.array([0.1, 0.1, 0.1])
-    mesh = tessellate(box((20.0, 20.0, 20.0)), 0.1, core)
+def test_a_mesh_of_graded_edges_stays_closed():
+    def allowed(middle, length):
+        return np.maximum(0.1, (np.sqrt((middle * middle).sum(axis=-1)) - length / 2) / 4)
+
+    mesh = tessellate(box((20.0, 20.0, 20.0)), 0.1, allowed)
     _, counts = np.unique(edges_of(mesh), axis=0, return_counts=True)
     assert (counts == 2).all()
     assert len(mesh.faces) < 20_000 < 2 * 6 * (20 / 0.1) ** 2  # far away it stays coarse
@@ -161,12 +163,12 @@ def vertices_inside_edges(mesh: Mesh) -> int:
 
 
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("how", ["even", "core", "thin"])
+@pytest.mark.parametrize("how", ["even", "near", "thin"])
 def test_no_junctions_between_faces_of_any_material_and_size(seed, how):
     """Cells from a millionth to most of the side of a box, four materials: no vertex inside an edge, no edge alone."""
-    core = (np.zeros(3), np.full(3, 0.2)) if how == "core" else None
+    near = (lambda middle, length: 0.11 + np.abs(middle).max(axis=-1) / 4) if how == "near" else None
     before = strewn_box(seed)
-    mesh = tessellate(before, 0.11, core, 0.02 if how == "thin" else 0.0)
+    mesh = tessellate(before, 0.11, near, 0.02 if how == "thin" else 0.0)
     assert len(mesh.faces) > len(before.faces)
     _, counts = np.unique(shared_edges(mesh), axis=0, return_counts=True)
     assert (counts == 2).all()
@@ -199,13 +201,6 @@ def test_triangles_of_several_colours_share_one_irradiance():
     assert len(pairs) == len(np.unique(key)) == len(receivers.areas)
     coloured = np.unique(np.stack([surfaces.corner_front[:, 0], mesh.face_material], axis=1), axis=0)
     assert len(coloured) > 1.05 * len(np.unique(coloured[:, 0])), "several materials do meet at receivers"
-
-
-def test_refine_to_spends_what_it_is_given():
-    materials = [Material("a"), Material("b")]
-    mesh, edge = refine_to(box(), materials, 2000, None, 1.0)
-    assert 1000 < len(mesh.faces) / 2 <= 2000
-    assert longest(mesh) <= edge
 
 
 def test_absurd_lengths_are_refused():

@@ -12,14 +12,14 @@ DEFAULT_COLUMN = 1 / 12  # of the scene's size: the height of the thing that a s
 
 
 def complete(scene: Scene, unplaced, bare: bool):
-    """Return the scene with every mobile placed, a light and a camera; and the useful box (None if not needed).
+    """Return the scene with every mobile placed, a light and a camera; and rays and useful box if it is bare.
 
     unplaced: (index of a mobile, up axis of its file or None to take its coordinates as they are).
     """
     from gi_core.scene.pilot import Rays, is_lit, useful_box
 
     if not unplaced and is_lit(scene) and scene.camera is not None and not bare:
-        return scene, None
+        return scene, None, None
     from gi_core.scene.placement import place, sized
 
     rays = Rays(scene)
@@ -34,7 +34,10 @@ def complete(scene: Scene, unplaced, bare: bool):
     for index in waiting:
         scene, _ = place(scene, index, rays, box, standing, is_lit(scene))
         standing.append(index)
-    return (scene, box) if is_lit(scene) else _with_light(scene, rays, box)
+    if not is_lit(scene):
+        scene = _with_light(scene, rays, box)
+        box = useful_box(scene, rays) if bare else box
+    return scene, rays, box
 
 
 def _with_camera(scene: Scene, rays, box, waiting: list[int], standing: list[int]):
@@ -75,15 +78,13 @@ def _looking(scene: Scene, rays, box):
 
 
 def _with_light(scene: Scene, rays, box):
-    """Return the scene with a lamp below whatever is above the first mobile; and the box of what it lights."""
-    from gi_core.scene.pilot import useful_box
+    """Return the scene with a lamp below whatever is above the first mobile."""
     from gi_core.scene.stand_ins import lamp_below_ceiling, lamp_in_the_open
 
     subject, height = _subject(scene, rays, box)
     if np.isfinite(height):
-        scene = lamp_below_ceiling(scene, rays, subject, height)
-        return scene, useful_box(scene, rays)
-    return lamp_in_the_open(scene, rays, box), box
+        return lamp_below_ceiling(scene, rays, subject, height)
+    return lamp_in_the_open(scene, rays, box)
 
 
 def _subject(scene: Scene, rays, box) -> tuple[np.ndarray, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from gi_core.receivers import weld
 from gi_core.scene.pilot import Rays, cosine
 from gi_core.scene.types import Mesh, Scene
-from gi_core.scene.winding import consistent_winding
+from gi_core.scene.winding import consistent_winding, turned_mesh
 from gi_core.surfaces import face_normals
 
 SEED = 0x1A3B
@@ -51,7 +51,7 @@ def facing_the_scene(scene: Scene) -> Scene:
         notes.append(f"lamps that faced a wall are turned round: {_listed(turned)}")
     if both:
         notes.append(f"two-sided lamps shine from their front alone: {_listed(both)}")
-    return replace(scene, static=_turned(mesh, turn), notes=tuple(notes))
+    return replace(scene, static=turned_mesh(mesh, turn), notes=tuple(notes))
 
 
 def _blocked(mesh: Mesh, rays: Rays, own, normals, areas, rng) -> float:
@@ -68,23 +68,6 @@ def _blocked(mesh: Mesh, rays: Rays, own, normals, areas, rng) -> float:
     height = t * (d * n).sum(axis=1)
     near = min(NEAR * rays.extent, NEAR_OWN * float(np.sqrt(share[-1])))
     return float(((height < near) | np.isin(face, own)).mean())
-
-
-def _turned(mesh: Mesh, turn: np.ndarray) -> Mesh:
-    """Return the mesh with some faces wound the other way, and with them all that is said by corner."""
-
-    def flipped(corners):
-        corners = corners.copy()
-        corners[turn] = corners[turn][:, ::-1]
-        return corners
-
-    normals, paint = mesh.corner_normals, mesh.paint
-    if normals is not None:
-        normals = flipped(normals)
-        normals[turn] = -normals[turn]
-    if paint is not None:
-        paint = paint._replace(corner_uv=flipped(paint.corner_uv), corner_colour=flipped(paint.corner_colour))
-    return mesh._replace(faces=flipped(mesh.faces), corner_normals=normals, paint=paint)
 
 
 def _listed(names: list[str]) -> str:

@@ -9,17 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from gi_core.scene.completion import complete
+from gi_core.scene.dark_sides import one_sided_where_dark
 from gi_core.scene.errors import SceneError
 from gi_core.scene.find import find_scene
 from gi_core.scene.lamps import facing_the_scene
 from gi_core.scene.materials_table import check_used, override, single
 from gi_core.scene.mesh_file import SUFFIXES, MeshFile, read_mesh_file
 from gi_core.scene.paint import join_paints
+from gi_core.scene.refinement import refined
 from gi_core.scene.toml_file import UP, SceneFile, StaticEntry, read_scene_file
 from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Scene
-from gi_core.tessellation import refine_to, tessellate
+from gi_core.tessellation import tessellate
 
-MOST_RECEIVERS = 60_000  # a bare mesh is refined until it has about as many
+MOST_RECEIVERS = 150_000  # a bare mesh is refined until it has about as many, both sides counted, or is fine enough
 
 MOBILE_EDGE = 1 / 12  # of its longest side: the longest edge of a mobile that no scene file describes
 
@@ -91,11 +93,11 @@ class _Builder:
         for path in extra:
             scene, up = self._extra(scene, Path(path))
             unplaced.append((len(scene.mobiles) - 1, up))
-        scene, box = complete(facing_the_scene(scene), unplaced, self.bare)
+        scene, rays, box = complete(facing_the_scene(scene), unplaced, self.bare)
         described = len(self.file.mobiles)
         finer = tuple(m._replace(mesh=_fine(m.mesh)) for m in scene.mobiles[described:])
         scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
-        return self._refined(scene, max_edge, box)
+        return self._refined(scene, max_edge, rays, box)
 
     def _shown(self, path: Path) -> str:
         return self.where if self.bare else f"{self.where}: {path.name}"
@@ -155,14 +157,16 @@ class _Builder:
                     f"{list(materials[i].emission)}; give it emission = [0, 0, 0] under [materials] of a scene file"
                 )
 
-    def _refined(self, scene: Scene, max_edge: float | None, box) -> Scene:
+    def _refined(self, scene: Scene, max_edge: float | None, rays, box) -> Scene:
+        if self.bare:
+            scene = one_sided_where_dark(scene, box)
         wanted = max_edge or self.file.static.max_edge
         if wanted is not None:
             return scene if wanted == np.inf else replace(scene, static=tessellate(scene.static, wanted))
         if not self.bare:
             return scene
         before = len(scene.static.faces)
-        mesh, edge = refine_to(scene.static, scene.materials, MOST_RECEIVERS, (box.low, box.high), box.size)
+        mesh, edge = refined(scene, rays, box, MOST_RECEIVERS)
         if len(mesh.faces) == before:
             return scene
         note = f"edges split to {edge:.3g} m where light goes: {before:,} triangles became {len(mesh.faces):,}"

@@ -28,6 +28,7 @@ class Box(NamedTuple):
     size: float  # longest side [m]
     hits: np.ndarray  # (n, 3) the central hits [m]
     normals: np.ndarray  # (n, 3) unit, on the side that the light came to
+    side_hits: np.ndarray  # (F, 2) int64, how many hits each face of the static part had on its front and back
 
 
 class Rays:
@@ -35,7 +36,8 @@ class Rays:
 
     def __init__(self, scene: Scene):
         statics = Scene(scene.static, scene.materials)
-        self.surfaces, _ = flatten(statics)
+        self.surfaces, receivers = flatten(statics)
+        self.receivers = len(receivers.positions)
         self.accelerator = Accelerator(self.surfaces)
         v = scene.static.vertices[scene.static.faces.reshape(-1)]
         self.low, self.high = v.min(axis=0), v.max(axis=0)
@@ -55,6 +57,7 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
     origins, directions, normals = _starts(scene, rays, rng)
     # In the dark a place counts that light could reach from another, and any that light could start from.
     hits, sides = ([], []) if is_lit(scene) else ([origins], [normals])
+    side_hits = np.zeros((len(scene.static.faces), 2), np.int64)
     for _ in range(BOUNCES):
         t, face = rays.hits(origins, directions)
         landed = face >= 0
@@ -66,6 +69,7 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
         facing = -np.sign((n * directions[landed]).sum(axis=1))
         go_on = (facing > 0) | rays.surfaces.two_sided[face[landed]]  # the back of a one-sided face absorbs
         sides.append(n * facing[:, None])
+        np.add.at(side_hits, (face[landed], (facing < 0).astype(int)), 1)
         n = (n * facing[:, None])[go_on]
         origins = points[go_on] + n * LIFT * rays.extent
         directions = cosine(n, rng)
@@ -75,7 +79,7 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
         tail = (1 - CENTRAL_SHARE) / 2
         low, high = np.quantile(found, tail, axis=0), np.quantile(found, 1 - tail, axis=0)
     central = ((found >= low) & (found <= high)).all(axis=1)
-    return Box(low, high, max(float((high - low).max()), 1e-9), found[central], facing[central])
+    return Box(low, high, max(float((high - low).max()), 1e-9), found[central], facing[central], side_hits)
 
 
 def is_lit(scene: Scene) -> bool:
@@ -131,29 +135,42 @@ def cosine(normals: np.ndarray, rng) -> np.ndarray:
 
 
 def _starts(scene: Scene, rays: Rays, rng):
-    """Return origins, directions, normals: on emissive faces by flux, else at placed lights, else on all faces."""
+    """Return origins, directions, normals: shared out among emissive faces, lamps with a place and the sky.
+
+    In the dark they start on all faces.
+    """
     mesh = scene.static
     normals, areas = face_normals(mesh)
     emission = np.array([max(m.emission) for m in scene.materials])[mesh.face_material] * areas
     placed = [np.array(light.position) for light in scene.lights if hasattr(light, "position")]
-    distant = [light for light in scene.lights if isinstance(light, DirectionalLight)]
+    distant = [light for light in scene.lights if isinstance(light, DirectionalLight | SkyLight)]
+    kinds = [emission.any(), bool(placed), bool(distant)]
+    n = RAYS // max(sum(kinds), 1)
+    parts = []
     if emission.any():
-        weight, sides = emission, np.ones(len(areas))
-    elif placed:
-        d = rng.normal(size=(RAYS, 3))
+        parts.append(_from_faces(mesh, rays, normals, emission, rng, n))
+    if placed:
+        d = rng.normal(size=(n, 3))
         d /= np.sqrt((d * d).sum(axis=1, keepdims=True))
-        return np.stack(placed)[rng.integers(len(placed), size=RAYS)], d, np.zeros((RAYS, 3))
-    elif distant or any(isinstance(light, SkyLight) for light in scene.lights):
-        toward = np.array(scene.up) if not distant else -np.array(distant[0].direction)
-        weight, sides = areas, np.where((normals * toward).sum(axis=1) < 0, -1.0, 1.0)
-    else:
+        parts.append((np.stack(placed)[rng.integers(len(placed), size=n)], d, np.zeros((n, 3))))
+    if distant:
+        sun = distant[0]
+        toward = np.array(scene.up) if isinstance(sun, SkyLight) else -np.array(sun.direction)
+        sides = np.where((normals * toward).sum(axis=1) < 0, -1.0, 1.0)
+        parts.append(_from_faces(mesh, rays, normals * sides[:, None], areas, rng, n))
+    if not parts:
         two_sided = np.array([m.two_sided for m in scene.materials])[mesh.face_material]
-        weight, sides = areas, np.where(two_sided & (rng.random(len(areas)) < 0.5), -1.0, 1.0)
-    total = weight.sum()
-    face = np.searchsorted(np.cumsum(weight) / total, rng.random(RAYS), side="right").clip(0, len(areas) - 1)
-    u, v = rng.random((2, RAYS, 1))
+        sides = np.where(two_sided & (rng.random(len(areas)) < 0.5), -1.0, 1.0)
+        parts.append(_from_faces(mesh, rays, normals * sides[:, None], areas, rng, n))
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+
+
+def _from_faces(mesh, rays: Rays, normals, weight, rng, n: int):
+    """Return n origins on faces picked by weight (F,), cosine-distributed directions about their normals, and these."""
+    face = np.searchsorted(np.cumsum(weight) / weight.sum(), rng.random(n), side="right").clip(0, len(weight) - 1)
+    u, v = rng.random((2, n, 1))
     flip = u + v > 1
     u, v = np.where(flip, 1 - u, u), np.where(flip, 1 - v, v)
     a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
-    n = normals[face] * sides[face][:, None]
-    return a + u * (b - a) + v * (c - a) + n * LIFT * rays.extent, cosine(n, rng), n
+    up = normals[face]
+    return a + u * (b - a) + v * (c - a) + up * LIFT * rays.extent, cosine(up, rng), up

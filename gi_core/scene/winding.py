@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from gi_core.receivers import weld
 from gi_core.scene.file_parts import Part
+from gi_core.scene.types import Mesh
 
 OPPOSED = 0.5  # cosine: normals that lean farther than that to the other side mean it
 
@@ -100,3 +101,20 @@ def with_turned(part: Part, turn: np.ndarray) -> Part:
             changed[name] = value.copy()
             changed[name][turn] = value[turn][:, ::-1]
     return part._replace(**changed)
+
+
+def turned_mesh(mesh: Mesh, turn: np.ndarray) -> Mesh:
+    """Return the mesh with some faces wound the other way, and with them all that is said by corner."""
+
+    def flipped(corners):
+        corners = corners.copy()
+        corners[turn] = corners[turn][:, ::-1]
+        return corners
+
+    normals, paint = mesh.corner_normals, mesh.paint
+    if normals is not None:
+        normals = flipped(normals)
+        normals[turn] = -normals[turn]
+    if paint is not None:
+        paint = paint._replace(corner_uv=flipped(paint.corner_uv), corner_colour=flipped(paint.corner_colour))
+    return mesh._replace(faces=flipped(mesh.faces), corner_normals=normals, paint=paint)
