@@ -56,7 +56,7 @@ def floor_lamp(height: float, metal: str, shade: str, diffuser: str) -> Piece:
     stem = rod((0, 0.02, 0), (0, low + 0.05, 0), 0.011, 6)
     discs = [turned_body([(r, low), (0.011, low)], 32).flipped(), turned_body([(r - 0.02, height), (0, height)], 32)]
     return {
-        metal: [turned_body(foot, 28), stem],
+        metal: [turned_body(foot, 18), stem],
         shade: [turned_body([(r, low), (r - 0.02, height)], 32)],
         diffuser: discs,
     }
@@ -64,7 +64,7 @@ def floor_lamp(height: float, metal: str, shade: str, diffuser: str) -> Piece:
 
 def globe_lamp(radius: float, metal: str, glass: str) -> Piece:
     """Return a glowing ball on a small foot."""
-    foot = turned_body([(0, 0), (0.06, 0), (0.06, 0.012), (0.012, 0.022), (0.010, 0.10), (0.03, 0.125)], 20)
+    foot = turned_body([(0, 0), (0.06, 0), (0.06, 0.012), (0.012, 0.022), (0.012, 0.12)], 8)
     return {metal: [foot], glass: [ball(radius, 20).at(0, 0.11 + radius * 0.97, 0)]}
 
 
@@ -76,7 +76,7 @@ def vase(profile, height: float, material: str, segments: int = 24) -> Piece:
     return {material: [turned_body([(0, 0), *outside, *neck], segments)]}
 
 
-def curtain(width: float, height: float, folds: int, material: str, columns: int = 6, rows: int = 14) -> Piece:
+def curtain(width: float, height: float, folds: int, material: str, columns: int = 6, rows: int = 13) -> Piece:
     """Return cloth that hangs in folds along x, its upper edge at `height`; two-sided."""
     s, t = np.meshgrid(np.linspace(0, 1, folds * columns + 1), np.linspace(0, 1, rows + 1), indexing="ij")
     a = 2 * np.pi * folds * s

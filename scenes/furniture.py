@@ -36,10 +36,10 @@ def sofa(width: float, cloth: str, wood: str) -> Piece:
     seat = (width - 2 * arm) / 2
     shapes = [box((width - 0.06, 0.16, depth - 0.08), "+y").at(0, 0.14, 0)]
     shapes += [rounded_box((arm, 0.46, depth), 0.06, 2).at(s * (width - arm) / 2, 0.13, 0) for s in (-1, 1)]
-    shapes += [rounded_box((width - 2 * arm, 0.58, 0.20), 0.06, 2).at(0, 0.2, -depth / 2 + 0.10)]
+    shapes += [rounded_box((width - 2 * arm, 0.58, 0.20), 0.06).at(0, 0.2, -depth / 2 + 0.10)]
     for s in (-1, 1):
-        shapes += [rounded_box((seat - 0.01, 0.17, 0.72), 0.055, 2).at(s * seat / 2, 0.28, 0.085)]
-        back = rounded_box((seat - 0.02, 0.42, 0.17), 0.065, 2).turned(-13, X)
+        shapes += [rounded_box((seat - 0.01, 0.17, 0.72), 0.055).at(s * seat / 2, 0.28, 0.085)]
+        back = rounded_box((seat - 0.02, 0.42, 0.17), 0.065).turned(-13, X)
         shapes += [back.at(s * seat / 2, 0.43, -depth / 2 + 0.26)]
     feet = [
         turned_body([(0, -SOLE), (0.018, -SOLE), (0.026, 0.15), (0, 0.15)], 8).at(x, 0, z)
@@ -74,7 +74,7 @@ def round_table(radius: float, height: float, wood: str, legs: int = 4) -> Piece
         out = np.array([np.cos(a), 0, np.sin(a)])
         foot, head = 0.82 * radius * out, 0.55 * radius * out
         ends = [foot + [0, -SOLE, 0], head + [0, height - edge - 0.002, 0]]
-        shapes.append(rod(*ends, 0.014, 8, 0.024).tiled(0.7, 0.35))
+        shapes.append(rod(*ends, 0.014, 6, 0.024).tiled(0.7, 0.35))
     return {wood: shapes}
 
 

@@ -93,7 +93,7 @@ def _luminaires():
         pieces.append({"black": [can, stalk]})
     x, y, z = BULB
     socket = turned_body([(0, 0.0), (0.020, 0.0), (0.024, 0.02), (0.024, 0.07), (0.006, 0.09), (0, 0.09)], 14)
-    glass = ball(0.036, 14).at(x, y + 0.10, z)  # glows so that the eye finds it; the light comes from the point below
+    glass = ball(0.036, 10).at(x, y + 0.10, z)  # glows so that the eye finds it; the light comes from the point below
     cord = rod((x, y + 0.21, z), (x, HEIGHT + 0.01, z), 0.005, 6)
     a = 2 * np.pi * np.arange(48) / 48
     circle = RING_CENTRE + RING_RADIUS * np.stack([0 * a, np.cos(a), np.sin(a)], axis=1)

@@ -85,15 +85,15 @@ def _window():
     frame = [flat(z, y0 + BAR, BAR, tall - 2 * BAR) for z in (z1, z1 - BAR - half, z0 + BAR)]
     frame += [flat(z1, y, wide, BAR) for y in (y0, y1 - BAR)]
     reveal = [
-        sheet((pane, y1, z0), (REVEAL, 0, 0), (0, 0, wide), (3, 16)),
-        sheet((pane, y0, z0), (REVEAL, 0, 0), (0, tall, 0), (3, 13)),
-        sheet((LEFT, y0, z1), (-REVEAL, 0, 0), (0, tall, 0), (3, 13)),
+        sheet((pane, y1, z0), (REVEAL, 0, 0), (0, 0, wide), (2, 12)),
+        sheet((pane, y0, z0), (REVEAL, 0, 0), (0, tall, 0), (2, 10)),
+        sheet((LEFT, y0, z1), (-REVEAL, 0, 0), (0, tall, 0), (2, 10)),
     ]
     # The sill closes the opening below: from a little behind the glass to 15 cm into the room.
     sill = rounded_box((REVEAL + 0.16, 0.03, wide + 0.16), 0.01).at((pane + LEFT + 0.14) / 2, y0 - 0.03, (z0 + z1) / 2)
-    rail = rod((LEFT + 0.10, y1 + 0.14, z0 - 0.55), (LEFT + 0.10, y1 + 0.14, z1 + 0.55), 0.012, 6)
+    rail = rod((LEFT + 0.10, y1 + 0.14, z0 - 0.55), (LEFT + 0.10, y1 + 0.14, z1 + 0.55), 0.012, 5)
     drapes = [
-        placed(furnishings.curtain(0.50, y1 + 0.11, 4, "linen"), LEFT + 0.10, 0, z, 90) for z in (z0 - 0.24, z1 + 0.24)
+        placed(furnishings.curtain(0.50, y1 + 0.11, 3, "linen"), LEFT + 0.10, 0, z, 90) for z in (z0 - 0.24, z1 + 0.24)
     ]
     return [
         part("glass", *panes),

@@ -2,7 +2,7 @@
 
 The report's second tree scene (section 2.7, figure 2.7) in spirit: another sort of tree and another ground,
 both of bigger triangles than the first, so that larger discs pay. Here a fir on a round hill: edges of
-0.04 to 0.08 where the first tree has 0.01, and a tenth of its triangles. y is up.
+0.04 to 0.08 where the first tree has 0.01, and a twelfth of its triangles. y is up.
 """
 
 from __future__ import annotations
