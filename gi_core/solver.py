@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core import memory
 from gi_core.cuts import Frame, change, current_segments
 from gi_core.defaults import choose
 from gi_core.estimators import ESTIMATORS
@@ -35,6 +36,8 @@ FIRST_CHUNK = 512  # photons in the first step, before its speed is known
 LARGEST_CHUNK = 1 << 16
 PART = 4096  # photons that a thread traces and splats in one go: their segments stay in its cache
 PART_GRAIN = 256  # photons a thread
+BYTES_A_VERTEX = 40  # of a path as it is stored, twice: whole and coarse
+SPARE_MEMORY = 1 << 30  # bytes that are left to others, and to what frames need
 SCRATCH_CHUNK = 1 << 16
 
 
@@ -89,6 +92,7 @@ class Solver:
         self.timings: dict[str, float] = {}
         self.changes = Changes(0, 0, 0)
         self.irradiance = np.zeros((len(self.model.object_receivers.areas), 3))
+        self.memory_full = False  # fewer photons than wanted, because memory does not hold more
         self.photons_traced = 0  # photons that self.irradiance belongs to
         self._frame: Frame | None = None
         self._times = FrameTimes()
@@ -150,7 +154,7 @@ class Solver:
         shown = self._shown.estimate.photons if self._shown not in (None, b) else 0
         due = max(FIRST_PICTURE, shown, 2 * b.added) if pictures else goal
         seconds_a_photon = STEP_SECONDS / FIRST_CHUNK
-        while b.added < goal:
+        while b.added < (goal := self._affordable(b)):
             count = int(np.clip(STEP_SECONDS / seconds_a_photon, 64, LARGEST_CHUNK)) if pictures else LARGEST_CHUNK
             count = min(count, goal - b.added, max(due - b.added, 1), next_rung(b.added) - b.added)
             started = time.perf_counter()
@@ -165,6 +169,17 @@ class Solver:
         if b is not self._shown or b.estimate.photons != goal or self.photons_traced != goal:
             yield from self._show(b)
         yield Progress("done", 1.0, False)
+
+    def _affordable(self, b: _Background) -> int:
+        """Return the photons wanted, or as many as memory holds."""
+        photons, left = self._store.photons, memory.available()
+        if not photons or left is None or self._goal <= photons:
+            self.memory_full = False
+            return self._goal
+        vertices = len(self._store.prefix(photons).side) / photons
+        more = max(left - SPARE_MEMORY, 0) / (vertices * (BYTES_A_VERTEX + b.estimate.bytes_a_hit))
+        self.memory_full = photons + more < self._goal
+        return min(self._goal, photons + int(more))
 
     def _take_in(self, b: _Background, count: int) -> str:
         """Bring the next photons into the background, tracing those that are new; a share of them a thread."""
@@ -195,7 +210,7 @@ class Solver:
             raise
         for fresh in parts:
             for paths, fates in fresh:
-                self._store.reserve(self._goal)
+                self._store.reserve(self._affordable(b))
                 self._coarse.append(paths, self._store.photons, self._store.room)
                 self._store.append(paths)
                 self._background_fates = _add(self._background_fates, fates)

@@ -40,6 +40,7 @@ class ImpactCount:
     reach = 0.0
 
     additive = True  # sums of parts are sums of the whole: preparing costs nothing
+    bytes_a_hit = 0  # nothing is kept a hit
     on_faces = True  # probes need a face to count on
 
     def __init__(self, model: Model, radius: float, neighbours: int, control: bool = True):

@@ -47,6 +47,7 @@ class PhotonMap:
     """See the module; `radius` [m] bounds the search, `neighbours` is k."""
 
     additive = False  # see the module: preparing estimates every receiver
+    bytes_a_hit = 96  # of memory: a hit is kept as it was added, and sorted
     on_faces = False  # probes are receivers like any other
 
     def __init__(self, model: Model, radius: float, neighbours: int, control: bool = True, textbook: bool = False):

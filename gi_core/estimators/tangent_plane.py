@@ -31,6 +31,7 @@ class TangentPlane:
 
     search = "disc_index"  # of SEARCHES
     additive = True  # sums of parts are sums of the whole: preparing costs nothing
+    bytes_a_hit = 0  # nothing is kept a hit
     on_faces = False  # probes are receivers like any other
 
     def __init__(self, model: Model, radius: float, neighbours: int, control: bool = True):
