@@ -114,7 +114,7 @@ def _things():
     tall = [(0.15, 0), (0.24, 0.28), (0.27, 0.5), (0.20, 0.78), (0.07, 0.9), (0.10, 1.0)]
     wide = [(0.25, 0), (0.48, 0.3), (0.52, 0.5), (0.42, 0.75), (0.24, 0.9), (0.28, 1.0)]
     return [
-        placed(bench, -1.15, 0, 0.75, 6),
+        placed(bench, -1.6, 0, 0.85, 6),
         *plinths,
         placed(furnishings.vase(tall, 0.46, "celadon", 28), -3.60, 0.976, -1.50),
         placed(furnishings.vase(wide, 0.17, "ochre", 24), -3.42, 0.976, -1.38),
@@ -159,7 +159,7 @@ def paths() -> dict[str, Loop]:
     """Return the stone's path by scene file: an ellipse through the middle of the hall, past the blue wall."""
 
     def ellipse(a):
-        return np.stack([1.2 + 2.0 * np.cos(a + START), 0 * a, -0.5 + 1.2 * np.sin(a + START)], axis=1)
+        return np.stack([1.3 + 1.8 * np.cos(a + START), 0 * a, -0.6 + 1.1 * np.sin(a + START)], axis=1)
 
     return {"gallery.toml": loop(ellipse, keys=32, speed=SPEED, turns=1)}
 

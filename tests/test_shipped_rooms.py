@@ -138,13 +138,18 @@ def test_gallery_has_luminaires_of_every_kind_where_their_bodies_are():
         np.testing.assert_allclose(aim, [x, make_gallery.PICTURE_HEIGHT, make_gallery.BACK], atol=1e-6)
 
 
-def test_stone_stays_in_the_hall():
+def test_stone_stays_in_the_hall_and_touches_nothing():
     scene = load_scene("gallery")
+    names = [m.name for m in scene.materials]
+    oak = scene.static.vertices[scene.static.faces[scene.static.face_material == names.index("oak")]].reshape(-1, 3)
+    end, front = oak[:, 0].max(), oak[:, 2].min()  # of the bench
     (stone,) = scene.mobiles
     assert stone.mesh.vertices[:, 1].min() == pytest.approx(0, abs=1e-6)
     for t in np.linspace(0, stone.path.times[-1], 60):
         v = to_world(pose_at(stone.path, t), stone.mesh.vertices)
         assert v[:, 0].max() < make_gallery.RIGHT - 0.3 and v[:, 2].min() > make_gallery.BACK + 0.6
+        assert (v[v[:, 2] > front][:, 0] > end).all()
+        assert np.hypot(v[:, 0] - 3.35, v[:, 2] + 2.35).min() > 0.4  # the plinth on the right
 
 
 def test_second_tree_has_a_tenth_of_the_triangles():
