@@ -79,7 +79,7 @@ def full_estimate(solver: Solver) -> Callable[[], None]:
     for _ in twin.build():
         pass
     photons = solver.photons_traced
-    paths = solver._store.prefix(photons)
+    paths = solver._photons.prefix(photons)[0]
     for first in range(0, photons, CHUNK):
         last = min(first + CHUNK, photons)
         twin.add_background(segments_of(paths, solver.model.eps, first, last), 0)

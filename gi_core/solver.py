@@ -12,32 +12,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core import memory
+from gi_core.background import Background, Photons, add_fates
 from gi_core.cuts import Frame, change, current_segments
 from gi_core.defaults import choose
 from gi_core.estimators import ESTIMATORS
 from gi_core.fixed_point import MAX_PHOTONS
-from gi_core.ladder import FrameTimes, Ladder, is_rung, next_rung
+from gi_core.ladder import FrameTimes, is_rung, next_rung
 from gi_core.model import Model
-from gi_core.near_scan import CoarseStore, Room
-from gi_core.paths import PathStore, segments_of
-from gi_core.photon_trace import Fates, no_flux, trace_background
+from gi_core.near_scan import Room
+from gi_core.photon_trace import Fates
 from gi_core.pose import as_pose
+from gi_core.probes import probe_irradiance
 from gi_core.radiosity import irradiance, irradiance_of_frame
 from gi_core.receivers import Receivers
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
 from gi_core.surfaces import Surfaces
-from gi_core.threads import run_ranges
 
 STEP_SECONDS = 0.006  # aim of one step of solve_steps(): the caller's frame allows 8 ms
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
 LARGEST_CHUNK = 1 << 16
-PART = 4096  # photons that a thread traces and splats in one go: their segments stay in its cache
-PART_GRAIN = 256  # photons a thread
-BYTES_A_VERTEX = 40  # of a path as it is stored, twice: whole and coarse
-SPARE_MEMORY = 1 << 30  # bytes that are left to others, and to what frames need
 SCRATCH_CHUNK = 1 << 16
 
 
@@ -85,9 +80,7 @@ class Solver:
         self.photons, self.radius, self.neighbours = self.chosen.photons, self.chosen.radius, self.chosen.neighbours
         self.estimator, self.control = estimator, control
         self.poses: dict[str, Pose] = self.model.start_poses()
-        self._store = PathStore()
-        self._coarse = CoarseStore(self.model.grid)  # the same paths, for the scan
-        self._background_fates = no_flux()
+        self._photons = Photons(self.model, self.seed)
         self._room = Room()
         self.timings: dict[str, float] = {}
         self.changes = Changes(0, 0, 0)
@@ -96,8 +89,8 @@ class Solver:
         self.photons_traced = 0  # photons that self.irradiance belongs to
         self._frame: Frame | None = None
         self._times = FrameTimes()
-        self._shown: _Background | None = None  # what frames are computed from
-        self._next: _Background | None = None  # what replaces it, being built
+        self._shown: Background | None = None  # what frames are computed from
+        self._next: Background | None = None  # what replaces it, being built
         self.configure(estimator, self.photons, self.radius, self.neighbours)
 
     # -- settings ---------------------------------------------------------------------------------
@@ -123,13 +116,12 @@ class Solver:
     def _goal(self) -> int:
         return self.photons if len(self.model.emitters.kind) else 0
 
-    def _background(self) -> _Background:
+    def _background(self) -> Background:
         """Return the estimate of the background to go on with: the one shown if it still fits."""
         for kept in (self._shown, self._next):
             if kept is not None and kept.setting == self._wanted() and kept.added <= self._goal:
                 return kept
-        estimate = ESTIMATORS[self.estimator](self.model, self.radius, self.neighbours, self.control)
-        self._next = _Background(self._wanted(), estimate)
+        self._next = Background(self.model, self._wanted())
         return self._next
 
     # -- first frame ------------------------------------------------------------------------------
@@ -146,10 +138,8 @@ class Solver:
         """
         goal, b = self._goal, self._background()
         yield Progress("indexing", 0.0, False)
-        if not b.built:
-            for _ in b.estimate.build():
-                yield Progress("indexing", 0.0, False)
-            b.built = True
+        for _ in b.build():
+            yield Progress("indexing", 0.0, False)
         # A new setting is shown once it has as many photons as what it replaces.
         shown = self._shown.estimate.photons if self._shown not in (None, b) else 0
         due = max(FIRST_PICTURE, shown, 2 * b.added) if pictures else goal
@@ -158,7 +148,7 @@ class Solver:
             count = int(np.clip(STEP_SECONDS / seconds_a_photon, 64, LARGEST_CHUNK)) if pictures else LARGEST_CHUNK
             count = min(count, goal - b.added, max(due - b.added, 1), next_rung(b.added) - b.added)
             started = time.perf_counter()
-            stage = self._take_in(b, count)
+            stage = self._photons.take_in(b, count, goal)
             seconds_a_photon = 0.5 * (seconds_a_photon + (time.perf_counter() - started) / count)
             yield Progress(stage, b.added / goal, False)
             if due <= b.added < goal:
@@ -170,54 +160,13 @@ class Solver:
             yield from self._show(b)
         yield Progress("done", 1.0, False)
 
-    def _affordable(self, b: _Background) -> int:
+    def _affordable(self, b: Background) -> int:
         """Return the photons wanted, or as many as memory holds."""
-        photons, left = self._store.photons, memory.available()
-        if not photons or left is None or self._goal <= photons:
-            self.memory_full = False
-            return self._goal
-        vertices = len(self._store.prefix(photons).side) / photons
-        more = max(left - SPARE_MEMORY, 0) / (vertices * (BYTES_A_VERTEX + b.estimate.bytes_a_hit))
-        self.memory_full = photons + more < self._goal
-        return min(self._goal, photons + int(more))
+        goal = self._photons.affordable(self._goal, b.estimate.bytes_a_hit)
+        self.memory_full = goal < self._goal
+        return goal
 
-    def _take_in(self, b: _Background, count: int) -> str:
-        """Bring the next photons into the background, tracing those that are new; a share of them a thread."""
-        m, stored = self.model, self._store.photons
-        known = self._store.prefix(min(stored, b.added + count))
-
-        def work(thread, first, last):
-            fresh = []
-            for at in range(first, last, PART):
-                n = min(PART, last - at)
-                if at < stored:
-                    n = min(n, stored - at)
-                    segments = segments_of(known, m.eps, at, at + n)
-                else:
-                    paths, fates = trace_background(m.accelerator, m.world, m.static, m.emitters, self.seed, at, n)
-                    fresh.append((paths, fates))
-                    segments = segments_of(paths, m.eps, 0, n, base=at)
-                b.estimate.add_background(segments, thread)
-            return fresh
-
-        def from_here(thread, first, last):
-            return work(thread, b.added + first, b.added + last)
-
-        try:
-            parts = run_ranges(from_here, count, m.threads, PART_GRAIN)
-        except BaseException:
-            b.setting = None  # it holds a part of these photons: never go on with it
-            raise
-        for fresh in parts:
-            for paths, fates in fresh:
-                self._store.reserve(self._affordable(b))
-                self._coarse.append(paths, self._store.photons, self._store.room)
-                self._store.append(paths)
-                self._background_fates = _add(self._background_fates, fates)
-        b.added += count
-        return "tracing" if self._store.photons > stored else "estimating"
-
-    def _show(self, b: _Background) -> Iterator[Progress]:
+    def _show(self, b: Background) -> Iterator[Progress]:
         """Prepare what has been added and let frames use it from now on."""
         yield from self._prepare(b)
         if b is not self._shown:
@@ -226,7 +175,7 @@ class Solver:
         self._update()
         yield Progress("estimating", b.added / max(self._goal, 1), True)
 
-    def _prepare(self, b: _Background) -> Iterator[Progress]:
+    def _prepare(self, b: Background) -> Iterator[Progress]:
         for _ in b.estimate.prepare(b.added):
             yield Progress("estimating", b.added / max(self._goal, 1), False)
 
@@ -272,14 +221,13 @@ class Solver:
             return  # nothing traced yet
         clock, estimate = _Stages(), self._shown.estimate
         photons = estimate.photons if photons is None else photons
-        paths = self._store.prefix(photons)
-        coarse = self._coarse.prefix(len(paths.side))
+        paths, coarse = self._photons.prefix(photons)
         at = self.model.transforms(self.poses)
         self._frame = f = change(self.model, paths, coarse, at, self.seed, estimate.reach, self._room, clock)
         evaluated = estimate.evaluate(f)
         clock("estimate")
         if photons:
-            scale, resting = self.model.emitters.unit_flux / photons, self._resting(photons)
+            scale, resting = self.model.emitters.unit_flux / photons, self._shown.resting(photons)
             self.irradiance = irradiance_of_frame(evaluated, scale, resting, self.model.threads)
         else:
             self.irradiance = np.zeros(evaluated.sums.shape)
@@ -288,13 +236,6 @@ class Solver:
         self.photons_traced = photons
         self.timings = clock.seconds
         self._times.add(photons, sum(clock.seconds.values()))
-
-    def _resting(self, photons: int) -> np.ndarray:
-        """Return irradiance of static receivers without mobiles, computed once a prefix."""
-        resting = self._shown.resting
-        if photons not in resting:
-            resting[photons] = self._read_out(*self._shown.estimate.background(photons), photons)
-        return resting[photons]
 
     def _read_out(self, sums: np.ndarray, area: np.ndarray, photons: int) -> np.ndarray:
         if photons == 0:
@@ -328,36 +269,14 @@ class Solver:
 
     @property
     def probe_irradiance(self) -> dict[str, np.ndarray]:
-        """Irradiance (3,) [W/m2] at each probe.
-
-        A probe is a receiver of its own; under impact_count, which counts on faces, it reads the
-        interpolated irradiance of the static face it lies on, or 0 off any face.
-        """
-        first = self.model.first_probe
-        if self._shown is not None and self._shown.estimate.on_faces:
-            return dict(zip((p.name for p in self.scene.probes), self._on_faces(), strict=True))
-        return {p.name: self.irradiance[first + k] for k, p in enumerate(self.scene.probes)}
-
-    def _on_faces(self) -> np.ndarray:
-        rows = slice(self.model.first_probe, self.surfaces.receiver_range(0).stop)
-        r, lift = self.model.object_receivers, 1e-4 * self.model.world.size
-        origins = (r.positions[rows] + lift * r.normals[rows]).astype(np.float32)
-        directions = (-r.normals[rows]).astype(np.float32)
-        limits = np.full(len(origins), 2 * lift, np.float32)
-        distance, face = self.model.accelerator.nearest(0, origins, directions, limits)
-        out = np.zeros((len(origins), 3))
-        for k in np.flatnonzero(face >= 0):
-            corners = self.surfaces.vertices[0][self.surfaces.faces[0][face[k]]]
-            weights = np.linalg.lstsq(corners.T, origins[k] + distance[k] * directions[k], rcond=None)[0]
-            front = directions[k] @ self.surfaces.normals[face[k]] < 0
-            index = (self.surfaces.corner_front if front else self.surfaces.corner_back)[face[k]]
-            out[k] = np.where(index[:, None] >= 0, self.irradiance[index], 0).T @ weights
-        return out
+        """Irradiance (3,) [W/m2] at each probe, see `gi_core.probes`."""
+        on_faces = self._shown is not None and self._shown.estimate.on_faces
+        return probe_irradiance(self.model, self.irradiance, on_faces)
 
     @property
     def segments_total(self) -> int:
         """Segments in the background prefix that irradiance belongs to."""
-        return int(self._store.prefix(self.photons_traced).offsets[-1]) - self.photons_traced
+        return len(self._photons.prefix(self.photons_traced)[0].side) - self.photons_traced
 
     @property
     def fates(self) -> dict[str, np.ndarray]:
@@ -365,20 +284,11 @@ class Solver:
 
         Exact in fixed-point units: emitted = absorbed + escaped + truncated. Covers all photons traced.
         """
-        n = max(self._store.photons, 1)
-        total = self._background_fates
-        if self._frame is not None and self._frame.photons == self._store.photons:
-            total = _add(total, self._frame.fates)
+        n, total = max(self._photons.count, 1), self._photons.fates
+        if self._frame is not None and self._frame.photons == self._photons.count:
+            total = add_fates(total, self._frame.fates)
         scale = self.model.emitters.unit_flux / n
         return {name: value * scale for name, value in zip(Fates._fields, total, strict=True)}
-
-
-class _Background:
-    """An estimate of the background under one setting, and how many photons were added to it."""
-
-    def __init__(self, setting: tuple, estimate):
-        self.setting, self.estimate, self.added, self.built = setting, estimate, 0, False
-        self.resting = Ladder()  # irradiance of static receivers by prefix
 
 
 class _Stages:
@@ -392,10 +302,6 @@ class _Stages:
         now = time.perf_counter()
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
         self._last = now
-
-
-def _add(a: Fates, b: Fates) -> Fates:
-    return Fates(*(x + y for x, y in zip(a, b, strict=True)))
 
 
 def _number(name: str, value, kept, low, high, kind):

@@ -141,7 +141,7 @@ def test_mobiles_outside_all_light_give_the_static_solution(estimator):
 
 
 def test_threads_do_not_show(estimator, monkeypatch):
-    grains = ("accelerator.RAY", "cuts.CUT", "cuts.FOLLOW", "near_scan.SCAN", "paths.WRITE", "solver.PART")
+    grains = ("accelerator.RAY", "cuts.CUT", "cuts.FOLLOW", "near_scan.SCAN", "paths.WRITE", "background.PART")
     for module in (f"{g}_GRAIN" for g in grains):
         monkeypatch.setattr(f"gi_core.{module}", 1)  # or jobs this small would run serially
     for module in ("tangent_plane.LINE_GRAIN", "photon_map.QUERY_GRAIN"):
@@ -162,9 +162,7 @@ def test_searches_give_the_same_bits(search, monkeypatch):
 @given(poses)
 def test_flux_is_accounted_for(pose):
     solver = solved({"ball": pose})
-    total = [
-        getattr(solver._background_fates, k) + getattr(solver._frame.fates, k) for k in solver._frame.fates._fields
-    ]
+    total = [getattr(solver._photons.fates, k) + getattr(solver._frame.fates, k) for k in solver._frame.fates._fields]
     emitted, absorbed, escaped, truncated = total
     assert emitted.min() > 0
     assert np.array_equal(emitted, absorbed + escaped + truncated)

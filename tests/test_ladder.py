@@ -48,8 +48,8 @@ def test_threads_and_parts_do_not_show_in_the_background(estimator, monkeypatch)
         return s.irradiance, s.fates
 
     one, fates = light(1)
-    monkeypatch.setattr("gi_core.solver.PART", 211)
-    monkeypatch.setattr("gi_core.solver.PART_GRAIN", 1)
+    monkeypatch.setattr("gi_core.background.PART", 211)
+    monkeypatch.setattr("gi_core.background.PART_GRAIN", 1)
     monkeypatch.setattr("gi_core.cuts.FOLLOW_GRAIN", 1)
     for threads in (1, 2, 3):
         again, same = light(threads)
@@ -109,7 +109,7 @@ def test_a_failure_half_way_leaves_no_trace(what, monkeypatch):
         if what == "frame":
             solver.move("box", POSE)
         else:
-            monkeypatch.setattr("gi_core.solver.PART", 300)
+            monkeypatch.setattr("gi_core.background.PART", 300)
             solver.configure(photons=6000)
             solver.solve()
     monkeypatch.undo()

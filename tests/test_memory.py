@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scene_builders import coloured_room
 
-from gi_core import memory, solver
+from gi_core import background, memory
 from gi_core.solver import Solver
 
 
@@ -26,15 +26,15 @@ def test_memory_left_is_told_or_unknown(tmp_path, monkeypatch):
 def test_photons_end_where_memory_does(estimator, monkeypatch):
     wanted = Solver(coloured_room(), estimator, photons=40_000, radius=0.15)
     taken = [0]
-    real = solver.PathStore.append
+    real = background.PathStore.append
 
     def counted(store, paths):
         real(store, paths)
         taken[0] = store.photons
 
-    a_photon = 4 * (solver.BYTES_A_VERTEX + wanted._background().estimate.bytes_a_hit)
-    monkeypatch.setattr(solver.PathStore, "append", counted)
-    monkeypatch.setattr(memory, "available", lambda: solver.SPARE_MEMORY + (20_000 - taken[0]) * a_photon)
+    a_photon = 4 * (background.BYTES_A_VERTEX + wanted._background().estimate.bytes_a_hit)
+    monkeypatch.setattr(background.PathStore, "append", counted)
+    monkeypatch.setattr(memory, "available", lambda: background.SPARE_MEMORY + (20_000 - taken[0]) * a_photon)
     assert list(wanted.solve_steps())[-1].stage == "done"
     assert wanted.memory_full
     assert 10_000 < wanted.photons_traced < 40_000

@@ -1,0 +1,35 @@
+"""Irradiance at probes: points that the scene file names."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.model import Model
+
+LIFT = 1e-4  # of the world's size: from how far off a face is looked for
+
+
+def probe_irradiance(model: Model, irradiance: np.ndarray, on_faces: bool) -> dict[str, np.ndarray]:
+    """Return irradiance (3,) [W/m2] by the name of the probe, from that of all receivers (R, 3).
+
+    A probe is a receiver of its own; for an estimator that counts on faces it reads the interpolated
+    irradiance of the static face it lies on, or 0 off any face.
+    """
+    rows = slice(model.first_probe, model.surfaces.receiver_range(0).stop)
+    found = _interpolated(model, irradiance, rows) if on_faces else irradiance[rows]
+    return dict(zip((p.name for p in model.scene.probes), found, strict=True))
+
+
+def _interpolated(model: Model, irradiance: np.ndarray, rows: slice) -> np.ndarray:
+    r, s, lift = model.object_receivers, model.surfaces, LIFT * model.world.size
+    origins = (r.positions[rows] + lift * r.normals[rows]).astype(np.float32)
+    directions = (-r.normals[rows]).astype(np.float32)
+    distance, face = model.accelerator.nearest(0, origins, directions, np.full(len(origins), 2 * lift, np.float32))
+    out = np.zeros((len(origins), 3))
+    for k in np.flatnonzero(face >= 0):
+        corners = s.vertices[0][s.faces[0][face[k]]]
+        weights = np.linalg.lstsq(corners.T, origins[k] + distance[k] * directions[k], rcond=None)[0]
+        front = directions[k] @ s.normals[face[k]] < 0
+        index = (s.corner_front if front else s.corner_back)[face[k]]
+        out[k] = np.where(index[:, None] >= 0, irradiance[index], 0).T @ weights
+    return out
