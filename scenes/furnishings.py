@@ -13,7 +13,7 @@ def books(rng, width: float, depth: float, height: float, pick, at_side: bool = 
     """Return books that stand side by side along x from x = 0, about `width` [m], their spines at z = 0.
 
     pick(): the texture coordinates of a cover's colour; at_side: the first one touches the bookcase.
-    Covers that another book hides are left out: two walls a hair apart would be light's problem, and nobody's joy.
+    Covers that another book hides are left out: in slots a millimetre wide no estimate is any good.
     """
     sizes, x = [], 0.0
     while True:
@@ -130,6 +130,6 @@ def picture(width: float, height: float, frame: str, canvas: str, border: float 
     upright = box((border, height, deep), "-z-y+y").at(0, -height / 2, deep / 2 - 0.002)
     bars = [b.tinted(0.5, 0.5) for b in (*bars, *(upright.at(s * (width + border) / 2, 0, 0) for s in (-1, 1)))]
     cells = (max(2, round(width / 0.15)), max(2, round(height / 0.15)))
-    # A hair in front of the frame: at the foot of a rim light changes within millimetres, for no picture's good.
+    # A hair in front of the frame: at the foot of a rim light changes within millimetres, which no disc can follow.
     face = sheet((-width / 2, -height / 2, deep - 0.001), (width, 0, 0), (0, height, 0), cells)
     return {frame: bars, canvas: [face.painted(0, 1, 1, 0)]}

@@ -20,8 +20,7 @@ from scenes.modelling import box, part, radiance, rounded_box, sheet, wall
 from scenes.round_shapes import ball, rod, turned_body
 from scenes.textures import png, swatch
 
-WIDTH, HEIGHT, DEPTH = 5.4, 2.6, 5.0
-LEFT, RIGHT, BACK, FRONT = -2.7, 2.7, -2.2, 2.8
+LEFT, RIGHT, BACK, FRONT, HEIGHT = -2.7, 2.7, -2.2, 2.8, 2.6
 BAR = 0.055  # [m] width of the window's bars
 CELL = 0.26  # [m] of walls and floor: max_edge of the scene file halves it once
 WINDOW_Z, WINDOW_Y, REVEAL = (-1.25, 0.75), (0.65, 2.25), 0.08  # along the left wall, up, into it
@@ -49,7 +48,7 @@ def room_parts():
 
 
 def _shell():
-    w, h, d = WIDTH, HEIGHT, DEPTH
+    w, h, d = RIGHT - LEFT, HEIGHT, FRONT - BACK
     floor = wall((LEFT, 0, FRONT), (w, 0, 0), (0, 0, -d), CELL).tiled(2.4, 1.2)
     ceiling = wall((LEFT, h, BACK), (w, 0, 0), (0, 0, d), CELL)
     back = wall((LEFT, 0, BACK), (w, 0, 0), (0, h, 0), CELL)
