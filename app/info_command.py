@@ -100,9 +100,9 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver) -> list[
 
     file = solver.scene.defaults
     rules = {
-        "photons": f"some {defaults.HITS} hits in a disc, at most {defaults.MOST_PHOTONS:,} or so many"
-        f" as make {defaults.MOST_CROSSINGS:,} crossings",
-        "radius": f"{100 * defaults.RADIUS_SHARE:g} % of the scene size, rounded",
+        "photons": f"so many that noise is {100 * defaults.LEAST_NOISE:g} %, at most {defaults.MOST_PHOTONS:,}"
+        f" or what {defaults.MOST_SECONDS:g} s on two cores allow",
+        "radius": f"at most {100 * defaults.RADIUS_SHARE:g} % of the scene size, less where ground is uneven",
         "neighbours": "enough to smooth, few enough to stay local (photon_map alone uses it)",
     }
     texts = {

@@ -2,9 +2,14 @@
 
 - Scene size: longest side of the box that holds the central 98 % of a pilot trace's hits (a ground
   slab may be five times the room), unless the scene file states it (a dome may catch most hits).
-- Radius: 2.5 % of the scene size: shadows blur over that length.
-- Photons: so many that on the median lit surface a disc holds HITS expected hits (5 % noise), but no
-  more than MOST_PHOTONS, nor than make MOST_CROSSINGS: three and ten seconds on two cores.
+- Radius and photons together: radii from 2.5 % of the scene size downwards are tried, each with the photons that
+  bring noise down to 2 %, or that six seconds on two cores allow, or MOST_PHOTONS, whichever is least. The pair
+  with the least error is taken, as `error_ahead.py` and `work_ahead.py` foretell error and time. On even ground
+  that is the largest radius; shadows would blur over more. Among furniture smaller discs pay: one that
+  hangs over an edge reads the light of another surface, and smaller ones leave time for more photons. No
+  radius is less than half the distance between receivers: light is interpolated over that anyway.
+- A given radius gets its photons by the same rule; the radius does not depend on photons that are given, so that
+  runs with different photons can be compared.
 """
 
 from __future__ import annotations
@@ -13,21 +18,22 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from gi_core import error_ahead
 from gi_core.model import Model
 from gi_core.paths import NONE
 from gi_core.photon_trace import trace_background
+from gi_core.work_ahead import costs
 
 PILOT_PHOTONS = 4096
 PILOT_SEED = 0x5EED  # never a seed of the solution: the pilot must not bias what it sets
-PILOT_NEIGHBOURS = 8  # hits that a local density is taken from
-SAMPLES = 2000  # receivers, and hits, looked at
 CENTRAL_SHARE = 0.98
-RADIUS_SHARE = 0.025
-HITS = 500
-MOST_PHOTONS = 1_000_000
-MOST_CROSSINGS = 40_000_000
+RADIUS_SHARE = 0.025  # of the scene's size: the largest radius tried
+RADII = 6  # tried, each 1 / sqrt(2) of the one before
+LEAST_SPACINGS = 0.5  # radius over the distance between receivers
+LEAST_NOISE = 0.02  # L1: fewer photons are taken rather than less noise
+MOST_SECONDS = 6.0  # of tracing and estimating: what is left of ten seconds after launch
+MOST_PHOTONS = 2_000_000  # 180 MB of paths in a closed room
 FEWEST_PHOTONS = 10_000
 NEIGHBOURS = 50
 
@@ -43,70 +49,88 @@ class Chosen(NamedTuple):
     escaped_first: float  # share of pilot photons that hit nothing at all
     low: np.ndarray  # (3,) corner of the box that holds the central hits [m]
     high: np.ndarray
+    foretold: Foretold | None  # of tangent_plane with the rule's photons for that radius; None: too dark to tell
+
+
+class Foretold(NamedTuple):
+    """What a radius and photons are expected to bring."""
+
+    photons: int
+    radius: float  # [m]
+    noise: float  # L1 error, relative
+    bias: float
+    seconds: float  # of tracing and estimating
+
+    @property
+    def error(self) -> float:
+        return math.hypot(self.noise, self.bias)
 
 
 def choose(model: Model, photons: int | None, radius: float | None, neighbours: int | None) -> Chosen:
     """Fill in what the caller and the scene file leave open."""
     recommended = model.scene.defaults
-    hits, first_flight = _pilot(model)
-    low, high = _box(model, hits)
+    pilot, first_flight = _pilot(model)
+    low, high = _box(model, pilot.hits)
     size = recommended.scene_size or max(float((high - low).max()), 1e-9)
-    radius = radius or recommended.radius or _round(RADIUS_SHARE * size)
-    a_photon = len(hits) / PILOT_PHOTONS
-    if photons is None:
-        photons = recommended.photons or _photons(model, hits, radius, low, high)
+    radius, photons = radius or recommended.radius, photons or recommended.photons
+    foretold = None
+    if len(pilot.hits) >= error_ahead.FEWEST and not (radius and photons):
+        foretold = _best(model, pilot, error_ahead.places(model, pilot, low, high, size), size, radius)
+        radius = foretold.radius
     return Chosen(
-        int(photons),
-        float(radius),
+        int(photons or (foretold.photons if foretold else FEWEST_PHOTONS)),
+        float(radius or _round(RADIUS_SHARE * size)),
         int(neighbours or recommended.neighbours or NEIGHBOURS),
         size,
-        a_photon,
+        len(pilot.hits) / PILOT_PHOTONS,
         first_flight,
         low,
         high,
+        foretold,
     )
 
 
-def _pilot(model: Model) -> tuple[np.ndarray, float]:
-    """Return hits (n, 3) of a small trace and the share of photons that hit nothing."""
-    if not len(model.emitters.kind):
-        return np.zeros((0, 3)), 0.0
+def _best(model: Model, pilot, lit, size: float, radius: float | None) -> Foretold:
+    """Return the best of the radii to be tried, each with its photons."""
+    if radius:
+        return _foretell(model, pilot, lit, radius)
+    largest = RADIUS_SHARE * size
+    least = min(largest, LEAST_SPACINGS * lit.spacing)
+    radii = [largest * 0.5 ** (k / 2) for k in range(RADII)]
+    tried = [_foretell(model, pilot, lit, _round(r)) for r in radii if r >= least]
+    return min(tried, key=lambda f: f.error)
+
+
+def _foretell(model: Model, pilot, lit, radius: float) -> Foretold:
+    before, each = costs(model, pilot.paths, radius)
+    affordable = max(MOST_SECONDS - before, 0.5 * MOST_SECONDS) / each
+    wanted = min(error_ahead.photons_for(lit, radius, LEAST_NOISE), affordable, MOST_PHOTONS)
+    photons = int(max(_round(wanted), FEWEST_PHOTONS))
+    return Foretold(
+        photons,
+        float(radius),
+        error_ahead.noise(lit, radius, photons),
+        error_ahead.bias(model, lit, radius),
+        before + each * photons,
+    )
+
+
+def _pilot(model: Model) -> tuple[error_ahead.Pilot, float]:
+    """Return a small trace and the share of its photons that hit nothing."""
     m = model
     paths, _ = trace_background(m.accelerator, m.world, m.static, m.emitters, PILOT_SEED, 0, PILOT_PHOTONS)
-    arrived = paths.side != NONE
-    arrived[paths.offsets[:-1]] = False  # a path's first vertex is on the light
+    if not len(m.emitters.kind):
+        return error_ahead.Pilot(PILOT_PHOTONS, paths, np.zeros((0, 3)), np.zeros((0, 3))), 0.0
     missed = (np.diff(paths.offsets) == 2) & (paths.side[paths.offsets[1:] - 1] == NONE)
-    return paths.position[arrived].astype(np.float64), float(missed.mean())
+    return error_ahead.pilot_of(m, paths), float(missed.mean())
 
 
 def _box(model: Model, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    if len(hits) < 100:
+    if len(hits) < error_ahead.FEWEST:
         vertices = model.surfaces.vertices[0]
         return (vertices.min(axis=0), vertices.max(axis=0)) if len(vertices) else (np.zeros(3), np.ones(3))
     tail = (1 - CENTRAL_SHARE) / 2
     return np.quantile(hits, tail, axis=0), np.quantile(hits, 1 - tail, axis=0)
-
-
-def _photons(model: Model, hits: np.ndarray, radius: float, low: np.ndarray, high: np.ndarray) -> int:
-    """Return the number of photons by the rule above, to two digits."""
-    if len(hits) < 100:
-        return FEWEST_PHOTONS
-    rows = model.surfaces.receiver_range(0)
-    positions, areas = model.object_receivers.positions[rows], model.object_receivers.areas[rows]
-    margin = 0.01 * (high - low)
-    inside = np.flatnonzero(((positions >= low - margin) & (positions <= high + margin)).all(axis=1) & (areas > 0))
-    if not len(inside):
-        return FEWEST_PHOTONS
-    # Even steps through the running area: every receiver stands for as much surface as the next.
-    share = np.cumsum(areas[inside])
-    sample = inside[np.searchsorted(share, (np.arange(SAMPLES) + 0.5) / SAMPLES * share[-1])]
-    reach = cKDTree(hits).query(positions[sample], PILOT_NEIGHBOURS)[0][:, -1]
-    in_disc = PILOT_NEIGHBOURS * (radius / np.median(reach)) ** 2 / PILOT_PHOTONS  # expected hits a photon
-    some = hits[:: max(1, len(hits) // SAMPLES)]
-    near = cKDTree(positions).query_ball_point(some, radius, return_length=True)
-    crossings = max(float(near.mean()) * len(hits) / PILOT_PHOTONS, 1e-3)  # a photon
-    wanted = min(HITS / in_disc, MOST_CROSSINGS / crossings, MOST_PHOTONS)
-    return int(max(_round(wanted), FEWEST_PHOTONS))
 
 
 def _round(x: float) -> float:
