@@ -14,7 +14,7 @@ from app.settings import Settings, make_solver, open_scene
 from app.tonemap import luminance
 
 PILOT = 20_000  # photons: the escaped share to a third of a percent
-ESCAPES = 0.8  # of the emitted flux: beyond it most of the work is for nothing
+ESCAPES = 0.8  # of the photons, at their first flight: beyond it most of the work is for nothing
 LIBRARIES = ("numpy", "scipy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-bundle")
 
 
@@ -127,11 +127,10 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver) -> list[
 
 def _notes(scene, solver) -> list[str]:
     lines = [f"note: {note}" for note in scene.notes]
-    fates = {name: float(luminance(flux)) for name, flux in solver.fates.items()}
-    if fates["emitted"] > 0 and fates["escaped"] > ESCAPES * fates["emitted"]:
+    if solver.chosen.escaped_first > ESCAPES:
         lines.append(
-            f"warning: {100 * fates['escaped'] / fates['emitted']:.0f} % of the light leaves the scene; close it, or "
-            "turn its lights inwards: most photons are wasted and the picture is noisier than it need be"
+            f"warning: {100 * solver.chosen.escaped_first:.0f} % of the light leaves the scene at its first flight; "
+            "close it, or turn its lights inwards: most photons are wasted and the picture is noisier than it need be"
         )
     return lines
 

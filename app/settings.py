@@ -82,9 +82,14 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
 def make_solver(scene: Scene, settings: Settings) -> Solver:
     """Prepare a solver for the scene; nothing is traced yet. Raises UsageError for an unknown estimator."""
     from gi_core.estimators import ESTIMATORS
+    from gi_core.scene import SceneError
     from gi_core.solver import Solver
 
     estimator = settings.estimator or scene.defaults.estimator or "tangent_plane"
+    if estimator not in ESTIMATORS and settings.estimator is None:
+        raise SceneError(
+            f'{scene.name}: [defaults]: estimator must be one of {", ".join(ESTIMATORS)}, got "{estimator}"'
+        )
     if estimator not in ESTIMATORS:
         raise UsageError(f'--estimator must be one of {", ".join(ESTIMATORS)}, got "{estimator}"')
     return Solver(

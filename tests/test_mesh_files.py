@@ -179,6 +179,13 @@ BROKEN = {
         b'{"asset": {"version": "2.0"}, "extensionsUsed": ["KHR_draco_mesh_compression"]}',
         "compressed meshes are not read, got KHR_draco_mesh_compression",
     ),
+    "meshopt.gltf": (
+        b'{"asset": {"version": "2.0"}, "extensionsRequired": ["EXT_meshopt_compression"]}',
+        "compressed meshes are not read, got EXT_meshopt_compression; export it without compression",
+    ),
+    "noise.stl": (bytes(range(256)) * 3, "not a readable STL file"),
+    "cut.ply": (b"ply\nformat ascii 1.0\nelement vertex 3\n", "not a readable PLY file"),
+    "empty.stl": (b"x" * 80 + b"\0" * 4, "the mesh has no triangles"),
     "text.ply": (b"hello", "not a readable PLY file|the mesh has no triangles"),
     "mesh.fbx": (b"", "a mesh file must be one of .glb .gltf .obj .ply .stl, got .fbx"),
 }

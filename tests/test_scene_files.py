@@ -81,7 +81,29 @@ def test_pose_of_a_path_is_its_first_key(tmp_path):
 
 MISTAKES = {
     "missing static": (SCENE.replace("[static]", "[other]"), "unknown key 'other'"),
-    "no static": ('title = "t"', r"\[static\] must be a table of keys, got None"),
+    "no static": ('title = "t"', r"\[static\] is missing; write \[static\] and below it mesh = "),
+    "static is a text": ('static = "room.obj"', r"\[static\] must be a table of keys, got 'room.obj'"),
+    "huge": (SCENE.replace("[0.5, 0.5, 0.1]", "[1e300, 0, 0]"), "position must be three finite numbers, got"),
+    "huge whole number": (
+        SCENE.replace("[0.5, 0.5, 0.1]", f"[{'9' * 400}, 0, 0]"),
+        "position must be three finite numbers",
+    ),
+    "scale out of sight": (
+        SCENE.replace("[static]", "[static]\nscale = 1e12"),
+        "a scene must be 1e-06 to 1e[+]09 m large",
+    ),
+    "tiny edges": (SCENE.replace("[static]", "[static]\nmax_edge = 1e-9"), "max_edge 1e-09 makes more than 4,000,000"),
+    "endless spin": (
+        SCENE + "[mobile.path]\ntimes = [0, 1e6]\npositions = [[0, 0, 0], [1, 0, 0]]\nspin = 1e6",
+        "spin must make fewer than 25,000 turns in all, got 2.78e[+]09",
+    ),
+    "spot of no width": (
+        SCENE + '[[light]]\ntype = "spot"\nposition = [0, 0, 0]\ndirection = [0, 0, 1]\nintensity = [1, 1, 1]\n'
+        "outer_degrees = 0",
+        "outer_degrees must be a number > 0 and < 90",
+    ),
+    "light without type": (SCENE + "[[light]]\nposition = [0, 0, 0]", 'light "0": type is missing; write type = '),
+    "name too long for a file": (SCENE.replace("cube.obj", "x" * 5000 + ".obj"), "there is no such mesh file"),
     "malformed": ("title = ", "a scene file must be TOML, which this is not"),
     "misspelt key": (SCENE.replace("target", "taget"), r"\[camera\]: unknown key 'taget'; did you mean 'target'\?"),
     "misspelt table": (SCENE.replace("[camera]", "[cammera]"), "unknown key 'cammera'; did you mean 'camera'?"),
@@ -157,7 +179,26 @@ def test_mistakes_are_named(tmp_path, mistake):
     message = str(caught.value)
     assert message.startswith(str(file)), message
     assert re.search(sentence.replace("'?", "'\\?") if "?" in sentence else sentence, message), message
-    assert "\n" not in message and not message.endswith(".")
+    assert "\n" not in message and (message.endswith("...") or not message.endswith("."))
+
+
+def test_windows_files_are_read(tmp_path):
+    """A byte order mark and carriage returns, as Notepad writes them."""
+    file = write_scene(tmp_path)
+    file.write_bytes(b"\xef\xbb\xbf" + SCENE.replace("\n", "\r\n").encode())
+    assert load_scene(file).name == "test"
+
+
+@pytest.mark.parametrize("command", ["info", "render", "bench"])
+@pytest.mark.parametrize("mistake", ["nan", "misspelt key", "missing mesh", "reflectance", "estimator"])
+def test_mistakes_end_with_code_3_and_one_line(command, mistake, tmp_path, capsys, monkeypatch):
+    from app.__main__ import main
+
+    monkeypatch.chdir(tmp_path)
+    text = SCENE + '[defaults]\nestimator = "magic"' if mistake == "estimator" else MISTAKES[mistake][0]
+    assert main([command, str(write_scene(tmp_path, text))]) == 3
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "Traceback" not in said and said.startswith("gi-viewer: ")
 
 
 def test_file_that_is_not_there():
@@ -203,7 +244,7 @@ def test_mesh_file_alone_is_a_scene(tmp_path):
     scene = load_scene(tmp_path / "room.obj", mobiles=[tmp_path / "cube.obj"])
     assert scene.name == "room" and scene.up == (0, 1, 0) and scene.camera is not None
     assert len(scene.static.faces) > 1000
-    assert not any("no light" in n for n in scene.notes)
+    assert not any("no light in the file" in n for n in scene.notes)
 
 
 def test_dark_scene_gets_a_lamp_that_shines_down(tmp_path):

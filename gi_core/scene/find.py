@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib import resources
 from pathlib import Path
 
@@ -20,13 +21,13 @@ def find_scene(name_or_path: str | Path) -> Path:
     Raises SceneError naming the shipped scenes if there is neither.
     """
     path = Path(name_or_path)
-    if path.is_file():
+    if os.path.isfile(path):  # Path.is_file raises where a name is too long
         return path
     name = str(name_or_path)
     shipped = shipped_scenes()
     if name in shipped:
         return Path(str(resources.files("scenes") / f"{name}.toml"))
     listed = ", ".join(shipped)
-    if path.is_dir():
+    if os.path.isdir(path):
         raise SceneError(f"{name}: a scene is a file, this is a folder; shipped scenes are {listed}")
     raise SceneError(f"{name}: there is no such scene file; shipped scenes are {listed}")

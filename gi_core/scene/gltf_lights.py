@@ -8,6 +8,8 @@ import numpy as np
 
 from gi_core.scene.types import Camera, DirectionalLight, PointLight, SpotLight
 
+NARROWEST = 0.01  # degrees: a cone of none has no light
+
 
 def node_light(json: dict, node: dict, matrix: np.ndarray, number: int):
     """Return the light at a node, or None."""
@@ -25,7 +27,7 @@ def node_light(json: dict, node: dict, matrix: np.ndarray, number: int):
     if light["type"] == "directional":
         return DirectionalLight(name, direction, intensity)
     cone = light.get("spot", {})
-    outer = min(math.degrees(cone.get("outerConeAngle", math.pi / 4)), 90.0)
+    outer = min(max(math.degrees(cone.get("outerConeAngle", math.pi / 4)), NARROWEST), 90.0)
     inner = min(math.degrees(cone.get("innerConeAngle", 0.0)), outer)
     return SpotLight(name, position, direction, intensity, inner, outer)
 

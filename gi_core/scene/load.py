@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from gi_core.tessellation import tessellate
 
 MOST_RECEIVERS = 150_000  # a bare mesh is refined until it has about as many, both sides counted, or is fine enough
 
+SIZES = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
 MOBILE_EDGE = 1 / 12  # of its longest side: the longest edge of a mobile that no scene file describes
 
 
@@ -42,7 +44,7 @@ def load_scene(
     Raises SceneError, one sentence naming the file, the rule, what was found, what to write.
     """
     file = find_scene(path)
-    where = str(path) if Path(path).is_file() else f"scenes/{file.name}"
+    where = str(path) if os.path.isfile(path) else f"scenes/{file.name}"
     if max_edge is not None and not max_edge > 0:
         raise SceneError(f"{where}: max_edge must be a length > 0 in metres, got {max_edge}")
     suffix = file.suffix.lower()
@@ -71,6 +73,7 @@ class _Builder:
         read = [read_mesh_file(p, self._shown(p)) for p in self.file.static.meshes]
         self.up = self.up or UP[read[0].up]
         static = self._static(read)
+        self._check_size(static)
         lights = [*self.file.lights, *(light for r in read for light in r.lights)]
         punctual = any(r.lights for r in read)  # glTF lights are photometric
         camera = self.file.camera or next((r.camera for r in read if r.camera), None)
@@ -99,6 +102,14 @@ class _Builder:
         scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
         return self._refined(scene, max_edge, rays, box)
 
+    def _check_size(self, static: Mesh) -> None:
+        low, high = SIZES
+        extent = float(np.ptp(static.vertices[static.faces.reshape(-1)], axis=0).max())
+        if not low <= extent <= high:
+            raise SceneError(
+                f"{self.where}: a scene must be {low:g} to {high:g} m large, got {extent:.3g}; write a scale"
+            )
+
     def _shown(self, path: Path) -> str:
         return self.where if self.bare else f"{self.where}: {path.name}"
 
@@ -119,7 +130,7 @@ class _Builder:
         self._check_dark(mesh, materials, entry.where)
         mesh = self._adopt(mesh, materials)
         if entry.max_edge is not None:
-            mesh = tessellate(mesh, entry.max_edge)
+            mesh = self._cut(mesh, entry.max_edge, entry.where)
         self.notes += [f'mobile "{entry.name}": {n}' for n in r.notes]
         mobile = Mobile(entry.name, mesh, path=entry.path)
         return mobile._replace(pose=entry.pose) if entry.pose is not None else mobile
@@ -157,12 +168,18 @@ class _Builder:
                     f"{list(materials[i].emission)}; give it emission = [0, 0, 0] under [materials] of a scene file"
                 )
 
+    def _cut(self, mesh: Mesh, max_edge: float, where: str) -> Mesh:
+        try:
+            return tessellate(mesh, max_edge)
+        except SceneError as error:
+            raise SceneError(f"{where}: {error}") from None
+
     def _refined(self, scene: Scene, max_edge: float | None, rays, box) -> Scene:
         if self.bare:
             scene = one_sided_where_dark(scene, box)
         wanted = max_edge or self.file.static.max_edge
         if wanted is not None:
-            return scene if wanted == np.inf else replace(scene, static=tessellate(scene.static, wanted))
+            return scene if wanted == np.inf else replace(scene, static=self._cut(scene.static, wanted, self.where))
         if not self.bare:
             return scene
         before = len(scene.static.faces)

@@ -5,6 +5,7 @@ GLB, glTF and OBJ have readers of their own beside this file; PLY and STL go thr
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -49,7 +50,7 @@ def read_mesh_file(path: Path, where: str | None = None) -> MeshFile:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise SceneError(f"{where}: a mesh file must be one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}")
-    if not path.is_file():
+    if not os.path.isfile(path):  # Path.is_file raises where a name is too long
         raise SceneError(f"{where}: there is no such mesh file")
     if suffix in (".glb", ".gltf"):
         parts = read_gltf(path, where)
@@ -66,7 +67,9 @@ def _read_with_trimesh(path: Path, where: str) -> FileParts:
     try:
         mesh = trimesh.load(path, process=False, force="mesh")
     except Exception as error:  # trimesh raises whatever its parsers stumble over
-        raise SceneError(f"{where}: not a readable {path.suffix[1:].upper()} file: {error}") from None
+        # Of a file that is neither text nor binary trimesh wants to guess the encoding, with what may be missing.
+        why = "damaged" if isinstance(error, ImportError) else error
+        raise SceneError(f"{where}: not a readable {path.suffix[1:].upper()} file: {why}") from None
     faces = np.asarray(getattr(mesh, "faces", ()), np.int64).reshape(-1, 3)
     vertices = np.asarray(getattr(mesh, "vertices", ()), np.float64).reshape(-1, 3)
     colours = None

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from gi_core.scene.errors import SceneError
 
+LARGEST = 1e15  # a number beyond it is a slip, and its square may be no float32
 REQUIRED = object()  # default of a key that must be there
 
 
@@ -155,7 +156,7 @@ def read_toml(path: Path, where: str) -> dict:
     import tomllib
 
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin with a mark
     except OSError as error:
         raise SceneError(f"{where}: the scene file cannot be read: {error.strerror or error}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -163,7 +164,7 @@ def read_toml(path: Path, where: str) -> dict:
 
 
 def _is_number(value) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
 
 
 def _word(n: int) -> str:

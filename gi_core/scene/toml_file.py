@@ -46,6 +46,7 @@ LIGHTS = {
     "directional": ("direction", "irradiance"),
     "sky": ("radiance",),
 }
+MOST_KEYS = 100_000  # that a spin is turned into
 SPIN_STEP = 90.0  # degrees between keys at most: slerp takes the shorter way round, 180 would be ambiguous
 
 
@@ -88,7 +89,9 @@ def read_scene_file(path: Path, where: str) -> SceneFile:
     """
     root = Table(read_toml(path, where), where, ROOT)
     up = read_up(root)
-    static = Table(root.values.get("static"), f"{where}: [static]", ("mesh", "scale", "max_edge"))
+    if "static" not in root:
+        raise SceneError(f'{where}: [static] is missing; write [static] and below it mesh = "room.glb"')
+    static = Table(root.values["static"], f"{where}: [static]", ("mesh", "scale", "max_edge"))
     entry = StaticEntry(
         [path.parent / m for m in static.texts("mesh")],
         static.number("scale", 1.0, above=0),
@@ -182,7 +185,11 @@ def _path(t: Table, rest, up) -> KeyFrames:
     axis = t.direction("spin_axis", up or UP["y"])
     if spin:
         spans = np.diff(times)
-        parts = np.maximum(np.ceil(np.abs(spin) * spans / SPIN_STEP).astype(int), 1)
+        parts = np.maximum(np.ceil(np.abs(spin) * spans / SPIN_STEP), 1)
+        if parts.sum() > MOST_KEYS:
+            turns = abs(spin) * spans.sum() / 360
+            raise SceneError(f"{t.where}: spin must make fewer than {MOST_KEYS // 4:,} turns in all, got {turns:.3g}")
+        parts = parts.astype(int)
         dense = [a + d * np.arange(n) / n for a, d, n in zip(times, spans, parts, strict=False)]
         dense = np.concatenate([*dense, times[-1:]])
         positions = np.stack([np.interp(dense, times, positions[:, k]) for k in range(3)], axis=1)
@@ -193,7 +200,7 @@ def _path(t: Table, rest, up) -> KeyFrames:
 
 def _light(values, i, scene) -> Light:
     where = f'{scene}: light "{values.get("name", i)}"'
-    kind = Table({"type": values.get("type", "")}, where, ("type",)).text("type", choices=tuple(LIGHTS))
+    kind = Table({k: v for k, v in values.items() if k == "type"}, where, ("type",)).text("type", choices=tuple(LIGHTS))
     t = Table(values, where, ("type", "name", *LIGHTS[kind]))
     name = t.text("name", f"light {i}")
     if kind == "point":
@@ -202,7 +209,7 @@ def _light(values, i, scene) -> Light:
         return DirectionalLight(name, t.direction("direction"), t.vector("irradiance", least=0))
     if kind == "sky":
         return SkyLight(name, t.vector("radiance", least=0))
-    outer = t.number("outer_degrees", least=0, below=90.0001)
+    outer = t.number("outer_degrees", above=0, below=90.0001)
     inner = t.number("inner_degrees", 0.0, least=0)
     if inner > outer:
         raise SceneError(f"{where}: inner_degrees must be at most outer_degrees {outer:g}, got {inner:g}")
