@@ -23,7 +23,7 @@ from scenes.textures import png, swatch
 LEFT, RIGHT, BACK, FRONT, HEIGHT = -2.7, 2.7, -2.2, 2.8, 2.6
 BAR = 0.055  # [m] width of the window's bars
 CELL = 0.26  # [m] of walls and floor: max_edge of the scene file halves it once
-WINDOW_Z, WINDOW_Y, REVEAL = (-1.25, 0.75), (0.65, 2.25), 0.08  # along the left wall, up, into it
+WINDOW_Z, WINDOW_Y, REVEAL = (-1.25, 0.75), (0.65, 2.25), 0.04  # along the left wall, up, into it
 RUG = (-0.35, -0.30, 2.7, 1.9)  # middle x, z; size
 TABLE = (-0.35, -0.30)
 RUG_THICKNESS = 0.012
@@ -84,9 +84,9 @@ def _window():
     frame = [flat(z, y0 + BAR, BAR, tall - 2 * BAR) for z in (z1, z1 - BAR - half, z0 + BAR)]
     frame += [flat(z1, y, wide, BAR) for y in (y0, y1 - BAR)]
     reveal = [
-        sheet((pane, y1, z0), (REVEAL, 0, 0), (0, 0, wide), (2, 12)),
-        sheet((pane, y0, z0), (REVEAL, 0, 0), (0, tall, 0), (2, 10)),
-        sheet((LEFT, y0, z1), (-REVEAL, 0, 0), (0, tall, 0), (2, 10)),
+        sheet((pane, y1, z0), (REVEAL, 0, 0), (0, 0, wide), (1, 12)),
+        sheet((pane, y0, z0), (REVEAL, 0, 0), (0, tall, 0), (1, 10)),
+        sheet((LEFT, y0, z1), (-REVEAL, 0, 0), (0, tall, 0), (1, 10)),
     ]
     # The sill closes the opening below: from a little behind the glass to 15 cm into the room.
     sill = rounded_box((REVEAL + 0.16, 0.03, wide + 0.16), 0.01).at((pane + LEFT + 0.14) / 2, y0 - 0.03, (z0 + z1) / 2)
