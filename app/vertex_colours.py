@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.radiosity import exitant_radiance
-from gi_core.scene.texture_filter import mean_texels
 from gi_core.scene.types import Paint, Texture
 from gi_core.surfaces import Surfaces
 
@@ -48,33 +47,39 @@ def _draw_mesh(surfaces: Surfaces, o: int) -> DrawMesh:
 
     paint, emission = surfaces.paint[o], surfaces.emission[of]
     if paint is None:
-        reflectance = np.repeat(surfaces.reflectance[of], 3, axis=0)
         plain = np.concatenate([surfaces.reflectance[of], emission], axis=1)
         kind = np.repeat(np.unique(plain, axis=0, return_inverse=True)[1].reshape(-1), 3)
     else:
-        reflectance = paint.corner_colour.reshape(-1, 3).astype(np.float64)
         kind = _painted_kind(paint, np.unique(emission, axis=0, return_inverse=True)[1].reshape(-1))
     # Pair the columns two by two: a four-column unique of a large mesh sorts ten times slower.
     key = _pair(_pair(corner, front), _pair(back, kind))
     _, first, draw = np.unique(key, return_index=True, return_inverse=True)
+    reflectance = surfaces.reflectance[of]
     mesh = DrawMesh(
         positions=surfaces.vertices[o][corner[first]].astype(np.float32),
         triangles=draw.reshape(-1, 3).astype(np.int32),
         front=front[first].astype(np.int32),
         back=back[first].astype(np.int32),
-        reflectance=reflectance[first],
+        reflectance=reflectance[first // 3] if paint is None else _tints(paint)[first],
         emission=emission[first // 3],
     )
     if paint is None or not (paint.face_texture >= 0).any():
         return mesh
     count = np.bincount(draw.reshape(-1), minlength=len(first))
-    texels = np.repeat(mean_texels(paint), 3, axis=0)
+    # Of the product of colour and texture that light sees, what the texture brings.
+    under = np.maximum(paint.corner_colour.mean(axis=1), 1e-6)
+    texels = np.where((paint.face_texture < 0)[:, None], 1.0, np.minimum(reflectance / under, 1.0)).repeat(3, axis=0)
     return mesh._replace(
         textures=paint.textures,
         texture=paint.face_texture[first // 3].astype(np.int32),
         uv=np.ascontiguousarray(paint.corner_uv.reshape(-1, 2)[first], np.float32),
         texel=np.stack([np.bincount(draw.reshape(-1), texels[:, k]) / count for k in range(3)], axis=1),
     )
+
+
+def _tints(paint: Paint) -> np.ndarray:
+    """Return what multiplies the texture at each corner (3 F, 3) float64."""
+    return paint.corner_colour.reshape(-1, 3).astype(np.float64)
 
 
 def _painted_kind(paint: Paint, emission: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from PIL import Image
 from gi_core.scene import Material, Mesh, Paint, Scene, Texture, load_scene
 from gi_core.scene.mesh_file import read_mesh_file
 from gi_core.scene.paint import join_paints
-from gi_core.scene.texture_filter import MOST_REFLECTANCE, REFLECTANCE, lookup, mean_colours, mean_texels
+from gi_core.scene.texture_filter import MOST_REFLECTANCE, REFLECTANCE, lookup, mean_colours
 from gi_core.scene.texture_images import MOST_PIXELS, decode
 from gi_core.scene.texture_levels import LINEAR, levels, mean_linear
 from gi_core.surfaces import flatten
@@ -235,7 +235,6 @@ def test_joined_paints_keep_their_textures():
     assert joined.face_texture.tolist() == [0, 0, -1, -1, 1, 1]
     assert joined.textures == (*a.paint.textures, *c.paint.textures)
     np.testing.assert_allclose(mean_colours(joined)[2:4], b.face_reflectance, rtol=1e-6)
-    np.testing.assert_allclose(mean_texels(joined)[2:4], 1)
     assert join_paints([b, b], [Material("m")]) is None
 
 

@@ -14,7 +14,7 @@ from gi_core.scene.types import Paint, Texture
 
 MOST_REFLECTANCE = 0.98  # a reflectance of 1 would keep light in a closed room for ever
 WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2}  # as in the kernels below
-SAMPLES = 8_000_000  # of all triangles together, so far as the next line allows: a second at most
+SAMPLES = 4_000_000  # of all triangles together, so far as the next line allows: a quarter of a second
 FINENESS = 16, 64  # samples along the longest edge of a triangle: its mean is then right to half a percent, or a tenth
 MOST_TAPS = 8  # samples along a pixel's footprint where a surface is seen at a grazing angle
 CLAMPED_SIZE = 32  # texels: what lies beyond a clamped edge must not blur into the whole image
@@ -30,12 +30,6 @@ def mean_colours(paint: Paint) -> np.ndarray:
         if len(faces):
             result[faces] = _means(texture, paint.corner_uv[faces].astype(np.float64), colour[faces])
     return result
-
-
-def mean_texels(paint: Paint) -> np.ndarray:
-    """Return the mean (F, 3) float64 of the texture alone under each face, 1 where there is none."""
-    white = paint._replace(corner_colour=np.ones_like(paint.corner_colour))
-    return np.where((paint.face_texture < 0)[:, None], 1.0, mean_colours(white))
 
 
 def lookup(texture: Texture, uv: np.ndarray, across: np.ndarray, along: np.ndarray) -> np.ndarray:
