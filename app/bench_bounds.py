@@ -11,10 +11,11 @@ LEAST_SECONDS = 0.02  # of all repeats of one kind of work
 COPY_BYTES = 128_000_000  # what the machine's copy bandwidth is measured with: no cache holds it
 
 
-def bounds(solver, poses, stages_ms: dict[str, float], frame_ms: float) -> dict:
+def bounds(solver, poses, stages_ms: dict[str, float], frame_ms: float, cpu_ms: float) -> dict:
     """Return the bound of each stage and of the frame of `poses`, and how many times longer they took.
 
-    `stages_ms`, `frame_ms`: what was measured (medians). The solver is left at `poses`.
+    `stages_ms`, `frame_ms`, `cpu_ms`: what was measured (medians), the last by the processor's clock, which
+    counts all threads and no other program. The solver is left at `poses`.
     """
     from gi_core import lower_bounds
 
@@ -36,6 +37,7 @@ def bounds(solver, poses, stages_ms: dict[str, float], frame_ms: float) -> dict:
         "stages": stages,
         "frame_bound_ms": whole,
         "frame_ratio": frame_ms / whole if whole else None,
+        "frame_cpu_ratio": cpu_ms / (whole * solver.model.threads) if whole else None,
         "copy_gb_per_s": 1e-9 * copy.batch / best_seconds(copy.run),
     }
 

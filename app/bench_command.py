@@ -53,7 +53,7 @@ def table(n: dict) -> list[str]:
         ("GI frame", f"median {f['median']:.2f} ms, p95 {f['p95']:.2f}, min {f['min']:.2f}, max {f['max']:.2f}"),
         ("  CPU", f"{f['cpu']:.2f} ms, all threads together"),
         ("frames", f"{n['frames']}, one step of {100 * motion.STEP:g} % of the scene size each"),
-        ("bound", f"{b['frame_bound_ms']:.2f} ms for what a frame cannot do without; it takes {_ratio(b)} of that"),
+        ("bound", f"{b['frame_bound_ms']:.2f} ms for what a frame cannot do without; it takes {_ratio(b)} that"),
         *((f"  {name}", _stage(name, ms, b)) for name, ms in n["stages_ms"].items()),
         ("photons cut", f"{100 * n['share_cut']:.3f} % (median)"),
         ("changed", f"{n['segments_changed']:,.0f} segments, old and new (median)"),
@@ -76,7 +76,9 @@ def _busy(n: dict) -> list[tuple[str, str]]:
 
 
 def _ratio(bound: dict) -> str:
-    return f"{bound['frame_ratio']:.1f} times" if bound["frame_ratio"] else "no share"
+    if not bound["frame_ratio"]:
+        return "no share"
+    return f"{bound['frame_ratio']:.1f} times, by CPU time {bound['frame_cpu_ratio']:.1f} times"
 
 
 def _stage(name: str, ms: float, bound: dict) -> str:

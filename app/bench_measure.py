@@ -46,7 +46,8 @@ def measure(scene, settings: Settings, frames: int, bar: Bar) -> dict:
     scratch, equal = _from_scratch(solver, bar)
     frame_ms, stages_ms = walked.frame.median, {name: s.median for name, s in walked.stages.items()}
     bar("bounds", 0.0)
-    bound = bounds(solver, lap[walked.frame.place_of_median() % len(lap)], stages_ms, frame_ms)
+    median_pose = lap[walked.frame.place_of_median() % len(lap)]
+    bound = bounds(solver, median_pose, stages_ms, frame_ms, walked.cpu.median)
     return {
         "format": FORMAT,
         "scene": settings.scene,

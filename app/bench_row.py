@@ -52,7 +52,7 @@ def measure_row(spec: dict) -> dict:
 def vary(scene, settings: Settings, variant: dict):
     """Return scene and settings with the row's variant: `two_sided`, or `triangles` and `radius`.
 
-    With `radius` "scaled" the disc shrinks as triangles do, so that a segment crosses as many discs.
+    With `radius` "scaled" discs shrink as they get more, so that a segment crosses as many.
     """
     from app.bench_rows import TREE
     from app.bench_scenes import with_sides, with_triangles
@@ -61,11 +61,18 @@ def vary(scene, settings: Settings, variant: dict):
     if "two_sided" in variant:
         scene = with_sides(scene, variant["two_sided"])
     if "triangles" in variant:
-        radius, own = make_solver(scene, settings).radius, len(scene.static.faces)
+        own = make_solver(scene, settings)
         scene = with_triangles(scene, variant["triangles"], coarse=settings.scene == TREE)
-        scale = math.sqrt(own / len(scene.static.faces)) if variant["radius"] == "scaled" else 1.0
-        settings = replace(settings, radius=radius * scale)
+        settings = replace(settings, radius=own.radius)
+        if variant["radius"] == "scaled":
+            # Crossings go by receivers, of which coarse leaves have more a triangle than fine ones.
+            share = _static_receivers(own) / _static_receivers(make_solver(scene, settings))
+            settings = replace(settings, radius=own.radius * math.sqrt(share))
     return scene, settings
+
+
+def _static_receivers(solver) -> int:
+    return solver.surfaces.receiver_range(0).stop
 
 
 def _tuples(value):

@@ -83,6 +83,7 @@ def test_bounds_are_sums_of_their_work_and_below_what_was_measured(measured, est
             assert stage["ratio"] == pytest.approx(n["stages_ms"][name] / stage["bound_ms"])
     assert b["frame_bound_ms"] == pytest.approx(sum(s["bound_ms"] for s in b["stages"].values()))
     assert 0 < b["frame_bound_ms"] < n["frame_ms"]["max"]
+    assert b["frame_cpu_ratio"] == pytest.approx(n["frame_ms"]["cpu"] / (b["frame_bound_ms"] * n["threads"]))
     assert b["copy_gb_per_s"] > 0
     named = {s for s, stage in b["stages"].items() if stage["ratio"] is not None}
     assert "estimate" in named and named <= set(n["stages_ms"])

@@ -34,7 +34,7 @@ def numbers(spec: dict, ms: float = 2.0) -> dict:
         "frame_ms": {"median": ms, "p95": 2 * ms, "cpu": 1.5 * ms}, "load": 0.3,
         "stages_ms": {"scan": 0.5, "estimate": 1.5},
         "bounds": {"stages": {"estimate": {"bound_ms": 0.2, "ratio": 7.5, "work": work}}, "frame_bound_ms": 0.2,
-                   "frame_ratio": 10.0},
+                   "frame_ratio": 10.0, "frame_cpu_ratio": 7.0},
         "share_cut": 0.01, "segments_changed": 100.0, "us_per_cut_photon": 1.2, "from_scratch_ms": 50.0,
         "from_scratch_ratio": 25.0, "first_frame_ms": 400.0, "rss_mb": {"peak": 900.0}, "bits_equal": True,
         "photon_map": stale if s["estimator"] == "photon_map" else None,
@@ -204,5 +204,6 @@ def test_sides_and_radius_of_a_row(tree):
     _, fixed = vary(tree, settings, {"triangles": 20_000, "radius": "fixed"})
     finer, scaled = vary(tree, settings, {"triangles": 20_000, "radius": "scaled"})
     assert fixed.radius == own
-    ratio = len(tree.static.faces) / len(finer.static.faces)
-    assert scaled.radius == pytest.approx(own * ratio**0.5)
+    counts = [make_solver(x, settings).surfaces.receiver_range(0).stop for x in (tree, finer)]
+    assert counts[1] < 0.5 * counts[0]
+    assert counts[0] * own**2 == pytest.approx(counts[1] * scaled.radius**2), "as many discs on a line"
