@@ -21,7 +21,7 @@ from scenes.round_shapes import ball, rod, turned_body
 from scenes.textures import png, swatch
 
 LEFT, RIGHT, BACK, FRONT, HEIGHT = -2.7, 2.7, -2.2, 2.8, 2.6
-BAR = 0.055  # [m] width of the window's bars
+BAR, CASING = 0.05, 0.06  # [m] width of the window's bar, and of the wood around it
 CELL = 0.26  # [m] of walls and floor: max_edge of the scene file halves it once
 WINDOW_Z, WINDOW_Y, REVEAL = (-1.25, 0.75), (0.65, 2.25), 0.04  # along the left wall, up, into it
 RUG = (-0.35, -0.30, 2.7, 1.9)  # middle x, z; size
@@ -54,7 +54,8 @@ def _shell():
     back = wall((LEFT, 0, BACK), (w, 0, 0), (0, h, 0), CELL)
     front = wall((RIGHT, 0, FRONT), (-w, 0, 0), (0, h, 0), CELL)
     right = wall((RIGHT, 0, BACK), (0, 0, d), (0, h, 0), CELL)
-    hole = (FRONT - WINDOW_Z[1], WINDOW_Y[0]), (FRONT - WINDOW_Z[0], WINDOW_Y[1])
+    (z0, z1), (y0, y1) = WINDOW_Z, WINDOW_Y
+    hole = (FRONT - z1 - CASING, y0), (FRONT - z0 + CASING, y1 + CASING)
     left = wall((LEFT, 0, FRONT), (0, 0, -d), (0, h, 0), CELL, hole)
     board, thick = 0.09, 0.014
     skirting = [
@@ -79,10 +80,13 @@ def _window():
         """Return a rectangle in the plane of the glass from its corner nearest the camera, seen from the room."""
         return wall((pane, y, z), (0, 0, -width), (0, height, 0), CELL / 2)
 
-    half = (wide - 3 * BAR) / 2
-    panes = [flat(z, y0 + BAR, half, tall - 2 * BAR) for z in (z1 - BAR, z1 - 2 * BAR - half)]
-    frame = [flat(z, y0 + BAR, BAR, tall - 2 * BAR) for z in (z1, z1 - BAR - half, z0 + BAR)]
-    frame += [flat(z1, y, wide, BAR) for y in (y0, y1 - BAR)]
+    # The glass reaches the reveal: a dark bar in that corner would be a gradient that no disc can follow.
+    half = (wide - BAR) / 2
+    panes = [flat(z, y0, half, tall) for z in (z1, z0 + half)]
+    bar = flat(z0 + half + BAR, y0, BAR, tall)
+    # The casing lies flush in the wall: behind a board the wall would be dark, and darken what is beside it.
+    casing = [wall((LEFT, y0, z + CASING), (0, 0, -CASING), (0, tall, 0), CELL / 2) for z in (z0 - CASING, z1)]
+    casing.append(wall((LEFT, y1, z1 + CASING), (0, 0, -wide - 2 * CASING), (0, CASING, 0), CELL / 2))
     reveal = [
         sheet((pane, y1, z0), (REVEAL, 0, 0), (0, 0, wide), (1, 12)),
         sheet((pane, y0, z0), (REVEAL, 0, 0), (0, tall, 0), (1, 10)),
@@ -96,7 +100,8 @@ def _window():
     ]
     return [
         part("glass", *panes),
-        part("paint", *reveal, *frame),
+        part("paint", *reveal),
+        part("oak", bar.tiled(0.7, 0.35), *(c.tiled(0.7, 0.35) for c in casing)),
         part("paint", sill),
         *parts_of({"brass": [rail]}, *drapes),
     ]
