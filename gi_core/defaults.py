@@ -72,13 +72,14 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
     pilot, first_flight = _pilot(model)
     low, high = _box(model, pilot.hits)
     size = recommended.scene_size or max(float((high - low).max()), 1e-9)
-    radius, photons = radius or recommended.radius, photons or recommended.photons
+    radius = recommended.radius if radius is None else radius
+    photons = recommended.photons if photons is None else photons  # 0 is a wish like any other
     foretold = None
-    if len(pilot.hits) >= error_ahead.FEWEST and not (radius and photons):
+    if len(pilot.hits) >= error_ahead.FEWEST and (radius is None or photons is None):
         foretold = _best(model, pilot, error_ahead.places(model, pilot, low, high, size), size, radius)
         radius = foretold.radius
     return Chosen(
-        int(photons or (foretold.photons if foretold else FEWEST_PHOTONS)),
+        (foretold.photons if foretold else FEWEST_PHOTONS) if photons is None else int(photons),
         float(radius or _round(RADIUS_SHARE * size)),
         int(neighbours or recommended.neighbours or NEIGHBOURS),
         size,

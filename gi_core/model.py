@@ -12,6 +12,7 @@ from gi_core.near_scan import grid_for
 from gi_core.paths import END_EXTENSION, NONE
 from gi_core.pose import as_pose, to_world, to_world_directions
 from gi_core.receivers import Receivers
+from gi_core.scene.check import check_scene
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
 from gi_core.surfaces import flatten
@@ -26,8 +27,9 @@ class Model:
     """What does not depend on poses, estimator or photons."""
 
     def __init__(self, scene: Scene, threads: int | None = None):
+        check_scene(scene)
         self.scene = scene
-        self.threads = threads or available_cores()
+        self.threads = available_cores() if threads is None else threads
         self.surfaces, self.object_receivers = flatten(scene)
         self.accelerator = Accelerator(self.surfaces, self.threads)
         centres, radii = bounding_spheres(self.surfaces)

@@ -74,8 +74,9 @@ class Solver:
         """
         self.scene = scene
         self.seed = int(seed)
-        self.model = Model(scene, threads)
-        self.chosen = choose(self.model, photons, radius, neighbours)
+        self.model = Model(scene, _number("threads", threads))
+        given = _number("photons", photons), _number("radius", radius), _number("neighbours", neighbours)
+        self.chosen = choose(self.model, *given)
         self.scene_size = self.chosen.scene_size
         self.photons, self.radius, self.neighbours = self.chosen.photons, self.chosen.radius, self.chosen.neighbours
         self.estimator, self.control = estimator, control
@@ -103,9 +104,12 @@ class Solver:
         estimator = self.estimator if estimator is None else estimator
         if estimator not in ESTIMATORS:
             raise SceneError(f"estimator must be one of {', '.join(ESTIMATORS)}, got {estimator!r}")
-        self.photons = _number("photons", photons, self.photons, 0, MAX_PHOTONS, int)
-        self.radius = _number("radius", radius, self.radius, 0, np.inf, float)
-        self.neighbours = _number("neighbours", neighbours, self.neighbours, 1, 100_000, int)
+        checked = (
+            _number("photons", photons, self.photons),
+            _number("radius", radius, self.radius),
+            _number("neighbours", neighbours, self.neighbours),
+        )
+        self.photons, self.radius, self.neighbours = checked
         self.estimator = estimator
         self.control = self.control if control is None else bool(control)
 
@@ -304,10 +308,20 @@ class _Stages:
         self._last = now
 
 
-def _number(name: str, value, kept, low, high, kind):
+_WHOLE = {"photons": (0, MAX_PHOTONS), "neighbours": (1, 100_000), "threads": (1, 1024)}  # others: finite and > 0
+
+
+def _number(name: str, value, kept=None):
+    """Return a setting, checked; `kept` for None."""
     if value is None:
         return kept
-    if not np.isfinite(value) or not low <= value <= high or (kind is float and value <= 0):
-        rule = "a finite number > 0" if kind is float else f"a whole number from {low} to {high}"
+    low, high = _WHOLE.get(name, (0, np.inf))
+    rule = f"a whole number from {low} to {high}" if name in _WHOLE else "a finite number > 0"
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise SceneError(f"{name} must be {rule}, got {value!r}") from None
+    whole = name in _WHOLE
+    if not np.isfinite(number) or not low <= number <= high or (number != int(number) if whole else number <= 0):
         raise SceneError(f"{name} must be {rule}, got {value!r}")
-    return kind(value)
+    return int(number) if whole else number

@@ -12,7 +12,7 @@ from significance import seeds_test, z_test
 
 from gi_core.emission import spot_falloff
 from gi_core.evaluation_points import evaluation_points
-from gi_core.light_sampling import area_lights, small_light_at, small_lights
+from gi_core.light_sampling import small_light_at, small_lights
 from gi_core.pose import axis_angle
 from gi_core.reference import reference_irradiance, reference_steps
 from gi_core.scene.errors import SceneError
@@ -180,13 +180,6 @@ def test_the_back_of_a_one_sided_wall_neither_emits_nor_reflects():
     P, N = points((0, 0, 0), (0.3, 0.3, 0))
     assert reference_irradiance(scene, P, N, 2000, 10)[0].max() < 0.05 * math.pi
     assert reference_irradiance(scene, P + UP, N, 2000, 10)[0] == pytest.approx(math.pi)
-
-
-def test_emissive_faces_of_mobiles_do_not_emit():
-    tile = Mobile("tile", build.quad((-0.2, -0.2, 0), (0, 0.4, 0), (0.4, 0, 0), (1, 1), 1), Pose((0, 0, 0.3)))
-    scene = Scene(build.floor(), (build.BLACK, build.lamp(5.0)), (tile,), up=(0.0, 0.0, 1.0))
-    assert not area_lights(flatten(scene)[0]).cdf.size
-    assert not reference_irradiance(scene, *points((0, 0, 0)), 100, 11)[0].any()
 
 
 def test_a_mobile_moved_by_pose_is_the_same_as_one_built_there():
