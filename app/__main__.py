@@ -129,7 +129,7 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add("--no-control", dest="control", action="store_false",
         help="tangent_plane without artifact control: faster, dark in corners, and walls leak")  # fmt: skip
     add("--seed", type=values.seed, default=0, metavar="N", help="which photons (0)")
-    add("--exposure", type=values.finite, metavar="EV", help="stops, +1 doubles (the scene's, else metered)")
+    add("--exposure", type=values.exposure, metavar="EV", help="stops, +1 doubles (the scene's, else metered)")
     add("--max-edge", type=values.positive, metavar="M", help="cut triangles until no edge is longer [m]")
     add("--up", choices=["x", "y", "z"], help="which axis points up, instead of the file's")
     add("--version", action=_Version, nargs=0, help="print the version")

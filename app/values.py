@@ -6,11 +6,23 @@ import argparse
 import math
 from pathlib import Path
 
+DARKEST, BRIGHTEST = -64.0, 64.0  # EV: beyond, nothing can be told from black or white
+
 
 def finite(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be a number, got {text}") from None
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"must be a finite number, got {text}")
+    return value
+
+
+def exposure(text: str) -> float:
+    value = finite(text)
+    if not DARKEST <= value <= BRIGHTEST:
+        raise argparse.ArgumentTypeError(f"must be {DARKEST:g} .. {BRIGHTEST:g} stops, got {text}")
     return value
 
 
@@ -59,7 +71,7 @@ def pose(text: str) -> tuple[str, tuple[float, ...]]:
     name, equals, numbers = text.rpartition("=")
     try:
         values = tuple(finite(n) for n in numbers.split(","))
-    except ValueError:
+    except argparse.ArgumentTypeError:
         values = ()
     if not (name and equals and len(values) in (3, 7)):
         raise argparse.ArgumentTypeError(f"must be NAME=x,y,z or NAME=x,y,z,qw,qx,qy,qz, got {text}")

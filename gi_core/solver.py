@@ -29,7 +29,7 @@ from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
 from gi_core.surfaces import Surfaces
 
-STEP_SECONDS = 0.006  # aim of one step of solve_steps(): the caller's frame allows 8 ms
+STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
 LARGEST_CHUNK = 1 << 16
@@ -136,7 +136,7 @@ class Solver:
             pass
 
     def solve_steps(self, pictures: bool = True) -> Iterator[Progress]:
-        """Trace and estimate in steps of some 6 ms; with `pictures`, refresh irradiance at doubling counts.
+        """Trace and estimate in steps of some 20 ms; with `pictures`, refresh irradiance at doubling counts.
 
         May be abandoned between steps and started again: nothing traced is traced again.
         """

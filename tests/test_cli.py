@@ -256,3 +256,16 @@ def test_the_progress_bar_draws_on_terminals_only_and_cleans_up():
             bar("tracing", 0.5)
         text = stream.getvalue()
         assert ("tracing" in text and " 50 %" in text and text.endswith("\r")) is drawn and (drawn or text == "")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--exposure", "1e9"], "argument --exposure: must be -64 .. 64 stops, got 1e9"),
+        (["--exposure", "bright"], "argument --exposure: must be a number, got bright"),
+        (["--photons", "many"], "argument --photons: must be a number, got many"),
+    ],
+)
+def test_values_out_of_range_are_told_in_words(words, told, capsys):
+    assert cli.main(["render", "cornell", *words]) == 2
+    assert told in capsys.readouterr().err

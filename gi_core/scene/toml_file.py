@@ -240,6 +240,6 @@ def _defaults(root: Table, where: str) -> Defaults:
         t.number("radius", None, above=0),
         t.count("neighbours"),
         t.text("estimator", None),
-        t.number("exposure", None),
+        t.number("exposure", None, above=-65, below=65),
         t.number("scene_size", None, above=0),
     )
