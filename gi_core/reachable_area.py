@@ -33,7 +33,7 @@ NARROW = 0.25  # of the disc: a smaller region is looked for again from a little
 LEAST_AREA = 1e-3  # of the disc: smaller regions count as unreachable (they would be noise alone)
 
 
-PLAIN, WHOLE = -1, -2  # in place of a row: one-sided with a free disc; any other with a free disc
+WHOLE = -1  # in place of a row: a free disc
 
 
 class Regions(NamedTuple):
@@ -42,25 +42,16 @@ class Regions(NamedTuple):
     A byte a distance makes 64 bytes a receiver, one cache line: a furnished kitchen has 200,000.
     """
 
-    row: np.ndarray  # (R,) int32 into the arrays below, or PLAIN, or WHOLE
+    row: np.ndarray  # (R,) int32 into `reach`, or WHOLE
     reach: np.ndarray  # (C, RAYS, 2) uint8, near and far in units of radius / 255, rounded down
     area: np.ndarray  # (R,) float64 [m2], 0 where nothing can arrive
 
 
 def whole_discs(model: Model, o: int, radius: float) -> Regions:
     """Return regions of object o's receivers that are whole discs."""
-    row = _free(model, o)
-    return Regions(row, np.empty((0, RAYS, 2), np.uint8), np.full(len(row), math.pi * radius * radius))
-
-
-def _free(model: Model, o: int) -> np.ndarray:
-    """Return PLAIN or WHOLE for each receiver of object o. (R,) int32."""
-    s, rows = model.surfaces, model.surfaces.receiver_range(o)
-    two_sided = np.zeros(len(model.object_receivers.areas), bool)
-    both = s.corner_back >= 0
-    two_sided[s.corner_front[both]] = True
-    two_sided[s.corner_back[both]] = True
-    return np.where(two_sided[rows], WHOLE, PLAIN).astype(np.int32)
+    rows = model.surfaces.receiver_range(o)
+    n = rows.stop - rows.start
+    return Regions(np.full(n, WHOLE, np.int32), np.empty((0, RAYS, 2), np.uint8), np.full(n, math.pi * radius * radius))
 
 
 def regions(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:
@@ -69,7 +60,7 @@ def regions(model: Model, o: int, radius: float) -> Generator[None, None, Region
     rows = np.arange(*s.receiver_range(o).indices(len(model.object_receivers.areas)))
     points, normals = _lifted(model, o, radius)
     patch = model.receiver_sides[rows] >> 1
-    row = _free(model, o)
+    row = np.full(len(rows), WHOLE, np.int32)
     reach, count = [], 0
     for first in range(0, len(rows), CHUNK):
         part = slice(first, first + CHUNK)

@@ -1,4 +1,8 @@
-"""Every disc against every segment: the search that the others are measured against."""
+"""Every disc against every segment: the search that the others are measured against.
+
+What is done with a crossing found stands here and in disc_grid.py: one inlined function for both made
+an estimate a fifth slower.
+"""
 
 from __future__ import annotations
 
