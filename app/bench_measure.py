@@ -55,7 +55,7 @@ def measure(scene, settings: Settings, frames: int, bar: Bar) -> dict:
         "receivers": len(solver.irradiance),
         "photons": solver.photons_traced,
         "estimator": solver.estimator,
-        "control": solver.control,
+        "control": solver.setting.control,
         "radius": solver.radius,
         "neighbours": solver.neighbours,
         "seed": solver.seed,

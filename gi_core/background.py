@@ -14,6 +14,7 @@ from gi_core.near_scan import Coarse, CoarseStore
 from gi_core.paths import PathStore, PathVertices, segments_of
 from gi_core.photon_trace import Fates, no_flux, trace_background
 from gi_core.radiosity import irradiance
+from gi_core.setting import Setting
 from gi_core.threads import run_ranges
 
 PART = 4096  # photons that a thread traces and splats in one go: their segments stay in its cache
@@ -25,11 +26,9 @@ SPARE_MEMORY = 1 << 30  # bytes that are left to others, and to what frames need
 class Background:
     """An estimate of the background under one setting."""
 
-    def __init__(self, model: Model, setting: tuple):
-        """setting: estimator, radius [m], neighbours, artifact control."""
+    def __init__(self, model: Model, setting: Setting):
         self.setting, self._model = setting, model
-        name, *arguments = setting
-        self.estimate = ESTIMATORS[name](model, *arguments)
+        self.estimate = ESTIMATORS[setting.estimator](model, setting)
         self.added = 0  # photons
         self.built = False
         self._resting = Ladder()

@@ -75,7 +75,7 @@ def estimate_of(solver: Solver):
 
 def full_estimate(solver: Solver) -> Callable[[], None]:
     """Return a call that estimates all static receivers from the background, as the first frame does."""
-    twin = ESTIMATORS[solver.estimator](solver.model, solver.radius, solver.neighbours, solver.control)
+    twin = ESTIMATORS[solver.estimator](solver.model, solver.setting)
     for _ in twin.build():
         pass
     photons = solver.photons_traced

@@ -16,7 +16,6 @@ from gi_core.background import Background, Photons, add_fates
 from gi_core.cuts import Frame, change, current_segments
 from gi_core.defaults import choose
 from gi_core.estimators import ESTIMATORS
-from gi_core.fixed_point import MAX_PHOTONS
 from gi_core.ladder import FrameTimes, is_rung, next_rung
 from gi_core.model import Model
 from gi_core.near_scan import Room
@@ -27,6 +26,7 @@ from gi_core.radiosity import irradiance, irradiance_of_frame
 from gi_core.receivers import Receivers
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
+from gi_core.setting import Setting, number
 from gi_core.surfaces import Surfaces
 
 STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
@@ -64,22 +64,22 @@ class Solver:
         neighbours: int | None = None,
         seed: int = 0,
         threads: int | None = None,
-        control: bool = True,
+        **others,
     ):
         """Prepare a scene; nothing is traced yet but for a small pilot that sets the defaults.
 
         photons: how many to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map;
-        None takes the scene file's value, else the rule of `gi_core.defaults`; control: artifact
-        control of tangent_plane (see `gi_core.reachable_area`). Raises SceneError.
+        None takes the scene file's value, else the rule of `gi_core.defaults`; others: fields of
+        `gi_core.setting.Setting` that differ from what they are there. Raises SceneError.
         """
         self.scene = scene
         self.seed = int(seed)
-        self.model = Model(scene, _number("threads", threads))
-        given = _number("photons", photons), _number("radius", radius), _number("neighbours", neighbours)
+        self.model = Model(scene, number("threads", threads))
+        given = number("photons", photons), number("radius", radius), number("neighbours", neighbours)
         self.chosen = choose(self.model, *given)
         self.scene_size = self.chosen.scene_size
-        self.photons, self.radius, self.neighbours = self.chosen.photons, self.chosen.radius, self.chosen.neighbours
-        self.estimator, self.control = estimator, control
+        self.photons = self.chosen.photons
+        self.setting = Setting(estimator, self.chosen.radius, self.chosen.neighbours)
         self.poses: dict[str, Pose] = self.model.start_poses()
         self._photons = Photons(self.model, self.seed)
         self._room = Room()
@@ -92,29 +92,30 @@ class Solver:
         self._times = FrameTimes()
         self._shown: Background | None = None  # what frames are computed from
         self._next: Background | None = None  # what replaces it, being built
-        self.configure(estimator, self.photons, self.radius, self.neighbours)
+        self.configure(estimator=estimator, **others)
 
     # -- settings ---------------------------------------------------------------------------------
 
-    def configure(self, estimator=None, photons=None, radius=None, neighbours=None, control=None) -> None:
-        """Change settings. Paths are kept; solve_steps() does again only what depends on the change.
+    def configure(self, photons: int | None = None, **changes) -> None:
+        """Change photons and fields of `setting`. Paths are kept; solve_steps() does again only what depends on it.
 
         Until it has, frames go on with the old settings. Raises SceneError for a bad value.
         """
-        estimator = self.estimator if estimator is None else estimator
-        if estimator not in ESTIMATORS:
-            raise SceneError(f"estimator must be one of {', '.join(ESTIMATORS)}, got {estimator!r}")
-        checked = (
-            _number("photons", photons, self.photons),
-            _number("radius", radius, self.radius),
-            _number("neighbours", neighbours, self.neighbours),
-        )
-        self.photons, self.radius, self.neighbours = checked
-        self.estimator = estimator
-        self.control = self.control if control is None else bool(control)
+        photons = number("photons", photons, self.photons)
+        self.setting = self.setting.changed({"estimator": tuple(ESTIMATORS)}, **changes)
+        self.photons = photons
 
-    def _wanted(self) -> tuple:
-        return self.estimator, self.radius, self.neighbours, self.control
+    @property
+    def estimator(self) -> str:
+        return self.setting.estimator
+
+    @property
+    def radius(self) -> float:
+        return self.setting.radius
+
+    @property
+    def neighbours(self) -> int:
+        return self.setting.neighbours
 
     @property
     def _goal(self) -> int:
@@ -123,9 +124,9 @@ class Solver:
     def _background(self) -> Background:
         """Return the estimate of the background to go on with: the one shown if it still fits."""
         for kept in (self._shown, self._next):
-            if kept is not None and kept.setting == self._wanted() and kept.added <= self._goal:
+            if kept is not None and kept.setting == self.setting and kept.added <= self._goal:
                 return kept
-        self._next = Background(self.model, self._wanted())
+        self._next = Background(self.model, self.setting)
         return self._next
 
     # -- first frame ------------------------------------------------------------------------------
@@ -306,22 +307,3 @@ class _Stages:
         now = time.perf_counter()
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
         self._last = now
-
-
-_WHOLE = {"photons": (0, MAX_PHOTONS), "neighbours": (1, 100_000), "threads": (1, 1024)}  # others: finite and > 0
-
-
-def _number(name: str, value, kept=None):
-    """Return a setting, checked; `kept` for None."""
-    if value is None:
-        return kept
-    low, high = _WHOLE.get(name, (0, np.inf))
-    rule = f"a whole number from {low} to {high}" if name in _WHOLE else "a finite number > 0"
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise SceneError(f"{name} must be {rule}, got {value!r}") from None
-    whole = name in _WHOLE
-    if not np.isfinite(number) or not low <= number <= high or (number != int(number) if whole else number <= 0):
-        raise SceneError(f"{name} must be {rule}, got {value!r}")
-    return int(number) if whole else number

@@ -61,7 +61,7 @@ def test_artifact_control_is_switched_off_and_shown(measured, capsys):
     n, _ = measured("--no-control")
     assert n["control"] is False
     assert "without artifact control" in "\n".join(bench_command.table(n))
-    assert make_solver(open_scene(Settings()), Settings(photons=10, control=False)).control is False
+    assert make_solver(open_scene(Settings()), Settings(photons=10, control=False)).setting.control is False
 
 
 def test_the_table_tells_frame_bound_and_memory(measured):

@@ -253,7 +253,7 @@ def test_every_shipped_scene_is_in_the_readme():
 
 API = ROOT / "docs" / "api.md"
 MODULES = ("gi_core.scene", "gi_core.solver", "gi_core.reference", "gi_core.error", "gi_core.pose", "gi_core.radiosity",
-           "gi_core.tessellation", "gi_core.surfaces", "gi_core.receivers")  # fmt: skip
+           "gi_core.tessellation", "gi_core.surfaces", "gi_core.receivers", "gi_core.setting")  # fmt: skip
 
 
 def described() -> dict[str, tuple[str | None, str]]:
@@ -291,7 +291,10 @@ def test_signatures_are_those_of_the_program():
 def signature(thing) -> str:
     """Return the arguments of a callable as the document writes them: names and defaults."""
     parameters = [p for p in inspect.signature(thing).parameters.values() if p.name != "self"]
-    return ", ".join(p.name if p.default is p.empty else f"{p.name}={short(p.default)}" for p in parameters)
+    return ", ".join(
+        "**" * (p.kind is p.VAR_KEYWORD) + p.name + ("" if p.default is p.empty else f"={short(p.default)}")
+        for p in parameters
+    )
 
 
 def short(value) -> str:

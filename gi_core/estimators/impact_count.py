@@ -17,6 +17,7 @@ from gi_core.jit import kernel
 from gi_core.ladder import Ladder
 from gi_core.model import Model
 from gi_core.paths import Segments
+from gi_core.setting import Setting
 from gi_core.sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums
 
 
@@ -43,7 +44,7 @@ class ImpactCount:
     bytes_a_hit = 0  # nothing is kept a hit
     on_faces = True  # probes need a face to count on
 
-    def __init__(self, model: Model, radius: float, neighbours: int, control: bool = True):
+    def __init__(self, model: Model, setting: Setting):
         self.model = model
         # Receiver areas are a third of each face around; the mean divides by the whole faces.
         self.area = 3 * model.object_receivers.areas

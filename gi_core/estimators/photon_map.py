@@ -24,6 +24,7 @@ from gi_core.ladder import Ladder
 from gi_core.model import Model
 from gi_core.paths import Segments
 from gi_core.pose import to_world_at
+from gi_core.setting import Setting
 from gi_core.sums import CHUNK_BITS, Evaluated, chunks_of
 from gi_core.threads import run_ranges
 
@@ -50,8 +51,8 @@ class PhotonMap:
     bytes_a_hit = 96  # of memory: a hit is kept as it was added, and sorted
     on_faces = False  # probes are receivers like any other
 
-    def __init__(self, model: Model, radius: float, neighbours: int, control: bool = True, textbook: bool = False):
-        self.model, self.radius, self.k, self.textbook = model, float(radius), int(neighbours), textbook
+    def __init__(self, model: Model, setting: Setting, textbook: bool = False):
+        self.model, self.radius, self.k, self.textbook = model, setting.radius, setting.neighbours, textbook
         self.reach = 0.0
         self.stale = 0  # receivers estimated again in the last frame
         self._parts: list[Hits] = []

@@ -20,6 +20,7 @@ from gi_core.ladder import Ladder
 from gi_core.model import Model
 from gi_core.paths import Segments
 from gi_core.reachable_area import regions, whole_discs
+from gi_core.setting import Setting
 from gi_core.sums import Evaluated, FrameSums, Sums, ThreadSums
 from gi_core.threads import run_ranges
 
@@ -34,10 +35,10 @@ class TangentPlane:
     bytes_a_hit = 0  # nothing is kept a hit
     on_faces = False  # probes are receivers like any other
 
-    def __init__(self, model: Model, radius: float, neighbours: int, control: bool = True):
-        self.model, self.radius, self.control = model, radius, control
-        self.reach = radius
-        self.area = np.full(len(model.object_receivers.areas), math.pi * radius * radius)
+    def __init__(self, model: Model, setting: Setting):
+        self.model, self.radius, self.control = model, setting.radius, setting.control
+        self.reach = self.radius
+        self.area = np.full(len(model.object_receivers.areas), math.pi * self.radius * self.radius)
         self.photons = 0  # photons that were prepared
         self.prefixes = Ladder()  # sums of the background by the photons they cover
         self._background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
