@@ -44,6 +44,8 @@ class Viewer:
         self.params = window.runner_params(settings, self.draw_viewport, self.draw_panel, self.draw_status)
         self.params.callbacks.show_gui = self._begin_frame
         self.params.callbacks.after_swap = self._end_frame
+        self.folds = panel.Folds()
+        self.params.callbacks.post_init = self.folds.load
         self.params.callbacks.before_exit = self._close
         self.frame_seconds = Smoothed()
         self.frames = 0
@@ -112,7 +114,8 @@ class Viewer:
         if not self._ready:
             imgui.text_disabled("The controls appear with the scene.")
             return
-        wanted, actions = panel.draw(self.session.settings, self._facts())
+        facts = panel.facts_of(self.session, self._estimators, self.frame_seconds.value, self.metered)
+        wanted, actions = panel.draw(self.session.settings, facts, self.folds)
         self.session.want(wanted)
         for action in actions:
             self._do(action)
@@ -121,6 +124,7 @@ class Viewer:
         overlay.draw_status(self.log)
 
     def _close(self) -> None:
+        self.folds.save()
         self.session.close()
         if self.renderer is not None:
             self.renderer.release()
@@ -220,33 +224,6 @@ class Viewer:
     @property
     def _panel(self) -> hello_imgui.DockableWindow:
         return self.params.docking_params.dockable_window_of_name("Panel")
-
-    def _facts(self) -> panel.Facts:
-        session, solver = self.session, self.session.solver
-        told = session.light.snapshot
-        return panel.Facts(
-            estimators=self._estimators,
-            scene_size=solver.scene_size,
-            photometric=solver.scene.units == "photometric",
-            gi_seconds=session.light.gi_seconds.value,
-            frame_seconds=self.frame_seconds.value,
-            timings=told.timings,
-            photons_shown=session.light.photons_shown,
-            photons_traced=session.light.photons_there,
-            photons_goal=solver.photons,
-            moving=session.dragging or session.playing,
-            segments=told.segments,
-            photons_cut=told.changes.photons_cut,
-            old_segments=told.changes.old_segments,
-            new_segments=told.changes.new_segments,
-            triangles=sum(len(mesh.triangles) for mesh in session.meshes),
-            receivers=len(solver.irradiance),
-            mobiles=len(solver.scene.mobiles),
-            playing=session.playing,
-            metered=self.metered,
-            probes=told.probes,
-            notes=solver.scene.notes,
-        )
 
 
 def _about(estimator: type) -> str:

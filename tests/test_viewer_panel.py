@@ -136,14 +136,14 @@ def test_a_slider_drag_never_holds_a_frame_up(play, monkeypatch):
 
 def test_the_budget_is_kept_while_dragging_and_the_panel_says_which_photons_are_shown(play, monkeypatch):
     """A solver that believes the fewest photons fit: those while the block is dragged, all when it is released."""
-    from app import panel
     from app import session as session_module
+    from app.panel import widgets
 
     monkeypatch.setattr(session_module, "STILL", 60.0)  # a busy machine holds it still for us
     told = []
-    number = panel._number
+    number = widgets.number
     monkeypatch.setattr(
-        panel, "_number", lambda label, value, tip: (told.append((label, value)), number(label, value, tip))
+        widgets, "number", lambda label, value, tip: (told.append((label, value)), number(label, value, tip))
     )
 
     def script(hand, viewer):
@@ -194,3 +194,32 @@ def test_the_budget_is_kept_while_dragging_and_the_panel_says_which_photons_are_
         ctx.yield_(2)
 
     assert errors(play(script)) == []
+
+
+def test_sections_fold_and_stay_as_they_were_left(play):
+    """The engineer's numbers are folded at first; a second window opens as the first one was closed."""
+    unfolded = {}
+
+    def look(hand, viewer):
+        hand.ctx.yield_(2)
+        unfolded.update(viewer.folds._unfolded)
+
+    def first(hand, viewer):
+        hand.wait_for_light()
+        look(hand, viewer)
+        assert unfolded["Light"] and unfolded["Probes"] and not unfolded["Time"] and not unfolded["Paths"]
+        hand.ctx.set_ref("Panel")
+        assert hand.ctx.item_exists("##Radius") and not hand.ctx.item_exists("Whole frame")
+        hand.ctx.item_click("Light")
+        hand.ctx.item_click("Time")
+        look(hand, viewer)
+        assert unfolded["Time"] and not unfolded["Light"]
+        assert not hand.ctx.item_exists("##Radius")
+
+    def second(hand, viewer):
+        hand.wait_for_light()
+        look(hand, viewer)
+        assert unfolded["Time"] and unfolded["Probes"] and not unfolded["Light"] and not unfolded["Paths"]
+
+    assert errors(play(first, keep_ini=True)) == []
+    assert errors(play(second, keep_ini=True)) == []

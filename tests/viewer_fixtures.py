@@ -25,7 +25,7 @@ def folder(tmp_path, monkeypatch):
 def play():
     """Return a function that runs a script(hand, viewer) in a viewer of the small room."""
 
-    def run(script, settings=support.SETTINGS, open_with=None, quits=False):
+    def run(script, settings=support.SETTINGS, open_with=None, quits=False, keep_ini=False):
         from app.viewer import Viewer
 
         viewer = Viewer(settings, open_with or support.opening(support.room()))
@@ -37,7 +37,7 @@ def play():
             except BaseException as problem:  # the engine would lose the traceback
                 failed.append(problem)
 
-        support.drive(viewer, test, quits)
+        support.drive(viewer, test, quits, keep_ini)
         if failed:
             raise failed[0]
         return viewer

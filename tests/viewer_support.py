@@ -131,16 +131,17 @@ def standalone_context():
     need_gl(f"no OpenGL 3.3: {'; '.join(problems)}")
 
 
-def drive(viewer, script: Callable, quits: bool = False) -> None:
+def drive(viewer, script: Callable, quits: bool = False, keep_ini: bool = False) -> None:
     """Run a viewer without a screen; `script(ctx)` clicks and types in it with ImGui's test engine.
 
-    `quits`: the script ends by closing the window, which the engine would count as a failure.
+    `quits`: the script ends by closing the window, which the engine would count as a failure; `keep_ini`: what
+    the window remembers is written where the test's folder is.
     """
     from imgui_bundle.immapp import testing
 
     from app import window
 
-    viewer.params.ini_disable = True
+    viewer.params.ini_disable = not keep_ini
     viewer.params.app_window_params.restore_previous_geometry = False
     window.prepare()
     testing.run(test_function=script, runner_params=viewer.params, raise_on_error=not quits)

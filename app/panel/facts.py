@@ -1,0 +1,66 @@
+"""What the panel tells beside the settings; everything is measured elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from app.session import Session
+
+
+@dataclass(frozen=True)
+class Facts:
+    """One frame's."""
+
+    estimators: Mapping[str, str]  # key -> what it is
+    scene_size: float  # [m]
+    photometric: bool
+    gi_seconds: float
+    frame_seconds: float
+    timings: Mapping[str, float]  # stage -> seconds
+    photons_shown: int  # that the picture is made of
+    photons_traced: int  # that it is made of at rest
+    photons_goal: int
+    moving: bool  # something is dragged or played
+    segments: int
+    photons_cut: int
+    old_segments: int
+    new_segments: int
+    triangles: int
+    receivers: int
+    mobiles: int
+    playing: bool
+    metered: float  # EV at load
+    probes: Mapping[str, object] = field(default_factory=dict)  # name -> irradiance (3,)
+    notes: tuple[str, ...] = ()
+
+
+def facts_of(session: Session, estimators: Mapping[str, str], frame_seconds: float, metered: float) -> Facts:
+    """Collect them from a session that is ready."""
+    solver = session.solver
+    told = session.light.snapshot
+    return Facts(
+        estimators=estimators,
+        scene_size=solver.scene_size,
+        photometric=solver.scene.units == "photometric",
+        gi_seconds=session.light.gi_seconds.value,
+        frame_seconds=frame_seconds,
+        timings=told.timings,
+        photons_shown=session.light.photons_shown,
+        photons_traced=session.light.photons_there,
+        photons_goal=solver.photons,
+        moving=session.dragging or session.playing,
+        segments=told.segments,
+        photons_cut=told.changes.photons_cut,
+        old_segments=told.changes.old_segments,
+        new_segments=told.changes.new_segments,
+        triangles=sum(len(mesh.triangles) for mesh in session.meshes),
+        receivers=len(solver.irradiance),
+        mobiles=len(solver.scene.mobiles),
+        playing=session.playing,
+        metered=metered,
+        probes=told.probes,
+        notes=solver.scene.notes,
+    )

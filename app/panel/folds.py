@@ -1,0 +1,31 @@
+"""Which sections of the panel are unfolded, from one start of the program to the next."""
+
+from __future__ import annotations
+
+from imgui_bundle import hello_imgui, imgui
+
+PREFERENCE = "sections"  # in the window's ini file
+FOLDED, UNFOLDED = "-", "+"
+
+
+class Folds:
+    """`load` once the window is there, `header` for each section, `save` before it closes."""
+
+    def __init__(self) -> None:
+        self._unfolded: dict[str, bool] = {}
+
+    def load(self) -> None:
+        """Read what the last session left; what it says nothing of opens as it does at the first start."""
+        for line in hello_imgui.load_user_pref(PREFERENCE).splitlines():
+            if line[:1] in (FOLDED, UNFOLDED):
+                self._unfolded[line[1:]] = line[:1] == UNFOLDED
+
+    def save(self) -> None:
+        lines = [(UNFOLDED if unfolded else FOLDED) + title for title, unfolded in self._unfolded.items()]
+        hello_imgui.save_user_pref(PREFERENCE, "\n".join(lines))
+
+    def header(self, title: str, unfolded: bool) -> bool:
+        """Draw a header; return whether what is under it is to be drawn. `unfolded`: at the first start."""
+        imgui.set_next_item_open(self._unfolded.setdefault(title, unfolded), imgui.Cond_.once)
+        self._unfolded[title] = imgui.collapsing_header(title)
+        return self._unfolded[title]

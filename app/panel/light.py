@@ -1,0 +1,67 @@
+"""How light is estimated: estimator, photons, radius, neighbours, artifact control."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from imgui_bundle import imgui
+
+from app.panel import widgets as ui
+from app.panel.facts import Facts
+from app.settings import Settings
+
+RADIUS_RANGE = (0.002, 0.2)  # of the scene size
+PHOTONS_RANGE = (1_000, 10_000_000)
+NEIGHBOURS_RANGE = (2, 1_000)
+
+
+def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+    keys = list(facts.estimators)
+    ui.label("Estimator")
+    if imgui.begin_combo("##Estimator", ui.title(s.estimator)):
+        for k, key in enumerate(keys):
+            if imgui.selectable(ui.title(key), key == s.estimator)[0]:
+                s = replace(s, estimator=key)
+            ui.tip(f"{facts.estimators[key]}\nKey {k + 1}")
+        imgui.end_combo()
+    else:
+        ui.tip(f"How irradiance is estimated from the photons' paths. Nothing is traced again. Keys 1 to {len(keys)}.")
+
+    ui.label("Photons")
+    changed, photons = imgui.slider_int(
+        "##Photons", s.photons, *PHOTONS_RANGE, ui.thousands(s.photons), imgui.SliderFlags_.logarithmic
+    )
+    if changed:
+        s = replace(s, photons=ui.rounded(max(photons, 1)))
+    ui.tip("Photons to trace. More: less noise, slower frames. Those traced already are kept.")
+
+    ui.label("Radius")
+    size = facts.scene_size
+    low, high = (share * size for share in RADIUS_RANGE)
+    percent = f"{100 * s.radius / size:.2g}"
+    changed, radius = imgui.slider_float(
+        "##Radius", s.radius, low, high, f"%.3g m   ({percent} %%)", imgui.SliderFlags_.logarithmic
+    )
+    if changed and radius > 0:
+        s = replace(s, radius=float(f"{radius:.3g}"))
+    ui.tip(
+        "Radius of the disc that gathers light around a point, in metres and as a share of the scene size.\n"
+        "Larger: smoother, and shadow edges blur over that length. For photon_map it is the largest radius.\n"
+        "Ctrl+click to type a value."
+    )
+
+    ui.label("k")
+    changed, k = imgui.slider_int("##k", s.neighbours, *NEIGHBOURS_RANGE, "%d", imgui.SliderFlags_.logarithmic)
+    if changed:
+        s = replace(s, neighbours=max(k, 1))
+    ui.tip("How many of the nearest photon hits photon_map averages over. The other estimators do not use it.")
+
+    ui.label("Control")
+    changed, control = imgui.checkbox("##Artifact control", s.control)
+    if changed:
+        s = replace(s, control=control)
+    ui.tip(
+        "Artifact control of tangent_plane: light counts only on the part of a disc that it can reach.\n"
+        "Off: a little faster, but corners turn dark and light leaks through thin walls."
+    )
+    return s
