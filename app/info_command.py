@@ -9,6 +9,7 @@ from importlib import metadata
 import numpy as np
 
 from app.__main__ import version
+from app.material_lines import material_lines, triple
 from app.progress import Bar, compile_kernels
 from app.settings import Settings, make_solver, open_scene
 from app.tonemap import luminance
@@ -32,7 +33,9 @@ def info(settings: Settings) -> list[str]:
         solver.solve()
     estimator = settings.estimator or scene.defaults.estimator or "tangent_plane"
     rows = [*_contents(scene, solver), *_lights(scene, solver), *_choices(settings, chosen, estimator, solver)]
-    return [*_aligned(rows), *_notes(scene, solver), "", *_aligned(_machine(solver))]
+    notes = _notes(scene, solver)
+    materials = material_lines(scene, solver.surfaces)
+    return [*_aligned(rows), "", *materials, "", *notes, *[""] * bool(notes), *_aligned(_machine(solver))]
 
 
 def _contents(scene, solver) -> list[tuple[str, str]]:
@@ -43,12 +46,12 @@ def _contents(scene, solver) -> list[tuple[str, str]]:
         ("triangles", f"{int(s.first_face[-1]):,}"),
         ("receivers", f"{len(solver.irradiance):,} (two-sided surfaces have two, probes one)"),
         ("scene size", _size(solver)),
-        ("  box", f"{_triple(np.round(low, 6))} to {_triple(np.round(high, 6))}"),
-        ("up", _triple(scene.up)),
+        ("  box", f"{triple(np.round(low, 6))} to {triple(np.round(high, 6))}"),
+        ("up", triple(scene.up)),
     ]
     for o, m in enumerate(scene.mobiles, 1):
         faces, path = s.first_face[o + 1] - s.first_face[o], "follows a path" if m.path is not None else "no path"
-        rows.append((f'mobile "{m.name}"', f"{faces:,} triangles at {_triple(m.pose.position)}, {path}"))
+        rows.append((f'mobile "{m.name}"', f"{faces:,} triangles at {triple(m.pose.position)}, {path}"))
     if not scene.mobiles:
         rows.append(("mobiles", "none: add one with --mobile FILE"))
     if scene.probes:
@@ -72,12 +75,12 @@ def _lights(scene, solver) -> list[tuple[str, str]]:
     for k in np.unique(material):
         faces = material == k
         flux = emitters.flux[area][faces].sum(axis=0)
-        text = f"{_triple(flux)} {unit} from {int(faces.sum()):,} triangles"
+        text = f"{triple(flux)} {unit} from {int(faces.sum()):,} triangles"
         rows.append((f'light "{scene.materials[k].name}"', text))
     named = [light for light in scene.lights if max(_strength(light)) > 0]
     for light, flux in zip(named, emitters.flux[~area], strict=True):
         kind = type(light).__name__.removesuffix("Light").lower()
-        rows.append((f'light "{light.name}"', f"{_triple(flux)} {unit}, {kind}"))
+        rows.append((f'light "{light.name}"', f"{triple(flux)} {unit}, {kind}"))
     if not rows:
         rows.append(("lights", "none: the picture is black; give a material emission, or add a light"))
     fates = {name: float(luminance(flux)) for name, flux in solver.fates.items()}
@@ -154,10 +157,6 @@ def _version_of(name: str) -> str:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
         return "missing"
-
-
-def _triple(values) -> str:
-    return "(" + ", ".join(f"{v + 0.0:.4g}" for v in values) + ")"  # + 0.0: no "-0"
 
 
 def _aligned(rows: list[tuple[str, str]]) -> list[str]:

@@ -11,7 +11,10 @@ import numpy as np
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import KeyFrames, Pose
 
-RIGID_TOLERANCE = 1e-6  # on R^T R - 1 and on |q| - 1: float32 matrices from files pass, scales do not
+# What is off by less is made exactly rigid: numbers as people type them, products of many float32 matrices. Beyond it
+# is a scale, or numbers of another meaning.
+LENGTH_TOLERANCE = 1e-3  # on |q| - 1: (0.707, 0, 0.707, 0) passes, (0.7, 0, 0.7, 0) does not
+RIGID_TOLERANCE = 1e-4  # on R^T R - 1
 
 
 def rotation(pose: Pose) -> np.ndarray:
@@ -96,8 +99,12 @@ def as_pose(pose: Pose | np.ndarray, where: str = "pose") -> Pose:
         if position.shape != (3,) or q.shape != (4,) or not np.isfinite([*position, *q]).all():
             raise SceneError(f"{where}: a pose is three finite metres and four finite quaternion numbers, got {pose}")
         length = float(np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]))
-        if abs(length - 1) > RIGID_TOLERANCE:
-            raise SceneError(f"{where}: the quaternion (w, x, y, z) of a pose must have length 1, got {length:.6g}")
+        if abs(length - 1) > LENGTH_TOLERANCE:
+            instead = "1, 0, 0, 0" if length < 1e-9 else ", ".join(f"{c / length + 0.0:.4g}" for c in q)
+            raise SceneError(
+                f"{where}: the quaternion (w, x, y, z) of a pose must have length 1, got {length:.4g}; "
+                f"write [{instead}], and scale the mesh instead if that was meant"
+            )
         return Pose(tuple(map(float, position)), tuple(map(float, q / length)))
     M = np.asarray(pose, np.float64)
     if M.shape != (4, 4) or not np.isfinite(M).all():

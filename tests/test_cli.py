@@ -219,6 +219,28 @@ def test_info_says_what_is_there_and_why(capsys, estimator):
     assert "0.02 m: as asked" in text and "2,000: as asked" in text and "warning" not in text
 
 
+def test_info_lists_materials_by_area_and_counts_the_rest(capsys, tmp_path):
+    """Sixteen squares, each larger than the one before and of its own material; the largest two share a name."""
+    lines, library = ["mtllib sheets.mtl"], []
+    for k in range(16):
+        side, name = 1.0 + k, f"m{min(k, 14)}"
+        corners = [(0, 0), (side, 0), (side, side), (0, side)]
+        lines += [*(f"v {x + 40 * k} 0 {-z}" for x, z in corners), f"usemtl {name}", "f -4 -3 -2 -1"]
+        library.append(f"newmtl {name}\nKd 0.{k + 10} 0.2 0.3\n" + ("Ke 5 6 7\n" if k == 10 else ""))
+    (tmp_path / "sheets.obj").write_text("\n".join(lines))
+    (tmp_path / "sheets.mtl").write_text("".join(library))
+    (tmp_path / "sheets.toml").write_text('[static]\nmesh = "sheets.obj"\n[materials.m3]\ntwo_sided = false\n')
+    assert cli.main(["info", str(tmp_path / "sheets.toml"), "--photons", "2000", "--radius", "1"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("materials "))
+    table = lines[first + 1 : first + 14]
+    assert [line.split('"')[1] for line in table[:12]] == [f"m{k}" for k in range(14, 2, -1)]
+    assert table[0].split()[1:] == ["(0.25,", "0.2,", "0.3)", "4", "32.2", "%", "two-sided"]  # (15^2 + 16^2) / 1496
+    assert "emits (5, 6, 7)" in table[4] and sum("emits" in line for line in table) == 1
+    assert table[11].endswith("one-sided") and "0.13" in table[11]
+    assert table[12] == 'and 3 more on 0.936 % of the area: "m2", "m1", "m0"'
+
+
 def test_info_warns_when_most_light_escapes(capsys, monkeypatch):
     from dataclasses import replace
 

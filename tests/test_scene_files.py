@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from mesh_writers import BOX, BOX_FACES, SCENE, write_glb, write_obj, write_scene
 
-from gi_core.pose import pose_at, rotation
-from gi_core.scene import DirectionalLight, PointLight, SceneError, SkyLight, SpotLight, load_scene
+from gi_core.pose import as_pose, pose_at, rotation
+from gi_core.scene import DirectionalLight, PointLight, Pose, SceneError, SkyLight, SpotLight, load_scene
+from gi_core.solver import Solver
 
 LIGHTS = """
 [[light]]
@@ -136,7 +137,7 @@ MISTAKES = {
     "mesh format": (SCENE.replace("cube.obj", "cube.fbx"), "must be one of .glb .gltf .obj .ply .stl, got .fbx"),
     "non-rigid": (
         SCENE + "rotation = [2, 0, 0, 0]",
-        r"rotation: the quaternion \(w, x, y, z\) of a pose must have length 1, got 2",
+        r"rotation: the quaternion \(w, x, y, z\) of a pose must have length 1, got 2; write \[1, 0, 0, 0\]",
     ),
     "two rotations": (SCENE + "rotation = [1, 0, 0, 0]\nangle = 3", "rotation and axis/angle exclude each other"),
     "zero axis": (SCENE + "axis = [0, 0, 0]\nangle = 3", "axis must be three numbers that are not all 0"),
@@ -165,7 +166,11 @@ MISTAKES = {
     ),
     "camera": (SCENE.replace("[0.5, 0.5, 0.9]", "[0.5, 0.5, 0.1]"), "target must differ from position"),
     "photons": (SCENE + "[defaults]\nphotons = 0.5", "photons must be a whole number >= 1, got 0.5"),
-    "up": ('up = "w"' + SCENE, 'up must be one of "x", "y", "z", got \'w\''),
+    "up": ('up = "w"' + SCENE, 'up must be "x", "y", "z" or three numbers in brackets, got \'w\''),
+    "up is a number": ("up = 3" + SCENE, 'up must be "x", "y", "z" or three numbers in brackets, got 3'),
+    "up of two numbers": ("up = [0, 1]" + SCENE, r"up must be three finite numbers, got \[0, 1\]"),
+    "no rotation": (SCENE + "rotation = [0, 0, 0, 0]", r"length 1, got 0; write \[1, 0, 0, 0\]"),
+    "two digits": (SCENE + "rotation = [0.7, 0, 0.7, 0]", r"got 0.9899; write \[0.7071, 0, 0.7071, 0\]"),
     "light is a table": (SCENE + "[light]\n", r"a light is written as a table \[\[light\]\], got"),
 }
 
@@ -180,6 +185,21 @@ def test_mistakes_are_named(tmp_path, mistake):
     assert message.startswith(str(file)), message
     assert re.search(sentence.replace("'?", "'\\?") if "?" in sentence else sentence, message), message
     assert "\n" not in message and (message.endswith("...") or not message.endswith("."))
+
+
+@pytest.mark.parametrize("digits", [3, 4, 9])
+def test_a_rotation_as_people_type_it_is_made_exact(tmp_path, digits):
+    """Quarter turns rounded to three digits are off by 1.5e-4 in length, any by at most 1e-3."""
+    c = round(0.5**0.5, digits)
+    pose = load_scene(write_scene(tmp_path, SCENE + f"rotation = [{c}, 0, {c}, 0]")).mobiles[0].pose
+    np.testing.assert_allclose(rotation(pose) @ [1, 0, 0], [0, 0, -1], atol=1e-15)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.round(rotation(Pose(quaternion=(0.6, 0.0, 0.0, 0.8))), 5)
+    np.testing.assert_allclose(np.linalg.norm(as_pose(matrix).quaternion), 1, atol=1e-15)
+    for scale in (1.001, 0.999):
+        matrix[:3, :3] = np.eye(3) * scale
+        with pytest.raises(SceneError, match="must be rigid .*; bake scale into the mesh"):
+            as_pose(matrix)
 
 
 def test_windows_files_are_read(tmp_path):
@@ -284,3 +304,49 @@ def test_glb_light_and_camera(tmp_path):
     np.testing.assert_allclose(spot.direction, [0, -1, 0], atol=1e-12)
     assert spot.outer_degrees == pytest.approx(np.degrees(0.5)) and spot.inner_degrees == 0
     np.testing.assert_allclose(np.subtract(scene.camera.target, scene.camera.position), [0, 0, -1], atol=1e-12)
+
+
+def test_a_scaled_file_looks_the_same_with_its_own_lights_and_camera(tmp_path):
+    """A room in millimetres, its lights and camera among its walls: at 0.001 every surface receives what it did.
+
+    Lights that are lengths away go with the square, the sun and radiance stay; what the scene file says is in metres.
+    """
+    lights = [
+        {"type": "point", "intensity": 5e6},
+        {"type": "spot", "intensity": 3e6, "spot": {"outerConeAngle": 0.9}},
+        {"type": "directional", "intensity": 2.0},
+    ]
+    held = [{"extensions": {"KHR_lights_punctual": {"light": k}}} for k in range(3)]
+    extra = {
+        "extensions": {"KHR_lights_punctual": {"lights": lights}},
+        "nodes": [
+            {"translation": [500, 800, 500], **held[0]},
+            {"translation": [300, 700, 400], "rotation": [-(0.5**0.5), 0, 0, 0.5**0.5], **held[1]},
+            held[2],
+            {"camera": 0, "translation": [500, 500, 4000]},
+        ],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1}}],
+    }
+    write_glb(tmp_path / "room.glb", BOX * 1000, BOX_FACES[:, ::-1], **extra)
+    lamp = '[[light]]\ntype = "point"\nposition = [0.5, 0.5, 0.5]\nflux = [0, 0, 0]\n'
+    scenes, means = [], []
+    for scale in (1.0, 0.001):
+        file = tmp_path / f"{scale}.toml"
+        file.write_text(f'[static]\nmesh = "room.glb"\nscale = {scale}\nmax_edge = {250 * scale}\n{lamp}')
+        scenes.append(load_scene(file))
+        solver = Solver(scenes[-1], photons=20_000, radius=100 * scale)
+        solver.solve()
+        means.append(solver.irradiance)
+    large, small = scenes
+    assert large.lights[0] == small.lights[0], "the scene file's own lamp is in metres"
+    for was, now in zip(large.lights[1:3], small.lights[1:3], strict=True):
+        np.testing.assert_allclose(np.multiply(was.position, 0.001), now.position)
+    assert small.lights[1].flux[0] == pytest.approx(large.lights[1].flux[0] * 1e-6)
+    assert small.lights[2].intensity[0] == pytest.approx(large.lights[2].intensity[0] * 1e-6)
+    assert small.lights[3].irradiance == large.lights[3].irradiance == (2.0,) * 3
+    np.testing.assert_allclose(np.multiply(large.camera.position, 0.001), small.camera.position)
+    np.testing.assert_allclose(np.multiply(large.camera.target, 0.001), small.camera.target)
+    assert small.camera.vertical_fov_degrees == large.camera.vertical_fov_degrees
+    assert means[0].mean() > 0.1
+    np.testing.assert_allclose(means[1].mean(axis=0), means[0].mean(axis=0), rtol=1e-3)
+    assert np.abs(means[1] - means[0]).mean() < 1e-2 * means[0].mean(), "photon for photon, but for rounding"

@@ -18,6 +18,7 @@ from gi_core.scene.materials_table import check_used, override, single
 from gi_core.scene.mesh_file import SUFFIXES, MeshFile, read_mesh_file
 from gi_core.scene.paint import join_paints
 from gi_core.scene.refinement import refined
+from gi_core.scene.scaling import scaled
 from gi_core.scene.toml_file import UP, SceneFile, StaticEntry, read_scene_file
 from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Scene
 from gi_core.tessellation import tessellate
@@ -70,7 +71,8 @@ class _Builder:
         self.notes: list[str] = []
 
     def build(self, extra: Sequence[str | Path], max_edge: float | None) -> Scene:
-        read = [read_mesh_file(p, self._shown(p)) for p in self.file.static.meshes]
+        scale = self.file.static.scale
+        read = [scaled(read_mesh_file(p, self._shown(p)), scale) for p in self.file.static.meshes]
         self.up = self.up or UP[read[0].up]
         static = self._static(read)
         self._check_size(static)
@@ -117,7 +119,7 @@ class _Builder:
         meshes = []
         for r in read:
             mesh, materials = override(r.mesh, r.materials, self.file.materials)
-            meshes.append(self._adopt(mesh._replace(vertices=mesh.vertices * self.file.static.scale), materials))
+            meshes.append(self._adopt(mesh, materials))
             self.notes += r.notes
         return join(meshes, self.materials)
 

@@ -13,7 +13,7 @@ import numpy as np
 from gi_core.pose import as_pose, axis_angle, multiply_quaternions
 from gi_core.scene.errors import SceneError
 from gi_core.scene.materials_table import read_materials
-from gi_core.scene.toml_fields import Table, read_toml
+from gi_core.scene.toml_fields import Table, read_toml, shown
 from gi_core.scene.types import (
     Camera,
     Defaults,
@@ -124,8 +124,10 @@ def read_up(root: Table) -> tuple[float, float, float] | None:
     value = root.values.get("up")
     if value is None:
         return None
-    if isinstance(value, str):
-        return UP[root.text("up", choices=tuple(UP))]
+    if isinstance(value, str) and value in UP:
+        return UP[value]
+    if not isinstance(value, list):
+        raise SceneError(f'{root.where}: up must be "x", "y", "z" or three numbers in brackets, got {shown(value)}')
     v = np.array(root.direction("up"))
     return tuple(float(x) for x in v / np.sqrt((v * v).sum()))
 
