@@ -3,8 +3,8 @@
     python -m tests.scene_table DIR cornell room.glb+chair.glb --out FOLDER --write docs/scenes-tried.md
 
 Each scene (a mesh or scene file, a folder of them, a shipped name; `+` adds a mobile) is opened at default settings
-in a process of its own, with a time limit; its row and its 1280 x 800 picture stay in FOLDER, and a scene that has a row
-there is not opened again. `--write` puts the rows into a table; what people wrote in its last column stays.
+in a process of its own, with a time limit; its row and its 1280 x 800 picture stay in FOLDER, and a scene that has a
+row there is not opened again. `--write` puts the rows into a table; what people wrote in its last column stays.
 """
 
 from __future__ import annotations
