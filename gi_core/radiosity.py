@@ -10,47 +10,21 @@ import math
 import numpy as np
 
 from gi_core.jit import kernel
-from gi_core.sums import CHUNK_BITS, CHUNK_GRAIN, Evaluated
-from gi_core.threads import run_ranges
 
 
 @kernel
-def _read_out(sums, scale, area, first, last, out):
-    for r in range(first, last):
+def _read_out(sums, scale, area, out):
+    for r in range(len(area)):
         # No area, no light: nothing can reach such a receiver, or it has no face.
         factor = scale / area[r] if area[r] > 0.0 else 0.0
         for c in range(3):
             out[r, c] = sums[r, c] * factor
 
 
-@kernel
-def _read_out_changed(changed, resting, sums, scale, area, first, last, out):
-    """Read chunks first .. last - 1 out, those that have not changed from what they are at rest."""
-    for chunk in range(first, last):
-        start, stop = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(out))
-        if changed[chunk]:
-            _read_out(sums, scale, area, start, stop, out)
-        else:
-            for r in range(start, stop):
-                for c in range(3):
-                    out[r, c] = resting[r, c]
-
-
 def irradiance(sums: np.ndarray, flux_unit: float, area: np.ndarray) -> np.ndarray:
     """Return E (R, 3) [W/m2] of sums (R, 3) int64 of flux units [W] over areas (R,) [m2]; 0 where the area is 0."""
     out = np.empty(sums.shape)
-    _read_out(sums, flux_unit, area, 0, len(area), out)
-    return out
-
-
-def irradiance_of_frame(frame: Evaluated, flux_unit: float, resting: np.ndarray, threads: int) -> np.ndarray:
-    """Return what irradiance() does, for a frame; `resting` (n, 3): that of static receivers without mobiles."""
-    out = np.empty(frame.sums.shape)
-
-    def work(_, first, last):
-        _read_out_changed(frame.changed, resting, frame.sums, flux_unit, frame.area, first, last, out)
-
-    run_ranges(work, len(frame.changed), threads, CHUNK_GRAIN)
+    _read_out(sums, flux_unit, area, out)
     return out
 
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.background import Background, Photons, add_fates
+from gi_core.control_variate import frame_irradiance
 from gi_core.cuts import Frame, change, current_segments
 from gi_core.defaults import choose
 from gi_core.estimators import ESTIMATORS
@@ -22,13 +23,14 @@ from gi_core.near_scan import Room
 from gi_core.photon_trace import Fates
 from gi_core.pose import as_pose
 from gi_core.probes import probe_irradiance
-from gi_core.radiosity import irradiance, irradiance_of_frame
+from gi_core.radiosity import irradiance
 from gi_core.receivers import Receivers
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
 from gi_core.setting import Setting, number
 from gi_core.surfaces import Surfaces
 
+STATIC_LIGHT = ("all", "prefix")  # what a frame of few photons takes the light of the static part from
 STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
@@ -79,6 +81,7 @@ class Solver:
         self.chosen = choose(self.model, *given)
         self.scene_size = self.chosen.scene_size
         self.photons = self.chosen.photons
+        self.static_light = STATIC_LIGHT[0]
         self.setting = Setting(estimator, self.chosen.radius, self.chosen.neighbours)
         self.poses: dict[str, Pose] = self.model.start_poses()
         self._photons = Photons(self.model, self.seed)
@@ -96,14 +99,19 @@ class Solver:
 
     # -- settings ---------------------------------------------------------------------------------
 
-    def configure(self, photons: int | None = None, **changes) -> None:
-        """Change photons and fields of `setting`. Paths are kept; solve_steps() does again only what depends on it.
+    def configure(self, photons: int | None = None, static_light: str | None = None, **changes) -> None:
+        """Change settings. Paths are kept; solve_steps() does again only what depends on the change.
 
-        Until it has, frames go on with the old settings. Raises SceneError for a bad value.
+        static_light: whether a frame of a prefix of the photons takes the light of the static part from "all" of
+        them (see `gi_core.control_variate`) or from that "prefix" too; changes: fields of `setting`. Until
+        solve_steps() has run, frames go on with the old settings. Raises SceneError for a bad value.
         """
         photons = number("photons", photons, self.photons)
+        static_light = self.static_light if static_light is None else static_light
+        if static_light not in STATIC_LIGHT:
+            raise SceneError(f"static_light must be one of {', '.join(STATIC_LIGHT)}, got {static_light!r}")
         self.setting = self.setting.changed({"estimator": tuple(ESTIMATORS)}, **changes)
-        self.photons = photons
+        self.photons, self.static_light = photons, static_light
 
     @property
     def estimator(self) -> str:
@@ -233,7 +241,8 @@ class Solver:
         clock("estimate")
         if photons:
             scale, resting = self.model.emitters.unit_flux / photons, self._shown.resting(photons)
-            self.irradiance = irradiance_of_frame(evaluated, scale, resting, self.model.threads)
+            better = self._shown.resting(estimate.photons if self.static_light == "all" else photons)
+            self.irradiance = frame_irradiance(evaluated, scale, resting, better, self.model.threads)
         else:
             self.irradiance = np.zeros(evaluated.sums.shape)
         clock("read out")

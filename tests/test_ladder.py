@@ -18,7 +18,9 @@ POSE = Pose((0.5, 0.45, 0.4), axis_angle((0, 0, 1), 20.0))
 
 
 def solver_of(photons: int, estimator: str) -> Solver:
-    return Solver(SCENE, estimator, photons=photons, radius=0.15, neighbours=20)
+    solver = Solver(SCENE, estimator, photons=photons, radius=0.15, neighbours=20)
+    solver.configure(static_light="prefix")
+    return solver
 
 
 def test_a_frame_of_a_prefix_is_that_of_a_solver_with_so_many_photons(estimator):
