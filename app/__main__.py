@@ -132,6 +132,7 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add("--exposure", type=values.exposure, metavar="EV", help="stops, +1 doubles (the scene's, else metered)")
     add("--max-edge", type=values.positive, metavar="M", help="cut triangles until no edge is longer [m]")
     add("--up", choices=["x", "y", "z"], help="which axis points up, instead of the file's")
+    add("--allow-outside", action="store_true", help="let the scene name files outside its own folder")
     add("--version", action=_Version, nargs=0, help="print the version")
 
 

@@ -30,6 +30,7 @@ class Settings:
     mobiles: tuple[str, ...] = ()  # mesh files that become mobiles
     max_edge: float | None = None  # tessellate edges longer than this [m]
     up: str | None = None  # "x", "y" or "z"
+    allow_outside: bool = False  # files that the scene names may lie outside its folder
     estimator: str | None = None  # a key of gi_core.estimators.ESTIMATORS
     photons: int | None = None
     radius: float | None = None  # [m]
@@ -53,7 +54,7 @@ def open_scene(settings: Settings) -> Scene:
     from gi_core.scene import load_scene
 
     options = {name: getattr(settings, name) for name in ("max_edge", "up") if getattr(settings, name) is not None}
-    scene = load_scene(settings.scene, mobiles=settings.mobiles, **options)
+    scene = load_scene(settings.scene, mobiles=settings.mobiles, allow_outside=settings.allow_outside, **options)
     poses = start_poses(settings, scene)
     return replace(scene, mobiles=tuple(m._replace(pose=poses.get(m.name, m.pose)) for m in scene.mobiles))
 

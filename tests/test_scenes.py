@@ -13,6 +13,7 @@ import pytest
 
 from gi_core.pose import pose_at, to_world
 from gi_core.scene import SceneError, find_scene, load_scene, shipped_scenes
+from gi_core.scene.boundary import Boundary
 from gi_core.scene.mesh_file import read_mesh_file
 from gi_core.scene.obj_file import read_obj
 from gi_core.scene.texture_filter import mean_colours
@@ -200,7 +201,7 @@ AREAS = {"cornell_box_mcguire/CornellBox-Original.obj": 26.5477, "cornell_box_ti
 @pytest.mark.parametrize("name", AREAS)
 def test_area_of_classic_boxes(name):
     """As read; loading leaves out McGuire's four duplicates (two box bottoms given with the sides' vertices)."""
-    (part,) = read_obj(SHARED / name, name).parts
+    (part,) = read_obj(SHARED / name, name, Boundary(SHARED)).parts
     p = part.vertices[part.faces]
     cross = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     assert np.sqrt((cross * cross).sum(axis=1)).sum() / 2 == pytest.approx(AREAS[name], rel=3e-6)

@@ -342,7 +342,7 @@ def test_images_outside_the_folder_are_not_read(tmp_path, format):
     (tmp_path / "secret.png").write_bytes(png(PIXELS))
     for name in ("../secret.png", str(tmp_path / "secret.png")):
         read = read_mesh_file(quad_with(inner, format, name))
-        assert any("lies outside the folder of the mesh file; move it there" in n for n in read.notes), read.notes
+        assert any("lies outside the folder of the scene; move it there" in n for n in read.notes), read.notes
     (inner / "secret.png").write_bytes(png(PIXELS))
     assert read_mesh_file(quad_with(inner, format, "C:\\maps\\secret.png")).mesh.paint.textures
 

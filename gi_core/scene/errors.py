@@ -1,6 +1,15 @@
-"""The one exception that bad input raises."""
+"""The one exception that bad input raises, and what of a file's own words may be shown."""
 
 from __future__ import annotations
+
+LONGEST = 500  # characters of a sentence
+
+
+def one_line(text: str) -> str:
+    """Return a text as one printable line: what it quotes of a file may hold anything, terminal commands included."""
+    line = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
+    half = LONGEST // 2  # the place at the front and the rule at the end both stay
+    return line if len(line) <= LONGEST else f"{line[: half - 5]} ... {line[-half:]}"
 
 
 class SceneError(ValueError):
@@ -9,3 +18,6 @@ class SceneError(ValueError):
     The message is one sentence: where, the rule, what was found, what to write instead, e.g.
     ``scenes/cornell.toml: light "ceiling": flux must be three numbers >= 0, got [-1, 0, 2]``.
     """
+
+    def __init__(self, message: str):
+        super().__init__(one_line(message))

@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import base64
+import errno
 import json
+import os
 import struct
 from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
 
+from gi_core.scene.boundary import Boundary
 from gi_core.scene.errors import SceneError
 from gi_core.scene.texture_images import ImageError, find
 
 COMPONENT = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"}
+MOST_ZEROS = 10_000_000  # elements of an accessor that names no bytes: they cost the file nothing
 JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
 
 
 class Document:
     """A glTF as JSON and bytes; `notes` collects what reading left out."""
 
-    def __init__(self, path: Path, where: str):
-        self.path, self.where, self.notes = path, where, []
+    def __init__(self, path: Path, where: str, boundary: Boundary):
+        self.path, self.where, self.boundary, self.notes = path, where, boundary, []
         try:
             data = path.read_bytes()
         except OSError as error:
@@ -50,6 +54,10 @@ class Document:
         dtype, width, count = np.dtype(COMPONENT[a["componentType"]]), WIDTH[a["type"]], a["count"]
         if "bufferView" in a:
             values = self._strided(a["bufferView"], a.get("byteOffset", 0), dtype, width, count)
+        elif not 0 <= count <= MOST_ZEROS:
+            raise SceneError(
+                f"{self.where}: an accessor without data must have up to {MOST_ZEROS:,} elements, got {count}"
+            )
         else:
             values = np.zeros((count, width), dtype)
         if "sparse" in a:
@@ -78,7 +86,7 @@ class Document:
             except ValueError:
                 raise ImageError("is not a readable image") from None
         folder = self.path.parent
-        return find([folder], folder, unquote(uri)).read_bytes()
+        return find([folder], self.boundary, unquote(uri)).read_bytes()
 
     def image_name(self, index: int) -> str:
         """Return what an image is called in notes."""
@@ -120,7 +128,15 @@ class Document:
     def _uri(self, uri: str) -> bytes:
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2])
-        return (self.path.parent / unquote(uri)).read_bytes()
+        file = self.path.parent / unquote(uri)
+        if not self.boundary.holds(file):
+            raise SceneError(
+                f"{self.where}: its buffer {uri} lies outside the folder of the scene; move it there, "
+                "or give --allow-outside"
+            )
+        if not os.path.isfile(file):  # nor is a device read, which may have no end
+            raise FileNotFoundError(errno.ENOENT, "there is no such file")
+        return file.read_bytes()
 
     def _chunks(self, data: bytes) -> bytes:
         text, at = b"", 12

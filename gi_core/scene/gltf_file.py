@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gi_core.scene.boundary import Boundary
 from gi_core.scene.errors import SceneError
 from gi_core.scene.file_parts import FileParts, Part
 from gi_core.scene.gltf_buffers import Document
@@ -17,17 +18,19 @@ from gi_core.scene.texture_levels import mean_linear
 from gi_core.scene.types import Material
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
+MOST_TRIANGLES = 20_000_000
 WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 
 
-def read_gltf(path, where: str) -> FileParts:
+def read_gltf(path, where: str, boundary: Boundary) -> FileParts:
     """Read every triangle primitive of the default scene, with its world transform applied."""
-    document = Document(path, where)
     try:
-        return _Reader(document).read()
-    except (KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
-        if isinstance(error, SceneError):
-            raise
+        # What overflows on the way is refused with the vertices, or falls under a light's own rules.
+        with np.errstate(all="ignore"):
+            return _Reader(Document(path, where, boundary)).read()
+    except SceneError:
+        raise
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError) as error:
         raise SceneError(f"{where}: the glTF is damaged ({type(error).__name__}: {error}); export it again") from None
 
 
@@ -39,7 +42,7 @@ class _Reader:
         self.images = Images()
         self.materials = [self._material(i, m) for i, m in enumerate(self.json.get("materials", []))]
         self.plain = None  # index of the material for primitives without one
-        self.parts, self.lights, self.camera = [], [], None
+        self.parts, self.triangles, self.lights, self.camera = [], 0, [], None
         self.world = {}  # node -> (4, 4)
 
     def read(self) -> FileParts:
@@ -89,6 +92,9 @@ class _Reader:
             self.document.accessor(primitive["indices"]).reshape(-1) if "indices" in primitive else np.arange(len(p))
         )
         faces = _triangles(order.astype(np.int64), mode)
+        self.triangles += len(faces)  # a mesh may hang on thousands of nodes
+        if self.triangles > MOST_TRIANGLES:
+            raise SceneError(f"{self.document.where}: a file must have no more than {MOST_TRIANGLES:,} triangles")
         if len(faces) and not (0 <= faces.min() and faces.max() < len(p)):
             raise SceneError(f"{self.document.where}: {what} has vertex indices outside its {len(p)} vertices")
         if np.linalg.det(matrix[:3, :3]) < 0:
@@ -129,8 +135,8 @@ class _Reader:
     def _material(self, i: int, m: dict) -> Material:
         pbr = m.get("pbrMetallicRoughness", {})
         extensions = m.get("extensions", {})
-        name = m.get("name") or f"material {i}"
-        emission = np.array(m.get("emissiveFactor", [0, 0, 0]), np.float64)
+        name = str(m.get("name") or f"material {i}")
+        emission = np.array(m.get("emissiveFactor", [0, 0, 0]), np.float64).reshape(3)
         emission = emission * extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         if "emissiveTexture" in m and emission.any():
             otherwise = "lamps emit evenly where an emissive texture is missing"
@@ -140,8 +146,10 @@ class _Reader:
                 self.notes.append(f'material "{name}": emits the mean colour of its emissive texture')
         if m.get("alphaMode", "OPAQUE") != "OPAQUE" or "KHR_materials_transmission" in extensions:
             self.notes.append(f'material "{name}" is transparent in the file: taken as opaque')
-        base = tuple(float(c) for c in pbr.get("baseColorFactor", [1, 1, 1, 1])[:3])
-        return Material(name, base, tuple(float(e) for e in emission), bool(m.get("doubleSided", False)))
+        base = np.array(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], np.float64).reshape(3)
+        return Material(
+            name, tuple(float(c) for c in base), tuple(float(e) for e in emission), bool(m.get("doubleSided", False))
+        )
 
     def _texture(self, index: int) -> int | None:
         """Return the index of a texture among those read, None if it cannot be."""

@@ -17,8 +17,8 @@ def node_light(json: dict, node: dict, matrix: np.ndarray, number: int):
     if held is None:
         return None
     light = json["extensions"]["KHR_lights_punctual"]["lights"][held["light"]]
-    name = light.get("name") or f"light {number}"
-    colour = np.array(light.get("color", [1, 1, 1]), np.float64) * light.get("intensity", 1.0)
+    name = str(light.get("name") or f"light {number}")
+    colour = np.array(light.get("color", [1, 1, 1]), np.float64).reshape(3) * light.get("intensity", 1.0)
     position = tuple(float(x) for x in matrix[:3, 3])
     direction = _forward(matrix)
     if light["type"] == "point":  # candela in every direction

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gi_core.scene.boundary import Boundary
 from gi_core.scene.completion import complete
 from gi_core.scene.dark_sides import one_sided_where_dark
 from gi_core.scene.errors import SceneError
@@ -35,12 +36,14 @@ def load_scene(
     mobiles: Sequence[str | Path] = (),
     max_edge: float | None = None,
     up=None,
+    allow_outside: bool = False,
 ) -> Scene:
     """Load a scene file (TOML), a mesh file (.glb .gltf .obj .ply .stl), or a shipped scene by name.
 
     mobiles: mesh files added as mobiles, resting on the floor; max_edge [m]: the longest edge of the
     static part, instead of what the scene file says or, for a bare mesh, of what fits MOST_RECEIVERS;
-    up: "x", "y", "z" or three numbers, instead of what the file says.
+    up: "x", "y", "z" or three numbers, instead of what the file says;
+    allow_outside: files that the scene names may lie outside its folder.
 
     Raises SceneError, one sentence naming the file, the rule, what was found, what to write.
     """
@@ -59,20 +62,25 @@ def load_scene(
             f"{where}: a scene is a .toml file or one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}"
         )
     up = _checked_up(up, where)
-    return _Builder(described, where, file.stem, up, suffix != ".toml").build(mobiles, max_edge)
+    builder = _Builder(described, where, file.stem, up, suffix != ".toml", Boundary(file.parent, allow_outside))
+    try:
+        return builder.build(mobiles, max_edge)
+    except MemoryError:
+        raise SceneError(f"{where}: the scene does not fit into memory; simplify its meshes") from None
 
 
 class _Builder:
     """Collects materials while meshes are read; one scene each."""
 
-    def __init__(self, described: SceneFile, where: str, name: str, up, bare: bool):
+    def __init__(self, described: SceneFile, where: str, name: str, up, bare: bool, boundary: Boundary):
         self.file, self.where, self.name, self.up, self.bare = described, where, name, up or described.up, bare
+        self.boundary = boundary
         self.materials: list[Material] = []
         self.notes: list[str] = []
 
     def build(self, extra: Sequence[str | Path], max_edge: float | None) -> Scene:
         scale = self.file.static.scale
-        read = [scaled(read_mesh_file(p, self._shown(p)), scale) for p in self.file.static.meshes]
+        read = [scaled(self._read(p, self._shown(p)), scale) for p in self.file.static.meshes]
         self.up = self.up or UP[read[0].up]
         static = self._static(read)
         self._check_size(static)
@@ -115,6 +123,12 @@ class _Builder:
     def _shown(self, path: Path) -> str:
         return self.where if self.bare else f"{self.where}: {path.name}"
 
+    def _read(self, path: Path, where: str) -> MeshFile:
+        """Read a mesh file that the scene file names."""
+        if not self.boundary.holds(path):
+            raise SceneError(f"{where}: lies outside the folder of the scene; move it there, or give --allow-outside")
+        return read_mesh_file(path, where, self.boundary)
+
     def _static(self, read: list[MeshFile]) -> Mesh:
         meshes = []
         for r in read:
@@ -124,7 +138,7 @@ class _Builder:
         return join(meshes, self.materials)
 
     def _described(self, entry) -> Mobile:
-        r = read_mesh_file(entry.mesh, f"{entry.where}: {entry.mesh.name}")
+        r = self._read(entry.mesh, f"{entry.where}: {entry.mesh.name}")
         mesh, materials = override(r.mesh, r.materials, self.file.materials)
         if entry.material is not None:
             mesh, materials = single(mesh, entry.material, r.materials, self.file.materials, entry.where)
@@ -139,7 +153,7 @@ class _Builder:
 
     def _extra(self, scene: Scene, path: Path):
         """Return the scene with a mobile more, not yet placed, and the up axis of its file."""
-        r = read_mesh_file(path, str(path))
+        r = read_mesh_file(path, str(path), Boundary(path.parent, self.boundary.open))
         names = {m.name for m in scene.mobiles}
         name, k = path.stem, 2
         while name in names:

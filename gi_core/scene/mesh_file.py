@@ -1,6 +1,6 @@
 """Mesh files as clean triangles: read by format, then repaired, with a note for every repair.
 
-GLB, glTF and OBJ have readers of their own beside this file; PLY and STL go through trimesh.
+Each format has a reader of its own beside this file.
 """
 
 from __future__ import annotations
@@ -12,19 +12,22 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.receivers import build_receivers, weld
-from gi_core.scene.errors import SceneError
+from gi_core.scene.boundary import Boundary
+from gi_core.scene.errors import SceneError, one_line
 from gi_core.scene.file_parts import FileParts, Part
 from gi_core.scene.gltf_file import read_gltf
 from gi_core.scene.obj_file import read_obj
 from gi_core.scene.paint import rows_of
 from gi_core.scene.texture_filter import MOST_REFLECTANCE
-from gi_core.scene.texture_levels import srgb_to_linear
+from gi_core.scene.trimesh_file import read_with_trimesh
 from gi_core.scene.types import Camera, Light, Material, Mesh, Paint
 from gi_core.scene.winding import faces_to_turn, with_turned
 from gi_core.surfaces import face_normals
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 DEGENERATE = 1e-7  # of the mesh's extent: a face lower than that is a line (float32 files cannot say it better)
+BRIGHTEST = FARTHEST = 1e15  # radiance, coordinates: as in scene files, see toml_fields.py
+FARTHEST_UV = 1e6  # texture coordinates beyond have no digits left for a place in the texture
 OPPOSED = 0.1  # cosine to the geometric normal below which a file's normal is not believed
 MOST_WRONG = 0.1  # share of such faces beyond which no normal of the part is believed
 
@@ -40,45 +43,26 @@ class MeshFile(NamedTuple):
     notes: list[str]
 
 
-def read_mesh_file(path: Path, where: str | None = None) -> MeshFile:
-    """Read a mesh file and clean it.
+def read_mesh_file(path: Path, where: str | None = None, boundary: Boundary | None = None) -> MeshFile:
+    """Read a mesh file and clean it; the files that it names lie within the boundary, its own folder if None.
 
     Raises SceneError if the file is missing, of another format, damaged, or holds no triangle.
     """
     path = Path(path)
     where = where or str(path)
+    boundary = boundary or Boundary(path.parent)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise SceneError(f"{where}: a mesh file must be one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}")
     if not os.path.isfile(path):  # Path.is_file raises where a name is too long
         raise SceneError(f"{where}: there is no such mesh file")
     if suffix in (".glb", ".gltf"):
-        parts = read_gltf(path, where)
+        parts = read_gltf(path, where, boundary)
     elif suffix == ".obj":
-        parts = read_obj(path, where)
+        parts = read_obj(path, where, boundary)
     else:
-        parts = _read_with_trimesh(path, where)
+        parts = read_with_trimesh(path, where)
     return _clean(parts, where)
-
-
-def _read_with_trimesh(path: Path, where: str) -> FileParts:
-    import trimesh
-
-    try:
-        mesh = trimesh.load(path, process=False, force="mesh")
-    except Exception as error:  # trimesh raises whatever its parsers stumble over
-        # Of a file that is neither text nor binary trimesh wants to guess the encoding, with what may be missing.
-        why = "damaged" if isinstance(error, ImportError) else error
-        raise SceneError(f"{where}: not a readable {path.suffix[1:].upper()} file: {why}") from None
-    faces = np.asarray(getattr(mesh, "faces", ()), np.int64).reshape(-1, 3)
-    vertices = np.asarray(getattr(mesh, "vertices", ()), np.float64).reshape(-1, 3)
-    colours = None
-    if len(faces) and mesh.visual.kind == "face":
-        colours = srgb_to_linear(np.asarray(mesh.visual.face_colors)[:, None, :3] / 255.0).repeat(3, axis=1)
-    elif len(faces) and mesh.visual.kind == "vertex":
-        colours = srgb_to_linear(np.asarray(mesh.visual.vertex_colors)[:, :3] / 255.0)[faces]
-    part = Part(vertices, faces, np.zeros(len(faces), np.int64), None, colours)
-    return FileParts([part], [Material(path.stem, two_sided=True)], [], None, "z", [])
 
 
 def _clean(read: FileParts, where: str) -> MeshFile:
@@ -86,12 +70,17 @@ def _clean(read: FileParts, where: str) -> MeshFile:
     parts = [p for p in read.parts if len(p.faces)]
     painted = [np.ones(len(p.faces), bool) if p.corner_colour is not None else _textured(p) for p in parts]
     plain = {int(i) for p, rows in zip(parts, painted, strict=True) for i in np.unique(p.material[~rows])}
-    materials = _clamped(read.materials, plain, notes)
+    materials = _clamped(read.materials, plain, notes, where)
     if not parts:
         raise SceneError(f"{where}: the mesh has no triangles; a scene needs at least one")
     for p in parts:
-        if not np.isfinite(p.vertices[p.faces]).all():
+        farthest = np.abs(p.vertices[p.faces]).max()
+        if not np.isfinite(farthest):
             raise SceneError(f"{where}: vertices must be finite numbers, got NaN or infinity; repair the mesh")
+        if farthest > FARTHEST:
+            raise SceneError(
+                f"{where}: vertices must be numbers up to {FARTHEST:g}, got {farthest:.3g}; repair the mesh"
+            )
     first = np.cumsum([0, *(len(p.vertices) for p in parts)])
     vertices = np.concatenate([p.vertices for p in parts])
     faces = np.concatenate([p.faces + o for p, o in zip(parts, first, strict=False)])
@@ -113,7 +102,7 @@ def _clean(read: FileParts, where: str) -> MeshFile:
         corner_normals=_corner_normals(mesh, parts, part_of[keep], keep, notes),
         paint=rows_of(_paint(read, parts, materials), keep),
     )
-    return MeshFile(compact(mesh), materials, list(read.lights), read.camera, read.up, notes)
+    return MeshFile(compact(mesh), materials, list(read.lights), read.camera, read.up, [one_line(n) for n in notes])
 
 
 def compact(mesh: Mesh) -> Mesh:
@@ -124,12 +113,16 @@ def compact(mesh: Mesh) -> Mesh:
     )
 
 
-def _clamped(materials: list[Material], plain: set[int], notes: list[str]) -> list[Material]:
+def _clamped(materials: list[Material], plain: set[int], notes: list[str], where: str) -> list[Material]:
     """Return materials below the largest reflectance; where a texture says the colour that is no news."""
     result, bright = [], []
     for i, m in enumerate(materials):
-        if not np.isfinite([*m.reflectance, *m.emission]).all() or min(*m.reflectance, *m.emission) < 0:
-            raise SceneError(f'material "{m.name}" must have finite colours >= 0, got {m.reflectance}, {m.emission}')
+        colours = [*m.reflectance, *m.emission]
+        if not all(0 <= c <= BRIGHTEST for c in colours):
+            raise SceneError(
+                f'{where}: material "{m.name}" must have colours from 0 to {BRIGHTEST:g}, '
+                f"got {m.reflectance}, {m.emission}"
+            )
         if max(m.reflectance) > MOST_REFLECTANCE:
             if i in plain:
                 bright.append(m.name)
@@ -192,7 +185,7 @@ def _corner_normals(mesh, parts, part_of, keep, notes):
         if part.corner_normals is None:
             continue
         rows = np.flatnonzero(part_of == i)
-        n = part.corner_normals[keep[rows] - starts[i]]
+        n = np.clip(np.nan_to_num(part.corner_normals[keep[rows] - starts[i]]), -FARTHEST, FARTHEST)
         length = np.sqrt((n * n).sum(axis=2, keepdims=True))
         good = np.isfinite(length) & (length > 1e-12)
         n = np.where(good, n / np.where(good, length, 1), result[rows])
@@ -233,7 +226,7 @@ def _paint(read: FileParts, parts: list[Part], materials: list[Material]) -> Pai
         texture.append(np.where(textured, p.face_texture, -1) if textured.any() else np.full(n, -1))
         placed = np.zeros((n, 3, 2), np.float32)
         if p.corner_uv is not None:
-            placed[textured] = np.nan_to_num(p.corner_uv[textured])
+            placed[textured] = np.clip(np.nan_to_num(p.corner_uv[textured]), -FARTHEST_UV, FARTHEST_UV)
         uv.append(placed)
         plain = np.repeat(rho[p.material][:, None], 3, axis=1)
         plain[textured] = 1.0

@@ -6,10 +6,12 @@ which trimesh 5.2 turns into wrong geometry without a word, and it keeps `Ke` as
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 
+from gi_core.scene.boundary import Boundary
 from gi_core.scene.errors import SceneError
 from gi_core.scene.file_parts import FileParts, Part
 from gi_core.scene.texture_images import MISSING, Images, find
@@ -19,7 +21,7 @@ from gi_core.scene.types import Material
 NO_MATERIAL = "default"
 
 
-def read_obj(path: Path, where: str) -> FileParts:
+def read_obj(path: Path, where: str, boundary: Boundary) -> FileParts:
     """Read triangles and polygons (cut into fans), normals, materials and colour textures."""
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
@@ -50,7 +52,7 @@ def read_obj(path: Path, where: str) -> FileParts:
             elif word == "usemtl":
                 current = names.setdefault(rest.strip() or NO_MATERIAL, len(names))
             elif word == "mtllib":
-                library.update(_read_library(path, rest.strip(), notes, images))
+                library.update(_read_library(path, rest.strip(), notes, images, boundary))
         except (ValueError, IndexError) as error:
             raise SceneError(f"{where}: line {number} is not OBJ ({error}): {line.strip()[:60]!r}") from None
     vertices = np.array(v, np.float64).reshape(-1, 3)
@@ -106,12 +108,13 @@ def _corner(text: str, v: int, vt: int, vn: int) -> tuple[int, int, int]:
     return tuple(result)
 
 
-def _read_library(obj: Path, name: str, notes: list[str], images: Images) -> dict[str, _Entry]:
+def _read_library(obj: Path, name: str, notes: list[str], images: Images, boundary: Boundary) -> dict[str, _Entry]:
     # Exporters write the path of their own machine: the file's bare name beside the OBJ comes next.
     tries = [obj.parent / name, obj.parent / name.replace("\\", "/").rpartition("/")[2], obj.with_suffix(".mtl")]
-    found = next((p for p in tries if p.is_file()), None)
+    found = next((p for p in tries if boundary.file(p)), None)
     if found is None:
-        notes.append(f"material file {name} not found: materials taken as grey 0.7")
+        why = "lies outside the folder of the scene" if os.path.isfile(tries[0]) else "not found"
+        notes.append(f"material file {name} {why}: materials taken as grey 0.7")
         return {}
     entries, entry = {}, None
     for line in found.read_text(encoding="utf-8", errors="replace").split("\n"):
@@ -124,14 +127,14 @@ def _read_library(obj: Path, name: str, notes: list[str], images: Images) -> dic
             colour = tuple(max(0.0, float(x)) for x in (words[1:] * 3)[:3])
             setattr(entry, words[0].lower(), colour)
         elif entry is not None and words[0] in ("map_Kd", "map_Ke") and len(words) > 1:
-            _read_map(entry, words, images, [found.parent, obj.parent], obj.parent, notes)
+            _read_map(entry, words, images, [found.parent, obj.parent], boundary, notes)
     return entries
 
 
 MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-mm": 2, "-boost": 1, "-texres": 1, "-imfchan": 1, "-type": 1}
 
 
-def _read_map(entry: _Entry, words, images: Images, folders: list[Path], inside: Path, notes: list[str]) -> None:
+def _read_map(entry: _Entry, words, images: Images, folders: list[Path], boundary: Boundary, notes: list[str]) -> None:
     """Read the texture of a line `map_Kd -s 2 2 -clamp on wood.png`, options in any order, spaces in the name."""
     rest, wrap = list(words[1:]), "repeat"
     while rest and rest[0].startswith("-") and len(rest) > 1:
@@ -150,7 +153,7 @@ def _read_map(entry: _Entry, words, images: Images, folders: list[Path], inside:
     name = " ".join(rest)
 
     def load() -> bytes:
-        return find(folders, inside, name).read_bytes()
+        return find(folders, boundary, name).read_bytes()
 
     if words[0] == "map_Kd":
         entry.texture = images.texture(name, load, (wrap, wrap))

@@ -11,6 +11,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
+from gi_core.scene.boundary import Boundary
 from gi_core.scene.types import Texture
 
 MOST_PIXELS = 1 << 26  # 8192 x 8192: a file of a few kilobytes can declare any size
@@ -97,20 +98,19 @@ def _decode(data: bytes) -> np.ndarray:
         raise ImageError("is not a readable image") from None
 
 
-def find(folders: list[Path], inside: Path, name: str) -> Path:
-    """Return the image file that a mesh file names: under `inside`, in the first of `folders` that has it.
+def find(folders: list[Path], boundary: Boundary, name: str) -> Path:
+    """Return the image file that a mesh file names: within the boundary, in the first of `folders` that has it.
 
     Exporters write the paths of their own machine: the bare name is tried where the whole path leads nowhere.
     Raises ImageError.
     """
     name = name.replace("\\", "/")
-    root = os.path.abspath(inside)
     strays = False
     for wanted in (name, name.rpartition("/")[2]):
         for folder in folders:
-            path = Path(os.path.abspath(folder / wanted))
-            if path.is_file():
-                if path.is_relative_to(root):
+            path = folder / wanted
+            if os.path.isfile(path):
+                if boundary.holds(path):
                     return path
                 strays = True
-    raise ImageError("lies outside the folder of the mesh file; move it there" if strays else "is missing")
+    raise ImageError("lies outside the folder of the scene; move it there" if strays else "is missing")
