@@ -1,7 +1,7 @@
 """Throw damaged files at the loaders: `python -m tests.fuzz --cases 20000 --out DIR [--kinds obj,glb] [--seed 0]`.
 
 Guided by coverage: an input that reaches a new pair of lines of the loaders is kept and damaged further. Each case
-must end in a scene or in one sentence (SceneError), within 10 s and a gigabyte, without a warning. What does not is
+must end in a scene or in one sentence (SceneError), within 10 s of computing and a gigabyte, without a warning. What does not is
 written to DIR/found with its traceback; exit code 1 then. Cases run in a process of their own, which is started
 again when it dies: DIR/corpus keeps what was learnt. Linux alone (memory limit, alarm).
 """
@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from fuzz_mutations import FULL_OBJ, mutate, seeds, surroundings  # noqa: E402
 
 MEMORY = 1 << 30  # bytes that a case may ask for beyond what the process has when it begins
-SECONDS = 10  # for a case; the supervisor kills at three times that
+SECONDS = 10  # of computing, for a case; the supervisor kills what has not answered in three times that
 LONGEST = 700  # characters of a sentence
 LIT = 25  # every so many scenes that load, and whatever is new, is lit by 200 photons
 ROOT = Path(__file__).resolve().parent.parent
@@ -105,7 +105,7 @@ def work(options) -> int:
     def hang(*_):
         raise Hang(f"took more than {SECONDS} s")
 
-    signal.signal(signal.SIGALRM, hang)
+    signal.signal(signal.SIGPROF, hang)
     check(_placed(folder, "obj", corpus.get("obj", seeds()["obj"])[0]), True)  # imports, kernels
     with open("/proc/self/statm") as file:
         used = int(file.read().split()[0]) * resource.getpagesize()
@@ -122,7 +122,7 @@ def work(options) -> int:
         path = _placed(folder, kind, data)
         cover.new = False
         begun, trouble, result = time.monotonic(), None, "found"
-        signal.setitimer(signal.ITIMER_REAL, SECONDS)
+        signal.setitimer(signal.ITIMER_PROF, SECONDS)
         sys.settrace(cover)
         try:
             result = check(path, case % LIT == 0)
@@ -136,7 +136,7 @@ def work(options) -> int:
             _keep(out, kind, data, f"{type(problem).__name__} {place.filename}:{place.lineno}", traceback.format_exc())
         finally:
             sys.settrace(None)
-            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.setitimer(signal.ITIMER_PROF, 0)
         if cover.new and trouble is None and data not in corpus[kind]:
             corpus[kind].append(data)
             (out / "corpus" / f"{_name(data)}.{kind}").write_bytes(data)

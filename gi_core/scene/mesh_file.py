@@ -67,7 +67,7 @@ def read_mesh_file(path: Path, where: str | None = None, boundary: Boundary | No
 
 def _clean(read: FileParts, where: str) -> MeshFile:
     notes = list(read.notes)
-    parts = [p for p in read.parts if len(p.faces)]
+    parts = [_tamed(p) for p in read.parts if len(p.faces)]
     painted = [np.ones(len(p.faces), bool) if p.corner_colour is not None else _textured(p) for p in parts]
     plain = {int(i) for p, rows in zip(parts, painted, strict=True) for i in np.unique(p.material[~rows])}
     materials = _clamped(read.materials, plain, notes, where)
@@ -103,6 +103,15 @@ def _clean(read: FileParts, where: str) -> MeshFile:
         paint=rows_of(_paint(read, parts, materials), keep),
     )
     return MeshFile(compact(mesh), materials, list(read.lights), read.camera, read.up, [one_line(n) for n in notes])
+
+
+def _tamed(part: Part) -> Part:
+    """Return a part whose normals and texture coordinates can be reckoned with; vertices must be good as they are."""
+    normals, uv = part.corner_normals, part.corner_uv
+    return part._replace(
+        corner_normals=None if normals is None else np.clip(np.nan_to_num(normals), -FARTHEST, FARTHEST),
+        corner_uv=None if uv is None else np.clip(np.nan_to_num(uv), -FARTHEST_UV, FARTHEST_UV),
+    )
 
 
 def compact(mesh: Mesh) -> Mesh:
@@ -185,7 +194,7 @@ def _corner_normals(mesh, parts, part_of, keep, notes):
         if part.corner_normals is None:
             continue
         rows = np.flatnonzero(part_of == i)
-        n = np.clip(np.nan_to_num(part.corner_normals[keep[rows] - starts[i]]), -FARTHEST, FARTHEST)
+        n = part.corner_normals[keep[rows] - starts[i]]
         length = np.sqrt((n * n).sum(axis=2, keepdims=True))
         good = np.isfinite(length) & (length > 1e-12)
         n = np.where(good, n / np.where(good, length, 1), result[rows])
@@ -226,7 +235,7 @@ def _paint(read: FileParts, parts: list[Part], materials: list[Material]) -> Pai
         texture.append(np.where(textured, p.face_texture, -1) if textured.any() else np.full(n, -1))
         placed = np.zeros((n, 3, 2), np.float32)
         if p.corner_uv is not None:
-            placed[textured] = np.clip(np.nan_to_num(p.corner_uv[textured]), -FARTHEST_UV, FARTHEST_UV)
+            placed[textured] = p.corner_uv[textured]
         uv.append(placed)
         plain = np.repeat(rho[p.material][:, None], 3, axis=1)
         plain[textured] = 1.0

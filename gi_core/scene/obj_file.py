@@ -185,5 +185,6 @@ def _texture_coordinates(names, library, material, vt, uv_ids):
     for i, entry in textured:
         rows = np.flatnonzero((material == i) & (uv_ids.min(axis=1) >= 0))
         texture[rows] = entry.texture
-        uv[rows] = (vt[uv_ids[rows]] * entry.scale + entry.offset) * [1, -1] + [0, 1]  # OBJ counts v upwards
+        with np.errstate(over="ignore", invalid="ignore"):  # cleaned with the rest of the mesh
+            uv[rows] = (vt[uv_ids[rows]] * entry.scale + entry.offset) * [1, -1] + [0, 1]  # OBJ counts v upwards
     return texture, uv
