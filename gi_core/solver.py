@@ -6,6 +6,7 @@ computing it afresh from integers each frame); receivers on mobiles from all seg
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
@@ -255,6 +256,16 @@ class Solver:
         if photons == 0:
             return np.zeros(sums.shape)
         return irradiance(sums, self.model.emitters.unit_flux / photons, area)
+
+    def twin(self) -> Solver:
+        """Return a solver with settings and poses of its own that shares this one's scene and photons.
+
+        It starts as this one is. For a second look at the same light, say by another estimator: nothing is traced
+        twice. Only one of the two may be at work at a time.
+        """
+        other = copy.copy(self)
+        other.poses, other._room, other._times, other._next = dict(self.poses), Room(), FrameTimes(), None
+        return other
 
     # -- answers ----------------------------------------------------------------------------------
 
