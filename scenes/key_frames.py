@@ -1,4 +1,4 @@
-"""Key frames of the shipped scenes: closed curves run through at constant speed, and how they get into a scene file."""
+"""Key frames of the shipped scenes: curves run through at constant speed, and how they get into a scene file."""
 
 from __future__ import annotations
 
@@ -29,6 +29,22 @@ def loop(curve: Callable, keys: int, speed: float, turns: float, decimals: int =
     positions = np.round(curve(2 * np.pi * at / FINE), decimals) + 0.0
     times = np.concatenate([[0.0], np.cumsum(_lengths(positions))]) / speed
     return Loop(np.round(times, 4), positions, round(360 * turns / float(times[-1]), 6))
+
+
+def there_and_back(stops, parts: int, speed: float, decimals: int = 4) -> Loop:
+    """Return a path through stops (n, 3) to the last of them and back the same way, `parts` keys from stop to stop.
+
+    A uniform Catmull-Rom curve: smooth, through every stop, straight on at both ends. speed [m/s].
+    """
+    p = np.asarray(stops, np.float64)
+    p = np.concatenate([[2 * p[0] - p[1]], p, [2 * p[-1] - p[-2]]])
+    a, b, c, d = (p[k : len(p) - 3 + k, None] for k in range(4))
+    u = (np.arange(parts) / parts)[:, None]
+    cubic = 2 * b + (c - a) * u + (2 * a - 5 * b + 4 * c - d) * u**2 + (3 * b - a - 3 * c + d) * u**3
+    way = np.concatenate([cubic.reshape(-1, 3) / 2, p[-2:-1]])
+    way = np.concatenate([way, way[-2::-1]])
+    times = np.concatenate([[0.0], np.cumsum(_lengths(way))]) / speed
+    return Loop(np.round(times, 3), np.round(way, decimals) + 0.0, 0.0)
 
 
 FINE = 20_000  # points that the length of a curve is measured with

@@ -1,4 +1,4 @@
-"""Generates cornell.glb and pawn.glb: `python -m scenes.make_cornell`.
+"""Generates cornell.glb and pawn.glb, and the path in cornell.toml: `python -m scenes.make_cornell`.
 
 Geometry as measured (Cornell University Program of Computer Graphics), millimetres turned to metres.
 Departures from the data, each because light would otherwise be wrong: the lamp's opening is cut out of the
@@ -14,6 +14,7 @@ import numpy as np
 
 from scenes.cornell_spectra import GREEN, LUMINAIRE_REFLECTANCE, RED, WHITE, lamp_rgb, reflectance_rgb
 from scenes.glb import Part, glb_bytes, material, write
+from scenes.key_frames import Loop, there_and_back, write_paths
 
 MM = 1e-3
 TOP = 548.8
@@ -39,6 +40,13 @@ PAWN_PROFILE = [
     [(0.150, 0.175), (0.122, 0.215), (0.104, 0.27), (0.092, 0.34), (0.084, 0.42), (0.080, 0.50), (0.080, 0.565)],
     [(0.080, 0.565), (0.105, 0.575), (0.130, 0.588), (0.137, 0.600), (0.130, 0.612), (0.105, 0.625), (0.088, 0.633)],
 ]
+PAWN_SPEED = 0.15  # [m/s]
+# Where it goes on the floor, (x, z) [m]: in between the boxes, past the red wall, behind the large box, to the green.
+PAWN_STOPS = [
+    (0.370, 0.100), (0.345, 0.150), (0.322, 0.206), (0.350, 0.165), (0.410, 0.150), (0.470, 0.180), (0.505, 0.260),
+    (0.511, 0.340), (0.511, 0.406), (0.508, 0.470), (0.470, 0.508), (0.390, 0.515), (0.300, 0.508), (0.220, 0.440),
+    (0.150, 0.345), (0.060, 0.330), (0.050, 0.400), (0.090, 0.480), (0.200, 0.500),
+]  # fmt: skip
 PAWN_HEAD = 0.200  # radius of the ball on top, share of the height; it ends at height 1
 
 
@@ -83,6 +91,12 @@ def files() -> dict[str, bytes]:
         "cornell.glb": glb_bytes(cornell_parts(), room),
         "pawn.glb": glb_bytes([pawn_part()], [material("ivory", PAWN_REFLECTANCE)]),
     }
+
+
+def paths() -> dict[str, Loop]:
+    """Return the pawn's path by scene file."""
+    stops = [(x, 0.0, z) for x, z in PAWN_STOPS]
+    return {"cornell.toml": there_and_back(stops, parts=3, speed=PAWN_SPEED)}
 
 
 def _at(corner, height):
@@ -136,3 +150,4 @@ def _turned(profile: np.ndarray):
 
 if __name__ == "__main__":
     write(Path(__file__).parent, files())
+    write_paths(Path(__file__).parent, paths())
