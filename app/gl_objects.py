@@ -27,7 +27,7 @@ class Run(NamedTuple):
 class DrawnObject:
     """Buffers of one object. Two-sided faces come last, so that culling can leave them out."""
 
-    def __init__(self, ctx, surface, textured, mask, mesh: DrawMesh) -> None:
+    def __init__(self, ctx, surface, textured, cut_out, mask, mesh: DrawMesh) -> None:
         self.ctx = ctx
         self._one_sided = mesh.back < 0
         order, self._runs = _runs(mesh)
@@ -49,11 +49,16 @@ class DrawnObject:
         self._lit = ctx.vertex_array(surface, attributes, triangles)
         self._marked = ctx.vertex_array(mask, attributes[:1], triangles)
         self._owned += [self._lit, self._marked]
-        self.textured = None
+        self.textured = self._cut_out = None
+        self.has_holes = any(run.texture is not None and run.texture.cover is not None for run in self._runs)
         if mesh.uv is not None:
             places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
-            self.textured = ctx.vertex_array(textured, [*attributes, (places, "2f", "place")], triangles)
+            attributes = [*attributes, (places, "2f", "place")]
+            self.textured = ctx.vertex_array(textured, attributes, triangles)
             self._owned += [places, self.textured]
+            if self.has_holes:
+                self._cut_out = ctx.vertex_array(cut_out, attributes, triangles)
+                self._owned.append(self._cut_out)
 
     def upload(self, front: np.ndarray, back: np.ndarray) -> None:
         self._colours[:, :3] = front
@@ -68,14 +73,15 @@ class DrawnObject:
         self._part(self._lit, 0, split, True)
         self._part(self._lit, split, self.indices - split, False)
 
-    def draw_textured(self, program, textures: GLTextures, cull: bool) -> None:
+    def draw_textured(self, textures: GLTextures, cull: bool) -> None:
         """Draw run after run, each with its texture."""
         for run in self._runs:
+            vertices = self._lit
             if run.texture is not None:
+                vertices = self.textured if run.texture.cover is None else self._cut_out
                 textures.of(run.texture).use(0)
-                program["mirrored"] = tuple(float(way == "mirror") for way in run.texture.wrap)
-                program["emission"] = run.emission
-            vertices = self._lit if run.texture is None else self.textured
+                vertices.program["mirrored"] = tuple(float(way == "mirror") for way in run.texture.wrap)
+                vertices.program["emission"] = run.emission
             self._part(vertices, run.first, run.count, cull and run.one_sided)
 
     def mark(self) -> None:

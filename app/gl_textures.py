@@ -10,7 +10,7 @@ import numpy as np
 from gi_core.scene.texture_levels import levels
 from gi_core.scene.types import Texture
 
-SRGB8 = 0x8C41  # decoded to linear by the sampler, before filtering
+SRGB8, SRGB8_ALPHA8 = 0x8C41, 0x8C43  # decoded to linear by the sampler, before filtering
 ANISOTROPY = 8.0  # samples at a grazing angle, as in `gi_core.scene.texture_filter`
 # Drivers that draw on the processor: there it takes half as long again, and Mesa's blurs what is near.
 PLAIN = ("llvmpipe", "softpipe", "swiftshader", "software")
@@ -43,10 +43,15 @@ class GLTextures:
         if max(pixels.shape[:2]) > self._largest:
             pixels = next(level for level in levels(texture) if max(level.shape[:2]) <= self._largest)
         h, w = pixels.shape[:2]
+        stored = SRGB8
+        if texture.cover is not None:
+            step = -(-texture.cover.shape[0] // h)  # of a copy each texel takes one of those it stands for
+            cover = texture.cover[::step, ::step][:h, :w, None]
+            pixels, stored = np.concatenate([pixels, cover], axis=2), SRGB8_ALPHA8
         data = np.ascontiguousarray(pixels)
-        made = self._ctx.texture((w, h), 3, data, alignment=1, internal_format=SRGB8)
+        made = self._ctx.texture((w, h), data.shape[2], data, alignment=1, internal_format=stored)
         made.build_mipmaps()
-        made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.NEAREST if texture.nearest else moderngl.LINEAR)
         made.repeat_x, made.repeat_y = (way == "repeat" for way in texture.wrap)  # surface.frag mirrors by itself
         made.anisotropy = self._anisotropy
         return made

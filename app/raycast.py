@@ -16,6 +16,7 @@ from app.camera import Turntable
 from app.tonemap import to_display
 from app.vertex_colours import DrawMesh
 from gi_core.accelerator import Accelerator, Transforms, nearest_in_world
+from gi_core.scene.cutouts import covered
 from gi_core.scene.texture_filter import lookup
 from gi_core.scene.texture_footprint import footprints
 from gi_core.scene.types import Texture
@@ -146,17 +147,31 @@ def _first_seen(accelerator, at, world: World, origins, directions, cull: bool):
         hidden = np.zeros(len(hit), bool)
         if cull:
             hidden = world.one_sided[hit] & ((world.normals[hit] * d).sum(axis=1) >= 0)
+        hidden |= _cut_away(world, hit, o, d)
         seen = ~hidden
         rows = going[seen]
         face[rows] = hit[seen]
         u[rows], v[rows] = _barycentrics(world.corners[hit[seen]], o[seen], d[seen])
         if not hidden.any():
             break
-        # Go on behind the faces whose backs are not drawn.
+        # Go on behind the faces whose backs are not drawn, and through holes.
         past = t[hidden] * (1 + STEP_PAST) + np.float32(STEP_PAST * world.size)
         going, d = going[hidden], d[hidden]
         o = o[hidden] + past[:, None] * d
     return face, u, v
+
+
+def _cut_away(world: World, hit: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return whether the texture leaves nothing (n,) where rays meet faces."""
+    away = np.zeros(len(hit), bool)
+    for t, texture in enumerate(world.textures):
+        rows = np.flatnonzero(world.texture[hit] == t) if texture.cover is not None else ()
+        if len(rows):
+            f = hit[rows]
+            u, v = (w.astype(np.float64)[:, None] for w in _barycentrics(world.corners[f], o[rows], d[rows]))
+            uv = world.uv[f].astype(np.float64)
+            away[rows] = ~covered(texture, (1 - u - v) * uv[:, 0] + u * uv[:, 1] + v * uv[:, 2])
+    return away
 
 
 def _barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

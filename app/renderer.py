@@ -48,6 +48,8 @@ class Renderer:
         self.ctx = ctx
         self._surface = _program(ctx, "surface.vert", "surface.frag")
         self._textured = _program(ctx, "surface.vert", "surface.frag", "TEXTURED")
+        # Apart, because a program that may discard a pixel cannot test its depth first.
+        self._cut_out = _program(ctx, "surface.vert", "surface.frag", "TEXTURED", "CUT_OUT")
         self._textures = GLTextures(ctx)
         self._mask = _program(ctx, "surface.vert", "mask.frag")
         self._outline = _program(ctx, "screen.vert", "outline.frag")
@@ -66,7 +68,8 @@ class Renderer:
         for o in self._objects:
             o.release()
         self._textures.keep(t for mesh in meshes for t in mesh.textures)
-        self._objects = [DrawnObject(self.ctx, self._surface, self._textured, self._mask, mesh) for mesh in meshes]
+        programs = self._surface, self._textured, self._cut_out, self._mask
+        self._objects = [DrawnObject(self.ctx, *programs, mesh) for mesh in meshes]
 
     def set_colours(self, o: int, front: np.ndarray, back: np.ndarray) -> None:
         """Take over linear radiance (D, 3) of both sides of an object's draw vertices."""
@@ -92,19 +95,22 @@ class Renderer:
         ctx.depth_func = "<"
         ctx.front_face = "ccw"
         ctx.cull_face = "back"
-        for program in (self._surface, self._textured):
+        for program in (self._surface, self._textured, self._cut_out):
             program["exposure"] = 2.0**look.exposure
             program["tone_map"] = TONE_MAP_CODES[look.tone_map]
             program["unlit"] = UNLIT
-        self._textured["image"] = 0
-        self._textured["brightest"] = MOST_REFLECTANCE
+        for program in (self._textured, self._cut_out):
+            program["image"] = 0
+            program["brightest"] = MOST_REFLECTANCE
+            program["painted"] = float(look.textured)
         for o, model in zip(self._objects, look.models, strict=True):
             _place(self._surface, look.view_projection, model)
-            if o.textured is None or not look.textured:
+            if o.textured is None or not (look.textured or o.has_holes):
                 o.draw(look.cull)
             else:
-                _place(self._textured, look.view_projection, model)
-                o.draw_textured(self._textured, self._textures, look.cull)
+                for program in (self._textured, self._cut_out) if o.has_holes else (self._textured,):
+                    _place(program, look.view_projection, model)
+                o.draw_textured(self._textures, look.cull)
         if targets.drawn is not targets.picture:
             ctx.copy_framebuffer(targets.picture, targets.drawn)
         if look.outlined >= 0:
@@ -160,7 +166,7 @@ class Renderer:
         if self._targets is not None:
             self._targets.release()
         self._textures.keep(())
-        for thing in (self._screen, self._surface, self._textured, self._mask, self._outline):
+        for thing in (self._screen, self._surface, self._textured, self._cut_out, self._mask, self._outline):
             thing.release()
 
 
@@ -196,8 +202,8 @@ def _place(program, view_projection: np.ndarray, model: np.ndarray) -> None:
     program["model"].write(model.T.astype(np.float32).tobytes())
 
 
-def _program(ctx, vertex: str, fragment: str, define: str | None = None):
+def _program(ctx, vertex: str, fragment: str, *defines: str):
     read = [resources.files("shaders").joinpath(name).read_text("utf-8") for name in (vertex, fragment)]
-    if define:
+    for define in defines:
         read = [text.replace("\n", f"\n#define {define}\n", 1) for text in read]  # #version must stay first
     return ctx.program(vertex_shader=read[0], fragment_shader=read[1])

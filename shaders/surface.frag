@@ -14,6 +14,7 @@ uniform sampler2D image;    // sRGB, decoded before it is filtered
 uniform vec2 mirrored;      // 1 where the image is mirrored beyond its edges
 uniform float brightest;    // reflectance at most
 uniform vec3 emission;      // of the front, which the texture does not colour
+uniform float painted;      // 0: only the holes of the texture count
 in vec2 uv;
 #endif
 
@@ -31,8 +32,12 @@ void main() {
     vec3 radiance = gl_FrontFacing ? front_radiance : back_radiance;
 #ifdef TEXTURED
     vec2 at = mix(uv, 1.0 - abs(mod(uv, 2.0) - 1.0), mirrored);
-    vec3 paint = min(texture(image, at).rgb, brightest);
-    if (radiance.r >= -0.5) radiance = paint * radiance + (gl_FrontFacing ? emission : vec3(0.0));
+#ifdef CUT_OUT
+    // As sharp from afar as near by: the smaller copies would thin leaves out.
+    if (textureLod(image, at, 0.0).a < 0.5) discard;
+#endif
+    vec3 paint = mix(vec3(1.0), min(texture(image, at).rgb, brightest), painted);
+    if (radiance.r >= -0.5) radiance = paint * radiance + (gl_FrontFacing ? painted * emission : vec3(0.0));
 #endif
     if (radiance.r < -0.5) {
         colour = vec4(unlit, 1.0);

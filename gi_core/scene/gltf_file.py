@@ -19,6 +19,7 @@ from gi_core.scene.types import Material
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 MOST_TRIANGLES = 20_000_000
+NEAREST = 9728
 WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 
 
@@ -118,7 +119,7 @@ class _Reader:
         if reference is not None:
             transform = reference.get("extensions", {}).get("KHR_texture_transform", {})
             name = f"TEXCOORD_{transform.get('texCoord', reference.get('texCoord', 0))}"
-            found = self._texture(reference["index"])
+            found = self._texture(reference["index"], _cut(described))
             if found is None:
                 factor = factor * MISSING
                 colour = np.broadcast_to(factor, (*faces.shape, 3))
@@ -144,19 +145,20 @@ class _Reader:
             if image is not None:
                 emission = emission * mean_linear(image)
                 self.notes.append(f'material "{name}": emits the mean colour of its emissive texture')
-        if m.get("alphaMode", "OPAQUE") != "OPAQUE" or "KHR_materials_transmission" in extensions:
-            self.notes.append(f'material "{name}" is transparent in the file: taken as opaque')
+        if m.get("alphaMode") == "BLEND" or "KHR_materials_transmission" in extensions:
+            holes = " but where its texture is more than half transparent" if "baseColorTexture" in pbr else ""
+            self.notes.append(f'material "{name}" is transparent in the file: taken as opaque{holes}')
         base = np.array(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], np.float64).reshape(3)
         return Material(
             name, tuple(float(c) for c in base), tuple(float(e) for e in emission), bool(m.get("doubleSided", False))
         )
 
-    def _texture(self, index: int) -> int | None:
+    def _texture(self, index: int, cut) -> int | None:
         """Return the index of a texture among those read, None if it cannot be."""
         sampler = self.json["textures"][index].get("sampler")
         described = {} if sampler is None else self.json["samplers"][sampler]
         wrap = tuple(WRAPS.get(described.get(axis), "repeat") for axis in ("wrapS", "wrapT"))
-        return self.images.texture(*self._image(index), wrap)
+        return self.images.texture(*self._image(index), wrap, described.get("magFilter") == NEAREST, cut)
 
     def _image(self, texture: int):
         """Return the name of a texture's image and what reads its bytes."""
@@ -181,6 +183,18 @@ class _Reader:
         blend = np.einsum("vj,vjab->vab", weights, world[ids])
         moved = np.einsum("vab,vb->va", blend[:, :3, :3], p) + blend[:, :3, 3]
         return moved, None if n is None else np.einsum("vab,vb->va", blend[:, :3, :3], n)
+
+
+def _cut(material: dict) -> tuple[float, float] | None:
+    """Return what multiplies the texture's alpha and the value below which a material is cut away; None if it is not.
+
+    What blends is cut at half: leaves and hair are often exported so. Its factor is the thinness of glass, no hole.
+    """
+    mode = material.get("alphaMode", "OPAQUE")
+    if mode == "MASK":
+        factor = material.get("pbrMetallicRoughness", {}).get("baseColorFactor", [1, 1, 1, 1])
+        return float(factor[3]), float(material.get("alphaCutoff", 0.5))
+    return (1.0, 0.5) if mode == "BLEND" else None
 
 
 def _local(node: dict) -> np.ndarray:

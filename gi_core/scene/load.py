@@ -11,6 +11,7 @@ import numpy as np
 
 from gi_core.scene.boundary import Boundary
 from gi_core.scene.completion import complete
+from gi_core.scene.cutouts import without_holes
 from gi_core.scene.dark_sides import one_sided_where_dark
 from gi_core.scene.errors import SceneError
 from gi_core.scene.find import find_scene
@@ -110,7 +111,9 @@ class _Builder:
         described = len(self.file.mobiles)
         finer = tuple(m._replace(mesh=_fine(m.mesh)) for m in scene.mobiles[described:])
         scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
-        return self._refined(scene, max_edge, rays, box)
+        scene = self._refined(scene, max_edge, rays, box)
+        solid = tuple(m._replace(mesh=without_holes(m.mesh)) for m in scene.mobiles)
+        return replace(scene, static=without_holes(scene.static), mobiles=solid)
 
     def _check_size(self, static: Mesh) -> None:
         low, high = SIZES

@@ -47,6 +47,9 @@ def lookup(texture: Texture, uv: np.ndarray, across: np.ndarray, along: np.ndarr
     level = np.minimum(lod.astype(np.int64), len(chain) - 1)
     out = np.empty((len(uv), 3))
     uv, axis = _finite(uv), _finite(axis)
+    if texture.nearest:
+        near = longer <= 1
+        uv[near], axis[near] = (np.floor(uv[near] * [w, h]) + 0.5) / [w, h], 0.0  # its middle has a texel's own value
     u, v = (WRAPS[way] for way in texture.wrap)
     for k in np.unique(level):
         rows = np.flatnonzero(level == k)

@@ -12,6 +12,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from gi_core.scene.boundary import Boundary
+from gi_core.scene.cutouts import bled, cover_of
 from gi_core.scene.types import Texture
 
 MOST_PIXELS = 1 << 26  # 8192 x 8192: a file of a few kilobytes can declare any size
@@ -33,17 +34,30 @@ class Images:
         self._index: dict[tuple, int | None] = {}
         self._troubles: dict[str, list[str]] = {}  # by what was done instead
 
-    def texture(self, name: str, load: Callable[[], bytes], wrap: tuple[str, str] = ("repeat", "repeat")) -> int | None:
+    def texture(
+        self,
+        name: str,
+        load: Callable[[], bytes],
+        wrap: tuple[str, str] = ("repeat", "repeat"),
+        nearest: bool = False,
+        cut: tuple[float, float] | None = None,
+    ) -> int | None:
         """Return the index of a texture in `textures`, None if it cannot be read.
 
-        `name` tells images apart; `load` returns the encoded bytes, or raises ImageError or OSError.
+        `name` tells images apart; `load` returns the encoded bytes, or raises ImageError or OSError. cut: the factor
+        that multiplies alpha, and the value below which the surface is cut away; None: alpha says nothing.
         """
-        key = (name, wrap)
+        key = (name, wrap, nearest, cut)
         if key not in self._index:
             pixels = self.pixels(name, load, f"surfaces are grey {MISSING} where a texture is missing")
             self._index[key] = None if pixels is None else len(self.textures)
             if pixels is not None:
-                self.textures.append(Texture(pixels, wrap))
+                alpha = None if cut is None else decode_alpha(load())
+                if alpha is None:
+                    self.textures.append(Texture(pixels, wrap, nearest))
+                else:
+                    cover = cover_of(alpha, *cut)
+                    self.textures.append(Texture(bled(pixels, cover), wrap, nearest, cover))
         return self._index[key]
 
     def pixels(self, name: str, load: Callable[[], bytes], otherwise: str) -> np.ndarray | None:
@@ -96,6 +110,17 @@ def _decode(data: bytes) -> np.ndarray:
         raise ImageError(f"declares more than {MOST_PIXELS:,} pixels") from None
     except Exception:  # Pillow raises OSError, ValueError, SyntaxError, struct.error, ... on damaged files
         raise ImageError("is not a readable image") from None
+
+
+def decode_alpha(data: bytes) -> np.ndarray | None:
+    """Return alpha (h, w) uint8 of an encoded image that `decode` takes; None if it is opaque all over."""
+    from PIL import Image
+
+    with Image.open(io.BytesIO(data)) as image:
+        if not ("A" in image.mode or "transparency" in image.info):
+            return None
+        alpha = np.array(image.convert("RGBA"))[..., 3]
+    return None if alpha.min() == 255 else alpha
 
 
 def find(folders: list[Path], boundary: Boundary, name: str) -> Path:

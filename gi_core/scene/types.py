@@ -27,6 +27,8 @@ class Texture:
 
     pixels: np.ndarray  # (h, w, 3) uint8, sRGB
     wrap: tuple[str, str] = ("repeat", "repeat")  # beyond 0..1 in u and in v: each "repeat", "mirror" or "clamp"
+    nearest: bool = False  # near by, texels are squares instead of running into each other
+    cover: np.ndarray | None = None  # (h, w) uint8: the surface is there from 128 on; None: everywhere
 
 
 class Paint(NamedTuple):
