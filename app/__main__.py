@@ -128,6 +128,8 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add("--neighbours", type=values.positive_int, metavar="K", help="hits that photon_map averages over")
     add("--no-control", dest="control", action="store_false",
         help="tangent_plane without artifact control: faster, dark in corners, and walls leak")  # fmt: skip
+    add("--search", default=Settings.search, metavar="NAME",
+        help=f"how tangent_plane finds what crosses discs, the picture is the same ({Settings.search})")  # fmt: skip
     add("--seed", type=values.seed, default=0, metavar="N", help="which photons (0)")
     add("--exposure", type=values.exposure, metavar="EV", help="stops, +1 doubles (the scene's, else metered)")
     add("--max-edge", type=values.positive, metavar="M", help="cut triangles until no edge is longer [m]")

@@ -143,9 +143,10 @@ def _recorded(solver: Solver, poses):
     joined = {key: (key[1], *(np.concatenate(a) for a in zip(*calls, strict=True))) for key, calls in grouped.items()}
     lines = []
     for recorder in recorders:
-        for (given, first, last, *_), found in recorder.calls:
-            part = slice(first, last)
-            ends = given.origin[part], given.direction[part], given.low[part], given.high[part]
+        for (given, _sign, _sums, part, _parts), found in recorder.calls:
+            # Parts that share their lines are given all of them each: those of the first count.
+            some = slice(None if part == 0 else 0)
+            ends = given.origin[some], given.direction[some], given.low[some], given.high[some]
             lines.append((recorder.discs, ends, int(found)))
     return joined, lines
 

@@ -17,6 +17,7 @@ class Setting(NamedTuple):
     radius: float  # of the disc, or the largest of a search [m]
     neighbours: int  # k of photon_map
     control: bool = True  # artifact control of tangent_plane, see `gi_core.reachable_area`
+    search: str = "disc_index"  # a key of `gi_core.disc_search.SEARCHES`: how tangent_plane finds crossings
 
     def changed(self, choices: dict[str, tuple], **values) -> Setting:
         """Return the setting with some values replaced; None keeps what it is.

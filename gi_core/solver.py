@@ -17,6 +17,7 @@ from gi_core.background import Background, Photons, add_fates
 from gi_core.control_variate import frame_irradiance
 from gi_core.cuts import Frame, change, current_segments
 from gi_core.defaults import choose
+from gi_core.disc_search import SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.ladder import FrameTimes, is_rung, next_rung
 from gi_core.model import Model
@@ -35,6 +36,7 @@ STATIC_LIGHT = ("all", "prefix")  # what a frame of few photons takes the light 
 STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
+CHOICES = {"estimator": tuple(ESTIMATORS), "search": tuple(SEARCHES)}
 LARGEST_CHUNK = 1 << 16
 SCRATCH_CHUNK = 1 << 16
 
@@ -111,7 +113,7 @@ class Solver:
         static_light = self.static_light if static_light is None else static_light
         if static_light not in STATIC_LIGHT:
             raise SceneError(f"static_light must be one of {', '.join(STATIC_LIGHT)}, got {static_light!r}")
-        self.setting = self.setting.changed({"estimator": tuple(ESTIMATORS)}, **changes)
+        self.setting = self.setting.changed(CHOICES, **changes)
         self.photons, self.static_light = photons, static_light
 
     @property

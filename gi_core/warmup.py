@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.disc_search import SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.jit import cache_folder
 from gi_core.scene.texture_filter import lookup
@@ -37,7 +38,7 @@ def is_warm() -> bool:
 
 def compile_kernels() -> Iterator[Step]:
     """Run a tiny scene through everything; yields before each step, and once at the end."""
-    total = 2 + len(ESTIMATORS)
+    total = 2 + len(ESTIMATORS) + len(SEARCHES)
     yield Step(0, total, "photon tracing")
     solver = Solver(_tiny_scene(), "impact_count", photons=64, radius=0.1, neighbours=4)
     solver.solve()
@@ -48,6 +49,10 @@ def compile_kernels() -> Iterator[Step]:
         solver.solve()
         solver.move("mobile", Pose((0.0, 0.0, 0.4)))
         solver.from_scratch()
+    for k, name in enumerate(SEARCHES, 1 + len(ESTIMATORS)):
+        yield Step(k, total, name.replace("_", " "))
+        solver.configure(estimator="tangent_plane", search=name)
+        solver.solve()
     yield Step(total - 1, total, "ready")
     cache_folder().mkdir(parents=True, exist_ok=True)
     (cache_folder() / STAMP).touch()

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from app.panel import light, motion, notes, paths, picture, probes, timings
+from app.panel import light, motion, notes, paths, picture, probes, search, timings
 from app.panel.facts import Facts, facts_of
 from app.panel.folds import Folds
 from app.settings import Settings
@@ -40,6 +40,7 @@ SECTIONS = (
     Section("Probes", probes.draw, there=lambda facts: bool(facts.probes)),
     Section("Motion", motion.draw),
     Section("Picture", picture.draw),
+    Section("Disc search", search.draw, unfolded=False),
     Section("Time", timings.draw, unfolded=False),
     Section("Paths", paths.draw, unfolded=False),
     Section("Notes on the scene", notes.draw, there=lambda facts: bool(facts.notes)),

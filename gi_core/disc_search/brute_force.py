@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from gi_core.disc_search.crossing import LANES, Discs, Lines, blocks, counts, crossed, lane_of, receiver, to_list
+from gi_core.disc_search.crossing import LANES, Discs, Lines, blocks, counts, crossed, lane_of, receiver, share, to_list
 from gi_core.jit import kernel
 from gi_core.sums import CHUNK_BITS, Sums
 
 
 class BruteForce:
     """Discs with no structure over them."""
+
+    parts_share_lines = False
 
     def __init__(self, discs: Discs):
         self.discs = discs
@@ -23,11 +25,9 @@ class BruteForce:
         rows[: len(listed)] = listed
         self.blocks = blocks(discs, rows)
 
-    def splat(self, lines: Lines, first: int, last: int, sign: int, sums: Sums) -> int:
-        """Add sign x flux of lines first .. last - 1 to the sums of the discs they cross.
-
-        Returns the number of crossings.
-        """
+    def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+        """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.disc_search`."""
+        first, last = share(len(lines.low), part, parts)
         d = self.discs
         return _splat(*self.blocks, d.own, *d.regions[:2], d.radius, *lines, first, last, sign, *sums)
 

@@ -18,8 +18,10 @@ from gi_core.paths import NONE, Segments
 from gi_core.reachable_area import Regions, inside
 
 LANES = 16  # discs tested at a time: two AVX2 vectors, one of AVX-512
-_FIELDS = 7  # x, y, z of a position and of a normal, and the limit of the slope
-_BLOCK = np.uint64(_FIELDS * LANES)
+DISC_FIELDS = 7  # x, y, z of a position and of a normal, and the limit of the slope
+_BLOCK = np.uint64(DISC_FIELDS * LANES)
+LINE_FIELDS = 8  # x, y, z of an origin and of a direction, low, high
+_LINE_BLOCK = np.uint64(LINE_FIELDS * LANES)
 
 
 class Discs(NamedTuple):
@@ -81,6 +83,11 @@ def _lines(
             high[k] += extension
 
 
+def share(n: int, part: int, parts: int) -> tuple[int, int]:
+    """Return first and last of n things that are one of `parts` shares of them."""
+    return n * part // parts, n * (part + 1) // parts
+
+
 def lines(segments: Segments, rotation, position, model: Model, radius: float) -> Lines:
     """Return segments carried into an object's space.
 
@@ -106,24 +113,49 @@ def lines(segments: Segments, rotation, position, model: Model, radius: float) -
 
 
 @inlined
-def crossed(data, block, ox, oy, oz, dx, dy, dz, low, high, r2):
-    """Return which discs of a block a line crosses at t in [low, high), from a side that is seen: a bit a lane.
+def _crosses(x, y, z, nx, ny, nz, limit, ox, oy, oz, dx, dy, dz, low, high, r2):
+    """Tell whether a line crosses a disc at t in [low, high), from a side that is seen: the predicate itself.
 
-    Everything is float32. The loop has no branch, a fixed length, unsigned indices (checks for negative
-    ones stop LLVM) and no memory to write to: LLVM makes it vectors. A line in the plane of a disc divides
-    by zero, a filler 0 by 0; inf and nan fail the comparisons.
+    Everything is float32, nothing branches. A line in the plane of a disc divides by zero, a filler 0 by 0;
+    inf and nan fail the comparisons.
+    """
+    slope = dx * nx + dy * ny + dz * nz
+    ax, ay, az = x - ox, y - oy, z - oz
+    t = (ax * nx + ay * ny + az * nz) / slope
+    px, py, pz = t * dx - ax, t * dy - ay, t * dz - az
+    return (slope < limit) & (t >= low) & (t < high) & (px * px + py * py + pz * pz <= r2)
+
+
+@inlined
+def crossed(data, block, ox, oy, oz, dx, dy, dz, low, high, r2):
+    """Return which discs of a block a line crosses: a bit a lane.
+
+    The loop has no branch, a fixed length, unsigned indices (checks for negative ones stop LLVM) and no
+    memory to write to: LLVM makes it vectors.
     """
     base = np.uint64(block) * _BLOCK
     bits = np.uint32(0)
     for lane in range(np.uint64(LANES)):
         j = base + lane
+        x, y, z = data[j], data[j + np.uint64(LANES)], data[j + np.uint64(2 * LANES)]
         nx, ny, nz = data[j + np.uint64(3 * LANES)], data[j + np.uint64(4 * LANES)], data[j + np.uint64(5 * LANES)]
-        slope = dx * nx + dy * ny + dz * nz
-        ax, ay, az = data[j] - ox, data[j + np.uint64(LANES)] - oy, data[j + np.uint64(2 * LANES)] - oz
-        t = (ax * nx + ay * ny + az * nz) / slope
-        px, py, pz = t * dx - ax, t * dy - ay, t * dz - az
-        seen = slope < data[j + np.uint64(6 * LANES)]
-        yes = seen & (t >= low) & (t < high) & (px * px + py * py + pz * pz <= r2)
+        limit = data[j + np.uint64(6 * LANES)]
+        yes = _crosses(x, y, z, nx, ny, nz, limit, ox, oy, oz, dx, dy, dz, low, high, r2)
+        bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
+    return bits
+
+
+@inlined
+def crossing(data, block, x, y, z, nx, ny, nz, limit, r2):
+    """Return which lines of a block (see line_list.py) cross one disc: crossed() with the loop turned round."""
+    base = np.uint64(block) * _LINE_BLOCK
+    bits = np.uint32(0)
+    for lane in range(np.uint64(LANES)):
+        j = base + lane
+        ox, oy, oz = data[j], data[j + np.uint64(LANES)], data[j + np.uint64(2 * LANES)]
+        dx, dy, dz = data[j + np.uint64(3 * LANES)], data[j + np.uint64(4 * LANES)], data[j + np.uint64(5 * LANES)]
+        low, high = data[j + np.uint64(6 * LANES)], data[j + np.uint64(7 * LANES)]
+        yes = _crosses(x, y, z, nx, ny, nz, limit, ox, oy, oz, dx, dy, dz, low, high, r2)
         bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
     return bits
 
@@ -143,7 +175,7 @@ def lane_of(bits):
 @inlined
 def receiver(data, front, behind, e, dx, dy, dz):
     """Return who sees a line that crosses the disc of entry e, NONE if nobody, with its position and normal."""
-    j = (e // LANES) * (_FIELDS * LANES) + e % LANES
+    j = (e // LANES) * (DISC_FIELDS * LANES) + e % LANES
     nx, ny, nz = data[j + 3 * LANES], data[j + 4 * LANES], data[j + 5 * LANES]
     if dx * nx + dy * ny + dz * nz < np.float32(0.0):
         return front[e], data[j], data[j + LANES], data[j + 2 * LANES], nx, ny, nz
@@ -153,7 +185,7 @@ def receiver(data, front, behind, e, dx, dy, dz):
 def blocks(discs: Discs, rows: np.ndarray) -> Blocks:
     """Return blocks of some discs (n,), a multiple of LANES; a row of -1 is a filler, never crossed."""
     kept, at = rows >= 0, np.maximum(rows, 0)
-    data = np.zeros((len(rows) // LANES, _FIELDS, LANES), np.float32)
+    data = np.zeros((len(rows) // LANES, DISC_FIELDS, LANES), np.float32)
     for f, (array, c) in enumerate((a, c) for a in (discs.positions, discs.normals) for c in range(3)):
         data[:, f] = np.where(kept, array[at, c], np.float32(0)).reshape(-1, LANES)
     lit = discs.regions.area > 0

@@ -11,16 +11,16 @@ import math
 
 import numpy as np
 
-from gi_core.disc_search.crossing import LANES, Discs, Lines, blocks, counts, crossed, lane_of, receiver
+from gi_core.disc_search.crossing import LANES, Discs, Lines, blocks, crossed, lane_of, share
+from gi_core.disc_search.found import ROOM, add_found
 from gi_core.jit import inlined, kernel
-from gi_core.sums import CHUNK_BITS, Sums
+from gi_core.sums import Sums
 
 CELL_RADII = 4.0  # cell edge in disc radii: see docs/measurements.md
 MAX_CELLS = 1 << 22  # memory bound for tiny discs in a big scene; cells grow instead
 MOST_ALONG = 512  # cells along an axis
 PAD = 1e-3  # of a cell: rounding of a crossing against the cell's walls
 VISITS = 1024  # cells that are listed before their discs are tested: these lists stay in the first cache
-ROOM = 2048  # crossings that are listed before they are added
 
 
 def box_of(discs: Discs, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -54,11 +54,9 @@ class DiscGrid:
         _list(*listed, self.first[:-1].astype(np.int64) * LANES, ids)
         self.blocks = blocks(discs, ids)
 
-    def splat(self, lines: Lines, first: int, last: int, sign: int, sums: Sums) -> int:
-        """Add sign x flux of lines first .. last - 1 to the sums of the discs they cross.
-
-        Returns the number of crossings.
-        """
+    def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+        """Add sign x flux of a share of the lines to the sums of the discs they cross; returns how many crossings."""
+        first, last = share(len(lines.low), part, parts)
         return _splat(
             self.low, self.cell, self.shape, self.first, *self.blocks, self.discs.own,
             *self.discs.regions[:2], self.discs.radius, *lines, first, last, sign, *sums,
@@ -201,33 +199,12 @@ def _cross(
                 bits &= bits - np.uint32(1)
                 n += 1
             if n > ROOM - LANES:
-                total += _add(
+                total += add_found(
                     n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches,
                     touches, sign, sums, touched, base,
                 )  # fmt: skip
                 n = 0
-    return total + _add(
+    return total + add_found(
         n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
         touched, base,
     )  # fmt: skip
-
-
-@kernel
-def _add(
-    n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
-    touched, base,
-):  # fmt: skip
-    total = 0
-    for f in range(n):
-        k = found[f, 0]
-        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
-        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
-        i, x, y, z, mx, my, mz = receiver(data, front, behind, found[f, 1], dx, dy, dz)
-        if i >= 0 and counts(
-            i, x, y, z, mx, my, mz, k, ox, oy, oz, dx, dy, dz, stop[k], r2, own, row, reach, patches, touches
-        ):
-            total += 1
-            for c in range(3):
-                sums[i, c] += sign * flux[k, c]
-            touched[(base + i) >> CHUNK_BITS] = True
-    return total

@@ -23,17 +23,16 @@ SHRINKS = 0.5  # a crowd's own box must be so much smaller: the search ends
 class DiscIndex:
     """Grids over discs; each disc is in one of them."""
 
+    parts_share_lines = False
+
     def __init__(self, discs: Discs, cell_radii: float = CELL_RADII):
         self.discs = discs
         parts = _crowds(discs, np.flatnonzero(to_list(discs)), cell_radii)
         self.grids = [DiscGrid(discs, rows, cell_radii) for rows in parts]
 
-    def splat(self, lines: Lines, first: int, last: int, sign: int, sums: Sums) -> int:
-        """Add sign x flux of lines first .. last - 1 to the sums of the discs they cross.
-
-        Returns the number of crossings.
-        """
-        return sum(grid.splat(lines, first, last, sign, sums) for grid in self.grids)
+    def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+        """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.disc_search`."""
+        return sum(grid.splat(lines, sign, sums, part, parts) for grid in self.grids)
 
 
 def _crowds(discs: Discs, rows: np.ndarray, cell_radii: float) -> list[np.ndarray]:

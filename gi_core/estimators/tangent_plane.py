@@ -15,7 +15,7 @@ import numpy as np
 from gi_core.accelerator import Transforms
 from gi_core.cuts import Frame
 from gi_core.disc_search import SEARCHES
-from gi_core.disc_search.crossing import Discs, lines
+from gi_core.disc_search.crossing import Discs, lines, share
 from gi_core.ladder import Ladder
 from gi_core.model import Model
 from gi_core.paths import Segments
@@ -30,13 +30,13 @@ LINE_GRAIN = 1024  # segments a thread
 class TangentPlane:
     """See the module; `radius` [m] is the disc's."""
 
-    search = "disc_index"  # of SEARCHES
     additive = True  # sums of parts are sums of the whole: preparing costs nothing
     bytes_a_hit = 0  # nothing is kept a hit
     on_faces = False  # probes are receivers like any other
 
     def __init__(self, model: Model, setting: Setting):
         self.model, self.radius, self.control = model, setting.radius, setting.control
+        self._search = SEARCHES[setting.search]
         self.reach = self.radius
         self.area = np.full(len(model.object_receivers.areas), math.pi * self.radius * self.radius)
         self.photons = 0  # photons that were prepared
@@ -60,7 +60,7 @@ class TangentPlane:
             positions = np.ascontiguousarray(r.positions[rows], np.float32)
             normals = np.ascontiguousarray(r.normals[rows], np.float32)
             discs = Discs(positions, normals, own[rows], self.model.backs(o), np.float32(self.radius), region)
-            self._searches.append(SEARCHES[self.search](discs))
+            self._searches.append(self._search(discs))
             yield
 
     def add_background(self, segments: Segments, thread: int) -> None:
@@ -106,13 +106,19 @@ class TangentPlane:
 
         def work(part, *_):
             for o, segments, sign in jobs:
-                share = slice(segments.size * part // threads, segments.size * (part + 1) // threads)
                 rows = self.model.surfaces.receiver_range(o)
-                self._splat_part(o, Segments(*(a[share] for a in segments)), at, sign, added[part].of(rows))
+                self._splat_part(o, segments, at, sign, added[part].of(rows), part, threads)
 
         run_ranges(work, threads, threads, 1)
 
-    def _splat_part(self, o: int, segments: Segments, at: Transforms, sign: int, sums: Sums) -> None:
+    def _splat_part(
+        self, o: int, segments: Segments, at: Transforms, sign: int, sums: Sums, part: int = 0, parts: int = 1
+    ) -> None:
+        """Do one of `parts` shares of a job. Making lines ready twice is cheaper than waiting for another thread."""
+        search = self._searches[o]
+        if not search.parts_share_lines:
+            first, last = share(segments.size, part, parts)
+            segments, part, parts = Segments(*(a[first:last] for a in segments)), 0, 1
         if segments.size and len(sums.flux):
             ready = lines(segments, at.rotation[o], at.position[o], self.model, self.radius)
-            self._searches[o].splat(ready, 0, segments.size, sign, sums)
+            search.splat(ready, sign, sums, part, parts)

@@ -1,0 +1,31 @@
+"""What crossings found add to the sums: listed first, because the accesses of a loop of its own overlap."""
+
+from __future__ import annotations
+
+from gi_core.disc_search.crossing import counts, receiver
+from gi_core.jit import kernel
+from gi_core.sums import CHUNK_BITS
+
+ROOM = 2048  # crossings that are listed before they are added
+
+
+@kernel
+def add_found(
+    n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
+    touched, base,
+):  # fmt: skip
+    """Add sign x flux of the first n pairs (line, entry of blocks) that count to the sums; returns how many do."""
+    total = 0
+    for f in range(n):
+        k = found[f, 0]
+        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
+        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
+        i, x, y, z, mx, my, mz = receiver(data, front, behind, found[f, 1], dx, dy, dz)
+        if i >= 0 and counts(
+            i, x, y, z, mx, my, mz, k, ox, oy, oz, dx, dy, dz, stop[k], r2, own, row, reach, patches, touches
+        ):
+            total += 1
+            for c in range(3):
+                sums[i, c] += sign * flux[k, c]
+            touched[(base + i) >> CHUNK_BITS] = True
+    return total
