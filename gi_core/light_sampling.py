@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core import sampling
+from gi_core import sampling, strata
 from gi_core.jit import kernel
 from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
 from gi_core.surfaces import Surfaces
 
 POINT, SPOT, DIRECTIONAL = range(3)
-PICK, LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2, 3  # dimensions of uniform() at each path vertex
+LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each path vertex
 
 
 class AreaLights(NamedTuple):
@@ -104,45 +104,76 @@ def _unit(v) -> np.ndarray:
     return v / np.sqrt((v * v).sum())
 
 
-@kernel
-def area_events(seed, path, vertex, position, normal, lights, gap, direction, limit, value):
-    """Sample a point on an emissive face for each path vertex.
+class Shadows(NamedTuple):
+    """Rays from path vertices to lights, and what they bring if nothing is in between. Room for n of them."""
 
-    Writes the ray towards it (direction (n, 3), limit (n,), `gap` [m] short of it) and the irradiance
-    that it brings if free, (n, 3), weighted by the balance heuristic against cosine-sampled bounces:
+    row: np.ndarray  # (n,) int64, where the sum of the path is
+    origin: np.ndarray  # (n, 3) float32 [m]
+    direction: np.ndarray  # (n, 3) float32 unit
+    limit: np.ndarray  # (n,) float32 [m], a little short of the light
+    value: np.ndarray  # (n, 3) float64 irradiance where the path starts [W/m2]
+
+
+def room_for_shadows(n: int) -> Shadows:
+    """Return room for n rays."""
+    return Shadows(
+        np.empty(n, np.int64),
+        np.empty((n, 3), np.float32),
+        np.empty((n, 3), np.float32),
+        np.empty(n, np.float32),
+        np.empty((n, 3)),
+    )
+
+
+@kernel
+def area_events(seed, m, vertex, ends, lights, gap, out):
+    """Sample a point on an emissive face for each path vertex; return how many could be lit, written to `out`.
+
+    The irradiance that it brings is weighted by the balance heuristic against cosine-sampled bounces:
     E = Le cos cos' / d^2 / (p_light + p_bounce), both densities per area. A plain E / p_light has no
-    finite variance where a lamp meets a wall: 1 / d^2 has no bound there. limit < 0: nothing arrives.
+    finite variance where a lamp meets a wall: 1 / d^2 has no bound there. Rays end `gap` [m] before the face.
     """
-    for k in range(len(path)):
-        limit[k] = -1.0
-        pick = sampling.independent(seed, path[k], vertex, PICK)
+    count = 0
+    for k in range(len(ends.path)):
+        path = ends.path[k]
+        pick = strata.uniform(seed, path, vertex, LIGHT_U, m)
         e = min(np.searchsorted(lights.cdf, pick, side="right"), len(lights.cdf) - 1)
-        b, c = sampling.triangle(
-            sampling.independent(seed, path[k], vertex, LIGHT_U), sampling.independent(seed, path[k], vertex, LIGHT_V)
-        )
+        before = lights.cdf[e - 1] if e > 0 else 0.0
+        share = lights.cdf[e] - before
+        # What the choice of the face leaves of the number is uniform again.
+        left = min(max((pick - before) / share, 0.0), 1.0)
+        b, c = sampling.triangle(left, strata.uniform(seed, path, vertex, LIGHT_V, m))
         a = 1.0 - b - c
-        p, n, m = lights.corners[e], normal[k], lights.normal[e]
-        x = a * p[0] + b * p[3] + c * p[6] - position[k, 0]
-        y = a * p[1] + b * p[4] + c * p[7] - position[k, 1]
-        z = a * p[2] + b * p[5] + c * p[8] - position[k, 2]
+        p, n, f = lights.corners[e], ends.normal[k], lights.normal[e]
+        x = a * p[0] + b * p[3] + c * p[6] - ends.position[k, 0]
+        y = a * p[1] + b * p[4] + c * p[7] - ends.position[k, 1]
+        z = a * p[2] + b * p[5] + c * p[8] - ends.position[k, 2]
         d2 = x * x + y * y + z * z
         if d2 <= 0.0:
             continue
         d = math.sqrt(d2)
         x, y, z = x / d, y / d, z / d
         cosine = x * n[0] + y * n[1] + z * n[2]
-        at_light = -(x * m[0] + y * m[1] + z * m[2])
+        at_light = -(x * f[0] + y * f[1] + z * f[2])
         if cosine <= 0.0 or at_light <= 0.0:
             continue
         # The density per area, from the choice of the face and the uniform point on it.
-        share = lights.cdf[e] - (lights.cdf[e - 1] if e > 0 else 0.0)
         p_light = share / _area(p)
-        p_bounce = bounce_density(cosine, at_light, d2)
-        geometry = cosine * at_light / d2 / (p_light + p_bounce)
-        direction[k, 0], direction[k, 1], direction[k, 2] = x, y, z
-        limit[k] = max(d - gap, 0.0)
+        geometry = cosine * at_light / d2 / (p_light + bounce_density(cosine, at_light, d2))
         for i in range(3):
-            value[k, i] = lights.radiance[e, i] * geometry
+            out.value[count, i] = ends.throughput[k, i] * lights.radiance[e, i] * geometry
+        _aim(ends, k, x, y, z, max(d - gap, 0.0), out, count)
+        count += 1
+    return count
+
+
+@kernel
+def _aim(ends, k, x, y, z, limit, out, j):
+    """Write ray j, from path vertex k."""
+    out.row[j], out.limit[j] = ends.row[k], limit
+    for c in range(3):
+        out.origin[j, c] = ends.position[k, c]
+    out.direction[j, 0], out.direction[j, 1], out.direction[j, 2] = x, y, z
 
 
 @kernel
@@ -181,34 +212,34 @@ def small_light_at(kind, p, x, y, z, nx, ny, nz, far):
 
 
 @kernel
-def small_events(seed, path, vertex, position, normal, lights, far, gap, direction, limit, value):
+def small_events(seed, m, vertex, ends, lights, far, gap, out):
     """Choose one small light for each path vertex, in proportion to what it brings there if free.
 
     Output as of area_events(). One light's irradiance is then exact; among several the choice has the
     least variance that one shadow ray can have in the open.
     """
-    count = len(lights.kind)
-    for k in range(len(path)):
-        limit[k] = -1.0
-        x, y, z = position[k, 0], position[k, 1], position[k, 2]
-        nx, ny, nz = normal[k, 0], normal[k, 1], normal[k, 2]
+    lamps, count = len(lights.kind), 0
+    for k in range(len(ends.path)):
+        x, y, z = ends.position[k, 0], ends.position[k, 1], ends.position[k, 2]
+        nx, ny, nz = ends.normal[k, 0], ends.normal[k, 1], ends.normal[k, 2]
         total = 0.0
-        for e in range(count):
+        for e in range(lamps):
             s, _, _, _, _ = small_light_at(lights.kind[e], lights.parameters[e], x, y, z, nx, ny, nz, far)
             total += s * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))
         if total <= 0.0:
             continue
-        left = sampling.independent(seed, path[k], vertex, SMALL_PICK) * total
-        for e in range(count):
+        left = strata.uniform(seed, ends.path[k], vertex, SMALL_PICK, m) * total
+        for e in range(lamps):
             s, dx, dy, dz, d = small_light_at(lights.kind[e], lights.parameters[e], x, y, z, nx, ny, nz, far)
             weight = s * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))
             if weight <= 0.0:
                 continue
             # Overwritten until the sum reaches the draw: rounding at the end leaves the last one.
-            direction[k, 0], direction[k, 1], direction[k, 2] = dx, dy, dz
-            limit[k] = max(d - gap, 0.0)
             for i in range(3):
-                value[k, i] = lights.value[e, i] * s * (total / weight)
+                out.value[count, i] = ends.throughput[k, i] * lights.value[e, i] * s * (total / weight)
+            _aim(ends, k, dx, dy, dz, max(d - gap, 0.0), out, count)
             left -= weight
             if left < 0.0:
                 break
+        count += 1
+    return count

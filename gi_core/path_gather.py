@@ -11,20 +11,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core import sampling
+from gi_core import sampling, strata
 from gi_core.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world, occluded_in_world
 from gi_core.bsdf import lambertian
 from gi_core.jit import kernel
-from gi_core.light_sampling import AreaLights, Sky, SmallLights, area_events, bounce_density, small_events
+from gi_core.light_sampling import (
+    AreaLights,
+    Shadows,
+    Sky,
+    SmallLights,
+    area_events,
+    bounce_density,
+    room_for_shadows,
+    small_events,
+)
 from gi_core.model import Model
 from gi_core.threads import run_ranges
 
-GRAIN = 4096  # paths a thread
+BLOCK = 1 << 14  # paths at once: their arrays fit into a core's cache, and embree wants 10k rays or more
 SHADOW_GAP = 4 * ORIGIN_LIFT  # of the world's size: a shadow ray stops short of the light it is aimed at
 ROULETTE_FROM = 2  # bounces that always survive: the first two carry most of the light
 MOST_SURVIVAL = 0.99  # survival above it would keep paths in a white room for ever; still unbiased
 
-SURVIVAL, SCATTER_U, SCATTER_V = 4, 5, 6  # dimensions beside those of light_sampling
+SURVIVAL, SCATTER_U, SCATTER_V = 4, 6, 7  # dimensions beside those of light_sampling; scattering wants a pair
 
 
 class Lights(NamedTuple):
@@ -45,130 +54,124 @@ class PathEnds(NamedTuple):
     throughput: np.ndarray  # (n, 3) float64, share of irradiance here that counts
 
 
-def gather(model: Model, at: Transforms, lights: Lights, seed: int, v: PathEnds, light_sampling: bool):
+def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, position, normal, light_sampling=True, m=0):
     """Follow paths to their ends; return what each brings, (n, 3) float64 [W/m2].
 
-    `v`: where they start, rows 0 .. n - 1; `light_sampling` False finds emissive faces by hitting them only.
+    path (n,) int64: their numbers, in sets of 2^m (see strata); position and normal (n, 3) float64: where they
+    start, lifted off the surface; `light_sampling` False finds emissive faces by hitting them only. What a path
+    brings depends on nothing but itself.
     """
-    total = np.zeros((len(v.path), 3))
-    far = np.float32(FAR * model.world.size)
-    bounce = 0
-    while len(v.path):
-        if len(lights.small.kind):
-            _join(model, at, seed, v, bounce, lights.small, small_events, (float(far),), total)
-        if light_sampling and len(lights.area.cdf):
-            _join(model, at, seed, v, bounce, lights.area, area_events, (), total)
-        v = _bounce(model, at, lights, seed, v, bounce, light_sampling, far, total)
-        bounce += 1
+    total = np.zeros((len(path), 3))
+
+    def work(_, a, b):
+        for first in range(a, b, BLOCK):
+            s = slice(first, min(first + BLOCK, b))
+            ends = PathEnds(
+                path[s].copy(), np.arange(s.stop - first), position[s].copy(), normal[s].copy(),
+                np.ones((s.stop - first, 3)),
+            )  # fmt: skip
+            _follow(model, at, lights, seed, m, ends, light_sampling, total[s])
+
+    run_ranges(work, len(path), model.threads, BLOCK // 2)
     return total
 
 
-def _join(model: Model, at: Transforms, seed: int, v: PathEnds, bounce: int, lights, events, extra, total) -> None:
-    """Join path vertices to sampled lights, where nothing is in between."""
-    n = len(v.path)
-    direction, limit, value = np.empty((n, 3), np.float32), np.empty(n, np.float32), np.empty((n, 3))
-    gap = SHADOW_GAP * model.world.size
-
-    def work(_, a, b):
-        s = slice(a, b)
-        events(
-            seed, v.path[s], bounce, v.position[s], v.normal[s], lights, *extra, gap, direction[s], limit[s], value[s]
-        )
-
-    run_ranges(work, n, model.threads, GRAIN)
-    rows = np.flatnonzero(limit >= 0)
-    blocked = occluded_in_world(model.accelerator, at, v.position[rows], direction[rows], limit[rows])
-    rows = rows[~blocked]
-    total[v.row[rows]] += v.throughput[rows] * value[rows]
-
-
-def _bounce(model, at, lights: Lights, seed, v: PathEnds, bounce, light_sampling, far, total) -> PathEnds:
-    """Bounce every path once; add the emission and the sky that it meets; return those that live."""
-    n = len(v.path)
-    direction = np.empty((n, 3), np.float32)
-    alive = np.empty(n, bool)
-    out = v._replace(
-        position=np.empty((n, 3)), normal=np.empty((n, 3)), throughput=np.empty((n, 3))
-    )  # path and row are read only
-    world = model.world
+def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnds, light_sampling, total) -> None:
+    """Follow a block of paths; `ends` is used up."""
+    world, n = model.world, len(ends.path)
+    far, gap = float(np.float32(FAR * world.size)), SHADOW_GAP * world.size
     density = lights.area.density if light_sampling else np.zeros_like(lights.area.density)
-
-    def bounce_off(_, a, b):
-        _scatter(seed, v.path[a:b], bounce, v.normal[a:b], direction[a:b])
-
-    def arrive(_, a, b):
-        s = slice(a, b)
-        _arrive(
-            seed, v.path[s], bounce, v.position[s], v.normal[s], v.throughput[s], direction[s], distance[s], face[s],
-            world.normals, world.reflectance, world.two_sided, at.rotation, world.face_object,
-            lights.area.emitted, density, lights.sky, ORIGIN_LIFT * world.size,
-            out.position[s], out.normal[s], out.throughput[s], brought[s], alive[s],
+    rays = room_for_shadows(n)
+    vertex = 0
+    while n:
+        if len(lights.small.kind):
+            _join(model, at, rays, small_events(seed, m, vertex, ends, lights.small, far, gap, rays), total)
+        if light_sampling and len(lights.area.cdf):
+            _join(model, at, rays, area_events(seed, m, vertex, ends, lights.area, gap, rays), total)
+        origin, direction = rays.origin[:n], rays.direction[:n]
+        _scatter(seed, m, vertex, ends, origin, direction)
+        limits = np.full(n, far, np.float32)
+        distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
+        n = _arrive(
+            seed, m, vertex, ends, direction, distance, face, world.normals, world.reflectance, world.two_sided,
+            at.rotation, world.face_object, lights.area.emitted, density, lights.sky, ORIGIN_LIFT * world.size, total,
         )  # fmt: skip
+        ends = PathEnds(*(a[:n] for a in ends))
+        vertex += 1
 
-    run_ranges(bounce_off, n, model.threads, GRAIN)
-    limits = np.full(n, far, np.float32)
-    distance, face = nearest_in_world(model.accelerator, at, v.position, direction, limits)
-    brought = np.empty((n, 3))
-    run_ranges(arrive, n, model.threads, GRAIN)
-    total[v.row] += brought
-    return PathEnds(*(a[alive] for a in out))
+
+def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
+    """Add what the first n rays bring, where nothing is in between."""
+    if n:
+        blocked = occluded_in_world(model.accelerator, at, rays.origin[:n], rays.direction[:n], rays.limit[:n])
+        _add(rays.row, rays.value, blocked, total)
 
 
 @kernel
-def _scatter(seed, path, bounce, normal, direction):
+def _add(row, value, blocked, total):
+    for j in range(len(blocked)):
+        if not blocked[j]:
+            for c in range(3):
+                total[row[j], c] += value[j, c]
+
+
+@kernel
+def _scatter(seed, m, vertex, ends, origin, direction):
     """Choose cosine-distributed directions."""
-    for k in range(len(path)):
-        u = sampling.independent(seed, path[k], bounce, SCATTER_U)
-        v = sampling.independent(seed, path[k], bounce, SCATTER_V)
+    for k in range(len(ends.path)):
+        u = strata.uniform(seed, ends.path[k], vertex, SCATTER_U, m)
+        v = strata.uniform(seed, ends.path[k], vertex, SCATTER_V, m)
         x, y, z = lambertian.sample(u, v)
-        x, y, z = sampling.from_frame(x, y, z, normal[k, 0], normal[k, 1], normal[k, 2])
+        x, y, z = sampling.from_frame(x, y, z, ends.normal[k, 0], ends.normal[k, 1], ends.normal[k, 2])
         direction[k, 0], direction[k, 1], direction[k, 2] = x, y, z
+        for c in range(3):
+            origin[k, c] = ends.position[k, c]
 
 
 @kernel
 def _arrive(
-    seed, path, bounce, position, normal, throughput, direction, distance, face,
-    normals, reflectance, two_sided, rotation, face_object, emitted, density, sky, lift,
-    new_position, new_normal, new_throughput, brought, alive,
+    seed, m, vertex, ends, direction, distance, face,
+    normals, reflectance, two_sided, rotation, face_object, emitted, density, sky, lift, total,
 ):  # fmt: skip
-    """See what the bounced paths meet.
+    """Add the emission and the sky that bounced paths meet; move those that live to the front, return how many.
 
     With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho times
     the irradiance there: so throughput is multiplied by rho alone.
     """
-    for k in range(len(path)):
-        d, T = direction[k], throughput[k]
-        alive[k] = False
-        brought[k, 0], brought[k, 1], brought[k, 2] = 0.0, 0.0, 0.0
-        f = face[k]
+    n = 0
+    for k in range(len(face)):
+        path, row = ends.path[k], ends.row[k]
+        d, f = direction[k], face[k]
         if f < 0:
             if d[0] * sky.up[0] + d[1] * sky.up[1] + d[2] * sky.up[2] > 0.0:
                 for c in range(3):
-                    brought[k, c] = T[c] * math.pi * sky.radiance[c]
+                    total[row, c] += ends.throughput[k, c] * math.pi * sky.radiance[c]
             continue
-        m, R = normals[f], rotation[face_object[f]]
-        nx = R[0, 0] * m[0] + R[0, 1] * m[1] + R[0, 2] * m[2]
-        ny = R[1, 0] * m[0] + R[1, 1] * m[1] + R[1, 2] * m[2]
-        nz = R[2, 0] * m[0] + R[2, 1] * m[1] + R[2, 2] * m[2]
+        o, R = normals[f], rotation[face_object[f]]
+        nx = R[0, 0] * o[0] + R[0, 1] * o[1] + R[0, 2] * o[2]
+        ny = R[1, 0] * o[0] + R[1, 1] * o[1] + R[1, 2] * o[2]
+        nz = R[2, 0] * o[0] + R[2, 1] * o[1] + R[2, 2] * o[2]
         facing = -(d[0] * nx + d[1] * ny + d[2] * nz)
         if facing > 0.0:
             # Emission leaves the front; the share of this way of finding it is p_bounce / (p_light + p_bounce).
-            cosine = d[0] * normal[k, 0] + d[1] * normal[k, 1] + d[2] * normal[k, 2]
+            cosine = d[0] * ends.normal[k, 0] + d[1] * ends.normal[k, 1] + d[2] * ends.normal[k, 2]
             p_bounce = bounce_density(max(cosine, 0.0), facing, max(distance[k] * distance[k], 1e-30))
             share = p_bounce / (p_bounce + density[f]) if p_bounce > 0.0 else 0.0
             for c in range(3):
-                brought[k, c] = T[c] * math.pi * emitted[f, c] * share
+                total[row, c] += ends.throughput[k, c] * math.pi * emitted[f, c] * share
         elif not two_sided[f]:
             continue  # the back of a one-sided face is black
         rho = reflectance[f]
         largest = max(rho[0], max(rho[1], rho[2]))
-        survival = 1.0 if bounce < ROULETTE_FROM and largest > 0.0 else min(largest, MOST_SURVIVAL)
-        if not (sampling.independent(seed, path[k], bounce, SURVIVAL) < survival):
+        survival = 1.0 if vertex < ROULETTE_FROM and largest > 0.0 else min(largest, MOST_SURVIVAL)
+        if survival < 1.0 and not (strata.uniform(seed, path, vertex, SURVIVAL, m) < survival):
             continue
-        alive[k] = True
         s = 1.0 if facing > 0.0 else -1.0
-        new_normal[k, 0], new_normal[k, 1], new_normal[k, 2] = s * nx, s * ny, s * nz
         t = float(distance[k])
+        ends.path[n], ends.row[n] = path, row  # n <= k: what is overwritten has been read
+        ends.normal[n, 0], ends.normal[n, 1], ends.normal[n, 2] = s * nx, s * ny, s * nz
         for c in range(3):
-            new_position[k, c] = position[k, c] + t * d[c] + lift * new_normal[k, c]
-            new_throughput[k, c] = T[c] * (rho[c] / survival)
+            ends.position[n, c] = ends.position[k, c] + t * d[c] + lift * ends.normal[n, c]
+            ends.throughput[n, c] = ends.throughput[k, c] * (rho[c] / survival)
+        n += 1
+    return n

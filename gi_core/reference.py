@@ -18,7 +18,7 @@ from gi_core.accelerator import ORIGIN_LIFT
 from gi_core.evaluation_points import evaluation_points
 from gi_core.light_sampling import area_lights, sky_of, small_lights
 from gi_core.model import Model
-from gi_core.path_gather import Lights, PathEnds, gather
+from gi_core.path_gather import Lights, gather
 from gi_core.pose import as_pose
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
@@ -71,17 +71,10 @@ def reference_steps(
     model: Model | None = None,
 ) -> Iterator[Estimate]:
     """As reference_irradiance(), yielding the running answer after each round over all points."""
-    positions, normals = _checked(positions, normals, paths)
-    model = model or Model(scene)
-    at = model.transforms(_poses(model, poses))
-    lights = Lights(area_lights(model.surfaces), small_lights(scene), sky_of(scene))
-    seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
-    length = np.sqrt((normals * normals).sum(axis=1))
-    points = np.flatnonzero(length > 0)
-    unit = normals / np.where(length > 0, length, 1)[:, None]
-    lifted = positions + ORIGIN_LIFT * model.world.size * unit
-
-    n = len(positions)
+    if not 1 <= int(paths) < PATHS_A_POINT:
+        raise ValueError(f"paths must be a whole number >= 1, got {paths}")
+    gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model)
+    points, n = gatherer.lit, len(gatherer.positions)
     mean = np.zeros((n, 3))
     squares = np.zeros((n, 3))  # sum of squared differences from the mean (Chan, Golub, LeVeque 1979)
     done = 0
@@ -89,15 +82,7 @@ def reference_steps(
         more = int(min(paths - done, max(1, BATCH // max(len(points), 1))))
         for first in range(0, len(points), BATCH):
             rows = points[first : first + BATCH]
-            path = (rows[:, None] * PATHS_A_POINT + done + np.arange(more)).reshape(-1)
-            start = PathEnds(
-                path,
-                np.arange(len(path)),
-                np.repeat(lifted[rows], more, axis=0),
-                np.repeat(unit[rows], more, axis=0),
-                np.ones((len(path), 3)),
-            )
-            values = gather(model, at, lights, seed, start, light_sampling).reshape(len(rows), more, 3)
+            values = gatherer.paths(rows, done, more)
             new = values.mean(axis=1)
             off = new - mean[rows]
             squares[rows] += ((values - new[:, None]) ** 2).sum(axis=1) + off * off * (done * more / (done + more))
@@ -107,7 +92,38 @@ def reference_steps(
         yield Estimate(done, mean.copy(), error)
 
 
-def _checked(positions, normals, paths) -> tuple[np.ndarray, np.ndarray]:
+class Gatherer:
+    """Points of a scene, ready to be gathered at: what the paths of any of them bring."""
+
+    def __init__(self, scene: Scene, positions, normals, seed: int, poses=None, light_sampling=True, model=None):
+        """Arguments are those of reference_irradiance(); raises as it does."""
+        positions, normals = _checked(positions, normals)
+        self.model = model or Model(scene)
+        self._at = self.model.transforms(_poses(self.model, poses))
+        self._lights = Lights(area_lights(self.model.surfaces), small_lights(scene), sky_of(scene))
+        self._seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+        self._light_sampling = light_sampling
+        length = np.sqrt((normals * normals).sum(axis=1))
+        self.lit = np.flatnonzero(length > 0)  # points that have a normal
+        self._normals = normals / np.where(length > 0, length, 1)[:, None]
+        self.positions = positions + ORIGIN_LIFT * self.model.world.size * self._normals
+
+    def paths(self, rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0) -> np.ndarray:
+        """Return what paths first .. first + count - 1 of some points bring, (rows, count, 3) float64 [W/m2].
+
+        In sets of 2^m, see strata.py; `stream` picks other paths of the same numbers.
+        """
+        path = (rows[:, None] * PATHS_A_POINT + first + np.arange(count)).reshape(-1)
+        start = (np.repeat(a[rows], count, axis=0) for a in (self.positions, self._normals))
+        seed = self._seed ^ (stream << 24)
+        values = gather(self.model, self._at, self._lights, seed, path, *start, self._light_sampling, m)
+        values = values.reshape(len(rows), count, 3)
+        if len(self.lit) < len(self.positions):
+            values[~np.isin(rows, self.lit)] = 0.0
+        return values
+
+
+def _checked(positions, normals) -> tuple[np.ndarray, np.ndarray]:
     positions, normals = np.asarray(positions, np.float64), np.asarray(normals, np.float64)
     if positions.ndim != 2 or positions.shape[1] != 3 or normals.shape != positions.shape:
         raise ValueError(
@@ -115,8 +131,6 @@ def _checked(positions, normals, paths) -> tuple[np.ndarray, np.ndarray]:
         )
     if not (np.isfinite(positions).all() and np.isfinite(normals).all()):
         raise ValueError("positions and normals must be finite")
-    if not 1 <= int(paths) < PATHS_A_POINT:
-        raise ValueError(f"paths must be a whole number >= 1, got {paths}")
     return positions, normals
 
 

@@ -54,7 +54,8 @@ def _reversed_bits(x):
 
 
 @kernel
-def _hash(seed, photon, bounce, dimension):
+def hashed(seed, photon, bounce, dimension):
+    """Return 64 bits that depend on four integers."""
     z = _mix(np.uint64(photon) * _GOLDEN + _mix(np.uint64(seed) + _C))
     return _mix(z ^ (np.uint64(bounce) * _C + np.uint64(dimension) * _A + _GOLDEN))
 
@@ -64,7 +65,7 @@ def independent(seed, photon, bounce, dimension):
     """Return a float64 in [0, 1): as uniform(), but without the lattice. For the reference, whose
     standard error takes its paths to be independent.
     """
-    return float(_hash(seed, photon, bounce, dimension) >> np.uint64(11)) * _TO_UNIT
+    return float(hashed(seed, photon, bounce, dimension) >> np.uint64(11)) * _TO_UNIT
 
 
 @kernel
@@ -72,7 +73,7 @@ def uniform(seed, photon, bounce, dimension):
     """Return a float64 in [0, 1) that depends on its four integer arguments only."""
     d = dimension if bounce == 0 else _AT_EMISSION + (bounce - 1) * _AT_BOUNCE + dimension
     if (bounce == 0 and dimension >= _AT_EMISSION) or d >= len(_LATTICE):
-        z = _hash(seed, photon, bounce, dimension)
+        z = hashed(seed, photon, bounce, dimension)
     else:
         # 64-bit integers wrap round: frac() for free. The shift makes every point uniform, so unbiased.
         z = _reversed_bits(np.uint64(photon)) * _LATTICE[d] + _mix(_mix(np.uint64(seed) + _B) + np.uint64(d) * _GOLDEN)

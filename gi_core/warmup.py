@@ -14,6 +14,7 @@ import numpy as np
 
 from gi_core.disc_search import SEARCHES
 from gi_core.estimators import ESTIMATORS
+from gi_core.gather_rounds import gather_rounds
 from gi_core.jit import cache_folder
 from gi_core.scene.texture_filter import lookup
 from gi_core.scene.texture_footprint import footprints
@@ -38,7 +39,7 @@ def is_warm() -> bool:
 
 def compile_kernels() -> Iterator[Step]:
     """Run a tiny scene through everything; yields before each step, and once at the end."""
-    total = 2 + len(ESTIMATORS) + len(SEARCHES)
+    total = 3 + len(ESTIMATORS) + len(SEARCHES)
     yield Step(0, total, "photon tracing")
     solver = Solver(_tiny_scene(), "impact_count", photons=64, radius=0.1, neighbours=4)
     solver.solve()
@@ -53,6 +54,8 @@ def compile_kernels() -> Iterator[Step]:
         yield Step(k, total, name.replace("_", " "))
         solver.configure(estimator="tangent_plane", search=name)
         solver.solve()
+    yield Step(total - 2, total, "reference")
+    _gather()
     yield Step(total - 1, total, "ready")
     cache_folder().mkdir(parents=True, exist_ok=True)
     (cache_folder() / STAMP).touch()
@@ -76,6 +79,14 @@ def _tiny_scene() -> Scene:
         Material("leaf", two_sided=True),
     )
     return Scene(static, materials, (mobile,), (PointLight("bulb", (0.0, 0.0, 0.9), (1.0, 1.0, 1.0)),), up=(0, 0, 1))
+
+
+def _gather() -> None:
+    """Gather a few unbiased paths."""
+    up = np.array([[0.0, 0.0, 1.0]])
+    for state in gather_rounds(_tiny_scene(), 0.1 * up, up, 0):
+        if state.sets[0] == 2:
+            break
 
 
 def _see_texture() -> None:

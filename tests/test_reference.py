@@ -102,7 +102,7 @@ def test_at_a_two_wall_corner(light_sampling):
     There 1 / d^2 has no bound: sampling the wall alone would have infinite variance.
     """
     P, N = points((0.5, 0, 0), (0.1, 0.2, 0), (0.01, 0, 0), (1e-3, 0.3, 0), (1e-4, 0, 0))
-    E, error = reference_irradiance(build.corner_scene(2.0), P, N, 20000, 3, light_sampling=light_sampling)
+    E, error = reference_irradiance(build.corner_scene(2.0), P, N, 200_000, 3, light_sampling=light_sampling)
     wall = [(0, -0.5, 0), (0, 0.5, 0), (0, 0.5, 1), (0, -0.5, 1)]
     expected = [closed_form.lambert_polygon(2.0, wall, p, UP) for p in P]
     z_test(E[:, 0], expected, error[:, 0], "two-wall corner")

@@ -1,0 +1,97 @@
+"""What has been gathered of the unbiased answer, kept on disk: a run that is interrupted goes on where it was.
+
+A file a question: it is named by a hash of everything that the answer depends on, so a scene that was edited, or
+another pose, finds nothing old. Files are written aside and put in place, so they are whole at any time.
+`GI_VIEWER_REFERENCE_DIR` names another folder than the user's cache.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import platformdirs
+
+from gi_core.gather_rounds import Gathered, gather_rounds
+from gi_core.model import Model
+from gi_core.reference import evaluation_points
+from gi_core.scene.types import Pose
+
+FORMAT = "gi-viewer reference 1"  # to be raised when paths change: old answers are then gathered anew
+FOLDER = "GI_VIEWER_REFERENCE_DIR"
+SEED = 0
+
+
+def reference_folder() -> Path:
+    """Return the folder that holds what has been gathered."""
+    if FOLDER in os.environ:
+        return Path(os.environ[FOLDER])
+    return Path(platformdirs.user_cache_dir("gi-viewer", appauthor=False)) / "reference"
+
+
+class ReferenceStore:
+    """The unbiased irradiance of some receivers of a model at one set of poses, on disk and on the way there."""
+
+    def __init__(
+        self,
+        model: Model,
+        poses: Mapping[str, Pose] | None = None,
+        rows: np.ndarray | None = None,
+        seed: int = SEED,
+        folder: Path | None = None,
+    ) -> None:
+        """`poses`: those that differ from the scene's own; `rows` (n,): of these receivers only, in this order."""
+        self.model, self.seed = model, int(seed)
+        self.poses = model.start_poses() | dict(poses or {})
+        receivers = model.receivers_at(self.poses)
+        positions, normals = evaluation_points(model.surfaces, receivers)
+        self.rows = np.arange(len(positions)) if rows is None else np.asarray(rows)
+        self.positions, self.normals = positions[self.rows], normals[self.rows]
+        self.weights = receivers.areas[self.rows]
+        self.path = (reference_folder() if folder is None else folder) / f"{self.key()}.npz"
+
+    def key(self) -> str:
+        """Return the hash of all that the answer depends on."""
+        s = self.model.surfaces
+        digest = hashlib.sha256(FORMAT.encode())
+        for light in self.model.scene.lights:
+            digest.update(repr((type(light).__name__, [np.asarray(v).tolist() for v in light[1:]])).encode())
+        digest.update(repr([np.asarray(self.model.scene.up, float).tolist(), self.seed]).encode())
+        for name in self.model.names:
+            digest.update(np.array([*self.poses[name].position, *self.poses[name].quaternion], np.float64).tobytes())
+        arrays = (*s.vertices, *s.faces, s.reflectance, s.emission, s.two_sided, self.positions, self.normals)
+        for array in (*arrays, self.weights):
+            digest.update(repr((array.dtype.str, array.shape)).encode() + np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()[:24]
+
+    def load(self) -> Gathered | None:
+        """Return what has been gathered so far; None: nothing, or nothing that can be read."""
+        try:
+            with np.load(self.path) as file:
+                state = Gathered(*(file[name] for name in Gathered._fields))
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            return None
+        return state if all(len(a) == len(self.rows) for a in state) else None
+
+    def save(self, state: Gathered) -> None:
+        """Put what has been gathered in place of what was there. Raises OSError."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        aside = self.path.with_name(f"{self.path.stem}.{os.getpid()}.part")
+        try:
+            with open(aside, "wb") as file:
+                np.savez(file, **state._asdict())
+            os.replace(aside, self.path)
+        except BaseException:
+            aside.unlink(missing_ok=True)
+            raise
+
+    def steps(self, **more) -> Iterator[Gathered]:
+        """Go on from what is there, without end; nothing is saved. `more` is for gather_rounds()."""
+        return gather_rounds(
+            self.model.scene, self.positions, self.normals, self.seed, self.weights, self.poses,
+            model=self.model, state=self.load(), **more,
+        )  # fmt: skip
