@@ -32,6 +32,19 @@ CUT_GRAIN = 2048  # segments a thread
 FOLLOW_GRAIN = 512  # photons a thread: a bounce costs some 60 us of Python, however few there are
 
 
+class Wanted(NamedTuple):
+    """Which current segments an estimator asks for, besides what changes."""
+
+    reach: float  # of a disc on a mobile [m]: segments that come so near to its box
+    boxes: np.ndarray  # (b, 2, 3) float64 [m], corners low and high: segments that pass one of these
+    around: np.ndarray  # (mobiles,) float64 [m] round the middle of each: nothing in the boxes is farther off
+
+    @classmethod
+    def near_mobiles(cls, model: Model, reach: float) -> Wanted:
+        """Return what an estimator wants that looks `reach` [m] round mobiles only."""
+        return cls(reach, np.empty((0, 2, 3)), np.zeros(model.surfaces.objects - 1))
+
+
 class Frame(NamedTuple):
     """Everything about the current poses that differs from the background."""
 
@@ -41,22 +54,24 @@ class Frame(NamedTuple):
     tails: Segments  # what they lose: the rest of that segment and all later ones
     branches: Segments  # what they gain, from the mobile onwards
     near: tuple[Segments, ...]  # a mobile: every current segment that may cross a disc on it
+    beside: Segments  # every current segment that passes one of the boxes wanted
     fates: Fates  # of all photons at these poses, less those of the background
 
 
 def change(
-    model: Model, paths: PathVertices, coarse: Coarse, at: Transforms, seed: int, margin: float, room: Room, clock
+    model: Model, paths: PathVertices, coarse: Coarse, at: Transforms, seed: int, wanted: Wanted, room: Room, clock
 ) -> Frame:
-    """Find what the mobiles at `at` change of the background; `margin` [m] is the reach of a disc.
+    """Find what the mobiles at `at` change of the background.
 
     `paths` and `coarse` hold the same photons; `clock(stage)` is called as each stage ends.
     """
     photons = len(paths.offsets) - 1
     if photons == 0 or len(at.position) == 1:
         nothing = empty_segments(0)
-        return Frame(at, photons, nothing, nothing, nothing, (nothing,) * (len(at.position) - 1), no_flux())
+        return Frame(at, photons, nothing, nothing, nothing, (nothing,) * (len(at.position) - 1), nothing, no_flux())
 
     # Find the first segment of each photon that any mobile cuts.
+    margin = np.maximum(wanted.reach, wanted.around - model.world.sphere_radius[1:])
     rows = find_near(model.world, model.grid, coarse, at, margin, room, model.threads)
     clock("scan")
     near = segments_at(paths, model.eps, *rows, model.threads)
@@ -81,9 +96,10 @@ def change(
     # Collect what mobile receivers can see: untouched background nearby, heads, branches.
     alive = _before_cut(near.photon, near.bounce, heads.photon, heads.bounce)
     whole = np.ones(heads.size, bool), np.ones(branches.size, bool)
-    collected = _near_each(model, at, [(near, alive), (heads, whole[0]), (branches, whole[1])], margin)
+    current = [(near, alive), (heads, whole[0]), (branches, whole[1])]
+    collected = _near_each(model, at, current, wanted.reach), _in_boxes(model, current, wanted.boxes)
     clock("mobiles")
-    return Frame(at, photons, heads, tails, branches, collected, fates)
+    return Frame(at, photons, heads, tails, branches, *collected, fates)
 
 
 def _cuts(model: Model, at: Transforms, near: Segments) -> tuple[np.ndarray, np.ndarray]:
@@ -193,6 +209,20 @@ def _near_each(model: Model, at: Transforms, parts, margin: float) -> tuple[Segm
         )
         out.append(concatenate([take(p, rows) for (p, _), rows in zip(parts, passing, strict=True)]))
     return tuple(out)
+
+
+def _in_boxes(model: Model, parts, boxes: np.ndarray) -> Segments:
+    """Return the segments that pass one of the boxes; `parts` as for _near_each()."""
+    if not len(boxes):
+        return empty_segments(0)
+    at, pad = model.static, CUT_PAD * model.world.size
+    out = []
+    for p, current in parts:
+        passing = np.zeros(p.size, bool)
+        for box in boxes:
+            passing |= _pass(p.origin, p.end, current, at.rotation[0], at.position[0], *box, pad)
+        out.append(take(p, np.flatnonzero(passing)))
+    return concatenate(out)
 
 
 @kernel

@@ -177,9 +177,12 @@ class Room:
 
 
 def find_near(
-    world: World, grid: Grid, coarse: Coarse, at: Transforms, margin: float, room: Room, threads: int
+    world: World, grid: Grid, coarse: Coarse, at: Transforms, margin, room: Room, threads: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return photon and vertex (n,) int64 of background segments within `margin` [m] of a mobile's sphere, in order."""
+    """Return photon and vertex (n,) int64 of background segments within a margin of a mobile's sphere, in order.
+
+    margin: [m], a number or one a mobile.
+    """
     centres = np.empty((len(at.position) - 1, 3), np.float32)
     for o in range(1, len(at.position)):
         c, R = world.sphere_centre[o], at.rotation[o]

@@ -4,7 +4,7 @@ The region is a star-shaped polygon round the receiver: along each of RAYS direc
 to the next surface of the same object. A straight wall is met by its vertices exactly, so nothing
 leaks through it. A crossing counts only inside, and the divisor is the polygon's area, so
 a disc that reaches into a wall neither loses light nor sees that of the next room. Only the object
-itself is looked at: regions never change when mobiles move.
+itself is looked at here; `contact` adds what other objects do at the poses of a frame.
 
 Two distances a direction, because a concave surface rises through its own tangent disc. Light that
 lands on the receiver's own patch nearby may cross the disc behind the surface ("far": own patch
@@ -58,7 +58,7 @@ def regions(model: Model, o: int, radius: float) -> Generator[None, None, Region
     """Find the regions of object o's receivers, in steps of a few ms; the generator returns them."""
     s = model.surfaces
     rows = np.arange(*s.receiver_range(o).indices(len(model.object_receivers.areas)))
-    points, normals = _lifted(model, o, radius)
+    points, normals = look_from(model, o, radius)
     patch = model.receiver_sides[rows] >> 1
     row = np.full(len(rows), WHOLE, np.int32)
     reach, count = [], 0
@@ -71,16 +71,32 @@ def regions(model: Model, o: int, radius: float) -> Generator[None, None, Region
             row[blocked] = count + np.arange(len(blocked))
             count += len(blocked)
             both = _over_low_steps(model, o, points[blocked], normals[blocked], patch[blocked], radius)
-            reach.append(np.floor(np.stack(both, axis=2) * (255 / radius) + 1e-3).clip(0, 255).astype(np.uint8))
+            reach.append(levels(np.stack(both, axis=2), radius))
             yield
     reach = np.concatenate(reach or [np.empty((0, RAYS, 2), np.uint8)])
     area = np.full(len(rows), math.pi * radius * radius)
-    area[row >= 0] = _areas(reach[:, :, 1] * (radius / 255))
-    area[area < LEAST_AREA * math.pi * radius * radius] = 0.0
+    area[row >= 0] = polygon_areas(reach, radius)
     return Regions(row, reach, area)
 
 
-def _lifted(model: Model, o: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
+def levels(distances: np.ndarray, radius: float) -> np.ndarray:
+    """Return float32 distances [m] as they are stored, uint8; the smaller distance has the smaller level."""
+    return np.floor(distances * (255 / radius) + 1e-3).clip(0, 255).astype(np.uint8)
+
+
+def polygon_areas(reach: np.ndarray, radius: float) -> np.ndarray:
+    """Return the areas (n,) float64 [m2] of regions (n, RAYS, 2) uint8, 0 for those that are too small.
+
+    Summed in integers: the same bits however many regions are asked for at once.
+    """
+    d = reach[:, :, 1].astype(np.int64)
+    products = (d * np.roll(d, -1, axis=1)).sum(axis=1)
+    area = (0.5 * math.sin(2 * math.pi / RAYS) * (radius / 255) ** 2) * products
+    area[area < LEAST_AREA * math.pi * radius * radius] = 0.0
+    return area
+
+
+def look_from(model: Model, o: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Return where to look round from, (R, 3) float64 each: lifted off the surface, nudged off its edges."""
     receivers, rows = model.object_receivers, model.surfaces.receiver_range(o)
     towards = model.towards_faces[rows].copy()
@@ -144,8 +160,8 @@ def _radial(points, normals, stride, origins, directions):
             directions[j, 2] = c * az + s * bz
 
 
-_COS = np.cos(2 * np.pi * np.arange(RAYS) / RAYS)
-_SIN = np.sin(2 * np.pi * np.arange(RAYS) / RAYS)
+COS = np.cos(2 * np.pi * np.arange(RAYS) / RAYS)
+SIN = np.sin(2 * np.pi * np.arange(RAYS) / RAYS)
 
 
 @kernel
@@ -179,5 +195,5 @@ def inside(px, py, pz, nx, ny, nz, radius, reach, i, layer):
     m = (k + 1) & (RAYS - 1)
     # The corners on either side of the offset, and which side of their edge it is on.
     d0, d1 = float(reach[i, k, layer]), float(reach[i, m, layer])
-    x0, y0, x1, y1 = d0 * _COS[k], d0 * _SIN[k], d1 * _COS[m], d1 * _SIN[m]
+    x0, y0, x1, y1 = d0 * COS[k], d0 * SIN[k], d1 * COS[m], d1 * SIN[m]
     return (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0.0

@@ -239,7 +239,9 @@ class Solver:
         photons = estimate.photons if photons is None else photons
         paths, coarse = self._photons.prefix(photons)
         at = self.model.transforms(self.poses)
-        self._frame = f = change(self.model, paths, coarse, at, self.seed, estimate.reach, self._room, clock)
+        wanted = estimate.wanted(at)
+        clock("contact")
+        self._frame = f = change(self.model, paths, coarse, at, self.seed, wanted, self._room, clock)
         evaluated = estimate.evaluate(f)
         clock("estimate")
         if photons:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from contact_twin import regions_in_company
 
 from gi_core import sampling
 from gi_core.bsdf import lambertian
@@ -109,6 +110,7 @@ class Twin:
             rows = np.arange(len(receivers.areas))[model.surfaces.receiver_range(o)]
             p, n = receivers.positions[rows].astype(F32), receivers.normals[rows].astype(F32)
             region = finish(regions(model, o, self.radius))
+            region = regions_in_company(model, o, model.transforms(poses), self.radius, region)
             area[rows] = region.area
             filled = np.full(-(-len(rows) // LANES) * LANES, -1)
             filled[: len(rows)] = np.arange(len(rows))

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gi_core.accelerator import Transforms
-from gi_core.cuts import Frame
+from gi_core.cuts import Frame, Wanted
 from gi_core.jit import kernel
 from gi_core.ladder import Ladder
 from gi_core.model import Model
@@ -37,8 +37,6 @@ def _deposit(side, flux, front, back, sign, sums, touched):
 
 class ImpactCount:
     """See the module; radius and neighbours play no part."""
-
-    reach = 0.0
 
     additive = True  # sums of parts are sums of the whole: preparing costs nothing
     bytes_a_hit = 0  # nothing is kept a hit
@@ -73,6 +71,10 @@ class ImpactCount:
         """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a prefix."""
         rows = self.model.surfaces.receiver_range(0)
         return self.prefixes[photons][rows], self.area[rows]
+
+    def wanted(self, at: Transforms) -> Wanted:
+        """Return the segments that a frame at these poses must hold: nothing but what changes."""
+        return Wanted.near_mobiles(self.model, 0.0)
 
     def evaluate(self, frame: Frame) -> Evaluated:
         """Return what the frame's irradiance is read from, valid until the next call."""

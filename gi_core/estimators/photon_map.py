@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.accelerator import Transforms
-from gi_core.cuts import Frame
+from gi_core.cuts import Frame, Wanted
 from gi_core.hit_grid import HitGrid, Hits, build, build_steps, cell_of, gather, hits_of
 from gi_core.jit import kernel
 from gi_core.ladder import Ladder
@@ -53,7 +53,6 @@ class PhotonMap:
 
     def __init__(self, model: Model, setting: Setting, textbook: bool = False):
         self.model, self.radius, self.k, self.textbook = model, setting.radius, setting.neighbours, textbook
-        self.reach = 0.0
         self.stale = 0  # receivers estimated again in the last frame
         self._parts: list[Hits] = []
         self.photons = 0  # photons that were prepared
@@ -91,6 +90,10 @@ class PhotonMap:
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a prefix."""
         return self.prefixes[photons].sums, self.prefixes[photons].area
+
+    def wanted(self, at: Transforms) -> Wanted:
+        """Return the segments that a frame at these poses must hold: nothing but what changes."""
+        return Wanted.near_mobiles(self.model, 0.0)
 
     def evaluate(self, frame: Frame) -> Evaluated:
         """Return what the frame's irradiance is read from."""

@@ -2,7 +2,8 @@
 
 E = flux of the segments that cross a receiver's disc from the front / the disc's reachable area. Additive in segments,
 so on static receivers Eq. 2.4 holds: background - tails + branches. Receivers on a mobile are
-estimated from all current segments near it (report 2.5.2), in its own space, where discs never move.
+estimated from all current segments near it (report 2.5.2), in its own space, where discs never move; and
+so are, with artifact control, static receivers whose regions a mobile enters (`contact_discs`).
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from gi_core.accelerator import Transforms
-from gi_core.cuts import Frame
+from gi_core.contact_discs import ContactDiscs, room_for_contacts
+from gi_core.cuts import Frame, Wanted
 from gi_core.disc_search import SEARCHES
 from gi_core.disc_search.crossing import Discs, lines, share
 from gi_core.ladder import Ladder
@@ -21,7 +23,7 @@ from gi_core.model import Model
 from gi_core.paths import Segments
 from gi_core.reachable_area import regions, whole_discs
 from gi_core.setting import Setting
-from gi_core.sums import Evaluated, FrameSums, Sums, ThreadSums
+from gi_core.sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums
 from gi_core.threads import run_ranges
 
 LINE_GRAIN = 1024  # segments a thread
@@ -37,12 +39,16 @@ class TangentPlane:
     def __init__(self, model: Model, setting: Setting):
         self.model, self.radius, self.control = model, setting.radius, setting.control
         self._search = SEARCHES[setting.search]
-        self.reach = self.radius
         self.area = np.full(len(model.object_receivers.areas), math.pi * self.radius * self.radius)
+        self.controlled = 0.0  # share of receivers whose discs light cannot reach all of
+        self.stale = 0  # static receivers estimated again in the last frame
         self.photons = 0  # photons that were prepared
         self.prefixes = Ladder()  # sums of the background by the photons they cover
         self._background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
         self._searches: list = []
+        self._contact: ContactDiscs | None = None
+        self._areas = self.area.copy()  # of the last frame ...
+        self._differ = np.empty(0, np.int64)  # ... and where they are not `area`
         self._added = ThreadSums(len(self._background), model.threads)
         self._frame = FrameSums(len(self.area), len(self._background), model.threads)
 
@@ -54,6 +60,7 @@ class TangentPlane:
             rows = self.model.surfaces.receiver_range(o)
             if self.control:
                 region = yield from regions(self.model, o, self.radius)
+                region = room_for_contacts(region) if o else region
             else:
                 region = whole_discs(self.model, o, self.radius)
             self.area[rows] = region.area
@@ -62,6 +69,9 @@ class TangentPlane:
             discs = Discs(positions, normals, own[rows], self.model.backs(o), np.float32(self.radius), region)
             self._searches.append(self._search(discs))
             yield
+        self._contact = ContactDiscs(self.model, self.radius, [s.discs for s in self._searches], self.control)
+        yield from self._contact.build()
+        self.controlled, self._areas = self._contact.share, self.area.copy()
 
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add background segments to the sums of static receivers; several threads may, each with its number."""
@@ -78,24 +88,46 @@ class TangentPlane:
         """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a prefix."""
         return self.prefixes[photons], self.area[: len(self._background)]
 
+    def wanted(self, at: Transforms) -> Wanted:
+        """Return the segments that a frame at these poses must hold."""
+        return self._contact.wanted(at)
+
     def evaluate(self, frame: Frame) -> Evaluated:
         """Return what the frame's irradiance is read from, valid until the next call."""
         near = [(o, segments, 1) for o, segments in enumerate(frame.near, 1)]
         try:
-            self._splat([(0, frame.tails, -1), (0, frame.branches, 1), *near], frame.at, self._frame.added)
+            with self._contact.regions_at(frame.at):
+                self._splat([(0, frame.tails, -1), (0, frame.branches, 1), *near], frame.at, self._frame.added)
+            rows, stale = self._contact.static_sums([frame.beside], frame.at)
+            self._frame.added[0].touched[rows >> CHUNK_BITS] = True
+            out = self._frame.collect(self.prefixes[frame.photons], self._areas_at(frame.at))
         except BaseException:
             self._frame.clear()  # or the next frame would begin with half of this one
             raise
-        return self._frame.collect(self.prefixes[frame.photons], self.area)
+        out.sums[rows] = stale
+        self.stale = len(rows)
+        return out
+
+    def _areas_at(self, at: Transforms) -> np.ndarray:
+        """Return the areas (R,) of a pose, valid until the next call; few differ from `area`."""
+        self._areas[self._differ] = self.area[self._differ]
+        self._differ, areas = self._contact.areas_at(at)
+        self._areas[self._differ] = areas
+        return self._areas
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (R, 3) int64 and area (R,) [m2] from all current segments (an iterable of Segments)."""
         added = ThreadSums(len(self.area), self.model.threads)
+        sums, stale = np.zeros((len(self.area), 3), np.int64), 0
         for segments in parts:
-            self._splat([(o, segments, 1) for o in range(self.model.surfaces.objects)], at, added)
-        sums = np.zeros((len(self.area), 3), np.int64)
+            with self._contact.regions_at(at):
+                self._splat([(o, segments, 1) for o in range(self.model.surfaces.objects)], at, added)
+            stale = stale + self._contact.static_sums([segments], at)[1]
         added.move_to(sums)
-        return sums, self.area
+        areas, (rows, areas_there) = self.area.copy(), self._contact.areas_at(at)
+        areas[rows] = areas_there
+        sums[self._contact.met(at).contacts[0].rows] = stale
+        return sums, areas
 
     def _splat(self, jobs: list[tuple[int, Segments, int]], at: Transforms, added: ThreadSums) -> None:
         """Add sign x flux of segments to the sums of object o, for each job (o, segments, sign).

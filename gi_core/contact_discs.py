@@ -1,0 +1,122 @@
+"""Discs in contact: estimating the receivers whose regions other objects shorten at the poses of a frame.
+
+Sums of such a receiver are not additive: its region is not what it is in the background. On a mobile it is
+estimated from all current segments anyway, with the region of the pose in place of its own. On the static
+part it is *stale* (design: estimators tell which receivers are), and estimated again from all current
+segments near it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from gi_core.accelerator import Transforms
+from gi_core.contact import Contact, Contacts, Met
+from gi_core.cuts import Wanted
+from gi_core.disc_search.brute_force import BruteForce
+from gi_core.disc_search.crossing import Discs, lines
+from gi_core.model import Model
+from gi_core.paths import NONE, Segments
+from gi_core.pose import to_world_at
+from gi_core.reachable_area import RAYS, Regions
+from gi_core.sums import Sums
+from gi_core.threads import run_ranges
+
+LINE_GRAIN = 1024  # segments a thread
+
+
+def room_for_contacts(region: Regions) -> Regions:
+    """Return the regions with a spare row for each receiver, behind the others."""
+    spare = np.zeros((len(region.row), RAYS, 2), np.uint8)
+    return Regions(region.row, np.concatenate([region.reach, spare]), region.area)
+
+
+class ContactDiscs:
+    """The discs of all objects, and which of them are in contact."""
+
+    def __init__(self, model: Model, radius: float, discs: list[Discs], control: bool):
+        """discs: one an object, those of mobiles with room_for_contacts(); without `control` nothing ever meets."""
+        self.model, self.radius, self._discs = model, radius, discs
+        self._contacts = Contacts(model, radius, [d.regions for d in discs]) if control else None
+        self._known: tuple[Transforms, Met] | None = None
+        count = sum(len(d.regions.row) for d in discs)
+        self.share = sum(int((d.regions.row >= 0).sum()) for d in discs) / max(count, 1)
+
+    def build(self) -> Generator[None, None, None]:
+        """Prepare the search for contacts, in steps of a few ms."""
+        if self._contacts and self.model.surfaces.objects > 1:
+            yield from self._contacts.build()
+
+    def met(self, at: Transforms) -> Met:
+        """Return the contacts at some poses; those of the last call are kept."""
+        if self._known is None or not all(np.array_equal(a, b) for a, b in zip(self._known[0], at, strict=True)):
+            nothing = Contact(np.empty(0, np.int64), np.empty((0, RAYS, 2), np.uint8), np.empty(0))
+            alone = Met((nothing,) * len(at.position), (nothing.rows,) * (len(at.position) - 1))
+            together = self._contacts is not None and len(at.position) > 1
+            self._known = at, self._contacts.at(at) if together else alone
+        return self._known[1]
+
+    def wanted(self, at: Transforms) -> Wanted:
+        """Return which segments a frame must hold: those near mobiles, and near static receivers in contact."""
+        m, boxes = self.model, []
+        around = np.zeros(len(at.position) - 1)
+        positions, normals = m.object_receivers.positions, m.object_receivers.normals
+        for k, rows in enumerate(self.met(at).floor):
+            if len(rows):
+                # Behind its hit a segment counts for up to 2 r on a concave side, for eps on any.
+                own = m.receiver_sides[rows]
+                behind = 2.0 * self.radius if m.concave[own[own >= 0]].any() else 0.0
+                half = self.radius * np.sqrt(np.clip(1 - normals[rows] ** 2, 0, 1)) + behind + 2 * float(m.eps)
+                boxes.append([(positions[rows] - half).min(axis=0), (positions[rows] + half).max(axis=0)])
+                o = slice(k + 1, k + 2)
+                middle = to_world_at(at.rotation[o], at.position[o], m.world.sphere_centre[o])
+                off = positions[rows] - middle
+                far = np.sqrt((off * off).sum(axis=1).max())
+                around[k] = far + self.radius + behind + 2 * float(m.eps)
+        return Wanted(self.radius, np.array(boxes).reshape(-1, 2, 3), around)
+
+    @contextmanager
+    def regions_at(self, at: Transforms) -> Iterator[None]:
+        """Let discs on mobiles have their regions of these poses meanwhile; searches must not keep copies."""
+        contacts, before = self.met(at).contacts, []
+        for discs, contact in zip(self._discs[1:], contacts[1:], strict=True):
+            row, reach, _ = discs.regions
+            before.append(row[contact.rows])
+            spare = len(reach) - len(row)
+            if len(contact.rows):
+                reach[spare + contact.rows] = contact.reach
+                row[contact.rows] = spare + contact.rows
+        try:
+            yield
+        finally:
+            for discs, contact, rows in zip(self._discs[1:], contacts[1:], before, strict=True):
+                discs.regions.row[contact.rows] = rows
+
+    def areas_at(self, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
+        """Return receivers (n,) int64, of all objects, whose regions differ at these poses, and areas (n,) [m2]."""
+        first, contacts = self.model.surfaces.first_receiver, self.met(at).contacts
+        rows = [first[o] + c.rows for o, c in enumerate(contacts)]
+        return np.concatenate(rows), np.concatenate([c.area for c in contacts])
+
+    def static_sums(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
+        """Return static receivers (n,) int64 in contact and their sums (n, 3) int64 over parts (Segments)."""
+        contact, d = self.met(at).contacts[0], self._discs[0]
+        rows, n = contact.rows, len(contact.rows)
+        if not n:
+            return rows, np.zeros((0, 3), np.int64)
+        region = Regions(np.arange(n, dtype=np.int32), contact.reach, contact.area)
+        alone = np.full(n, NONE, np.int32)  # each its own disc: few of them see both sides
+        search = BruteForce(Discs(d.positions[rows], d.normals[rows], d.own[rows], alone, d.radius, region))
+        sums = [Sums.zeros(n) for _ in range(self.model.threads)]
+        for segments in parts:
+
+            def work(thread, first, last, segments=segments):
+                share = Segments(*(a[first:last] for a in segments))
+                ready = lines(share, at.rotation[0], at.position[0], self.model, self.radius)
+                search.splat(ready, 0, share.size, 1, sums[thread])
+
+            run_ranges(work, segments.size, self.model.threads, LINE_GRAIN)
+        return rows, sum(s.flux for s in sums)
