@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,8 @@ from gi_core.accelerator import Transforms
 from gi_core.contact import Contact, Contacts, Met
 from gi_core.cuts import Wanted
 from gi_core.disc_search.brute_force import BruteForce
-from gi_core.disc_search.crossing import Discs, lines
+from gi_core.disc_search.crossing import Discs, lines, to_list
+from gi_core.disc_search.disc_grid import DiscGrid
 from gi_core.model import Model
 from gi_core.paths import NONE, Segments
 from gi_core.pose import to_world_at
@@ -26,12 +28,21 @@ from gi_core.sums import Sums
 from gi_core.threads import run_ranges
 
 LINE_GRAIN = 1024  # segments a thread
+FEW = 128  # discs: more repay the millisecond that a grid over them costs
 
 
 def room_for_contacts(region: Regions) -> Regions:
     """Return the regions with a spare row for each receiver, behind the others."""
     spare = np.zeros((len(region.row), RAYS, 2), np.uint8)
     return Regions(region.row, np.concatenate([region.reach, spare]), region.area)
+
+
+class ControlFacts(NamedTuple):
+    """How many receivers artifact control concerns."""
+
+    share: float  # of all receivers, those whose discs their own object enters: at any poses
+    stale: int  # static receivers that were estimated again in the last frame, because a mobile enters their discs
+    on_mobiles: int  # receivers of mobiles whose discs other objects enter in the last frame
 
 
 class ContactDiscs:
@@ -58,6 +69,11 @@ class ContactDiscs:
             together = self._contacts is not None and len(at.position) > 1
             self._known = at, self._contacts.at(at) if together else alone
         return self._known[1]
+
+    def facts(self, at: Transforms) -> ControlFacts:
+        """Return how many receivers are concerned at some poses."""
+        floor, *others = (len(c.rows) for c in self.met(at).contacts)
+        return ControlFacts(self.share, floor, sum(others))
 
     def wanted(self, at: Transforms) -> Wanted:
         """Return which segments a frame must hold: those near mobiles, and near static receivers in contact."""
@@ -109,7 +125,8 @@ class ContactDiscs:
             return rows, np.zeros((0, 3), np.int64)
         region = Regions(np.arange(n, dtype=np.int32), contact.reach, contact.area)
         alone = np.full(n, NONE, np.int32)  # each its own disc: few of them see both sides
-        search = BruteForce(Discs(d.positions[rows], d.normals[rows], d.own[rows], alone, d.radius, region))
+        discs = Discs(d.positions[rows], d.normals[rows], d.own[rows], alone, d.radius, region)
+        search = BruteForce(discs) if n <= FEW else DiscGrid(discs, np.flatnonzero(to_list(discs)))
         sums = [Sums.zeros(n) for _ in range(self.model.threads)]
         for segments in parts:
 

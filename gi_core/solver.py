@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.background import Background, Photons, add_fates
+from gi_core.contact_discs import ControlFacts
 from gi_core.control_variate import frame_irradiance
 from gi_core.cuts import Frame, change, current_segments
 from gi_core.defaults import choose
@@ -291,6 +292,12 @@ class Solver:
     def receivers(self) -> Receivers:
         """Receivers at the current poses, in the world."""
         return self.model.receivers_at(self.poses)
+
+    @property
+    def control_facts(self) -> ControlFacts:
+        """How many receivers artifact control concerns, in general and in the last frame."""
+        estimate = None if self._shown is None else self._shown.estimate
+        return getattr(estimate, "control_facts", ControlFacts(0.0, 0, 0))
 
     @property
     def surfaces(self) -> Surfaces:

@@ -22,6 +22,7 @@ from gi_core.scene.types import Material, Mesh, Mobile, Paint, PointLight, Pose,
 from gi_core.solver import Solver
 
 STAMP = "complete"
+UPRIGHT = (0.5**0.5, 0.5**0.5, 0.0, 0.0)  # a quarter turn about x
 
 
 class Step(NamedTuple):
@@ -49,6 +50,7 @@ def compile_kernels() -> Iterator[Step]:
         solver.configure(estimator=name)
         solver.solve()
         solver.move("mobile", Pose((0.0, 0.0, 0.4)))
+        solver.move("mobile", Pose((0.0, 0.0, 0.0), UPRIGHT))  # in contact with the floor
         solver.from_scratch()
     for k, name in enumerate(SEARCHES, 1 + len(ESTIMATORS)):
         yield Step(k, total, name.replace("_", " "))

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gi_core.accelerator import Transforms
-from gi_core.contact_discs import ContactDiscs, room_for_contacts
+from gi_core.contact_discs import ContactDiscs, ControlFacts, room_for_contacts
 from gi_core.cuts import Frame, Wanted
 from gi_core.disc_search import SEARCHES
 from gi_core.disc_search.crossing import Discs, lines, share
@@ -40,8 +40,7 @@ class TangentPlane:
         self.model, self.radius, self.control = model, setting.radius, setting.control
         self._search = SEARCHES[setting.search]
         self.area = np.full(len(model.object_receivers.areas), math.pi * self.radius * self.radius)
-        self.controlled = 0.0  # share of receivers whose discs light cannot reach all of
-        self.stale = 0  # static receivers estimated again in the last frame
+        self.control_facts = ControlFacts(0.0, 0, 0)  # of the last frame
         self.photons = 0  # photons that were prepared
         self.prefixes = Ladder()  # sums of the background by the photons they cover
         self._background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
@@ -71,7 +70,7 @@ class TangentPlane:
             yield
         self._contact = ContactDiscs(self.model, self.radius, [s.discs for s in self._searches], self.control)
         yield from self._contact.build()
-        self.controlled, self._areas = self._contact.share, self.area.copy()
+        self._areas = self.area.copy()
 
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add background segments to the sums of static receivers; several threads may, each with its number."""
@@ -105,7 +104,7 @@ class TangentPlane:
             self._frame.clear()  # or the next frame would begin with half of this one
             raise
         out.sums[rows] = stale
-        self.stale = len(rows)
+        self.control_facts = self._contact.facts(frame.at)
         return out
 
     def _areas_at(self, at: Transforms) -> np.ndarray:
