@@ -72,7 +72,7 @@ def test_a_leg_lights_the_floor_the_same_as_a_mobile_and_as_a_part_of_the_room()
 
 
 def test_the_sides_of_a_mobile_are_not_dark_where_it_stands():
-    """A disc at its lower edge reaches into the floor, half of it; on average over 1 r, 1 - 2 / pi x 2 / 3 is 0.21 r."""
+    """A disc at its lower edge reaches into the floor, half of it; on average more than a quarter."""
     case = control_scenes.book()
     on, off = solved(case), solved(case, control=False)
     p, n = on.receivers.positions, on.receivers.normals
