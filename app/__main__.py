@@ -20,6 +20,7 @@ ABOUT = "Real-time global illumination: drag an object and shadow, colour bleedi
 COMMANDS = {
     "render": "draw one picture, or --frames along the mobile's path, without a window",
     "bench": "move the mobile along its path and time every frame",
+    "tune": "try settings on this scene and machine and say which suit a frame time or an error best",
     "info": "say what is in a scene, which defaults are chosen, and why",
 }
 
@@ -74,14 +75,7 @@ def _view_parser() -> argparse.ArgumentParser:
         action="store_false",
         help=f"fail with code {NO_GL} where no window can be opened, instead of drawing ./{FALLBACK_PICTURE}",
     )
-    parser.add_argument(
-        "--budget",
-        type=values.not_negative,
-        default=Settings.budget,
-        metavar="MS",
-        help="what light may take while something moves, with as many photons as fit; 0: always all"
-        f" ({Settings.budget:g})",
-    )
+    _add_budget(parser, "; 0: always all")
     parser.add_argument(
         "--screenshot",
         type=values.png,
@@ -107,7 +101,16 @@ def _command_parser(name: str) -> argparse.ArgumentParser:
         )
         parser.add_argument("--json", type=Path, metavar="FILE", help="write every number to a JSON file too")
         _add_sweep(parser)
-    parser.set_defaults(run={"render": _render, "bench": _bench, "info": _info}[name])
+    if name == "tune":
+        _add_budget(parser, "")
+        parser.add_argument(
+            "--error",
+            type=values.positive,
+            metavar="PCT",
+            help="choose the fastest that is so close to the truth at rest",
+        )
+        parser.add_argument("--check", action="store_true", help="solve with the choice and say how close it came")
+    parser.set_defaults(run={"render": _render, "bench": _bench, "tune": _tune, "info": _info}[name])
     return parser
 
 
@@ -145,6 +148,16 @@ def _add_picture(parser: argparse.ArgumentParser) -> None:
     add("--tone-map", choices=TONE_MAPS, default=Settings.tone_map, help=f"({Settings.tone_map})")
     add("--show", choices=SHOWS, default=Settings.show, help="with reflectance, or irradiance alone (radiance)")
     add("--no-cull", dest="cull", action="store_false", help="draw the backs of one-sided faces too, dark grey")
+
+
+def _add_budget(parser: argparse.ArgumentParser, off: str) -> None:
+    parser.add_argument(
+        "--budget",
+        type=values.not_negative,
+        default=Settings.budget,
+        metavar="MS",
+        help=f"what light may take while something moves, with as many photons as fit{off} ({Settings.budget:g})",
+    )
 
 
 def _add_sweep(parser: argparse.ArgumentParser) -> None:
@@ -201,6 +214,13 @@ def _bench(arguments: argparse.Namespace) -> int:
     from app.bench_command import bench
 
     bench(settings_of(arguments), arguments.frames, arguments.json)
+    return OK
+
+
+def _tune(arguments: argparse.Namespace) -> int:
+    from app.tune_command import tuned_lines
+
+    print("\n".join(tuned_lines(settings_of(arguments), arguments.error, arguments.check)))
     return OK
 
 

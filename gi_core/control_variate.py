@@ -34,16 +34,18 @@ def _read_out(changed, resting, better, same, sums, scale, area, first, last, ou
     """Read chunks first .. last - 1 out; those that have not changed are what they are at rest."""
     static = len(resting)
     for chunk in range(first, last):
-        for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(out))):
+        start, stop = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(out))
+        if not changed[chunk]:
+            for r in range(start, stop):
+                for c in range(3):
+                    out[r, c] = better[r, c]
+            continue
+        for r in range(start, stop):
             # No area, no light: nothing can reach such a receiver, or it has no face.
             factor = scale / area[r] if area[r] > 0.0 else 0.0
             for c in range(3):
-                if not changed[chunk]:
-                    out[r, c] = better[r, c]
-                elif same or r >= static:
-                    out[r, c] = sums[r, c] * factor
-                else:
-                    out[r, c] = _combined(sums[r, c] * factor, resting[r, c], better[r, c])
+                E = sums[r, c] * factor
+                out[r, c] = E if same or r >= static else _combined(E, resting[r, c], better[r, c])
 
 
 def frame_irradiance(

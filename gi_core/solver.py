@@ -262,14 +262,16 @@ class Solver:
             return np.zeros(sums.shape)
         return irradiance(sums, self.model.emitters.unit_flux / photons, area)
 
-    def twin(self) -> Solver:
+    def twin(self, fresh: bool = False) -> Solver:
         """Return a solver with settings and poses of its own that shares this one's scene and photons.
 
-        It starts as this one is. For a second look at the same light, say by another estimator: nothing is traced
-        twice. Only one of the two may be at work at a time.
+        It starts as this one is or, `fresh`, with nothing estimated yet. For a second look at the same light, say by
+        another estimator: nothing is traced twice. Only one of the two may be at work at a time.
         """
         other = copy.copy(self)
         other.poses, other._room, other._times, other._next = dict(self.poses), Room(), FrameTimes(), None
+        if fresh:
+            other._shown = other._frame = None
         return other
 
     # -- answers ----------------------------------------------------------------------------------
@@ -287,6 +289,14 @@ class Solver:
             for first in range(0, n, SCRATCH_CHUNK)
         )
         return self._read_out(*estimate.from_scratch(parts, at), n)
+
+    @property
+    def resting_irradiance(self) -> np.ndarray:
+        """Irradiance (n, 3) [W/m2] of the receivers of the static part, as it is without mobiles; zeros before the
+        first solve."""
+        if self._shown is None or not self._shown.estimate.photons:
+            return np.zeros((self.surfaces.receiver_range(0).stop, 3))
+        return self._shown.resting(self._shown.estimate.photons)
 
     @property
     def receivers(self) -> Receivers:

@@ -27,7 +27,7 @@ ROOM = ROOT / "docs" / "your-own-room.md"
 DOCUMENTS = ["docs/your-own-room.md", "docs/scene-format.md", "docs/api.md", "README.md"]
 # What a manual would not say, but a test must; --estimator only where the example leaves it open.
 SMALL = "--photons 2000 --max-edge 0.5".split()
-OF_COMMAND = {"view": ["--size", "64x40"], "render": ["--size", "64x40"], "bench": [], "info": []}
+OF_COMMAND = {"view": ["--size", "64x40"], "render": ["--size", "64x40"], "bench": [], "info": [], "tune": []}
 FRAMES = ["--frames", "2"]
 CHEAPEST = ["--estimator", "impact_count"]
 

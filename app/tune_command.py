@@ -1,0 +1,87 @@
+"""`gi-viewer tune`: the settings that suit a time or an error best on this scene and machine, and what they promise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from app.progress import Bar, compile_kernels, solve
+from app.settings import Settings, UsageError, make_solver, open_scene
+from app.tuning import Tuned, tune
+
+
+def tuned_lines(settings: Settings, error: float | None, check: bool = False) -> list[str]:
+    """Return the lines to print: each trial, and the choice.
+
+    error: percent wanted at rest; None: the least while something moves that settings.budget [ms] allows. check:
+    solve with what was chosen and say how close it came. Raises SceneError, UsageError.
+    """
+    if settings.budget <= 0:
+        raise UsageError("--budget must be over 0 to choose settings by")
+    with Bar() as bar:
+        bar("loading", 0.0)
+        scene = open_scene(settings)
+        if not scene.mobiles:
+            raise UsageError(f"{settings.scene} has no mobile to move: add one with --mobile FILE")
+        compile_kernels(bar)
+        solver = make_solver(scene, replace(settings, estimator=None))
+        solve(solver, bar)
+        found = finished(tune(solver, 1e-3 * settings.budget, None if error is None else 1e-2 * error), bar)
+        lines = [*_laws(found), "", *told(found, settings.budget, error)]
+        if check:
+            lines += ["", checked(solver, found, bar)]
+    return lines
+
+
+def finished(steps, bar) -> Tuned:
+    """Run tune() to its end, with the bar moving; return what it returns."""
+    while True:
+        try:
+            bar(*next(steps))
+        except StopIteration as end:
+            return end.value
+
+
+def _laws(found: Tuned) -> list[str]:
+    lines = [f"{'tried':<32}{'noise at 1e6':>13}{'bias':>8}{'frame: start':>14}{'a 1e5 photons':>15}"]
+    for law in found.laws:
+        lines.append(
+            f"{_name(law.setting):<32}{100 * (law.noise / 1e6) ** 0.5:>11.1f} %{100 * law.bias:>6.1f} %"
+            f"{1e3 * law.start:>11.1f} ms{1e8 * law.slope:>12.1f} ms"
+        )
+    if found.exponents:
+        powers = ", ".join(f"{letter} r^{found.exponents[letter]:.2f}" for letter in ("A", "B", "c"))
+        lines.append(f"with the radius of the disc: {powers} (A / photons: noise squared; B: bias; c: time a photon)")
+    return lines
+
+
+def told(found: Tuned, budget: float, error: float | None) -> list[str]:
+    """Return the choice and what is expected of it, in words."""
+    c = found.choice
+    asked = f"frames of {budget:g} ms" if error is None else f"{error:g} % at rest"
+    met = "" if c.met else f" ({asked} cannot be had: this comes nearest)"
+    return [
+        f"for {asked}: {_name(c.setting)}, {c.photons:,} photons{met}",
+        f"expected where something moves: {100 * c.error:.1f} % at rest, {100 * c.moving_error:.1f} % in motion "
+        f"({c.frame:,} photons, {1e3 * c.seconds:.1f} ms a frame)",
+    ]
+
+
+def _name(setting) -> str:
+    if setting.estimator == "tangent_plane":
+        return f"tangent_plane, radius {setting.radius:.3g} m"
+    if setting.estimator == "photon_map":
+        return f"photon_map, k {setting.neighbours}"
+    return setting.estimator
+
+
+def checked(solver, found: Tuned, bar) -> str:
+    """Return how the choice does when it is tried with all its photons."""
+    from app.tuning import measured
+
+    c = found.choice
+    bar("checking", 0.0)
+    at_rest, moving, frame, seconds = measured(solver, c)
+    return (
+        f"found: {100 * at_rest:.1f} % at rest, {100 * moving:.1f} % in motion "
+        f"({frame:,} photons, {1e3 * seconds:.1f} ms a frame)"
+    )

@@ -1,0 +1,89 @@
+"""Settings that choose themselves: trials on the scene at hand, then the best that their laws foretell."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from gi_core.laws import Choice, Law
+    from gi_core.solver import Solver
+
+RADII = (0.5, 0.71, 1.0, 1.41, 2.0)  # of the radius in use
+NEIGHBOURS = 80
+POSES = 2  # along the path
+MOST_PHOTONS = 4_000_000
+
+
+class Tuned(NamedTuple):
+    """The choice and what it was chosen from."""
+
+    choice: Choice
+    laws: tuple[Law, ...]  # one a trial
+    exponents: dict[str, float]  # of the disc's radius in each part of the law
+
+
+def tune(solver: Solver, budget: float, error: float | None = None) -> Generator[tuple[str, float], None, Tuned]:
+    """Try settings on twins of a solver that has solved; yields what is being done and the share of it that is done.
+
+    budget: [s] a frame may take while something moves; error: relative l1 wanted at rest, None: the least that the
+    budget allows in motion.
+    """
+    from gi_core import laws, trials
+
+    judge = solver.twin()
+    sticks = yield from _told("measuring the truth", trials.yardsticks(judge, _frames(solver)), 0.0, 0.3)
+    candidates = [{"estimator": "tangent_plane", "radius": r * solver.radius} for r in RADII]
+    candidates += [{"estimator": "photon_map", "neighbours": NEIGHBOURS}, {"estimator": "impact_count"}]
+    found = []
+    for k, candidate in enumerate(candidates):
+        share = 0.3 + 0.7 * k / len(candidates)
+        what = f"trying {candidate['estimator']}"
+        tried = yield from _told(what, trials.trial(judge, sticks, **candidate), share, 0.0)
+        found.append(laws.law_of(tried))
+    discs, exponents = laws.over_radii([law for law in found if law.setting.estimator == "tangent_plane"])
+    every = [*discs, *(law for law in found if law.setting.estimator != "tangent_plane")]
+    if error is None:
+        choice = laws.within_time(every, budget, solver.photons)
+    else:
+        choice = laws.within_error(every, error, budget, MOST_PHOTONS)
+    return Tuned(choice, tuple(found), exponents)
+
+
+def measured(solver: Solver, choice: Choice) -> tuple[float, float, int, float]:
+    """Return what a choice really does: errors at rest and in motion, photons of that frame, its seconds."""
+    from gi_core import trials
+
+    judge = solver.twin()
+    sticks = _returned(trials.yardsticks(judge, _frames(solver), seed=1))
+    judge.configure(photons=choice.photons, **choice.setting._asdict())
+    judge.solve()
+    return trials.errors_of(judge, sticks, choice.frame)
+
+
+def _frames(solver: Solver) -> list:
+    """Return the poses at which settings are tried."""
+    from app.motion import paths_of, spread
+    from gi_core.receivers import Receivers
+
+    static = Receivers(*(column[solver.surfaces.receiver_range(0)] for column in solver.receivers))
+    return spread(paths_of(solver.scene, static, solver.scene_size), POSES + 2)[1:-1]
+
+
+def _returned(steps: Generator):
+    """Run steps to their end; return what they return."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def _told(what: str, steps: Generator, start: float, share: float) -> Generator:
+    """Run steps, telling each; return what they return."""
+    while True:
+        try:
+            done = next(steps)
+        except StopIteration as end:
+            return end.value
+        yield what, start + share * (done or 0.0)

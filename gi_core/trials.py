@@ -1,0 +1,125 @@
+"""Short trials of settings on one scene: error and time of frames of few photons, from which `laws.py` foretells more.
+
+Error is judged where a frame has work to do: at receivers on the mobiles, and at those of the static part that
+the mobiles change. Truth there is `reference.py`, at few receivers and with noise that is known and taken out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.error import noise_of_truth, receiver_classes, relative_error
+from gi_core.evaluation_points import evaluation_points
+from gi_core.reference import reference_steps
+from gi_core.scene.types import Pose
+from gi_core.setting import Setting
+from gi_core.solver import Solver
+
+PHOTONS = 1 << 17  # of a trial: a second or so
+COUNTS = 5  # prefixes tried: all of those photons, a half, ...
+RECEIVERS = 300  # at each pose
+NOISE = 0.02  # of truth, l1: enough, since it is taken out
+MOST_PATHS = 2048  # a receiver
+
+
+class Yardstick(NamedTuple):
+    """What errors are measured with at one pose."""
+
+    poses: dict[str, Pose]
+    rows: np.ndarray  # (n,) receivers
+    truth: np.ndarray  # (n, 3) irradiance [W/m2]
+    weights: np.ndarray  # (n,) [m2]
+    noise: float  # of truth, relative l1
+
+
+class Trial(NamedTuple):
+    """What a setting did, for each of some numbers of photons."""
+
+    setting: Setting
+    photons: np.ndarray  # (m,) int64, ascending
+    alone: np.ndarray  # (m,) squared l1 error, truth's noise taken out, of so many photons and no more
+    moving: np.ndarray  # (m,) the same with the static light of the largest number
+    seconds: np.ndarray  # (m,) [s] a frame
+
+
+def yardsticks(
+    solver: Solver, frames: Sequence[Mapping[str, Pose]], seed: int = 0
+) -> Generator[float, None, list[Yardstick]]:
+    """Measure the truth at some poses of the mobiles; yields the share that is done, returns one each.
+
+    `solver` has solved; its poses change. Receivers are drawn with a chance that grows with their area.
+    """
+    out, rng = [], np.random.default_rng(seed)
+    low, high = solver.chosen.low, solver.chosen.high
+    for k, poses in enumerate(frames):
+        solver.move_all(poses)
+        receivers = solver.receivers
+        resting = np.zeros_like(solver.irradiance)
+        resting[solver.surfaces.receiver_range(0)] = solver.resting_irradiance
+        classes = receiver_classes(solver.surfaces, receivers, solver.irradiance, resting)
+        inside = ((receivers.positions >= low) & (receivers.positions <= high)).all(axis=1) & (receivers.areas > 0)
+        wanted = inside & (classes["affected"] | classes["mobile"])
+        rows = np.flatnonzero(wanted if wanted.any() else inside)
+        share = receivers.areas[rows] / receivers.areas[rows].sum()
+        rows = np.sort(rng.choice(rows, min(RECEIVERS, int((share > 0).sum())), replace=False, p=share))
+        points, normals = (a[rows] for a in evaluation_points(solver.surfaces, receivers))
+        weights = np.ones(len(rows))  # the draw has weighed them
+        steps = reference_steps(
+            solver.scene, points, normals, MOST_PATHS, 1000 * seed + k, solver.poses, model=solver.model
+        )
+        for truth in steps:
+            noise = noise_of_truth(truth.standard_error, truth.mean, weights)
+            yield (k + min(truth.paths / MOST_PATHS, 1.0)) / len(frames)
+            if noise <= NOISE:
+                break
+        out.append(Yardstick(dict(solver.poses), rows, truth.mean, weights, 0.0 if np.isnan(noise) else noise))
+    return out
+
+
+def trial(solver: Solver, sticks: list[Yardstick], **setting) -> Generator[None, None, Trial]:
+    """Try a setting on a twin of a solver, in steps of some 20 ms or one frame; returns what it did.
+
+    `setting`: fields of Setting. Photons that the solver has traced already are not traced again.
+    """
+    twin = solver.twin(fresh=True)
+    twin.configure(photons=min(PHOTONS, solver.photons), static_light="prefix", **setting)
+    for _ in twin.solve_steps():
+        yield
+    counts = np.array(twin.prefixes[-COUNTS:], np.int64)
+    errors, seconds = np.zeros((2, len(counts))), np.zeros((len(sticks), 2, len(counts)))
+    for p, stick in enumerate(sticks):
+        for kind, static_light in enumerate(("prefix", "all")):
+            twin.configure(static_light=static_light)
+            for n, count in enumerate(counts):
+                twin.move_all(stick.poses, int(count))
+                errors[kind, n] += _squared_error(twin, stick) / len(sticks)
+                seconds[p, kind, n] = sum(twin.timings.values())
+                yield
+    # What else the machine does can only add time.
+    return Trial(twin.setting, counts, *np.maximum(errors, 0.0), seconds.min(axis=1).mean(axis=0))
+
+
+def errors_of(solver: Solver, sticks: list[Yardstick], frame: int) -> tuple[float, float, int, float]:
+    """Return relative l1 errors at rest and of a frame of the prefix nearest to `frame` photons, that prefix and
+    its seconds (the median)."""
+    prefix = min(solver.prefixes, key=lambda n: abs(n - frame))
+    at_rest = moving = 0.0
+    seconds = []
+    for stick in sticks:
+        solver.move_all(stick.poses)
+        at_rest += _squared_error(solver, stick) / len(sticks)
+        for _ in range(3):
+            solver.move_all(stick.poses, prefix)
+            seconds.append(sum(solver.timings.values()))
+        moving += _squared_error(solver, stick) / len(sticks)
+    at_rest, moving = (float(np.sqrt(max(e, 0.0))) for e in (at_rest, moving))
+    return at_rest, moving, prefix, float(np.median(seconds))
+
+
+def _squared_error(solver: Solver, stick: Yardstick) -> float:
+    """Return the square of the l1 error of what a solver shows, truth's noise taken out; 0 where truth is black."""
+    l1 = relative_error(solver.irradiance[stick.rows], stick.truth, stick.weights).l1
+    return 0.0 if np.isnan(l1) else l1 * l1 - stick.noise**2
