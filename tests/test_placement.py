@@ -154,6 +154,36 @@ def test_the_lamp_does_not_stick_into_a_beam():
     assert lamp_faces(scene)[..., 0].max() < 2.3
 
 
+def test_the_lamp_hangs_beside_a_slot_it_would_not_fit_in():
+    """A mobile under a gap of 0.1 between two beams: a lamp in there would be a slit."""
+    room = box((0, 0, 0), (4, 3, 4), inward=True)
+    beams = [box((1.5, 1.5, 0), (1.95, 3, 4)), box((2.05, 1.5, 0), (2.5, 3, 4))]
+    mobile = cube(0.4)
+    mobile = mobile._replace(pose=mobile.pose._replace(position=(2.0, 0.0, 2.0)))
+    scene, rays, _ = complete(Scene(merge(room, *beams), (grey(0.7),), (mobile,)), [], True)
+    shines = lamp_faces(scene)
+    assert np.ptp(shines.reshape(-1, 3), axis=0).max() > 0.4
+    assert shines[..., 0].max() < 1.5 or shines[..., 0].min() > 2.5
+    to = np.array([2.0, 0.2, 2.0]) - shines.mean(axis=(0, 1))
+    length = np.sqrt((to * to).sum())
+    assert rays.hits((shines.mean(axis=(0, 1)) + 1e-3 * to)[None], (to / length)[None])[0][0] > 0.9 * length
+
+
+def test_a_wide_mobile_does_not_stand_half_behind_a_post():
+    """The middle of a place may be in sight and both flanks hidden: all of it counts."""
+    room = box((0, 0, 0), (8, 3, 6), inward=True)
+    post = box((2.4, 0, 2.8), (2.6, 3, 3.2))
+    sofa = Mobile("sofa", box((-0.2, 0, -0.7), (0.2, 0.6, 0.7)))
+    camera = Camera((0.2, 1.5, 3.3), (4.0, 0.8, 3.0), 60.0)
+    scene, rays, _ = complete(
+        Scene(merge(room, post), (grey(0.7),), (sofa,), camera=camera), [(0, np.array(Y))], True
+    )
+    to = corners(scene) - camera.position
+    length = np.sqrt((to * to).sum(axis=1))
+    t, _ = rays.hits(np.broadcast_to(camera.position, to.shape), to / length[:, None])
+    assert (t > 0.99 * length).all() and np.abs(in_frame(camera, Y, corners(scene))).max() < 1
+
+
 @pytest.mark.parametrize(("size", "scaled"), [(0.2, False), (0.9, True), (0.001, True)])
 def test_a_mobile_is_scaled_to_the_scene_with_one_line(tmp_path, size, scaled):
     room = write_obj(tmp_path / "room.obj", BOX, BOX_FACES[:, ::-1])

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.scene.frame import in_frame
+from gi_core.scene.frame import axes, in_frame
 from gi_core.scene.pilot import Box, Rays, horizontal, sphere_directions, spread
 from gi_core.scene.types import Scene
 
@@ -22,6 +22,7 @@ BACKS = 0.3  # less than that, in a closed place, and it is the inside of a wall
 ROOMY = 0.01  # share of the places that must be indoors: a nook in an armchair is no room
 LARGE = 0.5  # of the picture's height: the nearest floor is no nearer than makes the mobile so large
 SMALL = 0.06  # the same, for how far it may be
+FLANK = 0.95  # of its radius: what must be seen of a mobile on either side of its middle, not to stand behind a post
 MIDDLE = 0.75  # of the picture's half width and height that a mobile must stay in
 
 
@@ -121,13 +122,17 @@ def _near_in_view(points, rays: Rays, box: Box, column: Column, up, camera) -> t
     size = column.radius + column.height / 2
     picture = distance * np.tan(np.radians(camera.vertical_fov_degrees) / 2)  # half its height, there
     shown = (aside < MIDDLE) & (size < LARGE * picture) & (size > SMALL * picture)
-    seen = np.zeros(len(points))
+    right = axes(camera.position, camera.target, up)[1]
+    seen, looks = np.zeros(len(points)), 0
     for share in (0.1, 0.5, 0.95):
-        to = points + up * max(share * column.height, 1e-3 * box.size) - eye
-        length = np.sqrt((to * to).sum(axis=1))
-        t, _ = rays.hits(np.broadcast_to(eye, to.shape), to / np.maximum(length, 1e-12)[:, None])
-        seen += t > length - 2e-3 * box.size
-    shown &= seen == 3
+        for side in (-FLANK, 0.0, FLANK):
+            to = points + up * max(share * column.height, 1e-3 * box.size) + right * side * column.radius - eye
+            length = np.sqrt((to * to).sum(axis=1))
+            t, _ = rays.hits(np.broadcast_to(eye, to.shape), to / np.maximum(length, 1e-12)[:, None])
+            seen += t > length - 2e-3 * box.size
+            looks += 1
+    shown &= seen == looks
+    seen *= 3 / looks
     # As far again as the nearest place costs as much as standing at the edge of the frame.
     nearest = distance[shown].min() if shown.any() else box.size
     return shown, seen - distance / nearest - aside.clip(0, 3)

@@ -15,6 +15,8 @@ RADIANCE = 10.0  # [W/m2/sr]; exposure is metered, so only its colour matters
 LAMP_DROP = 0.03  # of the headroom: the lamp hangs that far below the ceiling
 LAMP_SIDE = 0.3  # of the headroom
 LEAST_SIDE = 0.08  # the same, where beams or furniture leave little room
+LOOK_UP = 0.3  # of the headroom: from there ceilings are sought, and the lamp must see it
+ASIDE, MUCH = (0.25, 0.5, 0.8), 1.3  # of the headroom: where else it may hang; and how much more room that must give
 OPEN_HEIGHT, OPEN_SIDE = 0.5, 0.8  # of the scene's size, above its highest point where there is no ceiling
 TOWARDS_CAMERA = 0.5  # of the scene's size: what is looked at is lit from where one looks
 
@@ -29,15 +31,35 @@ def headroom(scene: Scene, rays: Rays, box: Box, stand: np.ndarray) -> float:
 
 
 def lamp_below_ceiling(scene: Scene, rays: Rays, stand: np.ndarray, height: float) -> Scene:
-    """Return the scene with a square lamp over `stand` (3,), just below the ceiling at `height` [m], facing down."""
+    """Return the scene with a square lamp over `stand` (3,), just below the ceiling at `height` [m], facing down.
+
+    Where a beam or a cupboard leaves it no room there, it hangs beside, in sight of what is below.
+    """
     up = np.array(scene.up)
     east, north = horizontal(up)
-    centre = stand + up * height * (1 - LAMP_DROP)
-    # Not into a beam or a cupboard.
     around = np.array([np.cos(a) * east + np.sin(a) * north for a in np.arange(8) * np.pi / 4])
-    t, _ = rays.hits(np.broadcast_to(centre, around.shape), around)
-    side = max(min(LAMP_SIDE * height, 1.5 * float(t.min())), LEAST_SIDE * height)
-    return _with_lamp(scene, centre, side, -up, east, "below what is above the mobile")
+    low = stand + up * LOOK_UP * height
+    best, side = stand + up * height * (1 - LAMP_DROP), 0.0
+    for offset in (np.zeros(3), *(share * height * d for share in ASIDE for d in around)):
+        above, _ = rays.hits((low + offset)[None], up[None])
+        top = float(above[0]) + LOOK_UP * height
+        if not (top <= height * 1.5 and _sees(rays, low, low + offset)):
+            continue  # under the sky, or behind a wall
+        centre = stand + offset + up * top * (1 - LAMP_DROP)
+        if not _sees(rays, centre, low):
+            continue
+        t, _ = rays.hits(np.broadcast_to(centre, around.shape), around)
+        free = min(LAMP_SIDE * height, 1.5 * float(t.min()))
+        if free > side * MUCH:
+            best, side = centre, free
+    return _with_lamp(scene, best, max(side, LEAST_SIDE * height), -up, east, "below what is above the mobile")
+
+
+def _sees(rays: Rays, a: np.ndarray, b: np.ndarray) -> bool:
+    """Tell whether nothing is between two places."""
+    d = b - a
+    length = float(np.sqrt((d * d).sum()))
+    return length == 0 or float(rays.hits(a[None], d[None] / length)[0][0]) > length
 
 
 def lamp_in_the_open(scene: Scene, rays: Rays, box: Box) -> Scene:
