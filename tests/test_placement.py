@@ -13,6 +13,7 @@ from gi_core.pose import to_world
 from gi_core.scene import Camera, Mesh, Mobile, Scene, load_scene
 from gi_core.scene.completion import complete
 from gi_core.scene.frame import in_frame, picture_rays
+from gi_core.scene.stand_ins import RADIANCE
 
 Y = (0.0, 1.0, 0.0)
 GREY = (grey(0.7),)
@@ -131,6 +132,8 @@ def test_a_lone_thing_is_whole_in_the_picture_and_lit_from_where_one_looks():
         assert (centre - middle) @ np.subtract(scene.camera.position, middle) > 0
         normal = np.cross(shines[:, 1] - shines[:, 0], shines[:, 2] - shines[:, 0])
         assert (normal @ (middle - centre) > 0).all()
+        (sky,) = scene.lights
+        assert 0 < sky.radiance[0] < 0.1 * RADIANCE, "the sides that the lamp does not see are not black"
 
 
 def test_the_lamp_hangs_below_the_shelf_that_is_over_the_mobile():
@@ -175,9 +178,7 @@ def test_a_wide_mobile_does_not_stand_half_behind_a_post():
     post = box((2.4, 0, 2.8), (2.6, 3, 3.2))
     sofa = Mobile("sofa", box((-0.2, 0, -0.7), (0.2, 0.6, 0.7)))
     camera = Camera((0.2, 1.5, 3.3), (4.0, 0.8, 3.0), 60.0)
-    scene, rays, _ = complete(
-        Scene(merge(room, post), (grey(0.7),), (sofa,), camera=camera), [(0, np.array(Y))], True
-    )
+    scene, rays, _ = complete(Scene(merge(room, post), (grey(0.7),), (sofa,), camera=camera), [(0, np.array(Y))], True)
     to = corners(scene) - camera.position
     length = np.sqrt((to * to).sum(axis=1))
     t, _ = rays.hits(np.broadcast_to(camera.position, to.shape), to / length[:, None])

@@ -16,6 +16,7 @@ from gi_core.surfaces import face_normals, flatten
 RAYS = 6000  # paths; with BOUNCES segments each some 20,000 hits
 BOUNCES = 4
 SEED = 0x5EED
+LANDINGS = 4  # places tried for each that sun or sky shall reach
 CENTRAL_SHARE = 0.98
 LIFT = 1e-5  # of the extent: clears the face that a ray starts on, in float32
 
@@ -157,7 +158,13 @@ def _starts(scene: Scene, rays: Rays, rng):
         sun = distant[0]
         toward = np.array(scene.up) if isinstance(sun, SkyLight) else -np.array(sun.direction)
         sides = np.where((normals * toward).sum(axis=1) < 0, -1.0, 1.0)
-        parts.append(_from_faces(mesh, rays, normals * sides[:, None], areas, rng, n))
+        landed = _from_faces(mesh, rays, normals * sides[:, None], areas, rng, n * LANDINGS)
+        # Where it lands, not where it would land through walls.
+        d = np.broadcast_to(toward, landed[0].shape)
+        d = cosine(d, rng) if isinstance(sun, SkyLight) else d / np.sqrt((toward * toward).sum())
+        free = np.flatnonzero((rays.hits(landed[0], d)[1] < 0) & ((d * landed[2]).sum(axis=1) > 0))
+        rows = free[:n] if len(free) else slice(n)
+        parts.append(tuple(column[rows] for column in landed))
     if not parts:
         two_sided = np.array([m.two_sided for m in scene.materials])[mesh.face_material]
         sides = np.where(two_sided & (rng.random(len(areas)) < 0.5), -1.0, 1.0)

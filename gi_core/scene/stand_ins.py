@@ -9,9 +9,10 @@ import numpy as np
 from gi_core.pose import to_world
 from gi_core.scene.paint import join_paints
 from gi_core.scene.pilot import Box, Rays, bottom_centre, horizontal
-from gi_core.scene.types import Material, Mesh, Scene
+from gi_core.scene.types import Material, Mesh, Scene, SkyLight
 
 RADIANCE = 10.0  # [W/m2/sr]; exposure is metered, so only its colour matters
+SKY = 0.05 * RADIANCE  # in the open: nothing else brings light to the sides that the lamp does not see
 LAMP_DROP = 0.03  # of the headroom: the lamp hangs that far below the ceiling
 LAMP_SIDE = 0.3  # of the headroom
 LEAST_SIDE = 0.08  # the same, where beams or furniture leave little room
@@ -63,7 +64,7 @@ def _sees(rays: Rays, a: np.ndarray, b: np.ndarray) -> bool:
 
 
 def lamp_in_the_open(scene: Scene, rays: Rays, box: Box) -> Scene:
-    """Return the scene with a square lamp above everything, towards the camera, facing the scene's middle."""
+    """Return the scene with a square lamp above everything, towards the camera, facing the middle; and a dim sky."""
     up = np.array(scene.up)
     east, north = horizontal(up)
     middle = (box.low + box.high) / 2
@@ -78,7 +79,9 @@ def lamp_in_the_open(scene: Scene, rays: Rays, box: Box) -> Scene:
     normal /= np.sqrt((normal * normal).sum())
     across = np.cross(normal, north)
     across /= np.sqrt((across * across).sum())
-    return _with_lamp(scene, centre, OPEN_SIDE * box.size, normal, across, "above the scene")
+    sky = SkyLight("default sky", (SKY,) * 3)
+    lit = _with_lamp(scene, centre, OPEN_SIDE * box.size, normal, across, "above the scene, under a dim sky")
+    return replace(lit, lights=(*lit.lights, sky))
 
 
 def _with_lamp(scene: Scene, centre, side: float, normal, across, where: str) -> Scene:
