@@ -21,6 +21,7 @@ COMMANDS = {
     "render": "draw one picture, or --frames along the mobile's path, without a window",
     "bench": "move the mobile along its path and time every frame",
     "tune": "try settings on this scene and machine and say which suit a frame time or an error best",
+    "atlas": "show where each method fails, what theory predicts of it, what is measured, and what helps",
     "info": "say what is in a scene, which defaults are chosen, and why",
 }
 
@@ -88,6 +89,10 @@ def _view_parser() -> argparse.ArgumentParser:
 
 def _command_parser(name: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=f"gi-viewer {name}", description=COMMANDS[name])
+    if name == "atlas":
+        parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where index.html and atlas.md go")
+        parser.set_defaults(run=_atlas)
+        return parser
     _add_common(parser)
     if name == "render":
         _add_picture(parser)
@@ -221,6 +226,14 @@ def _tune(arguments: argparse.Namespace) -> int:
     from app.tune_command import tuned_lines
 
     print("\n".join(tuned_lines(settings_of(arguments), arguments.error, arguments.check)))
+    return OK
+
+
+def _atlas(arguments: argparse.Namespace) -> int:
+    from app.atlas_command import atlas
+
+    atlas(arguments.out)
+    print((arguments.out / "atlas.md").read_text(encoding="utf-8"))
     return OK
 
 

@@ -119,8 +119,8 @@ td, th {{ border-bottom: 1px solid #ccc; padding: .3em .6em; text-align: left; v
 img {{ max-width: 100% }}
 </style>
 <h1>Failure atlas</h1>
-<p>Where each method fails, what theory predicts, what is measured, and what helps. Numbers are irradiance over truth, mean ±
-standard error, unless the row says otherwise. Pictures show irradiance, exposed alike.</p>
+<p>Where each method fails, what theory predicts, what is measured, and what helps. Numbers are irradiance over truth,
+mean ± standard error, unless the row says otherwise. Pictures show irradiance, exposed alike.</p>
 {body}
 </html>
 """

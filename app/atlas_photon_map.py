@@ -43,7 +43,7 @@ def fans():
 def borders() -> Iterator[Row]:
     """Figs 2.9 and 2.10: hits fill alpha of the 2 pi round a border vertex, and are divided by the whole circle."""
     field, apexes = fans()
-    photons = 350_000  # the k hits of 30 degrees then reach 0.9 of a fan
+    photons = 350_000  # k hits of 30 degrees then reach 0.9 of a fan
     places = [near(*apexes[kind]) for kind in KINDS]
     map_ = {"estimator": "photon_map", "neighbours": NEIGHBOURS, "radius": 1.0}
     corrected = {**map_, "border_correction": True} if "border_correction" in Setting._fields else None
@@ -78,7 +78,7 @@ def small_surfaces() -> Iterator[Row]:
     field = scene(joined(*meshes), (BLACK._replace(reflectance=(0.5,) * 3),), (2, -12, 12), (2, 11, 0), (SUN,))
     map_ = {"estimator": "photon_map", "neighbours": 10_000, "radius": 0.5}
     plane = {"estimator": "tangent_plane", "radius": 0.2}
-    measured, helped = ratios(field, 400_000, [near(*corners[s]) for s in sizes], [map_, plane])
+    measured, helped = ratios(field, 300_000, [near(*corners[s]) for s in sizes], [map_, plane])
     for s, m, h in zip(sizes, measured, helped, strict=True):
         yield Row(
             f"small_{s:g}",
@@ -88,49 +88,49 @@ def small_surfaces() -> Iterator[Row]:
             m,
             "tangent_plane",
             h,
-            view=View(field, 400_000, map_, plane) if s == 0.3 else None,
+            view=View(field, 300_000, map_, plane) if s == 0.3 else None,
         )
 
 
-WALL = 0.002  # m thick
+WALL, AT = 0.002, 0.024  # m thick, and where: between two rows of vertices
 
 
 def shaded_wall():
     """A floor under slanting parallel light, and a thin black wall across it: beyond, 3 m of full shadow."""
     ground = sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (40, 40))
-    wall = box((0, -1.5, 0), (WALL, 1.5, 3.0), 1, 1)
+    wall = box((AT, -1.5, 0), (AT + WALL, 1.5, 3.0), 1, 1)
     sun = DirectionalLight("sun", (-1, 0, -1), (math.sqrt(2),) * 3)
     # E of floor and wall is sqrt(2) cos(45) = 1; nothing is reflected.
     return scene(joined(ground, wall), (BLACK, BLACK), (-0.6, -1.6, 1.2), (0, 0, 0), (sun,))
 
 
 def line(x: float):
-    """Return the places of the shaded wall's floor at a distance from the wall, away from its rim."""
+    """Return places on the floor of the shaded wall, away from its rim."""
     return near(*[(x, y, 0) for y in np.linspace(-0.5, 0.5, 21)])
 
 
 def thin_wall() -> Iterator[Row]:
     """Hits on the lit side of a wall are found from the dark side; a disc reaches through it."""
-    place, radius, photons = shaded_wall(), 0.2, 300_000
+    place, radius, photons = shaded_wall(), 0.2, 150_000
     map_ = {"estimator": "photon_map", "neighbours": 10_000, "radius": radius}
     bare = {"estimator": "tangent_plane", "radius": radius, "control": False}
     plane = {**bare, "control": True}
-    dark, lit = -0.05, 0.05
+    dark, lit = -0.05, 0.1
     bare_name = "tangent_plane without control"
     places = [line(dark), line(lit)]
     found = ratios(place, photons, places, [plane, map_, bare])
     helped = found[0]
     for name, setting, (leak, loss) in zip(("photon_map", bare_name), (map_, bare), found[1:], strict=True):
         # Hits on the lit wall lie in the sphere too: half a disc of the sphere's section with it.
-        walls = [0.5 * (1 - (d / radius) ** 2) if setting is map_ else 0.0 for d in (WALL - dark, lit - WALL)]
+        walls = [0.5 * (1 - (d / radius) ** 2) if setting is map_ else 0.0 for d in (AT + WALL - dark, lit - AT - WALL)]
         also = ", and the hits on the wall" if setting is map_ else ""
         view = View(place, photons, setting, plane)
         key = "map" if setting is map_ else "disc"
         yield Row(
             f"leak_{key}",
-            f"{name}, 5 cm behind a wall {WALL * 1000:g} mm thin, radius {radius:g} m",
+            f"{name}, 7 cm behind a wall {WALL * 1000:g} mm thin, radius {radius:g} m",
             "the share of the circle beyond the wall leaks in" + also,
-            beyond(WALL - dark, radius) + walls[0],
+            beyond(AT + WALL - dark, radius) + walls[0],
             leak,
             "tangent_plane with control",
             helped[0],
@@ -140,9 +140,9 @@ def thin_wall() -> Iterator[Row]:
         )
         yield Row(
             f"beside_{key}",
-            f"{name}, on the lit side, 5 cm before the wall",
+            f"{name}, on the lit side, 7 cm before the wall",
             "the share of the circle behind the wall is missing" + also,
-            1 - beyond(lit - WALL, radius) + walls[1],
+            1 - beyond(lit - AT - WALL, radius) + walls[1],
             loss,
             "tangent_plane with control",
             helped[1],

@@ -11,6 +11,8 @@ import numpy as np
 from gi_core.scene import Scene
 from gi_core.solver import Solver
 
+SEEDS = 8  # runs that a standard error is taken from
+
 
 class Number(NamedTuple):
     """A measured mean and its standard error; an error of 0 means that chance has no part in it."""
@@ -65,7 +67,9 @@ def over_seeds(runs: Callable[[int], Sequence[float]], seeds: int) -> list[Numbe
     return [Number(float(m), float(e), seeds) for m, e in zip(samples.mean(axis=0), errors, strict=True)]
 
 
-def ratios(scene: Scene, photons: int, places: Sequence, settings: Sequence[dict], seeds: int = 4, truth: float = 1.0):
+def ratios(
+    scene: Scene, photons: int, places: Sequence, settings: Sequence[dict], seeds: int = SEEDS, truth: float = 1.0
+):
     """Return irradiance over truth at each of some groups of receivers, one list of numbers for each setting.
 
     `places` are functions of receivers that return (R,) bool. All settings see the same photons.

@@ -39,7 +39,7 @@ def walls_and_corners() -> Iterator[Row]:
         "wall": (near(*[(x, 0.05, 0) for x in along]), 1 - beyond(0.05, radius), "half a radius before a wall"),
     }
     settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
-    found, helped = ratios(room, 150_000, [p for p, _, _ in places.values()], settings, truth=FURNACE)
+    found, helped = ratios(room, 100_000, [p for p, _, _ in places.values()], settings, truth=FURNACE)
     for (key, (_, share, where)), m, h in zip(places.items(), found, helped, strict=True):
         yield Row(
             f"room_{key}",
@@ -50,7 +50,7 @@ def walls_and_corners() -> Iterator[Row]:
             "artifact control: divide by the reachable area",
             h,
             cost="24 % of a frame's time",
-            view=View(room, 150_000, *settings) if key == "corner" else None,
+            view=View(room, 100_000, *settings) if key == "corner" else None,
         )
 
 
@@ -61,7 +61,7 @@ def table_leg() -> Iterator[Row]:
     room = furnace(20, post)
     settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
     sides = near((0.5 - gap, 0.5, 0), (0.6 + gap, 0.5, 0), (0.55, 0.45 - gap, 0), (0.55, 0.55 + gap, 0))
-    (m,), (h,) = ratios(room, 100_000, [sides], settings, truth=FURNACE)
+    (m,), (h,) = ratios(room, 50_000, [sides], settings, truth=FURNACE)
     yield Row(
         "leg",
         "tangent_plane without control, 5 cm beside a table leg of 10 cm, radius 20 cm",
@@ -70,7 +70,7 @@ def table_leg() -> Iterator[Row]:
         m,
         "artifact control: the part of the disc that is seen from its middle",
         h,
-        view=View(room, 150_000, *settings),
+        view=View(room, 50_000, *settings),
     )
 
 
@@ -86,7 +86,7 @@ def curved_inside() -> Row:
     def belt(receivers):
         return np.abs(receivers.positions[:, 2]) < 0.7
 
-    (m,), (h,) = ratios(hollow, 100_000, [belt], settings, truth=FURNACE)
+    (m,), (h,) = ratios(hollow, 50_000, [belt], settings, truth=FURNACE)
     return Row(
         "concave",
         "tangent_plane, inside of a sphere: the surface rises through its own disc",
@@ -96,7 +96,7 @@ def curved_inside() -> Row:
         "on its own smooth patch a segment counts up to 2r behind its hit",
         h,
         known=0.025,  # the steepest segments end their 2r before they reach the disc
-        view=View(hollow, 100_000, *settings),
+        view=View(hollow, 50_000, *settings),
     )
 
 
@@ -112,7 +112,7 @@ def curved_outside() -> Iterator[Row]:
 
     for k in (4, 8):
         cosine = math.cos(math.pi * k / 24)
-        (m,), (h,) = ratios(globe, 150_000, [ring(k)], settings, truth=cosine)
+        (m,), (h,) = ratios(globe, 100_000, [ring(k)], settings, truth=cosine)
         yield Row(
             f"convex_{k * 180 // 24}",
             f"tangent_plane, outside of a sphere, light at {k * 180 // 24}° to its normal",
@@ -182,7 +182,7 @@ def shadow_edge() -> Iterator[Row]:
     coarse, fine = {**CONTROL, "radius": 0.2}, {**CONTROL, "radius": 0.05}
     offsets = (-0.1, 0.1)
     places = [near(*[(x, y, 0) for y in np.linspace(-0.6, 0.6, 25)]) for x in offsets]
-    found, helped = ratios(half, 200_000, places, [coarse, fine])
+    found, helped = ratios(half, 100_000, places, [coarse, fine])
     for x, m, h in zip(offsets, found, helped, strict=True):
         yield Row(
             f"shadow_{'lit' if x > 0 else 'dark'}",

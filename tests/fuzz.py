@@ -1,9 +1,9 @@
 """Throw damaged files at the loaders: `python -m tests.fuzz --cases 20000 --out DIR [--kinds obj,glb] [--seed 0]`.
 
 Guided by coverage: an input that reaches a new pair of lines of the loaders is kept and damaged further. Each case
-must end in a scene or in one sentence (SceneError), within 10 s of computing and a gigabyte, without a warning. What does not is
-written to DIR/found with its traceback; exit code 1 then. Cases run in a process of their own, which is started
-again when it dies: DIR/corpus keeps what was learnt. Linux alone (memory limit, alarm).
+must end in a scene or in one sentence (SceneError), within 20 s of computing and a gigabyte, without a warning.
+What does not is written to DIR/found with its traceback; exit code 1 then. Cases run in a process of their own,
+which is started again when it dies: DIR/corpus keeps what was learnt. Linux alone (memory limit, alarm).
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from fuzz_mutations import FULL_OBJ, mutate, seeds, surroundings  # noqa: E402
 
 MEMORY = 1 << 30  # bytes that a case may ask for beyond what the process has when it begins
-SECONDS = 10  # of computing, for a case; the supervisor kills what has not answered in three times that
+SECONDS = 20  # of computing, for a case
+PATIENCE = 180  # s that the supervisor waits for an answer, compiling included
 LONGEST = 700  # characters of a sentence
 LIT = 25  # every so many scenes that load, and whatever is new, is lit by 200 photons
 ROOT = Path(__file__).resolve().parent.parent
@@ -183,7 +184,7 @@ def supervise(options) -> int:
         worker = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE)
         last = None
         while True:
-            ready, _, _ = select.select([worker.stdout], [], [], 120 if last is None else 3 * SECONDS)
+            ready, _, _ = select.select([worker.stdout], [], [], PATIENCE)
             line = worker.stdout.readline() if ready else b""
             if not line:
                 worker.kill()

@@ -159,7 +159,9 @@ def read_toml(path: Path, where: str) -> dict:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin with a mark
     except OSError as error:
         raise SceneError(f"{where}: the scene file cannot be read: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except RecursionError:
+        raise SceneError(f"{where}: a scene file must not nest brackets hundreds deep") from None
+    except ValueError as error:  # of TOML, of its encoding, or a number of thousands of digits
         raise SceneError(f"{where}: a scene file must be TOML, which this is not: {error}") from None
 
 

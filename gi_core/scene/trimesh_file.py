@@ -28,6 +28,10 @@ def read_with_trimesh(path: Path, where: str) -> FileParts:
         raise SceneError(f"{where}: not a readable {path.suffix[1:].upper()} file: {why}") from None
     faces = np.asarray(getattr(mesh, "faces", ()), np.int64).reshape(-1, 3)
     vertices = np.asarray(getattr(mesh, "vertices", ()), np.float64).reshape(-1, 3)
+    if len(faces) and not (0 <= faces.min() and faces.max() < len(vertices)):
+        raise SceneError(
+            f"{where}: faces must name vertices 0 to {len(vertices) - 1}, got {faces.min()} to {faces.max()}"
+        )
     colours = None
     if len(faces) and mesh.visual.kind == "face":
         colours = srgb_to_linear(np.asarray(mesh.visual.face_colors)[:, None, :3] / 255.0).repeat(3, axis=1)

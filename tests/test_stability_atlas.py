@@ -1,0 +1,153 @@
+"""The failure atlas: each number that theory predicts is what is measured, and what is said to help helps.
+
+Statistical: over all rows together a right program fails with probability 1e-3 (Sidak). Each test has power: a
+prediction 25 % off would be rejected, which is checked with the same numbers. What the rows are is in app/atlas_*.py.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from significance import p_values, sidak
+
+from app import atlas_command, atlas_others, atlas_photon_map, atlas_tangent_plane
+from app.atlas_row import Number, Row, View, near, over_seeds, solved
+from app.atlas_shapes import BLACK, ball, beyond, box, fan, scene, sheet
+
+TESTS = 60  # numbers looked at, rather too many
+LEVEL = sidak(1e-3, TESTS)
+SEEN = 1.25
+HELPED = 0.02  # how near a remedy must come
+
+
+def p_value(number: Number, expected: float, known: float = 0.0) -> float:
+    off = float(np.clip(number.mean - expected, -known, known))
+    return float(p_values(number.mean - off, expected, number.error, max(number.runs - 1, 1)))
+
+
+def check(row: Row) -> None:
+    m = row.measured
+    if math.isinf(row.known):
+        assert m.mean < row.predicted, row
+    elif m.error == 0:
+        assert m.mean == pytest.approx(row.predicted, rel=1e-9, abs=max(row.known, 0)), row
+    else:
+        assert p_value(m, row.predicted, row.known) >= LEVEL, f"{row.key}: {m}, predicted {row.predicted:.4g}"
+        for wrong in (row.predicted * SEEN, row.predicted / SEEN):
+            assert p_value(m, wrong, row.known) < LEVEL, f"{row.key}: {m} would not be told from {wrong:.4g}"
+    if row.remedied is not None:
+        allowed = HELPED + 4 * row.remedied.error
+        assert abs(row.remedied.mean - row.aim) <= allowed, f"{row.key}: {row.remedied}, should be {row.aim:.4g}"
+
+
+@pytest.mark.parametrize("rows", [atlas_photon_map.small_surfaces, atlas_photon_map.thin_wall])
+def test_photon_maps_on_small_surfaces_and_across_walls(rows):
+    for row in rows():
+        check(row)
+
+
+@pytest.mark.slow
+def test_photon_maps_at_borders():
+    found = list(atlas_photon_map.borders())
+    assert len(found) == 15
+    for row in found:
+        check(row)
+
+
+DISCS = [
+    atlas_tangent_plane.walls_and_corners,
+    atlas_tangent_plane.table_leg,
+    atlas_tangent_plane.curved_outside,
+    atlas_tangent_plane.larger_than_the_room,
+    atlas_tangent_plane.smaller_and_smaller,
+    atlas_tangent_plane.shadow_edge,
+]
+
+
+@pytest.mark.parametrize("rows", DISCS)
+def test_discs(rows):
+    found = list(rows())
+    assert found
+    for row in found:
+        check(row)
+
+
+@pytest.mark.parametrize("row", [atlas_tangent_plane.curved_inside, atlas_tangent_plane.lamp_near_a_surface])
+def test_discs_on_curves_and_under_lamps(row):
+    check(row())
+
+
+OTHERS = [atlas_others.textbook, atlas_others.small_faces, atlas_others.bright_rooms, atlas_others.scales]
+
+
+@pytest.mark.parametrize("rows", OTHERS)
+def test_others(rows):
+    for row in rows():
+        check(row)
+
+
+@pytest.mark.parametrize("row", [atlas_others.naive_sums, atlas_others.drift, atlas_others.beside_a_mobile])
+def test_sums_drift_and_mobiles(row):
+    check(row())
+
+
+def test_noise_goes_with_one_over_the_radius():
+    noise = [row.measured.mean for row in atlas_tangent_plane.smaller_and_smaller()]
+    assert np.diff(np.log2(noise)) == pytest.approx(1.0, abs=0.1)
+
+
+def test_shapes():
+    """Areas of the pieces, and which way they face: what the predictions rest on."""
+    from gi_core.surfaces import face_normals
+
+    for degrees in (30, 180, 330, 360):
+        normals, areas = face_normals(fan((0, 0, 0), degrees))
+        steps = degrees / 30
+        assert areas.sum() == pytest.approx(steps * math.sin(math.radians(30)) / 2)
+        assert (normals[:, 2] > 0.99).all()
+    for inward in (False, True):
+        cube, globe = box((0, 0, 0), (1, 2, 3), 2, inward=inward), ball(1.0, 24, inward=inward)
+        for mesh, middle, area in ((cube, (0.5, 1, 1.5), 22.0), (globe, (0, 0, 0), 4 * math.pi)):
+            normals, areas = face_normals(mesh)
+            outward = ((mesh.vertices[mesh.faces].mean(axis=1) - middle) * normals).sum(axis=1) > 0
+            assert (outward != inward).all()
+            assert areas.sum() == pytest.approx(area, rel=0.01)
+    assert [beyond(d, 2.0) for d in (-3, -2, 0, 2, 3)] == pytest.approx([1, 1, 0.5, 0, 0])
+    assert beyond(1.0, 2.0) == pytest.approx(1 / 3 - math.sqrt(3) / (4 * math.pi))
+
+
+def test_standard_error_is_that_of_the_mean():
+    number = over_seeds(lambda seed: (float(seed % 2),), 8)[0]
+    assert number.mean == 0.5
+    assert number.error == pytest.approx(math.sqrt(8 / 28) / math.sqrt(8))
+
+
+def test_the_command_writes_a_page_a_table_and_pictures(tmp_path, capsys):
+    ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (4, 4)), (BLACK,), (0, -3, 2), (0, 0, 0), ())
+    setting = {"estimator": "tangent_plane", "radius": 0.1}
+    rows = [
+        Row(
+            "a",
+            "where <a>",
+            "1 - α",
+            0.5,
+            Number(0.51, 0.01, 8),
+            "light",
+            Number(1.0),
+            view=View(ground, 10, setting, setting),
+        ),
+        Row("b", "b", "0", 0.0, Number(0.0), "none", None),
+    ]
+    atlas_command.atlas(tmp_path / "new", {"Chapter": lambda: iter(rows)})
+    assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["a.png", "atlas.md", "index.html"]
+    page = (tmp_path / "new" / "index.html").read_text()
+    assert "where &lt;a&gt;" in page and 'src="a.png"' in page and "0.51 ± 0.01" in page
+    table = (tmp_path / "new" / "atlas.md").read_text()
+    assert table.count("\n| ") == 3 and "| b | 0 | 0 | 0 | none |" in table
+
+
+def test_groups_are_looked_up_by_place():
+    solver = solved(scene(sheet((0, 0, 0), (1, 0, 0), (0, 1, 0), (2, 2)), (BLACK,), (0, -3, 2), (0, 0, 0), ()), 0)
+    assert near((0.5, 0.5, 0), (0, 0, 0))(solver.receivers).sum() == 2
