@@ -32,7 +32,7 @@ MEMORY = 1 << 30  # bytes that a case may ask for beyond what the process has wh
 SECONDS = 20  # of computing, for a case
 PATIENCE = 180  # s that the supervisor waits for an answer, compiling included
 LONGEST = 700  # characters of a sentence
-LIT = 25  # every so many scenes that load, and whatever is new, is lit by 200 photons
+WHOLE, LIT = 20, 100  # every so many cases, and what is new, is completed to a scene; and lit by 200 photons
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -71,12 +71,20 @@ class Coverage:
         return local
 
 
-def check(path: Path, light: bool) -> str:
-    """Load a file and return what came of it; raises what a user must never see."""
+def check(path: Path, whole: bool, light: bool) -> str:
+    """Read a file and return what came of it; raises what a user must never see.
+
+    whole: complete it to a scene as well (placing, camera, pilot trace: a second); light: and light that.
+    """
     from gi_core.scene import SceneError, load_scene
+    from gi_core.scene.mesh_file import read_mesh_file
+    from gi_core.scene.toml_file import read_scene_file
     from gi_core.solver import Solver
 
     try:
+        if not (whole or light):
+            read_scene_file(path, str(path)) if path.suffix == ".toml" else read_mesh_file(path)
+            return "read"
         scene = load_scene(path, max_edge=float("inf"))
         if light:
             solver = Solver(scene, photons=200, threads=1)
@@ -107,7 +115,7 @@ def work(options) -> int:
         raise Hang(f"took more than {SECONDS} s")
 
     signal.signal(signal.SIGPROF, hang)
-    check(_placed(folder, "obj", corpus.get("obj", seeds()["obj"])[0]), True)  # imports, kernels
+    check(_placed(folder, "obj", corpus.get("obj", seeds()["obj"])[0]), True, True)  # imports, kernels
     with open("/proc/self/statm") as file:
         used = int(file.read().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
@@ -126,10 +134,11 @@ def work(options) -> int:
         signal.setitimer(signal.ITIMER_PROF, SECONDS)
         sys.settrace(cover)
         try:
-            result = check(path, case % LIT == 0)
-            if cover.new and result == "loaded":
+            result = check(path, case % WHOLE == 0, case % LIT == 0)
+            if cover.new and result != "lit":
+                result = check(path, True, False)
                 sys.settrace(None)
-                result = check(path, True)
+                result = check(path, True, True)
         except (Exception, Hang) as problem:
             sys.settrace(None)
             trouble = f"{type(problem).__name__}: {problem}"
