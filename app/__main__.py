@@ -21,9 +21,10 @@ COMMANDS = {
     "render": "draw one picture, or --frames along the mobile's path, without a window",
     "bench": "move the mobile along its path and time every frame",
     "tune": "try settings on this scene and machine and say which suit a frame time or an error best",
-    "atlas": "show where each method fails, what theory predicts of it, what is measured, and what helps",
     "info": "say what is in a scene, which defaults are chosen, and why",
 }
+
+ATLAS = "where each method fails, what theory predicts, what is measured, what helps: a page"
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -50,6 +51,8 @@ def main(argv: list[str] | None = None) -> int:
 
 def parse(argv: list[str]) -> argparse.Namespace:
     """Return the checked arguments; `.run(arguments)` carries them out. Raises SystemExit like argparse."""
+    if argv and argv[0] == "atlas":
+        return _atlas_parser().parse_args(argv[1:])
     if argv and argv[0] in COMMANDS:
         return _command_parser(argv[0]).parse_args(argv[1:])
     return _view_parser().parse_args(argv)
@@ -64,6 +67,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
 
 def _view_parser() -> argparse.ArgumentParser:
     lines = [f"  gi-viewer {name} SCENE   {what}" for name, what in COMMANDS.items()]
+    lines.append(f"  gi-viewer atlas --out DIR   {ATLAS}")
     epilog = "commands without a window (each has its own --help):\n" + "\n".join(lines)
     parser = argparse.ArgumentParser(
         prog="gi-viewer", description=ABOUT, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -89,10 +93,6 @@ def _view_parser() -> argparse.ArgumentParser:
 
 def _command_parser(name: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=f"gi-viewer {name}", description=COMMANDS[name])
-    if name == "atlas":
-        parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where index.html and atlas.md go")
-        parser.set_defaults(run=_atlas)
-        return parser
     _add_common(parser)
     if name == "render":
         _add_picture(parser)
@@ -116,6 +116,13 @@ def _command_parser(name: str) -> argparse.ArgumentParser:
         )
         parser.add_argument("--check", action="store_true", help="solve with the choice and say how close it came")
     parser.set_defaults(run={"render": _render, "bench": _bench, "tune": _tune, "info": _info}[name])
+    return parser
+
+
+def _atlas_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="gi-viewer atlas", description=ATLAS)
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where index.html and atlas.md go")
+    parser.set_defaults(run=_atlas)
     return parser
 
 

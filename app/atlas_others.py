@@ -96,7 +96,7 @@ def small_faces() -> Iterator[Row]:
             Number(float(samples.std()), float(samples.std() / math.sqrt(2 * len(samples))), len(samples)),
             "tangent_plane: the same disc for every triangle",
             None,
-            known=0.1 * expected,
+            known=0.12 * expected,
             what="standard deviation of E / truth",
             view=View(field, photons, COUNT, {**CONTROL, "radius": 0.2}) if w == 0.2 else None,
         )

@@ -67,7 +67,7 @@ def borders() -> Iterator[Row]:
 
 def small_surfaces() -> Iterator[Row]:
     """A surface smaller than what k hits need: all its hits are divided by the largest circle."""
-    sizes = (0.1, 0.2, 0.3)
+    sizes = (0.15, 0.2, 0.3)
     # Parallel light comes from a disc that covers the scene: two specks far out let it cover all tangent discs.
     meshes = [sheet((-2 + 8 * k, -2 + 26 * k, 0), (0.01, 0, 0), (0, 0.01, 0)) for k in (0, 1)]
     corners = {s: [] for s in sizes}
@@ -78,7 +78,7 @@ def small_surfaces() -> Iterator[Row]:
     field = scene(joined(*meshes), (BLACK._replace(reflectance=(0.5,) * 3),), (2, -12, 12), (2, 11, 0), (SUN,))
     map_ = {"estimator": "photon_map", "neighbours": 10_000, "radius": 0.5}
     plane = {"estimator": "tangent_plane", "radius": 0.2}
-    measured, helped = ratios(field, 300_000, [near(*corners[s]) for s in sizes], [map_, plane])
+    measured, helped = ratios(field, 150_000, [near(*corners[s]) for s in sizes], [map_, plane])
     for s, m, h in zip(sizes, measured, helped, strict=True):
         yield Row(
             f"small_{s:g}",
@@ -88,7 +88,7 @@ def small_surfaces() -> Iterator[Row]:
             m,
             "tangent_plane",
             h,
-            view=View(field, 300_000, map_, plane) if s == 0.3 else None,
+            view=View(field, 150_000, map_, plane) if s == 0.3 else None,
         )
 
 
