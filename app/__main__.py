@@ -145,6 +145,8 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
         help="tangent_plane without artifact control: faster, dark in corners, and walls leak")  # fmt: skip
     add("--search", default=Settings.search, metavar="NAME",
         help=f"how tangent_plane finds what crosses discs, the picture is the same ({Settings.search})")  # fmt: skip
+    add("--pretest", default=Settings.pretest, metavar="NAME",
+        help=f"triangle round each disc that is tried before it, report 2.8 ({Settings.pretest})")  # fmt: skip
     add("--seed", type=values.seed, default=0, metavar="N", help="which photons (0)")
     add("--exposure", type=values.exposure, metavar="EV", help="stops, +1 doubles (the scene's, else metered)")
     add("--max-edge", type=values.positive, metavar="M", help="cut triangles until no edge is longer [m]")

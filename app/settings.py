@@ -37,6 +37,7 @@ class Settings:
     neighbours: int | None = None
     control: bool = True  # artifact control of tangent_plane, see gi_core/reachable_area.py
     search: str = "disc_index"  # a key of gi_core.disc_search.SEARCHES; all give the same picture
+    pretest: str = "none"  # a key of gi_core.disc_search.PRETESTS
     seed: int = 0
     poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
     exposure: float | None = None  # [EV]; None: metered once
@@ -83,7 +84,7 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
 
 def make_solver(scene: Scene, settings: Settings) -> Solver:
     """Prepare a solver for the scene; nothing is traced yet. Raises UsageError for an unknown name."""
-    from gi_core.disc_search import SEARCHES
+    from gi_core.disc_search import PRETESTS, SEARCHES
     from gi_core.estimators import ESTIMATORS
     from gi_core.scene import SceneError
     from gi_core.solver import Solver
@@ -97,6 +98,8 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         raise UsageError(f'--estimator must be one of {", ".join(ESTIMATORS)}, got "{estimator}"')
     if settings.search not in SEARCHES:
         raise UsageError(f'--search must be one of {", ".join(SEARCHES)}, got "{settings.search}"')
+    if settings.pretest not in PRETESTS:
+        raise UsageError(f'--pretest must be one of {", ".join(PRETESTS)}, got "{settings.pretest}"')
     return Solver(
         scene,
         estimator=estimator,
@@ -106,4 +109,5 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         seed=settings.seed,
         control=settings.control,
         search=settings.search,
+        pretest=settings.pretest,
     )

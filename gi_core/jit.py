@@ -28,7 +28,7 @@ def source_hash() -> str:
     digest = hashlib.sha256(f"{numba.__version__} {_ROOT}".encode())
     for path in sorted(_ROOT.rglob("*.py")):
         source = path.read_bytes()
-        if b"@kernel" in source:
+        if b"@kernel" in source or b"@inlined" in source:
             digest.update(path.relative_to(_ROOT).as_posix().encode() + source)
     return digest.hexdigest()[:12]
 

@@ -18,6 +18,7 @@ class Setting(NamedTuple):
     neighbours: int  # k of photon_map
     control: bool = True  # artifact control of tangent_plane, see `gi_core.reachable_area`
     search: str = "disc_index"  # a key of `gi_core.disc_search.SEARCHES`: how tangent_plane finds crossings
+    pretest: str = "none"  # a key of `gi_core.disc_search.PRETESTS`, before each disc test
 
     def changed(self, choices: dict[str, tuple], **values) -> Setting:
         """Return the setting with some values replaced; None keeps what it is.

@@ -18,7 +18,7 @@ from gi_core.contact_discs import ControlFacts
 from gi_core.control_variate import frame_irradiance
 from gi_core.cuts import Frame, change, current_segments
 from gi_core.defaults import choose
-from gi_core.disc_search import SEARCHES
+from gi_core.disc_search import PRETESTS, SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.ladder import FrameTimes, is_rung, next_rung
 from gi_core.model import Model
@@ -37,7 +37,7 @@ STATIC_LIGHT = ("all", "prefix")  # what a frame of few photons takes the light 
 STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
-CHOICES = {"estimator": tuple(ESTIMATORS), "search": tuple(SEARCHES)}
+CHOICES = {"estimator": tuple(ESTIMATORS), "search": tuple(SEARCHES), "pretest": tuple(PRETESTS)}
 LARGEST_CHUNK = 1 << 16
 SCRATCH_CHUNK = 1 << 16
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.disc_search import SEARCHES
+from gi_core.disc_search import PRETESTS, SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.gather_rounds import gather_rounds
 from gi_core.jit import cache_folder
@@ -54,8 +54,9 @@ def compile_kernels() -> Iterator[Step]:
         solver.from_scratch()
     for k, name in enumerate(SEARCHES, 1 + len(ESTIMATORS)):
         yield Step(k, total, name.replace("_", " "))
-        solver.configure(estimator="tangent_plane", search=name)
-        solver.solve()
+        for pretest in list(PRETESTS)[:2]:  # without and with: one kernel serves all that there are
+            solver.configure(estimator="tangent_plane", search=name, pretest=pretest)
+            solver.solve()
     yield Step(total - 2, total, "reference")
     _gather()
     yield Step(total - 1, total, "ready")

@@ -1,15 +1,18 @@
 """Which segments cross which discs: searches of identical shape, each a superset of the same test.
 
-A search is made from the `Discs` of one object and serves every frame. `splat(lines, sign, sums, part, parts)`
-adds sign x flux of lines (`Lines`, in the discs' space) to the sums of the discs they cross, and returns the
-number of crossings. It does one of `parts` shares of that work; several threads may do one each, with
-sums of their own. Where `parts_share_lines`, a share is some of the discs with all lines; where not, it is some of
-the lines: whoever makes lines ready need then make ready only those of the share.
+A search is made from the `Discs` of one object and a key of PRETESTS, and serves every frame.
+`splat(lines, sign, sums, part, parts)` adds sign x flux of lines (`Lines`, in the discs' space) to the sums of the
+discs they cross, and returns the number of crossings. It does one of `parts` shares of that work; several
+threads may do one each, with sums of their own. Where `parts_share_lines`, a share is some of the discs with all
+lines; where not, it is some of the lines: whoever makes lines ready need make ready only those of the share.
 """
 
 from gi_core.disc_search.brute_force import BruteForce
 from gi_core.disc_search.disc_index import DiscIndex
+from gi_core.disc_search.pretest import PRETESTS
 from gi_core.disc_search.ray_cache import RayCache, UnsortedRayCache
+
+__all__ = ["PRETESTS", "SEARCHES"]
 
 SEARCHES = {
     "disc_index": DiscIndex,

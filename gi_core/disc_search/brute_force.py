@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.disc_search.crossing import LANES, Discs, Lines, blocks, counts, crossed, lane_of, receiver, share, to_list
+from gi_core.disc_search.pretest import discs_left, triangles
 from gi_core.jit import kernel
 from gi_core.sums import CHUNK_BITS, Sums
 
@@ -18,24 +19,25 @@ class BruteForce:
 
     parts_share_lines = False
 
-    def __init__(self, discs: Discs):
+    def __init__(self, discs: Discs, pretest: str = "none"):
         self.discs = discs
         listed = np.flatnonzero(to_list(discs))
         rows = np.full(-(-len(listed) // LANES) * LANES, -1)
         rows[: len(listed)] = listed
-        self.blocks = blocks(discs, rows)
+        self.blocks, self.pretest = blocks(discs, rows), triangles(pretest, discs, rows)
 
     def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.disc_search`."""
         first, last = share(len(lines.low), part, parts)
         d = self.discs
-        return _splat(*self.blocks, d.own, *d.regions[:2], d.radius, *lines, first, last, sign, *sums)
+        return _splat(*self.blocks, d.own, *d.regions[:2], d.radius, *lines, first, last, sign, *sums, self.pretest)
 
 
 @kernel
 def _splat(
     data, front, behind, own, row, reach, radius,
     origin, direction, low, stop, high, flux, patches, touches, first, last, sign, sums, touched, base,
+    pretest,
 ):  # fmt: skip
     r2 = radius * radius
     total = 0
@@ -43,7 +45,13 @@ def _splat(
         ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
         dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
         for block in range(len(front) // LANES):
+            if pretest is not None:
+                left = discs_left(pretest, data, block, ox, oy, oz, dx, dy, dz)
+                if left == 0:
+                    continue
             bits = crossed(data, block, ox, oy, oz, dx, dy, dz, low[k], high[k], r2)
+            if pretest is not None:
+                bits &= left
             while bits != 0:
                 i, x, y, z, nx, ny, nz = receiver(data, front, behind, block * LANES + lane_of(bits), dx, dy, dz)
                 bits &= bits - np.uint32(1)

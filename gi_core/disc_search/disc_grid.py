@@ -13,6 +13,7 @@ import numpy as np
 
 from gi_core.disc_search.crossing import LANES, Discs, Lines, blocks, crossed, lane_of, share
 from gi_core.disc_search.found import ROOM, add_found
+from gi_core.disc_search.pretest import discs_left, triangles
 from gi_core.jit import inlined, kernel
 from gi_core.sums import Sums
 
@@ -39,7 +40,7 @@ def cell_for(extent: np.ndarray, radius: float, cell_radii: float = CELL_RADII) 
 class DiscGrid:
     """A uniform grid over some of the discs, those of the given rows (n,)."""
 
-    def __init__(self, discs: Discs, rows: np.ndarray, cell_radii: float = CELL_RADII):
+    def __init__(self, discs: Discs, rows: np.ndarray, pretest: str = "none", cell_radii: float = CELL_RADII):
         self.discs = discs
         low, extent = box_of(discs, rows)
         self.cell = cell = cell_for(extent, float(discs.radius), cell_radii)
@@ -52,14 +53,14 @@ class DiscGrid:
         self.first = np.concatenate([[0], np.cumsum(room)]).astype(np.int32)
         ids = np.full(int(self.first[-1]) * LANES, -1, np.int32)
         _list(*listed, self.first[:-1].astype(np.int64) * LANES, ids)
-        self.blocks = blocks(discs, ids)
+        self.blocks, self.pretest = blocks(discs, ids), triangles(pretest, discs, ids)
 
     def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of a share of the lines to the sums of the discs they cross; returns how many crossings."""
         first, last = share(len(lines.low), part, parts)
         return _splat(
             self.low, self.cell, self.shape, self.first, *self.blocks, self.discs.own,
-            *self.discs.regions[:2], self.discs.radius, *lines, first, last, sign, *sums,
+            *self.discs.regions[:2], self.discs.radius, *lines, first, last, sign, *sums, self.pretest,
         )  # fmt: skip
 
 
@@ -115,7 +116,7 @@ def _axis(o, d, t, low, cell, n):
 @kernel
 def _splat(
     low, cell, shape, first_of, data, front, behind, own, row, reach, radius,
-    origin, direction, t_low, stop, t_high, flux, patches, touches, first, last, sign, sums, touched, base,
+    origin, direction, t_low, stop, t_high, flux, patches, touches, first, last, sign, sums, touched, base, pretest,
 ):  # fmt: skip
     """Three passes over some segments at a time: full cells on the way, discs crossed there, sums.
 
@@ -160,6 +161,7 @@ def _splat(
                     total += _cross(
                         visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
                         row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base,
+                        pretest,
                     )  # fmt: skip
                     visits = 0
             if t >= t1:
@@ -176,7 +178,7 @@ def _splat(
                 tz += wz
     total += _cross(
         visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
-        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base,
+        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base, pretest,
     )  # fmt: skip
     return total
 
@@ -184,7 +186,7 @@ def _splat(
 @kernel
 def _cross(
     visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
-    row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base,
+    row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base, pretest,
 ):  # fmt: skip
     total = n = 0
     for v in range(visits):
@@ -193,7 +195,13 @@ def _cross(
         dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
         a, b = visit_low[v], visit_high[v]
         for block in range(visit_blocks[v, 0], visit_blocks[v, 1]):
+            if pretest is not None:
+                left = discs_left(pretest, data, block, ox, oy, oz, dx, dy, dz)
+                if left == 0:
+                    continue
             bits = crossed(data, block, ox, oy, oz, dx, dy, dz, a, b, r2)
+            if pretest is not None:
+                bits &= left
             while bits != 0:
                 found[n, 0], found[n, 1] = k, block * LANES + lane_of(bits)
                 bits &= bits - np.uint32(1)

@@ -25,10 +25,10 @@ class DiscIndex:
 
     parts_share_lines = False
 
-    def __init__(self, discs: Discs, cell_radii: float = CELL_RADII):
+    def __init__(self, discs: Discs, pretest: str = "none", cell_radii: float = CELL_RADII):
         self.discs = discs
         parts = _crowds(discs, np.flatnonzero(to_list(discs)), cell_radii)
-        self.grids = [DiscGrid(discs, rows, cell_radii) for rows in parts]
+        self.grids = [DiscGrid(discs, rows, pretest, cell_radii) for rows in parts]
 
     def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.disc_search`."""

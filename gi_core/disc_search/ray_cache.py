@@ -22,6 +22,7 @@ from gi_core.disc_search.crossing import (
 )
 from gi_core.disc_search.found import ROOM, add_found
 from gi_core.disc_search.line_list import load, push
+from gi_core.disc_search.pretest import lines_left, triangles
 from gi_core.disc_search.space_curve import hilbert_order
 from gi_core.disc_search.sphere_stack import LEAST_RADII, stack_spheres
 from gi_core.jit import kernel
@@ -38,7 +39,7 @@ class RayCache:
 
     parts_share_lines = True  # a part is some of the discs, with every line
 
-    def __init__(self, discs: Discs, ordered: bool = True, least_radii: float = LEAST_RADII):
+    def __init__(self, discs: Discs, pretest: str = "none", ordered: bool = True, least_radii: float = LEAST_RADII):
         self.discs = discs
         rows = np.flatnonzero(to_list(discs))
         if ordered:
@@ -46,7 +47,7 @@ class RayCache:
         self.spheres = stack_spheres(discs.positions[rows], float(discs.radius), least_radii)
         filled = np.full(-(-len(rows) // LANES) * LANES, -1)
         filled[: len(rows)] = rows
-        self.blocks = blocks(discs, filled)
+        self.blocks, self.pretest = blocks(discs, filled), triangles(pretest, discs, filled)
         self._far = float(np.abs(discs.positions[rows]).max(initial=0.0))
 
     def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
@@ -58,21 +59,22 @@ class RayCache:
         bounds = np.searchsorted(s.first, np.arange(count + 1) * s.last[0] // count)
         bounds[0], bounds[-1] = 0, len(s.first)
         return _splat(
-            s, bounds, part, parts, self._far, tuple(self.blocks), d.own, *d.regions[:2], d.radius, *lines, sign, *sums
-        )
+            s, bounds, part, parts, self._far, tuple(self.blocks), d.own, *d.regions[:2], d.radius, *lines, sign, *sums,
+            self.pretest,
+        )  # fmt: skip
 
 
 class UnsortedRayCache(RayCache):
     """The same with receivers in the order of the mesh: what sorting is worth."""
 
-    def __init__(self, discs: Discs):
-        super().__init__(discs, ordered=False)
+    def __init__(self, discs: Discs, pretest: str = "none"):
+        super().__init__(discs, pretest, ordered=False)
 
 
 @kernel
 def _splat(
     spheres, bounds, part, parts, far, discs, own, row, reach, radius,
-    origin, direction, low, stop, high, flux, patches, touches, sign, sums, touched, base,
+    origin, direction, low, stop, high, flux, patches, touches, sign, sums, touched, base, pretest,
 ):  # fmt: skip
     lines = origin, direction, stop, flux, patches, touches
     adding = *discs, own, row, reach, radius * radius, *lines, sign, sums, touched, base
@@ -87,14 +89,14 @@ def _splat(
         pad = np.float32(ROUNDING) * (load(origin, direction, low, high, batch, batch + count[0], lists, who) + far)
         for block in range(part, len(bounds) - 1, parts):
             more, lists, who = _visit(
-                spheres, bounds[block], bounds[block + 1], pad, lists, who, start, count, stack, found, adding
+                spheres, bounds[block], bounds[block + 1], pad, lists, who, start, count, stack, found, adding, pretest
             )
             total += more
     return total
 
 
 @kernel
-def _visit(spheres, k, last, pad, lists, who, start, count, stack, found, adding):
+def _visit(spheres, k, last, pad, lists, who, start, count, stack, found, adding, pretest):
     """Visit the receivers from sphere k's first to that of sphere `last`."""
     first_of, last_of, behind_of, parent, depth, centre, radius = spheres
     data, r2 = adding[0], adding[6]
@@ -123,7 +125,13 @@ def _visit(spheres, k, last, pad, lists, who, start, count, stack, found, adding
                 x, y, z = data[j], data[j + LANES], data[j + 2 * LANES]
                 nx, ny, nz, limit = data[j + 3 * LANES], data[j + 4 * LANES], data[j + 5 * LANES], data[j + 6 * LANES]
                 for b in range(start[height], start[height] + (count[height] + LANES - 1) // LANES):
+                    if pretest is not None:
+                        left = lines_left(pretest, lists, b, e, x, y, z, nx, ny, nz)
+                        if left == 0:
+                            continue
                     bits = crossing(lists, b, x, y, z, nx, ny, nz, limit, r2)
+                    if pretest is not None:
+                        bits &= left
                     while bits != 0:
                         found[n, 0], found[n, 1] = who[b * LANES + lane_of(bits)], e
                         bits &= bits - np.uint32(1)

@@ -38,7 +38,7 @@ class TangentPlane:
 
     def __init__(self, model: Model, setting: Setting):
         self.model, self.radius, self.control = model, setting.radius, setting.control
-        self._search = SEARCHES[setting.search]
+        self._search, self._pretest = SEARCHES[setting.search], setting.pretest
         self.area = np.full(len(model.object_receivers.areas), math.pi * self.radius * self.radius)
         self.control_facts = ControlFacts(0.0, 0, 0)  # of the last frame
         self.photons = 0  # photons that were prepared
@@ -66,7 +66,7 @@ class TangentPlane:
             positions = np.ascontiguousarray(r.positions[rows], np.float32)
             normals = np.ascontiguousarray(r.normals[rows], np.float32)
             discs = Discs(positions, normals, own[rows], self.model.backs(o), np.float32(self.radius), region)
-            self._searches.append(self._search(discs))
+            self._searches.append(self._search(discs, self._pretest))
             yield
         self._contact = ContactDiscs(self.model, self.radius, [s.discs for s in self._searches], self.control)
         yield from self._contact.build()
