@@ -23,6 +23,9 @@ BEHIND = -2  # in place of the receiver on the back of a disc: this is one, its 
 CONCAVE = 1e-3  # height over width of the faces round a receiver; float32 files are flat to 1e-5
 
 
+FARTHEST = 32  # sizes of the scene from the origin: at 100, float32 loses the lift of rays off the faces they leave
+
+
 class Model:
     """What does not depend on poses, estimator or photons."""
 
@@ -40,6 +43,7 @@ class Model:
         ]
         lights = np.array([light.position for light in scene.lights if hasattr(light, "position")], np.float64)
         self.world = build_world(self.surfaces, self.accelerator, lights)
+        _check_place(scene.name, self.world.size, self.surfaces.vertices[0], lights)
         # Directional and sky light must reach mobiles that stand out of the static part.
         lit = enclosing_sphere(self.surfaces.vertices[0], lights, np.array(mobiles))
         self.emitters = build_emitters(scene, self.surfaces, *lit)
@@ -118,3 +122,13 @@ class Model:
         out = np.zeros(2 * (int(self.surfaces.patch.max(initial=-1)) + 1), bool)
         out[own[rises]] = True
         return out
+
+
+def _check_place(name: str, size: float, *points: np.ndarray) -> None:
+    """Raise SceneError for a scene too far from the origin for its size, as maps in geographic coordinates are."""
+    farthest = max((float(np.abs(p).max()) for p in points if len(p)), default=0.0)
+    if farthest > FARTHEST * size:
+        raise SceneError(
+            f"{name}: the scene reaches {farthest:.6g} m from the origin but is only {size:.3g} m large, "
+            f"more than {FARTHEST} times which light goes astray; move it to the origin"
+        )
