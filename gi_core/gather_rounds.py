@@ -78,15 +78,17 @@ def gather_rounds(
     model: Model | None = None,
     state: Gathered | None = None,
     step: int = STEP,
+    mobiles: bool = True,
 ) -> Iterator[Gathered]:
     """Gather without end; yields the state after every `step` paths or so. Stop when it is good enough.
 
-    Points, poses and the rest are those of reference_irradiance(). `weights` (n,) >= 0, areas as a rule: paths go
-    where they lower the weighted error (l1) most; None: as many everywhere. `state`: go on from there, to
-    the same bits as without a break; it is copied. The state yielded is always the same arrays: copy what
-    you keep. Raises SceneError for a bad pose, ValueError for bad points, weights, or a state of other points.
+    Points, poses and the rest are those of reference_irradiance(); without `mobiles`, of the static part alone.
+    `weights` (n,) >= 0, areas as a rule: paths go where they lower the weighted error (l1) most; None: as many
+    everywhere. `state`: go on from there, to the same bits as without a break; it is copied. The state yielded is
+    always the same arrays: copy what you keep. Raises SceneError for a bad pose, ValueError for bad points,
+    weights, or a state of other points.
     """
-    gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model)
+    gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles)
     n = len(gatherer.positions)
     if weights is not None:
         weights = np.asarray(weights, np.float64)

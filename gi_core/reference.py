@@ -95,11 +95,13 @@ def reference_steps(
 class Gatherer:
     """Points of a scene, ready to be gathered at: what the paths of any of them bring."""
 
-    def __init__(self, scene: Scene, positions, normals, seed: int, poses=None, light_sampling=True, model=None):
-        """Arguments are those of reference_irradiance(); raises as it does."""
+    def __init__(
+        self, scene: Scene, positions, normals, seed: int, poses=None, light_sampling=True, model=None, mobiles=True
+    ):
+        """Arguments are those of reference_irradiance(); `mobiles` False leaves those out. Raises as it does."""
         positions, normals = _checked(positions, normals)
         self.model = model or Model(scene)
-        self._at = self.model.transforms(_poses(self.model, poses))
+        self._at = self.model.transforms(_poses(self.model, poses)) if mobiles else self.model.static
         self._lights = Lights(area_lights(self.model.surfaces), small_lights(scene), sky_of(scene))
         self._seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self._light_sampling = light_sampling

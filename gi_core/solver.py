@@ -20,6 +20,7 @@ from gi_core.cuts import Frame, change, current_segments
 from gi_core.defaults import choose
 from gi_core.disc_search import PRETESTS, SEARCHES
 from gi_core.estimators import ESTIMATORS
+from gi_core.gather_rounds import Gathered
 from gi_core.ladder import FrameTimes, is_rung, next_rung
 from gi_core.model import Model
 from gi_core.near_scan import Room
@@ -31,9 +32,11 @@ from gi_core.receivers import Receivers
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
 from gi_core.setting import Setting, number
+from gi_core.static_gather import StaticGather
+from gi_core.sums import Evaluated, chunks_of
 from gi_core.surfaces import Surfaces
 
-STATIC_LIGHT = ("all", "prefix")  # what a frame of few photons takes the light of the static part from
+STATIC_LIGHT = ("all", "prefix", "gathered")  # what frames take the light of the static part from
 STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
@@ -95,6 +98,8 @@ class Solver:
         self.irradiance = np.zeros((len(self.model.object_receivers.areas), 3))
         self.memory_full = False  # fewer photons than wanted, because memory does not hold more
         self.photons_traced = 0  # photons that self.irradiance belongs to
+        self.gathered: StaticGather | None = None
+        self._gather_better = False  # than the photons shown
         self._frame: Frame | None = None
         self._times = FrameTimes()
         self._shown: Background | None = None  # what frames are computed from
@@ -107,8 +112,9 @@ class Solver:
         """Change settings. Paths are kept; solve_steps() does again only what depends on the change.
 
         static_light: whether a frame of a prefix of the photons takes the light of the static part from "all" of
-        them (see `gi_core.control_variate`) or from that "prefix" too; changes: fields of `setting`. Until
-        solve_steps() has run, frames go on with the old settings. Raises SceneError for a bad value.
+        them (see `gi_core.control_variate`) or from that "prefix" too; "gathered": from gather_steps() as soon as
+        that is better; changes: fields of `setting`. Until solve_steps() has run, frames go on with the old
+        settings. Raises SceneError for a bad value.
         """
         photons = number("photons", photons, self.photons)
         static_light = self.static_light if static_light is None else static_light
@@ -189,6 +195,8 @@ class Solver:
         if b is not self._shown:
             self._times = FrameTimes()
         self._shown, self._next = b, None
+        if self.gathered is not None:
+            self._gather_better = self.gathered.better_than(b.resting(b.added)) if b.added else False
         self._update()
         yield Progress("estimating", b.added / max(self._goal, 1), True)
 
@@ -247,7 +255,7 @@ class Solver:
         clock("estimate")
         if photons:
             scale, resting = self.model.emitters.unit_flux / photons, self._shown.resting(photons)
-            better = self._shown.resting(estimate.photons if self.static_light == "all" else photons)
+            better = self._static_irradiance(photons)
             self.irradiance = frame_irradiance(evaluated, scale, resting, better, self.model.threads)
         else:
             self.irradiance = np.zeros(evaluated.sums.shape)
@@ -257,10 +265,37 @@ class Solver:
         self.timings = clock.seconds
         self._times.add(photons, sum(clock.seconds.values()))
 
-    def _read_out(self, sums: np.ndarray, area: np.ndarray, photons: int) -> np.ndarray:
-        if photons == 0:
-            return np.zeros(sums.shape)
-        return irradiance(sums, self.model.emitters.unit_flux / photons, area)
+    def _static_irradiance(self, photons: int) -> np.ndarray:
+        """Return what a frame of so many photons takes the irradiance (n, 3) of static receivers from."""
+        if self.static_light == "gathered" and self._gather_better:
+            return self.gathered.mean
+        return self._shown.resting(photons if self.static_light == "prefix" else self._shown.estimate.photons)
+
+    # -- gathering --------------------------------------------------------------------------------
+
+    def gather_steps(self, state: Gathered | None = None) -> Iterator[Progress]:
+        """Gather the static part's light in steps of some 30 ms until it is known to 0.7 % (`gi_core.static_gather`).
+
+        Used by frames where `static_light` is "gathered". May be abandoned between steps and begun again;
+        state: what `gathered.state` of an earlier run was, for the same scene and seed. Raises ValueError for another.
+        """
+        if self.gathered is None or state is not None:
+            self.gathered = StaticGather(self.model, self.seed, state)
+        g, picture = self.gathered, self._look_at_gathered()
+        yield Progress("gathering", g.fraction, picture)
+        while not g.enough and len(self.model.emitters.kind):
+            yield Progress("gathering", g.fraction, g.step() and self._look_at_gathered())
+        yield Progress("done", 1.0, False)
+
+    def _look_at_gathered(self) -> bool:
+        """Use what has been gathered if it is better than what all photons say; True if irradiance is new."""
+        if self._shown is None or not (photons := self._shown.estimate.photons):
+            return False
+        self._gather_better = self.gathered.better_than(self._shown.resting(photons))
+        if self.static_light != "gathered" or not self._gather_better:
+            return False
+        self._update()
+        return True
 
     def twin(self, fresh: bool = False) -> Solver:
         """Return a solver with settings and poses of its own that shares this one's scene and photons.
@@ -288,7 +323,13 @@ class Solver:
             current_segments(self.model, at, self.seed, first, min(SCRATCH_CHUNK, n - first))[0]
             for first in range(0, n, SCRATCH_CHUNK)
         )
-        return self._read_out(*estimate.from_scratch(parts, at), n)
+        sums, area = estimate.from_scratch(parts, at)
+        if not n:
+            return np.zeros(sums.shape)
+        frame, scale = Evaluated(sums, area, np.ones(chunks_of(len(area)), bool)), self.model.emitters.unit_flux / n
+        if self._shown is None:
+            return irradiance(sums, scale, area)
+        return frame_irradiance(frame, scale, self._shown.resting(n), self._static_irradiance(n), self.model.threads)
 
     @property
     def resting_irradiance(self) -> np.ndarray:
@@ -296,7 +337,7 @@ class Solver:
         first solve."""
         if self._shown is None or not self._shown.estimate.photons:
             return np.zeros((self.surfaces.receiver_range(0).stop, 3))
-        return self._shown.resting(self._shown.estimate.photons)
+        return self._static_irradiance(self._shown.estimate.photons)
 
     @property
     def receivers(self) -> Receivers:

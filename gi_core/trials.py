@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.error import noise_of_truth, receiver_classes, relative_error
+from gi_core.error import receiver_classes, relative_error
 from gi_core.evaluation_points import evaluation_points
-from gi_core.reference import reference_steps
+from gi_core.gather_rounds import gather_rounds
 from gi_core.scene.types import Pose
 from gi_core.setting import Setting
 from gi_core.solver import Solver
@@ -67,15 +67,14 @@ def yardsticks(
         rows = np.sort(rng.choice(rows, min(RECEIVERS, int((share > 0).sum())), replace=False, p=share))
         points, normals = (a[rows] for a in evaluation_points(solver.surfaces, receivers))
         weights = np.ones(len(rows))  # the draw has weighed them
-        steps = reference_steps(
-            solver.scene, points, normals, MOST_PATHS, 1000 * seed + k, solver.poses, model=solver.model
-        )
+        steps = gather_rounds(solver.scene, points, normals, 1000 * seed + k, weights, solver.poses, model=solver.model)
         for truth in steps:
-            noise = noise_of_truth(truth.standard_error, truth.mean, weights)
-            yield (k + min(truth.paths / MOST_PATHS, 1.0)) / len(frames)
-            if noise <= NOISE:
+            noise = truth.noise(weights)
+            done = max(min((NOISE / noise) ** 2, 1.0), int(truth.paths.sum()) / (MOST_PATHS * len(rows)))
+            yield (k + min(done, 1.0)) / len(frames)
+            if done >= 1 and truth.sets.min() > 1:
                 break
-        out.append(Yardstick(dict(solver.poses), rows, truth.mean, weights, 0.0 if np.isnan(noise) else noise))
+        out.append(Yardstick(dict(solver.poses), rows, truth.mean.copy(), weights, noise))
     return out
 
 

@@ -1,0 +1,78 @@
+"""The static part's light without photons: gathered by paths, unbiased, while nothing else is to be done.
+
+It replaces the photons' own answer as what frames start from (`control_variate.py`) once it is the better of the
+two. How far the photons are off is judged from the two alone: the square of their distance is that of the noise of
+one, which is known, and that of the error of the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gi_core.error import relative_error
+from gi_core.evaluation_points import evaluation_points
+from gi_core.gather_rounds import Gathered, gather_rounds
+from gi_core.model import Model
+
+ENOUGH = 0.007  # noise, relative l1: nobody sees it; with what interpolation adds the light is within a percent
+STEP = 1 << 13  # paths a step: some 30 ms, since a drag that begins waits for it
+CLEARLY = 3.0  # times the square of its noise is its squared distance from the photons where it is used: grain at
+# single vertices is more easily seen than the soft blotches of photons of the same error
+
+
+class StaticGather:
+    """Irradiance of the static part's receivers as it is without mobiles."""
+
+    def __init__(self, model: Model, seed: int, state: Gathered | None = None):
+        """state: what an earlier run has gathered with the same scene and seed. Raises ValueError for another."""
+        rows = model.surfaces.receiver_range(0)
+        points, normals = evaluation_points(model.surfaces, model.object_receivers)
+        self.weights = model.object_receivers.areas[rows].copy()
+        if state is not None and len(state.sets) != len(self.weights):
+            raise ValueError(f"the state is of {len(state.sets)} points, but there are {len(self.weights)}")
+        given = model, seed, points[rows], normals[rows]
+        paid = self.weights.copy()
+        paid[model.first_probe :] = paid.mean() if len(paid) else 0.0  # probes stand for no area, but are read
+        self._rounds = _rounds(*given, paid, state)
+        self.state = state
+        self.mean = np.zeros((0, 3)) if state is None else state.mean.copy()  # (n, 3) [W/m2] of whole rounds
+        self.noise = float("inf") if state is None else state.noise(self.weights)  # of it, relative l1
+        self._round = 0 if state is None else _rounds_done(state)
+
+    @property
+    def enough(self) -> bool:
+        return not self.noise > ENOUGH  # nan: nothing is lit
+
+    @property
+    def fraction(self) -> float:
+        """Share of the way to ENOUGH, 0 .. 1: noise falls with the root of the paths."""
+        return min((ENOUGH / self.noise) ** 2, 1.0) if self.noise > 0 else 1.0
+
+    def step(self) -> bool:
+        """Gather a little more; True when `mean` is new."""
+        self.state = next(self._rounds)
+        done = _rounds_done(self.state)
+        if done == self._round or done < 2:
+            return False
+        self._round, self.mean, self.noise = done, self.state.mean.copy(), self.state.noise(self.weights)
+        return True
+
+    def better_than(self, photons: np.ndarray) -> bool:
+        """Tell whether `mean` is clearly nearer to the truth than the photons' irradiance (n, 3)."""
+        if len(self.mean) != len(photons) or not np.isfinite(self.noise):
+            return False
+        if np.isnan(apart := relative_error(photons, self.mean, self.weights).l1):
+            return False  # black
+        return apart**2 >= CLEARLY * self.noise**2
+
+
+def _rounds(model: Model, seed: int, points, normals, weights, state) -> Iterator[Gathered]:
+    return gather_rounds(
+        model.scene, points, normals, seed, weights, model=model, state=state, step=STEP, mobiles=False
+    )
+
+
+def _rounds_done(state: Gathered) -> int:
+    return int(state.sets.min()) if len(state.sets) else 0

@@ -1,0 +1,130 @@
+"""The static part's light gathered by paths: unbiased, used once it is better, and exact under moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scene_builders import box_mobile, coloured_room
+
+from gi_core import static_gather
+from gi_core.evaluation_points import evaluation_points
+from gi_core.gather_rounds import Gathered
+from gi_core.reference import reference_irradiance
+from gi_core.scene import Pose
+from gi_core.solver import Solver
+
+SCENE = coloured_room((box_mobile(size=0.1),))
+POSE = Pose((0.55, 0.5, 0.35))
+
+
+def solved(photons: int, **settings) -> Solver:
+    solver = Solver(SCENE, photons=photons, radius=0.06)
+    solver.configure(static_light="gathered", **settings)
+    solver.solve()
+    return solver
+
+
+def kept(state: Gathered) -> Gathered:
+    return Gathered(*(a.copy() for a in state))
+
+
+@pytest.fixture(scope="module")
+def gathered() -> Solver:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(static_gather, "ENOUGH", 0.02)
+        solver = solved(5_000)
+        for _ in solver.gather_steps():
+            pass
+        assert solver.gathered.enough and solver._gather_better
+        yield solver
+
+
+def test_it_is_the_reference_of_the_scene_without_its_mobile(gathered):
+    bare = Solver(replace(SCENE, mobiles=()), photons=0)
+    points, normals = evaluation_points(bare.surfaces, bare.receivers)
+    truth, error = reference_irradiance(bare.scene, points, normals, 2000, 5, model=bare.model)
+    g = gathered.gathered
+    sigma = np.sqrt(error**2 + g.state.standard_error**2)
+    z = ((g.mean - truth) / np.where(sigma > 0, sigma, np.inf))[:, 1]
+    assert len(z) > 60 and abs(z.mean()) < 4 * z.std() / np.sqrt(len(z))
+    assert 0.7 < z.std() < 1.6  # few sets a point: their deviations are rough
+
+
+def test_what_the_mobile_leaves_alone_is_the_gathered_light_and_frames_are_those_from_scratch(gathered):
+    gathered.move("box", POSE)
+    mean, photons = gathered.gathered.mean, gathered._shown.resting(gathered.photons)
+    gathered.configure(static_light="prefix")
+    gathered.move_all({})
+    plain = gathered.irradiance[: len(mean)]
+    gathered.configure(static_light="gathered")
+    gathered.move_all({})
+    untouched = (plain == photons).all(axis=1)
+    assert 0.05 < untouched.mean() < 1
+    assert np.array_equal(gathered.irradiance[: len(mean)][untouched], mean[untouched])
+    assert np.array_equal(gathered.irradiance, gathered.from_scratch())
+    assert np.array_equal(gathered.resting_irradiance, mean)
+    assert (gathered.irradiance >= 0).all()
+
+
+def test_a_run_that_is_taken_up_again_ends_in_the_same_bits(gathered, monkeypatch):
+    monkeypatch.setattr(static_gather, "ENOUGH", 0.02)
+    first = solved(5_000)
+    for step, _ in enumerate(first.gather_steps()):
+        if step == 30:
+            break
+    state = kept(first.gathered.state)
+    for _ in first.gather_steps():  # as after a drag
+        pass
+    later = solved(5_000)
+    for _ in later.gather_steps(state):
+        pass
+    assert np.array_equal(first.gathered.mean, gathered.gathered.mean)
+    assert np.array_equal(later.gathered.mean, gathered.gathered.mean)
+    assert np.array_equal(later.irradiance, first.irradiance)
+
+
+def test_photons_are_kept_as_long_as_they_are_better(monkeypatch):
+    """Gathered light of a noise far above that of many photons on large discs is left alone."""
+    monkeypatch.setattr(static_gather, "ENOUGH", 0.25)
+    monkeypatch.setattr("gi_core.gather_rounds.AIM", 0.3)
+    solver = solved(400_000)
+    before = solver.irradiance
+    steps = list(solver.gather_steps())
+    assert solver.gathered.noise < float("inf") and not solver._gather_better
+    assert solver.irradiance is before and not any(p.picture for p in steps)
+
+
+def test_only_where_it_is_asked_for(gathered):
+    state = kept(gathered.gathered.state)
+    solver = solved(5_000)
+    solver.configure(static_light="all")
+    before = solver.irradiance
+    for progress in solver.gather_steps(state):
+        assert not progress.picture
+    assert solver.irradiance is before
+    solver.configure(static_light="gathered")
+    solver.move_all({})
+    assert not np.array_equal(solver.irradiance, before)
+
+
+def test_progress_goes_up_to_the_end(monkeypatch):
+    monkeypatch.setattr(static_gather, "ENOUGH", 0.05)
+    fractions = [p.fraction for p in solved(5000).gather_steps()]
+    assert fractions == sorted(fractions) and fractions[-1] == 1.0
+
+
+def test_a_scene_without_light_needs_nothing():
+    unlit = tuple(m._replace(emission=(0.0,) * 3) for m in SCENE.materials)
+    dark = Solver(replace(SCENE, materials=unlit, lights=()), photons=100)
+    dark.configure(static_light="gathered")
+    dark.solve()
+    assert len(list(dark.gather_steps())) <= 2
+    assert not dark.irradiance.any()
+
+
+def test_a_state_of_another_scene_is_refused(gathered):
+    state = Gathered(*(a[:-1].copy() for a in gathered.gathered.state))
+    with pytest.raises(ValueError, match="the state is of"):
+        list(solved(100).gather_steps(state))
