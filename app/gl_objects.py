@@ -24,11 +24,24 @@ class Run(NamedTuple):
     emission: tuple[float, float, float]
 
 
+class Layer(NamedTuple):
+    """One set of colours of an object, and what draws them."""
+
+    colours: object  # buffer: radiance of front and back
+    lit: object  # vertex array without textures
+    textured: object | None  # vertex array for textures, None where there are none
+    cut_out: object | None  # the same for textures with holes
+
+
 class DrawnObject:
-    """Buffers of one object. Two-sided faces come last, so that culling can leave them out."""
+    """Buffers of one object. Two-sided faces come last, so that culling can leave them out.
+
+    There may be a second layer of colours beside the first: what is drawn right of a wipe's line.
+    """
 
     def __init__(self, ctx, surface, textured, cut_out, mask, mesh: DrawMesh) -> None:
         self.ctx = ctx
+        self._programs = surface, textured, cut_out
         self._one_sided = mesh.back < 0
         order, self._runs = _runs(mesh)
         self.indices = 3 * len(order)
@@ -39,46 +52,58 @@ class DrawnObject:
             low_high = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)], axis=1)
             self._corners = np.array(list(itertools.product(*low_high)), np.float64)
         # GL has no empty buffers; a scene may have an empty object.
-        self._owned = [
-            ctx.buffer(np.ascontiguousarray(mesh.positions, np.float32).tobytes() or bytes(12)),
-            ctx.buffer(self._colours.tobytes() or bytes(24), dynamic=True),
-            ctx.buffer(mesh.triangles[order].astype(np.int32).tobytes() or bytes(12)),
-        ]
-        positions, self._radiance, triangles = self._owned
-        attributes = [(positions, "3f", "position"), (self._radiance, "3f 3f", "front", "back")]
-        self._lit = ctx.vertex_array(surface, attributes, triangles)
-        self._marked = ctx.vertex_array(mask, attributes[:1], triangles)
-        self._owned += [self._lit, self._marked]
-        self.textured = self._cut_out = None
-        self.has_holes = any(run.texture is not None and run.texture.cover is not None for run in self._runs)
+        self._positions = ctx.buffer(np.ascontiguousarray(mesh.positions, np.float32).tobytes() or bytes(12))
+        self._triangles = ctx.buffer(mesh.triangles[order].astype(np.int32).tobytes() or bytes(12))
+        self._marked = ctx.vertex_array(mask, [(self._positions, "3f", "position")], self._triangles)
+        self._owned = [self._positions, self._triangles, self._marked]
+        self._places = None
         if mesh.uv is not None:
-            places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
-            attributes = [*attributes, (places, "2f", "place")]
-            self.textured = ctx.vertex_array(textured, attributes, triangles)
-            self._owned += [places, self.textured]
-            if self.has_holes:
-                self._cut_out = ctx.vertex_array(cut_out, attributes, triangles)
-                self._owned.append(self._cut_out)
+            self._places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
+            self._owned.append(self._places)
+        self.has_holes = any(run.texture is not None and run.texture.cover is not None for run in self._runs)
+        self._layers: dict[int, Layer] = {}
+        self._layer(0)
 
-    def upload(self, front: np.ndarray, back: np.ndarray) -> None:
+    @property
+    def is_textured(self) -> bool:
+        return self._places is not None
+
+    def _layer(self, k: int) -> Layer:
+        """Return a layer, made where there is none yet."""
+        if k not in self._layers:
+            surface, textured, cut_out = self._programs
+            colours = self.ctx.buffer(bytes(max(self._colours.nbytes, 24)), dynamic=True)
+            attributes = [(self._positions, "3f", "position"), (colours, "3f 3f", "front", "back")]
+            lit = self.ctx.vertex_array(surface, attributes, self._triangles)
+            painted = holed = None
+            if self._places is not None:
+                attributes.append((self._places, "2f", "place"))
+                painted = self.ctx.vertex_array(textured, attributes, self._triangles)
+                holed = self.ctx.vertex_array(cut_out, attributes, self._triangles) if self.has_holes else None
+            self._layers[k] = Layer(colours, lit, painted, holed)
+            self._owned += [thing for thing in self._layers[k] if thing is not None]
+        return self._layers[k]
+
+    def upload(self, front: np.ndarray, back: np.ndarray, layer: int = 0) -> None:
         self._colours[:, :3] = front
         self._colours[:, 3:] = back
         self._colours[self._one_sided, 3:] = -1.0  # see surface.frag
         if len(self._colours):
-            self._radiance.write(self._colours)
+            self._layer(layer).colours.write(self._colours)
 
-    def draw(self, cull: bool) -> None:
+    def draw(self, cull: bool, layer: int = 0) -> None:
         """Draw everything in its vertex colours."""
-        split = self._one_sided_indices if cull else 0
-        self._part(self._lit, 0, split, True)
-        self._part(self._lit, split, self.indices - split, False)
+        split, lit = self._one_sided_indices if cull else 0, self._layer(layer).lit
+        self._part(lit, 0, split, True)
+        self._part(lit, split, self.indices - split, False)
 
-    def draw_textured(self, textures: GLTextures, cull: bool) -> None:
+    def draw_textured(self, textures: GLTextures, cull: bool, layer: int = 0) -> None:
         """Draw run after run, each with its texture."""
+        of = self._layer(layer)
         for run in self._runs:
-            vertices = self._lit
+            vertices = of.lit
             if run.texture is not None:
-                vertices = self.textured if run.texture.cover is None else self._cut_out
+                vertices = of.textured if run.texture.cover is None else of.cut_out
                 textures.of(run.texture).use(0)
                 vertices.program["mirrored"] = tuple(float(way == "mirror") for way in run.texture.wrap)
                 vertices.program["emission"] = run.emission

@@ -23,6 +23,7 @@ SHORTCUTS = (
     Shortcut("cancel", (K.escape,), "Esc", "put back what is being dragged"),
     Shortcut("undo", (K.mod_ctrl | K.z,), "Ctrl+Z", "undo the last move"),
     Shortcut("redo", (K.mod_ctrl | K.mod_shift | K.z, K.mod_ctrl | K.y), "Ctrl+Shift+Z", "redo it"),
+    Shortcut("reference", (K._0,), "0", "show the reference instead of the estimate, and back"),
     Shortcut("meter", (K.a,), "A", "choose the exposure for what is in view"),
     Shortcut("toggle panel", (K.tab,), "Tab", "hide or show the panel"),
     Shortcut("screenshot", (K.p, K.f12), "P, F12", "save the picture, with its parameters, in the current folder"),

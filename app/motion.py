@@ -91,3 +91,15 @@ def _circle(pose: Pose, centre: np.ndarray, up, radius: float) -> KeyFrames:
     positions = centre + height * n + radius * round_
     positions[-1] = positions[0]
     return KeyFrames(np.linspace(0.0, 8.0, CORNERS + 1), positions, np.tile(pose.quaternion, (CORNERS + 1, 1)))
+
+
+def play_head(path, seconds: float) -> float:
+    """Return the time on a path after playing for so long: round and round if it closes, else there and back."""
+    first, length = float(path.times[0]), float(path.times[-1] - path.times[0])
+    closed = np.allclose(path.positions[0], path.positions[-1]) and np.isclose(
+        abs(float(np.dot(path.quaternions[0], path.quaternions[-1]))), 1.0
+    )
+    if closed:
+        return first + seconds % length
+    at = seconds % (2 * length)
+    return first + (at if at <= length else 2 * length - at)

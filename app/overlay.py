@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from app import theme
+from app import legend, plate, theme
 from app.log import ERROR, WARNING, Log
+from app.looks import Shown
 from app.session import Session
 from app.viewport import Viewport
+from app.wipe import Wipe
 
 KEYS = "H: help    Tab: panel"
 TOLD = 12  # messages in the log line's tooltip
@@ -21,23 +23,39 @@ def draw(viewport: Viewport, session: Session, ready: bool) -> None:
         _draw_opening(session, x + w / 2, y + h / 2, em)
         return
     corner = x + em, y + h - 2.6 * em
+    _draw_shown(viewport.shown, viewport.wipe, (x, y, w, h), em)
     hint = viewport.hint()
     if hint:
-        _write(hint, *corner)
+        plate.write(hint, *corner)
     elif session.refining:
         progress = session.light.progress
         if progress is not None and progress.fraction < 1:  # what comes after is not worth a word
-            _write(f"refining {100 * progress.fraction:.0f} %", *corner, theme.DIM)
+            plate.write(f"refining {100 * progress.fraction:.0f} %", *corner, theme.DIM)
+
+
+def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float, float], em: float) -> None:
+    """Say what the picture is, where that is not plain: a wipe's sides, the reference, errors, what is to come."""
+    if shown is None:
+        return
+    x, y, w, h = area
+    if len(shown.sides) == 2:
+        wipe.draw(area, (shown.sides[0].label, shown.sides[1].label))
+    elif shown.named:
+        plate.write(shown.sides[0].label, x + em, y + em)
+    if shown.coming:
+        plate.write(shown.coming, x + w - em, y + em, theme.DIM, right=True)
+    if shown.errors is not None:
+        legend.draw(shown.errors, x + w - em, y + h - em)
 
 
 def _draw_opening(session: Session, x: float, y: float, em: float) -> None:
     opening = session.opening
     if opening is None:
         problem = session.problem or "see the line below"
-        _write(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
+        plate.write(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
         return
     text = opening.phase + (f": {opening.detail}" if opening.detail else "")
-    _write(text, x, y - 1.4 * em, centred=True)
+    plate.write(text, x, y - 1.4 * em, centred=True)
     width = 18 * em
     imgui.set_cursor_screen_pos((x - width / 2, y + 0.4 * em))
     # A negative fraction makes ImGui's bar run to and fro: something is going on, nobody knows how long.
@@ -59,16 +77,3 @@ def draw_status(log: Log) -> None:
     imgui.text_colored((*colour, 1.0), entry.text)
     if imgui.is_item_hovered():
         imgui.set_tooltip("\n".join(e.text for e in list(log.entries)[-TOLD:]))
-
-
-def _write(text: str, x: float, y: float, colour=theme.TEXT, centred: bool = False) -> None:
-    """Write on the picture, on a dark plate so that it reads on any scene; (x, y) is the plate's corner or centre."""
-    em = imgui.get_font_size()
-    size = imgui.calc_text_size(text)
-    pad = (0.6 * em, 0.3 * em)
-    if centred:
-        x, y = x - size.x / 2 - pad[0], y - size.y / 2 - pad[1]
-    draw = imgui.get_window_draw_list()
-    plate = imgui.get_color_u32((0.06, 0.062, 0.068, 0.78))
-    draw.add_rect_filled((x, y), (x + size.x + 2 * pad[0], y + size.y + 2 * pad[1]), plate, 0.35 * em)
-    draw.add_text((x + pad[0], y + pad[1]), imgui.get_color_u32((*colour, 1.0)), text)

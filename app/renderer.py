@@ -24,6 +24,7 @@ BACKGROUND = (0.145, 0.15, 0.16)  # display values: dark and neutral, yet lighte
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
 TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
+AS_IS = 3  # there: colours are ready for the display
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,8 @@ class Look:
     outline_model: np.ndarray | None = None  # where the line is, if not where the object is
     outline_width: float = 2.0  # pixels
     textured: bool = True  # colours are multiplied by textures where there are any
+    as_is: bool = False  # colours are display colours: no exposure, no tone map
+    split: float | None = None  # of the width: right of it the second layer of colours is drawn
 
 
 class Renderer:
@@ -71,9 +74,9 @@ class Renderer:
         programs = self._surface, self._textured, self._cut_out, self._mask
         self._objects = [DrawnObject(self.ctx, *programs, mesh) for mesh in meshes]
 
-    def set_colours(self, o: int, front: np.ndarray, back: np.ndarray) -> None:
-        """Take over linear radiance (D, 3) of both sides of an object's draw vertices."""
-        self._objects[o].upload(front, back)
+    def set_colours(self, o: int, front: np.ndarray, back: np.ndarray, layer: int = 0) -> None:
+        """Take over linear radiance (D, 3) of both sides of an object's draw vertices; layer 1: right of the split."""
+        self._objects[o].upload(front, back, layer)
         self.uploads += 1
 
     def resize(self, width: int, height: int, samples: int | None = None) -> None:
@@ -97,20 +100,16 @@ class Renderer:
         ctx.cull_face = "back"
         for program in (self._surface, self._textured, self._cut_out):
             program["exposure"] = 2.0**look.exposure
-            program["tone_map"] = TONE_MAP_CODES[look.tone_map]
+            program["tone_map"] = AS_IS if look.as_is else TONE_MAP_CODES[look.tone_map]
             program["unlit"] = UNLIT
         for program in (self._textured, self._cut_out):
             program["image"] = 0
             program["brightest"] = MOST_REFLECTANCE
             program["painted"] = float(look.textured)
-        for o, model in zip(self._objects, look.models, strict=True):
-            _place(self._surface, look.view_projection, model)
-            if o.textured is None or not (look.textured or o.has_holes):
-                o.draw(look.cull)
-            else:
-                for program in (self._textured, self._cut_out) if o.has_holes else (self._textured,):
-                    _place(program, look.view_projection, model)
-                o.draw_textured(self._textures, look.cull)
+        for layer, area in _parts(targets.size, look.split):
+            targets.drawn.scissor = area
+            self._draw_layer(look, layer)
+        targets.drawn.scissor = None  # it would cut the copy too
         if targets.drawn is not targets.picture:
             ctx.copy_framebuffer(targets.picture, targets.drawn)
         if look.outlined >= 0:
@@ -118,6 +117,16 @@ class Renderer:
         ctx.enable_only(ctx.NOTHING)
         self._default.use()
         self.draws += 1
+
+    def _draw_layer(self, look: Look, layer: int) -> None:
+        for o, model in zip(self._objects, look.models, strict=True):
+            _place(self._surface, look.view_projection, model)
+            if not o.is_textured or not (look.textured or o.has_holes):
+                o.draw(look.cull, layer)
+            else:
+                for program in (self._textured, self._cut_out) if o.has_holes else (self._textured,):
+                    _place(program, look.view_projection, model)
+                o.draw_textured(self._textures, look.cull, layer)
 
     def _draw_outline(self, targets: _Targets, look: Look) -> None:
         ctx = self.ctx
@@ -195,6 +204,15 @@ class _Targets:
             self.drawn.release()
         for thing in (self.picture, self.mask, *self._owned):
             thing.release()
+
+
+def _parts(size: tuple[int, int], split: float | None) -> list[tuple[int, tuple[int, int, int, int] | None]]:
+    """Return (layer, (x, y, width, height) in pixels) of each part of the picture; None is all of it."""
+    if split is None:
+        return [(0, None)]
+    w, h = size
+    at = min(max(round(split * w), 0), w)
+    return [(layer, area) for layer, area in ((0, (0, 0, at, h)), (1, (at, 0, w - at, h))) if area[2] > 0]
 
 
 def _place(program, view_projection: np.ndarray, model: np.ndarray) -> None:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from app import looks
+from app.appraisal import REFERENCE, Appraisal, Wants
 from app.background import Worker
 from app.history import History
 from app.log import WARNING, Log
@@ -40,6 +42,7 @@ class Session:
         open_with: Callable = Opening,
         clock: Callable[[], float] = time.perf_counter,
         worker: Worker | None = None,
+        appraise: Callable | None = Appraisal,
     ) -> None:
         self.settings = settings  # as the user wants them
         self.log = log
@@ -53,6 +56,10 @@ class Session:
         self.playing = False
         self.history = History()
         self.light: Solving | None = None
+        self.appraisal: Appraisal | None = None
+        self._appraise = appraise
+        self._refreshed = 0  # times that the same light is to be drawn anew
+        self._truth_drawn: object = None  # how far the reference was when it was last drawn
         self._worker = worker or Worker()
         self._applied = settings
         self._changed_at = 0.0
@@ -75,7 +82,7 @@ class Session:
     @property
     def version(self) -> int:
         """Grows whenever there is something new to draw."""
-        return self.light.version
+        return self.light.version + self._refreshed
 
     @property
     def poses(self) -> dict[str, Pose]:
@@ -94,8 +101,9 @@ class Session:
 
     # Once a frame -----------------------------------------------------------------------------------
 
-    def tick(self, seconds: float, editing: bool = False, budget: float = BUDGET) -> None:
-        """Do the work of one frame; `seconds` since the last, `editing` while a slider is held."""
+    def tick(self, seconds: float, editing: bool = False, budget: float = BUDGET, still: bool = True) -> None:
+        """Do the work of one frame; `seconds` since the last, `editing` while a slider is held, `still`: so is the
+        camera."""
         if not self.ready:
             self._wait_for_opening()
             return
@@ -109,7 +117,8 @@ class Session:
             self.playing &= not self.light.move_failed
         elif not self.dragging:
             self.light.settle()
-            self.light.refine(budget)
+            self.light.refine(budget, still and not editing)
+            self._follow_truth()
         elif self.clock() - self._moved_at >= STILL:
             self.light.settle()
 
@@ -141,6 +150,9 @@ class Session:
         self.settings = self._applied = replace(self.settings, **filled)
         self.meshes, self.picker = opened.meshes, opened.picker
         self.light = Solving(opened.solver, self.log, self.clock, self._worker)
+        if self._appraise is not None:
+            self.appraisal = self._appraise(opened.solver, self.clock)
+            self.light.at_rest = self._next_work
         self._start = dict(self.solver.poses)
         static = Receivers(*(column[self.solver.surfaces.receiver_range(0)] for column in self.solver.receivers))
         paths = paths_of(self.solver.scene, static, self.solver.scene_size)
@@ -162,9 +174,28 @@ class Session:
         except Exception as problem:
             self.settings = new = replace(new, **{name: getattr(old, name) for name in changed})
             self.log.error("settings", problem)
-        if new.show != old.show:
-            self.light.version += 1
+        if (new.show, new.reference, new.compare) != (old.show, old.reference, old.compare):
+            self._refreshed += 1
         self._applied = new
+
+    # At rest ----------------------------------------------------------------------------------------
+
+    def _next_work(self) -> Callable[[], None] | None:
+        s = self.settings
+        if not s.appraise:
+            return None
+        asked = looks.asked(s)
+        self.appraisal.wants = Wants(True, REFERENCE in asked, "" if s.compare == REFERENCE else s.compare)
+        return self.appraisal.next_work(self.light.version, self.irradiance)
+
+    def _follow_truth(self) -> None:
+        """Have the picture drawn again when what it is compared with has come, or become much better."""
+        if self.appraisal is None or not self.settings.appraise:
+            return
+        now = self.appraisal.progress(self.light.version, self.light.poses_drawn)
+        if now != self._truth_drawn:
+            self._truth_drawn = now
+            self._refreshed += 1
 
     # Motion -----------------------------------------------------------------------------------------
 
@@ -230,6 +261,8 @@ class Session:
 
     def _play(self, seconds: float) -> None:
         """Go on by the time that has passed, so the speed does not depend on the frame rate."""
+        from app.motion import play_head
+
         self._path_time += seconds
         self.move({name: pose_at(path, play_head(path, self._path_time)) for name, path in self.paths.items()})
 
@@ -258,15 +291,3 @@ def matrix(pose: Pose) -> np.ndarray:
     M = np.eye(4)
     M[:3, :3], M[:3, 3] = rotation(pose), pose.position
     return M
-
-
-def play_head(path, seconds: float) -> float:
-    """Return the time on a path after playing for so long: round and round if it closes, else there and back."""
-    first, length = float(path.times[0]), float(path.times[-1] - path.times[0])
-    closed = np.allclose(path.positions[0], path.positions[-1]) and np.isclose(
-        abs(float(np.dot(path.quaternions[0], path.quaternions[-1]))), 1.0
-    )
-    if closed:
-        return first + seconds % length
-    at = seconds % (2 * length)
-    return first + (at if at <= length else 2 * length - at)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 TONE_MAPS = ("aces", "reinhard", "clip")
 SHOWS = ("radiance", "irradiance")
+ERRORS = "error"  # what the window shows beside those: needs the reference, see app/appraisal.py
 SIZE = (1280, 800)
 BUDGET = 16.0  # [ms]: 60 frames a second
 
@@ -42,7 +43,10 @@ class Settings:
     poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
     exposure: float | None = None  # [EV]; None: metered once
     tone_map: str = "aces"  # one of TONE_MAPS
-    show: str = "radiance"  # one of SHOWS: with reflectance, or E / pi alone
+    show: str = "radiance"  # one of SHOWS: with reflectance, or E / pi alone; in the window ERRORS too
+    reference: bool = False  # show the reference instead of the estimate
+    compare: str = ""  # what to show right of a wipe: an estimator, "reference", or nothing
+    appraise: bool = True  # measure errors while everything rests
     cull: bool = True  # see through the back of one-sided faces: the doll's house view
     size: tuple[int, int] = SIZE  # pixels
     budget: float = BUDGET  # [ms] a frame's light may take while something moves; 0: always all photons

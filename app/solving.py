@@ -82,11 +82,14 @@ class Solving:
         self._moving: dict[str, Pose] = {}  # poses of the move under way
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
         self._hasty = False  # these may be shown in the light of fewer photons
+        self.at_rest: Callable[[], Callable[[], None] | None] | None = None  # hands out work for when nothing else is
+        self._idle = False  # the thread is doing such work: nobody waits for it
         self._show()
 
     @property
     def busy(self) -> bool:
-        return self._steps is not None or self._job is not None or bool(self._pending) or self.partial
+        at_work = self._job is not None and not self._idle
+        return self._steps is not None or at_work or bool(self._pending) or self.partial
 
     @property
     def partial(self) -> bool:
@@ -114,8 +117,11 @@ class Solving:
         self._wait(PATIENCE)
         self._worker.close()
 
-    def refine(self, budget: float) -> None:
-        """Wait for steps until the budget is spent; the one under way then goes on behind the picture."""
+    def refine(self, budget: float, still: bool = False) -> None:
+        """Wait for steps until the budget is spent; the one under way then goes on behind the picture.
+
+        `still`: nothing at all moves in the window, so that there is time for what is done at rest.
+        """
         deadline = self.clock() + budget
         while self._steps is not None and not self._pending:
             if self._job is None:
@@ -124,20 +130,24 @@ class Solving:
             if not self._wait(deadline - self.clock()):
                 break
         if self._steps is None and not self._pending and self._wait(deadline - self.clock()) and not self.partial:
-            self._time_prefixes()
+            if not self._time_prefixes() and still:
+                self._rest(deadline)
 
-    def _time_prefixes(self) -> None:
+    def _time_prefixes(self) -> bool:
         """Have the frame of each prefix timed, smallest first, so that the first drag knows which one fits.
 
-        Nothing of it is shown. One frame is one job: a drag that begins now waits for no more than that.
+        False if that has been done. Nothing of it is shown. One frame is one job: a drag that begins now waits for
+        no more than that.
         """
         if self._to_time is None:
             few = self.solver.prefixes[:-1] if self.pace.budget > 0 and self.poses_drawn else ()
             # Three times each: a moment in which the machine was busy does not count. Then all photons, as before.
             self._to_time = [n for n in few for _ in range(TIMED)] + [None] * bool(few)
-        if self._to_time:
-            photons = self._to_time.pop(0)
-            self._begin(functools.partial(self._timed, photons), self._take_time)
+        if not self._to_time:
+            return False
+        photons = self._to_time.pop(0)
+        self._begin(functools.partial(self._timed, photons), self._take_time)
+        return True
 
     def _timed(self, photons: int | None) -> float:
         started = self.clock()
@@ -154,6 +164,24 @@ class Solving:
         if seconds > self.pace.budget and len(self._to_time) > 1:
             del self._to_time[:-1]  # larger ones will not fit either
 
+    def _rest(self, deadline: float) -> None:
+        """Do the work of one who has time, piece by piece; it shows nothing by itself."""
+        while self.at_rest is not None and self._wait(deadline - self.clock()):
+            work = self.at_rest()
+            if work is None:
+                return
+            self._begin(work, self._take_rest)
+            self._idle = True
+            if self.clock() >= deadline:
+                return
+
+    def _take_rest(self, job: Job) -> None:
+        try:
+            job.result()
+        except Exception as problem:
+            self.at_rest = None
+            self.log.error("measuring errors", problem)
+
     def _begin(self, call: Callable, take: Callable[[Job], None]) -> None:
         self._job, self._take = self._worker.submit(call), take
 
@@ -163,7 +191,7 @@ class Solving:
             return True
         if not self._job.wait(seconds):
             return False
-        job, self._job = self._job, None
+        job, self._job, self._idle = self._job, None, False
         self._take(job)
         return True
 

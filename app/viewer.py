@@ -13,9 +13,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from imgui_bundle import hello_imgui, imgui, immapp
+from imgui_bundle import hello_imgui, imgui, immapp, implot
 
-from app import keys, metering, overlay, panel, screenshot, window
+from app import keys, looks, metering, overlay, panel, screenshot, window
 from app.log import Log
 from app.opening import Opening
 from app.renderer import Renderer
@@ -45,7 +45,7 @@ class Viewer:
         self.params.callbacks.show_gui = self._begin_frame
         self.params.callbacks.after_swap = self._end_frame
         self.folds = panel.Folds()
-        self.params.callbacks.post_init = self.folds.load
+        self.params.callbacks.post_init = self._begin
         self.params.callbacks.before_exit = self._close
         self.frame_seconds = Smoothed()
         self.frames = 0
@@ -64,6 +64,10 @@ class Viewer:
         self._ready = False
 
     # HelloImGui's callbacks -------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        implot.create_context()
+        self.folds.load()
 
     def _begin_frame(self) -> None:
         now = time.perf_counter()
@@ -100,8 +104,9 @@ class Viewer:
         imgui.pop_style_var()
         self.viewport.handle_input(self._seconds)
         editing = imgui.is_any_item_active()
+        still = not (self.viewport.is_moving or self.viewport.wipe.held)
         started = time.perf_counter()
-        self._guard("light", lambda: self.session.tick(self._seconds, editing, self._budget()))
+        self._guard("light", lambda: self.session.tick(self._seconds, editing, self._budget(), still))
         self._light_seconds = time.perf_counter() - started
         if self.session.ready and not self._ready:
             self._guard("starting", self._adopt)
@@ -125,6 +130,7 @@ class Viewer:
 
     def _close(self) -> None:
         self.folds.save()
+        implot.destroy_context()
         self.session.close()
         if self.renderer is not None:
             self.renderer.release()
@@ -164,11 +170,19 @@ class Viewer:
         busy = changed or session.refining or session.dragging or session.playing or self.viewport.is_moving
         self._quiet = 0 if busy else self._quiet + 1
         if changed:
-            for o in range(len(session.meshes)):
-                self.renderer.set_colours(o, *session.colours(o))
+            self._upload()
             self._uploaded = session.version
         samples = 1 if self._software and self._quiet < QUIET_FRAMES else SAMPLES
         self.viewport.draw(self.renderer, samples)
+
+    def _upload(self) -> None:
+        """Bring what is to be shown to the graphics card: one layer of colours a side."""
+        session = self.session
+        self.viewport.shown = what = looks.shown(session)
+        for layer, side in enumerate(what.sides):
+            for o, mesh in enumerate(session.meshes):
+                painted = looks.paint(mesh, side, what.errors, session.settings.show == "radiance")
+                self.renderer.set_colours(o, *painted, layer)
 
     def _guard(self, doing: str, work: Callable[[], None]) -> None:
         """Run a stage of the frame; what goes wrong is told in the log line and the window survives."""
@@ -206,6 +220,10 @@ class Viewer:
         elif action in ("undo", "redo"):
             viewport.cancel_drag()
             getattr(session, action)()
+        elif action == "reference":
+            session.want(replace(session.settings, reference=not session.settings.reference))
+        elif action == "clear chart":
+            session.appraisal.trials.clear()
         elif action == "meter":
             exposure = metering.metered(session, viewport.camera)
             session.want(replace(session.settings, exposure=exposure))

@@ -10,9 +10,11 @@ from imgui_bundle import imgui
 
 from app import drag
 from app.camera import Bounds, Turntable, from_camera, scene_bounds
+from app.looks import Shown
 from app.picking import Hit
 from app.renderer import Look, Renderer
 from app.session import Session, matrix
+from app.wipe import Wipe
 from gi_core.pose import to_world
 
 FLIGHT_SECONDS = 0.35  # of the way home and to a new pivot
@@ -32,6 +34,8 @@ class Viewport:
         self.room: Bounds | None = None  # where mobiles may be dragged
         self.hover: Hit | None = None  # mobile under the cursor
         self.grab: drag.Grab | None = None
+        self.wipe = Wipe()
+        self.shown: Shown | None = None  # what the colours are of
         self.size = (1, 1)  # points
         self.origin = (0.0, 0.0)
         self._steering: tuple[str, int] | None = None  # ("orbit" or "pan", button)
@@ -77,7 +81,9 @@ class Viewport:
         io = imgui.get_io()
         hovered = imgui.is_window_hovered() and self._inside(io.mouse_pos)
         self._fly(seconds)
-        if self.grab is not None:
+        if self._may_wipe and self.wipe.handle(io, self.origin[0], self.size[0], hovered):
+            self.hover = None
+        elif self.grab is not None:
             self._go_on_dragging(io)
         elif self._steering is not None:
             self._go_on_steering(io)
@@ -90,6 +96,11 @@ class Viewport:
             self._flight = None
             self.camera = self.camera.dolly(io.mouse_wheel)
         self._show_cursor(hovered, io)
+
+    @property
+    def _may_wipe(self) -> bool:
+        two = self.shown is not None and len(self.shown.sides) == 2
+        return two and self.grab is None and self._steering is None
 
     def cancel_drag(self) -> bool:
         """Put the mobile back where it was at the press; False if nothing was being dragged."""
@@ -206,6 +217,8 @@ class Viewport:
             matrix(s.poses[s.solver.scene.mobiles[marked - 1].name]) if marked > 0 else None,
             OUTLINE_PIXELS * imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y,
             textured=s.settings.show == "radiance",
+            as_is=self.shown is not None and self.shown.errors is not None,
+            split=self.wipe.at if self.shown is not None and len(self.shown.sides) == 2 else None,
         )
 
     def draw(self, renderer: Renderer, samples: int) -> None:
@@ -215,7 +228,7 @@ class Viewport:
         look = self.look()
         s = self.session.settings
         line = None if look.outline_model is None else look.outline_model.tobytes()
-        picture = (self.session.version, self.camera, s.exposure, s.tone_map, s.cull, look.outlined, line)
+        picture = (self.session.version, self.camera, s.exposure, s.tone_map, s.cull, look.outlined, line, look.split)
         drawn = (renderer.size, samples, picture)
         if drawn != self._drawn:
             renderer.draw(look)

@@ -3,7 +3,7 @@
 // app/tonemap.py does the same arithmetic for pictures without a window.
 
 uniform float exposure;  // factor: 2^EV
-uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES
+uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours
 uniform vec3 unlit;      // display colour of a side that has no light by definition
 
 centroid in vec3 front_radiance;
@@ -41,6 +41,8 @@ void main() {
 #endif
     if (radiance.r < -0.5) {
         colour = vec4(unlit, 1.0);
+    } else if (tone_map == 3) {
+        colour = vec4(radiance, 1.0);
     } else {
         colour = vec4(srgb(tone_mapped(max(radiance, 0.0) * exposure)), 1.0);
     }

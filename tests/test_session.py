@@ -11,8 +11,9 @@ import pytest
 import viewer_support as support
 
 from app.log import ERROR, Log
+from app.motion import play_head
 from app.opening import Opened
-from app.session import BUDGET, SETTLE, Session, play_head
+from app.session import BUDGET, SETTLE, Session
 from app.settings import Settings
 from app.solving import GRACE
 from gi_core.scene import KeyFrames, Pose
@@ -30,7 +31,12 @@ def make(step_seconds=0.006, steps=40):
     solver = support.CountingSolver(support.room(1), clock, steps)
     settings = Settings(estimator="tangent_plane", photons=1000, radius=0.05, neighbours=50, exposure=0.0, budget=0.0)
     s = Session(
-        settings, Log(), open_with=lambda settings: None, clock=clock, worker=support.Behind(clock, step_seconds)
+        settings,
+        Log(),
+        open_with=lambda settings: None,
+        clock=clock,
+        worker=support.Behind(clock, step_seconds),
+        appraise=None,
     )
     s.adopt(Opened(settings, solver, (), None))
     return s

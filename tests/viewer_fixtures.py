@@ -18,6 +18,7 @@ def gl():
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "references"))
     return tmp_path
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from app.panel import light, motion, notes, paths, picture, probes, search, timings
+from app.panel import chart, error, light, motion, notes, paths, picture, probes, search, timings
 from app.panel.facts import Facts, facts_of
 from app.panel.folds import Folds
 from app.settings import Settings
@@ -39,7 +39,9 @@ SECTIONS = (
     Section("Light", light.draw),
     Section("Probes", probes.draw, there=lambda facts: bool(facts.probes)),
     Section("Motion", motion.draw),
+    Section("Error", error.draw),
     Section("Picture", picture.draw),
+    Section("Error against time", chart.draw, unfolded=False),
     Section("Disc search", search.draw, unfolded=False),
     Section("Time", timings.draw, unfolded=False),
     Section("Paths", paths.draw, unfolded=False),
@@ -53,4 +55,5 @@ def draw(settings: Settings, facts: Facts, folds: Folds) -> tuple[Settings, set[
     for section in SECTIONS:
         if section.there(facts) and folds.header(section.title, section.unfolded):
             settings = section.draw(settings, facts, actions)
+            folds.show_whole(section.title)
     return settings, actions

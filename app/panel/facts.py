@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from app.appraisal import Report
     from app.session import Session
+    from app.trials import Trial
 
 
 @dataclass(frozen=True)
@@ -35,12 +37,15 @@ class Facts:
     metered: float  # EV at load
     probes: Mapping[str, object] = field(default_factory=dict)  # name -> irradiance (3,)
     notes: tuple[str, ...] = ()
+    report: Report | None = None  # of errors; None while nothing is known
+    trials: tuple[Trial, ...] = ()  # settings tried
 
 
 def facts_of(session: Session, estimators: Mapping[str, str], frame_seconds: float, metered: float) -> Facts:
     """Collect them from a session that is ready."""
     solver = session.solver
-    told = session.light.snapshot
+    told, appraisal = session.light.snapshot, session.appraisal
+    report = appraisal.report if appraisal is not None else None
     return Facts(
         estimators=estimators,
         scene_size=solver.scene_size,
@@ -63,4 +68,6 @@ def facts_of(session: Session, estimators: Mapping[str, str], frame_seconds: flo
         metered=metered,
         probes=told.probes,
         notes=solver.scene.notes,
+        report=report if report is not None and report.version == session.light.version else None,
+        trials=appraisal.trials.all if appraisal is not None else (),
     )

@@ -13,6 +13,7 @@ class Folds:
 
     def __init__(self) -> None:
         self._unfolded: dict[str, bool] = {}
+        self._just_unfolded = ""
 
     def load(self) -> None:
         """Read what the last session left; what it says nothing of opens as it does at the first start."""
@@ -27,5 +28,14 @@ class Folds:
     def header(self, title: str, unfolded: bool) -> bool:
         """Draw a header; return whether what is under it is to be drawn. `unfolded`: at the first start."""
         imgui.set_next_item_open(self._unfolded.setdefault(title, unfolded), imgui.Cond_.once)
-        self._unfolded[title] = imgui.collapsing_header(title)
-        return self._unfolded[title]
+        before, now = self._unfolded[title], imgui.collapsing_header(title)
+        self._unfolded[title] = now
+        if now and not before:
+            self._just_unfolded = title
+        return now
+
+    def show_whole(self, title: str) -> None:
+        """Scroll to the end of the section that has just been drawn, if the user has just unfolded it."""
+        if self._just_unfolded == title:
+            self._just_unfolded = ""
+            imgui.set_scroll_here_y(1.0)

@@ -8,11 +8,11 @@ from imgui_bundle import imgui
 
 from app.panel import widgets as ui
 from app.panel.facts import Facts
-from app.settings import SHOWS, TONE_MAPS, Settings
+from app.settings import ERRORS, SHOWS, TONE_MAPS, Settings
 
 EXPOSURE_MARGIN = 10.0  # EV either way of what was metered at load
 TONE_MAP_NAMES = {"aces": "ACES (filmic)", "reinhard": "Reinhard", "clip": "Clip"}
-SHOW_NAMES = {"radiance": "With reflectance", "irradiance": "Irradiance only"}
+SHOW_NAMES = {"radiance": "With reflectance", "irradiance": "Irradiance only", ERRORS: "Error map"}
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
@@ -32,8 +32,9 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     s = ui.choice(s, "Tone map", "tone_map", {k: TONE_MAP_NAMES.get(k, k) for k in TONE_MAPS},
                 "How radiance becomes display colour: ACES keeps highlights, Reinhard keeps hue, Clip is exact below "
                 "white.")  # fmt: skip
-    s = ui.choice(s, "Show", "show", {k: SHOW_NAMES.get(k, k) for k in SHOWS},
-                "With each surface's reflectance, or the irradiance alone, as if everything were white.")  # fmt: skip
+    s = ui.choice(s, "Show", "show", {k: SHOW_NAMES.get(k, k) for k in (*SHOWS, ERRORS)},
+                "With each surface's reflectance, the irradiance alone, as if everything were white, "
+        "or the error of irradiance at every point, as a map with a legend.")  # fmt: skip
     ui.label("Doll's house")
     changed, cull = imgui.checkbox("##Doll's house", s.cull)
     if changed:

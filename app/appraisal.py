@@ -1,0 +1,194 @@
+"""What is worth computing when everything rests: how far off the picture is, and what to compare it with.
+
+`next_work` hands out one small piece at a time, which runs in the solver's thread while nobody else uses the solver;
+a drag waits for the piece under way and no longer. Results belong to a version of the light and go with it; the
+reference belongs to the poses, and is kept for the last few.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import statistics
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from app.other_look import OtherLook
+from app.trials import Trial, Trials
+from app.truth import Truth
+
+if TYPE_CHECKING:
+    from gi_core.scene import Pose
+    from gi_core.solver import Solver
+
+REFERENCE = "reference"  # what a wipe may show beside estimators
+SOME = 1000  # receivers that the error is measured at, where there are more than ...
+ALL = 4000  # ... so many
+SHARE = 0.15  # of the error: a truth whose noise is less is good enough ...
+GOOD = 0.003  # ... and this is good enough for anything
+GOOD_PICTURE = 0.01  # of the reference as a picture
+ROUGH = 0.04  # noise that is good enough to look after other work first
+TIMED = 3  # frames that the time of a frame is the median of
+REMEMBERED = 3  # poses whose reference is kept
+
+
+class Wants(NamedTuple):
+    """What the window shows."""
+
+    numbers: bool = True
+    picture: bool = False  # the reference, or errors, at every receiver
+    other: str = ""  # an estimator to compare with
+
+
+class Report(NamedTuple):
+    """The error of the light of a version; relative, l1; nan where not known."""
+
+    version: object
+    total: float
+    noise: float
+    bias: float
+    truth_noise: float  # of the reference
+    receivers: int  # that it was measured at
+    of: int
+    paths: float  # of the reference, a receiver
+    done: bool  # the reference is good enough
+
+
+@dataclass
+class Measured:
+    """What can be told of the light of a version without a reference."""
+
+    version: object
+    twin: Solver | None  # None when everything has been measured
+    seconds: list[float]  # of frames of all photons
+    photons: int = 0
+    prefix: int = 0  # that noise was told from; 0: none
+    fewer: np.ndarray | None = None  # (R, 3) irradiance of the prefix
+
+
+class Appraisal:
+    """One a solver; `wants` is the window's, everything else is done in the solver's thread."""
+
+    def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
+        self.wants = Wants()
+        self.trials = Trials()
+        self.other = OtherLook(solver)
+        self.report: Report | None = None
+        self._solver, self._clock = solver, clock
+        self._measured: Measured | None = None
+        self._truths: dict[tuple, Truth] = {}  # newest last
+        self._areas = solver.model.object_receivers.areas
+
+    # The window's side ------------------------------------------------------------------------------
+
+    def truth(self, poses: Mapping[str, Pose], everywhere: bool) -> Truth | None:
+        """Return the reference for these poses, at all receivers or at those that the error is told from."""
+        return self._truths.get(self._key(poses, everywhere))
+
+    def picture(self, poses: Mapping[str, Pose]) -> np.ndarray | None:
+        """Return the reference at all receivers (R, 3), nan where nothing is known; None before the first step."""
+        truth = self.truth(poses, True)
+        if truth is None or truth.state is None:
+            return None
+        E = np.full((len(self._areas), 3), np.nan)
+        E[truth.rows] = truth.irradiance
+        return E
+
+    def progress(self, version: object, poses: Mapping[str, Pose]) -> tuple:
+        """Return something that changes when there is something new to see; rounds count double."""
+        truth = self.truth(poses, True) if self.wants.picture else None
+        other = self.wants.other and self.other.is_done(version, self.wants.other)
+        return bool(other), None if truth is None else (truth.rounds.bit_length(), int(16 * truth.seen))
+
+    def next_work(self, version: object, irradiance: np.ndarray) -> Callable[[], None] | None:
+        """Return the next piece of work on the light of a version, None if nothing is left to do."""
+        wants, poses = self.wants, self._solver.poses
+        if not wants.other and self.other.seen is not None:
+            self.other.drop()
+        m = self._measured
+        if wants.numbers and (m is None or m.version != version or m.twin is not None):
+            return functools.partial(self._measure, version)
+        if wants.other and not self.other.is_done(version, wants.other):
+            return functools.partial(self.other.step, version, wants.other)
+        some, everywhere = self.truth(poses, False), self.truth(poses, True)
+        told = self.report is not None and self.report.version == version
+        picture_due = wants.picture and (everywhere is None or everywhere.noise > GOOD_PICTURE)
+        if wants.numbers and not (told and self.report.done):
+            if not told or some is None or some.noise > ROUGH or not picture_due:
+                return functools.partial(self._gather, version, irradiance, False)
+        if picture_due:
+            return functools.partial(self._gather, version, irradiance, True)
+        return None
+
+    # The solver's thread ----------------------------------------------------------------------------
+
+    def _key(self, poses: Mapping[str, Pose], everywhere: bool) -> tuple:
+        return tuple(sorted(poses.items())), everywhere or self._few
+
+    @property
+    def _few(self) -> bool:
+        return int((self._areas > 0).sum()) <= ALL
+
+    def _measure(self, version: object) -> None:
+        """Time a frame of all photons, a few times over; then compute one of fewer."""
+        from gi_core.error_at_hand import prefix_to_compare
+
+        m = self._measured
+        if m is None or m.version != version:
+            m = self._measured = Measured(version, self._solver.twin(), [])
+            m.twin.configure(static_light="prefix")
+        if len(m.seconds) < TIMED:
+            started = self._clock()
+            m.twin.move_all({})
+            m.seconds.append(self._clock() - started)
+            m.photons = m.twin.photons_traced
+            return
+        m.prefix = prefix_to_compare(m.twin.prefixes) or 0
+        if m.prefix:
+            m.twin.move_all({}, m.prefix)
+            m.fewer = m.twin.irradiance
+        m.twin = None
+
+    def _gather(self, version: object, irradiance: np.ndarray, everywhere: bool) -> None:
+        """Bring the reference on by a step, and tell the error anew."""
+        from gi_core.error_at_hand import some_receivers
+
+        key = self._key(self._solver.poses, everywhere)
+        truth = self._truths.pop(key, None)
+        if truth is None:
+            rows = some_receivers(self._areas, len(self._areas) if key[1] else SOME, 0)
+            truth = Truth(self._solver, self._solver.poses, rows, even=everywhere and not self._few)
+        self._truths[key] = truth
+        while len(self._truths) > REMEMBERED:
+            del self._truths[next(iter(self._truths))]
+        truth.step()
+        if truth.rounds.bit_count() == 1 and truth.seen == 1:  # 1, 2, 4, ... rounds
+            self._keep(truth)
+        if truth.noise < float("inf") and (self._few or not everywhere):
+            self._tell(version, irradiance, truth)
+
+    def _keep(self, truth: Truth) -> None:
+        with contextlib.suppress(OSError):  # a full disk is no reason to stop: it is gathered again next time
+            truth.keep()
+
+    def _tell(self, version: object, irradiance: np.ndarray, truth: Truth) -> None:
+        from gi_core.error import relative_error
+        from gi_core.error_at_hand import bias_left, noise_from_prefix
+
+        m, rows, w = self._measured, truth.rows, truth.weights
+        total = relative_error(irradiance[rows], truth.irradiance, w).l1
+        noise = float("nan")
+        if m is not None and m.version == version and m.prefix:
+            noise = noise_from_prefix(irradiance[rows], m.fewer[rows], m.photons, m.prefix, w)
+        done = truth.noise <= max(GOOD, SHARE * total)
+        if done:
+            self._keep(truth)
+        of = int((self._areas > 0).sum())
+        bias = bias_left(total, noise, truth.noise)
+        self.report = Report(version, total, noise, bias, truth.noise, len(rows), of, truth.paths, done)
+        if m is not None and m.version == version:
+            s = self._solver
+            self.trials.add(Trial(s.setting, m.photons, statistics.median(m.seconds), total, truth.noise))

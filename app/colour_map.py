@@ -1,0 +1,41 @@
+"""A colour map for values with a sign: blue below zero, light grey at zero, red above.
+
+Each arm is a straight line in Oklab (Ottosson 2020), where equal distances look equally different; both ends are
+equally dark, so that neither sign looks worse than the other, and blue and red are told apart by the colour blind.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+ZERO = (0.93, 0.0, 0.0)  # Oklab L, a, b
+BELOW = (0.44, -0.028, -0.165)  # at -1
+ABOVE = (0.44, 0.155, 0.075)  # at +1
+UNKNOWN = (0.24, 0.245, 0.255)  # display colour where there is no value; darker than any on the map
+
+_CUBE_ROOTS = np.array(
+    [[1, 0.3963377774, 0.2158037573], [1, -0.1055613458, -0.0638541728], [1, -0.0894841775, -1.2914855480]]
+)
+_LINEAR = np.array(
+    [
+        [4.0767416621, -3.3077115913, 0.2309699292],
+        [-1.2684380046, 2.6097574011, -0.3413193965],
+        [-0.0041960863, -0.7034186147, 1.7076147010],
+    ]
+)
+
+
+def signed_colours(values: np.ndarray) -> np.ndarray:
+    """Return display colours (n, 3) float32 in 0 .. 1 for values (n,), cut off at -1 and 1; nan is UNKNOWN."""
+    x = np.clip(np.asarray(values, np.float64), -1, 1)[:, None]
+    known = ~np.isnan(x[:, 0])
+    zero, end = np.array(ZERO), np.where(x < 0, BELOW, ABOVE)
+    rgb = from_oklab(zero + np.abs(np.nan_to_num(x)) * (end - zero))
+    rgb[~known] = UNKNOWN
+    return rgb.astype(np.float32)
+
+
+def from_oklab(lab: np.ndarray) -> np.ndarray:
+    """Return display colours (n, 3) in 0 .. 1 of Oklab colours (n, 3)."""
+    linear = np.clip((lab @ _CUBE_ROOTS.T) ** 3 @ _LINEAR.T, 0, 1)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
