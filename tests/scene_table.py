@@ -20,7 +20,10 @@ from pathlib import Path
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".toml")
 LIMIT = 300.0  # s a scene
 BEGIN, END = "<!-- table -->", "<!-- end of table -->"
-HEAD = ("scene", "triangles in the file", "as drawn", "receivers", "photons", "first picture", "ready", "the picture")
+HEAD = (
+    "scene", "triangles in the file", "as drawn", "receivers", "photons", "first picture", "ready", "load",
+    "the picture",
+)  # fmt: skip
 
 
 def cases(wanted: list[str]) -> list[tuple[str, str]]:
@@ -121,9 +124,9 @@ def write_table(document: Path, rows: list[dict]) -> None:
 
 def _facts(row: dict) -> list[str]:
     if "refused" in row or "failed" in row:
-        return ["", "", "", "", "", "refused" if "refused" in row else "failed"]
+        return [*[""] * 6, "refused" if "refused" in row else "failed"]
     count = [f"{row[k]:,}" if k in row else "" for k in ("file", "drawn", "receivers", "photons")]
-    return [*count, *(f"{row['stages'][k]:.1f} s" for k in ("first", "ready"))]
+    return [*count, *(f"{row['stages'][k]:.1f} s" for k in ("first", "ready")), f"{row['load']:.0f}"]
 
 
 def _name(part: str) -> str:

@@ -168,6 +168,8 @@ def test_stl_and_ply(tmp_path, suffix):
 
 BROKEN = {
     "empty.obj": (b"v 0 0 0\n", "the mesh has no triangles"),
+    "no bytes.glb": (b"", "the file is empty, 0 bytes long"),
+    "no bytes.ply": (b"", "the file is empty, 0 bytes long"),
     "nan.obj": (b"v 0 0 0\nv 1 nan 0\nv 1 1 0\nf 1 2 3\n", "vertices must be finite numbers, got NaN or infinity"),
     "flat.obj": (b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "every triangle of the mesh has zero area"),
     "text.glb": (b"glTFnonsense", "must hold glTF JSON, which this does not"),
@@ -198,6 +200,11 @@ def test_unreadable_files_say_so(tmp_path, name):
     with pytest.raises(SceneError, match=sentence) as caught:
         read_mesh_file(tmp_path / name)
     assert str(caught.value).startswith(str(tmp_path / name))
+
+
+def test_a_folder_is_no_mesh(tmp_path):
+    with pytest.raises(SceneError, match="a mesh is a file, this is a folder"):
+        read_mesh_file(tmp_path)
 
 
 def test_truncated_glb(tmp_path):

@@ -8,7 +8,7 @@ import zlib
 
 import numpy as np
 import pytest
-from mesh_writers import QUAD, QUAD_FACES, write_glb
+from mesh_writers import QUAD, QUAD_FACES, write_glb, write_obj
 from PIL import Image
 
 from gi_core.scene import Material, Mesh, Paint, Scene, Texture, load_scene
@@ -16,7 +16,7 @@ from gi_core.scene.mesh_file import read_mesh_file
 from gi_core.scene.paint import join_paints
 from gi_core.scene.texture_filter import MOST_REFLECTANCE, REFLECTANCE, lookup, mean_colours
 from gi_core.scene.texture_images import MOST_PIXELS, decode
-from gi_core.scene.texture_levels import LINEAR, levels, mean_linear
+from gi_core.scene.texture_levels import LINEAR, levels, mean_linear, srgb_to_linear
 from gi_core.surfaces import flatten
 from gi_core.tessellation import tessellate
 
@@ -298,6 +298,23 @@ def test_gltf_factor_and_vertex_colours_multiply_the_texture(tmp_path):
     paint = read_mesh_file(file).mesh.paint
     np.testing.assert_allclose(paint.corner_colour, (colours * [0.5, 1, 1])[QUAD_FACES])
     assert (paint.face_texture == 0).all()
+
+
+@pytest.mark.parametrize("format", ["glb", "obj"])
+def test_without_coordinates_a_texture_counts_by_its_mean(tmp_path, format):
+    """Exporters leave Kd black beside a map: a mesh without coordinates must not turn black, nor grey in silence."""
+    if format == "glb":
+        file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, material=textured(), image=png(PIXELS))
+    else:
+        (tmp_path / "a b.png").write_bytes(png(PIXELS))
+        library = "newmtl oak\nKd 0 0 0\nmap_Kd a b.png\n"
+        file = write_obj(tmp_path / "a.obj", QUAD, QUAD_FACES, "mtllib a.mtl\nusemtl oak", library)
+    read = read_mesh_file(file)
+    scene = Scene(read.mesh, tuple(read.materials))
+    wanted = srgb_to_linear(PIXELS / 255.0).mean(axis=(0, 1))
+    np.testing.assert_allclose(flatten(scene)[0].reflectance, np.broadcast_to(wanted, (2, 3)), atol=1e-6)
+    (note,) = (n for n in read.notes if "no texture coordinates" in n)
+    assert note.startswith('material "oak": ')
 
 
 def test_one_image_is_held_once(tmp_path):

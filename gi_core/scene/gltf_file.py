@@ -127,6 +127,13 @@ class _Reader:
                 colour = np.broadcast_to(factor, (*faces.shape, 3))
                 texture = np.full(len(faces), found)
                 uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
+            else:
+                factor = factor * mean_linear(self.images.textures[found].pixels)
+                colour = np.broadcast_to(factor, (*faces.shape, 3))
+                note = "its mesh has no texture coordinates, it shows the mean colour of its texture"
+                note = f'material "{self.materials[index].name}": {note}'
+                if note not in self.notes:
+                    self.notes.append(note)
         if "COLOR_0" in attributes:
             vertex = self.document.accessor(attributes["COLOR_0"])[:, :3]
             if np.abs(vertex - 1).max(initial=0) > 1e-3:

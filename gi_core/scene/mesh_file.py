@@ -52,10 +52,14 @@ def read_mesh_file(path: Path, where: str | None = None, boundary: Boundary | No
     where = where or str(path)
     boundary = boundary or Boundary(path.parent)
     suffix = path.suffix.lower()
+    if os.path.isdir(path):
+        raise SceneError(f"{where}: a mesh is a file, this is a folder")
     if suffix not in SUFFIXES:
         raise SceneError(f"{where}: a mesh file must be one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}")
     if not os.path.isfile(path):  # Path.is_file raises where a name is too long
         raise SceneError(f"{where}: there is no such mesh file")
+    if not os.path.getsize(path):
+        raise SceneError(f"{where}: the file is empty, 0 bytes long; export it again")
     if suffix in (".glb", ".gltf"):
         parts = read_gltf(path, where, boundary)
     elif suffix == ".obj":

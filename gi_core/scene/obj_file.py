@@ -58,13 +58,14 @@ def read_obj(path: Path, where: str, boundary: Boundary) -> FileParts:
     vertices = np.array(v, np.float64).reshape(-1, 3)
     faces = np.array(corners, np.int64).reshape(-1, 3)
     material = np.array(face_material, np.int64)
+    uv_ids = np.array(uv_corners, np.int64).reshape(-1, 3)
+    _average_unplaced(names, library, material, uv_ids, images, notes)
     materials = [library[n].material if n in library else Material(n, two_sided=True) for n in names]
     missing = [n for n in names if n not in library and n != NO_MATERIAL]
     if missing:
         notes.append(f"no definition of material {', '.join(missing)}: taken as grey 0.7")
     ids = np.array(normal_corners, np.int64).reshape(-1, 3)
     normals = np.array(vn, np.float64)[ids] if len(vn) and len(ids) and ids.min() >= 0 else None
-    uv_ids = np.array(uv_corners, np.int64).reshape(-1, 3)
     texture, uv = _texture_coordinates(names, library, material, np.array(vt, np.float64).reshape(-1, 2), uv_ids)
     part = Part(vertices, faces, material, normals, None, texture, uv)
     return FileParts([part], materials, [], None, "y", notes + images.notes(), tuple(images.textures))
@@ -171,6 +172,18 @@ def _is_number(text: str) -> bool:
         return np.isfinite(float(text))
     except ValueError:
         return False
+
+
+def _average_unplaced(names, library, material, uv_ids, images: Images, notes: list[str]) -> None:
+    """Give materials whose faces have no texture coordinates at all the mean colour of their texture instead."""
+    for name, i in names.items():
+        entry = library.get(name)
+        rows = material == i
+        if entry is None or entry.texture is None or not rows.any() or (uv_ids[rows] >= 0).any():
+            continue
+        entry.kd = tuple(float(c) for c in mean_linear(images.textures[entry.texture].pixels))
+        entry.texture = None
+        notes.append(f'material "{name}": its mesh has no texture coordinates, it shows the mean colour of its texture')
 
 
 def _texture_coordinates(names, library, material, vt, uv_ids):
