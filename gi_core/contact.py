@@ -61,7 +61,7 @@ class Contacts:
             self._normals.append(np.ascontiguousarray(normals))
             yield
         n = len(self._origins[0])
-        nothing = np.zeros((n, 3), np.int32), np.arange(n), np.zeros(n, np.int32)
+        nothing = np.zeros((n, 3), np.int32), np.arange(n), *(np.zeros(n, np.int32) for _ in range(2))
         self._grid: HitGrid = build(Hits(self._origins[0], self._origins[0], *nothing), 2 * self._radius)
         yield
         self._cells = yield from surface_cells(s.vertices[0], s.faces[0], 1.001 * self._radius)
@@ -126,7 +126,7 @@ class Contacts:
         pad = self._radius + CUT_PAD * world.size
         box = world.box_low[b], world.box_high[b]
         if o == 0:
-            (_, _, _, index, _), corner, cell, shape, first = self._grid
+            (_, _, _, index, *_), corner, cell, shape, first = self._grid
             low, high = _box_in_world(R[b], p[b], *box, pad)
             listed = out[: _in_cells(index, corner, cell, shape, first, low, high, out)]
         else:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.border_angle import border_receivers
 from gi_core.receivers import Receivers
 from gi_core.surfaces import Surfaces
 
@@ -94,18 +95,3 @@ def receiver_classes(
     changed = np.abs(light - luminance(background)) > AFFECTED * mean
     rest = ~on_mobile & ~border
     return {"untouched": rest & ~changed, "affected": rest & changed, "mobile": on_mobile, "border": border}
-
-
-def border_receivers(surfaces: Surfaces, count: int) -> np.ndarray:
-    """Return (R,) bool: receivers at the end of an edge that only one face has.
-
-    Creases split receivers, so the edge between two walls is one-faced on either side.
-    """
-    border = np.zeros(count, bool)
-    for corners in (surfaces.corner_front, surfaces.corner_back[(surfaces.corner_back >= 0).all(axis=1)]):
-        if not len(corners):
-            continue
-        edges = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        which, faces = np.unique(edges, axis=0, return_counts=True)
-        border[which[faces == 1]] = True
-    return border

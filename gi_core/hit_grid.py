@@ -29,6 +29,7 @@ class Hits(NamedTuple):
     flux: np.ndarray  # (n, 3) int32, fixed-point units
     photon: np.ndarray  # (n,) int64
     bounce: np.ndarray  # (n,) int32
+    own: np.ndarray  # (n,) int32, 2 patch + side that was hit
 
 
 class HitGrid(NamedTuple):
@@ -41,12 +42,13 @@ class HitGrid(NamedTuple):
     first: np.ndarray  # (cells + 1,) int64, cell c holds hits first[c] .. first[c + 1] - 1
 
 
-def hits_of(segments: Segments, world: World, at: Transforms) -> Hits:
-    """Return the hits that end segments, whatever they hit; `at` holds the poses of mobiles."""
+def hits_of(segments: Segments, world: World, patch: np.ndarray, at: Transforms) -> Hits:
+    """Return the hits that end segments, whatever they hit; `patch` (F,) of faces, `at`: the poses of mobiles."""
     s = take(segments, segments.hit_side != NONE)
+    own = 2 * patch[s.hit_side >> 1] + (s.hit_side & 1)
     normal = np.empty((s.size, 3), np.float32)
     _side_normals(s.hit_side, world.normals, at.rotation, world.face_object, normal)
-    return Hits(s.hit, normal, s.flux, s.photon, s.bounce)
+    return Hits(s.hit, normal, s.flux, s.photon, s.bounce, own.astype(np.int32))
 
 
 @kernel
@@ -82,6 +84,7 @@ def build_steps(parts: list[Hits], cell: float):
         np.empty((n, 3), np.float32),
         np.empty((n, 3), np.int32),
         np.empty(n, np.int64),
+        np.empty(n, np.int32),
         np.empty(n, np.int32),
     )
     cursor = first.copy()
@@ -123,13 +126,13 @@ def _count(position, low, cell, shape, first):
 
 @kernel
 def _scatter(part, low, cell, shape, cursor, out):
-    position, normal, flux, photon, bounce = part
-    position2, normal2, flux2, photon2, bounce2 = out
+    position, normal, flux, photon, bounce, own = part
+    position2, normal2, flux2, photon2, bounce2, own2 = out
     for k in range(len(photon)):
         c = _key(position[k, 0], position[k, 1], position[k, 2], low, cell, shape)
         h = cursor[c]
         cursor[c] += 1
-        photon2[h], bounce2[h] = photon[k], bounce[k]
+        photon2[h], bounce2[h], own2[h] = photon[k], bounce[k], own[k]
         for a in range(3):
             position2[h, a], normal2[h, a], flux2[h, a] = position[k, a], normal[k, a], flux[k, a]
 
@@ -190,13 +193,14 @@ def _offer(d2, photon, bounce, hit, heap_d2, heap_photon, heap_bounce, heap_hit,
 
 
 @kernel
-def gather(x, y, z, nx, ny, nz, radius, k, grid, tag, cut_bounce, heap_d2, heap_photon, heap_bounce, heap_hit, n):
-    """Add a grid's hits near (x, y, z), on surfaces that do not face away, to the k nearest.
+def gather(x, y, z, nx, ny, nz, mine, radius, k, grid, tag, cut_bounce, heap_d2, heap_photon, heap_bounce, heap_hit, n):
+    """Add a grid's hits near (x, y, z) to the k nearest: those on side `mine` of a patch alone, or, where that is
+    NONE, all on surfaces that do not face away.
 
     Shells of cells are visited outwards until they lie behind the k-th hit. Hits of photon i from
     bounce cut_bounce[i] on are gone. A hit is noted as 2 index + tag. Returns how many are held.
     """
-    (position, normal, _, photon, bounce), low, cell, shape, first = grid
+    (position, normal, _, photon, bounce, own), low, cell, shape, first = grid
     if len(photon) == 0:
         return n
     cx, cy, cz = cell_of(x, low[0], cell), cell_of(y, low[1], cell), cell_of(z, low[2], cell)
@@ -220,6 +224,8 @@ def gather(x, y, z, nx, ny, nz, radius, k, grid, tag, cut_bounce, heap_d2, heap_
                         d2 = a * a + b * b + e * e
                         # Only background hits (tag 0) can be gone; added ones lie at or behind the cut.
                         if d2 > r2 or (tag == 0 and bounce[h] >= cut_bounce[photon[h]]):
+                            continue
+                        if mine != NONE and own[h] != mine:
                             continue
                         if not (normal[h, 0] * nx + normal[h, 1] * ny + normal[h, 2] * nz > OTHER_SIDE):
                             continue

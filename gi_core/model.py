@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from gi_core.accelerator import Accelerator, Transforms, bounding_spheres, transforms
+from gi_core.border_angle import covered_share
 from gi_core.emission import build_emitters
 from gi_core.near_scan import grid_for
 from gi_core.paths import END_EXTENSION, NONE
@@ -111,6 +112,11 @@ class Model:
         out = np.zeros((n, 3))
         out[has] = total[has] / count[has][:, None] - self.object_receivers.positions[has]
         return out
+
+    @cached_property
+    def covered_share(self) -> np.ndarray:
+        """Return alpha / 2 pi of each receiver, see `gi_core.border_angle`. (R,) float64."""
+        return covered_share(self.surfaces, self.object_receivers)
 
     @cached_property
     def concave(self) -> np.ndarray:

@@ -20,6 +20,9 @@ class Setting(NamedTuple):
     search: str = "disc_index"  # a key of `gi_core.disc_search.SEARCHES`: how tangent_plane finds crossings
     pretest: str = "none"  # a key of `gi_core.disc_search.PRETESTS`, before each disc test
 
+    border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc, see `gi_core.border_angle`
+    textbook: bool = False  # photon_map counts the k-th hit too, as in the report: k / (k - 1) too much
+
     def changed(self, choices: dict[str, tuple], **values) -> Setting:
         """Return the setting with some values replaced; None keeps what it is.
 

@@ -147,16 +147,20 @@ class Twin:
         x = np.array([h["hit"] for h in hits], F32).reshape(-1, 3)
         d = np.array([self._side_normal(h["hit_side"], model.transforms(poses)) for h in hits], F32).reshape(-1, 3)
         sums, area = [], []
-        for p, n in zip(receivers.positions.astype(F32), receivers.normals.astype(F32), strict=True):
+        own = np.array([2 * model.surfaces.patch[h["hit_side"] >> 1] + (h["hit_side"] & 1) for h in hits])
+        share = model.covered_share
+        for r, (p, n) in enumerate(zip(receivers.positions.astype(F32), receivers.normals.astype(F32), strict=True)):
             a, b, c = x[:, 0] - p[0], x[:, 1] - p[1], x[:, 2] - p[2]
             d2 = a * a + b * b + c * c
             front = d[:, 0] * n[0] + d[:, 1] * n[1] + d[:, 2] * n[2] > OTHER_SIDE
+            if share[r] < 1:
+                front &= own == model.receiver_sides[r]
             near = [j for j in range(len(hits)) if d2[j] <= radius * radius and front[j]]
             near = sorted(near, key=lambda j: (d2[j], hits[j]["photon"], hits[j]["bounce"]))[:k]
             full = len(near) == k and d2[near[-1]] > 0
             counted = near[: k - 1] if full else near
             sums.append([sum(hits[j]["flux"][c] for j in counted) for c in range(3)])
-            area.append(math.pi * float(d2[near[-1]] if full else radius * radius))
+            area.append(math.pi * float(d2[near[-1]] if full else radius * radius) * share[r])
         return sums, area
 
 

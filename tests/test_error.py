@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scene_builders as build
 
+from gi_core.border_angle import border_receivers
 from gi_core.error import (
     CLASSES,
-    border_receivers,
     error_parts,
     luminance,
     noise_of_truth,

@@ -1,11 +1,16 @@
 """Photon Maps (Jensen 2001; report 1.2, 2.9): the k nearest hits, no farther than the radius.
 
 With k hits inside, E = flux of the k - 1 nearest / (pi r_k^2): the k-th only says how far they
-reach, which makes the density unbiased (Garcia, Urena, Sbert 2012). `textbook=True` counts it too,
+reach, which makes the density unbiased (Garcia, Urena, Sbert 2012). The setting `textbook` counts it too,
 which overestimates by k / (k - 1). With fewer than k, E = flux of all / (pi radius^2).
 (Photons on a lattice are more regular than chance: measured 1 / 2k low instead of unbiased.)
 Eq. 2.8 is false here: r_k depends on the whole set, so a frame estimates again each receiver that a
 changed hit concerns. Distances are those in the world.
+
+At a border the surface covers only alpha / 2 pi of a disc. With `border_correction` a receiver there looks for
+hits on its own side of its own patch, and divides by that part of the disc (2.9.1). Without, it takes
+hits on all surfaces round it, as Jensen's sphere does: where two walls meet, the other's make up for some.
+Other receivers do that in either case: near an edge, half of the hits of their sphere are on the other wall.
 """
 
 from __future__ import annotations
@@ -22,7 +27,7 @@ from gi_core.hit_grid import HitGrid, Hits, build, build_steps, cell_of, gather,
 from gi_core.jit import kernel
 from gi_core.ladder import Ladder
 from gi_core.model import Model
-from gi_core.paths import Segments
+from gi_core.paths import NONE, Segments
 from gi_core.pose import to_world_at
 from gi_core.setting import Setting
 from gi_core.sums import CHUNK_BITS, Evaluated, chunks_of
@@ -51,8 +56,14 @@ class PhotonMap:
     bytes_a_hit = 96  # of memory: a hit is kept as it was added, and sorted
     on_faces = False  # probes are receivers like any other
 
-    def __init__(self, model: Model, setting: Setting, textbook: bool = False):
-        self.model, self.radius, self.k, self.textbook = model, setting.radius, setting.neighbours, textbook
+    def __init__(self, model: Model, setting: Setting):
+        self.model, self.radius, self.k, self.textbook = model, setting.radius, setting.neighbours, setting.textbook
+        # The share of a disc that photons hit, and where it is not all, the side that a hit must be on.
+        self._share, self._side = np.ones(len(model.object_receivers.areas)), None
+        if setting.border_correction:
+            self._share = model.covered_share
+        self._side = np.where(self._share < 1, model.receiver_sides, NONE).astype(np.int32)
+        self.border_share = float((self._share < 1).mean()) if len(self._share) else 0.0
         self.stale = 0  # receivers estimated again in the last frame
         self._parts: list[Hits] = []
         self.photons = 0  # photons that were prepared
@@ -67,7 +78,7 @@ class PhotonMap:
 
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add the hits of background segments; several threads may."""
-        self._parts.append(hits_of(segments, self.model.world, self.model.static))
+        self._parts.append(self._hits(segments, self.model.static))
 
     def prepare(self, photons: int) -> Iterator[None]:
         """Index the hits added, which are those of the first `photons`, and estimate static receivers, in steps.
@@ -81,7 +92,7 @@ class PhotonMap:
         found = []
         for first in range(0, len(points), QUERY_STEP):
             rows = slice(first, first + QUERY_STEP)
-            found.append(self._query(points[rows], normals[rows], (grid, nothing), uncut))
+            found.append(self._query(rows, points[rows], normals[rows], (grid, nothing), uncut))
             yield
         sums, area, reach2 = (np.concatenate(a) for a in zip(*found, strict=True))
         self.prefixes[photons] = _Prepared(sums, area, reach2, grid, uncut)
@@ -97,10 +108,10 @@ class PhotonMap:
 
     def evaluate(self, frame: Frame) -> Evaluated:
         """Return what the frame's irradiance is read from."""
-        world, background = self.model.world, self.prefixes[frame.photons]
-        changed = [hits_of(s, world, frame.at) for s in (frame.heads, frame.branches)]
+        background = self.prefixes[frame.photons]
+        changed = [self._hits(s, frame.at) for s in (frame.heads, frame.branches)]
         added = build(_joined(changed), CELL_SHARE * self.radius)
-        removed = hits_of(frame.tails, world, frame.at)
+        removed = self._hits(frame.tails, frame.at)
 
         # Which static receivers does a changed hit concern?
         stale = np.zeros(self._static.stop, bool)
@@ -116,7 +127,7 @@ class PhotonMap:
         # A photon's hits are gone from its first tail on, which is written last here.
         background.cut_bounce[frame.tails.photon[::-1]] = frame.tails.bounce[::-1]
         points, normals = self._receivers(frame.at, rows)
-        sums[rows], area[rows], _ = self._query(points, normals, (background.grid, added), background.cut_bounce)
+        sums[rows], area[rows], _ = self._query(rows, points, normals, (background.grid, added), background.cut_bounce)
         background.cut_bounce[frame.tails.photon] = NEVER
         changed = np.zeros(chunks_of(len(sums)), bool)
         changed[rows >> CHUNK_BITS] = True
@@ -124,13 +135,16 @@ class PhotonMap:
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (R, 3) int64 and area (R,) [m2] from all current segments (an iterable of Segments)."""
-        hits = _joined([hits_of(p, self.model.world, at) for p in parts])
+        hits = _joined([self._hits(p, at) for p in parts])
         grid = build(hits, CELL_SHARE * self.radius)
         uncut = np.full(int(hits.photon.max(initial=0)) + 1, NEVER, np.int32)
         points, normals = self._receivers(at, slice(None))
         nothing = build(_joined([]), self.radius)
-        sums, area, _ = self._query(points, normals, (grid, nothing), uncut)
+        sums, area, _ = self._query(slice(None), points, normals, (grid, nothing), uncut)
         return sums, area
+
+    def _hits(self, segments: Segments, at: Transforms) -> Hits:
+        return hits_of(segments, self.model.world, self.model.surfaces.patch, at)
 
     def _receivers(self, at: Transforms, rows) -> tuple[np.ndarray, np.ndarray]:
         """Return positions and normals (n, 3) float32 of some receivers in the world."""
@@ -142,14 +156,30 @@ class PhotonMap:
         normals = to_world_at(at.rotation[o], np.zeros((len(o), 3)), r.normals[index])
         return points.astype(np.float32), normals.astype(np.float32)
 
-    def _query(self, points, normals, grids, cut_bounce):
+    def _query(self, rows, points, normals, grids, cut_bounce):
         """Return sums (n, 3) int64, area (n,), and the squared reach (n,) float32 of each estimate."""
         n = len(points)
         sums, area, reach2 = np.zeros((n, 3), np.int64), np.empty(n), np.empty(n, np.float32)
+        side, share = self._side[rows], self._share[rows]
         radius, counted = np.float32(self.radius), self.k if self.textbook else self.k - 1
 
         def work(_, first, last):
-            _estimate(points, normals, radius, self.k, counted, *grids, cut_bounce, first, last, sums, area, reach2)
+            _estimate(
+                points,
+                normals,
+                side,
+                share,
+                radius,
+                self.k,
+                counted,
+                *grids,
+                cut_bounce,
+                first,
+                last,
+                sums,
+                area,
+                reach2,
+            )
 
         run_ranges(work, n, self.model.threads, QUERY_GRAIN)
         return sums, area, reach2
@@ -158,34 +188,36 @@ class PhotonMap:
 def _joined(parts: list[Hits]) -> Hits:
     if not parts:
         empty = np.empty((0, 3), np.float32)
-        return Hits(empty, empty, np.empty((0, 3), np.int32), np.empty(0, np.int64), np.empty(0, np.int32))
+        return Hits(empty, empty, np.empty((0, 3), np.int32), np.empty(0, np.int64), *(np.empty(0, np.int32),) * 2)
     return Hits(*(np.concatenate(a) for a in zip(*parts, strict=True)))
 
 
 def _as_hits(points: np.ndarray, normals: np.ndarray) -> Hits:
     """Let receivers be indexed as hits are; `photon` numbers them."""
     n = len(points)
-    return Hits(points, normals, np.zeros((n, 3), np.int32), np.arange(n), np.zeros(n, np.int32))
+    return Hits(points, normals, np.zeros((n, 3), np.int32), np.arange(n), *(np.zeros(n, np.int32),) * 2)
 
 
 @kernel
-def _estimate(points, normals, radius, k, counted, background, added, cut_bounce, first, last, sums, area, reach2):
+def _estimate(
+    points, normals, side, share, radius, k, counted, background, added, cut_bounce, first, last, sums, area, reach2
+):
     heap_d2, heap_photon = np.empty(k, np.float32), np.empty(k, np.int64)
     heap_bounce, heap_hit = np.empty(k, np.int32), np.empty(k, np.int64)
     flux, more = background[0][2], added[0][2]
     for r in range(first, last):
         p, m = points[r], normals[r]
         n = gather(
-            p[0], p[1], p[2], m[0], m[1], m[2], radius, k, background, 0, cut_bounce,
+            p[0], p[1], p[2], m[0], m[1], m[2], side[r], radius, k, background, 0, cut_bounce,
             heap_d2, heap_photon, heap_bounce, heap_hit, 0,
         )  # fmt: skip
         n = gather(
-            p[0], p[1], p[2], m[0], m[1], m[2], radius, k, added, 1, cut_bounce,
+            p[0], p[1], p[2], m[0], m[1], m[2], side[r], radius, k, added, 1, cut_bounce,
             heap_d2, heap_photon, heap_bounce, heap_hit, n,
         )  # fmt: skip
         full = n == k and heap_d2[0] > 0.0
         reach2[r] = heap_d2[0] if full else radius * radius
-        area[r] = math.pi * reach2[r]
+        area[r] = math.pi * reach2[r] * share[r]
         # The root of the heap is the k-th hit.
         for h in range(1 if full and counted < k else 0, n):
             index = heap_hit[h] >> 1
@@ -196,7 +228,7 @@ def _estimate(points, normals, radius, k, counted, background, added, cut_bounce
 @kernel
 def _mark(position, receivers, reach2, radius, stale):
     """Mark receivers whose estimate a hit at one of the positions concerns."""
-    (points, _, _, index, _), low, cell, shape, first = receivers
+    (points, _, _, index, _, _), low, cell, shape, first = receivers
     for k in range(len(position)):
         x, y, z = position[k, 0], position[k, 1], position[k, 2]
         x0, x1 = cell_of(x - radius, low[0], cell), cell_of(x + radius, low[0], cell)
