@@ -143,6 +143,13 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add("--neighbours", type=values.positive_int, metavar="K", help="hits that photon_map averages over")
     add("--no-control", dest="control", action="store_false",
         help="tangent_plane without artifact control: faster, dark in corners, and walls leak")  # fmt: skip
+    add(
+        "--no-border-correction",
+        dest="border_correction",
+        action="store_false",
+        help="photon_map without alpha / 2 pi at borders: they turn dark, and surfaces that meet light each other",
+    )
+    add("--textbook", action="store_true", help="photon_map counts the k-th hit too: k / (k - 1) brighter")
     add("--search", default=Settings.search, metavar="NAME",
         help=f"how tangent_plane finds what crosses discs, the picture is the same ({Settings.search})")  # fmt: skip
     add("--pretest", default=Settings.pretest, metavar="NAME",

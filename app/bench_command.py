@@ -58,6 +58,7 @@ def table(n: dict) -> list[str]:
         ("photons cut", f"{100 * n['share_cut']:.3f} % (median)"),
         ("changed", f"{n['segments_changed']:,.0f} segments, old and new (median)"),
         ("a cut photon", f"{per_cut:.2f} us" if per_cut is not None else "none was cut"),
+        ("control", _concerned(n)),
         *_stale(n["photon_map"]),
         ("from scratch", f"{n['from_scratch_ms']:.1f} ms, {n['from_scratch_ratio']:.1f} frames"),
         ("first frame", f"{n['first_frame_ms']:.0f} ms, after {n['prepare_ms']:.0f} ms of preparing the scene"),
@@ -84,6 +85,11 @@ def _ratio(bound: dict) -> str:
 def _stage(name: str, ms: float, bound: dict) -> str:
     known = bound["stages"].get(name)
     return f"{ms:.3f} ms" + (f", {told(known)}" if known else "")
+
+
+def _concerned(n: dict) -> str:
+    contact = f"{n['control_stale']:,.0f} beside mobiles estimated again, {n['control_on_mobiles']:,.0f} on them"
+    return f"{100 * n['control_share']:.1f} % of the receivers; {contact} (median)"
 
 
 def _stale(queries: dict | None) -> list[tuple[str, str]]:

@@ -56,6 +56,9 @@ def measure(scene, settings: Settings, frames: int, bar: Bar) -> dict:
         "photons": solver.photons_traced,
         "estimator": solver.estimator,
         "control": solver.setting.control,
+        "control_share": solver.control_facts.share,
+        "control_stale": walked.in_contact.median,
+        "control_on_mobiles": walked.on_mobiles.median,
         "radius": solver.radius,
         "neighbours": solver.neighbours,
         "seed": solver.seed,
@@ -97,6 +100,7 @@ class _Walked:
         self.cpu = Series()  # of all threads together: what other programs do hardly shows in it
         self.stages: dict[str, Series] = {}
         self.cut, self.changed, self.per_cut, self.stale = Series(), Series(), Series(), Series()
+        self.in_contact, self.on_mobiles = Series(), Series()  # receivers
         self.rss_first: float | None = None  # MB held after the first tenth of the frames ...
         self.rss_last: float | None = None  # ... and after the last one
 
@@ -124,6 +128,8 @@ def _walk(solver, lap: list[dict], frames: int, bar: Bar) -> _Walked:
         walked.changed.add(solver.changes.old_segments + solver.changes.new_segments)
         if cut:
             walked.per_cut.add(1e3 * ms / cut)
+        walked.in_contact.add(solver.control_facts.stale)
+        walked.on_mobiles.add(solver.control_facts.on_mobiles)
         walked.stale.add(getattr(estimate_of(solver), "stale", 0))
         if k == tenth - 1:
             walked.rss_first = rss_mb()

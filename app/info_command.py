@@ -28,14 +28,28 @@ def info(settings: Settings) -> list[str]:
         solver = make_solver(scene, settings)
         chosen = replace(settings, photons=solver.photons, radius=solver.radius, neighbours=solver.neighbours)
         bar("tracing", 0.5)
+        control = _control(solver, settings)
         # Impact counts need no search structure: the fastest way to every photon's fate.
-        solver.configure(estimator="impact_count", photons=min(PILOT, solver.photons))
+        solver.configure(estimator="impact_count", photons=min(PILOT, chosen.photons))
         solver.solve()
     estimator = settings.estimator or scene.defaults.estimator or "tangent_plane"
-    rows = [*_contents(scene, solver), *_lights(scene, solver), *_choices(settings, chosen, estimator, solver)]
+    rows = [*_contents(scene, solver), *_lights(scene, solver), *_choices(settings, chosen, estimator, solver), control]
     notes = _notes(scene, solver)
     materials = material_lines(scene, solver.surfaces)
     return [*_aligned(rows), "", *materials, "", *notes, *[""] * bool(notes), *_aligned(_machine(solver))]
+
+
+def _control(solver, settings: Settings) -> tuple[str, str]:
+    """Say whom artifact control of tangent_plane concerns; without photons that takes no more than its geometry."""
+    if not settings.control:
+        return "artifact control", "off"
+    solver.configure(estimator="tangent_plane", photons=0)
+    solver.solve()
+    told = solver.control_facts
+    text = f"{100 * told.share:.1f} % of the receivers"
+    if solver.scene.mobiles:
+        text += f"; {told.stale:,} near mobiles and {told.on_mobiles:,} on them are in contact"
+    return "artifact control", text
 
 
 def _contents(scene, solver) -> list[tuple[str, str]]:

@@ -29,7 +29,9 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/openi
 BUDGET = 0.008  # s that a frame waits for refinement
 STILL = 0.25  # s that an object is held still, after which all photons are shown although it may go on
 SETTLE = 0.15  # s: a slider's value counts once it has rested so long, or is let go
-SOLVER_SETTINGS = ("estimator", "photons", "radius", "neighbours", "control", "search", "pretest")
+SOLVER_SETTINGS = (
+    "estimator", "photons", "radius", "neighbours", "control", "search", "pretest", "border_correction", "textbook",
+)  # fmt: skip
 
 
 class Session:

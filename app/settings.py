@@ -37,6 +37,8 @@ class Settings:
     radius: float | None = None  # [m]
     neighbours: int | None = None
     control: bool = True  # artifact control of tangent_plane, see gi_core/reachable_area.py
+    border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc, see gi_core/border_angle.py
+    textbook: bool = False  # photon_map counts the k-th hit too
     search: str = "disc_index"  # a key of gi_core.disc_search.SEARCHES; all give the same picture
     pretest: str = "none"  # a key of gi_core.disc_search.PRETESTS
     seed: int = 0
@@ -114,4 +116,6 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         control=settings.control,
         search=settings.search,
         pretest=settings.pretest,
+        border_correction=settings.border_correction,
+        textbook=settings.textbook,
     )

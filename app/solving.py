@@ -21,6 +21,7 @@ from app.log import WARNING, Log
 from app.pace import Pace
 
 if TYPE_CHECKING:  # the solver takes a second to import: that happens behind the window's first frames
+    from gi_core.contact_discs import ControlFacts
     from gi_core.scene import Pose
     from gi_core.solver import Changes, Progress, Solver
 
@@ -50,6 +51,7 @@ class Snapshot(NamedTuple):
     changes: Changes
     probes: dict[str, np.ndarray]  # name -> irradiance (3,)
     segments: int
+    control: ControlFacts
 
 
 class Solving:
@@ -219,7 +221,7 @@ class Solving:
         self.photons_there = max(self.solver.prefixes, default=self.photons_shown)
         s = self.solver
         timings = s.timings if moved else self.snapshot.timings
-        self.snapshot = Snapshot(timings, s.changes, s.probe_irradiance, s.segments_total)
+        self.snapshot = Snapshot(timings, s.changes, s.probe_irradiance, s.segments_total, s.control_facts)
         self.version += 1
 
     def move(self, poses: Mapping[str, Pose], hasty: bool = False) -> None:

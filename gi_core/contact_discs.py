@@ -40,7 +40,7 @@ def room_for_contacts(region: Regions) -> Regions:
 class ControlFacts(NamedTuple):
     """How many receivers artifact control concerns."""
 
-    share: float  # of all receivers, those whose discs their own object enters: at any poses
+    share: float  # of all receivers, those whose discs their own object enters (photon_map: at borders); at any poses
     stale: int  # static receivers that were estimated again in the last frame, because a mobile enters their discs
     on_mobiles: int  # receivers of mobiles whose discs other objects enter in the last frame
 

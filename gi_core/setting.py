@@ -19,7 +19,6 @@ class Setting(NamedTuple):
     control: bool = True  # artifact control of tangent_plane, see `gi_core.reachable_area`
     search: str = "disc_index"  # a key of `gi_core.disc_search.SEARCHES`: how tangent_plane finds crossings
     pretest: str = "none"  # a key of `gi_core.disc_search.PRETESTS`, before each disc test
-
     border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc, see `gi_core.border_angle`
     textbook: bool = False  # photon_map counts the k-th hit too, as in the report: k / (k - 1) too much
 

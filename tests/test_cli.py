@@ -72,15 +72,14 @@ def test_help_names_every_command():
 
 def test_every_command_takes_the_common_options():
     common = "x.toml --mobile a.glb --mobile b.glb --estimator impact_count --photons 1e5 --radius 0.02 --neighbours 30"
-    common += (
-        " --seed 7 --exposure -1.5 --pose chair=-1,2,3 --pose lamp=a=0,0,0,1,0,0,0 --max-edge 0.1 --up z --no-control"
-    )
+    common += " --seed 7 --exposure -1.5 --pose chair=-1,2,3 --pose lamp=a=0,0,0,1,0,0,0 --max-edge 0.1 --up z --no-control --no-border-correction --textbook"
     for command in ([], *([c] for c in cli.COMMANDS)):
         s = settings(*command, *common.split())
         assert (s.scene, s.mobiles, s.estimator) == ("x.toml", ("a.glb", "b.glb"), "impact_count")
         assert (s.photons, s.radius, s.neighbours, s.seed, s.exposure) == (100_000, 0.02, 30, 7, -1.5)
         assert s.poses == (("chair", (-1, 2, 3)), ("lamp=a", (0, 0, 0, 1, 0, 0, 0)))
         assert (s.max_edge, s.up, s.control) == (0.1, "z", False)
+        assert (s.border_correction, s.textbook) == (False, True)
 
 
 def test_the_budget_is_the_viewers_and_may_be_off():

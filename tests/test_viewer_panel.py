@@ -51,10 +51,22 @@ def test_panel_controls(play):
         hand.press(K._1)
         hand.wait_for_light()
         lit = session.irradiance
-        ctx.item_uncheck("##Artifact control")
+        ctx.item_uncheck("Artifact control")
         hand.wait_for_light()
         assert session.solver.setting.control is session.settings.control is False
         assert (session.irradiance < 0.9 * lit).any()
+
+        # Border correction and the textbook's k: more light where three walls meet, and everywhere.
+        hand.press(K._1 if names[0] == "photon_map" else K._2)
+        hand.wait_for_light()
+        lit = session.irradiance
+        ctx.item_uncheck("Border correction")
+        hand.wait_for_light()
+        assert (session.irradiance != lit).any() and not session.solver.setting.border_correction
+        lit = session.irradiance
+        ctx.item_check("Textbook k")
+        hand.wait_for_light()
+        assert session.irradiance.mean() > lit.mean() and session.solver.setting.textbook
 
         # Exposure by slider, then metered again.
         metered = session.settings.exposure
@@ -78,7 +90,7 @@ def test_panel_controls(play):
         assert np.array_equal(middle, grey), f"{middle}, not {grey}: the closed room from outside, its walls drawn"
 
         # Every control tells what it does.
-        refs = "##Estimator ##Photons ##Radius ##k ##Artifact_control ##Exposure Meter ##Tone_map ##Show ##Doll's_house"
+        refs = "##Estimator ##Photons ##Radius ##k Artifact_control Border_correction Textbook_k ##Exposure Meter ##Tone_map ##Show ##Doll's_house"
         refs += " ###Play Reset_pose Reset_view ##Budget"
         for ref in refs.split():
             ctx.mouse_move(ref.replace("_", " "))

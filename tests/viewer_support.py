@@ -166,6 +166,7 @@ class CountingSolver:
     def __init__(
         self, scene: Scene, clock: Clock, steps: int = 40, photon_seconds: float = 0.0, wrong: float = 1.0
     ) -> None:
+        from gi_core.contact_discs import ControlFacts
         from gi_core.solver import Changes
         from gi_core.surfaces import flatten
 
@@ -178,7 +179,7 @@ class CountingSolver:
         self.photons_traced = 0
         self.photon_seconds, self.wrong = photon_seconds, wrong
         self.timings, self.probe_irradiance, self.segments_total = {}, {}, 0
-        self.changes = Changes(0, 0, 0)
+        self.changes, self.control_facts = Changes(0, 0, 0), ControlFacts(0.0, 0, 0)
         self.at_rest = 0  # photons of the last picture
         self.moved_with: list[int] = []  # photons of each move
         self.log: list[tuple] = []  # ("step", k), ("move", poses), ("configure", changes)

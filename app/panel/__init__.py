@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from app.panel import chart, error, light, motion, notes, paths, picture, probes, search, timings
+from app.panel import artifacts, chart, error, light, motion, notes, paths, picture, probes, search, timings
 from app.panel.facts import Facts, facts_of
 from app.panel.folds import Folds
 from app.settings import Settings
@@ -37,6 +37,7 @@ class Section(NamedTuple):
 
 SECTIONS = (
     Section("Light", light.draw),
+    Section("Edges and contact", artifacts.draw),
     Section("Probes", probes.draw, there=lambda facts: bool(facts.probes)),
     Section("Motion", motion.draw),
     Section("Error", error.draw),

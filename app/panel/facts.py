@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from app.appraisal import Report
     from app.session import Session
     from app.trials import Trial
+    from gi_core.contact_discs import ControlFacts
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Facts:
     photons_goal: int
     moving: bool  # something is dragged or played
     segments: int
+    control: ControlFacts  # whom artifact control concerns
     photons_cut: int
     old_segments: int
     new_segments: int
@@ -58,6 +60,7 @@ def facts_of(session: Session, estimators: Mapping[str, str], frame_seconds: flo
         photons_goal=solver.photons,
         moving=session.dragging or session.playing,
         segments=told.segments,
+        control=told.control,
         photons_cut=told.changes.photons_cut,
         old_segments=told.changes.old_segments,
         new_segments=told.changes.new_segments,

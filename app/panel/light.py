@@ -1,4 +1,4 @@
-"""How light is estimated: estimator, photons, radius, neighbours, artifact control."""
+"""How light is estimated: estimator, photons, radius, neighbours."""
 
 from __future__ import annotations
 
@@ -55,13 +55,4 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     if changed:
         s = replace(s, neighbours=max(k, 1))
     ui.tip("How many of the nearest photon hits photon_map averages over. The other estimators do not use it.")
-
-    ui.label("Control")
-    changed, control = imgui.checkbox("##Artifact control", s.control)
-    if changed:
-        s = replace(s, control=control)
-    ui.tip(
-        "Artifact control of tangent_plane: light counts only on the part of a disc that it can reach.\n"
-        "Off: a little faster, but corners turn dark and light leaks through thin walls."
-    )
     return s

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.accelerator import Transforms
+from gi_core.contact_discs import ControlFacts
 from gi_core.cuts import Frame, Wanted
 from gi_core.hit_grid import HitGrid, Hits, build, build_steps, cell_of, gather, hits_of
 from gi_core.jit import kernel
@@ -63,7 +64,7 @@ class PhotonMap:
         if setting.border_correction:
             self._share = model.covered_share
         self._side = np.where(self._share < 1, model.receiver_sides, NONE).astype(np.int32)
-        self.border_share = float((self._share < 1).mean()) if len(self._share) else 0.0
+        self.control_facts = ControlFacts(float((self._share < 1).mean()) if len(self._share) else 0.0, 0, 0)
         self.stale = 0  # receivers estimated again in the last frame
         self._parts: list[Hits] = []
         self.photons = 0  # photons that were prepared
