@@ -72,7 +72,9 @@ def test_help_names_every_command():
 
 def test_every_command_takes_the_common_options():
     common = "x.toml --mobile a.glb --mobile b.glb --estimator impact_count --photons 1e5 --radius 0.02 --neighbours 30"
-    common += " --seed 7 --exposure -1.5 --pose chair=-1,2,3 --pose lamp=a=0,0,0,1,0,0,0 --max-edge 0.1 --up z --no-control"
+    common += (
+        " --seed 7 --exposure -1.5 --pose chair=-1,2,3 --pose lamp=a=0,0,0,1,0,0,0 --max-edge 0.1 --up z --no-control"
+    )
     common += " --no-border-correction --textbook"
     for command in ([], *([c] for c in cli.COMMANDS)):
         s = settings(*command, *common.split())
