@@ -21,7 +21,7 @@ from gi_core.model import Model
 from gi_core.reference import evaluation_points
 from gi_core.scene.types import Pose
 
-FORMAT = "gi-viewer reference 1"  # to be raised when paths change: old answers are then gathered anew
+FORMAT = "gi-viewer reference 2"  # to be raised when paths change: old answers are then gathered anew
 FOLDER = "GI_VIEWER_REFERENCE_DIR"
 SEED = 0
 
@@ -33,7 +33,47 @@ def reference_folder() -> Path:
     return Path(platformdirs.user_cache_dir("gi-viewer", appauthor=False)) / "reference"
 
 
-class ReferenceStore:
+class StateFile:
+    """What has been gathered at some points, on disk."""
+
+    def __init__(self, key: str, points: int, folder: Path | None) -> None:
+        self.path = (reference_folder() if folder is None else folder) / f"{key}.npz"
+        self._points = points
+
+    def load(self) -> Gathered | None:
+        """Return what has been gathered so far; None: nothing, or nothing that can be read."""
+        try:
+            with np.load(self.path) as file:
+                state = Gathered(*(file[name] for name in Gathered._fields))
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            return None
+        return state if all(len(a) == self._points for a in state) else None
+
+    def save(self, state: Gathered) -> None:
+        """Put what has been gathered in place of what was there. Raises OSError."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        aside = self.path.with_name(f"{self.path.stem}.{os.getpid()}.part")
+        try:
+            with open(aside, "wb") as file:
+                np.savez(file, **state._asdict())
+            os.replace(aside, self.path)
+        except BaseException:
+            aside.unlink(missing_ok=True)
+            raise
+
+
+class StaticStore(StateFile):
+    """The static part's light without mobiles, see `gi_core.static_gather`: the same file whatever moves in it."""
+
+    def __init__(self, model: Model, seed: int, folder: Path | None = None) -> None:
+        s, rows, faces = model.surfaces, model.surfaces.receiver_range(0), model.surfaces.face_range(0)
+        r = model.object_receivers
+        arrays = s.vertices[0], s.faces[0], s.reflectance[faces], s.emission[faces], s.two_sided[faces]
+        key = _digest(model, seed, "static", *arrays, r.positions[rows], r.normals[rows], r.areas[rows])
+        super().__init__(key, rows.stop, folder)
+
+
+class ReferenceStore(StateFile):
     """The unbiased irradiance of some receivers of a model at one set of poses, on disk and on the way there."""
 
     def __init__(
@@ -52,42 +92,14 @@ class ReferenceStore:
         self.rows = np.arange(len(positions)) if rows is None else np.asarray(rows)
         self.positions, self.normals = positions[self.rows], normals[self.rows]
         self.weights = receivers.areas[self.rows]
-        self.path = (reference_folder() if folder is None else folder) / f"{self.key()}.npz"
+        super().__init__(self.key(), len(self.rows), folder)
 
     def key(self) -> str:
         """Return the hash of all that the answer depends on."""
         s = self.model.surfaces
-        digest = hashlib.sha256(FORMAT.encode())
-        for light in self.model.scene.lights:
-            digest.update(repr((type(light).__name__, [np.asarray(v).tolist() for v in light[1:]])).encode())
-        digest.update(repr([np.asarray(self.model.scene.up, float).tolist(), self.seed]).encode())
-        for name in self.model.names:
-            digest.update(np.array([*self.poses[name].position, *self.poses[name].quaternion], np.float64).tobytes())
+        poses = np.array([[*self.poses[name].position, *self.poses[name].quaternion] for name in self.model.names])
         arrays = (*s.vertices, *s.faces, s.reflectance, s.emission, s.two_sided, self.positions, self.normals)
-        for array in (*arrays, self.weights):
-            digest.update(repr((array.dtype.str, array.shape)).encode() + np.ascontiguousarray(array).tobytes())
-        return digest.hexdigest()[:24]
-
-    def load(self) -> Gathered | None:
-        """Return what has been gathered so far; None: nothing, or nothing that can be read."""
-        try:
-            with np.load(self.path) as file:
-                state = Gathered(*(file[name] for name in Gathered._fields))
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-            return None
-        return state if all(len(a) == len(self.rows) for a in state) else None
-
-    def save(self, state: Gathered) -> None:
-        """Put what has been gathered in place of what was there. Raises OSError."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        aside = self.path.with_name(f"{self.path.stem}.{os.getpid()}.part")
-        try:
-            with open(aside, "wb") as file:
-                np.savez(file, **state._asdict())
-            os.replace(aside, self.path)
-        except BaseException:
-            aside.unlink(missing_ok=True)
-            raise
+        return _digest(self.model, self.seed, "at poses", poses, *arrays, self.weights)
 
     def steps(self, **more) -> Iterator[Gathered]:
         """Go on from what is there, without end; nothing is saved. `more` is for gather_rounds()."""
@@ -95,3 +107,14 @@ class ReferenceStore:
             self.model.scene, self.positions, self.normals, self.seed, self.weights, self.poses,
             model=self.model, state=self.load(), **more,
         )  # fmt: skip
+
+
+def _digest(model: Model, seed: int, kind: str, *arrays: np.ndarray) -> str:
+    """Return a name for a scene's lights, a seed and some arrays."""
+    digest = hashlib.sha256(FORMAT.encode())
+    for light in model.scene.lights:
+        digest.update(repr((type(light).__name__, [np.asarray(v).tolist() for v in light[1:]])).encode())
+    digest.update(repr([np.asarray(model.scene.up, float).tolist(), int(seed), kind]).encode())
+    for array in arrays:
+        digest.update(repr((array.dtype.str, array.shape)).encode() + np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()[:24]
