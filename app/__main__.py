@@ -152,6 +152,9 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add("--textbook", action="store_true", help="photon_map counts the k-th hit too: k / (k - 1) brighter")
     add("--search", default=Settings.search, metavar="NAME",
         help=f"how tangent_plane finds what crosses discs, the picture is the same ({Settings.search})")  # fmt: skip
+    add("--static-light", choices=["all", "prefix", "gathered"], default=Settings.static_light,
+        help="what the light of the static part is taken from while few photons are in use: all of them, those few, or"
+        " paths gathered at rest, unbiased and slow (all)")  # fmt: skip
     add("--pretest", default=Settings.pretest, metavar="NAME",
         help=f"triangle round each disc that is tried before it, report 2.8 ({Settings.pretest})")  # fmt: skip
     add("--seed", type=values.seed, default=0, metavar="N", help="which photons (0)")

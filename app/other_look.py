@@ -53,7 +53,7 @@ class OtherLook:
             self._twin = solver.twin()
         twin = self._twin
         fields = {**solver.setting._asdict(), "estimator": estimator}
-        twin.configure(photons=solver.photons, static_light=solver.static_light, **fields)
+        twin.configure(photons=solver.photons, static_light="all", **fields)
         yield
         for _ in twin.solve_steps():
             yield

@@ -8,6 +8,7 @@ import numpy as np
 
 from app import motion, raycast
 from app.camera import Bounds, Turntable, from_camera
+from app.gathering import gather
 from app.metering import metered
 from app.png import write_png
 from app.progress import Bar, compile_kernels, solve
@@ -60,6 +61,7 @@ class Shot:
             "photons": solver.photons_traced,
             "radius": f"{solver.radius:.6g} m",
             "neighbours": solver.neighbours,
+            "static_light": "gathered" if solver.uses_gathered else "photons",
             "seed": solver.seed,
             "exposure": f"{self.exposure:.4f} EV",
             "tone_map": s.tone_map,
@@ -84,6 +86,8 @@ def render(settings: Settings, out: Path, frames: int | None = None) -> list[Pat
         compile_kernels(bar)
         solver = make_solver(scene, settings)
         solve(solver, bar)
+        if solver.static_light == "gathered":
+            gather(solver, bar)
         shot = Shot(solver, settings)
         if frames is None:
             return [write_png(out, shot.take(lambda f: bar("drawing", f)), shot.parameters())]

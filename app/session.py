@@ -15,6 +15,7 @@ import numpy as np
 from app import looks
 from app.appraisal import REFERENCE, Appraisal, Wants
 from app.background import Worker
+from app.gathering import Gathering
 from app.history import History
 from app.log import WARNING, Log
 from app.opening import Opened, Opening
@@ -31,6 +32,7 @@ STILL = 0.25  # s that an object is held still, after which all photons are show
 SETTLE = 0.15  # s: a slider's value counts once it has rested so long, or is let go
 SOLVER_SETTINGS = (
     "estimator", "photons", "radius", "neighbours", "control", "search", "pretest", "border_correction", "textbook",
+    "static_light",
 )  # fmt: skip
 
 
@@ -59,6 +61,8 @@ class Session:
         self.history = History()
         self.light: Solving | None = None
         self.appraisal: Appraisal | None = None
+        self.gathering: Gathering | None = None
+        self._turn = False  # of the work at rest, see _next_work()
         self._appraise = appraise
         self._refreshed = 0  # times that the same light is to be drawn anew
         self._truth_drawn: object = None  # how far the reference was when it was last drawn
@@ -152,9 +156,10 @@ class Session:
         self.settings = self._applied = replace(self.settings, **filled)
         self.meshes, self.picker = opened.meshes, opened.picker
         self.light = Solving(opened.solver, self.log, self.clock, self._worker)
+        self.gathering = Gathering(opened.solver, self.clock)
+        self.light.at_rest = self._next_work
         if self._appraise is not None:
             self.appraisal = self._appraise(opened.solver, self.clock)
-            self.light.at_rest = self._next_work
         self._start = dict(self.solver.poses)
         static = Receivers(*(column[self.solver.surfaces.receiver_range(0)] for column in self.solver.receivers))
         paths = paths_of(self.solver.scene, static, self.solver.scene_size)
@@ -169,7 +174,8 @@ class Session:
     def _apply(self) -> None:
         """Take over what the panel asks for, going back no further than needed."""
         old, new = self._applied, self.settings
-        changed = {name: getattr(new, name) for name in SOLVER_SETTINGS if getattr(new, name) != getattr(old, name)}
+        was = _of_solver(old)
+        changed = {name: value for name, value in _of_solver(new).items() if value != was[name]}
         try:
             if changed and not self.light.configure(changed, BUDGET):
                 return  # in the next frame, then
@@ -182,9 +188,15 @@ class Session:
 
     # At rest ----------------------------------------------------------------------------------------
 
-    def _next_work(self) -> Callable[[], None] | None:
+    def _next_work(self) -> Callable[[], object] | None:
+        """Return a piece of work for when everything rests: gathering and measuring errors take turns."""
+        self._turn = not self._turn
+        first, second = (self.gathering.next_work, self._appraisal_work)[:: 1 if self._turn else -1]
+        return first() or second()
+
+    def _appraisal_work(self) -> Callable[[], object] | None:
         s = self.settings
-        if not s.appraise:
+        if self.appraisal is None or not s.appraise:
             return None
         asked = looks.asked(s)
         self.appraisal.wants = Wants(True, REFERENCE in asked, "" if s.compare == REFERENCE else s.compare)
@@ -286,6 +298,12 @@ class Session:
             self.opening.cancel()
         if self.light is not None:
             self.light.close()
+
+
+def _of_solver(s: Settings) -> dict[str, object]:
+    """Return what the solver is to be set to; beside another estimator each shows all of its own light."""
+    values = {name: getattr(s, name) for name in SOLVER_SETTINGS}
+    return values | {"static_light": "all"} if s.compare not in ("", REFERENCE) else values
 
 
 def matrix(pose: Pose) -> np.ndarray:

@@ -41,6 +41,7 @@ class Settings:
     textbook: bool = False  # photon_map counts the k-th hit too
     search: str = "disc_index"  # a key of gi_core.disc_search.SEARCHES; all give the same picture
     pretest: str = "none"  # a key of gi_core.disc_search.PRETESTS
+    static_light: str = "all"  # one of gi_core.solver.STATIC_LIGHT: what the light of the static part is taken from
     seed: int = 0
     poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
     exposure: float | None = None  # [EV]; None: metered once
@@ -106,7 +107,7 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         raise UsageError(f'--search must be one of {", ".join(SEARCHES)}, got "{settings.search}"')
     if settings.pretest not in PRETESTS:
         raise UsageError(f'--pretest must be one of {", ".join(PRETESTS)}, got "{settings.pretest}"')
-    return Solver(
+    solver = Solver(
         scene,
         estimator=estimator,
         photons=settings.photons,
@@ -119,3 +120,5 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         border_correction=settings.border_correction,
         textbook=settings.textbook,
     )
+    solver.configure(static_light=settings.static_light)
+    return solver

@@ -179,10 +179,11 @@ class Solving:
 
     def _take_rest(self, job: Job) -> None:
         try:
-            job.result()
+            if job.result():
+                self._show(moved=False)
         except Exception as problem:
             self.at_rest = None
-            self.log.error("measuring errors", problem)
+            self.log.error("what is done at rest", problem)
 
     def _begin(self, call: Callable, take: Callable[[Job], None]) -> None:
         self._job, self._take = self._worker.submit(call), take

@@ -100,6 +100,7 @@ class Solver:
         self.photons_traced = 0  # photons that self.irradiance belongs to
         self.gathered: StaticGather | None = None
         self._gather_better = False  # than the photons shown
+        self._from_gathered = False  # self.irradiance is
         self._frame: Frame | None = None
         self._times = FrameTimes()
         self._shown: Background | None = None  # what frames are computed from
@@ -179,7 +180,8 @@ class Solver:
                 due = 2 * b.added
             elif is_rung(b.added) and b.estimate.additive:
                 yield from self._prepare(b)
-        if b is not self._shown or b.estimate.photons != goal or self.photons_traced != goal:
+        complete = b is self._shown and b.estimate.photons == goal == self.photons_traced
+        if not complete or self._from_gathered != self.uses_gathered:
             yield from self._show(b)
         yield Progress("done", 1.0, False)
 
@@ -261,15 +263,20 @@ class Solver:
             self.irradiance = np.zeros(evaluated.sums.shape)
         clock("read out")
         self.changes = Changes(f.heads.size, f.tails.size, f.heads.size + f.branches.size)
-        self.photons_traced = photons
+        self.photons_traced, self._from_gathered = photons, self.uses_gathered
         self.timings = clock.seconds
         self._times.add(photons, sum(clock.seconds.values()))
 
     def _static_irradiance(self, photons: int) -> np.ndarray:
         """Return what a frame of so many photons takes the irradiance (n, 3) of static receivers from."""
-        if self.static_light == "gathered" and self._gather_better:
+        if self.uses_gathered:
             return self.gathered.mean
         return self._shown.resting(photons if self.static_light == "prefix" else self._shown.estimate.photons)
+
+    @property
+    def uses_gathered(self) -> bool:
+        """Whether frames start from what has been gathered: it is asked for, and better than the photons."""
+        return self.static_light == "gathered" and self._gather_better
 
     # -- gathering --------------------------------------------------------------------------------
 
@@ -292,7 +299,7 @@ class Solver:
         if self._shown is None or not (photons := self._shown.estimate.photons):
             return False
         self._gather_better = self.gathered.better_than(self._shown.resting(photons))
-        if self.static_light != "gathered" or not self._gather_better:
+        if not self.uses_gathered:
             return False
         self._update()
         return True

@@ -208,7 +208,7 @@ def test_work_at_rest_that_fails_is_told_once_and_given_up():
         frame(s)
     for _ in range(10):
         frame(s)
-    assert len(calls) == 1 and s.log.last.text == "measuring errors: no such truth"
+    assert len(calls) == 1 and s.log.last.text == "what is done at rest: no such truth"
 
 
 # What is shown --------------------------------------------------------------------------------------

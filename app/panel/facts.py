@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from app.appraisal import Report
+    from app.gathering import Gathered
     from app.session import Session
     from app.trials import Trial
     from gi_core.contact_discs import ControlFacts
@@ -41,6 +42,7 @@ class Facts:
     notes: tuple[str, ...] = ()
     report: Report | None = None  # of errors; None while nothing is known
     trials: tuple[Trial, ...] = ()  # settings tried
+    gathered: Gathered | None = None  # how far the static light is; None: not asked for
 
 
 def facts_of(session: Session, estimators: Mapping[str, str], frame_seconds: float, metered: float) -> Facts:
@@ -73,4 +75,5 @@ def facts_of(session: Session, estimators: Mapping[str, str], frame_seconds: flo
         notes=solver.scene.notes,
         report=report if report is not None and report.version == session.light.version else None,
         trials=appraisal.trials.all if appraisal is not None else (),
+        gathered=session.gathering.told if solver.static_light == "gathered" else None,
     )

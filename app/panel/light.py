@@ -13,6 +13,7 @@ from app.settings import Settings
 RADIUS_RANGE = (0.002, 0.2)  # of the scene size
 PHOTONS_RANGE = (1_000, 10_000_000)
 NEIGHBOURS_RANGE = (2, 1_000)
+STATIC_LIGHT_NAMES = {"all": "All photons", "prefix": "Photons in use", "gathered": "Gathered at rest"}
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
@@ -55,4 +56,20 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     if changed:
         s = replace(s, neighbours=max(k, 1))
     ui.tip("How many of the nearest photon hits photon_map averages over. The other estimators do not use it.")
+    return _static_light(s, facts)
+
+
+def _static_light(s: Settings, facts: Facts) -> Settings:
+    s = ui.choice(s, "Static light", "static_light", STATIC_LIGHT_NAMES,
+                  "What walls and furniture that stay are lit from, before the mobiles change it.\n"
+                  "All photons: also while something moves and few are in use, so that walls stay clean.\n"
+                  "Photons in use: only those of the frame, as the report does.\n"
+                  "Gathered: along paths, without bias, while everything rests; used once it is better than photons, "
+                  "and kept on disk. Estimators then differ only in what the mobiles change.")  # fmt: skip
+    if (g := facts.gathered) is not None:
+        ui.label("")
+        imgui.progress_bar(g.fraction, (-1, 0), "")
+        known = f"noise {100 * g.noise:.1f} %" if g.noise < 1 else "gathering"
+        ui.write_over(f"{known}, {'in use' if g.used else 'photons are better still'}")
+        ui.tip("How well the static light is known; it is gathered until its noise is 0.7 %.")
     return s
