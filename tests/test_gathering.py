@@ -41,7 +41,7 @@ def opened(static_light: str = "gathered") -> Session:
     return session
 
 
-def rest_until(session: Session, done, seconds: float = 60.0) -> None:
+def rest_until(session: Session, done, seconds: float = 300.0) -> None:
     end = time.monotonic() + seconds
     while not done():
         assert time.monotonic() < end, session.gathering.told

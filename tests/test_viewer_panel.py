@@ -90,7 +90,8 @@ def test_panel_controls(play):
         assert np.array_equal(middle, grey), f"{middle}, not {grey}: the closed room from outside, its walls drawn"
 
         # Every control tells what it does.
-        refs = "##Estimator ##Photons ##Radius ##k Artifact_control Border_correction Textbook_k ##Exposure Meter ##Tone_map ##Show ##Doll's_house"
+        refs = "##Estimator ##Photons ##Radius ##k ##Static_light Artifact_control Border_correction Textbook_k"
+        refs += " ##Exposure Meter ##Tone_map ##Show ##Doll's_house"
         refs += " ###Play Reset_pose Reset_view ##Budget"
         for ref in refs.split():
             ctx.mouse_move(ref.replace("_", " "))
