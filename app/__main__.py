@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 from app import values
+from app.parser import Parser, did_you_mean
 from app.settings import SHOWS, TONE_MAPS, Settings, UsageError
 
 OK, USAGE, SCENE, NO_GL = 0, 2, 3, 4
@@ -55,7 +56,13 @@ def parse(argv: list[str]) -> argparse.Namespace:
         return _atlas_parser().parse_args(argv[1:])
     if argv and argv[0] in COMMANDS:
         return _command_parser(argv[0]).parse_args(argv[1:])
-    return _view_parser().parse_args(argv)
+    parser = _view_parser()
+    if argv and not argv[0].startswith("-") and not Path(argv[0]).suffix and len(argv) > 1:
+        # Two words of which the first is no command: it may have been meant as one.
+        meant = did_you_mean(argv[0], [*COMMANDS, "atlas"])
+        if meant and not argv[1].startswith("-"):
+            parser.error(f"there is no command {argv[0]}; did you mean {meant[0]}?")
+    return parser.parse_args(argv)
 
 
 def settings_of(arguments: argparse.Namespace) -> Settings:
@@ -69,7 +76,7 @@ def _view_parser() -> argparse.ArgumentParser:
     lines = [f"  gi-viewer {name} SCENE   {what}" for name, what in COMMANDS.items()]
     lines.append(f"  gi-viewer atlas --out DIR   {ATLAS}")
     epilog = "commands without a window (each has its own --help):\n" + "\n".join(lines)
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="gi-viewer", description=ABOUT, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     _add_common(parser)
@@ -92,11 +99,11 @@ def _view_parser() -> argparse.ArgumentParser:
 
 
 def _command_parser(name: str) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog=f"gi-viewer {name}", description=COMMANDS[name])
+    parser = Parser(prog=f"gi-viewer {name}", description=COMMANDS[name])
     _add_common(parser)
     if name == "render":
         _add_picture(parser)
-        parser.add_argument("--out", type=Path, default=Path(FALLBACK_PICTURE), metavar="FILE.png", help="the picture")
+        parser.add_argument("--out", type=Path, metavar="FILE.png", help=f"the picture ({FALLBACK_PICTURE})")
         parser.add_argument(
             "--frames", type=values.positive_int, metavar="N", help="N pictures along the path: FILE.0001.png and so on"
         )
@@ -120,7 +127,7 @@ def _command_parser(name: str) -> argparse.ArgumentParser:
 
 
 def _atlas_parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="gi-viewer atlas", description=ATLAS)
+    parser = Parser(prog="gi-viewer atlas", description=ATLAS)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where index.html and atlas.md go")
     parser.set_defaults(run=_atlas)
     return parser
@@ -207,17 +214,24 @@ def _view(arguments: argparse.Namespace) -> int:
     if not settings.fallback:
         return _fail(reason, NO_GL)
     from app.render_command import render
+    from app.settings import open_scene
 
+    open_scene(settings)  # what is wrong with the scene is told first, and alone
+    print(f"gi-viewer: no window, so a picture is drawn into a file: {reason}", file=sys.stderr, flush=True)
     (path,) = render(settings, arguments.screenshot or Path(FALLBACK_PICTURE))
-    print(f"No window: {reason}\nThe picture is in {path}")
+    print(f"The picture is in {path}")
     return OK
 
 
 def _render(arguments: argparse.Namespace) -> int:
     from app.render_command import render
 
-    for path in render(settings_of(arguments), arguments.out, arguments.frames):
+    out = arguments.out or Path(FALLBACK_PICTURE)
+    replaced = arguments.out is None and arguments.frames is None and out.exists()
+    for path in render(settings_of(arguments), out, arguments.frames):
         print(path)
+    if replaced:
+        print(f"gi-viewer: the {out} that was there is replaced; --out FILE.png names another", file=sys.stderr)
     return OK
 
 

@@ -181,7 +181,9 @@ class Appraisal:
         m, rows, w = self._measured, truth.rows, truth.weights
         total = relative_error(irradiance[rows], truth.irradiance, w).l1
         noise = float("nan")
-        if m is not None and m.version == version and m.prefix:
+        # Light gathered by paths has none of the photons' noise, and how much of its own is not known here.
+        of_photons = self._solver.static_light != "gathered"
+        if m is not None and m.version == version and m.prefix and of_photons:
             noise = noise_from_prefix(irradiance[rows], m.fewer[rows], m.photons, m.prefix, w)
         done = truth.noise <= max(GOOD, SHARE * total)
         if done:

@@ -58,6 +58,10 @@ class Keyboard:
         held, self._held = int(io.key_mods) | self._held, int(io.key_mods)
         if io.want_text_input:
             return []
+        if imgui.is_key_pressed(K.escape, repeat=False) and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
+            # An open list goes first; without keyboard navigation ImGui leaves that to us.
+            imgui.internal.close_popup_to_level(0, True)
+            return []
         actions = [s.action for s in SHORTCUTS if any(_is_pressed(chord, held) for chord in s.chords)]
         actions += [f"estimator {k}" for k, key in enumerate(ESTIMATOR_KEYS) if _is_pressed(key, held)]
         return actions

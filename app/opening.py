@@ -107,7 +107,8 @@ class Opening:
         self.phase, self.detail = TRACING, ""
         for progress in solver.solve_steps():
             self._stop_if_cancelled()
-            self.detail, self.fraction = progress.stage, progress.fraction
+            self.detail = "" if progress.stage == TRACING else progress.stage
+            self.fraction = progress.fraction
             if progress.picture:
                 break
         if solver.poses:

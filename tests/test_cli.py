@@ -125,7 +125,32 @@ def test_defaults_leave_the_choice_to_scene_and_program():
 )
 def test_bad_usage_is_code_2(bad, capsys):
     assert cli.main(bad.split()) == 2
-    assert capsys.readouterr().err.startswith("usage: gi-viewer")
+    assert one_line(capsys.readouterr().err).startswith("gi-viewer")
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [("--photon 10 --radios 2", "--radius"), ("rendr tree", "render"), ("bench --jsn a.json", "--json")],
+)
+def test_a_mistyped_word_is_told_with_the_one_meant(typed, meant, capsys):
+    assert cli.main(typed.split()) == 2
+    said = one_line(capsys.readouterr().err)
+    assert f"did you mean {meant}?" in said and "--help" in said
+
+
+def test_a_mistyped_scene_is_told_with_the_one_meant(capsys):
+    assert cli.main(["info", "cornel"]) == 3
+    assert "did you mean cornell?" in one_line(capsys.readouterr().err)
+    assert cli.main(["info", "zzz"]) == 3
+    assert "did you mean" not in one_line(capsys.readouterr().err)
+
+
+def test_a_picture_that_is_replaced_is_told_unless_it_was_named(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command = ["render", *FAST, "--size", "32x24"]
+    assert cli.main(command) == 0 and capsys.readouterr().err == ""
+    assert cli.main(command) == 0 and "is replaced; --out" in one_line(capsys.readouterr().err)
+    assert cli.main([*command, "--out", "gi-viewer.png"]) == 0 and capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("bad", ["render cornell --out a.jpg", "render cornell --out no/such/folder/a.png"])
@@ -176,10 +201,16 @@ def one_line(text: str) -> str:
 
 def test_without_a_window_the_picture_goes_to_a_file(capsys, tmp_path, monkeypatch, no_window):
     monkeypatch.chdir(tmp_path)
+    from app import render_command
+
+    said = []  # by the time the work begins
+    render = render_command.render
+    monkeypatch.setattr(render_command, "render", lambda *a: (said.append(capsys.readouterr()), render(*a))[1])
     assert cli.main([*FAST, "--size", "64x48"]) == 0
     out = capsys.readouterr().out
     picture = tmp_path / "gi-viewer.png"
-    assert picture.is_file() and str(picture.resolve()) in out and "install libgl1" in out
+    assert picture.is_file() and str(picture.resolve()) in out
+    assert "install libgl1" in one_line(said[0].err) and said[0].out == ""
 
 
 def test_without_a_window_and_without_fallback_it_is_code_4(capsys, tmp_path, monkeypatch, no_window):

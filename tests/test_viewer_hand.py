@@ -126,6 +126,8 @@ def test_camera_by_mouse(play):
 
 
 def test_keys(play, folder):
+    from imgui_bundle import imgui
+
     K = keys()
 
     def script(hand, viewer):
@@ -142,6 +144,16 @@ def test_keys(play, folder):
         hand.press(K.h)
         assert not viewer.help_open
 
+        # Esc closes a list that is open, and nothing else.
+        hand.press(K.h)
+        hand.ctx.set_ref("Panel")
+        hand.ctx.item_click("##Tone map")
+        assert len(imgui.get_current_context().open_popup_stack) == 1
+        hand.press(K.escape)
+        assert len(imgui.get_current_context().open_popup_stack) == 0 and viewer.help_open
+        hand.press(K.escape)
+        assert not viewer.help_open
+
         start = session.poses["block"]
         hand.press(K.space)
         assert session.playing
@@ -152,6 +164,8 @@ def test_keys(play, folder):
         hand.ctx.yield_(3)
         assert session.poses["block"] == moved
 
+        hand.press(K.mod_shift | K.p)
+        assert not list(folder.glob("*.png")), "a key with another modifier is another key"
         hand.press(K.p)
         hand.press(K.f12)
         assert "gi-viewer-002.png" in viewer.log.last.text

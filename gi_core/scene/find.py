@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 from importlib import resources
 from pathlib import Path
@@ -30,4 +31,6 @@ def find_scene(name_or_path: str | Path) -> Path:
     listed = ", ".join(shipped)
     if os.path.isdir(path):
         raise SceneError(f"{name}: a scene is a file, this is a folder; shipped scenes are {listed}")
-    raise SceneError(f"{name}: there is no such scene file; shipped scenes are {listed}")
+    meant = difflib.get_close_matches(name, shipped, 1)
+    hint = f"did you mean {meant[0]}? " if meant else ""
+    raise SceneError(f"{name}: there is no such scene file; {hint}shipped scenes are {listed}")
