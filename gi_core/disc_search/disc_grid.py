@@ -37,22 +37,28 @@ def cell_for(extent: np.ndarray, radius: float, cell_radii: float = CELL_RADII) 
     return max(cell_radii * radius, float(extent.max()) / MOST_ALONG, float(extent.prod() / MAX_CELLS) ** (1 / 3))
 
 
+def discs_in_cells(discs: Discs, rows: np.ndarray, cell_radii: float):
+    """Return the grid of cells of so many radii over some discs: edge, low (3,) [m], shape (3,), discs a cell (C,)."""
+    low, extent = box_of(discs, rows)
+    cell = cell_for(extent, float(discs.radius), cell_radii)
+    # A border of empty cells: a walk inside the grid needs no look at where it ends.
+    low, shape = low - cell, np.maximum(1, np.ceil(extent / cell)).astype(np.int64) + 2
+    count = np.zeros(int(shape.prod()), np.int64)
+    _list(rows, discs.positions, _half_extents(discs, PAD * cell), low, cell, shape, count, np.empty(0, np.int32))
+    return cell, low, shape, count
+
+
 class DiscGrid:
     """A uniform grid over some of the discs, those of the given rows (n,)."""
 
     def __init__(self, discs: Discs, rows: np.ndarray, pretest: str = "none", cell_radii: float = CELL_RADII):
-        self.discs = discs
-        low, extent = box_of(discs, rows)
-        self.cell = cell = cell_for(extent, float(discs.radius), cell_radii)
-        # A border of empty cells: a walk inside the grid needs no look at where it ends.
-        self.low, self.shape = low - cell, np.maximum(1, np.ceil(extent / cell)).astype(np.int64) + 2
-        count = np.zeros(int(self.shape.prod()) + 1, np.int64)
-        listed = rows, discs.positions, _half_extents(discs, PAD * cell), self.low, cell, self.shape
-        _list(*listed, count, np.empty(0, np.int32))
-        room = (count[:-1] + LANES - 1) // LANES
+        self.discs, self.cell_radii = discs, cell_radii
+        self.cell, self.low, self.shape, count = discs_in_cells(discs, rows, cell_radii)
+        room = (count + LANES - 1) // LANES
         self.first = np.concatenate([[0], np.cumsum(room)]).astype(np.int32)
         ids = np.full(int(self.first[-1]) * LANES, -1, np.int32)
-        _list(*listed, self.first[:-1].astype(np.int64) * LANES, ids)
+        half = _half_extents(discs, PAD * self.cell)
+        _list(rows, discs.positions, half, self.low, self.cell, self.shape, self.first[:-1] * np.int64(LANES), ids)
         self.blocks, self.pretest = blocks(discs, ids), triangles(pretest, discs, ids)
 
     def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
@@ -62,6 +68,13 @@ class DiscGrid:
             self.low, self.cell, self.shape, self.first, *self.blocks, self.discs.own,
             *self.discs.regions[:2], self.discs.radius, *lines, first, last, sign, *sums, self.pretest,
         )  # fmt: skip
+
+    def told(self) -> str:
+        """Return in words how large the cells are, and how full."""
+        blocks = np.diff(self.first)
+        full = max(int((blocks > 0).sum()), 1)
+        held = int((self.blocks.front >= 0).sum() + ((self.blocks.front < 0) & (self.blocks.behind >= 0)).sum())
+        return f"cells of {self.cell_radii:g} radii with {held / full:.0f} discs where any are"
 
 
 def _half_extents(discs: Discs, pad: float) -> np.ndarray:

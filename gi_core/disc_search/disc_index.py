@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gi_core.disc_search.cell_size import best_cell_radii
 from gi_core.disc_search.crossing import Discs, Lines, to_list
 from gi_core.disc_search.disc_grid import CELL_RADII, DiscGrid, box_of, cell_for
 from gi_core.sums import Sums
@@ -25,14 +26,19 @@ class DiscIndex:
 
     parts_share_lines = False
 
-    def __init__(self, discs: Discs, pretest: str = "none", cell_radii: float = CELL_RADII):
+    def __init__(self, discs: Discs, pretest: str = "none", cell_radii: float | None = None):
+        """cell_radii: edge of the cells in disc radii; None chooses it for each grid, see cell_size.py."""
         self.discs = discs
-        parts = _crowds(discs, np.flatnonzero(to_list(discs)), cell_radii)
-        self.grids = [DiscGrid(discs, rows, pretest, cell_radii) for rows in parts]
+        parts = _crowds(discs, np.flatnonzero(to_list(discs)), cell_radii or CELL_RADII)
+        self.grids = [DiscGrid(discs, rows, pretest, cell_radii or best_cell_radii(discs, rows)) for rows in parts]
 
     def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.disc_search`."""
         return sum(grid.splat(lines, sign, sums, part, parts) for grid in self.grids)
+
+    def told(self) -> str:
+        """Return in words what was built."""
+        return "disc_index: " + ", ".join(grid.told() for grid in self.grids)
 
 
 def _crowds(discs: Discs, rows: np.ndarray, cell_radii: float) -> list[np.ndarray]:

@@ -1,0 +1,71 @@
+"""The search that has taken least time so far, for as many lines as there are.
+
+Grids cost the same a line however few there are; spheres cost less a line the more of them there are, and less
+where discs crowd (report 2.7, tables 2.2 to 2.4). So every candidate is tried in turn on the calls that come,
+by the number of their lines; what it adds has the same bits, so no trial is for nothing.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from gi_core.disc_search.crossing import Discs, Lines, share
+from gi_core.disc_search.disc_index import DiscIndex
+from gi_core.disc_search.ray_cache import RayCache
+from gi_core.sums import Sums
+
+TRIALS = 2  # calls, of which the faster counts: the machine has other work
+HOPELESS = 3.0  # times the best: one trial is enough
+FEW = 64  # lines: the first candidate, not worth a clock
+
+
+class Auto:
+    """Chooses between candidates; a share of the work is some of the lines, whichever is chosen."""
+
+    parts_share_lines = False
+
+    def __init__(self, discs: Discs, pretest: str = "none", clock: Callable[[], float] = time.perf_counter):
+        """clock: of seconds. Several threads may call splat(): each time is one thread's own."""
+        self.discs, self._clock = discs, clock
+        self.candidates = {"disc_index": DiscIndex(discs, pretest), "ray_cache": RayCache(discs, pretest)}
+        self._taken: dict[tuple[int, str], tuple[int, float]] = {}  # (size class, name) -> trials, seconds a line
+
+    def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+        """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.disc_search`."""
+        if parts > 1:
+            first, last = share(len(lines.low), part, parts)
+            lines = Lines(*(a[first:last] for a in lines))
+        n = len(lines.low)
+        if n < FEW:
+            return next(iter(self.candidates.values())).splat(lines, sign, sums)
+        name = self.choice(n)
+        started = self._clock()
+        found = self.candidates[name].splat(lines, sign, sums)
+        trials, best = self._taken.get((_class(n), name), (0, float("inf")))
+        self._taken[_class(n), name] = trials + 1, min(best, (self._clock() - started) / n)
+        return found
+
+    def choice(self, n: int) -> str:
+        """Return the candidate for n lines: one that is still to be tried, else the fastest."""
+        took = {name: self._taken.get((_class(n), name), (0, 0.0)) for name in self.candidates}
+        best = min((seconds for trials, seconds in took.values() if trials), default=0.0)
+        for name, (trials, seconds) in took.items():
+            if trials == 0 or (trials < TRIALS and seconds <= HOPELESS * best):
+                return name
+        return min(took, key=lambda name: took[name][1])
+
+    def told(self) -> str:
+        """Return in words what was chosen and why: what each has taken, by the number of lines at a time."""
+        taken, parts = dict(self._taken), []
+        for size in sorted({key[0] for key in taken}):
+            took = sorted((taken[size, name][1], name) for name in self.candidates if (size, name) in taken)
+            words = " against ".join(f"{name} {1e6 * seconds:.2f}" for seconds, name in took)
+            parts.append(f"{words} us a segment at {1 << 2 * size:,} to {(4 << 2 * size) - 1:,} at a time")
+        built = "; ".join(search.told() for search in self.candidates.values())
+        return f"auto: {'; '.join(parts) or 'nothing timed yet'}. {built}"
+
+
+def _class(n: int) -> int:
+    """Return the size class of n lines: powers of four."""
+    return (n.bit_length() - 1) // 2
