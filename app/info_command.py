@@ -14,6 +14,7 @@ from app.progress import Bar, compile_kernels
 from app.settings import Settings, make_solver, open_scene
 from app.tonemap import luminance
 
+SEARCH_PILOT = 16_384  # photons: several calls of each size
 PILOT = 20_000  # photons: the escaped share to a third of a percent
 ESCAPES = 0.8  # of the photons, at their first flight: beyond it most of the work is for nothing
 LIBRARIES = ("numpy", "scipy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-bundle")
@@ -32,8 +33,9 @@ def info(settings: Settings) -> list[str]:
         # Impact counts need no search structure: the fastest way to every photon's fate.
         solver.configure(estimator="impact_count", photons=min(PILOT, chosen.photons))
         solver.solve()
-    estimator = settings.estimator or scene.defaults.estimator or "tangent_plane"
-    rows = [*_contents(scene, solver), *_lights(scene, solver), *_choices(settings, chosen, estimator, solver), control]
+        estimator = settings.estimator or scene.defaults.estimator or "tangent_plane"
+        rows = [*_contents(scene, solver), *_lights(scene, solver), *_choices(settings, chosen, estimator, solver)]
+        rows += [control, ("disc search", _search(solver))]
     notes = _notes(scene, solver)
     materials = material_lines(scene, solver.surfaces)
     return [*_aligned(rows), "", *materials, "", *notes, *[""] * bool(notes), *_aligned(_machine(solver))]
@@ -50,6 +52,17 @@ def _control(solver, settings: Settings) -> tuple[str, str]:
     if solver.scene.mobiles:
         text += f"; {told.stale:,} near mobiles and {told.on_mobiles:,} on them are in contact"
     return "artifact control", text
+
+
+def _search(solver) -> str:
+    """Return what the disc search builds, or chooses by a few photons; without regions, which take no part in it."""
+    from gi_core.disc_search import SEARCHES
+
+    pilot = min(SEARCH_PILOT, solver.photons)
+    solver.configure(estimator="tangent_plane", control=False, photons=pilot)
+    solver.solve()
+    there = ", ".join(name for name in SEARCHES if name != solver.setting.search)
+    return f"{solver.search_told}; there are also {there}"
 
 
 def _contents(scene, solver) -> list[tuple[str, str]]:

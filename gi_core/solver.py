@@ -368,6 +368,11 @@ class Solver:
         return probe_irradiance(self.model, self.irradiance, on_faces)
 
     @property
+    def search_told(self) -> str:
+        """What the disc search over the static part has built or chosen, in words; "" where there is none."""
+        return "" if self._shown is None else getattr(self._shown.estimate, "search_told", "")
+
+    @property
     def segments_total(self) -> int:
         """Segments in the background prefix that irradiance belongs to."""
         return len(self._photons.prefix(self.photons_traced)[0].side) - self.photons_traced

@@ -137,3 +137,34 @@ def test_spheres_hold_their_discs_whole_and_nest():
             p = s.parent[k]
             assert s.first[p] <= s.first[k] and s.last[k] <= s.last[p] and k < s.behind[k] <= s.behind[p]
             assert s.depth[k] == s.depth[p] + 1
+
+
+def test_auto_tries_each_and_goes_on_with_the_faster():
+    now = [0.0]
+    c = case(0.05)
+    auto = SEARCHES["auto"](c.discs, clock=lambda: now[0])
+    slow = {"disc_index": 2.0, "ray_cache": 1.0}
+    used = []
+    for name, candidate in auto.candidates.items():
+
+        def splat(lines, sign, sums, name=name, real=candidate.splat):
+            used.append(name)
+            now[0] += slow[name]
+            return real(lines, sign, sums)
+
+        candidate.splat = splat
+    for _ in range(6):
+        found(auto, c)
+    assert used == ["disc_index"] * 2 + ["ray_cache"] * 4
+    assert auto.choice(COUNT) == "ray_cache" and auto.choice(16 * COUNT) == "disc_index", "sizes are judged apart"
+    assert "ray_cache 1666.67 against disc_index 3333.33 us a segment" in auto.told()
+
+
+def test_the_best_cells_are_found_downhill():
+    from gi_core.disc_search.cell_size import SIZES, _downhill, best_cell_radii
+
+    for best in SIZES:
+        assert _downhill(lambda r, best=best: abs(r - best)) == best
+    crowded, apart = case(0.4).discs, case(0.003).discs
+    every = np.arange(COUNT)
+    assert best_cell_radii(crowded, every) < best_cell_radii(apart, every)

@@ -43,6 +43,7 @@ class Facts:
     report: Report | None = None  # of errors; None while nothing is known
     trials: tuple[Trial, ...] = ()  # settings tried
     gathered: Gathered | None = None  # how far the static light is; None: not asked for
+    search_told: str = ""  # what the disc search built or chose
 
 
 def facts_of(session: Session, estimators: Mapping[str, str], frame_seconds: float, metered: float) -> Facts:
@@ -76,4 +77,5 @@ def facts_of(session: Session, estimators: Mapping[str, str], frame_seconds: flo
         report=report if report is not None and report.version == session.light.version else None,
         trials=appraisal.trials.all if appraisal is not None else (),
         gathered=session.gathering.told if solver.static_light == "gathered" else None,
+        search_told=solver.search_told,
     )

@@ -4,7 +4,8 @@ A search is made from the `Discs` of one object and a key of PRETESTS, and serve
 `splat(lines, sign, sums, part, parts)` adds sign x flux of lines (`Lines`, in the discs' space) to the sums of the
 discs they cross, and returns the number of crossings. It does one of `parts` shares of that work; several
 threads may do one each, with sums of their own. Where `parts_share_lines`, a share is some of the discs with all
-lines; where not, it is some of the lines: whoever makes lines ready need make ready only those of the share. `told()` says in words what was built or chosen.
+lines; where not, it is some of the lines: whoever makes lines ready need make ready only those of the share.
+`told()` says in words what was built or chosen.
 """
 
 from gi_core.disc_search.auto import Auto

@@ -72,6 +72,11 @@ class TangentPlane:
         yield from self._contact.build()
         self._areas = self.area.copy()
 
+    @property
+    def search_told(self) -> str:
+        """What the search over the static part's discs has built or chosen, in words."""
+        return self._searches[0].told() if self._searches else ""
+
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add background segments to the sums of static receivers; several threads may, each with its number."""
         self._splat_part(0, segments, self.model.static, 1, self._added[thread])
