@@ -111,6 +111,17 @@ def test_vertices_out_of_reach(tmp_path, far):
 
 
 @pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("stray", ["inf", "nan", "1e300"])
+def test_a_vertex_that_no_face_uses_may_be_anything(tmp_path, stray):
+    """The cells in which vertices are welded were as large as what the stray one spanned: all became one."""
+    write_obj(tmp_path / "a.obj")
+    plain = read_mesh_file(tmp_path / "a.obj").mesh
+    write_obj(tmp_path / "a.obj", before=f"v 5 {stray} 5", faces=BOX_FACES + 1)
+    mesh = read_mesh_file(tmp_path / "a.obj").mesh
+    assert np.array_equal(mesh.vertices, plain.vertices) and np.array_equal(mesh.faces, plain.faces)
+
+
+@pytest.mark.filterwarnings("error")
 def test_normals_and_texture_coordinates_out_of_reach(tmp_path):
     surroundings(tmp_path)
     text = FULL_OBJ.replace("vt 1 0", "vt 1e308 -1e308").replace("vn 0 0 1", "vn 1e200 1e300 nan")

@@ -110,9 +110,15 @@ def _clean(read: FileParts, where: str) -> MeshFile:
 
 
 def _tamed(part: Part) -> Part:
-    """Return a part whose normals and texture coordinates can be reckoned with; vertices must be good as they are."""
+    """Return a part whose normals and texture coordinates can be reckoned with; vertices must be good as they are.
+
+    A vertex that no face uses may be anything, infinite too: it is put where it does no harm.
+    """
     normals, uv = part.corner_normals, part.corner_uv
+    used = np.zeros(len(part.vertices), bool)
+    used[part.faces] = True
     return part._replace(
+        vertices=np.where(used[:, None], part.vertices, part.vertices[part.faces[0, 0]]),
         corner_normals=None if normals is None else np.clip(np.nan_to_num(normals), -FARTHEST, FARTHEST),
         corner_uv=None if uv is None else np.clip(np.nan_to_num(uv), -FARTHEST_UV, FARTHEST_UV),
     )
