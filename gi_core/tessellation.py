@@ -14,7 +14,9 @@ from gi_core.receivers import weld
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Mesh, Paint
 from gi_core.surfaces import face_normals
+from gi_core.thin_faces import cut_across
 
+ACROSS = 0.6  # of the longest edge: lower faces are cut across, not into triangles of their own shape
 MOST_FACES = 4_000_000  # a misplaced decimal point must not fill the memory
 
 
@@ -46,6 +48,16 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
     inside = None if mesh.paint is None else np.broadcast_to(np.eye(3), (len(faces), 3, 3))
     done, done_source, done_normals, done_inside = [], [], [], []
     total = 0
+    across = np.zeros(len(faces), bool)
+    if longest is None and thinnest == 0:
+        p = points[faces]
+        across = (_heights(points, faces) < ACROSS * max_edge) & _too_long(
+            p, np.roll(p, -1, axis=1), max_edge, None
+        ).any(axis=1)
+    thin, whole_points = faces[across], points
+    thin_source, thin_normals = source[across], None if normals is None else normals[across]
+    faces, source = faces[~across], source[~across]
+    normals, inside = (None if c is None else c[~across] for c in (normals, inside))
     while len(faces):
         # Mark the long edges: edge k runs from corner k to corner k + 1.
         ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)
@@ -84,6 +96,21 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
         faces, source, normals, inside = _cut(slots, source, slot_normals, slot_inside, pattern, points)
         if total + len(faces) > MOST_FACES:
             raise _too_many(max_edge)
+    if len(thin):
+        cut = cut_across(whole_points[thin], lambda a, b: _too_long(a, b, max_edge, None), MOST_FACES - total)
+        if cut is None:
+            raise _too_many(max_edge)
+        n = len(cut.source)
+        done.append(len(points) + np.arange(3 * n).reshape(n, 3))
+        done_source.append(thin_source[cut.source])
+        done_inside.append(cut.inside)
+        if normals is not None:
+            mixed = (cut.inside[..., None] * thin_normals[cut.source][:, None]).sum(axis=2)
+            length = np.sqrt((mixed * mixed).sum(axis=2, keepdims=True))
+            done_normals.append(mixed / np.maximum(length, 1e-12))
+        # What neighbours made of the same edges is the same to the bit.
+        points, same = np.unique(np.concatenate([points, cut.points.reshape(-1, 3)]), axis=0, return_inverse=True)
+        done = [same.reshape(-1)[f] for f in done]
     source = np.concatenate(done_source)
     return Mesh(
         points,

@@ -208,3 +208,35 @@ def test_absurd_lengths_are_refused():
         tessellate(box(), 1e-5)
     with pytest.raises(SceneError, match="max_edge must be a length > 0, got 0"):
         tessellate(box(), 0)
+
+
+@pytest.mark.parametrize(("length", "width", "most"), [(10.0, 0.001, 700), (10.0, 0.05, 700), (80.0, 0.001, 4500)])
+def test_a_long_strip_is_cut_across(length, width, most):
+    """Halved with its diagonals it would become 4,374 pieces, or 39,366; area, sides and attributes stay.
+
+    Of pieces no longer than 0.1, a strip needs 200 (1,600) triangles; its diagonal is an edge of the file and cut too.
+    """
+    corners = np.array([[0, 0, 0], [length, 0, 0], [length, width, 0], [0, width, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    uv = (corners[faces][..., :2] * [2.0, 30.0]).astype(np.float32)
+    paint = Paint((Texture(np.zeros((2, 2, 3), np.uint8)),), np.zeros(2, np.int32), uv, np.ones((2, 3, 3), np.float32))
+    lean = np.array([[0.0, 0, 1], [0.6, 0, 0.8], [0.6, 0, 0.8], [0, 0, 1]])[faces]
+    fine = tessellate(Mesh(corners, faces, np.array([3, 4], np.int32), lean, paint=paint), 0.1)
+    assert length / 0.1 * 2 <= len(fine.faces) < most
+    assert longest(fine) < 0.1 * 1.2 and vertices_inside_edges(fine) == 0
+    normals, areas = face_normals(fine)
+    assert areas.min() > 0 and normals[:, 2].min() > 0
+    for material in (3, 4):
+        assert areas[fine.face_material == material].sum() == pytest.approx(length * width / 2)
+    at = fine.vertices[fine.faces]
+    np.testing.assert_allclose(fine.paint.corner_uv, at[..., :2] * [2.0, 30.0], atol=1e-4 * length)
+    np.testing.assert_allclose((fine.corner_normals**2).sum(axis=2), 1.0)
+    tilt = fine.corner_normals[..., 0]
+    assert np.ptp(tilt[at[..., 0] == 0]) == 0 and np.abs(tilt[at[..., 0] == length] - 0.6).max() < 1e-12
+
+
+def test_an_endless_sliver_is_refused_before_it_fills_the_memory():
+    corners = np.array([[0.0, 0, 0], [1e6, 0, 0], [5e5, 1e-6, 0]])
+    sliver = Mesh(corners, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32))
+    with pytest.raises(SceneError, match="max_edge 0.01 makes more than 4,000,000 triangles"):
+        tessellate(sliver, 0.01)
