@@ -88,6 +88,12 @@ def _view_parser() -> argparse.ArgumentParser:
         help=f"fail with code {NO_GL} where no window can be opened, instead of drawing ./{FALLBACK_PICTURE}",
     )
     _add_budget(parser, "; 0: always all")
+    _add_error(parser)
+    parser.add_argument(
+        "--auto",
+        action="store_true",
+        help="choose estimator, photons and radius for that budget by trials on this scene",
+    )
     parser.add_argument(
         "--screenshot",
         type=values.png,
@@ -115,12 +121,7 @@ def _command_parser(name: str) -> argparse.ArgumentParser:
         _add_sweep(parser)
     if name == "tune":
         _add_budget(parser, "")
-        parser.add_argument(
-            "--error",
-            type=values.positive,
-            metavar="PCT",
-            help="choose the fastest that is so close to the truth at rest",
-        )
+        _add_error(parser)
         parser.add_argument("--check", action="store_true", help="solve with the choice and say how close it came")
     parser.set_defaults(run={"render": _render, "bench": _bench, "tune": _tune, "info": _info}[name])
     return parser
@@ -188,6 +189,12 @@ def _add_budget(parser: argparse.ArgumentParser, off: str) -> None:
         default=Settings.budget,
         metavar="MS",
         help=f"what light may take while something moves, with as many photons as fit{off} ({Settings.budget:g})",
+    )
+
+
+def _add_error(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--error", type=values.positive, metavar="PCT", help="choose the fastest settings so close to the truth at rest"
     )
 
 

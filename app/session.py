@@ -14,6 +14,7 @@ import numpy as np
 
 from app import looks
 from app.appraisal import REFERENCE, Appraisal, Wants
+from app.auto import Auto
 from app.background import Worker
 from app.gathering import Gathering
 from app.history import History
@@ -62,6 +63,7 @@ class Session:
         self.light: Solving | None = None
         self.appraisal: Appraisal | None = None
         self.gathering: Gathering | None = None
+        self.auto: Auto | None = None  # while settings are tried
         self._turn = False  # of the work at rest, see _next_work()
         self._appraise = appraise
         self._refreshed = 0  # times that the same light is to be drawn anew
@@ -125,6 +127,7 @@ class Session:
             self.light.settle()
             self.light.refine(budget, still and not editing)
             self._follow_truth()
+            self._follow_auto()
         elif self.clock() - self._moved_at >= STILL:
             self.light.settle()
 
@@ -166,6 +169,8 @@ class Session:
         self._paths = {name: path for name, path in paths.items() if len(path.times) > 1}
         for note in self.solver.scene.notes:
             self.log(note)
+        if self.settings.auto or self.settings.error is not None:
+            self.choose_settings()
 
     @property
     def _to_apply(self) -> bool:
@@ -189,7 +194,9 @@ class Session:
     # At rest ----------------------------------------------------------------------------------------
 
     def _next_work(self) -> Callable[[], object] | None:
-        """Return a piece of work for when everything rests: gathering and measuring errors take turns."""
+        """Return a piece of work for when everything rests: trying settings, else gathering and measuring in turns."""
+        if self.auto is not None:
+            return self.auto.next_work()
         self._turn = not self._turn
         first, second = (self.gathering.next_work, self._appraisal_work)[:: 1 if self._turn else -1]
         return first() or second()
@@ -201,6 +208,24 @@ class Session:
         asked = looks.asked(s)
         self.appraisal.wants = Wants(True, REFERENCE in asked, "" if s.compare == REFERENCE else s.compare)
         return self.appraisal.next_work(self.light.version, self.irradiance)
+
+    def choose_settings(self) -> None:
+        """Try settings while everything rests and take those over that do best."""
+        if not self.solver.scene.mobiles:
+            self.log("settings are chosen for what moves, and nothing does: add a mobile with --mobile FILE", WARNING)
+        elif self.auto is None:
+            self.auto = Auto(self.solver, self.settings)
+
+    def _follow_auto(self) -> None:
+        if self.auto is None or not self.auto.done:
+            return
+        auto, self.auto = self.auto, None
+        if auto.problem is not None:
+            self.log.error("trying settings", auto.problem)
+            return
+        self.want(auto.taken_over(self.settings))
+        for line in auto.told():
+            self.log(line)
 
     def _follow_truth(self) -> None:
         """Have the picture drawn again when what it is compared with has come, or become much better."""

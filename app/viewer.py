@@ -222,6 +222,8 @@ class Viewer:
             getattr(session, action)()
         elif action == "reference":
             session.want(replace(session.settings, reference=not session.settings.reference))
+        elif action == "auto":
+            session.choose_settings()
         elif action == "clear chart":
             session.appraisal.trials.clear()
         elif action == "meter":

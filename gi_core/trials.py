@@ -22,6 +22,7 @@ PHOTONS = 1 << 17  # of a trial: a second or so
 COUNTS = 5  # prefixes tried: all of those photons, a half, ...
 RECEIVERS = 300  # at each pose
 NOISE = 0.02  # of truth, l1: enough, since it is taken out
+STEP = 1 << 13  # paths of the truth at once: a drag that begins waits for them
 MOST_PATHS = 2048  # a receiver
 
 
@@ -67,7 +68,9 @@ def yardsticks(
         rows = np.sort(rng.choice(rows, min(RECEIVERS, int((share > 0).sum())), replace=False, p=share))
         points, normals = (a[rows] for a in evaluation_points(solver.surfaces, receivers))
         weights = np.ones(len(rows))  # the draw has weighed them
-        steps = gather_rounds(solver.scene, points, normals, 1000 * seed + k, weights, solver.poses, model=solver.model)
+        steps = gather_rounds(
+            solver.scene, points, normals, 1000 * seed + k, weights, solver.poses, model=solver.model, step=STEP
+        )
         for truth in steps:
             noise = truth.noise(weights)
             done = max(min((NOISE / noise) ** 2, 1.0), int(truth.paths.sum()) / (MOST_PATHS * len(rows)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -167,3 +168,49 @@ def test_the_command_prints_trials_and_choice(monkeypatch, capsys):
     monkeypatch.setattr("app.tune_command.open_scene", lambda settings: plane_scene())
     assert cli.main(["tune", "plane"]) == 2
     assert "no mobile to move" in capsys.readouterr().err
+
+
+def test_the_window_tries_settings_at_rest_and_takes_the_choice_over(monkeypatch):
+    from app.log import Log
+    from app.opening import Opened
+    from app.session import Session
+    from app.settings import Settings
+
+    monkeypatch.setattr("gi_core.trials.PHOTONS", 8192)
+    monkeypatch.setattr("gi_core.trials.MOST_PATHS", 32)
+    settings = Settings(
+        estimator="tangent_plane", photons=8192, radius=0.1, neighbours=20, exposure=0.0, error=30.0, budget=50.0
+    )
+    log = Log()
+    session = Session(settings, log, open_with=lambda settings: None, appraise=None)
+    session.adopt(Opened(settings, Solver(SCENE, photons=8192, radius=0.1), (), None))
+    told = []
+    end = time.monotonic() + 300
+    while session.auto is not None:
+        assert time.monotonic() < end
+        session.tick(1 / 60)
+        told.append(session.auto.doing.fraction if session.auto else 1.0)
+    assert told == sorted(told) and len(set(told)) > 5
+    for _ in range(2000):
+        session.tick(1 / 60)
+        if not session.refining:
+            break
+    s = session.settings
+    assert (s.estimator, s.radius, s.photons) != ("tangent_plane", 0.1, 8192)
+    assert session.solver.setting.estimator == s.estimator and session.solver.photons == s.photons
+    assert any("for 30 % at rest: " in entry.text for entry in log.entries)
+    session.close()
+
+
+def test_without_anything_that_moves_nothing_is_tried():
+    from app.log import Log
+    from app.opening import Opened
+    from app.session import Session
+    from app.settings import Settings
+
+    settings = Settings(estimator="tangent_plane", photons=100, radius=0.1, neighbours=20, exposure=0.0, auto=True)
+    log = Log()
+    session = Session(settings, log, open_with=lambda settings: None, appraise=None)
+    session.adopt(Opened(settings, Solver(coloured_room(()), photons=100, radius=0.1), (), None))
+    assert session.auto is None and any("nothing does" in entry.text for entry in log.entries)
+    session.close()

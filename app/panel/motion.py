@@ -38,6 +38,23 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         "What light may take in a frame while something moves: as many photons are used as fit, and all of them "
         "as soon as it rests. Off: always all, however long it takes."
     )
+    _auto(facts, actions)
     told = f"{ui.thousands(facts.photons_shown)} of {ui.thousands(facts.photons_traced)} photons"
     ui.number("Moving" if facts.moving else "At rest", told, "Photons that this picture is made of, and all there are.")
     return s
+
+
+def _auto(facts: Facts, actions: set[str]) -> None:
+    ui.label("Settings")
+    if facts.auto is not None:
+        imgui.progress_bar(facts.auto.fraction, (-1, 0), "")
+        ui.write_over(facts.auto.what)
+        return
+    imgui.begin_disabled(facts.mobiles == 0)
+    if imgui.button("Choose for this budget", (-1, 0)):
+        actions.add("auto")
+    imgui.end_disabled()
+    ui.tip(
+        "Try estimators and radii on this scene and machine while everything rests, against the reference, and take "
+        "those that come closest to it while something moves. It says what it expects."
+    )
