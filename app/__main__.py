@@ -23,6 +23,8 @@ COMMANDS = {
     "bench": "move the mobile along its path and time every frame",
     "tune": "try settings on this scene and machine and say which suit a frame time or an error best",
     "info": "say what is in a scene, which defaults are chosen, and why",
+    "reference": "gather the unbiased light of a scene and keep it; goes on with a run that was stopped",
+    "chart": "error against frame time of many settings: table, chart and page; goes on with a run that was stopped",
 }
 
 ATLAS = "where each method fails, what theory predicts, what is measured, what helps: a page"
@@ -46,8 +48,8 @@ def main(argv: list[str] | None = None) -> int:
         return _fail(error, USAGE)
     except OSError as error:
         return _fail(error, USAGE)
-    except KeyboardInterrupt:
-        return _fail("stopped", 130)
+    except KeyboardInterrupt as stop:
+        return _fail(str(stop) or "stopped", 130)
 
 
 def parse(argv: list[str]) -> argparse.Namespace:
@@ -123,7 +125,13 @@ def _command_parser(name: str) -> argparse.ArgumentParser:
         _add_budget(parser, "")
         _add_error(parser)
         parser.add_argument("--check", action="store_true", help="solve with the choice and say how close it came")
-    parser.set_defaults(run={"render": _render, "bench": _bench, "tune": _tune, "info": _info}[name])
+    if name == "reference":
+        parser.add_argument("--error", type=values.positive, default=1.0, metavar="PCT",
+            help="stop when chance makes no larger error than this share of the light [%%] (1)")  # fmt: skip
+    if name == "chart":
+        _add_chart(parser)
+    run = {"render": _render, "bench": _bench, "tune": _tune, "info": _info, "reference": _reference, "chart": _chart}
+    parser.set_defaults(run=run[name])
     return parser
 
 
@@ -209,6 +217,14 @@ def _add_sweep(parser: argparse.ArgumentParser) -> None:
         help="print B / A of every number that two such files both have")  # fmt: skip
 
 
+def _add_chart(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("--out", type=Path, required=True, metavar="DIR", help="where results.csv, chart.svg, index.html are written")
+    add("--quick", action="store_true", help="few settings, frames and receivers: a minute")
+    add("--frames", type=values.positive_int, metavar="N", help="timed frames along the path a setting (40)")
+    add("--points", type=values.positive_int, metavar="N", help="receivers a pose whose error is taken (1500)")
+
+
 def _view(arguments: argparse.Namespace) -> int:
     settings = settings_of(arguments)
     from app.window import why_no_window
@@ -281,6 +297,21 @@ def _info(arguments: argparse.Namespace) -> int:
     from app.info_command import info
 
     print("\n".join(info(settings_of(arguments))))
+    return OK
+
+
+def _reference(arguments: argparse.Namespace) -> int:
+    from app.reference_command import reference
+
+    reference(settings_of(arguments), arguments.error / 100)
+    return OK
+
+
+def _chart(arguments: argparse.Namespace) -> int:
+    from app.chart_command import chart
+
+    a = arguments
+    print(chart(settings_of(a), a.out, a.quick, a.frames, a.points))
     return OK
 
 

@@ -43,6 +43,13 @@ class Bar:
         self.close()
 
 
+def time_left(seconds: float | None) -> str:
+    """Return ", 3 min left" to put behind a stage; "" while nobody knows."""
+    if seconds is None:
+        return ""
+    return f", {seconds:.0f} s left" if seconds < 90 else f", {seconds / 60:.0f} min left"
+
+
 def compile_kernels(bar: Bar) -> None:
     """Compile what was never compiled on this machine, with the bar moving; a minute at most, once."""
     from gi_core import warmup

@@ -83,15 +83,19 @@ class ReferenceStore(StateFile):
         rows: np.ndarray | None = None,
         seed: int = SEED,
         folder: Path | None = None,
+        weights: np.ndarray | None = None,
     ) -> None:
-        """`poses`: those that differ from the scene's own; `rows` (n,): of these receivers only, in this order."""
+        """`poses`: those that differ from the scene's own; `rows` (n,): of these receivers only, in this order.
+
+        `weights` (n,): what each stands for, if not its own area; paths go where weight is.
+        """
         self.model, self.seed = model, int(seed)
         self.poses = model.start_poses() | dict(poses or {})
         receivers = model.receivers_at(self.poses)
         positions, normals = evaluation_points(model.surfaces, receivers)
         self.rows = np.arange(len(positions)) if rows is None else np.asarray(rows)
         self.positions, self.normals = positions[self.rows], normals[self.rows]
-        self.weights = receivers.areas[self.rows]
+        self.weights = receivers.areas[self.rows] if weights is None else np.asarray(weights, np.float64)
         super().__init__(self.key(), len(self.rows), folder)
 
     def key(self) -> str:

@@ -24,10 +24,11 @@ from gi_core.scene import SceneError, load_scene, shipped_scenes
 
 ROOT = Path(__file__).resolve().parent.parent
 ROOM = ROOT / "docs" / "your-own-room.md"
-DOCUMENTS = ["docs/your-own-room.md", "docs/scene-format.md", "docs/api.md", "README.md"]
+DOCUMENTS = ["docs/your-own-room.md", "docs/scene-format.md", "docs/api.md", "docs/chart.md", "README.md"]
 # What a manual would not say, but a test must; --estimator only where the example leaves it open.
 SMALL = "--photons 2000 --max-edge 0.5".split()
-OF_COMMAND = {"view": ["--size", "64x40"], "render": ["--size", "64x40"], "bench": [], "info": [], "tune": []}
+OF_COMMAND = {"view": ["--size", "64x40"], "render": ["--size", "64x40"], "bench": [], "info": [], "tune": [],
+              "reference": ["--error", "30"], "chart": ["--quick", "--frames", "2", "--points", "50"]}  # fmt: skip
 FRAMES = ["--frames", "2"]
 CHEAPEST = ["--estimator", "impact_count"]
 
@@ -59,6 +60,7 @@ def work_through(document: str, monkeypatch, folder: Path) -> int:
     from app import window
 
     monkeypatch.chdir(folder)
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(folder / "reference"))
     monkeypatch.setattr(window, "why_no_window", lambda: "tests have no window")
     names: dict = {"__name__": document}
     done = 0

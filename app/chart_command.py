@@ -1,0 +1,43 @@
+"""`gi-viewer chart SCENE --out DIR`: speed against accuracy of many settings, as a table, a chart and a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from app.progress import Bar, compile_kernels
+from app.settings import Settings, UsageError, open_scene
+
+SOON_ENOUGH = 40.0  # ms: the frame of which pictures are shown may take so long
+
+
+def chart(
+    settings: Settings, out: Path, quick: bool = False, frames: int | None = None, points: int | None = None
+) -> str:
+    """Measure what is missing in `out`/results.csv, draw all of it; return where to look, in words.
+
+    Raises SceneError, UsageError (a scene without mobiles, no matplotlib), OSError.
+    """
+    from app.chart_figure import draw, need_matplotlib
+    from app.chart_page import write_page
+    from app.chart_run import Run
+
+    need_matplotlib()
+    out.mkdir(parents=True, exist_ok=True)
+    with Bar() as bar:
+        bar("loading", 0.0)
+        scene = open_scene(settings)
+        if not scene.mobiles:
+            raise UsageError(f"{settings.scene} has no mobile to move: add one with --mobile FILE")
+        compile_kernels(bar)
+        run = Run(scene, settings, quick, frames, points, out, bar)
+        run.measure()
+        bar("drawing", 0.0)
+        rows, about = run.results.rows, run.about()
+        draw(rows, about, out)
+        write_page(run, rows, about, out)
+    soon = [r for r in rows if r["frame_ms"] <= SOON_ENOUGH]
+    said = f"{len(rows)} settings"
+    if soon:
+        least = min(soon, key=lambda r: r["total all"])
+        said += f"; within {SOON_ENOUGH:g} ms the least error is {100 * least['total all']:.1f} %, of {least['curve']}"
+    return "\n".join([said, *(str((out / name).resolve()) for name in ("index.html", "chart.svg", "results.csv"))])

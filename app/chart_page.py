@@ -1,0 +1,145 @@
+"""index.html: chart, the report's tables beside ours, pictures and every number, in one file that needs no other."""
+
+from __future__ import annotations
+
+import math
+import os
+from html import escape
+from pathlib import Path
+
+from app import chart_pictures
+from app.chart_report import SCENES, beside
+from app.chart_rival import RIVAL
+from app.chart_run import Run
+
+STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 1180px; margin: 2em auto; padding: 0 1em; }
+h1 { font-size: 1.7em; } h2 { margin-top: 2em; font-size: 1.25em; } svg { width: 100%; height: auto; }
+table { border-collapse: collapse; font-size: 0.88em; } .wide { overflow-x: auto; }
+th, td { padding: 0.25em 0.7em; text-align: right; border-bottom: 1px solid #ddd; white-space: nowrap; }
+th:first-child, td:first-child { text-align: left; } th { border-bottom: 2px solid #888; }
+figure { margin: 0; } .row { display: grid; grid-template-columns: repeat(auto-fit, minmax(300px, 1fr)); gap: 1em; }
+.row img { width: 100%; display: block; } figcaption { font-size: 0.88em; margin: 0.3em 0 1em; }
+"""
+ALL_COLUMNS = ("noise", "bias", "total", "total l2")
+
+
+def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
+    """Write index.html, whole or not at all. Raises OSError."""
+    parts = [
+        f"<h1>{escape(str(about['scene']))}: speed against accuracy</h1>",
+        f"<p>{escape(_summary(rows, about))}</p>",
+        _inline((out / "chart.svg").read_text(encoding="utf-8")),
+        "<h2>The best of each estimator</h2>",
+        f"<p>The least error of all receivers within {chart_pictures.SOON_ENOUGH:g} ms a frame. Maps: blue too dark, "
+        f"orange too bright, full colour at {chart_pictures.SCALE:.0%} of the light there.</p>",
+        _pictures(chart_pictures.pictures(run, rows)),
+        *_report(rows, about),
+        "<h2>Every setting</h2>",
+        _everything(rows),
+        f"<p>{escape(_notes(about))}</p>",
+    ]
+    title = escape(f"{about['scene']}: speed against accuracy")
+    head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+    page = f"<!doctype html><html lang='en'><head>{head}</head><body>" + "\n".join(parts) + "</body></html>\n"
+    aside = out / "index.html.part"
+    aside.write_text(page, encoding="utf-8")
+    os.replace(aside, out / "index.html")
+
+
+def _summary(rows: list[dict], about: dict) -> str:
+    return (
+        f"{len(rows)} settings, {about['frames']} frames each, the mobiles moving 1.5 % of the scene a frame; "
+        f"{about['triangles']:,} triangles, {about['receivers']:,} receivers; {about['processor']}, "
+        f"{about['threads']} threads, commit {about['commit']}, seed {about['seed']}."
+    )
+
+
+def _notes(about: dict) -> str:
+    return (
+        f"A GI frame is everything from new poses to irradiance. Errors are relative, at {about['asked_points']:,} "
+        f"receivers of each of {about['poses']} poses, drawn by area, class by class; truth is an unbiased path gather "
+        f"with {about['truth']:.0%} of chance in it. Noise is against the same estimator at {about['limit']:,} other "
+        "photons, bias is that against the truth (the noise of either is in it). Flicker: how much receivers that no "
+        "frame changes by a thousandth of the mean vary over frames. Jump: change from frame to frame of those that "
+        f"the mobile changes, relative to the change by {about['limit']:,} photons; 1 is right, more is flicker. First "
+        "frame: scene prepared, photons traced, estimated. The rival's time at over 4 paths is that of 4, scaled."
+    )
+
+
+def _inline(svg: str) -> str:
+    return svg[svg.index("<svg") :]
+
+
+def _pictures(found) -> str:
+    out = []
+    for p in found:
+        images = "".join(f'<img src="{uri}" alt="">' for uri in (p.image, p.error_map) if uri)
+        out.append(f"<figure>{images}<figcaption><b>{escape(p.title)}</b>: {escape(p.text)}</figcaption></figure>")
+    return f"<div class='row'>{''.join(out)}</div>"
+
+
+def _report(rows: list[dict], about: dict) -> list[str]:
+    """Return the report's tables 2.1, 2.6, 2.7 and 2.8 redone."""
+    if about["scene"] not in SCENES:
+        return []
+    head = ["table", "estimator", "photons", "frame, 2003", "frame now", "times faster", "noise, 2003", "noise now",
+            "bias, 2003", "bias now", "total, 2003", "total now"]  # fmt: skip
+    lines = []
+    for told, now in beside(rows, about["scene_size"]):
+        ms = now and now["frame_ms"]
+        lines.append([
+            told.table, told.estimator, f"{told.photons:,}", f"{1e3 * told.seconds:,.0f} ms", _ms(ms),
+            f"{1e3 * told.seconds / ms:,.0f}" if ms else "", _percent(told.noise), _percent(now and now["noise all"]),
+            _percent(told.bias), _percent(now and now["bias all"]), _percent(told.total),
+            _percent(now and now["total all"]),
+        ])  # fmt: skip
+    note = (
+        "Discs of 1 % of the scene, no artifact control. The report's errors are differences between pictures, from "
+        "tangent_plane with 5 or 100 million photons (noise of photon_map: from itself); ours are of irradiance over "
+        "all receivers, from the truth, so only times compare directly. The k of its photon maps is not told."
+    )
+    return ["<h2>The report's tables, redone</h2>", _table(head, lines), f"<p>{note}</p>"]
+
+
+def _everything(rows: list[dict]) -> str:
+    head = ["setting", "frame", "95 %", "first frame", *ALL_COLUMNS, "affected", "mobile", "border", "flicker", "jump"]
+    lines = []
+    for r in sorted(rows, key=lambda r: (r["curve"], r["radius"], r["neighbours"], r["photons"])):
+        words = f"{r['photons']} paths a vertex" if r["curve"] == RIVAL else _told(r)
+        lines.append([
+            f"{r['curve']}: {words}", _ms(r["frame_ms"]), _ms(r["frame_p95_ms"]), f"{1e-3 * r['first_frame_ms']:.2f} s",
+            *(_percent(r[f"{name} all"]) for name in ALL_COLUMNS),
+            *(_percent(r[f"total {name}"]) for name in ("affected", "mobile", "border")),
+            _percent(r["flicker"], 2), _number(r["jump"]),
+        ])  # fmt: skip
+    return f"<div class='wide'>{_table(head, lines)}</div>"
+
+
+def _told(r: dict) -> str:
+    from app.chart_settings import Choice
+
+    return Choice(*(r[name] for name in Choice._fields)).told()
+
+
+def _table(head: list[str], lines: list[list[str]]) -> str:
+    def cells(kind: str, texts: list[str]) -> str:
+        return "<tr>" + "".join(f"<{kind}>{escape(t)}</{kind}>" for t in texts) + "</tr>"
+
+    return "<table>" + cells("th", head) + "".join(cells("td", line) for line in lines) + "</table>"
+
+
+def _there(value) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
+
+
+def _percent(value, digits: int = 1) -> str:
+    return f"{100 * value:.{digits}f} %" if _there(value) else ""
+
+
+def _ms(value) -> str:
+    return f"{value:.3g} ms" if _there(value) and value < 1000 else f"{value:,.0f} ms" if _there(value) else ""
+
+
+def _number(value) -> str:
+    return f"{value:.2f}" if _there(value) else ""

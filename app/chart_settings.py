@@ -1,0 +1,85 @@
+"""Which settings the chart measures. A new dimension is a field of Choice and a line where choices are made."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from app.settings import Settings
+
+PHOTONS = (1 << 14, 1 << 16, 1 << 18, 1 << 20)  # rungs of the ladder of prefixes, so that static_light can vary
+QUICK_PHOTONS = (1 << 14, 1 << 16)
+RADII = (0.5, 1.0, 2.0)  # of the radius that the program chooses
+NEIGHBOURS = (20, 100)
+LIMIT_PHOTONS = 1 << 22  # of an estimator's limit: four times the most
+QUICK_LIMIT_PHOTONS = 1 << 18
+
+
+class Choice(NamedTuple):
+    """One setting: what a frame is computed from and how. Fields are columns of results.csv."""
+
+    estimator: str
+    photons: int  # that a frame uses
+    traced: int  # that there are: more than `photons` while something is dragged
+    radius: float  # [m]
+    neighbours: int
+    control: bool
+    static_light: str  # of a frame of fewer photons than were traced: see Solver.configure()
+
+    @property
+    def family(self) -> tuple:
+        """What decides the limit at very many photons."""
+        return self.estimator, self.radius, self.neighbours, self.control
+
+    @property
+    def curve(self) -> str:
+        """The name of the curve that it is a point of."""
+        if self.static_light == "all" and self.traced > self.photons:
+            return f"{self.estimator}, while dragged"
+        if self.estimator == "tangent_plane" and not self.control:
+            return "tangent_plane, no control"
+        return self.estimator
+
+    def told(self) -> str:
+        """Return the setting in words."""
+        words = [f"{self.photons:,} photons"]
+        if self.traced > self.photons:
+            words[0] += f" of {self.traced:,}"
+        if self.estimator == "tangent_plane":
+            words.append(f"radius {self.radius:.3g} m")
+        if self.estimator == "photon_map":
+            words.append(f"k {self.neighbours}")
+        return ", ".join(words)
+
+
+def choices(settings: Settings, solver, quick: bool) -> list[Choice]:
+    """Return what to measure, family by family; what `settings` gives is not varied.
+
+    `solver` knows what the program chooses where nothing is given.
+    """
+    counts = (settings.photons,) if settings.photons else QUICK_PHOTONS if quick else PHOTONS
+    radii = (1.0,) if settings.radius or quick else RADII
+    ks = (settings.neighbours or solver.neighbours,) if settings.neighbours or quick else NEIGHBOURS
+    wanted = (settings.estimator,) if settings.estimator else ("tangent_plane", "impact_count", "photon_map")
+    most, r, k = counts[-1], solver.radius, solver.neighbours
+    out = []
+
+    def add(estimator, radius=r, neighbours=k, control=True) -> None:
+        for n in counts:
+            out.append(Choice(estimator, n, n, radius, neighbours, control, "prefix"))
+
+    if "tangent_plane" in wanted:
+        for share in radii if settings.control else ():
+            add("tangent_plane", radius=_round(share * r))
+            if share == 1.0:  # what a drag shows: a frame of a few photons, the walls lit by all of them
+                out += [Choice("tangent_plane", n, most, r, k, True, "all") for n in counts[:-1]]
+        add("tangent_plane", control=False)
+    if "impact_count" in wanted:
+        add("impact_count", control=False)
+    if "photon_map" in wanted:
+        for neighbours in ks:
+            add("photon_map", neighbours=neighbours, control=False)
+    return out
+
+
+def _round(x: float) -> float:
+    return float(f"{x:.3g}")
