@@ -10,9 +10,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from app import values
+from app import options, values
 from app.parser import Parser, did_you_mean
-from app.settings import SHOWS, TONE_MAPS, Settings, UsageError
+from app.settings import Settings, UsageError
 
 OK, USAGE, SCENE, NO_GL = 0, 2, 3, 4
 FALLBACK_PICTURE = "gi-viewer.png"
@@ -82,15 +82,15 @@ def _view_parser() -> argparse.ArgumentParser:
         prog="gi-viewer", description=ABOUT, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     _add_common(parser)
-    _add_picture(parser)
+    options.picture(parser)
     parser.add_argument(
         "--no-fallback",
         dest="fallback",
         action="store_false",
         help=f"fail with code {NO_GL} where no window can be opened, instead of drawing ./{FALLBACK_PICTURE}",
     )
-    _add_budget(parser, "; 0: always all")
-    _add_error(parser)
+    options.budget(parser, "; 0: always all")
+    options.error(parser)
     parser.add_argument(
         "--auto",
         action="store_true",
@@ -110,7 +110,7 @@ def _command_parser(name: str) -> argparse.ArgumentParser:
     parser = Parser(prog=f"gi-viewer {name}", description=COMMANDS[name])
     _add_common(parser)
     if name == "render":
-        _add_picture(parser)
+        options.picture(parser)
         parser.add_argument("--out", type=Path, metavar="FILE.png", help=f"the picture ({FALLBACK_PICTURE})")
         parser.add_argument(
             "--frames", type=values.positive_int, metavar="N", help="N pictures along the path: FILE.0001.png and so on"
@@ -120,16 +120,15 @@ def _command_parser(name: str) -> argparse.ArgumentParser:
             "--frames", type=values.positive_int, default=100, metavar="N", help="timed frames (default 100)"
         )
         parser.add_argument("--json", type=Path, metavar="FILE", help="write every number to a JSON file too")
-        _add_sweep(parser)
+        options.sweep(parser)
     if name == "tune":
-        _add_budget(parser, "")
-        _add_error(parser)
+        options.budget(parser, "")
+        options.error(parser)
         parser.add_argument("--check", action="store_true", help="solve with the choice and say how close it came")
     if name == "reference":
-        parser.add_argument("--error", type=values.positive, default=1.0, metavar="PCT",
-            help="stop when chance makes no larger error than this share of the light [%%] (1)")  # fmt: skip
+        options.reference(parser)
     if name == "chart":
-        _add_chart(parser)
+        options.chart(parser)
     run = {"render": _render, "bench": _bench, "tune": _tune, "info": _info, "reference": _reference, "chart": _chart}
     parser.set_defaults(run=run[name])
     return parser
@@ -179,50 +178,6 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add("--up", choices=["x", "y", "z"], help="which axis points up, instead of the file's")
     add("--allow-outside", action="store_true", help="let the scene name files outside its own folder")
     add("--version", action=_Version, nargs=0, help="print the version")
-
-
-def _add_picture(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    default = "x".join(map(str, Settings.size))
-    add("--size", type=values.size, default=Settings.size, metavar="WxH", help=f"pixels ({default})")
-    add("--tone-map", choices=TONE_MAPS, default=Settings.tone_map, help=f"({Settings.tone_map})")
-    add("--show", choices=SHOWS, default=Settings.show, help="with reflectance, or irradiance alone (radiance)")
-    add("--no-cull", dest="cull", action="store_false", help="draw the backs of one-sided faces too, dark grey")
-
-
-def _add_budget(parser: argparse.ArgumentParser, off: str) -> None:
-    parser.add_argument(
-        "--budget",
-        type=values.not_negative,
-        default=Settings.budget,
-        metavar="MS",
-        help=f"what light may take while something moves, with as many photons as fit{off} ({Settings.budget:g})",
-    )
-
-
-def _add_error(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--error", type=values.positive, metavar="PCT", help="choose the fastest settings so close to the truth at rest"
-    )
-
-
-def _add_sweep(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add(
-        "--sweep", action="store_true", help="measure a table of settings into --out; goes on with one that was stopped"
-    )
-    add("--out", type=Path, metavar="DIR", help="where --sweep writes sweep.json and sweep.md")
-    add("--large", action="store_true", help="--sweep with 10,000,000 photons as well: minutes, and gigabytes")
-    add("--compare", type=Path, nargs=2, metavar=("A.json", "B.json"),
-        help="print B / A of every number that two such files both have")  # fmt: skip
-
-
-def _add_chart(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("--out", type=Path, required=True, metavar="DIR", help="where results.csv, chart.svg, index.html are written")
-    add("--quick", action="store_true", help="few settings, frames and receivers: a minute")
-    add("--frames", type=values.positive_int, metavar="N", help="timed frames along the path a setting (40)")
-    add("--points", type=values.positive_int, metavar="N", help="receivers a pose whose error is taken (1500)")
 
 
 def _view(arguments: argparse.Namespace) -> int:

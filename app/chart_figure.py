@@ -169,7 +169,9 @@ def _ticks(axis) -> None:
     """Plain numbers: 1, 2, 5, 10 ..."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-    for side, steps in ((axis.xaxis, (1.0, 3.0)), (axis.yaxis, (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))):
+    low, high = axis.get_xlim()
+    every_third = (1.0, 3.0) if high < 3e3 * low else (1.0,)
+    for side, steps in ((axis.xaxis, every_third), (axis.yaxis, (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))):
         side.set_major_locator(LogLocator(10, subs=steps))
         side.set_minor_locator(NullLocator())
         side.set_major_formatter(FuncFormatter(lambda v, _: f"{v:,.10g}"))

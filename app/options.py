@@ -1,0 +1,70 @@
+"""What single commands take beside what all of them take."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from app import values
+from app.settings import SHOWS, TONE_MAPS, Settings
+
+
+def picture(parser: argparse.ArgumentParser) -> None:
+    """Add what pictures take."""
+    add = parser.add_argument
+    default = "x".join(map(str, Settings.size))
+    add("--size", type=values.size, default=Settings.size, metavar="WxH", help=f"pixels ({default})")
+    add("--tone-map", choices=TONE_MAPS, default=Settings.tone_map, help=f"({Settings.tone_map})")
+    add("--show", choices=SHOWS, default=Settings.show, help="with reflectance, or irradiance alone (radiance)")
+    add("--no-cull", dest="cull", action="store_false", help="draw the backs of one-sided faces too, dark grey")
+
+
+def budget(parser: argparse.ArgumentParser, off: str) -> None:
+    """Add --budget; `off` says what 0 means."""
+    parser.add_argument(
+        "--budget",
+        type=values.not_negative,
+        default=Settings.budget,
+        metavar="MS",
+        help=f"what light may take while something moves, with as many photons as fit{off} ({Settings.budget:g})",
+    )
+
+
+def error(parser: argparse.ArgumentParser) -> None:
+    """Add --error of settings that are chosen by trials."""
+    parser.add_argument(
+        "--error", type=values.positive, metavar="PCT", help="choose the fastest settings so close to the truth at rest"
+    )
+
+
+def sweep(parser: argparse.ArgumentParser) -> None:
+    """Add those of `bench --sweep`."""
+    add = parser.add_argument
+    add(
+        "--sweep", action="store_true", help="measure a table of settings into --out; goes on with one that was stopped"
+    )
+    add("--out", type=Path, metavar="DIR", help="where --sweep writes sweep.json and sweep.md")
+    add("--large", action="store_true", help="--sweep with 10,000,000 photons as well: minutes, and gigabytes")
+    add("--compare", type=Path, nargs=2, metavar=("A.json", "B.json"),
+        help="print B / A of every number that two such files both have")  # fmt: skip
+
+
+def reference(parser: argparse.ArgumentParser) -> None:
+    """Add those of `reference`."""
+    parser.add_argument("--error", type=values.positive, default=1.0, metavar="PCT",
+        help="stop when chance makes no larger error than this share of the light [%%] (1)")  # fmt: skip
+
+
+def chart(parser: argparse.ArgumentParser) -> None:
+    """Add those of `chart`."""
+    add = parser.add_argument
+    add(
+        "--out",
+        type=Path,
+        default=Path("chart"),
+        metavar="DIR",
+        help="folder of results.csv, chart.svg, index.html (chart)",
+    )
+    add("--quick", action="store_true", help="few settings, frames and receivers: a minute")
+    add("--frames", type=values.positive_int, metavar="N", help="timed frames along the path a setting (40)")
+    add("--points", type=values.positive_int, metavar="N", help="receivers a pose whose error is taken (1500)")
