@@ -49,6 +49,7 @@ def table(out) -> list[dict]:
 # -- the command --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_run_is_measured_once_resumed_and_drawn(small, tmp_path, capsys, monkeypatch):
     pytest.importorskip("matplotlib")
     out = tmp_path / "chart"
