@@ -47,6 +47,7 @@ class Row(NamedTuple):
     aim: float = 1.0  # what `remedied` should be
     known: float = 0.0  # how well theory knows the prediction, absolutely
     cost: str = ""
+    aim_known: float = 0.0  # how near to its aim theory lets a remedy come
     view: View | None = None
     what: str = "E / truth"
 

@@ -39,7 +39,7 @@ def check(row: Row) -> None:
         for wrong in ((row.predicted + row.known) * SEEN, (row.predicted - row.known) / SEEN):
             assert p_value(m, wrong, row.known) < LEVEL, f"{row.key}: {m} would not be told from {wrong:.4g}"
     if row.remedied is not None:
-        allowed = HELPED + 4 * row.remedied.error
+        allowed = HELPED + row.aim_known + 4 * row.remedied.error
         assert abs(row.remedied.mean - row.aim) <= allowed, f"{row.key}: {row.remedied}, should be {row.aim:.4g}"
 
 
