@@ -219,8 +219,15 @@ def _bench(arguments: argparse.Namespace) -> int:
 
         print("\n".join(compare(*arguments.compare)))
         return OK
-    if arguments.sweep != (arguments.out is not None):
-        raise UsageError("--sweep and --out DIR go together: the folder that sweep.json and sweep.md are written to")
+    if (arguments.sweep or arguments.tables) != (arguments.out is not None):
+        raise UsageError(
+            "--sweep and --out DIR go together, and so do --tables and --out: the folder that is written to"
+        )
+    if arguments.tables:
+        from app.bench_report import tables
+
+        print(tables(settings_of(arguments), arguments.out))
+        return OK
     if arguments.sweep:
         from app.bench_sweep import sweep
 

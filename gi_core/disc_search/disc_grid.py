@@ -69,12 +69,15 @@ class DiscGrid:
             *self.discs.regions[:2], self.discs.radius, *lines, first, last, sign, *sums, self.pretest,
         )  # fmt: skip
 
+    @property
+    def discs_a_cell(self) -> float:
+        """How many discs are in a cell that has any."""
+        held = (self.blocks.front >= 0) | (self.blocks.behind >= 0)
+        return float(held.sum()) / max(int((np.diff(self.first) > 0).sum()), 1)
+
     def told(self) -> str:
         """Return in words how large the cells are, and how full."""
-        blocks = np.diff(self.first)
-        full = max(int((blocks > 0).sum()), 1)
-        held = int((self.blocks.front >= 0).sum() + ((self.blocks.front < 0) & (self.blocks.behind >= 0)).sum())
-        return f"cells of {self.cell_radii:g} radii with {held / full:.0f} discs where any are"
+        return f"cells of {self.cell_radii:g} radii with {self.discs_a_cell:.0f} discs where any are"
 
 
 def _half_extents(discs: Discs, pad: float) -> np.ndarray:

@@ -1,0 +1,62 @@
+"""Disc searches apart from a solver's frames: some of the static discs, some photons' segments, one call to time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from gi_core.disc_search import SEARCHES
+from gi_core.disc_search.crossing import Discs, Lines, lines
+from gi_core.model import Model
+from gi_core.paths import Segments, concatenate, segments_of
+from gi_core.reachable_area import whole_discs
+from gi_core.solver import Solver
+from gi_core.sums import Sums
+
+
+def static_discs(model: Model, radius: float, materials: Iterable[str] | None = None) -> Discs:
+    """Return the discs of the static part's receivers, whole; those on other materials than the named ones see nothing.
+
+    Receivers between two materials belong to both.
+    """
+    rows, s = model.surfaces.receiver_range(0), model.surfaces
+    region = whole_discs(model, 0, radius)
+    if materials is not None:
+        named = [k for k, m in enumerate(model.scene.materials) if m.name in set(materials)]
+        faces = np.flatnonzero(np.isin(model.scene.static.face_material, named))
+        meant = np.zeros(rows.stop - rows.start, bool)
+        for corners in (s.corner_front[faces].reshape(-1), s.corner_back[faces].reshape(-1)):
+            meant[corners[corners >= 0]] = True
+        region.area[~meant] = 0.0
+    r = model.object_receivers
+    positions, normals = (np.ascontiguousarray(a[rows], np.float32) for a in (r.positions, r.normals))
+    return Discs(positions, normals, model.receiver_sides[rows], model.backs(0), np.float32(radius), region)
+
+
+def photon_lines(solver: Solver, photons: int, radius: float) -> Lines:
+    """Return all background segments of the first photons, which the solver has traced, ready for static discs."""
+    paths = solver._photons.prefix(photons)[0]
+    return _ready(solver, segments_of(paths, solver.model.eps, 0, photons), radius)
+
+
+def frame_lines(solver: Solver, radius: float) -> Lines:
+    """Return the segments that the solver's current frame takes out and puts in, ready for static discs."""
+    return _ready(solver, concatenate([solver._frame.tails, solver._frame.branches]), radius)
+
+
+def _ready(solver: Solver, segments: Segments, radius: float) -> Lines:
+    at = solver.model.static
+    return lines(segments, at.rotation[0], at.position[0], solver.model, radius)
+
+
+class SearchTrial:
+    """One search over some discs."""
+
+    def __init__(self, search: str, discs: Discs, pretest: str = "none"):
+        self.search = SEARCHES[search](discs, pretest)
+        self._sums = Sums.zeros(len(discs.positions))
+
+    def run(self, over: Lines) -> Callable[[], int]:
+        """Return a call that adds the lines to sums nobody reads, on one thread; it returns the crossings found."""
+        return lambda: self.search.splat(over, 1, self._sums)
