@@ -16,6 +16,7 @@ from scene_builders import box, grey, sphere
 from gi_core.pose import axis_angle
 from gi_core.scene.types import Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver
+from gi_core.warmup import TOUCHING, _tiny_scene
 
 FURNACE = 2 * math.pi  # of Le = 1, rho = 0.5
 SEED = 3
@@ -163,3 +164,11 @@ def test_many_receivers_in_contact_are_searched_by_a_grid(monkeypatch):
         solver.solve()
         irradiance.append(solver.irradiance)
     assert np.array_equal(*irradiance)
+
+
+def test_the_warm_up_compiles_what_contact_needs():
+    """Its mobile enters a disc of the floor, and the floor discs on it: no kernel is left for the first touch."""
+    solver = Solver(_tiny_scene(), photons=64, radius=0.1)
+    solver.solve()
+    solver.move("mobile", TOUCHING)
+    assert solver.control_facts.stale > 0 and solver.control_facts.on_mobiles > 0
