@@ -220,9 +220,7 @@ def _bench(arguments: argparse.Namespace) -> int:
         print("\n".join(compare(*arguments.compare)))
         return OK
     if (arguments.sweep or arguments.tables) != (arguments.out is not None):
-        raise UsageError(
-            "--sweep and --out DIR go together, and so do --tables and --out: the folder that is written to"
-        )
+        raise UsageError("--sweep and --out DIR go together, --tables and --out too: the folder that is written to")
     if arguments.tables:
         from app.bench_report import tables
 

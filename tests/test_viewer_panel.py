@@ -102,6 +102,30 @@ def test_panel_controls(play):
     assert errors(play(script)) == []
 
 
+def test_every_search_shows_the_same_light(play):
+    """The section "Disc search": another search, another pre-test, the same bits in the window."""
+    from gi_core.disc_search import SEARCHES
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.press(keys()._1)
+        hand.wait_for_light()
+        ctx.set_ref("Panel")
+        ctx.item_open("Disc search")
+        lit, told = session.irradiance, session.solver.search_told
+        assert told.startswith("disc_index: cells of")
+        for search in [*SEARCHES][::-1]:
+            ctx.combo_click(f"##Search/{search.replace('_', ' ').capitalize()}")
+            ctx.combo_click("##Pre-test/Badouel" if search == "ray_cache" else "##Pre-test/None")
+            hand.wait_for_light()
+            assert session.solver.setting.search == session.settings.search == search
+            assert session.solver.setting.pretest == ("badouel" if search == "ray_cache" else "none")
+            assert session.solver.search_told.startswith(search)
+            assert np.array_equal(session.irradiance, lit)
+
+    assert errors(play(script)) == []
+
+
 def test_a_slider_drag_never_holds_a_frame_up(play, monkeypatch):
     """While Radius is dragged to and fro the solver is left alone; then its steps run beside the window's thread.
 
