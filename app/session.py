@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app import looks
-from app.appraisal import REFERENCE, Appraisal, Wants
+from app.appraisal import REFERENCE, Appraisal
+from app.at_rest import AtRest
 from app.auto import Auto
 from app.background import Worker
 from app.gathering import Gathering
@@ -64,10 +64,8 @@ class Session:
         self.appraisal: Appraisal | None = None
         self.gathering: Gathering | None = None
         self.auto: Auto | None = None  # while settings are tried
-        self._turn = False  # of the work at rest, see _next_work()
         self._appraise = appraise
         self._refreshed = 0  # times that the same light is to be drawn anew
-        self._truth_drawn: object = None  # how far the reference was when it was last drawn
         self._worker = worker or Worker()
         self._applied = settings
         self._changed_at = 0.0
@@ -126,7 +124,7 @@ class Session:
         elif not self.dragging:
             self.light.settle()
             self.light.refine(budget, still and not editing)
-            self._follow_truth()
+            self._refreshed += self._at_rest.has_news()
             self._follow_auto()
         elif self.clock() - self._moved_at >= STILL:
             self.light.settle()
@@ -160,9 +158,10 @@ class Session:
         self.meshes, self.picker = opened.meshes, opened.picker
         self.light = Solving(opened.solver, self.log, self.clock, self._worker)
         self.gathering = Gathering(opened.solver, self.clock)
-        self.light.at_rest = self._next_work
         if self._appraise is not None:
             self.appraisal = self._appraise(opened.solver, self.clock)
+        self._at_rest = AtRest(self)
+        self.light.at_rest = self._at_rest.next_work
         self._start = dict(self.solver.poses)
         static = Receivers(*(column[self.solver.surfaces.receiver_range(0)] for column in self.solver.receivers))
         paths = paths_of(self.solver.scene, static, self.solver.scene_size)
@@ -191,23 +190,7 @@ class Session:
             self._refreshed += 1
         self._applied = new
 
-    # At rest ----------------------------------------------------------------------------------------
-
-    def _next_work(self) -> Callable[[], object] | None:
-        """Return a piece of work for when everything rests: trying settings, else gathering and measuring in turns."""
-        if self.auto is not None:
-            return self.auto.next_work()
-        self._turn = not self._turn
-        first, second = (self.gathering.next_work, self._appraisal_work)[:: 1 if self._turn else -1]
-        return first() or second()
-
-    def _appraisal_work(self) -> Callable[[], object] | None:
-        s = self.settings
-        if self.appraisal is None or not s.appraise:
-            return None
-        asked = looks.asked(s)
-        self.appraisal.wants = Wants(True, REFERENCE in asked, "" if s.compare == REFERENCE else s.compare)
-        return self.appraisal.next_work(self.light.version, self.irradiance)
+    # Settings that choose themselves ------------------------------------------------------------------
 
     def choose_settings(self) -> None:
         """Try settings while everything rests and take those over that do best."""
@@ -226,15 +209,6 @@ class Session:
         self.want(auto.taken_over(self.settings))
         for line in auto.told():
             self.log(line)
-
-    def _follow_truth(self) -> None:
-        """Have the picture drawn again when what it is compared with has come, or become much better."""
-        if self.appraisal is None or not self.settings.appraise:
-            return
-        now = self.appraisal.progress(self.light.version, self.light.poses_drawn)
-        if now != self._truth_drawn:
-            self._truth_drawn = now
-            self._refreshed += 1
 
     # Motion -----------------------------------------------------------------------------------------
 

@@ -51,6 +51,7 @@ def test_panel_controls(play):
         hand.press(K._1)
         hand.wait_for_light()
         lit = session.irradiance
+        ctx.item_click("Edges and contact")
         ctx.item_uncheck("Artifact control")
         hand.wait_for_light()
         assert session.solver.setting.control is session.settings.control is False

@@ -37,12 +37,12 @@ class Section(NamedTuple):
 
 SECTIONS = (
     Section("Light", light.draw),
-    Section("Edges and contact", artifacts.draw),
     Section("Probes", probes.draw, there=lambda facts: bool(facts.probes)),
     Section("Motion", motion.draw),
     Section("Error", error.draw),
     Section("Picture", picture.draw),
     Section("Error against time", chart.draw, unfolded=False),
+    Section("Edges and contact", artifacts.draw, unfolded=False),
     Section("Disc search", search.draw, unfolded=False),
     Section("Time", timings.draw, unfolded=False),
     Section("Paths", paths.draw, unfolded=False),

@@ -1,0 +1,43 @@
+"""What a session has done while everything rests: the static light gathered, errors measured, comparisons computed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from app import looks
+from app.appraisal import REFERENCE, Wants
+
+if TYPE_CHECKING:
+    from app.session import Session
+
+
+class AtRest:
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._turn = False
+        self._drawn: object = None  # how far what the picture is compared with was when it was last drawn
+
+    def next_work(self) -> Callable[[], object] | None:
+        """Return a piece of work, None if all is done: trying settings first, then gathering and appraising in turns."""
+        if self._session.auto is not None:
+            return self._session.auto.next_work()
+        self._turn = not self._turn
+        first, second = (self._session.gathering.next_work, self._appraise)[:: 1 if self._turn else -1]
+        return first() or second()
+
+    def _appraise(self) -> Callable[[], object] | None:
+        session, s = self._session, self._session.settings
+        if session.appraisal is None:
+            return None
+        asked = looks.asked(s)
+        session.appraisal.wants = Wants(s.appraise, REFERENCE in asked, "" if s.compare == REFERENCE else s.compare)
+        return session.appraisal.next_work(session.light.version, session.irradiance)
+
+    def has_news(self) -> bool:
+        """Tell whether what the picture is compared with has come, or become much better, since the last call."""
+        appraisal, light = self._session.appraisal, self._session.light
+        if appraisal is None:
+            return False
+        before, self._drawn = self._drawn, appraisal.progress(light.version, light.poses_drawn)
+        return self._drawn != before
