@@ -19,7 +19,7 @@ class AtRest:
         self._drawn: object = None  # how far what the picture is compared with was when it was last drawn
 
     def next_work(self) -> Callable[[], object] | None:
-        """Return a piece of work, None if all is done: trying settings first, then gathering and appraising in turns."""
+        """Return a piece of work, None if all is done: trying settings, else gathering and appraising in turns."""
         if self._session.auto is not None:
             return self._session.auto.next_work()
         self._turn = not self._turn
@@ -41,3 +41,16 @@ class AtRest:
             return False
         before, self._drawn = self._drawn, appraisal.progress(light.version, light.poses_drawn)
         return self._drawn != before
+
+    def take_over_choice(self) -> None:
+        """Once settings have been tried, set the session to those that do best."""
+        session, auto = self._session, self._session.auto
+        if auto is None or not auto.done:
+            return
+        session.auto = None
+        if auto.problem is not None:
+            session.log.error("trying settings", auto.problem)
+            return
+        session.want(auto.taken_over(session.settings))
+        for line in auto.told():
+            session.log(line)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gi_core.pose import to_world
-from gi_core.scene import Camera
+from gi_core.pose import rotation, to_world
+from gi_core.scene import Camera, Pose
 
 STEEPEST = np.radians(89.0)  # at 90 the side-ways direction has no answer
 ORBIT_SPEED = np.radians(180.0)  # of a drag across the picture's height
@@ -196,3 +196,10 @@ def scene_bounds(solver, poses) -> Bounds:
         return Bounds((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
     low, high = np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)
     return Bounds(tuple(map(float, low)), tuple(map(float, high)))
+
+
+def matrix(pose: Pose) -> np.ndarray:
+    """Return the (4, 4) object-to-world matrix of a pose."""
+    M = np.eye(4)
+    M[:3, :3], M[:3, 3] = rotation(pose), pose.position
+    return M

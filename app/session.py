@@ -16,13 +16,14 @@ from app.appraisal import REFERENCE, Appraisal
 from app.at_rest import AtRest
 from app.auto import Auto
 from app.background import Worker
+from app.camera import matrix
 from app.gathering import Gathering
 from app.history import History
 from app.log import WARNING, Log
 from app.opening import Opened, Opening
 from app.settings import Settings
 from app.solving import Solving
-from gi_core.pose import pose_at, rotation
+from gi_core.pose import pose_at
 from gi_core.scene import Pose
 
 if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/opening.py
@@ -125,7 +126,7 @@ class Session:
             self.light.settle()
             self.light.refine(budget, still and not editing)
             self._refreshed += self._at_rest.has_news()
-            self._follow_auto()
+            self._at_rest.take_over_choice()
         elif self.clock() - self._moved_at >= STILL:
             self.light.settle()
 
@@ -198,17 +199,6 @@ class Session:
             self.log("settings are chosen for what moves, and nothing does: add a mobile with --mobile FILE", WARNING)
         elif self.auto is None:
             self.auto = Auto(self.solver, self.settings)
-
-    def _follow_auto(self) -> None:
-        if self.auto is None or not self.auto.done:
-            return
-        auto, self.auto = self.auto, None
-        if auto.problem is not None:
-            self.log.error("trying settings", auto.problem)
-            return
-        self.want(auto.taken_over(self.settings))
-        for line in auto.told():
-            self.log(line)
 
     # Motion -----------------------------------------------------------------------------------------
 
@@ -303,10 +293,3 @@ def _of_solver(s: Settings) -> dict[str, object]:
     """Return what the solver is to be set to; beside another estimator each shows all of its own light."""
     values = {name: getattr(s, name) for name in SOLVER_SETTINGS}
     return values | {"static_light": "all"} if s.compare not in ("", REFERENCE) else values
-
-
-def matrix(pose: Pose) -> np.ndarray:
-    """Return the (4, 4) object-to-world matrix of a pose."""
-    M = np.eye(4)
-    M[:3, :3], M[:3, 3] = rotation(pose), pose.position
-    return M

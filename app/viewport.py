@@ -9,11 +9,11 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from app import drag
-from app.camera import Bounds, Turntable, from_camera, scene_bounds
+from app.camera import Bounds, Turntable, from_camera, matrix, scene_bounds
 from app.looks import Shown
 from app.picking import Hit
 from app.renderer import Look, Renderer
-from app.session import Session, matrix
+from app.session import Session
 from app.wipe import Wipe
 from gi_core.pose import to_world
 
