@@ -5,7 +5,7 @@ Only the standard library is imported at the top, so that `--help` and `--versio
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -57,11 +57,14 @@ class Settings:
     error: float | None = None  # [%] to be chosen for, at rest; None: the least that the budget allows in motion
     fallback: bool = True  # without a window, render to a file instead of failing
 
+    def of_estimator(self, name: str) -> Settings:
+        """Return the settings that show an estimator's light: all of it, where it was gathered without one."""
+        light = "all" if self.static_light == "gathered" else self.static_light
+        return replace(self, estimator=name, static_light=light)
+
 
 def open_scene(settings: Settings) -> Scene:
     """Load the scene with its mobiles, at the poses asked for. Raises SceneError."""
-    from dataclasses import replace
-
     from gi_core.scene import load_scene
 
     options = {name: getattr(settings, name) for name in ("max_edge", "up") if getattr(settings, name) is not None}

@@ -239,7 +239,7 @@ class Viewer:
             names = list(self._estimators)
             k = int(action.removeprefix("estimator "))
             if k < len(names):
-                session.want(replace(session.settings, estimator=names[k]))
+                session.want(session.settings.of_estimator(names[k]))
 
     @property
     def _panel(self) -> hello_imgui.DockableWindow:

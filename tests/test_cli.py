@@ -90,7 +90,9 @@ def test_the_budget_is_the_viewers_and_may_be_off():
 
 
 def test_defaults_leave_the_choice_to_scene_and_program():
-    assert settings() == Settings() and settings("render", "tree", "--size", "64x48") == Settings("tree", size=(64, 48))
+    assert settings() == Settings(static_light="gathered") and settings(
+        "render", "tree", "--size", "64x48"
+    ) == Settings("tree", size=(64, 48))
 
 
 @pytest.mark.parametrize(
@@ -324,3 +326,26 @@ def test_the_progress_bar_draws_on_terminals_only_and_cleans_up():
 def test_values_out_of_range_are_told_in_words(words, told, capsys):
     assert cli.main(["render", "cornell", *words]) == 2
     assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words, light",
+    [
+        ([], "gathered"),
+        (["--estimator", "photon_map"], "all"),
+        (["--estimator", "photon_map", "--static-light", "gathered"], "gathered"),
+        (["--static-light", "prefix"], "prefix"),
+        (["render"], "all"),
+        (["render", "--static-light", "gathered"], "gathered"),
+        (["bench"], "all"),
+    ],
+)
+def test_the_window_gathers_static_light_unless_an_estimator_is_asked_for(words, light):
+    assert cli.settings_of(cli.parse(words)).static_light == light
+
+
+def test_choosing_an_estimator_shows_its_own_light():
+    assert Settings(static_light="gathered").of_estimator("photon_map").static_light == "all"
+    assert Settings(static_light="prefix").of_estimator("photon_map") == Settings(
+        static_light="prefix", estimator="photon_map"
+    )

@@ -22,7 +22,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     if imgui.begin_combo("##Estimator", ui.title(s.estimator)):
         for k, key in enumerate(keys):
             if imgui.selectable(ui.title(key), key == s.estimator)[0]:
-                s = replace(s, estimator=key)
+                s = s.of_estimator(key)
             ui.tip(f"{facts.estimators[key]}\nKey {k + 1}")
         imgui.end_combo()
     else:
@@ -65,7 +65,7 @@ def _static_light(s: Settings, facts: Facts) -> Settings:
                   "All photons: also while something moves and few are in use, so that walls stay clean.\n"
                   "Photons in use: only those of the frame, as the report does.\n"
                   "Gathered: along paths, without bias, while everything rests; used once it is better than photons, "
-                  "and kept on disk. Estimators then differ only in what the mobiles change.")  # fmt: skip
+                  "and kept on disk. Whoever chooses an estimator sees that one's own light on walls too.")  # fmt: skip
     if (g := facts.gathered) is not None:
         ui.label("")
         imgui.progress_bar(g.fraction, (-1, 0), "")
