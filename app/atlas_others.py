@@ -143,7 +143,6 @@ def naive_sums() -> Row:
         aim=0.0,
         known=math.inf,
         what="E / mean E without the plate",
-        view=View(place, 20_000, NEAREST, {**CONTROL, "radius": 0.06}),
     )
 
 

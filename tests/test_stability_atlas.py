@@ -59,7 +59,7 @@ def test_photon_maps_at_borders():
 
 DISCS = [
     atlas_tangent_plane.walls_and_corners,
-    atlas_tangent_plane.table_leg,
+    pytest.param(atlas_tangent_plane.table_leg, marks=pytest.mark.slow),
     atlas_tangent_plane.curved_outside,
     atlas_tangent_plane.larger_than_the_room,
     atlas_tangent_plane.smaller_and_smaller,
@@ -80,7 +80,12 @@ def test_discs_on_curves_and_under_lamps(row):
     check(row())
 
 
-OTHERS = [atlas_others.textbook, atlas_others.small_faces, atlas_others.bright_rooms, atlas_others.scales]
+OTHERS = [
+    pytest.param(atlas_others.textbook, marks=pytest.mark.slow),
+    atlas_others.small_faces,
+    pytest.param(atlas_others.bright_rooms, marks=pytest.mark.slow),
+    atlas_others.scales,
+]
 
 
 @pytest.mark.parametrize("rows", OTHERS)
@@ -89,7 +94,10 @@ def test_others(rows):
         check(row)
 
 
-@pytest.mark.parametrize("row", [atlas_others.naive_sums, atlas_others.drift, atlas_others.beside_a_mobile])
+SLOW = [pytest.param(row, marks=pytest.mark.slow) for row in (atlas_others.drift, atlas_others.beside_a_mobile)]
+
+
+@pytest.mark.parametrize("row", [atlas_others.naive_sums, *SLOW])
 def test_sums_drift_and_mobiles(row):
     check(row())
 
