@@ -30,7 +30,7 @@ from fuzz_mutations import FULL_OBJ, mutate, seeds, surroundings  # noqa: E402
 
 MEMORY = 1 << 30  # bytes that a case may ask for beyond what the process has when it begins
 SECONDS = 20  # of computing, for a case
-PATIENCE = 180  # s that the supervisor waits for an answer, compiling included
+PATIENCE, FIRST = 180, 900  # s that the supervisor waits for an answer; for the first, compiling included
 LONGEST = 700  # characters of a sentence
 WHOLE, LIT = 20, 100  # every so many cases, and what is new, is completed to a scene; and lit by 200 photons
 ROOT = Path(__file__).resolve().parent.parent
@@ -193,7 +193,7 @@ def supervise(options) -> int:
         worker = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE)
         last = None
         while True:
-            ready, _, _ = select.select([worker.stdout], [], [], PATIENCE)
+            ready, _, _ = select.select([worker.stdout], [], [], FIRST if last is None else PATIENCE)
             line = worker.stdout.readline() if ready else b""
             if not line:
                 worker.kill()
