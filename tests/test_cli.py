@@ -230,7 +230,7 @@ def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
     monkeypatch.setattr(window, "why_no_window", lambda: None)
     monkeypatch.setitem(sys.modules, "app.viewer", types.SimpleNamespace(run=lambda s, screenshot: seen.append(s) or 0))
     assert cli.main([*FAST, "--exposure", "2"]) == 0
-    assert seen == [Settings(photons=2000, exposure=2.0)]
+    assert seen == [Settings(photons=2000, exposure=2.0, static_light="gathered")]
 
 
 # Commands -------------------------------------------------------------------------------------------
