@@ -39,9 +39,10 @@ REPORT = (
 
 
 def choice_like(told: Told, scene_size: float, neighbours: int) -> Choice:
-    """Return the setting that is like a row of the report: discs of 1 % of the scene, no artifact control."""
+    """Return the setting that is like a row of the report: discs of 1 % of the scene, nothing corrected."""
     radius = float(f"{RADIUS * scene_size:.3g}")
-    return Choice(told.estimator, told.photons, told.photons, radius, neighbours, False, "prefix")
+    like = Choice(told.estimator, told.photons, told.photons, radius, neighbours, False, "prefix")
+    return like._replace(border_correction=False, textbook=True) if told.estimator == "photon_map" else like
 
 
 def choices_like_the_report(scene: str, solver) -> list[Choice]:
@@ -53,15 +54,10 @@ def choices_like_the_report(scene: str, solver) -> list[Choice]:
 
 def beside(rows: list[dict], scene_size: float) -> list[tuple[Told, dict | None]]:
     """Return each row of the report with the measured one that is like it, None where there is none."""
-    out = []
-    for told in REPORT:
-        like = choice_like(told, scene_size, 0)
-        found = [
-            r
-            for r in rows
-            if (r["estimator"], r["photons"], r["traced"]) == (like.estimator, like.photons, like.photons)
-            and abs(r["radius"] - like.radius) <= 1e-3 * like.radius
-            and not r["control"]
-        ]
-        out.append((told, found[0] if found else None))
-    return out
+
+    def same(r: dict, like: Choice) -> bool:
+        names = [name for name in Choice._fields if name not in ("radius", "neighbours")]
+        return abs(r["radius"] - like.radius) <= 1e-3 * like.radius and all(r[n] == getattr(like, n) for n in names)
+
+    likes = [(told, choice_like(told, scene_size, 0)) for told in REPORT]
+    return [(told, next((r for r in rows if same(r, like)), None)) for told, like in likes]

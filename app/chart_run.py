@@ -95,8 +95,7 @@ class Run:
         """Return a solver of a setting, all its photons taken in, and the seconds that took without tracing."""
         self._trace(choice.traced)
         solver = self.base.twin()
-        solver.configure(photons=choice.traced, static_light=choice.static_light, estimator=choice.estimator,
-                         radius=choice.radius, neighbours=choice.neighbours, control=choice.control)  # fmt: skip
+        solver.configure(photons=choice.traced, **choice.setting)
         started = time.perf_counter()
         solver.solve()
         return solver, time.perf_counter() - started
@@ -136,8 +135,7 @@ class Run:
             self._limits = make_solver(self.scene, replace(settings, photons=self._limit_photons()))
             self._limits.solve()
         limit = self._limits.twin()
-        limit.configure(estimator=choice.estimator, radius=choice.radius, neighbours=choice.neighbours,
-                        control=choice.control)  # fmt: skip
+        limit.configure(**choice.setting)
         limit.solve()
         return limit
 

@@ -24,11 +24,18 @@ class Choice(NamedTuple):
     neighbours: int
     control: bool
     static_light: str  # of a frame of fewer photons than were traced: see Solver.configure()
+    border_correction: bool = True  # of photon_map
+    textbook: bool = False  # photon_map's k as in the report
 
     @property
     def family(self) -> tuple:
         """What decides the limit at very many photons."""
-        return self.estimator, self.radius, self.neighbours, self.control
+        return self[:1] + self[3:6] + self[7:]
+
+    @property
+    def setting(self) -> dict:
+        """The fields that Solver.configure() knows by the same name, but the numbers of photons."""
+        return {name: value for name, value in self._asdict().items() if name not in ("photons", "traced")}
 
     @property
     def curve(self) -> str:
@@ -47,7 +54,7 @@ class Choice(NamedTuple):
         if self.estimator == "tangent_plane":
             words.append(f"radius {self.radius:.3g} m")
         if self.estimator == "photon_map":
-            words.append(f"k {self.neighbours}")
+            words.append(f"k {self.neighbours}" + (", as in textbooks" if self.textbook else ""))
         return ", ".join(words)
 
 

@@ -190,12 +190,14 @@ def test_the_front_is_what_nothing_beats():
 
 
 def test_rows_of_the_report_find_theirs():
-    told = REPORT[3]
-    like = choice_like(told, 2.0, 50)
-    assert (like.photons, like.radius, like.control) == (10_000, 0.02, False)
-    rows = [{**like._asdict(), "mark": 1}, {**like._asdict(), "control": True}, {**like._asdict(), "radius": 0.04}]
-    found = dict((t, r) for t, r in beside(rows[::-1], 2.0))
-    assert found[told]["mark"] == 1 and sum(r is not None for r in found.values()) == 1
+    for told in (REPORT[3], REPORT[4]):
+        like = choice_like(told, 2.0, 50)
+        assert (like.photons, like.radius, like.control) == (10_000, 0.02, False)
+        assert like.textbook == (told.estimator == "photon_map")
+        right = {**like._asdict(), "mark": 1}
+        rows = [{**right, "mark": 2, **wrong} for wrong in ({"control": True}, {"radius": 0.04}, {"traced": 5})]
+        found = dict((t, r) for t, r in beside([*rows, right], 2.0))
+        assert found[told]["mark"] == 1 and sum(r is not None for r in found.values()) == 1
 
 
 # -- results.csv --------------------------------------------------------------------------------------
