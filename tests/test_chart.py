@@ -214,3 +214,17 @@ def test_rows_of_other_machines_and_commits_stay_and_do_not_count(tmp_path):
     assert [r["frame_ms"] for r in again.rows] == [1.25] and len(again.every) == 2
     assert not again.has({**setting, "radius": 0.2}) and again.rows[0]["control"] is True
     assert Results(tmp_path, {**UNDER, "commit": "def"}, Choice._fields).rows[0]["new"] == 7
+
+
+def test_a_row_whose_end_is_missing_is_taken_out(tmp_path):
+    """Even where only a digit of the last number is: it would pass for a whole row."""
+    first, second = (Choice("tangent_plane", n, n, 0.1, 5, True, "prefix")._asdict() for n in (100, 200))
+    results = Results(tmp_path, UNDER, Choice._fields)
+    results.add({**first, "frame_ms": 1.25})
+    results.add({**second, "frame_ms": 7.75})
+    whole = results.file.read_bytes()
+    results.file.write_bytes(whole.rstrip()[:-1])
+    again = Results(tmp_path, UNDER, Choice._fields)
+    assert again.has(first) and not again.has(second)
+    again.add({**second, "frame_ms": 7.75})
+    assert results.file.read_bytes() == whole
