@@ -121,11 +121,7 @@ def _command_parser(name: str) -> argparse.ArgumentParser:
             "--frames", type=values.positive_int, metavar="N", help="N pictures along the path: FILE.0001.png and so on"
         )
     if name == "bench":
-        parser.add_argument(
-            "--frames", type=values.positive_int, default=100, metavar="N", help="timed frames (default 100)"
-        )
-        parser.add_argument("--json", type=Path, metavar="FILE", help="write every number to a JSON file too")
-        options.sweep(parser)
+        options.bench(parser)
     if name == "tune":
         options.budget(parser, "")
         options.error(parser)

@@ -37,9 +37,11 @@ def error(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def sweep(parser: argparse.ArgumentParser) -> None:
-    """Add those of `bench --sweep`."""
+def bench(parser: argparse.ArgumentParser) -> None:
+    """Add those of `bench`."""
     add = parser.add_argument
+    add("--frames", type=values.positive_int, default=100, metavar="N", help="timed frames (default 100)")
+    add("--json", type=Path, metavar="FILE", help="write every number to a JSON file too")
     add(
         "--sweep", action="store_true", help="measure a table of settings into --out; goes on with one that was stopped"
     )
