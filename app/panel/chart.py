@@ -19,7 +19,7 @@ COLOURS = ((0.918, 0.655, 0.298), (0.400, 0.700, 0.950), (0.560, 0.800, 0.450), 
 MARKERS = (implot.Marker_.circle, implot.Marker_.square, implot.Marker_.diamond, implot.Marker_.up)
 MARGIN = 2.0  # times: room round the points
 NEAR_EM = 0.8  # of the cursor to a point that is then named
-TIMES_MS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
+TIMES_MS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 50, 100, 200, 500, 1000, 2000, 5000, 10000)  # 20 would lie under 16.7
 PERCENTS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 

@@ -35,17 +35,17 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     )
     ui.number(
         "   noise",
-        _percent(r and r.noise, "about "),
+        _percent(r and r.noise, "up to "),
         "What more photons would remove. Told from the difference to the same picture from about half of the photons, "
         "scaled as if they were independent: rather too much than too little. It says nothing before some 10 000 "
         "photons. With photon_map it holds the change of its search radius too.",
     )
     ui.number(
         "   bias",
-        _percent(r and r.bias, "about "),
+        _percent(r and r.bias, "at least "),
         "What no number of photons removes: shadows and corners blurred over the radius. What is left of the total "
-        "when noise and the reference's noise are taken out, as squares; so noise and bias add up to more than the "
-        "total. An estimate.",
+        "when noise and the reference's noise are taken out, as squares; as noise is rather overstated, there may be "
+        "more of it. An estimate.",
     )
     paths = "" if r is None else f" {ui.thousands(round(r.paths))} paths a point so far."
     ui.number(
