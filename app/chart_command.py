@@ -30,7 +30,11 @@ def chart(
             raise UsageError(f"{settings.scene} has no mobile to move: add one with --mobile FILE")
         compile_kernels(bar)
         run = Run(scene, settings, quick, frames, points, out, bar)
-        run.measure()
+        try:
+            run.measure()
+        except KeyboardInterrupt:
+            kept = f"stopped; {len(run.results.rows)} settings are in {run.results.file}"
+            raise KeyboardInterrupt(f"{kept}: the same command goes on from there") from None
         bar("drawing", 0.0)
         rows, about = run.results.rows, run.about()
         draw(rows, about, out)

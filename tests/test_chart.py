@@ -107,6 +107,17 @@ def test_without_matplotlib_one_sentence_says_what_to_install(tmp_path, monkeypa
     assert 'pip install "gi-viewer[chart]"' in capsys.readouterr().err
 
 
+def test_an_interrupt_says_how_to_go_on(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("matplotlib")
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(chart_run.Run, "measure", interrupted)
+    assert command(tmp_path) == 130
+    assert "stopped; 0 settings are in" in (said := capsys.readouterr().err) and "goes on from there" in said
+
+
 def test_a_scene_without_mobiles_is_refused(tmp_path, capsys, monkeypatch):
     pytest.importorskip("matplotlib")
     monkeypatch.setattr("app.chart_command.open_scene", lambda s: replace(open_scene(s), mobiles=()))
