@@ -41,7 +41,7 @@ class Settings:
     textbook: bool = False  # photon_map counts the k-th hit too
     search: str = "disc_index"  # a key of gi_core.disc_search.SEARCHES; all give the same picture
     pretest: str = "none"  # a key of gi_core.disc_search.PRETESTS
-    static_light: str = "all"  # one of gi_core.solver.STATIC_LIGHT: what the light of the static part is taken from
+    static_light: str = "all"  # one of gi_core.static_light.STATIC_LIGHT: where the static part's light is from
     seed: int = 0
     poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
     exposure: float | None = None  # [EV]; None: metered once

@@ -32,11 +32,12 @@ from gi_core.receivers import Receivers
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
 from gi_core.setting import Setting, number
+from gi_core.stages import Stages
 from gi_core.static_gather import StaticGather
+from gi_core.static_light import StaticLight
 from gi_core.sums import Evaluated, chunks_of
 from gi_core.surfaces import Surfaces
 
-STATIC_LIGHT = ("all", "prefix", "gathered")  # what frames take the light of the static part from
 STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
@@ -88,7 +89,7 @@ class Solver:
         self.chosen = choose(self.model, *given)
         self.scene_size = self.chosen.scene_size
         self.photons = self.chosen.photons
-        self.static_light = STATIC_LIGHT[0]
+        self._static_light = StaticLight()
         self.setting = Setting(estimator, self.chosen.radius, self.chosen.neighbours)
         self.poses: dict[str, Pose] = self.model.start_poses()
         self._photons = Photons(self.model, self.seed)
@@ -98,8 +99,6 @@ class Solver:
         self.irradiance = np.zeros((len(self.model.object_receivers.areas), 3))
         self.memory_full = False  # fewer photons than wanted, because memory does not hold more
         self.photons_traced = 0  # photons that self.irradiance belongs to
-        self.gathered: StaticGather | None = None
-        self._gather_better = False  # than the photons shown
         self._from_gathered = False  # self.irradiance is
         self._frame: Frame | None = None
         self._times = FrameTimes()
@@ -117,12 +116,14 @@ class Solver:
         that is better; changes: fields of `setting`. Until solve_steps() has run, frames go on with the old
         settings. Raises SceneError for a bad value.
         """
-        photons = number("photons", photons, self.photons)
-        static_light = self.static_light if static_light is None else static_light
-        if static_light not in STATIC_LIGHT:
-            raise SceneError(f"static_light must be one of {', '.join(STATIC_LIGHT)}, got {static_light!r}")
-        self.setting = self.setting.changed(CHOICES, **changes)
-        self.photons, self.static_light = photons, static_light
+        photons, setting = number("photons", photons, self.photons), self.setting.changed(CHOICES, **changes)
+        if static_light is not None:
+            self._static_light.choose(static_light)
+        self.photons, self.setting = photons, setting
+
+    @property
+    def static_light(self) -> str:
+        return self._static_light.kind
 
     @property
     def estimator(self) -> str:
@@ -197,8 +198,7 @@ class Solver:
         if b is not self._shown:
             self._times = FrameTimes()
         self._shown, self._next = b, None
-        if self.gathered is not None:
-            self._gather_better = self.gathered.better_than(b.resting(b.added)) if b.added else False
+        self._static_light.judge(b)
         self._update()
         yield Progress("estimating", b.added / max(self._goal, 1), True)
 
@@ -246,7 +246,7 @@ class Solver:
         """Compute the frame of the current poses from the background, of a prefix of the photons."""
         if self._shown is None:
             return  # nothing traced yet
-        clock, estimate = _Stages(), self._shown.estimate
+        clock, estimate = Stages(), self._shown.estimate
         photons = estimate.photons if photons is None else photons
         paths, coarse = self._photons.prefix(photons)
         at = self.model.transforms(self.poses)
@@ -257,7 +257,7 @@ class Solver:
         clock("estimate")
         if photons:
             scale, resting = self.model.emitters.unit_flux / photons, self._shown.resting(photons)
-            better = self._static_irradiance(photons)
+            better = self._static_light.irradiance(self._shown, photons)
             self.irradiance = frame_irradiance(evaluated, scale, resting, better, self.model.threads)
         else:
             self.irradiance = np.zeros(evaluated.sums.shape)
@@ -267,16 +267,14 @@ class Solver:
         self.timings = clock.seconds
         self._times.add(photons, sum(clock.seconds.values()))
 
-    def _static_irradiance(self, photons: int) -> np.ndarray:
-        """Return what a frame of so many photons takes the irradiance (n, 3) of static receivers from."""
-        if self.uses_gathered:
-            return self.gathered.mean
-        return self._shown.resting(photons if self.static_light == "prefix" else self._shown.estimate.photons)
-
     @property
     def uses_gathered(self) -> bool:
         """Whether frames start from what has been gathered: it is asked for, and better than the photons."""
-        return self.static_light == "gathered" and self._gather_better
+        return self._static_light.is_gathered
+
+    @property
+    def gathered(self) -> StaticGather | None:
+        return self._static_light.gathered
 
     # -- gathering --------------------------------------------------------------------------------
 
@@ -286,20 +284,15 @@ class Solver:
         Used by frames where `static_light` is "gathered". May be abandoned between steps and begun again;
         state: what `gathered.state` of an earlier run was, for the same scene and seed. Raises ValueError for another.
         """
-        if self.gathered is None or state is not None:
-            self.gathered = StaticGather(self.model, self.seed, state)
-        g, picture = self.gathered, self._look_at_gathered()
+        g, picture = self._static_light.gather(self.model, self.seed, state), self._look_at_gathered()
         yield Progress("gathering", g.fraction, picture)
         while not g.enough and len(self.model.emitters.kind):
             yield Progress("gathering", g.fraction, g.step() and self._look_at_gathered())
         yield Progress("done", 1.0, False)
 
     def _look_at_gathered(self) -> bool:
-        """Use what has been gathered if it is better than what all photons say; True if irradiance is new."""
-        if self._shown is None or not (photons := self._shown.estimate.photons):
-            return False
-        self._gather_better = self.gathered.better_than(self._shown.resting(photons))
-        if not self.uses_gathered:
+        """Use what has been gathered if it is better than the photons; True if irradiance is new."""
+        if not self._static_light.judge(self._shown):
             return False
         self._update()
         return True
@@ -312,6 +305,7 @@ class Solver:
         """
         other = copy.copy(self)
         other.poses, other._room, other._times, other._next = dict(self.poses), Room(), FrameTimes(), None
+        other._static_light = copy.copy(self._static_light)
         if fresh:
             other._shown = other._frame = None
         return other
@@ -336,7 +330,8 @@ class Solver:
         frame, scale = Evaluated(sums, area, np.ones(chunks_of(len(area)), bool)), self.model.emitters.unit_flux / n
         if self._shown is None:
             return irradiance(sums, scale, area)
-        return frame_irradiance(frame, scale, self._shown.resting(n), self._static_irradiance(n), self.model.threads)
+        better = self._static_light.irradiance(self._shown, n)
+        return frame_irradiance(frame, scale, self._shown.resting(n), better, self.model.threads)
 
     @property
     def resting_irradiance(self) -> np.ndarray:
@@ -344,7 +339,7 @@ class Solver:
         first solve."""
         if self._shown is None or not self._shown.estimate.photons:
             return np.zeros((self.surfaces.receiver_range(0).stop, 3))
-        return self._static_irradiance(self._shown.estimate.photons)
+        return self._static_light.irradiance(self._shown, self._shown.estimate.photons)
 
     @property
     def receivers(self) -> Receivers:
@@ -388,16 +383,3 @@ class Solver:
             total = add_fates(total, self._frame.fates)
         scale = self.model.emitters.unit_flux / n
         return {name: value * scale for name, value in zip(Fates._fields, total, strict=True)}
-
-
-class _Stages:
-    """Seconds a stage: the only clock in gi_core."""
-
-    def __init__(self):
-        self.seconds: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def __call__(self, stage: str) -> None:
-        now = time.perf_counter()
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
-        self._last = now

@@ -85,5 +85,5 @@ def test_the_combination(resting, better, frame, expected):
 
 def test_another_source_is_refused():
     solver = Solver(SCENE, photons=0)
-    with pytest.raises(SceneError, match="static_light must be one of all, prefix, got 'some'"):
+    with pytest.raises(SceneError, match="static_light must be one of all, prefix, gathered, got 'some'"):
         solver.configure(static_light="some")

@@ -37,7 +37,7 @@ def gathered() -> Solver:
         solver = solved(5_000)
         for _ in solver.gather_steps():
             pass
-        assert solver.gathered.enough and solver._gather_better
+        assert solver.gathered.enough and solver.uses_gathered
         yield solver
 
 
@@ -92,7 +92,7 @@ def test_photons_are_kept_as_long_as_they_are_better(monkeypatch):
     solver = solved(400_000)
     before = solver.irradiance
     steps = list(solver.gather_steps())
-    assert solver.gathered.noise < float("inf") and not solver._gather_better
+    assert solver.gathered.noise < float("inf") and not solver.uses_gathered
     assert solver.irradiance is before and not any(p.picture for p in steps)
 
 
@@ -128,3 +128,10 @@ def test_a_state_of_another_scene_is_refused(gathered):
     state = Gathered(*(a[:-1].copy() for a in gathered.gathered.state))
     with pytest.raises(ValueError, match="the state is of"):
         list(solved(100).gather_steps(state))
+
+
+def test_what_a_twin_shows_is_its_own_affair(gathered):
+    gathered.configure(static_light="gathered")
+    twin = gathered.twin()
+    twin.configure(static_light="prefix")
+    assert gathered.static_light == "gathered" and twin.gathered is gathered.gathered

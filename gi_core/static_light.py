@@ -1,0 +1,52 @@
+"""What frames take the light of the static part from: their own photons, all of them, or what has been gathered."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.background import Background
+from gi_core.gather_rounds import Gathered
+from gi_core.model import Model
+from gi_core.scene.errors import SceneError
+from gi_core.static_gather import StaticGather
+
+STATIC_LIGHT = ("all", "prefix", "gathered")
+
+
+class StaticLight:
+    """`kind` is one of STATIC_LIGHT; the frame's own light is carried over to it by `control_variate.py`."""
+
+    def __init__(self):
+        self.kind = STATIC_LIGHT[0]
+        self.gathered: StaticGather | None = None
+        self._better = False  # what has been gathered, than the photons shown
+
+    def choose(self, kind: str) -> None:
+        """Take the light from elsewhere from now on. Raises SceneError for a kind that there is not."""
+        if kind not in STATIC_LIGHT:
+            raise SceneError(f"static_light must be one of {', '.join(STATIC_LIGHT)}, got {kind!r}")
+        self.kind = kind
+
+    @property
+    def is_gathered(self) -> bool:
+        """Whether frames start from what has been gathered: it is asked for, and better than the photons."""
+        return self.kind == "gathered" and self._better
+
+    def gather(self, model: Model, seed: int, state: Gathered | None) -> StaticGather:
+        """Return what is to be gathered, begun with `state` or gone on with. Raises ValueError for another scene's."""
+        if self.gathered is None or state is not None:
+            self.gathered = StaticGather(model, seed, state)
+        return self.gathered
+
+    def judge(self, shown: Background | None) -> bool:
+        """Find out whether what has been gathered is better than all photons; True if frames start from it."""
+        photons = shown.estimate.photons if shown is not None else 0
+        if self.gathered is not None:
+            self._better = bool(photons) and self.gathered.better_than(shown.resting(photons))
+        return self.is_gathered
+
+    def irradiance(self, shown: Background, photons: int) -> np.ndarray:
+        """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, for a frame of so many photons."""
+        if self.is_gathered:
+            return self.gathered.mean
+        return shown.resting(photons if self.kind == "prefix" else shown.estimate.photons)
