@@ -79,6 +79,7 @@ def gather_rounds(
     state: Gathered | None = None,
     step: int = STEP,
     mobiles: bool = True,
+    rounds: int = ROUNDS,
 ) -> Iterator[Gathered]:
     """Gather without end; yields the state after every `step` paths or so. Stop when it is good enough.
 
@@ -86,7 +87,8 @@ def gather_rounds(
     `weights` (n,) >= 0, areas as a rule: paths go where they lower the weighted error (l1) most; None: as many
     everywhere. `state`: go on from there, to the same bits as without a break; it is copied. The state yielded is
     always the same arrays: copy what you keep. Raises SceneError for a bad pose, ValueError for bad points,
-    weights, or a state of other points.
+    weights, or a state of other points. `rounds`: of independent paths that AIM would take; more rounds say
+    something sooner, fewer are more even.
     """
     gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles)
     n = len(gatherer.positions)
@@ -103,7 +105,7 @@ def gather_rounds(
     if weights is not None:
         yield from _pilot(gatherer, s, step)
     if s.log2_set.min() < 0:
-        s.log2_set[:] = EVEN_SET if weights is None else set_sizes(s.pilot, weights)
+        s.log2_set[:] = EVEN_SET if weights is None else set_sizes(s.pilot, weights, rounds)
     while True:
         now = s.sets.min()
         for m in np.unique(s.log2_set):
@@ -116,7 +118,7 @@ def gather_rounds(
                 yield s
 
 
-def set_sizes(pilot: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> np.ndarray:
     """Return m of each point, (n,) int8, from its pilot (n, 2) and weight.
 
     The sum of w s / sqrt(paths) is least, for a given number of paths, where paths go as (w s)^(2/3).
@@ -128,7 +130,7 @@ def set_sizes(pilot: np.ndarray, weights: np.ndarray) -> np.ndarray:
     scatter = np.maximum(deviation, FLOOR * (weights * deviation).sum() / weights.sum())
     share = np.maximum(weights * scatter, 1e-300) ** (2 / 3)
     needed = (np.sqrt(2 / np.pi) * (weights * scatter / np.sqrt(share)).sum() / (AIM * light)) ** 2 * share
-    m = np.round(np.log2(np.maximum(needed / ROUNDS, 1)))
+    m = np.round(np.log2(np.maximum(needed / rounds, 1)))
     return np.minimum(m, strata.LARGEST).astype(np.int8)
 
 

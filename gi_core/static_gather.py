@@ -17,6 +17,7 @@ from gi_core.gather_rounds import Gathered, gather_rounds
 from gi_core.model import Model
 
 ENOUGH = 0.007  # noise, relative l1: nobody sees it; with what interpolation adds the light is within a percent
+ROUNDS = 24  # before 1 % is reached: the first answer that can be judged comes after two
 STEP = 1 << 13  # paths a step: some 30 ms, since a drag that begins waits for it
 CLEARLY = 3.0  # times the square of its noise is its squared distance from the photons where it is used: grain at
 # single vertices is more easily seen than the soft blotches of photons of the same error
@@ -37,8 +38,9 @@ class StaticGather:
         paid[model.first_probe :] = paid.mean() if len(paid) else 0.0  # probes stand for no area, but are read
         self._rounds = _rounds(*given, paid, state)
         self.state = state
-        self.mean = np.zeros((0, 3)) if state is None else state.mean.copy()  # (n, 3) [W/m2] of whole rounds
-        self.noise = float("inf") if state is None else state.noise(self.weights)  # of it, relative l1
+        self.mean, self.noise = np.zeros((0, 3)), float("inf")  # (n, 3) [W/m2] of whole rounds; of it, relative l1
+        if state is not None and len(state.sets) and state.sets.min() == state.sets.max() > 1:
+            self.mean, self.noise = state.mean.copy(), state.noise(self.weights)  # else the round is finished first
         self._round = 0 if state is None else _rounds_done(state)
 
     @property
@@ -70,7 +72,7 @@ class StaticGather:
 
 def _rounds(model: Model, seed: int, points, normals, weights, state) -> Iterator[Gathered]:
     return gather_rounds(
-        model.scene, points, normals, seed, weights, model=model, state=state, step=STEP, mobiles=False
+        model.scene, points, normals, seed, weights, model=model, state=state, step=STEP, mobiles=False, rounds=ROUNDS
     )
 
 

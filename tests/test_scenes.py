@@ -33,10 +33,8 @@ def area(mesh) -> float:
 def test_shipped_scenes_are_found_by_name():
     assert shipped_scenes() == list(SHIPPED)
     assert find_scene("cornell").name == "cornell.toml"
-    with pytest.raises(SceneError, match=r"cornel: there is no such scene file; did you mean cornell\? shipped scenes are cornell"):
-        SceneError,
-        match="cornel: there is no such scene file; did you mean cornell? shipped scenes are cornell, furnace",
-    ):
+    suggestion = r"cornel: there is no such scene file; did you mean cornell\? shipped scenes are cornell, furnace"
+    with pytest.raises(SceneError, match=suggestion):
         find_scene("cornel")
 
 
