@@ -32,7 +32,7 @@ class Yardstick(NamedTuple):
     poses: dict[str, Pose]
     rows: np.ndarray  # (n,) receivers
     truth: np.ndarray  # (n, 3) irradiance [W/m2]
-    weights: np.ndarray  # (n,) [m2]
+    weights: np.ndarray  # (n,) how often each was drawn
     noise: float  # of truth, relative l1
 
 
@@ -65,9 +65,10 @@ def yardsticks(
         wanted = inside & (classes["affected"] | classes["mobile"])
         rows = np.flatnonzero(wanted if wanted.any() else inside)
         share = receivers.areas[rows] / receivers.areas[rows].sum()
-        rows = np.sort(rng.choice(rows, min(RECEIVERS, int((share > 0).sum())), replace=False, p=share))
+        # Drawn with replacement: without it, few large receivers would count no more than many small ones.
+        rows, times = np.unique(rng.choice(rows, RECEIVERS, p=share), return_counts=True)
         points, normals = (a[rows] for a in evaluation_points(solver.surfaces, receivers))
-        weights = np.ones(len(rows))  # the draw has weighed them
+        weights = times.astype(np.float64)  # the draw has weighed them by area
         steps = gather_rounds(
             solver.scene, points, normals, 1000 * seed + k, weights, solver.poses, model=solver.model, step=STEP
         )
