@@ -12,7 +12,7 @@ from app import motion
 from app.bench_bounds import told
 from app.bench_measure import measure, warm_up
 from app.progress import Bar, compile_kernels
-from app.settings import Settings, UsageError, open_scene
+from app.settings import Settings, UsageError, open_moving_scene
 
 SOAK = 20  # frames, from which on a first and a last tenth say something
 
@@ -26,9 +26,7 @@ def bench(settings: Settings, frames: int, json_file: Path | None = None) -> dic
         raise UsageError(f"--json must name a file in a folder that exists, got {json_file}")
     with Bar() as bar:
         bar("loading", 0.0)
-        scene = open_scene(settings)
-        if not scene.mobiles:
-            raise UsageError(f"{settings.scene} has no mobile to move: add one with --mobile FILE")
+        scene = open_moving_scene(settings)
         compile_kernels(bar)
         warm_up(scene, settings)
         numbers = measure(scene, settings, frames, bar)

@@ -35,13 +35,11 @@ def measure_row(spec: dict) -> dict:
     """Open the scene, make the variant of it, measure. Raises SceneError, UsageError."""
     from app.bench_measure import measure, warm_up
     from app.progress import Bar, compile_kernels
-    from app.settings import open_scene
+    from app.settings import open_moving_scene
 
     given = {name: _tuples(value) for name, value in spec["settings"].items()}
     settings = Settings(**given)
-    scene = open_scene(settings)
-    if not scene.mobiles:
-        raise UsageError(f"{settings.scene} has no mobile to move: add one with --mobile FILE")
+    scene = open_moving_scene(settings)
     scene, settings = vary(scene, settings, spec["variant"])
     with Bar() as bar:
         compile_kernels(bar)

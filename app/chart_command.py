@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from app.progress import Bar, compile_kernels
-from app.settings import Settings, UsageError, open_scene
+from app.settings import Settings, open_moving_scene
 
 SOON_ENOUGH = 40.0  # ms: the frame of which pictures are shown may take so long
 
@@ -25,9 +25,7 @@ def chart(
     out.mkdir(parents=True, exist_ok=True)
     with Bar() as bar:
         bar("loading", 0.0)
-        scene = open_scene(settings)
-        if not scene.mobiles:
-            raise UsageError(f"{settings.scene} has no mobile to move: add one with --mobile FILE")
+        scene = open_moving_scene(settings)
         compile_kernels(bar)
         run = Run(scene, settings, quick, frames, points, out, bar)
         try:

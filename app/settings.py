@@ -73,6 +73,14 @@ def open_scene(settings: Settings) -> Scene:
     return replace(scene, mobiles=tuple(m._replace(pose=poses.get(m.name, m.pose)) for m in scene.mobiles))
 
 
+def open_moving_scene(settings: Settings) -> Scene:
+    """As open_scene(), for work that needs something to move. Raises UsageError too."""
+    scene = open_scene(settings)
+    if not scene.mobiles:
+        raise UsageError(f"{settings.scene} has no mobile to move: add one with --mobile FILE")
+    return scene
+
+
 def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
     """Return the poses that `--pose` asks for; without a quaternion the scene's rotation is kept.
 

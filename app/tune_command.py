@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from app.progress import Bar, compile_kernels, solve
-from app.settings import Settings, UsageError, make_solver, open_scene
+from app.settings import Settings, UsageError, make_solver, open_moving_scene
 from app.tuning import Tuned, tune
 
 
@@ -19,9 +19,7 @@ def tuned_lines(settings: Settings, error: float | None, check: bool = False) ->
         raise UsageError("--budget must be over 0 to choose settings by")
     with Bar() as bar:
         bar("loading", 0.0)
-        scene = open_scene(settings)
-        if not scene.mobiles:
-            raise UsageError(f"{settings.scene} has no mobile to move: add one with --mobile FILE")
+        scene = open_moving_scene(settings)
         compile_kernels(bar)
         solver = make_solver(scene, replace(settings, estimator=None))
         solve(solver, bar)

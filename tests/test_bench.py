@@ -107,8 +107,7 @@ def test_the_tree_bench_has_light_to_move():
 
 
 def test_bench_needs_a_mobile(capsys, monkeypatch):
-    opened = bench_command.open_scene
-    monkeypatch.setattr(bench_command, "open_scene", lambda s: replace(opened(s), mobiles=()))
+    monkeypatch.setattr("app.settings.open_scene", lambda s: replace(open_scene(s), mobiles=()))
     assert cli.main(["bench", *FAST]) == 2
     assert "--mobile FILE" in one_line(capsys.readouterr().err)
 

@@ -120,7 +120,7 @@ def test_an_interrupt_says_how_to_go_on(tmp_path, capsys, monkeypatch):
 
 def test_a_scene_without_mobiles_is_refused(tmp_path, capsys, monkeypatch):
     pytest.importorskip("matplotlib")
-    monkeypatch.setattr("app.chart_command.open_scene", lambda s: replace(open_scene(s), mobiles=()))
+    monkeypatch.setattr("app.settings.open_scene", lambda s: replace(open_scene(s), mobiles=()))
     assert command(tmp_path) == 2
     assert "cornell has no mobile to move: add one with --mobile FILE" in capsys.readouterr().err
 

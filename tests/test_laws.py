@@ -166,7 +166,7 @@ def test_the_command_prints_trials_and_choice(monkeypatch, capsys):
     assert cli.main(["tune", "cornell", "--photons", "8192", "--check", "--budget", "30"]) == 0
     text = capsys.readouterr().out
     assert "impact_count" in text and "for frames of 30 ms: " in text and "found: " in text
-    monkeypatch.setattr("app.tune_command.open_scene", lambda settings: plane_scene())
+    monkeypatch.setattr("app.settings.open_scene", lambda settings: plane_scene())
     assert cli.main(["tune", "plane"]) == 2
     assert "no mobile to move" in capsys.readouterr().err
 
