@@ -45,16 +45,17 @@ class Shown(NamedTuple):
 def shown(session: Session) -> Shown:
     """Return what the settings ask for, as far as it is known for the light of this very frame."""
     s, light = session.settings, session.light
-    estimate = _estimate(session.solver.estimator, light.photons_shown, session.irradiance)
+    drawn = session.solver.drawn
+    estimate = _estimate(session.solver.estimator, light.photons_shown, drawn(session.irradiance))
     appraisal = session.appraisal
     truth = appraisal.truth(light.poses_drawn, True) if appraisal is not None else None
     reference = None
     if truth is not None and truth.seen > 0:
-        reference = Side(_of_truth(truth), appraisal.picture(light.poses_drawn))
+        reference = Side(_of_truth(truth), drawn(appraisal.picture(light.poses_drawn)))
     coming, sides = [], [estimate]
     errors = None
     if s.show == ERRORS and reference is not None:
-        errors = _errors(session, reference, truth)  # a map may have holes, a picture may not
+        errors = _errors(session, estimate, reference, truth)  # a map may have holes, a picture may not
     whole = reference if reference is not None and (truth.seen == 1 or errors is not None) else None
     if s.reference and whole is not None:
         sides = [whole]
@@ -89,11 +90,11 @@ def paint(mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: b
     return of_receivers[mesh.front], back
 
 
-def _errors(session: Session, reference: Side, truth) -> Errors:
+def _errors(session: Session, estimate: Side, reference: Side, truth) -> Errors:
     from gi_core.error_at_hand import round_scale, signed_error
 
     areas = session.solver.model.object_receivers.areas
-    off = signed_error(session.irradiance, reference.irradiance, areas)
+    off = signed_error(estimate.irradiance, reference.irradiance, areas)
     return Errors(reference.irradiance, areas, max(round_scale(off, areas), LEAST_SCALE), truth.noise)
 
 
@@ -101,7 +102,7 @@ def _seen(session: Session, estimator: str) -> Side | None:
     other = session.appraisal.other if session.appraisal is not None else None
     if other is None or not other.is_done(session.light.version, estimator):
         return None
-    return _estimate(estimator, other.seen.photons, other.seen.irradiance)
+    return _estimate(estimator, other.seen.photons, session.solver.drawn(other.seen.irradiance))
 
 
 def _estimate(estimator: str, photons: int, irradiance: np.ndarray) -> Side:

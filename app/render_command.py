@@ -29,7 +29,8 @@ class Shot:
 
     def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
         """Return linear radiance of front and back (D, 3) of object o."""
-        return colours(self.meshes[o], self.solver.irradiance, self.settings.show == "radiance")
+        drawn = self.solver.drawn(self.solver.irradiance)
+        return colours(self.meshes[o], drawn, self.settings.show == "radiance")
 
     def take(self, progress=lambda fraction: None) -> np.ndarray:
         """Return the picture (h, w, 3) uint8; the first one sets the exposure if nobody else does."""

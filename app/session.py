@@ -275,7 +275,8 @@ class Session:
         """Return linear radiance (D, 3) float32 of both sides of an object's draw vertices."""
         from app.vertex_colours import colours
 
-        return colours(self.meshes[o], self.irradiance, self.settings.show == "radiance")
+        drawn = self.solver.drawn(self.irradiance)
+        return colours(self.meshes[o], drawn, self.settings.show == "radiance")
 
     def models(self) -> tuple[np.ndarray, ...]:
         """Return one (4, 4) object-to-world matrix an object; the static part's is 1."""

@@ -21,6 +21,7 @@ from gi_core.defaults import choose
 from gi_core.disc_search import PRETESTS, SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.gather_rounds import Gathered
+from gi_core.hidden import drawn
 from gi_core.ladder import FrameTimes, is_rung, next_rung
 from gi_core.model import Model
 from gi_core.near_scan import Room
@@ -200,7 +201,13 @@ class Solver:
         self._shown, self._next = b, None
         self._static_light.judge(b)
         self._update()
+        if b.added == self._goal > 0:
+            yield from self._find_hidden()
         yield Progress("estimating", b.added / max(self._goal, 1), True)
+
+    def _find_hidden(self) -> Iterator[Progress]:
+        for _ in self._static_light.find_hidden(self.model, self.scene_size, self._shown):
+            yield Progress("looking for hidden receivers", 1.0, False)
 
     def _prepare(self, b: Background) -> Iterator[Progress]:
         for _ in b.estimate.prepare(b.added):
@@ -287,7 +294,10 @@ class Solver:
         g, picture = self._static_light.gather(self.model, self.seed, state), self._look_at_gathered()
         yield Progress("gathering", g.fraction, picture)
         while not g.enough and len(self.model.emitters.kind):
-            yield Progress("gathering", g.fraction, g.step() and self._look_at_gathered())
+            new = g.step() and self._look_at_gathered()
+            if new:
+                yield from self._find_hidden()
+            yield Progress("gathering", g.fraction, new)
         yield Progress("done", 1.0, False)
 
     def _look_at_gathered(self) -> bool:
@@ -340,6 +350,13 @@ class Solver:
         if self._shown is None or not self._shown.estimate.photons:
             return np.zeros((self.surfaces.receiver_range(0).stop, 3))
         return self._static_light.irradiance(self._shown, self._shown.estimate.photons)
+
+    def drawn(self, irradiance: np.ndarray) -> np.ndarray:
+        """Return irradiance (R, 3) as it is to be drawn: receivers that nobody sees are as visible ones beside them.
+
+        See `gi_core.hidden`. The same array where there are none, and until all photons wanted have been estimated.
+        """
+        return drawn(self._static_light.hidden, irradiance)
 
     @property
     def receivers(self) -> Receivers:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+
 import numpy as np
 
 from gi_core.background import Background
 from gi_core.gather_rounds import Gathered
+from gi_core.hidden import NONE_HIDDEN, HiddenReceivers
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from gi_core.static_gather import StaticGather
@@ -19,7 +22,9 @@ class StaticLight:
     def __init__(self):
         self.kind = STATIC_LIGHT[0]
         self.gathered: StaticGather | None = None
+        self.hidden = NONE_HIDDEN  # by the light last looked at
         self._better = False  # what has been gathered, than the photons shown
+        self._looking: HiddenReceivers | None = None
 
     def choose(self, kind: str) -> None:
         """Take the light from elsewhere from now on. Raises SceneError for a kind that there is not."""
@@ -50,3 +55,8 @@ class StaticLight:
         if self.is_gathered:
             return self.gathered.mean
         return shown.resting(photons if self.kind == "prefix" else shown.estimate.photons)
+
+    def find_hidden(self, model: Model, size: float, shown: Background) -> Generator[None]:
+        """Find the receivers that nobody sees, in steps, by this light; `size` is that of `hidden.py`."""
+        self._looking = self._looking or HiddenReceivers(model, size)
+        self.hidden = yield from self._looking.find(self.irradiance(shown, shown.estimate.photons))

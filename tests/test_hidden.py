@@ -1,0 +1,112 @@
+"""Vertices that lie inside other things are drawn like the visible ones beside them, and nothing leaks by it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from control_scenes import two_rooms
+from scene_builders import box, box_mobile, floor, grey, lamp, merge, quad
+
+from gi_core.hidden import NONE_HIDDEN, drawn
+from gi_core.scene import Pose
+from gi_core.scene.types import Scene
+from gi_core.solver import Solver
+
+LOW, HIGH = (-0.32, -0.28, 0.0), (0.22, 0.33, 0.5)  # of the box; between the lines of the floor's grid
+
+
+def standing(two_sided: bool = False, height: float = 0.5, mobiles=()) -> Scene:
+    """A box on a floor under a wide lamp."""
+    lamp_above = quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1)
+    mesh = merge(floor(2.0, 20), lamp_above, box(LOW, (*HIGH[:2], height), 4, 2))
+    return Scene(mesh, (grey(0.5), lamp(5.0), grey(0.5, two_sided)), tuple(mobiles), up=(0.0, 0.0, 1.0), name="box")
+
+
+def solved(scene: Scene, photons: int = 300_000, **more) -> Solver:
+    solver = Solver(scene, photons=photons, radius=0.04, **more)
+    solver.solve()
+    return solver
+
+
+def inside(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
+    """Return which receivers the box covers, of the floor, and which are of the floor."""
+    p, on_floor = solver.receivers.positions, np.zeros(len(solver.irradiance), bool)
+    on_floor[solver.surfaces.corner_front[: 2 * 20 * 20]] = True  # the floor comes first
+    return on_floor & (p[:, :2] > LOW[:2]).all(axis=1) & (p[:, :2] < HIGH[:2]).all(axis=1), on_floor
+
+
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_the_floor_under_a_box_is_drawn_like_the_floor_beside_it(two_sided):
+    # The inside of a thing with two sides may be looked at: only a narrow one is taken for closed.
+    solver = solved(standing(two_sided, 0.03 if two_sided else 0.5))
+    E, seen = solver.irradiance, solver.drawn(solver.irradiance)
+    covered, on_floor = inside(solver)
+    rim = np.zeros(len(E), bool)  # covered, and a corner of a face that is not covered altogether
+    faces = solver.surfaces.corner_front[solver.surfaces.face_range(0)]
+    mixed = faces[covered[faces].any(axis=1) & (on_floor & ~covered)[faces].any(axis=1)]
+    rim[mixed[covered[mixed]]] = True
+    assert rim.sum() > 15 and np.median(E[covered]) == 0
+    beside = np.median(E[np.unique(mixed[~covered[mixed]]), 1])
+    assert (seen[rim, 1] > 0.5 * beside).all() and (seen[rim, 1] < 1.5 * beside).all()
+    assert (seen[covered & ~rim] < 0.05 * beside).all()
+    open_floor = on_floor & ~covered
+    assert np.array_equal(seen[open_floor], E[open_floor])
+
+
+def test_each_is_the_mean_of_its_visible_neighbours():
+    solver = solved(standing())
+    E, seen = solver.irradiance, solver.drawn(solver.irradiance)
+    changed = np.flatnonzero((E != seen).any(axis=1))
+    faces = solver.surfaces.corner_front[solver.surfaces.face_range(0)]
+    for r in changed[:10]:
+        round_it = faces[(faces == r).any(axis=1)].reshape(-1)
+        lit = round_it[(round_it != r) & (E[round_it] > 0).any(axis=1)]
+        assert np.allclose(seen[r], E[lit].mean(axis=0), rtol=1e-12)
+
+
+def test_the_inside_of_a_wide_thing_with_two_sides_is_left_as_it_is():
+    solver = solved(standing(two_sided=True))
+    assert solver.drawn(solver.irradiance) is solver.irradiance
+
+
+def test_a_lit_inside_is_left_as_it_is():
+    scene = standing()
+    bulb = box((-0.2, -0.15, 0.3), (0.1, 0.2, 0.4), 1, 1)
+    solver = solved(replace(scene, static=merge(scene.static, bulb)))
+    covered, _ = inside(solver)
+    assert (solver.irradiance[covered] > 0).any(axis=1).all()
+    assert np.array_equal(solver.drawn(solver.irradiance)[covered], solver.irradiance[covered])
+
+
+def test_nothing_is_carried_into_the_next_room():
+    case = two_rooms()
+    solver = Solver(case.scene, photons=200_000, radius=case.radius)
+    solver.solve()
+    p, n = solver.receivers.positions, solver.receivers.normals
+    dark = case.concerned(p, n)
+    assert dark.sum() > 20 and not solver.irradiance[dark].any()
+    assert not solver.drawn(solver.irradiance)[dark].any()
+
+
+def test_a_scene_where_nothing_is_hidden_pays_nothing():
+    lit_floor = Scene(
+        merge(floor(), quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1)), (grey(0.5), lamp(5.0)), up=(0.0, 0.0, 1.0)
+    )
+    solver = solved(lit_floor)
+    assert solver.drawn(solver.irradiance) is solver.irradiance
+    E = np.ones((3, 3))
+    assert drawn(NONE_HIDDEN, E) is E
+
+
+def test_moving_changes_what_is_drawn_there_but_not_where():
+    solver = solved(standing(mobiles=(box_mobile(size=0.3),)))
+    hidden = solver._static_light.hidden
+    at_rest = solver.drawn(solver.irradiance)
+    solver.move("box", Pose((0.4, 0.0, 0.2)))  # its shadow falls beside the box
+    moved = solver.drawn(solver.irradiance)
+    assert solver._static_light.hidden is hidden
+    assert (moved[hidden.rows] != at_rest[hidden.rows]).any()
+    total = np.add.reduceat(solver.irradiance[hidden.neighbours], hidden.first[:-1])
+    assert np.array_equal(moved[hidden.rows], total / np.diff(hidden.first)[:, None])
