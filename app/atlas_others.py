@@ -128,7 +128,7 @@ def naive_sums() -> Row:
     def read(sums, area):
         return (sums * scale / area[:, None])[static]
 
-    lost, gained = (read(*estimate.from_scratch([s], frame.at)) for s in (frame.tails, frame.branches))
+    lost, gained = (read(*estimate.from_scratch([s], frame.at)) for s in (frame.tails.segments(), frame.branches))
     before = read(*estimate.background(solver.photons_traced))
     naive = before - lost + gained
     exact = float(np.abs(solver.irradiance - solver.from_scratch()).max())

@@ -25,6 +25,7 @@ from gi_core.photon_trace import (
     no_flux,
     scatter_all,
 )
+from gi_core.tails import Tails, no_tails
 from gi_core.threads import run_ranges
 from gi_core.two_level import CUT_PAD, nearest_mobile
 
@@ -51,7 +52,7 @@ class Frame(NamedTuple):
     at: Transforms
     photons: int
     heads: Segments  # of cut photons: the segment that a mobile cuts, up to the cut
-    tails: Segments  # what they lose: the rest of that segment and all later ones
+    tails: Tails  # what they lose: the rest of that segment and all later ones
     branches: Segments  # what they gain, from the mobile onwards
     near: tuple[Segments, ...]  # a mobile: every current segment that may cross a disc on it
     beside: Segments  # every current segment that passes one of the boxes wanted
@@ -68,7 +69,8 @@ def change(
     photons = len(paths.offsets) - 1
     if photons == 0 or len(at.position) == 1:
         nothing = empty_segments(0)
-        return Frame(at, photons, nothing, nothing, nothing, (nothing,) * (len(at.position) - 1), nothing, no_flux())
+        tails, near = no_tails(paths, model.eps), (nothing,) * (len(at.position) - 1)
+        return Frame(at, photons, nothing, tails, nothing, near, nothing, no_flux())
 
     # Find the first segment of each photon that any mobile cuts.
     margin = np.maximum(wanted.reach, wanted.around - model.world.sphere_radius[1:])
@@ -83,13 +85,12 @@ def change(
     # Split those photons into head and tail, and follow them off the mobile.
     high = cut[first_cut] + model.eps
     heads = take(near, first_cut)._replace(high=high, cut_side=cut_side[first_cut])
-    tails = _tails(model, paths, heads, rows[1][first_cut], high)
-    clock("tails")
+    tails = Tails(paths, model.eps, heads.photon, rows[1][first_cut], high)
     fates = no_flux()
     hit, _, rays = scatter_all(model.world, at, seed, heads, cut[first_cut], fates)
     heads = heads._replace(hit=hit)
     branches = follow_all(model, at, seed, rays, fates)
-    _subtract_background_fates(paths, rows[1][first_cut], heads, fates)
+    _subtract_background_fates(tails, fates)
 
     clock("branches")
 
@@ -119,18 +120,6 @@ def _first_of_each(photon: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return the first of the rows of each photon; rows are photon-major already."""
     p = photon[rows]
     return rows[np.concatenate([[True], p[1:] != p[:-1]])] if len(rows) else rows
-
-
-def _tails(model: Model, paths: PathVertices, heads: Segments, vertices: np.ndarray, high: np.ndarray) -> Segments:
-    """Return what cut photons lose; the first part of each starts where its head ends."""
-    ends = paths.offsets[heads.photon + 1] - 1
-    counts = ends - vertices
-    row = np.repeat(np.arange(len(counts)), counts)
-    step = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
-    tails = segments_at(paths, model.eps, heads.photon[row], vertices[row] + step, model.threads)
-    low = tails.low
-    low[step == 0] = high
-    return tails
 
 
 def _before_cut(photon, bounce, cut_photon, cut_bounce) -> np.ndarray:
@@ -235,10 +224,10 @@ def _pass(origin, end, current, R, p, low, high, pad):
     return out
 
 
-def _subtract_background_fates(paths: PathVertices, vertices: np.ndarray, heads: Segments, fates: Fates) -> None:
+def _subtract_background_fates(tails: Tails, fates: Fates) -> None:
     """Take what the background path did with the flux of cut photons, behind the cut, out of `fates`."""
-    sums = np.zeros((3, 3), np.int64)
-    _fates_behind(paths.offsets, paths.side, paths.flux, heads.photon, vertices, sums)
+    sums, paths = np.zeros((3, 3), np.int64), tails.paths
+    _fates_behind(paths.offsets, paths.side, paths.flux, tails.photon, tails.vertex, sums)
     for total, part in zip((fates.absorbed, fates.escaped, fates.truncated), sums, strict=True):
         total -= part
 

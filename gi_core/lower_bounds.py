@@ -49,9 +49,8 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
     estimate = estimate_of(solver)
     moved = [
         ("scan", 12 * vertices),
-        ("tails", (VERTEX_BYTES + row) * changes.old_segments),
         ("branches", row * changes.new_segments),
-        ("estimate", 2 * SUM_BYTES * receivers),
+        ("estimate", 2 * SUM_BYTES * receivers + VERTEX_BYTES * changes.old_segments),
         ("read out", (2 * SUM_BYTES + 8) * receivers),
     ]
     if hasattr(estimate, "stale"):  # a query of k nearest hits reads k hits at the least

@@ -70,12 +70,12 @@ class PathStore:
     def append(self, more: PathVertices) -> None:
         """Add the paths of the next photons."""
         n, have = len(more.offsets) - 1, int(self._offsets[self.photons])
-        self._offsets = _room(self._offsets, self.photons + 1 + n)
+        self._offsets = grown(self._offsets, self.photons + 1 + n)
         self._offsets[self.photons + 1 : self.photons + 1 + n] = more.offsets[1:] + have
         total = have + int(more.offsets[-1])
-        self._position = _room(self._position, total)
-        self._side = _room(self._side, total)
-        self._flux = _room(self._flux, total)
+        self._position = grown(self._position, total)
+        self._side = grown(self._side, total)
+        self._flux = grown(self._flux, total)
         self._position[have:total] = more.position
         self._side[have:total] = more.side
         self._flux[have:total] = more.flux
@@ -85,8 +85,8 @@ class PathStore:
         """Make room for so many photons at once; memory that is never written to costs nothing."""
         if self.photons and photons >= len(self._offsets):
             n = int(1.05 * photons * int(self._offsets[self.photons]) / self.photons)
-            self._offsets = _room(self._offsets, photons + 1)
-            self._position, self._side, self._flux = (_room(a, n) for a in (self._position, self._side, self._flux))
+            self._offsets = grown(self._offsets, photons + 1)
+            self._position, self._side, self._flux = (grown(a, n) for a in (self._position, self._side, self._flux))
 
     def prefix(self, photons: int) -> PathVertices:
         """Return views of the paths of the first photons."""
@@ -99,7 +99,7 @@ class PathStore:
         return len(self._side)
 
 
-def _room(array: np.ndarray, n: int) -> np.ndarray:
+def grown(array: np.ndarray, n: int) -> np.ndarray:
     """Return the array, moved to more room if it holds fewer than n rows."""
     if n <= len(array):
         return array

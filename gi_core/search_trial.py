@@ -42,7 +42,7 @@ def photon_lines(solver: Solver, photons: int, radius: float) -> Lines:
 
 def frame_lines(solver: Solver, radius: float) -> Lines:
     """Return the segments that the solver's current frame takes out and puts in, ready for static discs."""
-    return _ready(solver, concatenate([solver._frame.tails, solver._frame.branches]), radius)
+    return _ready(solver, concatenate([solver._frame.tails.segments(), solver._frame.branches]), radius)
 
 
 def _ready(solver: Solver, segments: Segments, radius: float) -> Lines:

@@ -22,20 +22,36 @@ def chunks_of(receivers: int) -> int:
     return (receivers + CHUNK - 1) >> CHUNK_BITS
 
 
+class Log(NamedTuple):
+    """What kernels write down of the crossings that they add; nothing where there is no room at all."""
+
+    line: np.ndarray  # (room,) int32, counted within the lines of the call
+    receiver: np.ndarray  # (room,) int32, counted within the object
+    distance: np.ndarray  # (room,) float32 [m], along the line
+    count: np.ndarray  # (1,) int64, crossings; those that there was no room for included
+
+    @classmethod
+    def of(cls, room: int) -> Log:
+        """Return a log for so many crossings."""
+        line, receiver = np.empty(room, np.int32), np.empty(room, np.int32)
+        return cls(line, receiver, np.empty(room, np.float32), np.zeros(1, np.int64))
+
+
 class Sums(NamedTuple):
     """Sums of some receivers, as kernels add to them."""
 
     flux: np.ndarray  # (n, 3) int64, fixed-point units
     touched: np.ndarray  # (chunks,) bool, of all receivers
     first: int  # the receiver that row 0 of `flux` stands for
+    log: Log
 
     @classmethod
     def zeros(cls, receivers: int) -> Sums:
-        return cls(np.zeros((receivers, 3), np.int64), np.zeros(chunks_of(receivers), bool), 0)
+        return cls(np.zeros((receivers, 3), np.int64), np.zeros(chunks_of(receivers), bool), 0, Log.of(0))
 
     def of(self, rows: slice) -> Sums:
         """Return a view of the receivers in `rows`."""
-        return Sums(self.flux[rows], self.touched, self.first + rows.start)
+        return self._replace(flux=self.flux[rows], first=self.first + rows.start)
 
 
 class Evaluated(NamedTuple):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.disc_search.crossing import LANES, Discs, Lines, blocks, counts, crossed, lane_of, receiver, share, to_list
+from gi_core.disc_search.found import note
 from gi_core.disc_search.pretest import discs_left, triangles
 from gi_core.jit import kernel
 from gi_core.sums import CHUNK_BITS, Sums
@@ -40,7 +41,7 @@ class BruteForce:
 @kernel
 def _splat(
     data, front, behind, own, row, reach, radius,
-    origin, direction, low, stop, high, flux, patches, touches, first, last, sign, sums, touched, base,
+    origin, direction, low, stop, high, flux, patches, touches, first, last, sign, sums, touched, base, log,
     pretest,
 ):  # fmt: skip
     r2 = radius * radius
@@ -66,4 +67,6 @@ def _splat(
                     for c in range(3):
                         sums[i, c] += sign * flux[k, c]
                     touched[(base + i) >> CHUNK_BITS] = True
+                    if len(log.line) > 0:
+                        note(log, k, i, x, y, z, nx, ny, nz, ox, oy, oz, dx, dy, dz)
     return total

@@ -132,7 +132,8 @@ def _axis(o, d, t, low, cell, n):
 @kernel
 def _splat(
     low, cell, shape, first_of, data, front, behind, own, row, reach, radius,
-    origin, direction, t_low, stop, t_high, flux, patches, touches, first, last, sign, sums, touched, base, pretest,
+    origin, direction, t_low, stop, t_high, flux, patches, touches, first, last, sign, sums, touched, base, log,
+    pretest,
 ):  # fmt: skip
     """Three passes over some segments at a time: full cells on the way, discs crossed there, sums.
 
@@ -176,7 +177,7 @@ def _splat(
                 if visits == VISITS:
                     total += _cross(
                         visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
-                        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base,
+                        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base, log,
                         pretest,
                     )  # fmt: skip
                     visits = 0
@@ -194,7 +195,7 @@ def _splat(
                 tz += wz
     total += _cross(
         visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
-        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base, pretest,
+        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base, log, pretest,
     )  # fmt: skip
     return total
 
@@ -202,7 +203,7 @@ def _splat(
 @kernel
 def _cross(
     visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
-    row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base, pretest,
+    row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base, log, pretest,
 ):  # fmt: skip
     total = n = 0
     for v in range(visits):
@@ -225,10 +226,10 @@ def _cross(
             if n > ROOM - LANES:
                 total += add_found(
                     n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches,
-                    touches, sign, sums, touched, base,
+                    touches, sign, sums, touched, base, log,
                 )  # fmt: skip
                 n = 0
     return total + add_found(
         n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
-        touched, base,
+        touched, base, log,
     )  # fmt: skip

@@ -82,10 +82,10 @@ class UnsortedRayCache(RayCache):
 @kernel
 def _splat(
     spheres, bounds, part, parts, far, discs, own, row, reach, radius,
-    origin, direction, low, stop, high, flux, patches, touches, sign, sums, touched, base, pretest,
+    origin, direction, low, stop, high, flux, patches, touches, sign, sums, touched, base, log, pretest,
 ):  # fmt: skip
     lines = origin, direction, stop, flux, patches, touches
-    adding = *discs, own, row, reach, radius * radius, *lines, sign, sums, touched, base
+    adding = *discs, own, row, reach, radius * radius, *lines, sign, sums, touched, base, log
     depths = spheres.depth.max() + 2
     start, count = np.zeros(depths + 1, np.int64), np.zeros(depths + 1, np.int64)  # list 0 holds every line
     stack, found = np.zeros(depths, np.int64), np.empty((ROOM, 2), np.int64)

@@ -35,6 +35,14 @@ def _deposit(side, flux, front, back, sign, sums, touched):
                         sums[r, c] += sign * flux[k, c]
 
 
+@kernel
+def _take_out(side, flux, offsets, photon, vertex, front, back, sums, touched):
+    """Subtract the hits of background paths from those of some photons' vertices on."""
+    for j in range(len(photon)):
+        v, end = vertex[j], offsets[photon[j] + 1]
+        _deposit(side[v + 1 : end], flux[v : end - 1], front, back, -1, sums, touched)
+
+
 class ImpactCount:
     """See the module; radius and neighbours play no part."""
 
@@ -43,7 +51,7 @@ class ImpactCount:
     on_faces = True  # probes need a face to count on
 
     def __init__(self, model: Model, setting: Setting):
-        self.model = model
+        self.model, self._corners = model, (model.surfaces.corner_front, model.surfaces.corner_back)
         # Receiver areas are a third of each face around; the mean divides by the whole faces.
         self.area = 3 * model.object_receivers.areas
         self.photons = 0  # photons that were prepared
@@ -79,7 +87,8 @@ class ImpactCount:
     def evaluate(self, frame: Frame) -> Evaluated:
         """Return what the frame's irradiance is read from, valid until the next call."""
         added = self._frame.added[0]
-        self._deposit(frame.tails, -1, added)
+        corners, paths, t = self._corners, frame.tails.paths, frame.tails
+        _take_out(paths.side, paths.flux, paths.offsets, t.photon, t.vertex, *corners, added.flux, added.touched)
         self._deposit(frame.heads, 1, added)
         self._deposit(frame.branches, 1, added)
         return self._frame.collect(self.background(frame.photons)[0], self.area)
@@ -92,5 +101,4 @@ class ImpactCount:
         return sums.flux, self.area
 
     def _deposit(self, segments: Segments, sign: int, sums: Sums) -> None:
-        s = self.model.surfaces
-        _deposit(segments.hit_side, segments.flux, s.corner_front, s.corner_back, sign, sums.flux, sums.touched)
+        _deposit(segments.hit_side, segments.flux, *self._corners, sign, sums.flux, sums.touched)

@@ -112,7 +112,7 @@ class PhotonMap:
         background = self.prefixes[frame.photons]
         changed = [self._hits(s, frame.at) for s in (frame.heads, frame.branches)]
         added = build(_joined(changed), CELL_SHARE * self.radius)
-        removed = self._hits(frame.tails, frame.at)
+        removed = self._hits(frame.tails.segments(self.model.threads), frame.at)
 
         # Which static receivers does a changed hit concern?
         stale = np.zeros(self._static.stop, bool)
@@ -125,8 +125,8 @@ class PhotonMap:
         area = np.empty(len(sums))
         sums[self._static], area[self._static] = background.sums, background.area
         rows = np.concatenate([rows, np.arange(self._static.stop, len(sums))])
-        # A photon's hits are gone from its first tail on, which is written last here.
-        background.cut_bounce[frame.tails.photon[::-1]] = frame.tails.bounce[::-1]
+        # A photon's hits are gone from the end of the segment that is cut.
+        background.cut_bounce[frame.tails.photon] = frame.tails.bounce
         points, normals = self._receivers(frame.at, rows)
         sums[rows], area[rows], _ = self._query(rows, points, normals, (background.grid, added), background.cut_bounce)
         background.cut_bounce[frame.tails.photon] = NEVER

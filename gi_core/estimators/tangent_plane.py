@@ -15,6 +15,7 @@ import numpy as np
 
 from gi_core.accelerator import Transforms
 from gi_core.contact_discs import ContactDiscs, ControlFacts, room_for_contacts
+from gi_core.crossings import Crossings
 from gi_core.cuts import Frame, Wanted
 from gi_core.disc_search import SEARCHES
 from gi_core.disc_search.crossing import Discs, lines, share
@@ -23,7 +24,8 @@ from gi_core.model import Model
 from gi_core.paths import Segments
 from gi_core.reachable_area import regions, whole_discs
 from gi_core.setting import Setting
-from gi_core.sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums
+from gi_core.sums import CHUNK_BITS, Evaluated, FrameSums, Log, Sums, ThreadSums
+from gi_core.tails import Tails
 from gi_core.threads import run_ranges
 
 LINE_GRAIN = 1024  # segments a thread
@@ -33,7 +35,6 @@ class TangentPlane:
     """See the module; `radius` [m] is the disc's."""
 
     additive = True  # sums of parts are sums of the whole: preparing costs nothing
-    bytes_a_hit = 0  # nothing is kept a hit
     on_faces = False  # probes are receivers like any other
 
     def __init__(self, model: Model, setting: Setting):
@@ -44,6 +45,7 @@ class TangentPlane:
         self.photons = 0  # photons that were prepared
         self.prefixes = Ladder()  # sums of the background by the photons they cover
         self._background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
+        self._crossings = Crossings()  # of the background, with static receivers
         self._searches: list = []
         self._contact: ContactDiscs | None = None
         self._areas = self.area.copy()  # of the last frame ...
@@ -73,17 +75,27 @@ class TangentPlane:
         self._areas = self.area.copy()
 
     @property
+    def bytes_a_hit(self) -> int:
+        """Memory that is kept a path vertex: what each segment crosses."""
+        return self._crossings.bytes_a_vertex
+
+    @property
     def search_told(self) -> str:
         """What the search over the static part's discs has built or chosen, in words."""
         return self._searches[0].told() if self._searches else ""
 
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add background segments to the sums of static receivers; several threads may, each with its number."""
-        self._splat_part(0, segments, self.model.static, 1, self._added[thread])
+
+        def splat(sign: int, log: Log) -> None:
+            self._splat_part(0, segments, self.model.static, sign, self._added[thread]._replace(log=log))
+
+        self._crossings.find(segments, splat)
 
     def prepare(self, photons: int) -> Iterator[None]:
         """Let frames use all that was added, which is the first `photons`; kept by that prefix."""
         self._added.move_to(self._background)
+        self._crossings.settle()
         self.prefixes[photons] = self._background.copy()
         self.photons = photons
         return iter(())
@@ -98,10 +110,13 @@ class TangentPlane:
 
     def evaluate(self, frame: Frame) -> Evaluated:
         """Return what the frame's irradiance is read from, valid until the next call."""
-        near = [(o, segments, 1) for o, segments in enumerate(frame.near, 1)]
+        jobs = [(0, frame.branches, 1), *((o, segments, 1) for o, segments in enumerate(frame.near, 1))]
+        tails = frame.tails
+        if not self._crossings.kept:
+            jobs, tails = [(0, tails.segments(self.model.threads), -1), *jobs], tails.of(slice(0))
         try:
             with self._contact.regions_at(frame.at):
-                self._splat([(0, frame.tails, -1), (0, frame.branches, 1), *near], frame.at, self._frame.added)
+                self._splat(jobs, frame.at, self._frame.added, tails)
             rows, stale = self._contact.static_sums([frame.beside], frame.at)
             self._frame.added[0].touched[rows >> CHUNK_BITS] = True
             out = self._frame.collect(self.prefixes[frame.photons], self._areas_at(frame.at))
@@ -133,14 +148,19 @@ class TangentPlane:
         sums[self._contact.met(at).contacts[0].rows] = stale
         return sums, areas
 
-    def _splat(self, jobs: list[tuple[int, Segments, int]], at: Transforms, added: ThreadSums) -> None:
-        """Add sign x flux of segments to the sums of object o, for each job (o, segments, sign).
+    def _splat(
+        self, jobs: list[tuple[int, Segments, int]], at: Transforms, added: ThreadSums, tails: Tails | None = None
+    ) -> None:
+        """Add sign x flux of segments to the sums of object o, for each job (o, segments, sign); take tails out.
 
         Every thread takes its share of every job, so that all end at about the same time.
         """
         threads = min(self.model.threads, 1 + sum(segments.size for _, segments, _ in jobs) // LINE_GRAIN)
 
         def work(part, *_):
+            if tails is not None:
+                gone = share(len(tails.photon), part, threads)
+                self._crossings.take_out(tails, *gone, added[part].of(self.model.surfaces.receiver_range(0)))
             for o, segments, sign in jobs:
                 rows = self.model.surfaces.receiver_range(o)
                 self._splat_part(o, segments, at, sign, added[part].of(rows), part, threads)
