@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.grouping import group_of
 from gi_core.radiosity import exitant_radiance
 from gi_core.scene.types import Paint, Texture
 from gi_core.surfaces import Surfaces
@@ -48,12 +49,13 @@ def _draw_mesh(surfaces: Surfaces, o: int) -> DrawMesh:
     paint, emission = surfaces.paint[o], surfaces.emission[of]
     if paint is None:
         plain = np.concatenate([surfaces.reflectance[of], emission], axis=1)
-        kind = np.repeat(np.unique(plain, axis=0, return_inverse=True)[1].reshape(-1), 3)
+        kind = np.repeat(_alike(plain), 3)
     else:
-        kind = _painted_kind(paint, np.unique(emission, axis=0, return_inverse=True)[1].reshape(-1))
-    # Pair the columns two by two: a four-column unique of a large mesh sorts ten times slower.
-    key = _pair(_pair(corner, front), _pair(back, kind))
-    _, first, draw = np.unique(key, return_index=True, return_inverse=True)
+        kind = _painted_kind(paint, _alike(emission))
+    # Two by two: all four together do not fit into one number to be sorted.
+    draw = group_of((group_of((corner, front)), group_of((back, kind))))
+    first = np.empty(int(draw.max()) + 1, np.int64)
+    first[draw[::-1]] = np.arange(len(draw))[::-1]
     reflectance = surfaces.reflectance[of]
     mesh = DrawMesh(
         positions=surfaces.vertices[o][corner[first]].astype(np.float32),
@@ -84,18 +86,17 @@ def _tints(paint: Paint) -> np.ndarray:
 
 def _painted_kind(paint: Paint, emission: np.ndarray) -> np.ndarray:
     """Number the corners (3 F,) so that equal ones look equal; emission is numbered by face (F,)."""
-    kind = np.repeat(_pair(emission, paint.face_texture), 3)
+    kind = np.repeat(group_of((emission, paint.face_texture)), 3)
     colour, uv = (np.ascontiguousarray(c, np.float32) for c in (paint.corner_colour, paint.corner_uv))
     bits = [*colour.reshape(-1, 3).view(np.int32).T, uv.reshape(-1, 2).view(np.int64)[:, 0]]
     for column in bits:
-        kind = _pair(kind, np.unique(column, return_inverse=True)[1].reshape(-1))
+        kind = group_of((kind, np.unique(column, return_inverse=True)[1].reshape(-1)))
     return kind
 
 
-def _pair(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Number the distinct pairs of two int columns (n,) from 0."""
-    a, b = a.astype(np.int64) - int(a.min()), b.astype(np.int64) - int(b.min())
-    return np.unique(a * (int(b.max()) + 1) + b, return_inverse=True)[1].reshape(-1)
+def _alike(rows: np.ndarray) -> np.ndarray:
+    """Number the rows (n, c) so that equal ones have equal numbers."""
+    return group_of([np.unique(column, return_inverse=True)[1].reshape(-1) for column in rows.T])
 
 
 def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = True) -> tuple[np.ndarray, np.ndarray]:

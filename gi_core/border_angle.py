@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from gi_core.grouping import group_of
 from gi_core.receivers import Receivers
 from gi_core.surfaces import Surfaces
 
@@ -26,8 +27,8 @@ def border_receivers(surfaces: Surfaces, count: int) -> np.ndarray:
         if not len(corners):
             continue
         edges = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        which, faces = np.unique(edges, axis=0, return_counts=True)
-        border[which[faces == 1]] = True
+        edge = group_of(edges.T)
+        border[edges[np.bincount(edge)[edge] == 1]] = True
     return border
 
 

@@ -15,9 +15,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from gi_core.model import Model
+from gi_core.near_points import nearest
 from gi_core.paths import NONE, PathVertices
 
 SAMPLES = 2000  # lit places looked at
@@ -69,11 +69,11 @@ def places(model: Model, pilot: Pilot, low: np.ndarray, high: np.ndarray, size: 
     # Hits on the other side of a board are far away: their normals are.
     apart = np.concatenate([pilot.hits, TURNED * size * pilot.normals], axis=1)
     k = min(NEIGHBOURS, len(apart) - 1)
-    reach = cKDTree(apart).query(apart[rows], k + 1)[0][:, -1]  # the nearest is the hit itself
+    reach, _ = nearest(apart, apart[rows], k + 1)  # the first is the hit itself
     density = k / (math.pi * np.maximum(reach, 1e-6 * size) ** 2 * pilot.photons)
     static = model.surfaces.receiver_range(0)
-    nearest = cKDTree(model.object_receivers.positions[static]).query(pilot.hits[rows])[1]
-    spacing = float(np.sqrt(np.median(model.object_receivers.areas[static][nearest])))
+    _, there = nearest(model.object_receivers.positions[static], pilot.hits[rows])
+    spacing = float(np.sqrt(np.median(model.object_receivers.areas[static][there])))
     return Places(pilot.hits[rows], pilot.normals[rows], density, spacing)
 
 

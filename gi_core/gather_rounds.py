@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import gammaln
 
 from gi_core import strata
 from gi_core.error import luminance, noise_of_truth
@@ -54,6 +53,8 @@ class Gathered(NamedTuple):
         """Return the l1 error that chance makes, as error.noise_of_truth(); inf before the second round is over."""
         if not len(self.sets) or self.sets.min() < 2:
             return float("inf")
+        from scipy.special import gammaln  # 0.2 s that no first picture waits for
+
         sets = self.sets[:, None].astype(np.float64)
         # A deviation found from few normal numbers is too small in the mean: by this much.
         falls_short = np.sqrt(2 / (sets - 1)) * np.exp(gammaln(sets / 2) - gammaln((sets - 1) / 2))

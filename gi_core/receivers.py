@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from gi_core.grouping import components, group_of, order_of
 from gi_core.scene.types import Mesh
 
 CREASE_DEGREES = 40.0  # faces that meet at a smaller angle shade as one smooth surface
@@ -74,13 +73,20 @@ def build_receivers(mesh: Mesh, normals: np.ndarray, areas: np.ndarray, two_side
     return Built(receivers, group, corner_back, _patches(group, count))
 
 
+def no_receivers(mesh: Mesh) -> Built:
+    """Return what build_receivers() would, for those who only cast rays."""
+    F = len(mesh.faces)
+    none = np.full((F, 3), -1, np.int64)
+    return Built(Receivers(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)), none, none, np.zeros(F, np.int64))
+
+
 def weld(vertices: np.ndarray) -> np.ndarray:
     """Return for each vertex (V,) the id of its place: vertices in one small cell share it."""
     if not len(vertices):
         return np.zeros(0, np.int64)
     low = vertices.min(axis=0)
     cell = max(float((vertices.max(axis=0) - low).max()) * WELD, 1e-30)
-    return np.unique(np.round((vertices - low) / cell).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)
+    return group_of(np.round((vertices - low) / cell).astype(np.int64).T)
 
 
 def _smooth_groups(position_of: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -93,7 +99,7 @@ def _smooth_groups(position_of: np.ndarray, normals: np.ndarray) -> np.ndarray:
     swap = ends[:, 0] > ends[:, 1]
     ends[swap] = ends[swap][:, ::-1]
     edge_corner[swap] = edge_corner[swap][:, ::-1]
-    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    order = order_of((ends[:, 0], ends[:, 1]))
     ends, edge_corner, face = ends[order], edge_corner[order], face[order]
     # Neighbours in the sorted list share an edge; a non-manifold edge joins only its smooth pairs.
     pairs = []
@@ -102,27 +108,20 @@ def _smooth_groups(position_of: np.ndarray, normals: np.ndarray) -> np.ndarray:
         smooth = (normals[face[step:]] * normals[face[:-step]]).sum(axis=1) > np.cos(np.radians(CREASE_DEGREES))
         k = np.flatnonzero(same & smooth)
         pairs += [np.stack([edge_corner[k, e], edge_corner[k + step, e]], axis=1) for e in (0, 1)]
-    return _components(np.concatenate(pairs), 3 * F).reshape(F, 3)
+    return components(np.concatenate(pairs), 3 * F).reshape(F, 3)
 
 
 def _equal_normals(position_of: np.ndarray, corner_normals: np.ndarray) -> np.ndarray:
     """Join corners at one place that carry the same normal (to 1/512)."""
-    key = np.concatenate(
-        [position_of.reshape(-1, 1), np.round(corner_normals.reshape(-1, 3) * 512).astype(np.int64)], axis=1
-    )
-    return np.unique(key, axis=0, return_inverse=True)[1].reshape(position_of.shape)
+    normals = np.round(corner_normals.reshape(-1, 3) * 512).astype(np.int64)
+    return group_of((position_of.reshape(-1), *normals.T)).reshape(position_of.shape)
 
 
 def _patches(group: np.ndarray, count: int) -> np.ndarray:
     """Return the patch of each face: faces that share a receiver are one smooth surface."""
     F = len(group)
     links = np.stack([np.repeat(np.arange(F), 3), F + group.reshape(-1)], axis=1)
-    return np.unique(_components(links, F + count)[:F], return_inverse=True)[1].reshape(-1)
-
-
-def _components(pairs: np.ndarray, n: int) -> np.ndarray:
-    graph = coo_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
+    return components(links, F + count)[:F]  # the first nodes of all: numbered without a gap
 
 
 def _corner_angles(mesh: Mesh) -> np.ndarray:

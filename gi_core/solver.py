@@ -41,6 +41,7 @@ from gi_core.surfaces import Surfaces
 
 STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
+MANY_RECEIVERS = 30_000  # their regions take half a second and more to find
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
 CHOICES = {"estimator": tuple(ESTIMATORS), "search": tuple(SEARCHES), "pretest": tuple(PRETESTS)}
 LARGEST_CHUNK = 1 << 16
@@ -162,7 +163,10 @@ class Solver:
 
         May be abandoned between steps and started again: nothing traced is traced again.
         """
-        goal, b = self._goal, self._background()
+        goal = self._goal
+        if pictures and goal and self._shown is None and self._slow_to_build:
+            yield from self._first_look(goal)
+        b = self._background()
         yield Progress("indexing", 0.0, False)
         for _ in b.build():
             yield Progress("indexing", 0.0, False)
@@ -186,6 +190,20 @@ class Solver:
         if not complete or self._from_gathered != self.uses_gathered:
             yield from self._show(b)
         yield Progress("done", 1.0, False)
+
+    @property
+    def _slow_to_build(self) -> bool:
+        controlled = self.setting.control and ESTIMATORS[self.estimator].controlled
+        return controlled and len(self.irradiance) > MANY_RECEIVERS
+
+    def _first_look(self, goal: int) -> Iterator[Progress]:
+        """Show the first photons without artifact control: its regions may take seconds."""
+        b = Background(self.model, self.setting.changed(CHOICES, control=False))
+        yield from (Progress("indexing", 0.0, False) for _ in b.build())
+        while b.added < min(FIRST_PICTURE, goal):
+            count = min(2 * max(b.added, FIRST_CHUNK), FIRST_PICTURE - b.added, goal - b.added)
+            yield Progress(self._photons.take_in(b, count, goal), b.added / goal, False)
+        yield from self._show(b)
 
     def _affordable(self, b: Background) -> int:
         """Return the photons wanted, or as many as memory holds."""

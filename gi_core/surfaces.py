@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.receivers import Receivers, build_receivers
+from gi_core.receivers import Receivers, build_receivers, no_receivers
 from gi_core.scene.texture_filter import mean_colours
 from gi_core.scene.types import Mesh, Paint, Scene
 
@@ -42,8 +42,8 @@ class Surfaces(NamedTuple):
         return slice(int(self.first_receiver[o]), int(self.first_receiver[o + 1]))
 
 
-def flatten(scene: Scene) -> tuple[Surfaces, Receivers]:
-    """Flatten a scene; the receivers come back in object space, in global order."""
+def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receivers]:
+    """Flatten a scene; the receivers come back in object space, in global order; or there are none."""
     meshes = [scene.static, *(m.mesh for m in scene.mobiles)]
     rho = np.array([m.reflectance for m in scene.materials], np.float64).reshape(-1, 3)
     Le = np.array([m.emission for m in scene.materials], np.float64).reshape(-1, 3)
@@ -53,7 +53,7 @@ def flatten(scene: Scene) -> tuple[Surfaces, Receivers]:
     for mesh in meshes:
         two_sided = sided[mesh.face_material]
         normals, areas = face_normals(mesh)
-        built = build_receivers(mesh, normals, areas, two_sided)
+        built = build_receivers(mesh, normals, areas, two_sided) if with_receivers else no_receivers(mesh)
         front = built.corner_front + receiver_count
         back = np.where(built.corner_back >= 0, built.corner_back + receiver_count, -1)
         reflectance = mesh.face_reflectance

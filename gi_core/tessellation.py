@@ -23,8 +23,8 @@ MOST_FACES = 4_000_000  # a misplaced decimal point must not fill the memory
 def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thinnest: float = 0.0) -> Mesh:
     """Split every edge longer than `max_edge` [m] at its middle, again and again.
 
-    `longest`: a function of middles (..., 3) and lengths (...) of edges that returns the length [m] allowed
-    there, instead of `max_edge` everywhere. `thinnest` [m]: faces lower than that ask for no split (they
+    `longest`: a function of middles (n, 3) and lengths (n,) of edges that returns the length [m] allowed
+    there, `max_edge` or more. `thinnest` [m]: faces lower than that ask for no split (they
     are split where a neighbour asks): mouldings would use up the receivers that walls need.
     Vertices of one place become one. Corner normals and paint are interpolated, materials and face
     reflectances carried along.
@@ -150,7 +150,10 @@ def _heights(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def _too_long(a, b, max_edge, longest) -> np.ndarray:
     d = b - a
     length = np.sqrt(d[..., 0] * d[..., 0] + d[..., 1] * d[..., 1] + d[..., 2] * d[..., 2])
-    return length > (max_edge if longest is None else longest(0.5 * (a + b), length))
+    long = length > max_edge
+    if longest is not None and long.any():
+        long[long] = length[long] > longest(0.5 * (a[long] + b[long]), length[long])
+    return long
 
 
 def _with_middles(n: np.ndarray) -> np.ndarray:

@@ -17,6 +17,9 @@ from gi_core.disc_search import PRETESTS, SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.gather_rounds import gather_rounds
 from gi_core.jit import cache_folder
+from gi_core.near_points import count_within, nearest
+from gi_core.scene.pilot import Rays, useful_box
+from gi_core.scene.refinement import refined
 from gi_core.scene.texture_filter import lookup
 from gi_core.scene.texture_footprint import footprints
 from gi_core.scene.types import Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
@@ -48,7 +51,7 @@ def compile_kernels() -> Iterator[Step]:
     parts: list[tuple[str, Callable[[], None]]] = [("photon tracing", lambda: tiny.append(_trace()))]
     parts += [(name, functools.partial(_estimate, tiny, name)) for name in ESTIMATORS]
     parts += [(name, functools.partial(_search, tiny, name)) for name in SEARCHES]
-    parts.append(("reference", _gather))
+    parts += [("loading", _prepare), ("reference", _gather)]
     total, done = sum(COSTS.get(name, 1) for name, _ in parts), 0
     for name, run in parts:
         yield Step(done, total, name.replace("_", " "))
@@ -64,6 +67,16 @@ def _trace() -> Solver:
     solver.solve()
     _see_texture()
     return solver
+
+
+def _prepare() -> None:
+    """Do what loading a stranger's file does, and choosing settings."""
+    scene = _tiny_scene()
+    rays = Rays(scene)
+    refined(scene, rays, useful_box(scene, rays), 1000)
+    points = scene.static.vertices
+    nearest(points, points, 2)
+    count_within(points, points, 1.0)
 
 
 def _estimate(tiny: list[Solver], name: str) -> None:

@@ -48,6 +48,7 @@ class ImpactCount:
 
     additive = True  # sums of parts are sums of the whole: preparing costs nothing
     bytes_a_hit = 0  # nothing is kept a hit
+    controlled = False  # artifact control is not for it
     on_faces = True  # probes need a face to count on
 
     def __init__(self, model: Model, setting: Setting):

@@ -55,6 +55,7 @@ class PhotonMap:
 
     additive = False  # see the module: preparing estimates every receiver
     bytes_a_hit = 96  # of memory: a hit is kept as it was added, and sorted
+    controlled = False  # artifact control is not for it
     on_faces = False  # probes are receivers like any other
 
     def __init__(self, model: Model, setting: Setting):

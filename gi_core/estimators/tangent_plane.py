@@ -35,6 +35,7 @@ class TangentPlane:
     """See the module; `radius` [m] is the disc's."""
 
     additive = True  # sums of parts are sums of the whole: preparing costs nothing
+    controlled = True  # artifact control is its
     on_faces = False  # probes are receivers like any other
 
     def __init__(self, model: Model, setting: Setting):

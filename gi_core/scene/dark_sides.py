@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gi_core.grouping import group_of
 from gi_core.pose import to_world
 from gi_core.receivers import weld
 from gi_core.scene.pilot import Box
@@ -69,8 +70,8 @@ def one_sided_where_dark(scene: Scene, box: Box) -> Scene:
 def _closed(places: np.ndarray, body: np.ndarray, bodies: int) -> np.ndarray:
     """Return which bodies (B,) have two faces at every edge."""
     ends = np.sort(np.stack([places, np.roll(places, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
-    _, which, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
-    open_edge = (counts[which.reshape(-1)] != 2).reshape(-1, 3).any(axis=1)
+    edge = group_of(ends.T)
+    open_edge = (np.bincount(edge)[edge] != 2).reshape(-1, 3).any(axis=1)
     return np.bincount(body, open_edge, bodies) == 0
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.near_points import count_within
 from gi_core.scene.frame import axes, in_frame
 from gi_core.scene.pilot import Box, Rays, horizontal, sphere_directions, spread
 from gi_core.scene.types import Scene
@@ -168,12 +169,10 @@ def _outlook(points, rays: Rays, box: Box) -> np.ndarray:
 
 def _light_on(points, box: Box, up) -> np.ndarray:
     """Return how much light falls on each place (n,), 1 on the lighter half of them."""
-    from scipy.spatial import cKDTree
-
     if not len(box.hits):
         return np.ones(len(points))
     flat = np.eye(3) + 3 * np.outer(up, up)  # heights count fourfold: light on the floor, not on the walls
-    counts = cKDTree(box.hits @ flat).query_ball_point(points @ flat, 0.08 * box.size, return_length=True)
+    counts = count_within(box.hits @ flat, points @ flat, 0.08 * box.size)
     return np.minimum(counts / max(float(np.median(counts[counts > 0])) if counts.any() else 1.0, 1.0), 1.0)
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.grouping import order_of
 from gi_core.receivers import build_receivers, weld
 from gi_core.scene.boundary import Boundary
 from gi_core.scene.errors import SceneError, one_line
@@ -167,7 +168,7 @@ def _repair(vertices, faces, material, materials, notes):
     ids = weld(vertices)[faces[solid]]
     key = np.sort(ids, axis=1)
     emissive = np.array([any(m.emission) for m in materials])[material[solid]]
-    order = np.lexsort((np.arange(len(solid)), ~emissive, key[:, 2], key[:, 1], key[:, 0]))
+    order = order_of((*key.T, ~emissive))
     k = key[order]
     first = np.ones(len(k), bool)
     first[1:] = (k[1:] != k[:-1]).any(axis=1)

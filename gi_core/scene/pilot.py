@@ -12,6 +12,7 @@ import numpy as np
 from gi_core.accelerator import Accelerator
 from gi_core.scene.types import DirectionalLight, Scene, SkyLight
 from gi_core.surfaces import face_normals, flatten
+from gi_core.threads import available_cores
 
 RAYS = 6000  # paths; with BOUNCES segments each some 20,000 hits
 BOUNCES = 4
@@ -37,9 +38,8 @@ class Rays:
 
     def __init__(self, scene: Scene):
         statics = Scene(scene.static, scene.materials)
-        self.surfaces, receivers = flatten(statics)
-        self.receivers = len(receivers.positions)
-        self.accelerator = Accelerator(self.surfaces)
+        self.surfaces, _ = flatten(statics, with_receivers=False)
+        self.accelerator = Accelerator(self.surfaces, available_cores())
         v = scene.static.vertices[scene.static.faces.reshape(-1)]
         self.low, self.high = v.min(axis=0), v.max(axis=0)
         self.extent = float((self.high - self.low).max())

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, map_coordinates
 
+from gi_core.jit import kernel
+from gi_core.receivers import build_receivers
 from gi_core.scene.frame import in_frame
 from gi_core.scene.pilot import Box, Rays
 from gi_core.scene.types import Mesh, Scene
+from gi_core.surfaces import face_normals
 from gi_core.tessellation import tessellate
 
 FINEST = 0.02  # of the scene's size, under the default radius: shadows blur over twice that
@@ -30,26 +32,27 @@ def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, floa
     grain = Grain(scene, rays, box)
     sided = 1 + np.array([m.two_sided for m in scene.materials])
     before = float(sided[mesh.face_material].sum())
-    receivers = rays.receivers * before / float((1 + rays.surfaces.two_sided).sum())
+    normals, areas = face_normals(mesh)
+    receivers = len(build_receivers(mesh, normals, areas, sided[mesh.face_material] == 2).receivers.areas)
     room = max(budget - receivers, SPARE * budget)
-    shape = Mesh(mesh.vertices, mesh.faces, mesh.face_material)  # where it is cut does not depend on the rest
 
-    def more(edge: float) -> float:
-        cut = tessellate(shape, edge, grain.longest(edge), edge * THIN)
-        # Each new vertex on a smooth surface makes two new faces.
-        return (float(sided[cut.face_material].sum()) - before) / 2
+    def cut(edge: float) -> Mesh:
+        return tessellate(mesh, edge, grain.longest(edge), edge * THIN)
 
     # The number goes with the inverse square of the edge, more or less: follow that from the coarse side.
     finest = box.size * FINEST
-    edge, best = box.size * FIRST_TRY, box.size
+    edge, best, kept = box.size * FIRST_TRY, box.size, None
     for _ in range(TRIES):
-        made = more(edge)
+        tried = cut(edge)
+        # Each new vertex on a smooth surface makes two new faces.
+        made = (float(sided[tried.face_material].sum()) - before) / 2
         if made <= room:
-            best = min(best, edge)
+            if edge < best:
+                best, kept = edge, tried
             if edge <= finest or made > ENOUGH * room:
                 break
         edge = max(edge * float(np.clip(np.sqrt(made / (AIM * room)), *STRIDE)), finest)
-    return tessellate(mesh, best, grain.longest(best), best * THIN), best
+    return cut(best) if kept is None else kept, best
 
 
 class Grain:
@@ -73,7 +76,7 @@ class Grain:
         for f in np.unique(factor):
             empty = np.ones(shape, bool)
             empty[tuple(cells[factor == f].T)] = False
-            self.kinds.append((float(f), distance_transform_edt(empty, self.cell)))
+            self.kinds.append((float(f), _distances(empty, self.cell)))
 
     def longest(self, edge: float):
         """Return the function that tells `tessellate` the longest edge about a place, `edge` [m] where it is finest."""
@@ -86,13 +89,44 @@ class Grain:
         return allowed
 
     def _inside(self, edge: float, middle: np.ndarray, length: np.ndarray) -> np.ndarray:
-        at = ((middle - self.corner) / self.cell).reshape(-1, 3).T
+        at = ((middle - self.corner) / self.cell).reshape(-1, 3)
         result = np.full(length.shape, DARK * edge if self.kinds else edge)
         for factor, distances in self.kinds:
-            away = map_coordinates(distances, at, order=1, mode="nearest").reshape(length.shape)
+            away = _between(distances, at).reshape(length.shape)
             away = np.maximum(away - self.cell - length / 2, 0.0)
             result = np.minimum(result, factor * edge + away / GROWTH)
         return result
+
+
+def _distances(empty: np.ndarray, cell: float) -> np.ndarray:
+    """Return how far it is [m] from each cell (X, Y, Z) to the nearest one that is not empty: one axis at a time."""
+    squared = np.where(empty, np.inf, 0.0)
+    for axis, n in enumerate(squared.shape):
+        apart = np.subtract.outer(np.arange(n), np.arange(n)) ** 2.0
+        rows = np.moveaxis(squared, axis, -1)
+        squared = np.moveaxis((rows[..., None, :] + apart).min(axis=-1), -1, axis)
+    return np.ascontiguousarray(cell * np.sqrt(squared))
+
+
+@kernel
+def _between(grid, at):
+    """Return the values (n,) at places (n, 3) between the cells of a grid, linear along each axis; its rim goes on."""
+    out = np.empty(len(at))
+    low, share = np.empty(3, np.int64), np.empty(3)
+    for i in range(len(at)):
+        for c in range(3):
+            x = min(max(at[i, c], 0.0), grid.shape[c] - 1.0)
+            low[c] = min(int(x), grid.shape[c] - 2)
+            share[c] = x - low[c]
+        total = 0.0
+        for corner in range(8):
+            weight, x, y, z = 1.0, low[0], low[1], low[2]
+            weight *= share[0] if corner & 1 else 1.0 - share[0]
+            weight *= share[1] if corner & 2 else 1.0 - share[1]
+            weight *= share[2] if corner & 4 else 1.0 - share[2]
+            total += weight * grid[x + (corner & 1), y + (corner >> 1 & 1), z + (corner >> 2)]
+        out[i] = total
+    return out
 
 
 def _in_sight(scene: Scene, rays: Rays, box: Box, rows: np.ndarray) -> np.ndarray:

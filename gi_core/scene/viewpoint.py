@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gi_core.grouping import group_of
 from gi_core.pose import to_world
 from gi_core.scene.frame import ASPECT, axes, in_frame, picture_rays
 from gi_core.scene.pilot import Box, Rays, horizontal, spread
@@ -60,16 +61,12 @@ def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | Non
                 for share in (0.6, 0.92):
                     at = centre + min(share * float(t[0]), 1.2 * box.size) * d
                     tries += [(at, target, INSIDE_FOV, 0.0) for target in (centre, 0.5 * (centre + heart))]
-    lit = _Lit(box)
-    best, most = None, -np.inf
-    for position, target, fov, bonus in tries:
-        if np.sqrt(((target - position) ** 2).sum()) < 0.15 * box.size:
-            continue
-        camera = Camera(tuple(map(float, position)), tuple(map(float, target)), fov)
-        score = bonus + _score(camera, up, seen, shown, lit, rays, box)
-        if score > most:
-            best, most = camera, score
-    return best
+    far_enough = [t for t in tries if np.sqrt(((t[1] - t[0]) ** 2).sum()) >= 0.15 * box.size]
+    cameras = [Camera(tuple(map(float, at)), tuple(map(float, target)), fov) for at, target, fov, _ in far_enough]
+    if not cameras:
+        return None
+    scores = _scores(cameras, up, seen, shown, _Lit(box), rays, box) + np.array([t[3] for t in far_enough])
+    return cameras[int(np.argmax(scores))]
 
 
 class _Lit:
@@ -77,46 +74,59 @@ class _Lit:
 
     def __init__(self, box: Box):
         self.cell = LIT_CELL * box.size
-        self.keys = set(map(tuple, self._cells(box.hits, box.normals)))
+        self.cells = self._cells(box.hits, box.normals)
 
-    def count(self, points: np.ndarray, normals: np.ndarray) -> int:
-        return sum(tuple(c) in self.keys for c in self._cells(points, normals))
+    def holds(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return which points (n,) bool are lit."""
+        n = len(self.cells)
+        group = group_of(np.concatenate([self.cells, self._cells(points, normals)]).T)
+        lit = np.zeros(int(group.max(initial=-1)) + 1, bool)
+        lit[group[:n]] = True
+        return lit[group[n:]]
 
-    def _cells(self, points: np.ndarray, normals: np.ndarray) -> list[list[int]]:
+    def _cells(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         # Off the surface: the outside of a wall that is lit inside is dark. Shifted: walls and floors love
         # round numbers, and would flicker between two cells.
-        return np.floor(points / self.cell + 0.5 * normals + SHIFT).astype(np.int64).tolist()
+        return np.floor(points / self.cell + 0.5 * normals + SHIFT).astype(np.int64)
 
 
-def _score(camera: Camera, up, seen, shown, lit: _Lit, rays: Rays, box: Box) -> float:
-    eye = np.array(camera.position)
-    # The part of the picture that shows something lit, not too near to tell anything.
-    d = picture_rays(camera, up, *GRID)
+def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: Box) -> np.ndarray:
+    """Return what each camera's view is worth; the rays of all are cast at once."""
+    eyes = np.array([c.position for c in cameras]).reshape(-1, 3)
+    # The part of each picture that shows something lit, not too near to tell anything.
+    d = np.array([picture_rays(c, up, *GRID) for c in cameras])
+    through = d.shape[1]
+    eye, d = np.repeat(eyes, through, axis=0), d.reshape(-1, 3)
     t, normal = _first_seen(rays, eye, d)
-    far = np.isfinite(t) & (t > CLOSE * box.size)
-    fill = lit.count(eye + d[far] * t[far, None], normal[far]) / len(d)
+    far = np.flatnonzero(np.isfinite(t) & (t > CLOSE * box.size))
+    shows = np.zeros(len(d), bool)
+    shows[far] = lit.holds(eye[far] + d[far] * t[far, None], normal[far])
+    fill = shows.reshape(-1, through).sum(axis=1) / through
     # The part of the scene, and of the mobile, that is in the picture.
     points, normals, weight = seen
-    every = np.concatenate([points, shown])
-    to = every - eye
-    length = np.sqrt((to * to).sum(axis=1))
-    visible = np.abs(in_frame(camera, up, every)).max(axis=1) < 1
-    rows = np.flatnonzero(visible)
-    reached, _ = _first_seen(rays, eye, to[rows] / np.maximum(length[rows], 1e-12)[:, None])
-    visible[rows] = reached > length[rows] - 2e-3 * box.size
-    n = len(points)
-    visible[:n] &= (to[:n] * normals).sum(axis=1) <= 0
-    reach = float(np.sqrt((np.ptp(shown, axis=0) ** 2).sum())) / max(float(np.median(length[n:])), 1e-12)
-    mobile = (1.2 + min(reach, 0.4)) * float(visible[n:].mean())
-    return FILL * fill + SHARE * float(weight @ visible[:n]) + mobile
+    every, n = np.concatenate([points, shown]), len(points)
+    to = every - eyes[:, None]
+    length = np.sqrt((to * to).sum(axis=2))
+    visible = np.array([np.abs(in_frame(c, up, every)).max(axis=1) < 1 for c in cameras])
+    of, row = np.nonzero(visible)
+    reached, _ = _first_seen(rays, eyes[of], to[of, row] / np.maximum(length[of, row], 1e-12)[:, None])
+    visible[of, row] = reached > length[of, row] - 2e-3 * box.size
+    visible[:, :n] &= (to[:, :n] * normals).sum(axis=2) <= 0
+    extent = float(np.sqrt((np.ptp(shown, axis=0) ** 2).sum()))
+    reach = extent / np.maximum(np.median(length[:, n:], axis=1), 1e-12)
+    mobile = (1.2 + np.minimum(reach, 0.4)) * visible[:, n:].mean(axis=1)
+    return FILL * fill + SHARE * (visible[:, :n] * weight).sum(axis=1) + mobile
 
 
 def _first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
-    """Return distance (n,) and normal (n, 3) of what is seen; back faces of one-sided surfaces are not drawn."""
+    """Return distance (n,) and normal (n, 3) of what is seen from eyes (n, 3) along d (n, 3).
+
+    Back faces of one-sided surfaces are not drawn.
+    """
     at, result, normals = np.zeros(len(d)), np.full(len(d), np.inf), np.zeros((len(d), 3))
     going = np.arange(len(d))
     for _ in range(SEE_THROUGH):
-        t, face = rays.hits(eye + d[going] * at[going, None], d[going])
+        t, face = rays.hits(eye[going] + d[going] * at[going, None], d[going])
         at[going] += t
         hit = face >= 0
         turned = (rays.surfaces.normals[face] * d[going]).sum(axis=1) > 0

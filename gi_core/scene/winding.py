@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from gi_core.grouping import components, order_of
 from gi_core.receivers import weld
 from gi_core.scene.file_parts import Part
 from gi_core.scene.types import Mesh
@@ -33,8 +32,7 @@ def consistent_winding(faces: np.ndarray, areas: np.ndarray) -> Winding:
     first, second, agree = _shared_edges(faces)
     a = np.concatenate([first, first + n])
     b = np.concatenate([np.where(agree, second, second + n), np.where(agree, second + n, second)])
-    graph = coo_array((np.ones(len(a), np.int8), (a, b)), shape=(2 * n, 2 * n))
-    label = connected_components(graph, directed=False)[1]
+    label = components(np.stack([a, b], axis=1), 2 * n)
     as_is, turned = label[:n], label[n:]
     # Of the two colourings of a body keep the one that leaves more area alone.
     body = np.unique(np.minimum(as_is, turned), return_inverse=True)[1].reshape(-1)
@@ -50,7 +48,7 @@ def _shared_edges(faces: np.ndarray):
     """Return pairs of faces (n,), (n,) over one edge of exactly two, and whether they run it in opposite directions."""
     start, end = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
     low, high = np.minimum(start, end), np.maximum(start, end)
-    order = np.lexsort((high, low))
+    order = order_of((low, high))
     low, high, forward = low[order], high[order], (start < end)[order]
     fresh = np.ones(len(low), bool)
     fresh[1:] = (low[1:] != low[:-1]) | (high[1:] != high[:-1])

@@ -1,0 +1,79 @@
+"""Where the time from launch to the first picture goes, in CPU seconds, so that a busy machine tells the same.
+
+    python -m tests.startup cornell tree room.glb+chair.glb --times 3
+
+Each scene is opened by a fresh process as the window does it, but for the window; the least of several runs counts.
+Kernels are compiled beforehand. `--profile` prints what most of the time went into instead.
+"""
+
+from __future__ import annotations
+
+import argparse
+import cProfile
+import json
+import pstats
+import subprocess
+import sys
+import time
+
+STAGES = ("imports", "loading", "settings", "meshes", "first picture")
+
+
+def open_once(what: str) -> dict[str, float]:
+    """Return the CPU seconds of this process at the end of each stage."""
+    passed = {}
+
+    def mark() -> None:
+        passed[STAGES[len(passed)]] = time.process_time()
+
+    from app.picking import Picker
+    from app.settings import Settings, make_solver, open_scene
+    from app.vertex_colours import draw_meshes
+    from gi_core import solver, warmup  # noqa: F401  # both are imported in any case
+
+    mark()
+    static, *mobiles = what.split("+")
+    settings = Settings(scene=static, mobiles=tuple(mobiles))
+    scene = open_scene(settings)
+    mark()
+    made = make_solver(scene, settings)
+    mark()
+    draw_meshes(made.surfaces), Picker(made.surfaces)
+    mark()
+    for progress in made.solve_steps():
+        if progress.picture:
+            break
+    made.move_all(made.poses)
+    mark()
+    return passed
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="+")
+    parser.add_argument("--times", type=int, default=3)
+    parser.add_argument("--profile", action="store_true")
+    parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.one:
+        print(json.dumps(open_once(asked.scenes[0])))
+        return
+    if asked.profile:
+        profile = cProfile.Profile()
+        profile.runcall(open_once, asked.scenes[0])
+        pstats.Stats(profile).sort_stats("cumulative").print_stats(60)
+        return
+    subprocess.run([sys.executable, "-m", "gi_core.warmup"], stdout=subprocess.DEVNULL, check=True)
+    print("| scene |", " | ".join(STAGES), "| all |")
+    for what in asked.scenes:
+        command = [sys.executable, "-m", "tests.startup", what, "--one"]
+        runs = [json.loads(subprocess.check_output(command)) for _ in range(asked.times)]
+        best = min(runs, key=lambda run: run[STAGES[-1]])
+        before = 0.0
+        for stage in STAGES:
+            best[stage], before = best[stage] - before, best[stage]
+        print(f"| {what} |", " | ".join(f"{best[s]:.2f}" for s in STAGES), f"| {before:.2f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
