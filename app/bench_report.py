@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app import motion
+from app import bench_jobs, motion
 from app.bench_bounds import best_seconds
 from app.bench_machine import commit, processor
 from app.bench_report_tables import Times, markdown
@@ -41,12 +41,13 @@ def tables(settings: Settings, out: Path) -> str:
         }
         pretests, alone = _pretests(tree, bar), _alone(tree, bar)
         estimators = _estimators(tree, bar)
+        jobs = bench_jobs.measure(settings, bar)
     facts = {
         "machine": f"{processor()}, one thread, commit {commit() or 'unknown'}",
         "tree": f"{_static(tree):,} static triangles and a mobile of 500",
         "second": f"{_static(second):,} static triangles and a mobile of {len(second.scene.mobiles[0].mesh.faces)}",
     }
-    text = markdown(facts, found, pretests, alone, estimators)
+    text = markdown(facts, found, pretests, alone, estimators, jobs)
     out.mkdir(parents=True, exist_ok=True)
     (out / FILE).write_text(text, encoding="utf-8")
     return text
@@ -74,7 +75,7 @@ def _times(solver, photons: int, radii, sets: dict, bar: Bar) -> dict[tuple[str,
         every, changed = photon_lines(solver, photons, size), frame_lines(solver, size)
         for name, materials in sets.items():
             discs = static_discs(solver.model, size, materials)
-            for search in (RAY_CACHE, DISC_INDEX):
+            for search in (RAY_CACHE, DISC_INDEX, "segment_tree") if name == "whole" else (RAY_CACHE, DISC_INDEX):
                 bar(f"{solver.scene.name}: {search}, radius {radius:g}", k / len(radii))
                 trial = SearchTrial(search, discs)
                 run, few = trial.run(every), trial.run(changed)

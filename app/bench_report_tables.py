@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from app import report_facts as report
+from app.bench_jobs import section as jobs_section
 from app.bench_tables import table
 from app.report_facts import DISC_INDEX, RAY_CACHE
 
@@ -21,7 +22,7 @@ class Times(NamedTuple):
     cells: tuple[float, float] | None  # edge in radii and discs a full cell, of a grid
 
 
-def markdown(facts: dict, found: dict, pretests: dict, alone: dict, estimators: dict) -> str:
+def markdown(facts: dict, found: dict, pretests: dict, alone: dict, estimators: dict, jobs: list) -> str:
     """Return the whole text."""
     tree, more = found["tree 10000"], found["tree 20000"]
     second, tree_radii, second_radii = found["second 20000"], report.TREE_RADII, report.SECOND_RADII
@@ -36,6 +37,8 @@ def markdown(facts: dict, found: dict, pretests: dict, alone: dict, estimators: 
         _voxels(second, report.VOXELS_SECOND, second_radii),
         _section("Where the two cross", "\n".join(_crossovers(found))),
         _pretests(pretests, alone),
+        jobs_section(jobs),
+        _section("A tree over the segments", _tree(found)),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
 
@@ -97,6 +100,18 @@ def _crossovers(found: dict) -> list[str]:
             what = "all segments" if which == "every" else "a frame"
             out.append(f"- {name}, {what}: {crossover(found[key], which)}")
     return out
+
+
+def _tree(found: dict) -> str:
+    lines = []
+    for key, measured in found.items():
+        for which in ("every", "frame"):
+            for (_, search, r), t in measured.items():
+                if search == "segment_tree":
+                    others = [getattr(measured["whole", s, r], which) for s in (RAY_CACHE, DISC_INDEX)]
+                    took = getattr(t, which)
+                    lines.append([key, which, f"{r:g}", f"{1e3 * took:.3g}", f"{took / min(others):.2f} times"])
+    return table(["scene, photons", "segments", "radius", "ms", "of the faster of the two"], lines)
 
 
 def crossover(measured: dict, which: str) -> str:

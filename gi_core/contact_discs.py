@@ -117,15 +117,21 @@ class ContactDiscs:
         rows = [first[o] + c.rows for o, c in enumerate(contacts)]
         return np.concatenate(rows), np.concatenate([c.area for c in contacts])
 
-    def static_sums(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
-        """Return static receivers (n,) int64 in contact and their sums (n, 3) int64 over parts (Segments)."""
+    def static_discs(self, at: Transforms) -> Discs:
+        """Return the discs of the static receivers in contact, with their regions at these poses."""
         contact, d = self.met(at).contacts[0], self._discs[0]
         rows, n = contact.rows, len(contact.rows)
-        if not n:
-            return rows, np.zeros((0, 3), np.int64)
         region = Regions(np.arange(n, dtype=np.int32), contact.reach, contact.area)
         alone = np.full(n, NONE, np.int32)  # each its own disc: few of them see both sides
-        discs = Discs(d.positions[rows], d.normals[rows], d.own[rows], alone, d.radius, region)
+        return Discs(d.positions[rows], d.normals[rows], d.own[rows], alone, d.radius, region)
+
+    def static_sums(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
+        """Return static receivers (n,) int64 in contact and their sums (n, 3) int64 over parts (Segments)."""
+        rows = self.met(at).contacts[0].rows
+        n = len(rows)
+        if not n:
+            return rows, np.zeros((0, 3), np.int64)
+        discs = self.static_discs(at)
         search = BruteForce(discs) if n <= FEW else DiscGrid(discs, np.flatnonzero(to_list(discs)))
         sums = [Sums.zeros(n) for _ in range(self.model.threads)]
         for segments in parts:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.disc_search import SEARCHES
-from gi_core.disc_search.crossing import Discs, Lines, lines
+from gi_core.disc_search.crossing import Discs, Lines, lines, to_list
 from gi_core.model import Model
-from gi_core.paths import Segments, concatenate, segments_of
-from gi_core.reachable_area import whole_discs
+from gi_core.paths import NONE, Segments, concatenate, segments_of
+from gi_core.reachable_area import WHOLE, Regions, whole_discs
 from gi_core.solver import Solver
 from gi_core.sums import Sums
+
+PROBES = (1, 8, 64)
 
 
 def static_discs(model: Model, radius: float, materials: Iterable[str] | None = None) -> Discs:
@@ -48,6 +51,39 @@ def frame_lines(solver: Solver, radius: float) -> Lines:
 def _ready(solver: Solver, segments: Segments, radius: float) -> Lines:
     at = solver.model.static
     return lines(segments, at.rotation[0], at.position[0], solver.model, radius)
+
+
+class Job(NamedTuple):
+    """A search that a frame does, or could."""
+
+    name: str
+    discs: Discs
+    lines: Lines
+    anew: bool  # the discs are others in each frame: a search over them has to be made, too
+
+
+def few_receivers(solver: Solver, probes: Iterable[int] = PROBES) -> list[Job]:
+    """Return searches over few discs, from the last frame of a solver whose estimator is tangent_plane.
+
+    Receivers of each mobile, with the segments near it; static receivers in contact, with those beside them; and
+    so many probes, apart from all other receivers, with all segments of the background.
+    """
+    frame, estimate, model = solver._frame, solver._shown.estimate, solver.model
+    at, jobs = frame.at, []
+    for o, near in enumerate(frame.near, 1):
+        over = lines(near, at.rotation[o], at.position[o], model, solver.radius)
+        jobs.append(Job(model.names[o - 1], estimate._searches[o].discs, over, False))
+    jobs.append(
+        Job("in contact", estimate._contact.static_discs(at), _ready(solver, frame.beside, solver.radius), True)
+    )
+    d, rng = estimate._searches[0].discs, np.random.default_rng(solver.seed)
+    over, listed = photon_lines(solver, frame.photons, solver.radius), np.flatnonzero(to_list(d))
+    for n in probes:
+        rows, alone = rng.choice(listed, n, replace=False), np.full(n, NONE, np.int32)
+        region = Regions(np.full(n, WHOLE, np.int32), d.regions.reach[:0], d.regions.area[rows])
+        few = Discs(d.positions[rows], d.normals[rows], np.full(n, NONE, np.int32), alone, d.radius, region)
+        jobs.append(Job("a probe" if n == 1 else f"{n} probes", few, over, False))
+    return [job for job in jobs if len(job.discs.positions) and len(job.lines.low)]
 
 
 class SearchTrial:
