@@ -9,7 +9,7 @@ from app.settings import Settings, make_solver, open_scene
 
 SCENE = "living_room"  # a chair and a cat that stand on the floor
 PHOTONS = 20_000
-SEARCHES = ("disc_index", "ray_cache", "segment_tree", "brute_force")
+SEARCHES = ("disc_index", "ray_cache", "brute_force")
 
 
 def measure(settings: Settings, bar: Bar) -> list[tuple[str, int, int, dict[str, float]]]:

@@ -75,7 +75,7 @@ def _times(solver, photons: int, radii, sets: dict, bar: Bar) -> dict[tuple[str,
         every, changed = photon_lines(solver, photons, size), frame_lines(solver, size)
         for name, materials in sets.items():
             discs = static_discs(solver.model, size, materials)
-            for search in (RAY_CACHE, DISC_INDEX, "segment_tree") if name == "whole" else (RAY_CACHE, DISC_INDEX):
+            for search in (RAY_CACHE, DISC_INDEX):
                 bar(f"{solver.scene.name}: {search}, radius {radius:g}", k / len(radii))
                 trial = SearchTrial(search, discs)
                 run, few = trial.run(every), trial.run(changed)

@@ -38,7 +38,6 @@ def markdown(facts: dict, found: dict, pretests: dict, alone: dict, estimators: 
         _section("Where the two cross", "\n".join(_crossovers(found))),
         _pretests(pretests, alone),
         jobs_section(jobs),
-        _section("A tree over the segments", _tree(found)),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
 
@@ -100,18 +99,6 @@ def _crossovers(found: dict) -> list[str]:
             what = "all segments" if which == "every" else "a frame"
             out.append(f"- {name}, {what}: {crossover(found[key], which)}")
     return out
-
-
-def _tree(found: dict) -> str:
-    lines = []
-    for key, measured in found.items():
-        for which in ("every", "frame"):
-            for (_, search, r), t in measured.items():
-                if search == "segment_tree":
-                    others = [getattr(measured["whole", s, r], which) for s in (RAY_CACHE, DISC_INDEX)]
-                    took = getattr(t, which)
-                    lines.append([key, which, f"{r:g}", f"{1e3 * took:.3g}", f"{took / min(others):.2f} times"])
-    return table(["scene, photons", "segments", "radius", "ms", "of the faster of the two"], lines)
 
 
 def crossover(measured: dict, which: str) -> str:

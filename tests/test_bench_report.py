@@ -68,7 +68,7 @@ def test_every_number_of_the_report_is_beside_ours():
         assert all(f"({x})" in text for numbers in table.values() for x in numbers)
     assert all(f"({told[k]:g})" in text for told in report.PRETESTS.values() for k in (1, 3))
     assert "139.54 %" in text and "500, frame" not in text
-    assert np.char.count(text, "\n## ") == 8
+    assert np.char.count(text, "\n## ") == 7
     assert "they cross at 0.024" in text
     assert "| chair | 764 | 1,399 | 1.2 |" in text
 

@@ -13,7 +13,6 @@ from gi_core.disc_search.brute_force import BruteForce
 from gi_core.disc_search.disc_index import DiscIndex
 from gi_core.disc_search.pretest import PRETESTS
 from gi_core.disc_search.ray_cache import RayCache, UnsortedRayCache
-from gi_core.disc_search.segment_tree import SegmentTree
 
 __all__ = ["PRETESTS", "SEARCHES"]
 
@@ -22,6 +21,5 @@ SEARCHES = {
     "disc_index": DiscIndex,
     "ray_cache": RayCache,
     "ray_cache_unsorted": UnsortedRayCache,
-    "segment_tree": SegmentTree,
     "brute_force": BruteForce,
 }
