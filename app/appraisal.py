@@ -22,6 +22,7 @@ from app.truth import Truth
 
 if TYPE_CHECKING:
     from gi_core.scene import Pose
+    from gi_core.setting import Setting
     from gi_core.solver import Solver
 
 REFERENCE = "reference"  # what a wipe may show beside estimators
@@ -62,6 +63,7 @@ class Measured:
     """What can be told of the light of a version without a reference."""
 
     version: object
+    setting: Setting  # a light may be found by several searches, each with times of its own
     twin: Solver | None  # None when everything has been measured
     seconds: list[float]  # of frames of all photons
     photons: int = 0
@@ -109,7 +111,7 @@ class Appraisal:
         if not wants.other and self.other.seen is not None:
             self.other.drop()
         m = self._measured
-        if wants.numbers and (m is None or m.version != version or m.twin is not None):
+        if wants.numbers and (not self._measures(version) or m.twin is not None):
             return functools.partial(self._measure, version)
         if wants.other and not self.other.is_done(version, wants.other):
             return functools.partial(self.other.step, version, wants.other)
@@ -137,8 +139,8 @@ class Appraisal:
         from gi_core.error_at_hand import prefix_to_compare
 
         m = self._measured
-        if m is None or m.version != version:
-            m = self._measured = Measured(version, self._solver.twin(), [])
+        if not self._measures(version):
+            m = self._measured = Measured(version, self._solver.setting, self._solver.twin(), [])
             m.twin.configure(static_light="prefix")
         if len(m.seconds) < TIMED:
             started = self._clock()
@@ -151,6 +153,8 @@ class Appraisal:
             m.twin.move_all({}, m.prefix)
             m.fewer = m.twin.irradiance
         m.twin = None
+        if self.report is not None and self.report.version == version:
+            self._note()  # known light, found by another search
 
     def _gather(self, version: object, irradiance: np.ndarray, everywhere: bool) -> None:
         """Bring the reference on by a step, and tell the error anew."""
@@ -192,5 +196,13 @@ class Appraisal:
         bias = bias_left(total, noise, truth.noise)
         self.report = Report(version, total, noise, bias, truth.noise, len(rows), of, truth.paths, done)
         if m is not None and m.version == version:
-            s = self._solver
-            self.trials.add(Trial(s.setting, m.photons, statistics.median(m.seconds), total, truth.noise))
+            self._note()
+
+    def _measures(self, version: object) -> bool:
+        m = self._measured
+        return m is not None and m.version == version and m.setting == self._solver.setting
+
+    def _note(self) -> None:
+        """Keep what is known of the light under this setting among the trials."""
+        m, r = self._measured, self.report
+        self.trials.add(Trial(m.setting, m.photons, statistics.median(m.seconds), r.total, r.truth_noise))

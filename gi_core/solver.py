@@ -7,6 +7,7 @@ computing it afresh from integers each frame); receivers on mobiles from all seg
 from __future__ import annotations
 
 import copy
+import itertools
 import time
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
@@ -146,7 +147,7 @@ class Solver:
     def _background(self) -> Background:
         """Return the estimate of the background to go on with: the one shown if it still fits."""
         for kept in (self._shown, self._next):
-            if kept is not None and kept.setting == self.setting and kept.added <= self._goal:
+            if kept is not None and kept.serves(self.setting) and kept.added <= self._goal:
                 return kept
         self._next = Background(self.model, self.setting)
         return self._next
@@ -168,7 +169,7 @@ class Solver:
             yield from self._first_look(goal)
         b = self._background()
         yield Progress("indexing", 0.0, False)
-        for _ in b.build():
+        for _ in itertools.chain(b.switch(self.setting), b.build()):
             yield Progress("indexing", 0.0, False)
         # A new setting is shown once it has as many photons as what it replaces.
         shown = self._shown.estimate.photons if self._shown not in (None, b) else 0

@@ -75,6 +75,15 @@ class TangentPlane:
         yield from self._contact.build()
         self._areas = self.area.copy()
 
+    def switch(self, setting: Setting) -> Iterator[None]:
+        """Index the discs for another search, in steps; until that is done the one before serves."""
+        made = SEARCHES[setting.search]
+        indexed = []
+        for search in self._searches:
+            indexed.append(made(search.discs, setting.pretest))
+            yield
+        self._search, self._pretest, self._searches = made, setting.pretest, indexed
+
     @property
     def bytes_a_hit(self) -> int:
         """Memory that is kept a path vertex: what each segment crosses."""
