@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from gi_core.setting import Setting
     from gi_core.solver import Solver
 
-REFERENCE = "reference"  # what a wipe may show beside estimators
 SOME = 1000  # receivers that the error is measured at, where there are more than ...
 ALL = 4000  # ... so many
 SHARE = 0.15  # of the error: a truth whose noise is less is good enough ...

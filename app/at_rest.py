@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from app import looks
-from app.appraisal import REFERENCE, Wants
+from app.appraisal import Wants
+from app.settings import REFERENCE
 
 if TYPE_CHECKING:
     from app.session import Session

@@ -25,6 +25,7 @@ SHORTCUTS = (
     Shortcut("redo", (K.mod_ctrl | K.mod_shift | K.z, K.mod_ctrl | K.y), "Ctrl+Shift+Z", "redo it"),
     Shortcut("reference", (K._0,), "0", "show the reference instead of the estimate, and back"),
     Shortcut("meter", (K.a,), "A", "choose the exposure for what is in view"),
+    Shortcut("load again", (K.f5,), "F5", "load the scene's files again"),
     Shortcut("toggle panel", (K.tab,), "Tab", "hide or show the panel"),
     Shortcut("screenshot", (K.p, K.f12), "P, F12", "save the picture, with its parameters, in the current folder"),
     Shortcut("help", (K.h,), "H", "this help"),

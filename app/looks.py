@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.appraisal import REFERENCE
 from app.colour_map import UNKNOWN, signed_colours
-from app.settings import ERRORS, Settings
+from app.settings import ERRORS, REFERENCE, Settings
 
 if TYPE_CHECKING:
     from app.session import Session

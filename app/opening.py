@@ -50,15 +50,20 @@ class Opening:
         self._thread.start()
 
     @property
+    def told(self) -> tuple[str, float | None]:
+        """What is being done, in words, and how much of it is; None: nobody knows."""
+        return self.phase + (f": {self.detail}" if self.detail else ""), self.fraction
+
+    @property
     def done(self) -> bool:
         return not self._thread.is_alive()
 
-    def cancel(self) -> None:
-        """Give up; returns when nothing of it runs any more (a second at most)."""
+    def cancel(self, patience: float = 1.0) -> None:
+        """Give up; returns when nothing of it runs any more, after so many seconds at most."""
         self._cancelled = True
         if self._compiler is not None:
             self._compiler.kill()
-        self._thread.join(timeout=1.0)
+        self._thread.join(timeout=patience)
 
     def _run(self) -> None:
         try:

@@ -8,6 +8,7 @@ from app import legend, plate, theme
 from app.log import ERROR, WARNING, Log
 from app.looks import Shown
 from app.session import Session
+from app.succession import Succession
 from app.viewport import Viewport
 from app.wipe import Wipe
 
@@ -15,8 +16,9 @@ KEYS = "H: help    Tab: panel"
 TOLD = 12  # messages in the log line's tooltip
 
 
-def draw(viewport: Viewport, session: Session, ready: bool) -> None:
-    """Write over the picture: while opening what is done, then what a drag does, else how far refinement is."""
+def draw(viewport: Viewport, session: Session, succession: Succession, ready: bool) -> None:
+    """Write over the picture: while opening what is done, then what a drag does, else how far another scene or
+    refinement is."""
     em = imgui.get_font_size()
     (x, y), (w, h) = viewport.origin, viewport.size
     if not ready:
@@ -27,6 +29,9 @@ def draw(viewport: Viewport, session: Session, ready: bool) -> None:
     hint = viewport.hint()
     if hint:
         plate.write(hint, *corner)
+    elif succession.told is not None:
+        what, fraction = succession.told
+        plate.write(what if fraction is None else f"{what} {100 * fraction:.0f} %", *corner, theme.DIM)
     elif session.refining:
         progress = session.light.progress
         if progress is not None and progress.fraction < 1:  # what comes after is not worth a word
@@ -54,12 +59,12 @@ def _draw_opening(session: Session, x: float, y: float, em: float) -> None:
         problem = session.problem or "see the line below"
         plate.write(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
         return
-    text = opening.phase + (f": {opening.detail}" if opening.detail else "")
+    text, known = opening.told
     plate.write(text, x, y - 1.4 * em, centred=True)
     width = 18 * em
     imgui.set_cursor_screen_pos((x - width / 2, y + 0.4 * em))
     # A negative fraction makes ImGui's bar run to and fro: something is going on, nobody knows how long.
-    fraction = -imgui.get_time() if opening.fraction is None else opening.fraction
+    fraction = -imgui.get_time() if known is None else known
     imgui.progress_bar(fraction, (width, 0.35 * em), "")
 
 

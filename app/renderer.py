@@ -19,6 +19,7 @@ from gi_core.scene.texture_filter import MOST_REFLECTANCE
 
 if TYPE_CHECKING:
     from app.vertex_colours import DrawMesh
+    from gi_core.scene.types import Texture
 
 BACKGROUND = (0.145, 0.15, 0.16)  # display values: dark and neutral, yet lighter than an unlit black patch
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face
@@ -58,6 +59,7 @@ class Renderer:
         self._outline = _program(ctx, "screen.vert", "outline.frag")
         self._screen = ctx.vertex_array(self._outline, [])
         self._objects: list[DrawnObject] = []
+        self._worn: list[Texture] = []  # by them
         self._targets: _Targets | None = None
         # Bound again after each picture: the GUI draws next and expects the window, and moderngl must not
         # be left with a framebuffer bound that `resize` releases.
@@ -67,12 +69,24 @@ class Renderer:
         self.draws = 0  # pictures so far
 
     def set_scene(self, meshes: tuple[DrawMesh, ...]) -> None:
-        """Take over the geometry: one DrawMesh an object."""
-        for o in self._objects:
-            o.release()
-        self._textures.keep(t for mesh in meshes for t in mesh.textures)
+        """Take over the geometry: one DrawMesh an object. What was there before stays if that fails."""
         programs = self._surface, self._textured, self._cut_out, self._mask
-        self._objects = [DrawnObject(self.ctx, *programs, mesh) for mesh in meshes]
+        textures, made = [t for mesh in meshes for t in mesh.textures], []
+        try:
+            self._textures.keep([*self._worn, *textures])
+            for mesh in meshes:
+                made.append(DrawnObject(self.ctx, *programs, mesh))
+        except Exception:
+            self._give_back(made)
+            raise
+        before, self._objects, self._worn = self._objects, made, textures
+        self._give_back(before)
+
+    def _give_back(self, objects: list[DrawnObject]) -> None:
+        """Release objects, and the textures that nothing wears that is still there."""
+        for o in objects:
+            o.release()
+        self._textures.keep(self._worn)
 
     def set_colours(self, o: int, front: np.ndarray, back: np.ndarray, layer: int = 0) -> None:
         """Take over linear radiance (D, 3) of both sides of an object's draw vertices; layer 1: right of the split."""

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.appraisal import REFERENCE, Appraisal
+from app.appraisal import Appraisal
 from app.at_rest import AtRest
 from app.auto import Auto
-from app.background import Worker
+from app.background import PATIENCE, Worker
 from app.camera import matrix
 from app.gathering import Gathering
 from app.history import History
@@ -32,10 +32,6 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/openi
 BUDGET = 0.008  # s that a frame waits for refinement
 STILL = 0.25  # s that an object is held still, after which all photons are shown although it may go on
 SETTLE = 0.15  # s: a slider's value counts once it has rested so long, or is let go
-SOLVER_SETTINGS = (
-    "estimator", "photons", "radius", "neighbours", "control", "search", "pretest", "border_correction", "textbook",
-    "static_light",
-)  # fmt: skip
 
 
 class Session:
@@ -69,6 +65,7 @@ class Session:
         self._refreshed = 0  # times that the same light is to be drawn anew
         self._worker = worker or Worker()
         self._applied = settings
+        self.filled: dict[str, object] = {}  # settings that were left open, and what they became
         self._changed_at = 0.0
         self._moved_at = 0.0
         self._path_time = 0.0
@@ -95,6 +92,12 @@ class Session:
     def poses(self) -> dict[str, Pose]:
         """Where the mobiles are, or will be as soon as their light is there."""
         return self.light.poses
+
+    @property
+    def moved(self) -> dict[str, Pose]:
+        """Where mobiles are that are no longer where the scene's file puts them."""
+        asked = dict(self.settings.poses)
+        return {name: p for name, p in self.poses.items() if name in asked or p != self._start[name]}
 
     @property
     def pose_list(self) -> list[Pose]:
@@ -155,6 +158,7 @@ class Session:
 
         # What the panel changed meanwhile stays; what was open is filled in.
         filled = {k: v for k, v in vars(opened.settings).items() if getattr(self.settings, k) is None}
+        self.filled = {name: value for name, value in filled.items() if value is not None}
         self.settings = self._applied = replace(self.settings, **filled)
         self.meshes, self.picker = opened.meshes, opened.picker
         self.light = Solving(opened.solver, self.log, self.clock, self._worker)
@@ -179,8 +183,8 @@ class Session:
     def _apply(self) -> None:
         """Take over what the panel asks for, going back no further than needed."""
         old, new = self._applied, self.settings
-        was = _of_solver(old)
-        changed = {name: value for name, value in _of_solver(new).items() if value != was[name]}
+        was = old.of_solver
+        changed = {name: value for name, value in new.of_solver.items() if value != was[name]}
         try:
             if changed and not self.light.configure(changed, BUDGET):
                 return  # in the next frame, then
@@ -282,15 +286,10 @@ class Session:
         """Return one (4, 4) object-to-world matrix an object; the static part's is 1."""
         return (np.eye(4), *(matrix(pose) for pose in self.pose_list))
 
-    def close(self) -> None:
-        """Stop all work; returns when nothing runs any more, or after a moment."""
+    def close(self, patience: float = PATIENCE) -> None:
+        """Stop all work; returns when nothing runs any more, or after so many seconds. It is of no use afterwards."""
         if self.opening is not None:
-            self.opening.cancel()
+            self.opening.cancel(patience)
         if self.light is not None:
-            self.light.close()
-
-
-def _of_solver(s: Settings) -> dict[str, object]:
-    """Return what the solver is to be set to; beside another estimator each shows all of its own light."""
-    values = {name: getattr(s, name) for name in SOLVER_SETTINGS}
-    return values | {"static_light": "all"} if s.compare not in ("", REFERENCE) else values
+            self.light.close(patience)
+            self._at_rest = None  # it knows this session: a ring would keep the whole scene in memory

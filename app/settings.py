@@ -12,6 +12,11 @@ if TYPE_CHECKING:
     from gi_core.scene import Pose, Scene
     from gi_core.solver import Solver
 
+SOLVER_SETTINGS = (
+    "estimator", "photons", "radius", "neighbours", "control", "search", "pretest", "border_correction", "textbook",
+    "static_light",
+)  # fmt: skip
+REFERENCE = "reference"  # what a wipe may show beside estimators
 TONE_MAPS = ("aces", "reinhard", "clip")
 SHOWS = ("radiance", "irradiance")
 ERRORS = "error"  # what the window shows beside those: needs the reference, see app/appraisal.py
@@ -56,6 +61,12 @@ class Settings:
     auto: bool = False  # choose estimator, photons and radius by trials, see app/auto.py
     error: float | None = None  # [%] to be chosen for, at rest; None: the least that the budget allows in motion
     fallback: bool = True  # without a window, render to a file instead of failing
+
+    @property
+    def of_solver(self) -> dict[str, object]:
+        """What the solver is to be set to; beside another estimator each shows all of its own light."""
+        values = {name: getattr(self, name) for name in SOLVER_SETTINGS}
+        return values | {"static_light": "all"} if self.compare not in ("", REFERENCE) else values
 
     def of_estimator(self, name: str) -> Settings:
         """Return the settings that show an estimator's light: all of it, where it was gathered without one."""

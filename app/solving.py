@@ -94,6 +94,11 @@ class Solving:
         return self._steps is not None or at_work or bool(self._pending) or self.partial
 
     @property
+    def is_moving(self) -> bool:
+        """A move is under way or waits: what is drawn is not yet where it shall be."""
+        return bool(self._moving or self._pending)
+
+    @property
     def partial(self) -> bool:
         """The picture is made of fewer photons than there are, and more is to come."""
         return self.photons_shown < self.photons_there and not self.move_failed
@@ -113,11 +118,12 @@ class Solving:
         self._to_time = None
         return True
 
-    def close(self) -> None:
-        """Stop after what is under way."""
+    def close(self, patience: float = PATIENCE) -> None:
+        """Stop after what is under way, which is waited for so long [s]."""
         self._steps = None
-        self._wait(PATIENCE)
+        self._wait(patience)
         self._worker.close()
+        self._job = self._take = self.at_rest = None  # rings, that would keep the scene in memory
 
     def refine(self, budget: float, still: bool = False) -> None:
         """Wait for steps until the budget is spent; the one under way then goes on behind the picture.

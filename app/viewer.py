@@ -15,13 +15,15 @@ from pathlib import Path
 
 from imgui_bundle import hello_imgui, imgui, immapp, implot
 
-from app import keys, looks, metering, overlay, panel, screenshot, window
+from app import keys, looks, metering, overlay, panel, window
+from app.actions import act
 from app.log import Log
 from app.opening import Opening
 from app.renderer import Renderer
 from app.session import BUDGET, Session
 from app.settings import Settings, UsageError
 from app.solving import Smoothed
+from app.succession import Succession
 from app.viewport import Viewport
 
 SAMPLES = 4  # a pixel
@@ -38,6 +40,8 @@ class Viewer:
     def __init__(self, settings: Settings, open_with: Callable | None = None) -> None:
         self.log = Log()
         self.session = Session(settings, self.log, open_with or Opening)
+        self.succession = Succession(open_with or Opening)
+        self._dropped: list[str] = []  # files, on the window
         self.viewport = Viewport(self.session)
         self.ctx = None  # moderngl's, of the window
         self.renderer: Renderer | None = None
@@ -55,7 +59,7 @@ class Viewer:
         self.help_open = False
         self.metered = 0.0
         self._uploaded = 0  # session.version that the colour buffers hold
-        self._estimators: dict[str, str] = {}
+        self.estimators: dict[str, str] = {}
         self._before = time.perf_counter()
         self._seconds = 0.0
         self._light_seconds = 0.0  # of the last frame: refinement or a move
@@ -68,6 +72,7 @@ class Viewer:
     def _begin(self) -> None:
         implot.create_context()
         self.folds.load()
+        window.on_drop(self._dropped.extend)
 
     def _begin_frame(self) -> None:
         now = time.perf_counter()
@@ -81,8 +86,9 @@ class Viewer:
             self._do(action)
         if self.help_open:
             (x, y), (w, h) = self.viewport.origin, self.viewport.size
-            self.help_open = keys.draw_help(list(self._estimators), (x, y, w, h), self.help_open)
-        if is_users(self.session.problem):  # told on the terminal, see `run`
+            self.help_open = keys.draw_help(list(self.estimators), (x, y, w, h), self.help_open)
+        self._guard("opening", self._succeed)
+        if is_users(self.session.problem) and self.succession.coming is None:  # told on the terminal, see `run`
             self.params.app_shall_exit = True
         if self._ready and self.frames_left is not None:
             self.frames_left -= 1
@@ -109,17 +115,18 @@ class Viewer:
         self._guard("light", lambda: self.session.tick(self._seconds, editing, self._budget(), still))
         self._light_seconds = time.perf_counter() - started
         if self.session.ready and not self._ready:
-            self._guard("starting", self._adopt)
+            self._ready = True  # tried once, even if it fails
+            self._guard("starting", lambda: self._adopt(self.session))
         if self._ready:
             self._guard("drawing", self._draw_scene)
-        overlay.draw(self.viewport, self.session, self._ready)
+        overlay.draw(self.viewport, self.session, self.succession, self._ready)
         imgui.end()
 
     def draw_panel(self) -> None:
         if not self._ready:
             imgui.text_disabled("The controls appear with the scene.")
             return
-        facts = panel.facts_of(self.session, self._estimators, self.frame_seconds.value, self.metered)
+        facts = panel.facts_of(self.session, self.succession, self.estimators, self.frame_seconds.value, self.metered)
         wanted, actions = panel.draw(self.session.settings, facts, self.folds)
         self.session.want(wanted)
         for action in actions:
@@ -131,6 +138,7 @@ class Viewer:
     def _close(self) -> None:
         self.folds.save()
         implot.destroy_context()
+        self.succession.close()
         self.session.close()
         if self.renderer is not None:
             self.renderer.release()
@@ -146,23 +154,43 @@ class Viewer:
             return BUDGET
         return min(max(self._seconds - self._light_seconds, BUDGET), LONGEST_WAIT)
 
-    def _adopt(self) -> None:
-        """Set up GL, camera and exposure for the scene that has just become ready."""
+    def _succeed(self) -> None:
+        """Open what has been dropped; let a scene that is ready take the place of the one on show."""
+        if self._dropped:
+            files, self._dropped[:] = list(self._dropped), []
+            self.succession.other(self.session, files)
+        new = self.succession.tick(self.session)
+        if new is None:
+            return
+        try:
+            self._adopt(new)
+        except Exception as problem:
+            self.succession.problem = f"{problem}"
+            new.close(0.0)
+            raise
+        self._ready = True
+        self.log(f"{'loaded again' if self.succession.same else 'opened'}: {new.settings.scene}")
+
+    def _adopt(self, new: Session) -> None:
+        """Show a session that has just become ready: geometry, camera and exposure are its own."""
         from gi_core.estimators import ESTIMATORS
 
-        self._ready = True  # tried once, even if something below fails
+        if self.renderer is None:
+            self.renderer = Renderer(self.ctx, SAMPLES)
+        self.renderer.set_scene(new.meshes)
+        old, self.session, self._uploaded = self.session, new, 0
+        self.viewport.adopt(new, keep_view=old is not new and self.succession.same)
+        if old is not new:
+            old.close(0.0)
+            window.rename(new.settings.scene)
         if self._software:
-            self.session.light.grace = SOFTWARE_GRACE
-        self.renderer = Renderer(self.ctx, SAMPLES)
-        self.renderer.set_scene(self.session.meshes)
-        self.viewport.adopt()
-        self._estimators = {key: _about(kind) for key, kind in ESTIMATORS.items()}
-        settings = self.session.settings
-        if settings.exposure is None:
-            given = self.session.solver.scene.defaults.exposure
-            exposure = metering.metered(self.session, self.viewport.camera) if given is None else given
-            self.session.want(replace(self.session.settings, exposure=exposure))
-        self.metered = self.session.settings.exposure
+            new.light.grace = SOFTWARE_GRACE
+        self.estimators = {key: _about(kind) for key, kind in ESTIMATORS.items()}
+        if new.settings.exposure is None:
+            given = new.solver.scene.defaults.exposure
+            exposure = metering.metered(new, self.viewport.camera) if given is None else given
+            new.want(replace(new.settings, exposure=exposure))
+        self.metered = new.settings.exposure
 
     def _draw_scene(self) -> None:
         session = self.session
@@ -194,56 +222,7 @@ class Viewer:
     # Actions ----------------------------------------------------------------------------------------
 
     def _do(self, action: str) -> None:
-        self._guard(action, lambda: self._act(action))
-
-    def _act(self, action: str) -> None:
-        session, viewport = self.session, self.viewport
-        if action == "quit":
-            self.params.app_shall_exit = True
-        elif action == "help":
-            self.help_open = not self.help_open
-        elif action == "cancel":
-            if not viewport.cancel_drag():
-                self.help_open = False
-        elif action == "toggle panel":
-            self._panel.is_visible = not self._panel.is_visible
-        elif not self._ready:
-            return
-        elif action == "play":
-            session.toggle_play()
-        elif action in ("reset view", "reset all", "reset poses"):
-            if action != "reset view":
-                viewport.cancel_drag()
-                session.reset_poses()
-            if action != "reset poses":
-                viewport.go_home()
-        elif action in ("undo", "redo"):
-            viewport.cancel_drag()
-            getattr(session, action)()
-        elif action == "reference":
-            session.want(replace(session.settings, reference=not session.settings.reference))
-        elif action == "auto":
-            session.choose_settings()
-        elif action == "clear chart":
-            session.appraisal.trials.clear()
-        elif action == "meter":
-            exposure = metering.metered(session, viewport.camera)
-            session.want(replace(session.settings, exposure=exposure))
-            self.log(f"metered: {exposure:+.1f} EV")
-        elif action == "screenshot":
-            path = screenshot.next_free(Path.cwd())
-            look = viewport.look(outlined=False)
-            self.log(f"saved {screenshot.save(self.renderer, look, session, viewport.camera, path)}")
-            viewport.redraw()
-        elif action.startswith("estimator "):
-            names = list(self._estimators)
-            k = int(action.removeprefix("estimator "))
-            if k < len(names):
-                session.want(session.settings.of_estimator(names[k]))
-
-    @property
-    def _panel(self) -> hello_imgui.DockableWindow:
-        return self.params.docking_params.dockable_window_of_name("Panel")
+        self._guard(action, lambda: act(self, action))
 
 
 def _about(estimator: type) -> str:

@@ -43,13 +43,16 @@ class Viewport:
         self._asked = None  # what the last picking was asked
         self._drawn = None  # what the picture was drawn from
 
-    def adopt(self) -> None:
-        """Take the scene's camera; called when the session has become ready."""
-        solver = self.session.solver
+    def adopt(self, session: Session, keep_view: bool = False) -> None:
+        """Look at a session that has become ready, through the scene's camera or, `keep_view`, as the user looks."""
+        stays = keep_view and self.camera != self.home
+        self.session, solver = session, session.solver
+        self.hover = self.grab = self._steering = self._flight = self.shown = self._asked = self._drawn = None
         self.bounds = scene_bounds(solver, self.session.poses)
         self.room = drag.room_for(self.bounds, solver.scene.up)
         lit = Bounds(tuple(solver.chosen.low), tuple(solver.chosen.high)) if hasattr(solver, "chosen") else None
-        self.home = self.camera = from_camera(solver.scene.camera, solver.scene.up, self.bounds, lit)
+        self.home = from_camera(solver.scene.camera, solver.scene.up, self.bounds, lit)
+        self.camera = self.camera if stays else self.home
 
     @property
     def aspect(self) -> float:

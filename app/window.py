@@ -123,7 +123,7 @@ def runner_params(
 
     params = hello_imgui.RunnerParams()
     window = params.app_window_params
-    window.window_title = f"{Path(settings.scene).stem} - {TITLE}"
+    window.window_title = title_of(settings.scene)
     window.window_geometry.size = settings.size
     window.restore_previous_geometry = settings.size == Settings().size
 
@@ -163,6 +163,26 @@ def runner_params(
     beside.remember_is_visible = False
     params.docking_params.dockable_windows = [shown, beside]
     return params
+
+
+def title_of(scene: str) -> str:
+    return f"{Path(scene).stem} - {TITLE}"
+
+
+def on_drop(take: Callable[[list[str]], None]) -> None:
+    """Have the names of files that are dropped on the window, which must be the current one, handed over."""
+    import glfw
+
+    if window := glfw.get_current_context():
+        glfw.set_drop_callback(window, lambda _, files: take(list(files)))
+
+
+def rename(scene: str) -> None:
+    """Give the window the title of another scene."""
+    import glfw
+
+    if window := glfw.get_current_context():
+        glfw.set_window_title(window, title_of(scene))
 
 
 def config_folder() -> Path:

@@ -1,14 +1,14 @@
 """Many moves, back to the start: `python -m tests.drift --scene cornell --photons 1000 --moves 100000`.
 
-Prints the memory of the process along the way. Exit code 1 where light at the end differs by a bit from that of the
-start, or from a solution from scratch. `--malloc` also asks the C library to give back what is free, and tells how
-much of the growth that was; `--trace` tells what Python's own allocations grew by. Linux alone (it reads /proc).
+Prints moves, memory and ms a move every minute, so that a run that is cut short still tells something. Ctrl+C ends
+the moves early. Exit code 1 where light at the end differs by a bit from that of the start, or from a solution from
+scratch. `--trace` tells what Python's own allocations grew by. Linux alone (it reads /proc).
 """
 
 from __future__ import annotations
 
 import argparse
-import ctypes
+import contextlib
 import gc
 import sys
 import time
@@ -18,9 +18,27 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from soak import resident  # noqa: E402
+from memory_use import memory_use, trim  # noqa: E402
 
-NOTES = 10  # lines of memory
+FRAMES = 240  # of a path
+
+
+def along(paths: dict, k: int) -> dict:
+    """Return the k-th pose of each mobile on its path, round and round."""
+    from gi_core.pose import pose_at
+
+    return {n: pose_at(p, p.times[0] + (k % FRAMES) / FRAMES * np.ptp(p.times)) for n, p in paths.items()}
+
+
+def anywhere(rng: np.random.Generator, low, high, names) -> dict:
+    """Return a pose anywhere in the scene, at any turn, of each mobile."""
+    from gi_core.scene import Pose
+
+    poses = {}
+    for name in names:
+        q = rng.normal(size=4)
+        poses[name] = Pose(tuple(rng.uniform(low, high)), tuple(q / np.sqrt((q * q).sum())))
+    return poses
 
 
 def main() -> int:
@@ -31,15 +49,16 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--estimator", default="tangent_plane")
     parser.add_argument("--path", action="store_true", help="along the scene's path instead of anywhere")
-    parser.add_argument("--malloc", action="store_true")
+    parser.add_argument("--every", type=float, default=60.0, help="seconds between lines")
+    parser.add_argument("--threads", type=int)
     parser.add_argument("--trace", action="store_true")
     options = parser.parse_args()
     from app.render_command import motion_paths
-    from gi_core.pose import pose_at
-    from gi_core.scene import Pose, load_scene
+    from gi_core.scene import load_scene
     from gi_core.solver import Solver
 
-    solver = Solver(load_scene(options.scene), photons=options.photons, estimator=options.estimator)
+    kept = {"estimator": options.estimator, "threads": options.threads}
+    solver = Solver(load_scene(options.scene), photons=options.photons, **kept)
     solver.solve()
     start, begun = dict(solver.poses), solver.irradiance.copy()
     low, high, rng = solver.chosen.low, solver.chosen.high, np.random.default_rng(options.seed)
@@ -47,18 +66,17 @@ def main() -> int:
     if options.trace:
         tracemalloc.start()
         first = tracemalloc.take_snapshot()
-    clock, changed = time.perf_counter(), False
-    for k in range(options.moves):
-        if options.path:
-            poses = {n: pose_at(p, p.times[0] + (k % 240) / 240 * np.ptp(p.times)) for n, p in paths.items()}
-        else:
-            q = rng.normal(size=4)
-            q = tuple(q / np.sqrt((q * q).sum()))
-            poses = {name: Pose(tuple(rng.uniform(low, high)), q) for name in start}
-        solver.move_all(poses)
-        changed |= not np.array_equal(solver.irradiance, begun)
-        if (k + 1) % max(options.moves // NOTES, 1) == 0:
-            print(f"{k + 1} moves, {time.perf_counter() - clock:.0f} s, {resident():.1f} MB", flush=True)
+    clock, changed, noted = time.perf_counter(), False, (0.0, 0)
+    print(f"0 moves, {memory_use()}", flush=True)
+    with contextlib.suppress(KeyboardInterrupt):
+        for k in range(options.moves):
+            solver.move_all(along(paths, k) if options.path else anywhere(rng, low, high, start))
+            changed |= not np.array_equal(solver.irradiance, begun)
+            now = time.perf_counter() - clock
+            if now - noted[0] >= options.every or k + 1 == options.moves:
+                ms = 1e3 * (now - noted[0]) / (k + 1 - noted[1])
+                print(f"{k + 1} moves, {now:.0f} s, {ms:.2f} ms a move, {memory_use()}", flush=True)
+                noted = now, k + 1
     scratch = np.array_equal(solver.irradiance, solver.from_scratch())
     solver.move_all(start)
     back = np.array_equal(solver.irradiance, begun)
@@ -66,11 +84,10 @@ def main() -> int:
         gc.collect()
         for line in tracemalloc.take_snapshot().compare_to(first, "lineno")[:6]:
             print(line)
-    if options.malloc:
-        gc.collect()
-        before = resident()
-        ctypes.CDLL(None).malloc_trim(0)
-        print(f"{before:.1f} MB, {resident():.1f} MB after malloc_trim")
+    gc.collect()
+    print(f"at the end {memory_use()}", flush=True)
+    trim()
+    print(f"trimmed {memory_use()}")
     print(f"light moved: {changed}; last frame as from scratch: {scratch}; back at the start: {back}")
     return int(not (changed and scratch and back))
 

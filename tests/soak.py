@@ -23,17 +23,12 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
+from memory_use import resident  # noqa: E402
 
 EVERY = 5.0  # s between notes
 SETTLED = 0.5  # share of the time after which memory must have found its level
 ALLOWED = 0.03  # of it, that memory may differ by afterwards, or ...
 LEAST = 25.0  # MB
-
-
-def resident() -> float:
-    """Return the memory of this process [MB]."""
-    with open("/proc/self/statm") as file:
-        return int(file.read().split()[1]) * os.sysconf("SC_PAGESIZE") / 1e6
 
 
 def act(rng: random.Random, viewer, hand_over: dict) -> str:

@@ -135,7 +135,7 @@ def test_keys(play, folder):
         hand.wait_for_light()
         width = viewer.viewport.size[0]
         hand.press(K.tab)
-        assert not viewer._panel.is_visible
+        assert not viewer.params.docking_params.dockable_window_of_name("Panel").is_visible
         hand.wait(lambda: viewer.viewport.size[0] > width)
         hand.press(K.tab)
         hand.wait(lambda: viewer.viewport.size[0] == width)

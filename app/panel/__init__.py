@@ -5,7 +5,7 @@ compares and re-enters the work at the first stage that is affected.
 
 A section is a file of its own with `draw(settings, facts, actions) -> Settings`, and a line in SECTIONS: the order
 is that of reading, what only an engineer asks for is folded at first. A new setting goes into `Settings`
-(app/settings.py) and, if the solver takes it, into SOLVER_SETTINGS (app/session.py); what a section tells beyond
+(app/settings.py) and, if the solver takes it, into SOLVER_SETTINGS there; what a section tells beyond
 settings goes into `Facts` (facts.py). Widgets with label and tooltip are in widgets.py.
 """
 
@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from app.panel import artifacts, chart, error, light, motion, notes, paths, picture, probes, search, timings
+from app.panel import artifacts, chart, error, light, motion, notes, paths, picture, probes, scene, search, timings
 from app.panel.facts import Facts, facts_of
 from app.panel.folds import Folds
 from app.settings import Settings
@@ -36,6 +36,7 @@ class Section(NamedTuple):
 
 
 SECTIONS = (
+    Section("Scene", scene.draw),
     Section("Light", light.draw),
     Section("Probes", probes.draw, there=lambda facts: bool(facts.probes)),
     Section("Motion", motion.draw),

@@ -7,10 +7,9 @@ from dataclasses import replace
 
 from imgui_bundle import imgui
 
-from app.appraisal import REFERENCE
 from app.panel import widgets as ui
 from app.panel.facts import Facts
-from app.settings import Settings
+from app.settings import REFERENCE, Settings
 
 OFF = "Nothing"
 

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from app.auto import Doing
     from app.gathering import Gathered
     from app.session import Session
+    from app.succession import Succession
     from app.trials import Trial
     from gi_core.contact_discs import ControlFacts
 
@@ -46,9 +47,17 @@ class Facts:
     auto: Doing | None = None  # how far trials of settings are
     gathered: Gathered | None = None  # how far the static light is; None: not asked for
     search_told: str = ""  # what the disc search built or chose
+    coming: tuple[str, float | None] | None = None  # what a scene that is being opened is at, and how far
+    load_problem: str = ""  # why the last one could not be opened
 
 
-def facts_of(session: Session, estimators: Mapping[str, str], frame_seconds: float, metered: float) -> Facts:
+def facts_of(
+    session: Session,
+    succession: Succession,
+    estimators: Mapping[str, str],
+    frame_seconds: float,
+    metered: float,
+) -> Facts:
     """Collect them from a session that is ready."""
     solver = session.solver
     told, appraisal = session.light.snapshot, session.appraisal
@@ -81,4 +90,6 @@ def facts_of(session: Session, estimators: Mapping[str, str], frame_seconds: flo
         auto=session.auto.doing if session.auto is not None else None,
         gathered=session.gathering.told if solver.static_light == "gathered" else None,
         search_told=solver.search_told,
+        coming=succession.told,
+        load_problem=succession.problem,
     )
