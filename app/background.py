@@ -6,10 +6,12 @@ takes longer. One job runs at a time, and nobody else touches the solver while i
 
 from __future__ import annotations
 
+import queue
+import threading
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, wait
 
-PATIENCE = 2.0  # s: how long closing waits for a step under way
+PATIENCE = 0.25  # s: how long closing waits for a step under way
 
 
 class Job:
@@ -28,11 +30,27 @@ class Job:
 
 
 class Worker:
+    """A thread that does not outlive the program: the standard library's pools wait for what they are doing."""
+
     def __init__(self) -> None:
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="solver")
+        self._calls: queue.SimpleQueue[tuple[Future, Callable] | None] = queue.SimpleQueue()
+        threading.Thread(target=_work, args=(self._calls,), name="solver", daemon=True).start()
 
     def submit(self, call: Callable) -> Job:
-        return Job(self._pool.submit(call))
+        future: Future = Future()
+        self._calls.put((future, call))
+        return Job(future)
 
     def close(self) -> None:
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        """End the thread after what it is doing."""
+        self._calls.put(None)
+
+
+def _work(calls: queue.SimpleQueue) -> None:
+    while (item := calls.get()) is not None:
+        future, call = item
+        try:
+            future.set_result(call())
+        except BaseException as problem:
+            future.set_exception(problem)
+        item = future = call = None  # what the call held is free while the thread waits

@@ -7,7 +7,10 @@ run(settings, screenshot=path)      the whole window, once the light has been re
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -244,12 +247,30 @@ def run(settings: Settings, *, frames: int | None = None, screenshot: str | Path
     interval = sys.getswitchinterval()
     sys.setswitchinterval(SWITCH_SECONDS)
     try:
-        immapp.run(viewer.params)
+        with interruptible(viewer):
+            immapp.run(viewer.params)
     finally:
         sys.setswitchinterval(interval)
     if screenshot is not None:
         _write_window(Path(screenshot))
     return finish(viewer)
+
+
+@contextlib.contextmanager
+def interruptible(viewer: Viewer):
+    """Let Ctrl+C on the terminal close the window, as its own button does: no exception may cross the GUI's code."""
+
+    def close(*_) -> None:
+        viewer.params.app_shall_exit = True
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only that one may
+        return
+    before = signal.signal(signal.SIGINT, close)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def finish(viewer: Viewer) -> int:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from dataclasses import replace
 
@@ -108,6 +111,36 @@ def test_run_for_a_number_of_frames_and_a_picture_of_the_window(monkeypatch, fol
         assert len(np.unique(np.asarray(picture)[..., :3].reshape(-1, 3), axis=0)) > 500
     assert (folder / "config").is_dir(), "the ini file is the user's, not the working folder's"
     assert not list(folder.glob("*.ini"))
+
+
+def test_ctrl_c_closes_the_window_as_its_button_does(monkeypatch):
+    """While the scene is still being opened; the handler that was there before is there again."""
+    import app.viewer
+    from app.opening import Opening
+
+    never = threading.Event()
+    monkeypatch.setattr(app.viewer, "Opening", lambda s: Opening(s, load=lambda _: never.wait(20)))
+    before = signal.getsignal(signal.SIGINT)
+    threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    started = time.monotonic()
+    assert app.viewer.run(support.SETTINGS) == 0
+    assert time.monotonic() - started < 15, "not until the loader is done"
+    assert signal.getsignal(signal.SIGINT) is before
+    never.set()
+
+
+def test_a_long_job_does_not_outlive_the_program():
+    code = """
+        import time
+        from app.background import Worker
+        worker = Worker()
+        assert worker.submit(lambda: 6 * 7).wait(5)
+        job = worker.submit(lambda: time.sleep(60))
+        worker.close()
+        assert not job.wait(0.1)
+    """
+    run = [sys.executable, "-c", textwrap.dedent(code)]
+    subprocess.run(run, cwd=str(support.ROOT), check=True, timeout=30)
 
 
 def test_the_window_opens_where_one_can_be_had():
