@@ -12,7 +12,8 @@ from app import motion
 from app.bench_bounds import told
 from app.bench_measure import measure, warm_up
 from app.progress import Bar, compile_kernels
-from app.settings import Settings, UsageError, open_moving_scene
+from app.settings import Settings, open_moving_scene
+from app.writable import check_writable
 
 SOAK = 20  # frames, from which on a first and a last tenth say something
 
@@ -22,8 +23,8 @@ def bench(settings: Settings, frames: int, json_file: Path | None = None) -> dic
 
     Raises SceneError, UsageError, OSError.
     """
-    if json_file is not None and not json_file.resolve().parent.is_dir():
-        raise UsageError(f"--json must name a file in a folder that exists, got {json_file}")
+    if json_file is not None:
+        check_writable("--json", json_file)
     with Bar() as bar:
         bar("loading", 0.0)
         scene = open_moving_scene(settings)

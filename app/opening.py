@@ -75,7 +75,10 @@ class Opening:
     def _compile(self) -> None:
         import gi_core
         from gi_core import warmup
+        from gi_core.jit import CACHE_PROBLEM
 
+        if CACHE_PROBLEM:
+            self.warnings.append(CACHE_PROBLEM)
         if warmup.is_warm():
             return
         self.phase, self.fraction = COMPILING, 0.0

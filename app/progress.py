@@ -53,7 +53,11 @@ def time_left(seconds: float | None) -> str:
 def compile_kernels(bar: Bar) -> None:
     """Compile what was never compiled on this machine, with the bar moving; a minute at most, once."""
     from gi_core import warmup
+    from gi_core.jit import CACHE_PROBLEM
 
+    if CACHE_PROBLEM:
+        bar.close()
+        print(f"gi-viewer: {CACHE_PROBLEM}", file=sys.stderr)
     if warmup.is_warm():
         return
     for step in warmup.compile_kernels():

@@ -14,6 +14,7 @@ from app.png import write_png
 from app.progress import Bar, compile_kernels, solve
 from app.settings import Settings, UsageError, make_solver, open_scene
 from app.vertex_colours import colours, draw_meshes
+from app.writable import check_writable
 
 
 class Shot:
@@ -80,7 +81,7 @@ def render(settings: Settings, out: Path, frames: int | None = None) -> list[Pat
 
     Raises SceneError, UsageError, OSError.
     """
-    _check(out)
+    _check(out, frames)
     with Bar() as bar:
         bar("loading", 0.0)
         scene = open_scene(settings)
@@ -123,12 +124,11 @@ def numbered(out: Path, k: int) -> Path:
     return out.with_name(f"{out.stem}.{k:04d}{out.suffix}")
 
 
-def _check(out: Path) -> None:
+def _check(out: Path, frames: int | None) -> None:
     """Refuse before the work, not after it."""
     if out.suffix.lower() != ".png":
         raise UsageError(f"--out must name a .png file, got {out}")
-    if not out.resolve().parent.is_dir():
-        raise UsageError(f"--out must name a file in a folder that exists, got {out}")
+    check_writable("--out", out if frames is None else numbered(out, 1))
 
 
 def _numbers(values) -> str:

@@ -8,8 +8,11 @@ but not the files of the functions that it inlines.
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
+import shutil
+import tempfile
 from functools import cache
 from pathlib import Path
 
@@ -40,8 +43,24 @@ def cache_folder() -> Path:
     return Path(platformdirs.user_cache_dir("gi-viewer", appauthor=False)) / f"kernels-{source_hash()}"
 
 
-if "NUMBA_CACHE_DIR" not in os.environ:
-    numba.config.CACHE_DIR = str(cache_folder())
+def _cache_elsewhere(folder: Path) -> str:
+    """Return why kernels cannot be kept in a folder, "" if they can; if not, let them go where this process ends.
+
+    The environment tells the processes that it starts, so that they share what one of them compiles.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        elsewhere = tempfile.mkdtemp(prefix="gi-viewer-")
+        atexit.register(shutil.rmtree, elsewhere, ignore_errors=True)
+        os.environ["NUMBA_CACHE_DIR"] = elsewhere
+        return f"{folder} cannot be written ({error.strerror or error}): kernels are compiled anew at every start"
+
+
+CACHE_PROBLEM = _cache_elsewhere(cache_folder())
+numba.config.CACHE_DIR = str(cache_folder())
 
 kernel = numba.njit(cache=True, nogil=True, error_model="numpy")
 

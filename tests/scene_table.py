@@ -47,7 +47,7 @@ def measure(what: str, picture: Path, launched: float) -> dict:
     import numpy as np
 
     from app.png import write_png
-    from app.progress import compile_kernels
+    from app.progress import Bar, compile_kernels
     from app.render_command import Shot
     from app.settings import Settings, make_solver, open_scene
     from gi_core.scene import SceneError
@@ -60,7 +60,7 @@ def measure(what: str, picture: Path, launched: float) -> dict:
     def passed(stage: str) -> None:
         stages[stage] = round(time.time() - launched, 2)
 
-    compile_kernels(lambda *_: None)
+    compile_kernels(Bar())
     passed("imported")
     try:
         scene = open_scene(settings)

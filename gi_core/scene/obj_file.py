@@ -76,6 +76,9 @@ class _Entry:
 
     def __init__(self, name: str):
         self.name, self.kd, self.ke = name, (0.7, 0.7, 0.7), (0.0, 0.0, 0.0)
+        self.picture: tuple | None = None  # name, what loads it, and wrapping of map_Kd
+        self.mask: tuple | None = None  # name and what loads it of map_d: where the surface is
+        self.dissolved = False  # the file says that it is transparent all over
         self.texture: int | None = None  # into Images.textures
         self.missing = False  # the texture
         self.scale, self.offset = (1.0, 1.0), (0.0, 0.0)  # of texture coordinates, v upwards
@@ -127,9 +130,27 @@ def _read_library(obj: Path, name: str, notes: list[str], images: Images, bounda
         elif entry is not None and words[0] in ("Kd", "Ke") and len(words) > 1 and words[1] not in ("spectral", "xyz"):
             colour = tuple(max(0.0, float(x)) for x in (words[1:] * 3)[:3])
             setattr(entry, words[0].lower(), colour)
-        elif entry is not None and words[0] in ("map_Kd", "map_Ke") and len(words) > 1:
+        elif entry is not None and words[0] in ("d", "Tr") and len(words) > 1 and _is_number(words[-1]):
+            entry.dissolved = 0 < float(words[-1]) < 1  # exporters do not agree on what 0 and 1 mean in Tr
+        elif entry is not None and words[0] in ("map_Kd", "map_Ke", "map_d", "map_D") and len(words) > 1:
             _read_map(entry, words, images, [found.parent, obj.parent], boundary, notes)
+    for entry in entries.values():
+        _make_texture(entry, images)
+    dissolved = [f'"{e.name}"' for e in entries.values() if e.dissolved]
+    if dissolved:
+        notes.append(f"transparent in the file, taken as opaque: {', '.join(dissolved)}")
     return entries
+
+
+def _make_texture(entry: _Entry, images: Images) -> None:
+    """Give a material its texture: its picture, or its colour where there is a mask alone."""
+    if entry.picture is not None:
+        name, load, wrap = entry.picture
+        entry.texture = images.texture(name, load, wrap, mask=entry.mask)
+        entry.missing = entry.texture is None
+    elif entry.mask is not None:
+        name, load = entry.mask
+        entry.texture = images.plain(entry.kd, name, load)
 
 
 MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-mm": 2, "-boost": 1, "-texres": 1, "-imfchan": 1, "-type": 1}
@@ -157,8 +178,10 @@ def _read_map(entry: _Entry, words, images: Images, folders: list[Path], boundar
         return find(folders, boundary, name).read_bytes()
 
     if words[0] == "map_Kd":
-        entry.texture = images.texture(name, load, (wrap, wrap))
-        entry.missing = entry.texture is None
+        entry.picture = (name, load, (wrap, wrap))
+        return
+    if words[0] in ("map_d", "map_D"):
+        entry.mask = (name, load)
         return
     image = images.pixels(name, load, "lamps emit evenly where an emissive texture is missing")
     if image is not None:

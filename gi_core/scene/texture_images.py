@@ -13,10 +13,12 @@ import numpy as np
 
 from gi_core.scene.boundary import Boundary
 from gi_core.scene.cutouts import bled, cover_of
+from gi_core.scene.texture_levels import BYTE
 from gi_core.scene.types import Texture
 
 MOST_PIXELS = 1 << 26  # 8192 x 8192: a file of a few kilobytes can declare any size
 MISSING = 0.7  # reflectance in place of a texture that cannot be read
+NO_MASK = "surfaces are whole where a mask is missing"
 NAMED = 4  # troubles told by name
 
 _decoded: WeakValueDictionary[bytes, np.ndarray] = WeakValueDictionary()  # by what the file holds, while in use
@@ -41,22 +43,28 @@ class Images:
         wrap: tuple[str, str] = ("repeat", "repeat"),
         nearest: bool = False,
         cut: tuple[float, float] | None = None,
+        mask: tuple[str, Callable[[], bytes]] | None = None,
     ) -> int | None:
         """Return the index of a texture in `textures`, None if it cannot be read.
 
         `name` tells images apart; `load` returns the encoded bytes, or raises ImageError or OSError. cut: the factor
-        that multiplies alpha, and the value below which the surface is cut away; None: alpha says nothing.
+        that multiplies alpha, and the value below which the surface is cut away; None: alpha says nothing. mask: name
+        and bytes of an image that is there in place of alpha: `decode_mask`.
         """
-        key = (name, wrap, nearest, cut)
+        key = (name, wrap, nearest, cut, mask and mask[0])
         if key not in self._index:
             pixels = self.pixels(name, load, f"surfaces are grey {MISSING} where a texture is missing")
             self._index[key] = None if pixels is None else len(self.textures)
             if pixels is not None:
-                alpha = None if cut is None else decode_alpha(load())
+                alpha = None
+                if mask is not None:
+                    alpha = self._mask(*mask, pixels.shape[:2])
+                elif cut is not None:
+                    alpha = decode_alpha(load())
                 if alpha is None:
                     self.textures.append(Texture(pixels, wrap, nearest))
                 else:
-                    cover = cover_of(alpha, *cut)
+                    cover = cover_of(alpha, *(cut or (1.0, 0.5)))
                     self.textures.append(Texture(bled(pixels, cover), wrap, nearest, cover))
         return self._index[key]
 
@@ -72,6 +80,19 @@ class Images:
         if trouble not in listed:
             listed.append(trouble)
         return None
+
+    def plain(self, colour: tuple[float, float, float], name: str, load: Callable[[], bytes]) -> int | None:
+        """Return the index of a texture of one linear colour with a mask, None if the mask cannot be read."""
+        image = self.pixels(name, load, NO_MASK)
+        if image is None:
+            return None
+        srgb = BYTE[np.round(65535 * np.clip(colour, 0, 1)).astype(np.int64)]
+        cover = cover_of(decode_mask(load(), image.shape[:2]), 1.0, 0.5)
+        self.textures.append(Texture(np.broadcast_to(srgb, image.shape).copy(), cover=cover))
+        return len(self.textures) - 1
+
+    def _mask(self, name: str, load: Callable[[], bytes], shape: tuple[int, int]) -> np.ndarray | None:
+        return None if self.pixels(name, load, NO_MASK) is None else decode_mask(load(), shape)
 
     def notes(self) -> list[str]:
         """Return one line about all textures that could not be read, or none."""
@@ -121,6 +142,17 @@ def decode_alpha(data: bytes) -> np.ndarray | None:
             return None
         alpha = np.array(image.convert("RGBA"))[..., 3]
     return None if alpha.min() == 255 else alpha
+
+
+def decode_mask(data: bytes, shape: tuple[int, int]) -> np.ndarray:
+    """Return how much is there, (h, w) uint8 of the shape asked for: an image's alpha or, without any, its grey."""
+    from PIL import Image
+
+    alpha = decode_alpha(data)
+    if alpha is None:
+        with Image.open(io.BytesIO(data)) as image:
+            alpha = np.array(image.convert("L"))
+    return np.array(Image.fromarray(alpha).resize(shape[::-1], Image.Resampling.BILINEAR))
 
 
 def find(folders: list[Path], boundary: Boundary, name: str) -> Path:

@@ -1,0 +1,27 @@
+"""Whether a file can be written, asked before the work that would be lost and not after it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from app.settings import UsageError
+
+
+def check_writable(option: str, file: Path) -> None:
+    """Raise UsageError, one sentence naming the option, if a file cannot be written; nothing stays behind."""
+    if not os.path.isdir(file.resolve().parent):
+        raise UsageError(f"{option} must name a file in a folder that exists, got {file}")
+    if os.path.isdir(file):
+        raise UsageError(f"{option} must name a file, and {file} is a folder; write {file / 'a'}{file.suffix}")
+    if os.path.exists(file) and os.access(file, os.W_OK):
+        return
+    # Asking for permissions is not enough: a file system may be read-only, or full, or allow no files of ours.
+    tried = file.resolve().with_name(f"{file.name}.{os.getpid()}.part")
+    try:
+        tried.touch()
+        tried.unlink()
+    except OSError as error:
+        raise UsageError(
+            f"{option} {file} cannot be written ({error.strerror or error}); name a file elsewhere"
+        ) from None
