@@ -37,7 +37,7 @@ def write_glb(path, vertices, faces, normals=None, uv=None, material=None, node=
     if uv1 is not None:
         attributes["TEXCOORD_1"] = store(np.asarray(uv1, "<f4"), 5126, "VEC2")
     if colours is not None:
-        attributes["COLOR_0"] = store(np.asarray(colours, "<f4"), 5126, "VEC3")
+        attributes["COLOR_0"] = store(np.asarray(colours, "<f4"), 5126, f"VEC{np.shape(colours)[1]}")
     primitive = {"attributes": attributes, "indices": store(np.asarray(faces, "<u4").reshape(-1), 5125, "SCALAR")}
     image = extra.pop("image", None)
     if image is not None:

@@ -6,6 +6,7 @@ import io
 
 import numpy as np
 import pytest
+from mesh_writers import write_glb
 from PIL import Image
 
 from app.picking import Picker
@@ -103,3 +104,23 @@ def test_masks_survive_what_pillow_reads(tmp_path):
     (tmp_path / "mask.png").write_bytes(data.getvalue())
     (texture,) = card(tmp_path, "map_d mask.png\n").mesh.paint.textures
     assert np.array_equal(texture.cover >= 128, big(CHECKS) == 255)
+
+
+@pytest.mark.parametrize(
+    ("described", "left"),
+    [
+        ({"alphaMode": "MASK"}, 1),
+        ({"alphaMode": "MASK", "alphaCutoff": 0.1}, 2),
+        ({"alphaMode": "MASK", "alphaCutoff": 0.3, "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.5]}}, 1),
+        ({"alphaMode": "BLEND"}, 1),
+        ({}, 2),
+    ],
+)
+def test_alpha_of_vertices_takes_whole_triangles_away(tmp_path, described, left):
+    """Corners of the first triangle have alpha 1, of the second 0.2 throughout; they share none."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0]], np.float64)
+    colours = np.ones((6, 4))
+    colours[3:, 3] = 0.2
+    faces = np.arange(6).reshape(2, 3)
+    file = write_glb(tmp_path / "a.glb", corners, faces, material={"name": "leaf", **described}, colours=colours)
+    assert len(read_mesh_file(file).mesh.faces) == left

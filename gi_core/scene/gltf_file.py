@@ -106,9 +106,19 @@ class _Reader:
                 self.plain = len(self.materials)
                 self.materials.append(Material("default"))
             index = self.plain
+        faces = faces[self._there(index, attributes, faces)]
         normals = None if n is None else n[faces]
         paint = self._paint(index, attributes, faces)
         self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, *paint))
+
+    def _there(self, index, attributes, faces) -> np.ndarray:
+        """Return the faces (n,) bool of which the alpha of their vertices leaves something."""
+        described = self.json["materials"][index] if index < len(self.json.get("materials", [])) else {}
+        colours = self.document.accessor(attributes["COLOR_0"]) if "COLOR_0" in attributes else np.zeros((0, 3))
+        if _cut(described) is None or colours.shape[1] < 4:
+            return np.ones(len(faces), bool)
+        factor, cutoff = _cut(described)
+        return (factor * colours[faces, 3] >= cutoff).any(axis=1)
 
     def _paint(self, index, attributes, faces):
         """Return corner colours, face textures and corner coordinates of a part, None each where there are none."""
