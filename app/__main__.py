@@ -210,27 +210,9 @@ def _render(arguments: argparse.Namespace) -> int:
 
 
 def _bench(arguments: argparse.Namespace) -> int:
-    if arguments.compare is not None:
-        from app.bench_compare import compare
+    from app.bench_command import run
 
-        print("\n".join(compare(*arguments.compare)))
-        return OK
-    if (arguments.sweep or arguments.tables) != (arguments.out is not None):
-        raise UsageError("--sweep and --out DIR go together, --tables and --out too: the folder that is written to")
-    if arguments.tables:
-        from app.bench_report import tables
-
-        print(tables(settings_of(arguments), arguments.out))
-        return OK
-    if arguments.sweep:
-        from app.bench_sweep import sweep
-
-        sweep(settings_of(arguments), arguments.frames, arguments.out, arguments.large)
-        print((arguments.out / "sweep.md").read_text(encoding="utf-8"))
-        return OK
-    from app.bench_command import bench
-
-    bench(settings_of(arguments), arguments.frames, arguments.json)
+    run(arguments, settings_of(arguments))
     return OK
 
 

@@ -46,6 +46,7 @@ def bench(parser: argparse.ArgumentParser) -> None:
         "--sweep", action="store_true", help="measure a table of settings into --out; goes on with one that was stopped"
     )
     add("--tables", action="store_true", help="the report's tables 2.1 to 2.5 with our times, into --out; minutes")
+    add("--contact", action="store_true", help="what contact of objects costs: the same frames with it and without")
     add("--out", type=Path, metavar="DIR", help="where --sweep writes sweep.json and sweep.md, --tables tables.md")
     add("--large", action="store_true", help="--sweep with 10,000,000 photons as well: minutes, and gigabytes")
     add("--compare", type=Path, nargs=2, metavar=("A.json", "B.json"),
