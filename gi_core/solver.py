@@ -190,6 +190,7 @@ class Solver:
         complete = b is self._shown and b.estimate.photons == goal == self.photons_traced
         if not complete or self._from_gathered != self.uses_gathered:
             yield from self._show(b)
+        yield from (Progress("timing searches", 1.0, False) for _ in b.estimate.rehearse(self._frame))
         yield Progress("done", 1.0, False)
 
     @property

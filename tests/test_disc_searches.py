@@ -140,24 +140,45 @@ def test_spheres_hold_their_discs_whole_and_nest():
 
 
 def test_auto_tries_each_and_goes_on_with_the_faster():
-    now = [0.0]
     c = case(0.05)
+    auto, used = clocked(c, {"disc_index": 2.0, "ray_cache": 1.0})
+    for _ in range(6):
+        found(auto, c)
+    assert [name for name, _ in used] == ["disc_index"] * 2 + ["ray_cache"] * 4
+    assert auto.choice(COUNT) == "ray_cache" and auto.choice(16 * COUNT) == "disc_index", "sizes are judged apart"
+    assert "ray_cache 1666.67 against disc_index 3333.33 us a segment" in auto.told()
+
+
+def clocked(c: Case, slow: dict[str, float]):
+    """An `auto` by whose clock candidates take seconds at any number of lines, and which of them were used."""
+    now, used = [0.0], []
     auto = SEARCHES["auto"](c.discs, clock=lambda: now[0])
-    slow = {"disc_index": 2.0, "ray_cache": 1.0}
-    used = []
     for name, candidate in auto.candidates.items():
 
         def splat(lines, sign, sums, name=name, real=candidate.splat):
-            used.append(name)
+            used.append((name, len(lines.low)))
             now[0] += slow[name]
             return real(lines, sign, sums)
 
         candidate.splat = splat
-    for _ in range(6):
+    return auto, used
+
+
+def test_auto_tries_nothing_while_somebody_waits():
+    c = case(0.05)
+    auto, used = clocked(c, {"disc_index": 2.0, "ray_cache": 1.0})
+    auto.patient = False
+    for _ in range(4):
         found(auto, c)
-    assert used == ["disc_index"] * 2 + ["ray_cache"] * 4
-    assert auto.choice(COUNT) == "ray_cache" and auto.choice(16 * COUNT) == "disc_index", "sizes are judged apart"
-    assert "ray_cache 1666.67 against disc_index 3333.33 us a segment" in auto.told()
+    assert used == [("disc_index", COUNT)] * 4, "nothing is known: the first"
+    auto.patient = True
+    steps = auto.rehearse(100, lambda m: Lines(*(a[:m] for a in c.lines)))
+    assert len(list(steps)) == 4 and used[4:] == [("disc_index", 100)] * 2 + [("ray_cache", 100)] * 2
+    assert not list(auto.rehearse(100, None)), "known: no lines are made ready"
+    auto.patient = False
+    del used[:]
+    assert found(auto, c)[0] == found(SEARCHES["brute_force"](c.discs), c)[0]
+    assert used == [("ray_cache", COUNT)], "the nearest number of lines that is known"
 
 
 def test_the_best_cells_are_found_downhill():

@@ -82,6 +82,25 @@ def test_a_switch_given_up_halfway_leaves_frames_as_they_were():
     assert type(solver._shown.estimate._searches[0]) is SEARCHES["ray_cache"]
 
 
+def test_auto_has_tried_everything_before_the_first_drag(monkeypatch):
+    """No frame of a motion uses a search that is slower than the one known to be fastest."""
+    monkeypatch.setattr("gi_core.disc_search.auto.FEW", 4)
+    solver = solved(search="auto")
+    searches = solver._shown.estimate._searches
+    sizes = [solver._frame.branches.size, *(near.size for near in solver._frame.near)]
+    assert min(sizes) > 4
+    known = [dict(s._taken) for s in searches]
+    assert all(len({name for _, name in taken}) == 2 for taken in known)
+    assert not list(solver._shown.estimate.rehearse(solver._frame))
+    asked = []
+    for search in searches:
+        monkeypatch.setattr(search, "_untried", lambda size: asked.append(size))
+    for poses in POSES:
+        solver.move_all(poses)
+    assert not asked and all(s.patient for s in searches)
+    assert np.array_equal(solver.irradiance, solved(solver.poses).irradiance)
+
+
 @pytest.mark.parametrize("estimator", [name for name, e in ESTIMATORS.items() if e is not TangentPlane])
 def test_estimators_without_a_disc_search_do_not_mind(estimator, added):
     solver = solved(estimator=estimator)

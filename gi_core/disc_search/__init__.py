@@ -5,7 +5,8 @@ A search is made from the `Discs` of one object and a key of PRETESTS, and serve
 discs they cross, and returns the number of crossings. It does one of `parts` shares of that work; several
 threads may do one each, with sums of their own. Where `parts_share_lines`, a share is some of the discs with all
 lines; where not, it is some of the lines: whoever makes lines ready need make ready only those of the share.
-`told()` says in words what was built or chosen.
+`told()` says in words what was built or chosen. One that tries candidates (`auto`) has `patient`, to be set False
+while somebody waits for a frame, and `rehearse(n, ready)`, trials to be made when nobody does.
 """
 
 from gi_core.disc_search.auto import Auto

@@ -2,13 +2,15 @@
 
 Grids cost the same a line however few there are; spheres cost less a line the more of them there are, and less
 where discs crowd (report 2.7, tables 2.2 to 2.4). So every candidate is tried in turn on the calls that come,
-by the number of their lines; what it adds has the same bits, so no trial is for nothing.
+by the number of their lines; what it adds has the same bits, so no trial is for nothing. Nobody who waits for a
+frame is made to wait for a trial: while not `patient`, the nearest number of lines that is known decides, and
+`rehearse()` makes up for it at rest.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from gi_core.disc_search.crossing import Discs, Lines, share
 from gi_core.disc_search.disc_index import DiscIndex
@@ -27,7 +29,7 @@ class Auto:
 
     def __init__(self, discs: Discs, pretest: str = "none", clock: Callable[[], float] = time.perf_counter):
         """clock: of seconds. Several threads may call splat(): each time is one thread's own."""
-        self.discs, self._clock = discs, clock
+        self.discs, self._clock, self.patient = discs, clock, True
         self.candidates = {"disc_index": DiscIndex(discs, pretest), "ray_cache": RayCache(discs, pretest)}
         self._taken: dict[tuple[int, str], tuple[int, float]] = {}  # (size class, name) -> trials, seconds a line
 
@@ -40,20 +42,43 @@ class Auto:
         if n < FEW:
             return next(iter(self.candidates.values())).splat(lines, sign, sums)
         name = self.choice(n)
-        started = self._clock()
+        return self._timed(name, lines, sign, sums)
+
+    def _timed(self, name: str, lines: Lines, sign: int, sums: Sums) -> int:
+        n, started = len(lines.low), self._clock()
         found = self.candidates[name].splat(lines, sign, sums)
         trials, best = self._taken.get((_class(n), name), (0, float("inf")))
         self._taken[_class(n), name] = trials + 1, min(best, (self._clock() - started) / n)
         return found
 
     def choice(self, n: int) -> str:
-        """Return the candidate for n lines: one that is still to be tried, else the fastest."""
-        took = {name: self._taken.get((_class(n), name), (0, 0.0)) for name in self.candidates}
+        """Return the candidate for n lines: one that is still to be tried if there is time, else the fastest."""
+        size = _class(n)
+        untried = self._untried(size) if self.patient else None
+        if untried:
+            return untried
+        taken = dict(self._taken)  # other threads add to it
+        sizes = [k for k in {key[0] for key in taken} if all((k, name) in taken for name in self.candidates)]
+        if not sizes:
+            return next(iter(self.candidates))
+        near = min(sizes, key=lambda k: (abs(k - size), k))
+        return min(self.candidates, key=lambda name: taken[near, name][1])
+
+    def _untried(self, size: int) -> str | None:
+        took = {name: self._taken.get((size, name), (0, 0.0)) for name in self.candidates}
         best = min((seconds for trials, seconds in took.values() if trials), default=0.0)
         for name, (trials, seconds) in took.items():
             if trials == 0 or (trials < TRIALS and seconds <= HOPELESS * best):
                 return name
-        return min(took, key=lambda name: took[name][1])
+        return None
+
+    def rehearse(self, n: int, ready: Callable[[int], Lines]) -> Iterator[None]:
+        """Try what has not been tried on n lines or fewer, a trial a step; ready(m) returns the first m of them."""
+        for size in range(_class(FEW), _class(max(n, 1)) + 1):
+            m = min(n, 2 << 2 * size)  # the middle of the class
+            while name := self._untried(size):
+                self._timed(name, ready(m), 1, Sums.zeros(len(self.discs.positions)))
+                yield
 
     def told(self) -> str:
         """Return in words what was chosen and why: what each has taken, by the number of lines at a time."""

@@ -65,6 +65,10 @@ class ImpactCount:
         """Nothing to build."""
         return iter(())
 
+    def rehearse(self, frame: Frame) -> Iterator[None]:
+        """There is nothing to choose."""
+        return iter(())
+
     def switch(self, setting: Setting) -> Iterator[None]:
         """No disc search is used."""
         return iter(())

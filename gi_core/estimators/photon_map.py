@@ -78,6 +78,10 @@ class PhotonMap:
         """Nothing to build: hits are indexed by prepare()."""
         return iter(())
 
+    def rehearse(self, frame: Frame) -> Iterator[None]:
+        """There is nothing to choose."""
+        return iter(())
+
     def switch(self, setting: Setting) -> Iterator[None]:
         """No disc search is used."""
         return iter(())

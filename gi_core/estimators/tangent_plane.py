@@ -127,7 +127,7 @@ class TangentPlane:
         if not self._crossings.kept:
             jobs, tails = [(0, tails.segments(self.model.threads), -1), *jobs], tails.of(slice(0))
         try:
-            with self._contact.regions_at(frame.at):
+            with self._contact.regions_at(frame.at), self._hurried():
                 self._splat(jobs, frame.at, self._frame.added, tails)
             rows, stale = self._contact.static_sums([frame.beside], frame.at)
             self._frame.added[0].touched[rows >> CHUNK_BITS] = True
@@ -138,6 +138,33 @@ class TangentPlane:
         out.sums[rows] = stale
         self.control_facts = self._contact.facts(frame.at)
         return out
+
+    @contextmanager
+    def _hurried(self) -> Iterator[None]:
+        """Let no search try anything meanwhile."""
+        for search in self._choosing:
+            search.patient = False
+        try:
+            yield
+        finally:
+            for search in self._choosing:
+                search.patient = True
+
+    @property
+    def _choosing(self) -> list:
+        return [search for search in self._searches if hasattr(search, "rehearse")]
+
+    def rehearse(self, frame: Frame) -> Iterator[None]:
+        """Let searches that choose try what frames like this one need, in steps of no more than such a frame."""
+        for o, segments in enumerate((frame.branches, *frame.near)):
+            search = self._searches[o]
+            if search in self._choosing:
+
+                def ready(m: int, o=o, segments=segments):
+                    some = Segments(*(a[:m] for a in segments))
+                    return lines(some, frame.at.rotation[o], frame.at.position[o], self.model, self.radius)
+
+                yield from search.rehearse(segments.size, ready)
 
     @contextmanager
     def contact_switched(self, on: bool) -> Iterator[None]:
