@@ -9,6 +9,7 @@ from importlib import metadata
 import numpy as np
 
 from app.__main__ import version
+from app.caveats import caveats
 from app.material_lines import material_lines, triple
 from app.progress import Bar, compile_kernels
 from app.settings import Settings, make_solver, open_scene
@@ -36,7 +37,8 @@ def info(settings: Settings) -> list[str]:
         estimator = settings.estimator or scene.defaults.estimator or "tangent_plane"
         rows = [*_contents(scene, solver), *_lights(scene, solver), *_choices(settings, chosen, estimator, solver)]
         rows += [control, ("disc search", _search(solver))]
-    notes = _notes(scene, solver)
+        cut_off = caveats(solver).get("truncated")
+    notes = [*_notes(scene, solver), *[f"warning: {cut_off}"] * bool(cut_off)]
     materials = material_lines(scene, solver.surfaces)
     return [*_aligned(rows), "", *materials, "", *notes, *[""] * bool(notes), *_aligned(_machine(solver))]
 

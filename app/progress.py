@@ -30,6 +30,11 @@ class Bar:
         self._stream.flush()
         self._drawn = len(text)
 
+    def say(self, line: str) -> None:
+        """Print a line that stays, terminal or not."""
+        self.close()
+        print(line, file=self._stream, flush=True)
+
     def close(self) -> None:
         if self._drawn:
             self._stream.write("\r" + " " * self._drawn + "\r")

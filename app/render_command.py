@@ -8,6 +8,7 @@ import numpy as np
 
 from app import motion, raycast
 from app.camera import Bounds, Turntable, from_camera
+from app.caveats import caveats
 from app.gathering import gather
 from app.metering import metered
 from app.png import write_png
@@ -90,6 +91,8 @@ def render(settings: Settings, out: Path, frames: int | None = None) -> list[Pat
         solve(solver, bar)
         if solver.static_light == "gathered":
             gather(solver, bar)
+        for text in caveats(solver).values():
+            bar.say(f"gi-viewer: {text}")
         shot = Shot(solver, settings)
         if frames is None:
             return [write_png(out, shot.take(lambda f: bar("drawing", f)), shot.parameters())]

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.background import PATIENCE, Job, Worker
+from app.caveats import caveats
 from app.log import WARNING, Log
 from app.pace import Pace
 
@@ -68,7 +69,7 @@ class Solving:
         self.pace = Pace()
         self.steps_begun = 0
         self.move_failed = False  # the last one
-        self._told_of_memory = False
+        self._told: set[str] = set()  # caveats that the log has had
         self.snapshot: Snapshot
         self.poses_drawn: dict[str, Pose] = {}
         self.irradiance = np.zeros((0, 3))  # (R, 3) at those poses
@@ -213,10 +214,10 @@ class Solving:
             return
         if self.progress is None:
             self._steps = None
-            if getattr(self.solver, "memory_full", False) and not self._told_of_memory:
-                self._told_of_memory = True
-                have, wanted = self.solver.photons_traced, self.solver.photons
-                self.log(f"memory holds no more than {have:,} of the {wanted:,} photons wanted", WARNING)
+            for what, text in caveats(self.solver).items():
+                if what not in self._told:
+                    self._told.add(what)
+                    self.log(text, WARNING)
         elif self.progress.picture:
             self._show()
 

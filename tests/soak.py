@@ -1,9 +1,10 @@
 """Use the viewer for hours in minutes: `python -m tests.soak --minutes 5 [--scene cornell] [--seed 0] [--json FILE]`.
 
 A window without a screen is driven as fast as it goes through what a user does in an hour and more: drags, turns,
-plays, undoes, switches estimators, radii and photons, resizes, folds the panel. Every few seconds memory and frames
-are noted. Exit code 1 where memory still grows at the end, where a frame left something wrong in the log, or where
-light at the end is not, bit for bit, that of a solution from scratch. Linux alone (it reads /proc).
+plays, undoes, switches estimators, radii and photons, resizes, folds the panel, loads the scene again. Every few
+seconds memory, what malloc has handed out of it, and frames are noted. Exit code 1 where memory still grows at the
+end, where a frame left something wrong in the log, or where light at the end is not, bit for bit, that of a solution
+from scratch. Linux alone (it reads /proc).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from memory_use import resident  # noqa: E402
+from memory_use import memory_use, trim  # noqa: E402
 
 EVERY = 5.0  # s between notes
 SETTLED = 0.5  # share of the time after which memory must have found its level
@@ -37,8 +38,22 @@ def act(rng: random.Random, viewer, hand_over: dict) -> str:
     solver = session.solver
     name = rng.choice(list(session.poses)) if session.poses else None
     what = rng.choices(
-        ("drag", "turn", "play", "undo", "redo", "reset", "setting", "look", "resize", "panel", "camera", "still"),
-        (40, 8, 6, 6, 3, 3, 10, 5, 3, 2, 6, 8),
+        (
+            "drag",
+            "turn",
+            "play",
+            "undo",
+            "redo",
+            "reset",
+            "setting",
+            "look",
+            "resize",
+            "panel",
+            "camera",
+            "still",
+            "load",
+        ),
+        (40, 8, 6, 6, 3, 3, 10, 5, 3, 2, 6, 8, 3),
     )[0]
     if what in ("drag", "turn") and name:
         low, high = solver.chosen.low, solver.chosen.high
@@ -66,11 +81,9 @@ def act(rng: random.Random, viewer, hand_over: dict) -> str:
         if window:
             glfw.set_window_size(window, rng.randint(200, 1600), rng.randint(150, 1000))
     else:
-        action = {"play": "play", "undo": "undo", "redo": "redo", "reset": "reset all", "panel": "toggle panel"}.get(
-            what
-        )
-        if action:
-            viewer._do(action)
+        actions = {"reset": "reset all", "panel": "toggle panel", "load": "load again"}
+        if what in (*actions, "play", "undo", "redo"):
+            viewer._do(actions.get(what, what))
         elif what == "camera":
             viewer._do(rng.choice(["reset view", "meter"]))
     return what
@@ -104,7 +117,7 @@ class Soak:
         self.begun: float | None = None
         self.noted, self.wait = 0.0, 0
         self.counts: dict[str, int] = {}
-        self.notes: list[tuple[float, float, int]] = []  # seconds, MB, frames
+        self.notes: list[tuple[float, float, float, int]] = []  # seconds, MB resident, of them held, frames
         self.wrong: str | None = None
         self.frame = viewer._begin_frame
         viewer.params.callbacks.show_gui = self
@@ -130,15 +143,16 @@ class Soak:
             self.wait = self.rng.choice((0, 0, 1, 5)) if what != "still" else 40
         if now - self.noted > EVERY:
             self.noted = now
-            self.notes.append((round(now - self.begun, 1), round(resident(), 1), viewer.frames))
-            print(*self.notes[-1], flush=True)
+            use = memory_use()
+            self.notes.append((round(now - self.begun, 1), round(use.resident, 1), round(use.held, 1), viewer.frames))
+            print(f"{self.notes[-1][0]:.0f} s, frame {viewer.frames}: {use}", flush=True)
 
     def _finish(self) -> None:
         """Come to rest, compare with a solution from scratch, close."""
         session = self.viewer.session
         if session.playing:
             session.toggle_play()
-        if session.refining or session.light.busy:
+        if session.refining or session.light.busy or self.viewer.succession.coming is not None:
             return
         if not np.array_equal(session.irradiance, session.solver.from_scratch()):
             self.wrong = "light at the end is not that of a solution from scratch"
@@ -175,11 +189,14 @@ def main() -> int:
         window.prepare()
         immapp.run(viewer.params)
     gc.collect()
-    late = [mb for s, mb, _ in soak.notes if s > SETTLED * soak.seconds] or [0.0]
-    growth = late[-1] - late[0]
+    trim()
+    late = [mb for s, mb, *_ in soak.notes if s > SETTLED * soak.seconds] or [0.0]
+    third = max(len(late) // 3, 1)
+    growth = float(np.mean(late[-third:]) - np.mean(late[:third]))
     result = {
         "scene": options.scene, "minutes": options.minutes, "frames": viewer.frames, "actions": soak.counts,
-        "resident MB": [mb for _, mb, _ in soak.notes], "growth in the second half MB": round(growth, 1),
+        "resident MB": [n[1] for n in soak.notes], "held MB": [n[2] for n in soak.notes],
+        "growth in the second half MB": round(growth, 1), "after trimming": str(memory_use()),
         "threads at the end": threading.active_count(), "wrong": soak.wrong,
     }  # fmt: skip
     print(json.dumps(result, indent=1))

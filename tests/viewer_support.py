@@ -181,6 +181,7 @@ class CountingSolver:
         self.timings, self.probe_irradiance, self.segments_total = {}, {}, 0
         self.changes, self.control_facts = Changes(0, 0, 0), ControlFacts(0.0, 0, 0)
         self.static_light, self.gathered = "all", None
+        self.memory_full, self.fates = False, {"emitted": np.zeros(3), "truncated": np.zeros(3)}
         self.at_rest = 0  # photons of the last picture
         self.moved_with: list[int] = []  # photons of each move
         self.log: list[tuple] = []  # ("step", k), ("move", poses), ("configure", changes)
