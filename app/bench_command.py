@@ -13,7 +13,7 @@ from app import motion
 from app.bench_bounds import told
 from app.bench_measure import measure, warm_up
 from app.progress import Bar, compile_kernels
-from app.settings import Settings, open_moving_scene
+from app.settings import Settings, UsageError, open_moving_scene
 from app.writable import check_writable
 
 SOAK = 20  # frames, from which on a first and a last tenth say something
