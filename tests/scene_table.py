@@ -21,7 +21,7 @@ SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".toml")
 LIMIT = 300.0  # s a scene
 BEGIN, END = "<!-- table -->", "<!-- end of table -->"
 HEAD = (
-    "scene", "triangles in the file", "as drawn", "receivers", "photons", "first picture", "ready", "load",
+    "scene", "triangles in the file", "as drawn", "receivers", "photons", "first picture (CPU)", "ready (CPU)", "load",
     "the picture",
 )  # fmt: skip
 
@@ -55,10 +55,10 @@ def measure(what: str, picture: Path, launched: float) -> dict:
 
     static, *mobiles = what.split("+")
     settings = Settings(scene=static, mobiles=tuple(mobiles))
-    stages, row = {}, {}
+    stages, cpu, row = {}, {}, {}
 
     def passed(stage: str) -> None:
-        stages[stage] = round(time.time() - launched, 2)
+        stages[stage], cpu[stage] = round(time.time() - launched, 2), round(time.process_time(), 2)
 
     compile_kernels(Bar())
     passed("imported")
@@ -93,7 +93,7 @@ def measure(what: str, picture: Path, launched: float) -> dict:
         "camera": [list(map(float, v)) for v in (scene.camera.position, scene.camera.target)],
         "notes": list(scene.notes),
     }
-    return row | {"stages": stages}
+    return row | {"stages": stages, "cpu": cpu}
 
 
 def table(rows: list[dict], looked: dict[str, str]) -> str:
@@ -126,7 +126,8 @@ def _facts(row: dict) -> list[str]:
     if "refused" in row or "failed" in row:
         return [*[""] * 6, "refused" if "refused" in row else "failed"]
     count = [f"{row[k]:,}" if k in row else "" for k in ("file", "drawn", "receivers", "photons")]
-    return [*count, *(f"{row['stages'][k]:.1f} s" for k in ("first", "ready")), f"{row['load']:.0f}"]
+    times = (f"{row['stages'][k]:.1f} s ({row['cpu'][k]:.1f})" for k in ("first", "ready"))
+    return [*count, *times, f"{row['load']:.0f}"]
 
 
 def _name(part: str) -> str:
