@@ -42,9 +42,7 @@ def need_matplotlib() -> None:
     try:
         import matplotlib  # noqa: F401
     except ImportError:
-        raise UsageError(
-            'matplotlib, which draws the chart, is not installed: pip install "gi-viewer[chart]"'
-        ) from None
+        raise UsageError("matplotlib, which draws the chart, is not installed: pip install matplotlib") from None
 
 
 def draw(rows: list[dict], about: dict, out: Path) -> None:

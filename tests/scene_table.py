@@ -17,6 +17,8 @@ import sys
 import time
 from pathlib import Path
 
+from app import values
+
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".toml")
 LIMIT = 300.0  # s a scene
 BEGIN, END = "<!-- table -->", "<!-- end of table -->"
@@ -39,10 +41,10 @@ def cases(wanted: list[str]) -> list[tuple[str, str]]:
     return found
 
 
-def measure(what: str, picture: Path, launched: float) -> dict:
+def measure(what: str, picture: Path, launched: float, photons: int | None, size: tuple[int, int]) -> dict:
     """Open a scene like the window does, up to its first picture, then trace the rest; write the picture.
 
-    launched: `time.time()` of the moment before this process began.
+    launched: `time.time()` of the moment before this process began; photons: fewer than would be chosen.
     """
     import numpy as np
 
@@ -54,7 +56,7 @@ def measure(what: str, picture: Path, launched: float) -> dict:
     from gi_core.scene.mesh_file import read_mesh_file
 
     static, *mobiles = what.split("+")
-    settings = Settings(scene=static, mobiles=tuple(mobiles))
+    settings = Settings(scene=static, mobiles=tuple(mobiles), size=size)
     stages, cpu, row = {}, {}, {}
 
     def passed(stage: str) -> None:
@@ -69,6 +71,9 @@ def measure(what: str, picture: Path, launched: float) -> dict:
     passed("loaded")
     solver = make_solver(scene, settings)
     passed("prepared")
+    row["photons"] = solver.photons
+    if photons is not None:
+        solver.configure(photons=min(photons, solver.photons))
     shown = False
     for progress in solver.solve_steps():
         if progress.picture and not shown:
@@ -84,7 +89,6 @@ def measure(what: str, picture: Path, launched: float) -> dict:
     row |= {
         "drawn": int(s.first_face[-1]),
         "receivers": len(solver.irradiance),
-        "photons": solver.photons,
         "radius": solver.radius,
         "scene_size": solver.scene_size,
         "black": round(float((solver.irradiance.max(axis=1) <= 0).mean()), 4),
@@ -135,7 +139,7 @@ def _name(part: str) -> str:
     return f"{path.parent.name}/{path.name}" if path.suffix and path.parent.name else part
 
 
-def _child(what: str, name: str, out: Path, limit: float) -> dict:
+def _child(what: str, name: str, out: Path, limit: float, options: list[str]) -> dict:
     """Open one scene in a process of its own; return its row, or why there is none."""
     stem = name.replace("/", "-").replace("+", "_with_")
     row_file, picture = out / f"{stem}.json", out / f"{stem}.png"
@@ -143,6 +147,7 @@ def _child(what: str, name: str, out: Path, limit: float) -> dict:
         return json.loads(row_file.read_text())
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     command = [sys.executable, "-m", "tests.scene_table", "--one", what, "--picture", str(picture)]
+    command += options
     try:
         done = subprocess.run(
             [*command, "--launched", repr(time.time())], capture_output=True, text=True, timeout=limit, check=False
@@ -161,11 +166,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="folder for rows and pictures")
     parser.add_argument("--write", type=Path, help="a document whose table is brought up to date")
     parser.add_argument("--limit", type=float, default=LIMIT, help="seconds a scene may take")
+    parser.add_argument("--size", type=values.size, default=(1280, 800), help="of the pictures")
+    parser.add_argument("--photons", type=int, help="trace no more than that, where the machine is busy")
     for hidden in ("--one", "--picture", "--launched"):
         parser.add_argument(hidden, help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.one:
-        print(json.dumps(measure(asked.one, Path(asked.picture), float(asked.launched))))
+        print(json.dumps(measure(asked.one, Path(asked.picture), float(asked.launched), asked.photons, asked.size)))
         return
     if not asked.out:
         parser.error("--out names the folder for rows and pictures")
@@ -173,7 +180,9 @@ def main() -> None:
     subprocess.run([sys.executable, "-m", "gi_core.warmup"], stdout=subprocess.DEVNULL, check=True)
     rows = []
     for name, what in cases(asked.scenes):
-        row = _child(what, name, asked.out, asked.limit)
+        options = [f"--size={asked.size[0]}x{asked.size[1]}"]
+        options += [] if asked.photons is None else [f"--photons={asked.photons}"]
+        row = _child(what, name, asked.out, asked.limit, options)
         rows.append(row)
         print(name, *_facts(row), row.get("refused", row.get("failed", "")), flush=True)
     if asked.write:

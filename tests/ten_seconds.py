@@ -1,0 +1,92 @@
+"""How far off the picture is ten seconds after launch.
+
+    python -m tests.ten_seconds living_room gallery room.glb+chair.glb
+
+CPU seconds stand for the clock: one core up to the first step, then two that together count GAIN times. That forgives
+other programs a share of the time, not that they slow down cores and caches: on a busy machine it foretells too long.
+Photons are taken in until the ten seconds are over; then luminance error (l1) at receivers that face the first view,
+drawn by area, against the unbiased reference, whose own noise is told beside it; and the same once all photons are in.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+
+import numpy as np
+
+GAIN = 1.8  # CPU seconds that two threads use up in a second: they wait for each other now and then
+SECONDS = 10.0
+
+
+def in_view(solver, count: int) -> np.ndarray:
+    """Return `count` receivers that face the first view and lie in its frame, drawn by area with replacement."""
+    from app.render_command import home_camera
+    from gi_core.scene.frame import in_frame
+
+    camera, receivers = home_camera(solver).as_camera(), solver.receivers
+    facing = ((np.array(camera.position) - receivers.positions) * receivers.normals).sum(axis=1) > 0
+    framed = np.abs(in_frame(camera, solver.scene.up, receivers.positions)).max(axis=1) < 1
+    rows = np.flatnonzero(facing & framed & (receivers.areas > 0))
+    share = receivers.areas[rows] / receivers.areas[rows].sum()
+    return np.random.default_rng(10).choice(rows, count, p=share)
+
+
+def measure(what: str, points: int, paths: int) -> str:
+    """Return a line of the table."""
+    from app.settings import Settings, make_solver, open_scene
+    from gi_core import warmup
+    from gi_core.error import noise_of_truth, relative_error
+    from gi_core.evaluation_points import evaluation_points
+    from gi_core.reference import reference_irradiance
+
+    assert warmup.is_warm()
+    static, *mobiles = what.split("+")
+    settings = Settings(scene=static, mobiles=tuple(mobiles))
+    solver = make_solver(open_scene(settings), settings)
+    begun = time.process_time()
+
+    def clock() -> float:
+        return begun + (time.process_time() - begun) / GAIN
+
+    first = then = None
+    for progress in solver.solve_steps():
+        if progress.picture:
+            first = first or clock()
+        if clock() <= SECONDS or then is None:
+            then = (clock(), solver.photons_traced, solver.irradiance)
+    ready = clock()
+    rows = in_view(solver, points)
+    positions, normals = (a[rows] for a in evaluation_points(solver.surfaces, solver.receivers))
+    truth, error = reference_irradiance(solver.scene, positions, normals, paths, 1, solver.poses, model=solver.model)
+    weights = np.ones(len(rows))
+    at_ten, at_rest = (100 * relative_error(E[rows], truth, weights).l1 for E in (then[2], solver.irradiance))
+    noise = 100 * noise_of_truth(error, truth, weights)
+    name = "+".join(part.rpartition("/")[2] for part in what.split("+"))
+    return (
+        f"| {name} | {first:.1f} s | {then[1]:,} | {at_ten:.1f} % | {solver.photons_traced:,} | {ready:.1f} s "
+        f"| {at_rest:.1f} % | {noise:.1f} % |"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="+")
+    parser.add_argument("--points", type=int, default=400)
+    parser.add_argument("--paths", type=int, default=4000)
+    parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.one:
+        print(measure(asked.scenes[0], asked.points, asked.paths), flush=True)
+        return
+    subprocess.run([sys.executable, "-m", "gi_core.warmup"], stdout=subprocess.DEVNULL, check=True)
+    print("| scene | first picture | photons shown at 10 s | error | photons | ready | error | noise of truth |")
+    for what in asked.scenes:
+        options = ["--one", "--points", str(asked.points), "--paths", str(asked.paths)]
+        subprocess.run([sys.executable, "-m", "tests.ten_seconds", what, *options], check=True)
+
+
+if __name__ == "__main__":
+    main()
