@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from app import options, values
@@ -71,6 +72,10 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     """Return the record that everything behind the command line works from."""
     given = {name: getattr(arguments, name) for name in Settings.__dataclass_fields__ if hasattr(arguments, name)}
     given["mobiles"], given["poses"] = tuple(given["mobiles"]), tuple(given["poses"])
+    if given["static_light"] is None:
+        # Who names an estimator wants to see its own light, on walls too.
+        in_window = arguments.run is _view and arguments.estimator is None
+        given["static_light"] = "gathered" if in_window else Settings.static_light
     return Settings(**given)
 
 
@@ -163,9 +168,9 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add("--textbook", action="store_true", help="photon_map counts the k-th hit too: k / (k - 1) brighter")
     add("--search", default=Settings.search, metavar="NAME",
         help=f"how tangent_plane finds what crosses discs, the picture is the same ({Settings.search})")  # fmt: skip
-    add("--static-light", choices=["all", "prefix", "gathered"], default=Settings.static_light,
+    add("--static-light", choices=["all", "prefix", "gathered"],
         help="what the light of the static part is taken from: all photons, also while few are in use; those few alone;"
-        " or paths gathered at rest, unbiased (all)")  # fmt: skip
+        " or paths gathered at rest, unbiased (gathered in the window without --estimator; else all)")  # fmt: skip
     add("--pretest", default=Settings.pretest, metavar="NAME",
         help=f"triangle round each disc that is tried before it, report 2.8 ({Settings.pretest})")  # fmt: skip
     add("--seed", type=values.seed, default=0, metavar="N", help="which photons (0)")
@@ -192,6 +197,8 @@ def _view(arguments: argparse.Namespace) -> int:
 
     open_scene(settings)  # what is wrong with the scene is told first, and alone
     print(f"gi-viewer: no window, so a picture is drawn into a file: {reason}", file=sys.stderr, flush=True)
+    if arguments.static_light is None:
+        settings = replace(settings, static_light=Settings.static_light)  # gathering is for who stays and looks
     (path,) = render(settings, arguments.screenshot or Path(FALLBACK_PICTURE))
     print(f"The picture is in {path}")
     return OK

@@ -140,7 +140,8 @@ class Appraisal:
         m = self._measured
         if not self._measures(version):
             m = self._measured = Measured(version, self._solver.setting, self._solver.twin(), [])
-            m.twin.configure(static_light="prefix")
+            if not m.twin.uses_gathered:  # else what mobiles change is the photons' alone
+                m.twin.configure(static_light="prefix")
         if len(m.seconds) < TIMED:
             started = self._clock()
             m.twin.move_all({})
@@ -184,10 +185,9 @@ class Appraisal:
         m, rows, w = self._measured, truth.rows, truth.weights
         total = relative_error(irradiance[rows], truth.irradiance, w).l1
         noise = float("nan")
-        # Light gathered by paths has none of the photons' noise, and how much of its own is not known here.
-        of_photons = self._solver.static_light != "gathered"
-        if m is not None and m.version == version and m.prefix and of_photons:
-            noise = noise_from_prefix(irradiance[rows], m.fewer[rows], m.photons, m.prefix, w)
+        if m is not None and m.version == version and m.prefix:
+            others = self._noise_of_gathered(rows)
+            noise = noise_from_prefix(irradiance[rows], m.fewer[rows], m.photons, m.prefix, w, others)
         done = truth.noise <= max(GOOD, SHARE * total)
         if done:
             self._keep(truth)
@@ -205,3 +205,14 @@ class Appraisal:
         """Keep what is known of the light under this setting among the trials."""
         m, r = self._measured, self.report
         self.trials.add(Trial(m.setting, m.photons, statistics.median(m.seconds), r.total, r.truth_noise))
+
+    def _noise_of_gathered(self, rows: np.ndarray) -> np.ndarray:
+        """Return the standard error of the luminance (n,) of receivers whose light was gathered, 0 of others."""
+        from gi_core.error import luminance
+
+        out = np.zeros(len(rows))
+        if self._solver.uses_gathered:
+            known = luminance(self._solver.gathered.state.standard_error)
+            static = rows < len(known)
+            out[static] = known[rows[static]]
+        return out

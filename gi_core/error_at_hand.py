@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from gi_core.error import luminance, relative_error
+from gi_core.error import luminance
 
 DARK = 0.02  # of the mean: an error is told relative to no less light than that
 LEAST_RATIO = 1.5  # of all photons to a prefix: the closer they are, the less their difference says
@@ -23,17 +23,23 @@ def prefix_to_compare(prefixes: Iterable[int]) -> int | None:
     return max((n for n in prefixes[:-1] if 0 < LEAST_RATIO * n <= prefixes[-1]), default=None)
 
 
-def noise_from_prefix(E: np.ndarray, fewer: np.ndarray, photons: int, prefix: int, weights: np.ndarray) -> float:
+def noise_from_prefix(
+    E: np.ndarray, fewer: np.ndarray, photons: int, prefix: int, weights: np.ndarray, other: np.ndarray | float = 0.0
+) -> float:
     """Return the relative l1 noise of irradiance E (n, 3) of `photons`, judged by that of its first `prefix`, (n, 3).
 
     With variance v / N for N photons and a mean of the prefix's own, the difference of the two has variance
     v (1 / prefix - 1 / photons): photons / prefix - 1 times that of E. A lattice scatters less than that law says
     as photons grow, so this rather overstates; and what depends on the number of photons beyond noise (the search
-    radius of a nearest-neighbour estimator) counts as noise here. Raises ValueError unless 0 < prefix < photons.
+    radius of a nearest-neighbour estimator) counts as noise here. `other`: standard error of the luminance (n,)
+    [W/m2] by what both have in common and is not photons. Raises ValueError unless 0 < prefix < photons.
     """
     if not 0 < prefix < photons:
         raise ValueError(f"prefix must be in 1 .. {photons - 1}, got {prefix}")
-    return relative_error(fewer, E, weights).l1 / math.sqrt(photons / prefix - 1)
+    off = np.abs(luminance(fewer) - luminance(E)) / math.sqrt(photons / prefix - 1)
+    light = float((weights * luminance(E)).sum())
+    # A normal deviate has mean magnitude sqrt(2 / pi).
+    return float((weights * np.sqrt(off * off + 2 / math.pi * np.square(other))).sum()) / light if light else math.nan
 
 
 def bias_left(total: float, *noises: float) -> float:

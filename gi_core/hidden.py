@@ -53,16 +53,21 @@ class HiddenReceivers:
 
     def find(self, irradiance: np.ndarray) -> Generator[None, None, Hidden]:
         """Find the hidden ones by the light (n, 3) of the static part without mobiles, in steps; returns them."""
-        light = luminance(irradiance)[self._corners]
-        peak = np.zeros(len(irradiance))
-        np.maximum.at(peak, self._corners, np.repeat(light.max(axis=1, keepdims=True), 3, axis=1))
-        lit = luminance(irradiance) > BLACK * peak
+        light, peak = luminance(irradiance), np.zeros(len(irradiance))
+        of_face = light[self._corners].max(axis=1)
+        for corner in self._corners.T:
+            np.maximum.at(peak, corner, of_face)
+        lit = light > BLACK * peak
+        yield
         black = ~lit[self._corners]
         mixed = black.any(axis=1) & ~black.all(axis=1)
         candidate = np.zeros(len(lit), bool)
         candidate[self._corners[mixed][black[mixed]]] = True
+        yield
         beside = candidate[self._corners].any(axis=1)
-        yield from self._look_round(np.unique(self._corners[beside][black[beside]]))
+        concerned = np.zeros(len(lit), bool)
+        concerned[self._corners[beside][black[beside]]] = True
+        yield from self._look_round(np.flatnonzero(concerned))
         candidate &= self._closed == CLOSED
         dark = (~lit & (self._closed == OPEN))[self._corners].any(axis=1)
         candidate[self._corners[dark].reshape(-1)] = False

@@ -220,9 +220,9 @@ class Solver:
             self._times = FrameTimes()
         self._shown, self._next = b, None
         self._static_light.judge(b)
-        self._update()
         if b.added == self._goal > 0:
             yield from self._find_hidden()
+        self._update()
         yield Progress("estimating", b.added / max(self._goal, 1), True)
 
     def _find_hidden(self) -> Iterator[Progress]:
@@ -311,21 +311,22 @@ class Solver:
         Used by frames where `static_light` is "gathered". May be abandoned between steps and begun again;
         state: what `gathered.state` of an earlier run was, for the same scene and seed. Raises ValueError for another.
         """
-        g, picture = self._static_light.gather(self.model, self.seed, state), self._look_at_gathered()
-        yield Progress("gathering", g.fraction, picture)
+        g = self._static_light.gather(self.model, self.seed, state)
+        yield from self._look_at_gathered(g)
         while not g.enough and len(self.model.emitters.kind):
-            new = g.step() and self._look_at_gathered()
-            if new:
-                yield from self._find_hidden()
-            yield Progress("gathering", g.fraction, new)
+            if g.step():
+                yield from self._look_at_gathered(g)
+            else:
+                yield Progress("gathering", g.fraction, False)
         yield Progress("done", 1.0, False)
 
-    def _look_at_gathered(self) -> bool:
-        """Use what has been gathered if it is better than the photons; True if irradiance is new."""
-        if not self._static_light.judge(self._shown):
-            return False
-        self._update()
-        return True
+    def _look_at_gathered(self, g: StaticGather) -> Iterator[Progress]:
+        """Use what has been gathered if it is better than the photons; irradiance is then new."""
+        better = self._static_light.judge(self._shown)
+        if better:
+            yield from self._find_hidden()
+            self._update()
+        yield Progress("gathering", g.fraction, better)
 
     def twin(self, fresh: bool = False) -> Solver:
         """Return a solver with settings and poses of its own that shares this one's scene and photons.

@@ -90,7 +90,9 @@ def test_the_budget_is_the_viewers_and_may_be_off():
 
 
 def test_defaults_leave_the_choice_to_scene_and_program():
-    assert settings() == Settings() and settings("render", "tree", "--size", "64x48") == Settings("tree", size=(64, 48))
+    assert settings() == Settings(static_light="gathered") and settings(
+        "render", "tree", "--size", "64x48"
+    ) == Settings("tree", size=(64, 48))
 
 
 @pytest.mark.parametrize(
@@ -228,7 +230,7 @@ def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
     monkeypatch.setattr(window, "why_no_window", lambda: None)
     monkeypatch.setitem(sys.modules, "app.viewer", types.SimpleNamespace(run=lambda s, screenshot: seen.append(s) or 0))
     assert cli.main([*FAST, "--exposure", "2"]) == 0
-    assert seen == [Settings(photons=2000, exposure=2.0)]
+    assert seen == [Settings(photons=2000, exposure=2.0, static_light="gathered")]
 
 
 # Commands -------------------------------------------------------------------------------------------
@@ -329,15 +331,16 @@ def test_values_out_of_range_are_told_in_words(words, told, capsys):
 @pytest.mark.parametrize(
     "words, light",
     [
-        ([], "all"),
-        (["--static-light", "gathered"], "gathered"),
+        ([], "gathered"),
+        (["--estimator", "photon_map"], "all"),
+        (["--estimator", "photon_map", "--static-light", "gathered"], "gathered"),
         (["--static-light", "prefix"], "prefix"),
         (["render"], "all"),
         (["render", "--static-light", "gathered"], "gathered"),
         (["bench"], "all"),
     ],
 )
-def test_static_light_is_gathered_where_it_is_asked_for(words, light):
+def test_the_window_gathers_static_light_unless_an_estimator_is_asked_for(words, light):
     assert cli.settings_of(cli.parse(words)).static_light == light
 
 
