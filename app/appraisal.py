@@ -208,11 +208,9 @@ class Appraisal:
 
     def _noise_of_gathered(self, rows: np.ndarray) -> np.ndarray:
         """Return the standard error of the luminance (n,) of receivers whose light was gathered, 0 of others."""
-        from gi_core.error import luminance
-
         out = np.zeros(len(rows))
         if self._solver.uses_gathered:
-            known = luminance(self._solver.gathered.state.standard_error)
+            known = self._solver.gathered.deviation
             static = rows < len(known)
             out[static] = known[rows[static]]
         return out

@@ -1,4 +1,4 @@
-"""The static part's light without photons: gathered by paths, unbiased, while nothing else is to be done.
+"""The static part's light without photons: gathered by paths while nothing else is to be done, smoothed by its noise.
 
 It replaces the photons' own answer as what frames start from (`control_variate.py`) once it is the better of the
 two. How far the photons are off is judged from the two alone: the square of their distance is that of the noise of
@@ -11,16 +11,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gi_core.error import relative_error
+from gi_core.error import luminance, relative_error
 from gi_core.evaluation_points import evaluation_points
+from gi_core.gather_filter import Neighbours, neighbours, smoothed
 from gi_core.gather_rounds import Gathered, gather_rounds
 from gi_core.model import Model
 
 ENOUGH = 0.007  # noise, relative l1: nobody sees it; with what interpolation adds the light is within a percent
 ROUNDS = 24  # before 1 % is reached: the first answer that can be judged comes after two
 STEP = 1 << 13  # paths a step: some 30 ms, since a drag that begins waits for it
-CLEARLY = 3.0  # times the square of its noise is its squared distance from the photons where it is used: grain at
-# single vertices is more easily seen than the soft blotches of photons of the same error
+CLEARLY = 2.0  # times the square of its noise is its squared distance from the photons where it is used: noise is
+# that before smoothing, which is unbiased; what is left after it is grain, more easily seen than blotches of photons
 
 
 class StaticGather:
@@ -38,9 +39,15 @@ class StaticGather:
         paid[model.first_probe :] = paid.mean() if len(paid) else 0.0  # probes stand for no area, but are read
         self._rounds = _rounds(*given, paid, state)
         self.state = state
-        self.mean, self.noise = np.zeros((0, 3)), float("inf")  # (n, 3) [W/m2] of whole rounds; of it, relative l1
+        self.mean, self.noise = np.zeros((0, 3)), float("inf")  # (n, 3) [W/m2] of whole rounds; of these, relative l1
+        self._raw = self.mean  # before it was smoothed
+        self.deviation = np.zeros(0)  # (n,) [W/m2] standard error of its luminance
+        self._seed, self._threads = seed, model.threads
+        self._near = _neighbours(model)
+        self._smoothing: Iterator[None] | None = None
         if state is not None and len(state.sets) and state.sets.min() == state.sets.max() > 1:
-            self.mean, self.noise = state.mean.copy(), state.noise(self.weights)  # else the round is finished first
+            for _ in self._take_over(state):  # else the round is finished first
+                pass
         self._round = 0 if state is None else _rounds_done(state)
 
     @property
@@ -54,20 +61,39 @@ class StaticGather:
 
     def step(self) -> bool:
         """Gather a little more; True when `mean` is new."""
+        if self._smoothing is not None:
+            going_on = next(self._smoothing, self) is None
+            self._smoothing = self._smoothing if going_on else None
+            return not going_on
         self.state = next(self._rounds)
         done = _rounds_done(self.state)
-        if done == self._round or done < 2:
-            return False
-        self._round, self.mean, self.noise = done, self.state.mean.copy(), self.state.noise(self.weights)
-        return True
+        if done > self._round and done > 1:
+            self._smoothing = self._take_over(self.state)
+        self._round = done
+        return False
+
+    def _take_over(self, state: Gathered) -> Iterator[None]:
+        """Make the state's light that of this, in steps; it must not change between them."""
+        given = state.mean, state.standard_error, self.weights, self._near
+        found = yield from smoothed(*given, self._seed, self._threads)
+        self.mean, self._raw = found.irradiance.copy(), state.mean.copy()
+        self.deviation = found.share * luminance(state.standard_error)
+        self.noise = state.noise(self.weights)
 
     def better_than(self, photons: np.ndarray) -> bool:
         """Tell whether `mean` is clearly nearer to the truth than the photons' irradiance (n, 3)."""
         if len(self.mean) != len(photons) or not np.isfinite(self.noise):
             return False
-        if np.isnan(apart := relative_error(photons, self.mean, self.weights).l1):
+        if np.isnan(apart := relative_error(photons, self._raw, self.weights).l1):
             return False  # black
         return apart**2 >= CLEARLY * self.noise**2
+
+
+def _neighbours(model: Model) -> Neighbours:
+    s, faces = model.surfaces, model.surfaces.face_range(0)
+    back = s.corner_back[faces]
+    corners = np.concatenate([s.corner_front[faces], back[(back >= 0).all(axis=1)]])
+    return neighbours(corners, s.receiver_range(0).stop)
 
 
 def _rounds(model: Model, seed: int, points, normals, weights, state) -> Iterator[Gathered]:

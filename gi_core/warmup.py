@@ -15,6 +15,7 @@ import numpy as np
 
 from gi_core.disc_search import PRETESTS, SEARCHES
 from gi_core.estimators import ESTIMATORS
+from gi_core.gather_filter import neighbours, smoothed
 from gi_core.gather_rounds import gather_rounds
 from gi_core.jit import cache_folder
 from gi_core.near_points import count_within, nearest
@@ -120,6 +121,9 @@ def _gather() -> None:
     for state in gather_rounds(_tiny_scene(), 0.1 * up, up, 0):
         if state.sets[0] == 2:
             break
+    # Smooth three receivers of one face.
+    for _ in smoothed(*np.ones((2, 3, 3)), np.ones(3), neighbours(np.array([[0, 1, 2]]), 3), 0, 1):
+        pass
 
 
 def _see_texture() -> None:

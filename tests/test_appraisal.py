@@ -59,7 +59,7 @@ def test_the_error_is_that_against_a_reference_of_its_own(solver):
 
 
 def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
-    """Told from its rounds, for the receivers that it is of; it has no bias, so noise is all there is on walls."""
+    """Told by smoothing it again, for the receivers that it is of; what smoothing blurs is bias."""
     monkeypatch.setattr("gi_core.static_gather.ENOUGH", 0.03)
     s = Solver(replace(support.room(), mobiles=()), photons=20_000, radius=0.06)
     s.configure(static_light="gathered")
@@ -70,8 +70,8 @@ def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
     appraisal = Appraisal(s, time.perf_counter)
     finish(appraisal, s, 1)
     r = appraisal.report
-    assert r.noise == pytest.approx(s.gathered.noise, rel=0.15)
-    assert r.total == pytest.approx(np.hypot(r.noise, r.truth_noise), rel=0.2) and r.bias < 0.6 * r.total
+    assert 0.4 * s.gathered.noise < r.noise < s.gathered.noise
+    assert 0.5 * r.total < np.hypot(r.noise, r.truth_noise) < 1.2 * r.total
 
 
 def test_a_new_setting_is_told_by_the_same_reference_and_adds_a_point(solver):

@@ -9,6 +9,7 @@ import pytest
 from scene_builders import box_mobile, coloured_room
 
 from gi_core import static_gather
+from gi_core.error import relative_error
 from gi_core.evaluation_points import evaluation_points
 from gi_core.gather_rounds import Gathered
 from gi_core.reference import reference_irradiance
@@ -47,9 +48,11 @@ def test_it_is_the_reference_of_the_scene_without_its_mobile(gathered):
     truth, error = reference_irradiance(bare.scene, points, normals, 2000, 5, model=bare.model)
     g = gathered.gathered
     sigma = np.sqrt(error**2 + g.state.standard_error**2)
-    z = ((g.mean - truth) / np.where(sigma > 0, sigma, np.inf))[:, 1]
+    z = ((g.state.mean - truth) / np.where(sigma > 0, sigma, np.inf))[:, 1]
     assert len(z) > 60 and abs(z.mean()) < 4 * z.std() / np.sqrt(len(z))
     assert 0.7 < z.std() < 1.6  # few sets a point: their deviations are rough
+    raw, smooth = (relative_error(E, truth, g.weights).l1 for E in (g.state.mean, g.mean))
+    assert smooth <= raw
 
 
 def test_what_the_mobile_leaves_alone_is_the_gathered_light_and_frames_are_those_from_scratch(gathered):
