@@ -17,8 +17,7 @@ from gi_core.disc_search.disc_index import DiscIndex
 from gi_core.disc_search.ray_cache import RayCache
 from gi_core.sums import Sums
 
-TRIALS = 2  # calls, of which the faster counts: the machine has other work
-HOPELESS = 3.0  # times the best: one trial is enough
+TRIALS = 3  # calls, of which the fastest counts: other programs may well have the processor during one of them
 FEW = 64  # lines: the first candidate, not worth a clock
 
 
@@ -65,12 +64,8 @@ class Auto:
         return min(self.candidates, key=lambda name: taken[near, name][1])
 
     def _untried(self, size: int) -> str | None:
-        took = {name: self._taken.get((size, name), (0, 0.0)) for name in self.candidates}
-        best = min((seconds for trials, seconds in took.values() if trials), default=0.0)
-        for name, (trials, seconds) in took.items():
-            if trials == 0 or (trials < TRIALS and seconds <= HOPELESS * best):
-                return name
-        return None
+        trials = {name: self._taken.get((size, name), (0, 0.0))[0] for name in self.candidates}
+        return next((name for name, n in trials.items() if n < TRIALS), None)
 
     def rehearse(self, n: int, ready: Callable[[int], Lines]) -> Iterator[None]:
         """Try what has not been tried on n lines or fewer, a trial a step; ready(m) returns the first m of them."""
