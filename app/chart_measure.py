@@ -73,7 +73,7 @@ def at_cases(solver, walk: Walk) -> list[np.ndarray]:
     return out
 
 
-def row(choice: Choice, seen: Seen, limit: list[np.ndarray], walk: Walk, first_frame: float) -> dict:
+def row(choice: Choice, seen: Seen, limit: list[np.ndarray] | None, walk: Walk, first_frame: float) -> dict:
     """Return the columns of a setting: milliseconds, and errors as error.py defines them, relative."""
     numbers = {
         **choice._asdict(),

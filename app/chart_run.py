@@ -15,7 +15,14 @@ from app import chart_measure, chart_rival, chart_truth, motion
 from app.bench_machine import commit, load, processor
 from app.chart_report import choices_like_the_report
 from app.chart_results import KEY, Results
-from app.chart_settings import LIMIT_PHOTONS, QUICK_LIMIT_PHOTONS, Choice, choices
+from app.chart_settings import (
+    GATHERED_NOISE,
+    LIMIT_PHOTONS,
+    QUICK_GATHERED_NOISE,
+    QUICK_LIMIT_PHOTONS,
+    Choice,
+    choices,
+)
 from app.progress import Bar, time_left
 from app.render_command import motion_paths
 from app.settings import Settings, make_solver
@@ -81,7 +88,8 @@ class Run:
                 left = time_left(spent * (sum(works) - done) / done if done else None)
                 self.bar(f"{choice.curve}{left}", done / sum(works))
                 limit = chart_measure.at_cases(self._limit(choice), walk) if limit is None else limit
-                self.results.add(self._row(choice, limit, walk))
+                # Light that was gathered has no limit at very many photons.
+                self.results.add(self._row(choice, None if choice.static_light == "gathered" else limit, walk))
                 done += FIXED + choice.photons
         for choice in rival:
             self.bar(f"{choice.estimator}, {choice.photons} paths", 1.0)
@@ -94,6 +102,8 @@ class Run:
     def solved(self, choice: Choice):
         """Return a solver of a setting, all its photons taken in, and the seconds that took without tracing."""
         self._trace(choice.traced)
+        if choice.static_light == "gathered":
+            self._gather()
         solver = self.base.twin()
         solver.configure(photons=choice.traced, **choice.setting)
         started = time.perf_counter()
@@ -115,6 +125,15 @@ class Run:
         self.base.configure(photons=photons)
         self.base.solve()
         self._traced[photons] = self._traced.get(most, 0.0) + time.perf_counter() - started
+
+    def _gather(self) -> None:
+        """Gather the static light, once; every twin has it."""
+        noise = QUICK_GATHERED_NOISE if self.quick else GATHERED_NOISE
+        if self.base.gathered is None or self.base.gathered.noise > noise:
+            for progress in self.base.gather_steps():
+                self.bar(progress.stage, progress.fraction)
+                if self.base.gathered.noise <= noise:
+                    break
 
     def _walk(self) -> chart_measure.Walk:
         for n in sorted({c.traced for c in self.choices}):

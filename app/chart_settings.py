@@ -10,6 +10,7 @@ PHOTONS = (1 << 14, 1 << 16, 1 << 18, 1 << 20)  # rungs of the ladder of prefixe
 QUICK_PHOTONS = (1 << 14, 1 << 16)
 RADII = (0.5, 1.0, 2.0)  # of the radius that the program chooses
 NEIGHBOURS = (20, 100)
+GATHERED_NOISE, QUICK_GATHERED_NOISE = 0.02, 0.05  # of the static light where it is gathered, before smoothing
 LIMIT_PHOTONS = 1 << 22  # of an estimator's limit: four times the most
 QUICK_LIMIT_PHOTONS = 1 << 18
 
@@ -40,6 +41,8 @@ class Choice(NamedTuple):
     @property
     def curve(self) -> str:
         """The name of the curve that it is a point of."""
+        if self.static_light == "gathered":
+            return f"{self.estimator}, gathered static light"
         if self.static_light == "all" and self.traced > self.photons:
             return f"{self.estimator}, while dragged"
         if self.estimator == "tangent_plane" and not self.control:
@@ -79,6 +82,7 @@ def choices(settings: Settings, solver, quick: bool) -> list[Choice]:
             add("tangent_plane", radius=_round(share * r))
             if share == 1.0:  # what a drag shows: a frame of a few photons, the walls lit by all of them
                 out += [Choice("tangent_plane", n, most, r, k, True, "all") for n in counts[:-1]]
+                out += [Choice("tangent_plane", n, most, r, k, True, "gathered") for n in counts]
         add("tangent_plane", control=False)
     if "impact_count" in wanted:
         add("impact_count", control=False)
