@@ -9,11 +9,10 @@ import argparse
 import json
 from pathlib import Path
 
-from app import motion
 from app.bench_bounds import told
 from app.bench_measure import measure, warm_up
 from app.progress import Bar, compile_kernels
-from app.settings import Settings, UsageError, open_moving_scene
+from app.settings import STEP, Settings, UsageError, open_moving_scene
 from app.writable import check_writable
 
 SOAK = 20  # frames, from which on a first and a last tenth say something
@@ -42,12 +41,13 @@ def run(arguments: argparse.Namespace, settings: Settings) -> None:
         sweep(settings, arguments.frames, arguments.out, arguments.large)
         print((arguments.out / "sweep.md").read_text(encoding="utf-8"))
     else:
-        bench(settings, arguments.frames, arguments.json)
+        bench(settings, arguments.frames, arguments.json, arguments.step / 100)
 
 
-def bench(settings: Settings, frames: int, json_file: Path | None = None) -> dict:
+def bench(settings: Settings, frames: int, json_file: Path | None = None, step: float = STEP) -> dict:
     """Time `frames` frames, print a table, write the numbers to `json_file`; return them.
 
+    step: how far a mobile goes in a frame, over the scene size.
     Raises SceneError, UsageError, OSError.
     """
     if json_file is not None:
@@ -57,7 +57,7 @@ def bench(settings: Settings, frames: int, json_file: Path | None = None) -> dic
         scene = open_moving_scene(settings)
         compile_kernels(bar)
         warm_up(scene, settings)
-        numbers = measure(scene, settings, frames, bar)
+        numbers = measure(scene, settings, frames, bar, step)
     print("\n".join(table(numbers)))
     if json_file is not None:
         json_file.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
@@ -78,7 +78,7 @@ def table(n: dict) -> list[str]:
         ("copying", f"{b['copy_gb_per_s']:.1f} GB a second, read and written"),
         ("GI frame", f"median {f['median']:.2f} ms, p95 {f['p95']:.2f}, min {f['min']:.2f}, max {f['max']:.2f}"),
         ("  CPU", f"{f['cpu']:.2f} ms, all threads together"),
-        ("frames", f"{n['frames']}, one step of {100 * motion.STEP:g} % of the scene size each"),
+        ("frames", f"{n['frames']}, one step of {n['step_percent']:g} % of the scene size each"),
         ("bound", f"{b['frame_bound_ms']:.2f} ms for what a frame cannot do without; it takes {_ratio(b)} that"),
         *((f"  {name}", _stage(name, ms, b)) for name, ms in n["stages_ms"].items()),
         ("photons cut", f"{100 * n['share_cut']:.3f} % (median)"),

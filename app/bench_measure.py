@@ -17,7 +17,7 @@ from app.bench_machine import commit, load, peak_rss_mb, processor, rss_mb
 from app.bench_series import Series
 from app.progress import Bar, solve
 from app.render_command import motion_paths
-from app.settings import Settings, make_solver
+from app.settings import STEP, Settings, make_solver
 
 FORMAT = "gi-viewer bench 2"
 BEST_OF = 3  # from-scratch runs
@@ -32,8 +32,8 @@ def warm_up(scene, settings: Settings) -> None:
     solver.from_scratch()
 
 
-def measure(scene, settings: Settings, frames: int, bar: Bar) -> dict:
-    """Return every number that `bench` prints, by its JSON key."""
+def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP) -> dict:
+    """Return every number that `bench` prints, by its JSON key; step: of a mobile in a frame, over the scene size."""
     busy = load()
     started = time.perf_counter()
     solver = make_solver(scene, settings)
@@ -41,7 +41,7 @@ def measure(scene, settings: Settings, frames: int, bar: Bar) -> dict:
     solve(solver, bar)
     first_frame = time.perf_counter() - prepared
 
-    lap = motion.walk(motion_paths(solver), motion.STEP * solver.scene_size, min(frames, LAP))
+    lap = motion.walk(motion_paths(solver), step * solver.scene_size, min(frames, LAP))
     walked = _walk(solver, lap, frames, bar)
     scratch, equal = _from_scratch(solver, bar)
     frame_ms, stages_ms = walked.frame.median, {name: s.median for name, s in walked.stages.items()}
@@ -67,6 +67,7 @@ def measure(scene, settings: Settings, frames: int, bar: Bar) -> dict:
         "commit": commit(),
         "load": busy,
         "frames": frames,
+        "step_percent": 100 * step,
         "frame_ms": {
             "median": frame_ms,
             "p95": walked.frame.quantile(0.95),

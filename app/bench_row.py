@@ -12,7 +12,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from app.settings import Settings, UsageError
+from app.settings import STEP, Settings, UsageError
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -44,13 +44,14 @@ def measure_row(spec: dict) -> dict:
     with Bar() as bar:
         compile_kernels(bar)
         warm_up(scene, settings)
-        return measure(scene, settings, spec["frames"], bar)
+        return measure(scene, settings, spec["frames"], bar, spec["variant"].get("step", STEP))
 
 
 def vary(scene, settings: Settings, variant: dict):
     """Return scene and settings with the row's variant: `two_sided`, or `triangles` and `radius`.
 
-    With `radius` "scaled" discs shrink as they get more, so that a segment crosses as many.
+    `step` is of the motion alone. With `radius` "scaled" discs shrink as they get more, so that a segment crosses as
+    many.
     """
     from app.bench_rows import TREE
     from app.bench_scenes import with_sides, with_triangles

@@ -16,6 +16,7 @@ TRIANGLES = (20_000, 72_000, 300_000, 1_000_000)
 GROWTH_PHOTONS = 100_000  # of the rows that vary something else
 NEIGHBOURS = 50
 TREE = "tree"
+SLOW, SLOW_STEP = f"{PHOTONS[-1]} photons, tangent_plane, slow drag", 0.003  # of the scene size: 3 mm in a room of 1 m
 
 
 class Row(NamedTuple):
@@ -46,6 +47,7 @@ def rows(settings: Settings, frames: int, large: bool) -> list[Row]:
         for estimator in ESTIMATORS:
             add(photons_key(photons, estimator), photons, estimator)
         add(photons_key(photons, "tangent_plane", control=True), photons, control=True)
+    add(SLOW, PHOTONS[-1], step=SLOW_STEP)
     for sides in ("one-sided", "two-sided"):
         add(sides, GROWTH_PHOTONS, two_sided=sides == "two-sided")
     for triangles in TRIANGLES:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from app.bench_rows import ESTIMATORS, LARGE, PHOTONS, TREE, TRIANGLES, photons_key, triangles_key
+from app.bench_rows import ESTIMATORS, LARGE, PHOTONS, SLOW, TREE, TRIANGLES, photons_key, triangles_key
+from app.settings import STEP
 
 # Of the tree scene under tangent_plane without artifact control: median and 95 % of a GI frame [ms].
 TARGETS = {10_000: (1.5, None), 100_000: (4.0, None), 1_000_000: (16.0, 25.0), 10_000_000: (50.0, None)}
@@ -121,6 +122,8 @@ def _comparisons(have: dict) -> str:
               photons_key(n, "tangent_plane")) for n in (*PHOTONS, LARGE)]  # fmt: skip
     pairs += [(f"artifact control on against off, {n:,} photons", photons_key(n, "tangent_plane", control=True),
                photons_key(n, "tangent_plane")) for n in PHOTONS]  # fmt: skip
+    pairs.append((f"a slow drag against {100 * STEP:g} % a frame, {PHOTONS[-1]:,} photons", SLOW,
+                  photons_key(PHOTONS[-1], "tangent_plane")))  # fmt: skip
     pairs.append(("everything two-sided against one-sided", "two-sided", "one-sided"))
     lines = []
     for title, a, b in pairs:

@@ -8,7 +8,6 @@ from gi_core.pose import pose_at, rotation
 from gi_core.receivers import Receivers
 from gi_core.scene import KeyFrames, Pose, Scene
 
-STEP = 0.015  # of the scene size a frame: the report's motion
 CIRCLE = 0.25  # of the scene size: radius of the circle that a mobile without a path goes round
 CORNERS = 64  # of that circle
 SAMPLES = 32  # a key-frame interval: how finely a path's length is measured

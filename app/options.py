@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from app import values
-from app.settings import SHOWS, TONE_MAPS, Settings
+from app.settings import SHOWS, STEP, TONE_MAPS, Settings
 
 
 def picture(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +41,8 @@ def bench(parser: argparse.ArgumentParser) -> None:
     """Add those of `bench`."""
     add = parser.add_argument
     add("--frames", type=values.positive_int, default=100, metavar="N", help="timed frames (default 100)")
+    add("--step", type=values.positive, default=100 * STEP, metavar="PCT",
+        help=f"how far a mobile goes in a frame [%% of the scene size] ({100 * STEP:g})")  # fmt: skip
     add("--json", type=Path, metavar="FILE", help="write every number to a JSON file too")
     add(
         "--sweep", action="store_true", help="measure a table of settings into --out; goes on with one that was stopped"

@@ -22,6 +22,7 @@ SHOWS = ("radiance", "irradiance")
 ERRORS = "error"  # what the window shows beside those: needs the reference, see app/appraisal.py
 SIZE = (1280, 800)
 BUDGET = 16.0  # [ms]: 60 frames a second
+STEP = 0.015  # of the scene size: how far a mobile goes in a timed frame, the report's motion
 
 
 class UsageError(ValueError):

@@ -87,10 +87,10 @@ class Crossings:
             at, end = at + len(p.count), entries.stop
         self._photons, self._vertices, self._parts = photons, at, []
 
-    def take_out(self, tails: Tails, first: int, last: int, sums: Sums) -> None:
-        """Subtract the tails of photons first .. last - 1 of those cut from the sums of the receivers they cross."""
+    def take_out(self, tails: Tails, first: int, last: int, sums: Sums) -> int:
+        """Subtract tails first .. last - 1 from the sums of the receivers they cross; returns how many crossings."""
         t = tails
-        _take_out(
+        return _take_out(
             self._first, self._receiver, self._distance, t.paths.offsets, t.paths.flux, t.photon, t.vertex, t.low,
             first, last, sums.flux, sums.touched, sums.first,
         )  # fmt: skip
@@ -117,6 +117,7 @@ def _by_vertex(bounce, log, n, count, receiver, distance):
 
 @kernel
 def _take_out(first, receiver, distance, offsets, flux, photon, vertex, low, a, b, sums, touched, base):
+    total = 0
     for j in range(a, b):
         v, end = vertex[j], offsets[photon[j] + 1] - 1
         for k in range(v, end):
@@ -126,3 +127,5 @@ def _take_out(first, receiver, distance, offsets, flux, photon, vertex, low, a, 
                     touched[(base + i) >> CHUNK_BITS] = True
                     for c in range(3):
                         sums[i, c] -= flux[k, c]
+                    total += 1
+    return total

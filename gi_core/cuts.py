@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.accelerator import Transforms, passes_box, to_local
+from gi_core.accelerator import Transforms, line
 from gi_core.fixed_point import MAX_SEGMENTS
 from gi_core.jit import kernel
 from gi_core.model import Model
-from gi_core.near_scan import PAD, Coarse, Room, find_near
+from gi_core.near_scan import Coarse, Room, find_near
+from gi_core.passing import passing, picked
 from gi_core.paths import NONE, PathVertices, Segments, concatenate, empty_segments, interval, segments_at, take
 from gi_core.photon_trace import (
     Fates,
@@ -27,7 +28,7 @@ from gi_core.photon_trace import (
 )
 from gi_core.tails import Tails, no_tails
 from gi_core.threads import run_ranges
-from gi_core.two_level import CUT_PAD, nearest_mobile
+from gi_core.two_level import nearest_mobile
 
 CUT_GRAIN = 2048  # segments a thread
 FOLLOW_GRAIN = 512  # photons a thread: a bounce costs some 60 us of Python, however few there are
@@ -79,28 +80,26 @@ def change(
     near = segments_at(paths, model.eps, *rows, model.threads)
     cut, cut_side = _cuts(model, at, near)
     first_cut = _first_of_each(near.photon, np.flatnonzero(cut_side != NONE))
-
     clock("cuts")
 
     # Split those photons into head and tail, and follow them off the mobile.
     high = cut[first_cut] + model.eps
     heads = take(near, first_cut)._replace(high=high, cut_side=cut_side[first_cut])
     tails = Tails(paths, model.eps, heads.photon, rows[1][first_cut], high)
-    fates = no_flux()
-    hit, _, rays = scatter_all(model.world, at, seed, heads, cut[first_cut], fates)
+    hit, branches, fates = _branches(model, at, seed, heads, cut[first_cut], tails)
     heads = heads._replace(hit=hit)
-    branches = follow_all(model, at, seed, rays, fates)
-    _subtract_background_fates(tails, fates)
-
     clock("branches")
 
     # Collect what mobile receivers can see: untouched background nearby, heads, branches.
     alive = _before_cut(near.photon, near.bounce, heads.photon, heads.bounce)
-    whole = np.ones(heads.size, bool), np.ones(branches.size, bool)
-    current = [(near, alive), (heads, whole[0]), (branches, whole[1])]
-    collected = _near_each(model, at, current, wanted.reach), _in_boxes(model, current, wanted.boxes)
+    current = [(part, passing(model, at, part, wanted.reach, wanted.boxes)) for part in (near, heads, branches)]
+    current[0][1][:] &= alive
+    beside, *on_mobiles = (
+        picked([(part, np.flatnonzero(sees[o])) for part, sees in current], model.threads)
+        for o in range(len(at.position))
+    )
     clock("mobiles")
-    return Frame(at, photons, heads, tails, branches, *collected, fates)
+    return Frame(at, photons, heads, tails, branches, tuple(on_mobiles), beside, fates)
 
 
 def _cuts(model: Model, at: Transforms, near: Segments) -> tuple[np.ndarray, np.ndarray]:
@@ -130,28 +129,33 @@ def _before_cut(photon, bounce, cut_photon, cut_bounce) -> np.ndarray:
     return (cut_photon[k] != photon) | (bounce < cut_bounce[k])
 
 
-def follow_all(model: Model, at: Transforms, seed: int, rays: Rays, fates: Fates) -> Segments:
-    """Do what follow() does, a share of the photons a thread."""
+def _branches(model: Model, at: Transforms, seed: int, heads: Segments, cut: np.ndarray, tails: Tails):
+    """Follow cut photons off the mobiles, a share of them a thread.
+
+    Returns where they hit them (n, 3) float32, their branches, and the fates of their flux, less those of the tails.
+    """
 
     def work(_, first, last):
-        part = no_flux()
-        return follow(model, at, seed, Rays(*(a[first:last] for a in rays)), part), part
+        part, fates = slice(first, last), no_flux()
+        ended = Segments(*(a[part] for a in heads))
+        hit, _, rays = scatter_all(model.world, at, seed, ended, cut[part], fates)
+        branches = follow(model, at, seed, rays, fates)
+        _subtract_background_fates(tails.of(part), fates)
+        return hit, branches, fates
 
-    results = run_ranges(work, len(rays.photon), model.threads, FOLLOW_GRAIN)
-    for _, part in results:
-        for total, more in zip(fates, part, strict=True):
-            total += more
-    return concatenate([segments for segments, _ in results])
+    hits, branches, fates = zip(*run_ranges(work, heads.size, model.threads, FOLLOW_GRAIN), strict=True)
+    branches = concatenate([part for some in branches for part in some])
+    return np.concatenate(hits), branches, Fates(*(sum(parts) for parts in zip(*fates, strict=True)))
 
 
-def follow(model: Model, at: Transforms, seed: int, rays: Rays, fates: Fates) -> Segments:
-    """Trace rays against static part and mobiles until all have ended; return their segments."""
+def follow(model: Model, at: Transforms, seed: int, rays: Rays, fates: Fates) -> list[Segments]:
+    """Trace rays against static part and mobiles until all have ended; return their segments, a bounce a part."""
     parts = []
     while len(rays.photon):
         step = advance(model.accelerator, model.world, at, seed, rays, fates)
         parts.append(_segments(model, rays, step))
         rays = step.rays
-    return concatenate(parts)
+    return parts
 
 
 def _segments(model: Model, rays: Rays, step) -> Segments:
@@ -166,9 +170,8 @@ def _segments(model: Model, rays: Rays, step) -> Segments:
 @kernel
 def _intervals(origin, end, end_side, cut, cut_side, eps, low, high):
     for k in range(len(low)):
-        o, e = origin[k], end[k]
-        x, y, z = np.float64(e[0]) - o[0], np.float64(e[1]) - o[1], np.float64(e[2]) - o[2]
-        length = np.float32(np.sqrt(x * x + y * y + z * z))
+        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
+        _, _, _, length = line(ox, oy, oz, end[k, 0], end[k, 1], end[k, 2])
         low[k], high[k] = interval(length, end_side[k] != NONE, eps)
         if cut_side[k] != NONE:
             high[k] = cut[k] + eps
@@ -180,48 +183,7 @@ def current_segments(model: Model, at: Transforms, seed: int, first: int, count:
     Knows nothing of background, cuts or tails: what every frame must equal.
     """
     fates = no_flux()
-    return follow(model, at, seed, emitted_rays(model.emitters, seed, first, count, fates), fates), fates
-
-
-def _near_each(model: Model, at: Transforms, parts, margin: float) -> tuple[Segments, ...]:
-    """Return for each mobile the segments that pass its bounding box, padded by the reach of a disc.
-
-    `parts`: pairs of Segments and (n,) bool, which of them are current.
-    """
-    world, out = model.world, []
-    for o in range(1, len(at.position)):
-        pad = margin + (PAD + CUT_PAD) * world.size
-        box = world.box_low[o], world.box_high[o]
-        passing = (
-            np.flatnonzero(_pass(p.origin, p.end, current, at.rotation[o], at.position[o], *box, pad))
-            for p, current in parts
-        )
-        out.append(concatenate([take(p, rows) for (p, _), rows in zip(parts, passing, strict=True)]))
-    return tuple(out)
-
-
-def _in_boxes(model: Model, parts, boxes: np.ndarray) -> Segments:
-    """Return the segments that pass one of the boxes; `parts` as for _near_each()."""
-    if not len(boxes):
-        return empty_segments(0)
-    at, pad = model.static, CUT_PAD * model.world.size
-    out = []
-    for p, current in parts:
-        passing = np.zeros(p.size, bool)
-        for box in boxes:
-            passing |= _pass(p.origin, p.end, current, at.rotation[0], at.position[0], *box, pad)
-        out.append(take(p, np.flatnonzero(passing)))
-    return concatenate(out)
-
-
-@kernel
-def _pass(origin, end, current, R, p, low, high, pad):
-    out = np.empty(len(origin), np.bool_)
-    for k in range(len(origin)):
-        ox, oy, oz = to_local(R, origin[k, 0] - p[0], origin[k, 1] - p[1], origin[k, 2] - p[2])
-        ex, ey, ez = to_local(R, end[k, 0] - p[0], end[k, 1] - p[1], end[k, 2] - p[2])
-        out[k] = current[k] and passes_box(ox, oy, oz, ex, ey, ez, low, high, pad)
-    return out
+    return concatenate(follow(model, at, seed, emitted_rays(model.emitters, seed, first, count, fates), fates)), fates
 
 
 def _subtract_background_fates(tails: Tails, fates: Fates) -> None:
@@ -234,11 +196,10 @@ def _subtract_background_fates(tails: Tails, fates: Fates) -> None:
 
 @kernel
 def _fates_behind(offsets, side, flux, photons, vertices, sums):
+    """Add up what became of the flux behind some vertices: of what was lost on the way, and at the end."""
     for j in range(len(photons)):
         end = offsets[photons[j] + 1] - 1
-        for k in range(vertices[j] + 1, end + 1):
-            fate = 1 if side[k] < 0 else 0
-            if k - offsets[photons[j]] >= MAX_SEGMENTS and side[k] >= 0:
-                fate = 2
-            for c in range(3):
-                sums[fate, c] += flux[k - 1, c] - flux[k, c]
+        fate = 1 if side[end] < 0 else (2 if end - offsets[photons[j]] >= MAX_SEGMENTS else 0)
+        for c in range(3):
+            sums[0, c] += flux[vertices[j], c] - flux[end - 1, c]
+            sums[fate, c] += flux[end - 1, c]

@@ -17,6 +17,7 @@ from gi_core.estimators import ESTIMATORS
 from gi_core.jit import kernel
 from gi_core.paths import empty_segments, segments_of
 from gi_core.solver import Solver
+from gi_core.sums import Sums
 from gi_core.threads import run_ranges
 
 VERTEX_BYTES = 28  # of a path vertex: position, side, flux
@@ -59,7 +60,7 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
     work += [copied(stage, size, threads) for stage, size in moved if size]
     if lines:
         tests = sum(candidates(discs, *ends) for discs, ends, _ in lines)
-        crossings = sum(found for _, _, found in lines)
+        crossings = sum(found for _, _, found in lines) + _looked_up(estimate, solver._frame.tails)
         work += [tested(tests, threads), added(crossings, threads)]
     elif getattr(estimate, "on_faces", False):
         hits = changes.old_segments + changes.new_segments
@@ -148,6 +149,12 @@ def _recorded(solver: Solver, poses):
             ends = given.origin[some], given.direction[some], given.low[some], given.high[some]
             lines.append((recorder.discs, ends, int(found)))
     return joined, lines
+
+
+def _looked_up(estimate, tails) -> int:
+    """Return how many crossings of tails are taken out without a search."""
+    static = estimate.background(estimate.photons)[0]
+    return estimate._crossings.take_out(tails, 0, len(tails.photon), Sums.zeros(len(static)))
 
 
 def _on_mobiles(solver: Solver) -> int:

@@ -19,6 +19,8 @@ from gi_core.jit import kernel
 from gi_core.paths import NONE, PathVertices
 from gi_core.two_level import World, nearest_mobile, nearest_static
 
+GATHER = 256  # photons whose faces are looked up at a time
+
 
 class Fates(NamedTuple):
     """Where flux went, (3,) int64 fixed-point units; emitted = absorbed + escaped + truncated, exactly."""
@@ -57,46 +59,24 @@ class Step(NamedTuple):
 
 
 @kernel
-def scatter(seed, photon, bounce, side, q, normals, reflectance, two_sided, rotation, face_object, direction, fates):
-    """Scatter one photon at the hit that ends segment `bounce`.
-
-    `q` (3,) int32 is attenuated in place, `direction` (3,) float32 written; returns whether the
-    photon goes on. Survival probability is the largest channel of rho, so no channel grows.
+def _gather(first, last, end_side, cut_side, normals, reflectance, two_sided, rotation, face_object, faces):
+    """Write what the faces are that photons first .. last - 1 end on: side, normal in the world, colour, and whether
+    that side absorbs all. A loop of its own: it does not wait, so its accesses to memory overlap.
     """
-    if side < 0:
-        for c in range(3):
-            fates[1, c] += q[c]
-        return False
-    vertex = bounce + 1
-    if vertex >= MAX_SEGMENTS:
-        for c in range(3):
-            fates[2, c] += q[c]
-        return False
-    f = side >> 1
-    back = side & 1 == 1
-    rho = reflectance[f]
-    survival = max(rho[0], max(rho[1], rho[2]))
-    # The back of a one-sided face absorbs. The comparison is strict: rho = 0 never survives.
-    if (back and not two_sided[f]) or not (sampling.uniform(seed, photon, vertex, sampling.SURVIVAL) < survival):
-        for c in range(3):
-            fates[0, c] += q[c]
-        return False
-    for c in range(3):
-        left = attenuate(q[c], rho[c], survival)
-        fates[0, c] += q[c] - left
-        q[c] = left
-    u = sampling.uniform(seed, photon, vertex, sampling.SCATTER_U)
-    v = sampling.uniform(seed, photon, vertex, sampling.SCATTER_V)
-    x, y, z = lambertian.sample(u, v)
-    n = normals[f]
-    R = rotation[face_object[f]]
-    s = -1.0 if back else 1.0
-    nx = s * (R[0, 0] * n[0] + R[0, 1] * n[1] + R[0, 2] * n[2])
-    ny = s * (R[1, 0] * n[0] + R[1, 1] * n[1] + R[1, 2] * n[2])
-    nz = s * (R[2, 0] * n[0] + R[2, 1] * n[1] + R[2, 2] * n[2])
-    dx, dy, dz = sampling.from_frame(x, y, z, nx, ny, nz)
-    direction[0], direction[1], direction[2] = dx, dy, dz
-    return True
+    ends, normal, rho, black = faces
+    for k in range(first, last):
+        j = k - first
+        side = cut_side[k] if cut_side[k] != NONE else end_side[k]
+        ends[j] = side
+        if side >= 0:
+            f = side >> 1
+            o = face_object[f]
+            s = 1.0 if side & 1 == 0 else -1.0
+            x, y, z = normals[f, 0], normals[f, 1], normals[f, 2]
+            for c in range(3):
+                normal[j, c] = s * (rotation[o, c, 0] * x + rotation[o, c, 1] * y + rotation[o, c, 2] * z)
+                rho[j, c] = reflectance[f, c]
+            black[j] = side & 1 == 1 and not two_sided[f]
 
 
 @kernel
@@ -104,30 +84,48 @@ def _scatter_all(
     seed, photon, bounce, origin, end, end_side, cut, cut_side, flux, normals, reflectance, two_sided, rotation,
     face_object, hit, left, on_photon, on_bounce, on_origin, on_direction, on_side, on_flux, fates,
 ):  # fmt: skip
-    """Scatter photons and write those that go on behind one another; returns how many."""
+    """Scatter photons and write those that go on behind one another; returns how many.
+
+    Survival probability is the largest channel of rho, so no channel grows.
+    """
     n = 0
+    ends, black = np.empty(GATHER, np.int32), np.empty(GATHER, np.bool_)
+    normal, rho = np.empty((GATHER, 3)), np.empty((GATHER, 3))
     for k in range(len(photon)):
-        side = end_side[k]
+        j = k % GATHER
+        if j == 0:
+            last, faces = min(k + GATHER, len(photon)), (ends, normal, rho, black)
+            _gather(k, last, end_side, cut_side, normals, reflectance, two_sided, rotation, face_object, faces)
+        side, vertex = ends[j], bounce[k] + 1
         x, y, z = end[k, 0], end[k, 1], end[k, 2]
         if cut_side[k] != NONE:
-            side = cut_side[k]
-            o = origin[k]
-            dx, dy, dz, _ = line(o[0], o[1], o[2], x, y, z)
-            x, y, z = point_on_line(o[0], o[1], o[2], dx, dy, dz, cut[k])
+            ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
+            dx, dy, dz, _ = line(ox, oy, oz, x, y, z)
+            x, y, z = point_on_line(ox, oy, oz, dx, dy, dz, cut[k])
         hit[k, 0], hit[k, 1], hit[k, 2] = x, y, z
-        q = left[k]
-        q[0], q[1], q[2] = flux[k, 0], flux[k, 1], flux[k, 2]
-        goes_on = scatter(
-            seed, photon[k], bounce[k], side, q, normals, reflectance, two_sided, rotation, face_object,
-            on_direction[n], fates,
-        )  # fmt: skip
-        if goes_on:
-            on_photon[n], on_bounce[n], on_side[n] = photon[k], bounce[k] + 1, side
-            on_origin[n, 0], on_origin[n, 1], on_origin[n, 2] = x, y, z
-            on_flux[n, 0], on_flux[n, 1], on_flux[n, 2] = q[0], q[1], q[2]
-            n += 1
-        else:
-            q[0], q[1], q[2] = 0, 0, 0
+        left[k, 0], left[k, 1], left[k, 2] = 0, 0, 0
+        if side < 0 or vertex >= MAX_SEGMENTS:
+            fate = 1 if side < 0 else 2
+            for c in range(3):
+                fates[fate, c] += flux[k, c]
+            continue
+        survival = max(rho[j, 0], max(rho[j, 1], rho[j, 2]))
+        # The back of a one-sided face absorbs. The comparison is strict: rho = 0 never survives.
+        if black[j] or not (sampling.uniform(seed, photon[k], vertex, sampling.SURVIVAL) < survival):
+            for c in range(3):
+                fates[0, c] += flux[k, c]
+            continue
+        for c in range(3):
+            q = attenuate(flux[k, c], rho[j, c], survival)
+            fates[0, c] += flux[k, c] - q
+            left[k, c] = on_flux[n, c] = q
+        u = sampling.uniform(seed, photon[k], vertex, sampling.SCATTER_U)
+        v = sampling.uniform(seed, photon[k], vertex, sampling.SCATTER_V)
+        dx, dy, dz = sampling.from_frame(*lambertian.sample(u, v), normal[j, 0], normal[j, 1], normal[j, 2])
+        on_direction[n, 0], on_direction[n, 1], on_direction[n, 2] = dx, dy, dz
+        on_origin[n, 0], on_origin[n, 1], on_origin[n, 2] = x, y, z
+        on_photon[n], on_bounce[n], on_side[n] = photon[k], vertex, side
+        n += 1
     return n
 
 
@@ -152,7 +150,6 @@ def scatter_all(world: World, at: Transforms, seed: int, segments, cut: np.ndarr
 
 
 def _room_for_rays(n: int) -> Rays:
-    n += 1  # a photon's direction is written before it is known whether it goes on
     return Rays(
         np.empty(n, np.int64),
         np.empty(n, np.int32),

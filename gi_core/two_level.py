@@ -54,25 +54,25 @@ def _lift(origin, side, normals, rotation, face_object, lift, out):
         if side[k] >= 0:
             f = side[k] >> 1
             s = lift if side[k] & 1 == 0 else -lift
-            n = normals[f]
-            R = rotation[face_object[f]]
+            o = face_object[f]
+            x, y, z = normals[f, 0], normals[f, 1], normals[f, 2]
             for c in range(3):
-                out[k, c] = origin[k, c] + s * (R[c, 0] * n[0] + R[c, 1] * n[1] + R[c, 2] * n[2])
+                out[k, c] = origin[k, c] + s * (rotation[o, c, 0] * x + rotation[o, c, 1] * y + rotation[o, c, 2] * z)
 
 
 @kernel
 def _static_ends(lifted, origin, direction, distance, face, normals, far, end, end_side):
     """Turn static hits into ends of lines; a miss ends far away in free space."""
     for k in range(len(face)):
-        o = lifted if face[k] >= 0 else origin
-        t = distance[k] if face[k] >= 0 else far
-        d = direction[k]
-        end[k, 0], end[k, 1], end[k, 2] = point_on_line(o[k, 0], o[k, 1], o[k, 2], d[0], d[1], d[2], t)
-        end_side[k] = NONE
-        if face[k] >= 0:
-            n = normals[face[k]]
-            behind = d[0] * n[0] + d[1] * n[1] + d[2] * n[2] > 0.0
-            end_side[k] = 2 * face[k] + (1 if behind else 0)
+        f, x, y, z = face[k], direction[k, 0], direction[k, 1], direction[k, 2]
+        if f >= 0:
+            e = point_on_line(lifted[k, 0], lifted[k, 1], lifted[k, 2], x, y, z, distance[k])
+            behind = x * normals[f, 0] + y * normals[f, 1] + z * normals[f, 2] > 0.0
+            end_side[k] = 2 * f + (1 if behind else 0)
+        else:
+            e = point_on_line(origin[k, 0], origin[k, 1], origin[k, 2], x, y, z, far)
+            end_side[k] = NONE
+        end[k, 0], end[k, 1], end[k, 2] = e
 
 
 @kernel
@@ -93,8 +93,9 @@ def _lines_near(origin, end, side, face_object, o, R, p, low, high, pad, lift, n
         dx, dy, dz, length = line(fox, foy, foz, np.float32(ex), np.float32(ey), np.float32(ez))
         if side[k] >= 0 and face_object[side[k] >> 1] == o:
             s = lift if side[k] & 1 == 0 else -lift
-            m = normals[side[k] >> 1]
-            fox, foy, foz = np.float32(ox + s * m[0]), np.float32(oy + s * m[1]), np.float32(oz + s * m[2])
+            f = side[k] >> 1
+            fox = np.float32(ox + s * normals[f, 0])
+            foy, foz = np.float32(oy + s * normals[f, 1]), np.float32(oz + s * normals[f, 2])
         rows[n] = k
         local_o[n, 0], local_o[n, 1], local_o[n, 2] = fox, foy, foz
         local_d[n, 0], local_d[n, 1], local_d[n, 2] = dx, dy, dz
@@ -148,9 +149,10 @@ def _keep_nearer(rows, distance, face, limit, local_d, normals, cut, cut_side):
     for j in range(len(rows)):
         k = rows[j]
         if face[j] >= 0 and distance[j] < limit[j] and distance[j] < cut[k]:
-            n, d = normals[face[j]], local_d[j]
+            f = face[j]
+            towards = local_d[j, 0] * normals[f, 0] + local_d[j, 1] * normals[f, 1] + local_d[j, 2] * normals[f, 2]
             cut[k] = distance[j]
-            cut_side[k] = 2 * face[j] + (1 if d[0] * n[0] + d[1] * n[1] + d[2] * n[2] > 0.0 else 0)
+            cut_side[k] = 2 * f + (1 if towards > 0.0 else 0)
 
 
 def build_world(surfaces: Surfaces, accelerator: Accelerator, lights: np.ndarray) -> World:

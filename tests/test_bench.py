@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app import bench_command
+from app import bench_command, motion
 from app.bench_compare import numbers
 from app.bench_series import Series
-from app.settings import Settings, make_solver, open_scene
+from app.settings import STEP, Settings, make_solver, open_scene
 
 FAST = ["cornell", "--photons", "2000"]
 KEYS = """format scene triangles receivers photons estimator control radius threads processor commit frames frame_ms
@@ -49,6 +49,15 @@ def test_every_number_is_written_and_the_light_is_that_from_scratch(measured, es
     assert 0 < f["cpu"] and (n["load"] is None or n["load"] >= 0)
     assert n["photons"] == 2000 and n["first_frame_ms"] > 0 and n["from_scratch_ms"] > 0 and n["stages_ms"]
     assert (n["photon_map"] is None) == (estimator != "photon_map")
+
+
+def test_the_step_that_is_asked_for_is_gone(measured, monkeypatch):
+    steps, walk = [], motion.walk
+    monkeypatch.setattr(motion, "walk", lambda paths, step, frames: steps.append(step) or walk(paths, step, frames))
+    n, _ = measured("--no-control", "--step", "0.2")
+    size = make_solver(open_scene(Settings()), Settings(photons=10)).scene_size
+    assert steps == [pytest.approx(0.002 * size)] and n["step_percent"] == pytest.approx(0.2)
+    assert "one step of 0.2 % of the scene size" in "\n".join(bench_command.table(n))
 
 
 def test_queries_of_photon_map_are_told_against_a_full_estimate(measured):
@@ -91,7 +100,6 @@ def test_bounds_are_sums_of_their_work_and_below_what_was_measured(measured, est
 
 def test_the_tree_bench_has_light_to_move():
     """Along the tree's path half a percent of the photons or more are cut in the median frame."""
-    from app import motion
     from app.render_command import motion_paths
 
     settings = Settings("tree", photons=10_000, estimator="impact_count")
@@ -99,7 +107,7 @@ def test_the_tree_bench_has_light_to_move():
     solver.solve()
     for frames in (50, 200):
         cut = []
-        for poses in motion.walk(motion_paths(solver), motion.STEP, frames):  # the tree is 1 m in size
+        for poses in motion.walk(motion_paths(solver), STEP, frames):  # the tree is 1 m in size
             solver.move_all(poses)
             cut.append(solver.changes.photons_cut)
         share = sorted(cut)[frames // 2] / solver.photons_traced

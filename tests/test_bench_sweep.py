@@ -48,7 +48,7 @@ def test_the_rows_are_those_of_the_table():
         assert {photons_key(photons, e) for e in ("tangent_plane", "photon_map", "impact_count")} <= set(keys)
     for triangles in (20_000, 72_000, 300_000, 1_000_000):
         assert {triangles_key(triangles, r) for r in ("scaled", "fixed")} <= set(keys)
-    assert {"one-sided", "two-sided"} <= set(keys)
+    assert {"one-sided", "two-sided", bench_rows.SLOW} <= set(keys)
     more = [row.key for row in rows(TREE, 100, large=True)]
     assert photons_key(10_000_000, "tangent_plane") in set(more) - set(keys)
     for row in rows(TREE, 100, large=True):
