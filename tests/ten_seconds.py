@@ -4,7 +4,7 @@
 
 CPU seconds stand for the clock: one core up to the first step, then two that together count GAIN times. That forgives
 other programs a share of the time, not that they slow down cores and caches: on a busy machine it foretells too long.
-Photons are taken in until the ten seconds are over; then luminance error (l1) at receivers that face the first view,
+Photons are taken in until the ten seconds are over; then luminance error (l1) at receivers that the first view shows,
 drawn by area, against the unbiased reference, whose own noise is told beside it; and the same once all photons are in.
 """
 
@@ -22,14 +22,21 @@ SECONDS = 10.0
 
 
 def in_view(solver, count: int) -> np.ndarray:
-    """Return `count` receivers that face the first view and lie in its frame, drawn by area with replacement."""
+    """Return `count` receivers that the first view shows, drawn by area with replacement; mobiles hide nothing."""
     from app.render_command import home_camera
     from gi_core.scene.frame import in_frame
+    from gi_core.scene.pilot import Rays
+    from gi_core.scene.viewpoint import _first_seen
 
     camera, receivers = home_camera(solver).as_camera(), solver.receivers
     facing = ((np.array(camera.position) - receivers.positions) * receivers.normals).sum(axis=1) > 0
     framed = np.abs(in_frame(camera, solver.scene.up, receivers.positions)).max(axis=1) < 1
     rows = np.flatnonzero(facing & framed & (receivers.areas > 0))
+    to = receivers.positions[rows] - camera.position
+    length = np.sqrt((to * to).sum(axis=1))
+    eye = np.broadcast_to(np.array(camera.position), to.shape)
+    reached, _ = _first_seen(Rays(solver.scene), eye, to / length[:, None])
+    rows = rows[reached > length - 2e-3 * solver.scene_size]
     share = receivers.areas[rows] / receivers.areas[rows].sum()
     return np.random.default_rng(10).choice(rows, count, p=share)
 
