@@ -184,7 +184,7 @@ def bright_rooms() -> Iterator[Row]:
             f"(1 - ρ^{MAX_SEGMENTS}) / (1 - ρ): paths end after {MAX_SEGMENTS} segments",
             (1 - rho**MAX_SEGMENTS) / (1 - rho),
             arrived,
-            f"what is cut is told as truncated (Solver.fates): ρ^{MAX_SEGMENTS - 1}",
+            f"what is cut is told, from 2 % on in a sentence: ρ^{MAX_SEGMENTS - 1}",
             truncated,
             aim=rho ** (MAX_SEGMENTS - 1),
             what="flux that arrives / emitted; truncated / emitted",

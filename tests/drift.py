@@ -1,16 +1,17 @@
 """Many moves, back to the start: `python -m tests.drift --scene cornell --photons 1000 --moves 100000`.
 
 Prints moves, memory and ms a move every minute, so that a run that is cut short still tells something. Ctrl+C ends
-the moves early. Exit code 1 where light at the end differs by a bit from that of the start, or from a solution from
-scratch. `--trace` tells what Python's own allocations grew by. Linux alone (it reads /proc).
+the moves early, and what there is is checked. Exit code 1 where light at the end differs by a bit from that of the
+start, or from a solution from scratch. `--trace` tells what Python's own allocations grew by. Linux alone (it reads /proc).
 """
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import gc
+import signal
 import sys
+import threading
 import time
 import tracemalloc
 from pathlib import Path
@@ -66,17 +67,21 @@ def main() -> int:
     if options.trace:
         tracemalloc.start()
         first = tracemalloc.take_snapshot()
+    stop = threading.Event()
+    for what in (signal.SIGINT, signal.SIGTERM):  # between two moves: a move that is broken off has poses without light
+        signal.signal(what, lambda *_: stop.set())
     clock, changed, noted = time.perf_counter(), False, (0.0, 0)
     print(f"0 moves, {memory_use()}", flush=True)
-    with contextlib.suppress(KeyboardInterrupt):
-        for k in range(options.moves):
-            solver.move_all(along(paths, k) if options.path else anywhere(rng, low, high, start))
-            changed |= not np.array_equal(solver.irradiance, begun)
-            now = time.perf_counter() - clock
-            if now - noted[0] >= options.every or k + 1 == options.moves:
-                ms = 1e3 * (now - noted[0]) / (k + 1 - noted[1])
-                print(f"{k + 1} moves, {now:.0f} s, {ms:.2f} ms a move, {memory_use()}", flush=True)
-                noted = now, k + 1
+    for k in range(options.moves):
+        if stop.is_set():
+            break
+        solver.move_all(along(paths, k) if options.path else anywhere(rng, low, high, start))
+        changed |= not np.array_equal(solver.irradiance, begun)
+        now = time.perf_counter() - clock
+        if now - noted[0] >= options.every or k + 1 == options.moves:
+            ms = 1e3 * (now - noted[0]) / (k + 1 - noted[1])
+            print(f"{k + 1} moves, {now:.0f} s, {ms:.2f} ms a move, {memory_use()}", flush=True)
+            noted = now, k + 1
     scratch = np.array_equal(solver.irradiance, solver.from_scratch())
     solver.move_all(start)
     back = np.array_equal(solver.irradiance, begun)
