@@ -2,7 +2,7 @@
 
 Prints moves, memory and ms a move every minute, so that a run that is cut short still tells something. Ctrl+C ends
 the moves early, and what there is is checked. Exit code 1 where light at the end differs by a bit from that of the
-start, or from a solution from scratch. `--trace` tells what Python's own allocations grew by. Linux alone (it reads /proc).
+start, or from a solution from scratch. `--trace` tells what Python's own allocations grew by. Linux alone.
 """
 
 from __future__ import annotations
