@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -44,7 +45,7 @@ class Shown(NamedTuple):
 def shown(session: Session) -> Shown:
     """Return what the settings ask for, as far as it is known for the light of this very frame."""
     s, light = session.settings, session.light
-    drawn = session.solver.drawn
+    drawn = functools.partial(session.solver.drawn, poses=light.poses_drawn)
     estimate = _estimate(session.solver.estimator, light.photons_shown, drawn(session.irradiance))
     appraisal = session.appraisal
     truth = appraisal.truth(light.poses_drawn, True) if appraisal is not None else None
@@ -101,7 +102,9 @@ def _seen(session: Session, estimator: str) -> Side | None:
     other = session.appraisal.other if session.appraisal is not None else None
     if other is None or not other.is_done(session.light.version, estimator):
         return None
-    return _estimate(estimator, other.seen.photons, session.solver.drawn(other.seen.irradiance))
+    return _estimate(
+        estimator, other.seen.photons, session.solver.drawn(other.seen.irradiance, session.light.poses_drawn)
+    )
 
 
 def _estimate(estimator: str, photons: int, irradiance: np.ndarray) -> Side:

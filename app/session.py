@@ -279,7 +279,7 @@ class Session:
         """Return linear radiance (D, 3) float32 of both sides of an object's draw vertices."""
         from app.vertex_colours import colours
 
-        drawn = self.solver.drawn(self.irradiance)
+        drawn = self.solver.drawn(self.irradiance, self.light.poses_drawn)
         return colours(self.meshes[o], drawn, self.settings.show == "radiance")
 
     def models(self) -> tuple[np.ndarray, ...]:

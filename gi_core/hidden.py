@@ -44,11 +44,8 @@ class HiddenReceivers:
 
     def __init__(self, model: Model, size: float):
         """size [m]: of what light falls on, as `gi_core.defaults` finds it."""
-        s, faces = model.surfaces, model.surfaces.face_range(0)
-        back = s.corner_back[faces]
-        self._model, self._near = model, NEAR * size
-        self._corners = np.concatenate([s.corner_front[faces], back[(back >= 0).all(axis=1)]])
-        self._closed = np.full(s.receiver_range(0).stop, UNKNOWN, np.int8)
+        self._model, self._near, self._corners = model, NEAR * size, model.corners(0)
+        self._closed = np.full(model.surfaces.receiver_range(0).stop, UNKNOWN, np.int8)
         self._points: tuple[np.ndarray, np.ndarray] | None = None
 
     def find(self, irradiance: np.ndarray) -> Generator[None, None, Hidden]:
@@ -88,17 +85,17 @@ class HiddenReceivers:
 
     def _are_closed(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         model, n = self._model, len(points)
-        directions = _directions(normals).reshape(-1, 3)
+        rays = directions(normals).reshape(-1, 3)
         origins = np.repeat(points.astype(np.float32), LOOKS, axis=0)
         limits = np.full(n * LOOKS, model.world.size, np.float32)
-        distance, face = model.accelerator.nearest(0, origins, directions, limits)
-        behind = (model.surfaces.normals[face] * directions).sum(axis=1) > 0
+        distance, face = model.accelerator.nearest(0, origins, rays, limits)
+        behind = (model.surfaces.normals[face] * rays).sum(axis=1) > 0
         inside = (face >= 0) & behind & ~model.surfaces.two_sided[face]
         near = np.median(distance.reshape(n, LOOKS), axis=1) < self._near
         return np.where(near | (inside.reshape(n, LOOKS).mean(axis=1) > 0.5), CLOSED, OPEN)
 
 
-def _directions(normals: np.ndarray) -> np.ndarray:
+def directions(normals: np.ndarray) -> np.ndarray:
     """Return directions (n, LOOKS, 3) float32 over each hemisphere, by the cosine: a spiral (Vogel 1979)."""
     k = np.arange(LOOKS)
     r, angle = np.sqrt((k + 0.5) / LOOKS), k * np.pi * (3 - np.sqrt(5))
@@ -122,11 +119,13 @@ def _with_neighbours(corners: np.ndarray, hidden: np.ndarray, lit: np.ndarray) -
     return Hidden(rows, np.concatenate([[0], np.cumsum(count)]), neighbour[order])
 
 
-def drawn(hidden: Hidden, irradiance: np.ndarray) -> np.ndarray:
+def drawn(irradiance: np.ndarray, *hidden: Hidden) -> np.ndarray:
     """Return irradiance (R, 3) with hidden receivers as they are drawn; the same array where there are none."""
-    if not len(hidden.rows):
+    some = [h for h in hidden if len(h.rows)]
+    if not some:
         return irradiance
     out = irradiance.copy()
-    total = np.add.reduceat(irradiance[hidden.neighbours], hidden.first[:-1])
-    out[hidden.rows] = total / np.diff(hidden.first)[:, None]
+    for h in some:
+        total = np.add.reduceat(irradiance[h.neighbours], h.first[:-1])
+        out[h.rows] = total / np.diff(h.first)[:, None]
     return out

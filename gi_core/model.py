@@ -82,6 +82,12 @@ class Model:
         own[back[back >= 0]] = np.repeat(2 * s.patch + 1, 3)[back >= 0]
         return own
 
+    def corners(self, o: int) -> np.ndarray:
+        """Return the receivers at the corners of object o's faces, fronts and then backs. (m, 3) int32."""
+        s, faces = self.surfaces, self.surfaces.face_range(o)
+        back = s.corner_back[faces]
+        return np.concatenate([s.corner_front[faces], back[(back >= 0).all(axis=1)]])
+
     def backs(self, o: int) -> np.ndarray:
         """Return for each receiver of object o the one on the other side of its disc. (n,) int32.
 

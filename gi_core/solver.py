@@ -372,12 +372,16 @@ class Solver:
             return np.zeros((self.surfaces.receiver_range(0).stop, 3))
         return self._static_light.irradiance(self._shown, self._shown.estimate.photons)
 
-    def drawn(self, irradiance: np.ndarray) -> np.ndarray:
+    def drawn(self, irradiance: np.ndarray, poses: Mapping[str, Pose] | None = None) -> np.ndarray:
         """Return irradiance (R, 3) as it is to be drawn: receivers that nobody sees are as visible ones beside them.
 
-        See `gi_core.hidden`. The same array where there are none, and until all photons wanted have been estimated.
+        poses: that it belongs to, if not the current ones. The same array where nothing is hidden
+        (`gi_core.hidden`, `gi_core.covered`), and until all photons wanted have been estimated.
         """
-        return drawn(self._static_light.hidden, irradiance)
+        light, hidden = self._static_light, [self._static_light.hidden]
+        if light.covered is not None:
+            hidden.append(light.covered.find(irradiance, self.model.transforms(poses or self.poses)))
+        return drawn(irradiance, *hidden)
 
     @property
     def receivers(self) -> Receivers:

@@ -13,7 +13,7 @@ import numpy as np
 
 from gi_core.error import luminance, relative_error
 from gi_core.evaluation_points import evaluation_points
-from gi_core.gather_filter import Neighbours, neighbours, smoothed
+from gi_core.gather_filter import neighbours, smoothed
 from gi_core.gather_rounds import Gathered, gather_rounds
 from gi_core.model import Model
 
@@ -43,7 +43,7 @@ class StaticGather:
         self._raw = self.mean  # before it was smoothed
         self.deviation = np.zeros(0)  # (n,) [W/m2] standard error of its luminance
         self._seed, self._threads = seed, model.threads
-        self._near = _neighbours(model)
+        self._near = neighbours(model.corners(0), rows.stop)
         self._smoothing: Iterator[None] | None = None
         if state is not None and len(state.sets) and state.sets.min() == state.sets.max() > 1:
             for _ in self._take_over(state):  # else the round is finished first
@@ -87,13 +87,6 @@ class StaticGather:
         if np.isnan(apart := relative_error(photons, self._raw, self.weights).l1):
             return False  # black
         return apart**2 >= CLEARLY * self.noise**2
-
-
-def _neighbours(model: Model) -> Neighbours:
-    s, faces = model.surfaces, model.surfaces.face_range(0)
-    back = s.corner_back[faces]
-    corners = np.concatenate([s.corner_front[faces], back[(back >= 0).all(axis=1)]])
-    return neighbours(corners, s.receiver_range(0).stop)
 
 
 def _rounds(model: Model, seed: int, points, normals, weights, state) -> Iterator[Gathered]:

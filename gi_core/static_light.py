@@ -7,6 +7,7 @@ from collections.abc import Generator
 import numpy as np
 
 from gi_core.background import Background
+from gi_core.covered import Covered
 from gi_core.gather_rounds import Gathered
 from gi_core.hidden import NONE_HIDDEN, HiddenReceivers
 from gi_core.model import Model
@@ -24,6 +25,7 @@ class StaticLight:
         self.gathered: StaticGather | None = None
         self.hidden = NONE_HIDDEN  # by the light last looked at
         self._better = False  # what has been gathered, than the photons shown
+        self.covered: Covered | None = None  # what mobiles hide, where there are any
         self._looking: HiddenReceivers | None = None
 
     def choose(self, kind: str) -> None:
@@ -58,5 +60,8 @@ class StaticLight:
 
     def find_hidden(self, model: Model, size: float, shown: Background) -> Generator[None]:
         """Find the receivers that nobody sees, in steps, by this light; `size` is that of `hidden.py`."""
-        self._looking = self._looking or HiddenReceivers(model, size)
+        if self._looking is None:
+            self._looking = HiddenReceivers(model, size)
+            self.covered = Covered(model) if model.names else None
+            yield
         self.hidden = yield from self._looking.find(self.irradiance(shown, shown.estimate.photons))

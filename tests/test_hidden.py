@@ -97,7 +97,7 @@ def test_a_scene_where_nothing_is_hidden_pays_nothing():
     solver = solved(lit_floor)
     assert solver.drawn(solver.irradiance) is solver.irradiance
     E = np.ones((3, 3))
-    assert drawn(NONE_HIDDEN, E) is E
+    assert drawn(E, NONE_HIDDEN) is E
 
 
 def test_moving_changes_what_is_drawn_there_but_not_where():
@@ -110,3 +110,27 @@ def test_moving_changes_what_is_drawn_there_but_not_where():
     assert (moved[hidden.rows] != at_rest[hidden.rows]).any()
     total = np.add.reduceat(solver.irradiance[hidden.neighbours], hidden.first[:-1])
     assert np.array_equal(moved[hidden.rows], total / np.diff(hidden.first)[:, None])
+
+
+def test_the_floor_under_a_mobile_is_drawn_like_the_floor_beside_it_wherever_it_stands():
+    mobile = box_mobile(size=0.34)
+    scene = Scene(
+        merge(floor(2.0, 20), quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1)), (grey(0.5), lamp(5.0)),
+        (mobile,), up=(0.0, 0.0, 1.0),
+    )  # fmt: skip
+    solver = solved(scene)
+    p = solver.receivers.positions
+    on_floor = np.zeros(len(p), bool)
+    on_floor[solver.surfaces.corner_front[: 2 * 20 * 20]] = True
+    for x in (0.0, 0.43):
+        solver.move("box", Pose((x, 0.02, 0.17)))
+        E, seen = solver.irradiance, solver.drawn(solver.irradiance)
+        covered = on_floor & (np.abs(p[:, 0] - x) < 0.17) & (np.abs(p[:, 1] - 0.02) < 0.17)
+        beside = np.median(E[on_floor & ~covered & (np.abs(p[:, 0] - x) < 0.3) & (np.abs(p[:, 1]) < 0.3), 1])
+        assert covered.sum() >= 9 and (E[covered, 1] < 0.1 * beside).all()
+        assert np.median(seen[covered, 1]) > 0.5 * beside
+        assert np.array_equal(seen[on_floor & ~covered], E[on_floor & ~covered])
+    solver.move("box", Pose((0.0, 0.0, 0.6)))  # in the air
+    assert solver.drawn(solver.irradiance) is solver.irradiance
+    there = {"box": Pose((0.0, 0.02, 0.17))}
+    assert np.array_equal(solver.drawn(solver.irradiance, there), solver.irradiance)  # lit: nothing is black
