@@ -103,7 +103,7 @@ def directions(normals: np.ndarray) -> np.ndarray:
     across = np.cross(normals, np.where(np.abs(normals[:, :1]) > 0.5, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)))
     across /= np.sqrt((across * across).sum(axis=1))[:, None]
     frames = np.stack([across, np.cross(normals, across), normals], axis=1)
-    return np.einsum("kc,ncd->nkd", local, frames).astype(np.float32)
+    return (local @ frames).astype(np.float32)
 
 
 def _with_neighbours(corners: np.ndarray, hidden: np.ndarray, lit: np.ndarray) -> Hidden:
