@@ -20,13 +20,13 @@ def test_rows_are_kept_and_what_people_wrote_stays(tmp_path):
     (tmp_path / "bad.glb").write_text("no")
     out = tmp_path / "rows"
     out.mkdir()
-    rows = [scene_table._child(str(tmp_path / f), f, out, 300) for f in ("room.obj", "bad.glb")]
+    rows = [scene_table._child(str(tmp_path / f), f, out, 300, []) for f in ("room.obj", "bad.glb")]
     good, bad = rows
     assert good["file"] == 14 and good["drawn"] > 14 and not good["nan"] and good["stages"]["ready"] > 0
     assert (out / "room.obj.png").stat().st_size > 1000
     assert "must hold glTF JSON" in bad["refused"]
     (tmp_path / "room.obj").unlink()
-    assert scene_table._child(str(tmp_path / "room.obj"), "room.obj", out, 300) == good
+    assert scene_table._child(str(tmp_path / "room.obj"), "room.obj", out, 300, []) == good
 
     document = tmp_path / "tried.md"
     document.write_text(f"before\n{scene_table.BEGIN}\n{scene_table.END}\nafter\n")
