@@ -31,9 +31,9 @@ class Gathering:
 
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next piece of work, None if nothing is left to do; it returns whether irradiance is new."""
-        if self._solver.static_light != "gathered" or (
-            self._solver.gathered is not None and self._solver.gathered.enough
-        ):
+        g = self._solver.gathered
+        finished = self._steps is None and g is not None and g.enough  # what is known has reached the picture too
+        if self._solver.static_light != "gathered" or finished:
             self._tell()
             return None
         return self._step

@@ -20,8 +20,8 @@ from gi_core.model import Model
 ENOUGH = 0.007  # noise, relative l1: nobody sees it; with what interpolation adds the light is within a percent
 ROUNDS = 24  # before 1 % is reached: the first answer that can be judged comes after two
 STEP = 1 << 13  # paths a step: some 30 ms, since a drag that begins waits for it
-CLEARLY = 2.0  # times the square of its noise is its squared distance from the photons where it is used: noise is
-# that before smoothing, which is unbiased; what is left after it is grain, more easily seen than blotches of photons
+CLEARLY = 2.0  # times the square of its error is the photons', where it is used: grain at single vertices is more
+# easily seen than the soft blotches of photons of the same error
 
 
 class StaticGather:
@@ -40,7 +40,7 @@ class StaticGather:
         self._rounds = _rounds(*given, paid, state)
         self.state = state
         self.mean, self.noise = np.zeros((0, 3)), float("inf")  # (n, 3) [W/m2] of whole rounds; of these, relative l1
-        self._raw = self.mean  # before it was smoothed
+        self._raw, self._share = self.mean, 1.0  # before it was smoothed; of its error, what that has left
         self.deviation = np.zeros(0)  # (n,) [W/m2] standard error of its luminance
         self._seed, self._threads = seed, model.threads
         self._near = neighbours(model.corners(0), rows.stop)
@@ -76,7 +76,7 @@ class StaticGather:
         """Make the state's light that of this, in steps; it must not change between them."""
         given = state.mean, state.standard_error, self.weights, self._near
         found = yield from smoothed(*given, self._seed, self._threads)
-        self.mean, self._raw = found.irradiance.copy(), state.mean.copy()
+        self.mean, self._raw, self._share = found.irradiance.copy(), state.mean.copy(), found.share
         self.deviation = found.share * luminance(state.standard_error)
         self.noise = state.noise(self.weights)
 
@@ -86,7 +86,8 @@ class StaticGather:
             return False
         if np.isnan(apart := relative_error(photons, self._raw, self.weights).l1):
             return False  # black
-        return apart**2 >= CLEARLY * self.noise**2
+        of_photons = apart**2 - self.noise**2
+        return of_photons >= CLEARLY * (self._share * self.noise) ** 2
 
 
 def _rounds(model: Model, seed: int, points, normals, weights, state) -> Iterator[Gathered]:

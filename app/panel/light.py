@@ -69,7 +69,7 @@ def _static_light(s: Settings, facts: Facts) -> Settings:
     if (g := facts.gathered) is not None:
         ui.label("")
         imgui.progress_bar(g.fraction, (-1, 0), "")
-        known = f"noise {100 * g.noise:.1f} %" if g.noise < 1 else "gathering"
-        ui.write_over(f"{known}, {'in use' if g.used else 'photons are better still'}")
+        use = "in use" if g.used else "photons are better still"
+        ui.write_over(f"noise {100 * g.noise:.1f} %, {use}" if g.noise < 1 else "gathering, no answer yet")
         ui.tip("How well the static light is known; it is gathered until its noise is 0.7 %.")
     return s
