@@ -19,11 +19,12 @@ SWITCHES = {
     "border_correction": (
         "Border correction",
         "photon_map: at borders and corners only hits on the own surface, over the part of a disc that it covers.\n"
-        "Off: borders are too dark, and surfaces that meet light each other.",
+        "Off: borders are too dark, and surfaces that meet light each other. Costs nothing in a frame.",
     ),
     "textbook": (
         "Textbook k",
-        "photon_map counts the k-th hit as well, as in the report: too bright by k / (k - 1) on the average.",
+        "photon_map counts the k-th hit as well, as in the report: too bright by k / (k - 1) on the average.\n"
+        "It costs nothing.",
     ),
 }
 
