@@ -141,11 +141,11 @@ def concatenate(parts: list[Segments]) -> Segments:
 def interval(length, hits, eps):
     """Return [low, high) of a whole segment.
 
-    Starts eps away from its surface, ends eps behind its hit: a disc in the plane of the surface is
-    crossed by the segment that arrives, not by the one that leaves. Half-open, so that head + tail
+    Starts eps away from its surface, in thinner gaps half way; ends eps behind its hit: a disc in the plane of the
+    surface is crossed by the segment that arrives, not by the one that leaves. Half-open, so that head + tail
     of a segment cut at t (head up to t + eps, tail from t + eps) are the whole, exactly.
     """
-    return eps, length + eps if hits else length
+    return min(eps, np.float32(0.5) * length), length + eps if hits else length
 
 
 @kernel
