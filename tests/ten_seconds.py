@@ -15,30 +15,10 @@ import subprocess
 import sys
 import time
 
-import numpy as np
+from tests.receiver_samples import drawn_by_area, in_view
 
 GAIN = 1.8  # CPU seconds that two threads use up in a second: they wait for each other now and then
 SECONDS = 10.0
-
-
-def in_view(solver, count: int) -> np.ndarray:
-    """Return `count` receivers that the first view shows, drawn by area with replacement; mobiles hide nothing."""
-    from app.render_command import home_camera
-    from gi_core.scene.frame import in_frame
-    from gi_core.scene.pilot import Rays
-    from gi_core.scene.viewpoint import _first_seen
-
-    camera, receivers = home_camera(solver).as_camera(), solver.receivers
-    facing = ((np.array(camera.position) - receivers.positions) * receivers.normals).sum(axis=1) > 0
-    framed = np.abs(in_frame(camera, solver.scene.up, receivers.positions)).max(axis=1) < 1
-    rows = np.flatnonzero(facing & framed & (receivers.areas > 0))
-    to = receivers.positions[rows] - camera.position
-    length = np.sqrt((to * to).sum(axis=1))
-    eye = np.broadcast_to(np.array(camera.position), to.shape)
-    reached, _ = _first_seen(Rays(solver.scene), eye, to / length[:, None])
-    rows = rows[reached > length - 2e-3 * solver.scene_size]
-    share = receivers.areas[rows] / receivers.areas[rows].sum()
-    return np.random.default_rng(10).choice(rows, count, p=share)
 
 
 def measure(what: str, points: int, paths: int) -> str:
@@ -65,10 +45,9 @@ def measure(what: str, points: int, paths: int) -> str:
         if clock() <= SECONDS or then is None:
             then = (clock(), solver.photons_traced, solver.irradiance)
     ready = clock()
-    rows = in_view(solver, points)
+    rows, weights = drawn_by_area(in_view(solver), solver.receivers.areas, points, 10)
     positions, normals = (a[rows] for a in evaluation_points(solver.surfaces, solver.receivers))
     truth, error = reference_irradiance(solver.scene, positions, normals, paths, 1, solver.poses, model=solver.model)
-    weights = np.ones(len(rows))
     at_ten, at_rest = (100 * relative_error(E[rows], truth, weights).l1 for E in (then[2], solver.irradiance))
     noise = 100 * noise_of_truth(error, truth, weights)
     name = "+".join(part.rpartition("/")[2] for part in what.split("+"))

@@ -97,7 +97,7 @@ def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: 
     d = np.array([picture_rays(c, up, *GRID) for c in cameras])
     through = d.shape[1]
     eye, d = np.repeat(eyes, through, axis=0), d.reshape(-1, 3)
-    t, normal = _first_seen(rays, eye, d)
+    t, normal = first_seen(rays, eye, d)
     far = np.flatnonzero(np.isfinite(t) & (t > CLOSE * box.size))
     shows = np.zeros(len(d), bool)
     shows[far] = lit.holds(eye[far] + d[far] * t[far, None], normal[far])
@@ -109,7 +109,7 @@ def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: 
     length = np.sqrt((to * to).sum(axis=2))
     visible = np.array([np.abs(in_frame(c, up, every)).max(axis=1) < 1 for c in cameras])
     of, row = np.nonzero(visible)
-    reached, _ = _first_seen(rays, eyes[of], to[of, row] / np.maximum(length[of, row], 1e-12)[:, None])
+    reached, _ = first_seen(rays, eyes[of], to[of, row] / np.maximum(length[of, row], 1e-12)[:, None])
     visible[of, row] = reached > length[of, row] - 2e-3 * box.size
     visible[:, :n] &= (to[:, :n] * normals).sum(axis=2) <= 0
     extent = float(np.sqrt((np.ptp(shown, axis=0) ** 2).sum()))
@@ -118,7 +118,7 @@ def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: 
     return FILL * fill + SHARE * (visible[:, :n] * weight).sum(axis=1) + mobile
 
 
-def _first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
+def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
     """Return distance (n,) and normal (n, 3) of what is seen from eyes (n, 3) along d (n, 3).
 
     Back faces of one-sided surfaces are not drawn.
