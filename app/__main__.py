@@ -13,7 +13,7 @@ from pathlib import Path
 
 from app import options, values
 from app.parser import Parser, did_you_mean
-from app.settings import Settings, UsageError
+from app.settings import Settings, UsageError, check_names
 
 OK, USAGE, SCENE, NO_GL = 0, 2, 3, 4
 FALLBACK_PICTURE = "gi-viewer.png"
@@ -69,14 +69,16 @@ def parse(argv: list[str]) -> argparse.Namespace:
 
 
 def settings_of(arguments: argparse.Namespace) -> Settings:
-    """Return the record that everything behind the command line works from."""
+    """Return the record that everything behind the command line works from. Raises UsageError for an unknown name."""
     given = {name: getattr(arguments, name) for name in Settings.__dataclass_fields__ if hasattr(arguments, name)}
     given["mobiles"], given["poses"] = tuple(given["mobiles"]), tuple(given["poses"])
     if given["static_light"] is None:
         # Who names an estimator wants to see its own light, on walls too.
         in_window = arguments.run is _view and arguments.estimator is None
         given["static_light"] = "gathered" if in_window else Settings.static_light
-    return Settings(**given)
+    settings = Settings(**given)
+    check_names(settings)
+    return settings
 
 
 def _view_parser() -> argparse.ArgumentParser:

@@ -114,24 +114,31 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
     return poses
 
 
+def check_names(settings: Settings) -> None:
+    """Raise UsageError for an estimator, search or pre-test that there is not; nothing is compiled or loaded for it."""
+    given = [(name, getattr(settings, name)) for name in ("estimator", "search", "pretest")]
+    if all(value in (None, getattr(Settings, name)) for name, value in given):
+        return
+    from gi_core.disc_search import PRETESTS, SEARCHES
+    from gi_core.estimators import ESTIMATORS
+
+    for (name, value), known in zip(given, (ESTIMATORS, SEARCHES, PRETESTS), strict=True):
+        if value is not None and value not in known:
+            raise UsageError(f'--{name} must be one of {", ".join(known)}, got "{value}"')
+
+
 def make_solver(scene: Scene, settings: Settings) -> Solver:
     """Prepare a solver for the scene; nothing is traced yet. Raises UsageError for an unknown name."""
-    from gi_core.disc_search import PRETESTS, SEARCHES
     from gi_core.estimators import ESTIMATORS
     from gi_core.scene import SceneError
     from gi_core.solver import Solver
 
+    check_names(settings)
     estimator = settings.estimator or scene.defaults.estimator or "tangent_plane"
-    if estimator not in ESTIMATORS and settings.estimator is None:
+    if estimator not in ESTIMATORS:
         raise SceneError(
             f'{scene.name}: [defaults]: estimator must be one of {", ".join(ESTIMATORS)}, got "{estimator}"'
         )
-    if estimator not in ESTIMATORS:
-        raise UsageError(f'--estimator must be one of {", ".join(ESTIMATORS)}, got "{estimator}"')
-    if settings.search not in SEARCHES:
-        raise UsageError(f'--search must be one of {", ".join(SEARCHES)}, got "{settings.search}"')
-    if settings.pretest not in PRETESTS:
-        raise UsageError(f'--pretest must be one of {", ".join(PRETESTS)}, got "{settings.pretest}"')
     solver = Solver(
         scene,
         estimator=estimator,

@@ -349,3 +349,19 @@ def test_choosing_an_estimator_shows_its_own_light():
     assert Settings(static_light="prefix").of_estimator("photon_map") == Settings(
         static_light="prefix", estimator="photon_map"
     )
+
+
+@pytest.mark.parametrize("name", ["estimator", "search", "pretest"])
+@pytest.mark.parametrize("command", [[], ["render"], ["chart"], ["tune"]])
+def test_unknown_names_are_refused_before_anything_is_compiled_loaded_or_opened(monkeypatch, capsys, command, name):
+    from app import viewer, window
+    from gi_core import warmup
+
+    def too_late(*_, **__):
+        raise AssertionError("this comes after the names have been looked at")
+
+    monkeypatch.setattr(warmup, "compile_kernels", too_late)
+    monkeypatch.setattr(window, "why_no_window", too_late)
+    monkeypatch.setattr(viewer, "run", too_late)
+    assert cli.main([*command, "no such file.glb", f"--{name}", "guess"]) == 2
+    assert f"--{name} must be one of " in (line := one_line(capsys.readouterr().err)) and 'got "guess"' in line
