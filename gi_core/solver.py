@@ -47,6 +47,7 @@ FIRST_CHUNK = 512  # photons in the first step, before its speed is known
 CHOICES = {"estimator": tuple(ESTIMATORS), "search": tuple(SEARCHES), "pretest": tuple(PRETESTS)}
 LARGEST_CHUNK = 1 << 16
 SCRATCH_CHUNK = 1 << 16
+NO_FACTS = ControlFacts(0.0, 0, 0)
 
 
 class Progress(NamedTuple):
@@ -99,6 +100,7 @@ class Solver:
         self._room = Room()
         self.timings: dict[str, float] = {}
         self.changes = Changes(0, 0, 0)
+        self._facts = NO_FACTS
         self.irradiance = np.zeros((len(self.model.object_receivers.areas), 3))
         self.memory_full = False  # fewer photons than wanted, because memory does not hold more
         self.photons_traced = 0  # photons that self.irradiance belongs to
@@ -246,7 +248,7 @@ class Solver:
         """Put several mobiles at new poses and update irradiance once.
 
         photons: one of `prefixes`, for a faster and noisier frame; None: all. Raises SceneError as
-        move() does, and for any other number of photons.
+        move() does, and for any other number of photons. A move that any exception breaks off has not been made.
         """
         if photons is not None and photons not in self.prefixes:
             have = ", ".join(map(str, self.prefixes))
@@ -257,8 +259,7 @@ class Solver:
                 have = ", ".join(f'"{n}"' for n in self.poses) or "none"
                 raise SceneError(f'{self.scene.name}: no mobile is called "{name}"; there is {have}')
             checked[name] = as_pose(pose, f'{self.scene.name}: mobile "{name}"')
-        self.poses.update(checked)
-        self._update(photons)
+        self._update(photons, {**self.poses, **checked})
 
     @property
     def prefixes(self) -> tuple[int, ...]:
@@ -269,30 +270,37 @@ class Solver:
         """Return the largest of `prefixes` whose frame is expected to take no longer, judged by past frames."""
         return self._times.largest_within(seconds, self.prefixes) if self.prefixes else 0
 
-    def _update(self, photons: int | None = None) -> None:
-        """Compute the frame of the current poses from the background, of a prefix of the photons."""
+    def _update(self, photons: int | None = None, poses: dict[str, Pose] | None = None) -> None:
+        """Compute the frame at some poses, if not the current ones, from the background, of a prefix of the photons.
+
+        All that is seen of it changes at the end, or, where anything is raised, not at all.
+        """
+        poses = self.poses if poses is None else poses
         if self._shown is None:
+            self.poses = poses
             return  # nothing traced yet
         clock, estimate = Stages(), self._shown.estimate
         photons = estimate.photons if photons is None else photons
         paths, coarse = self._photons.prefix(photons)
-        at = self.model.transforms(self.poses)
+        at = self.model.transforms(poses)
         wanted = estimate.wanted(at)
         clock("contact")
-        self._frame = f = change(self.model, paths, coarse, at, self.seed, wanted, self._room, clock)
+        f = change(self.model, paths, coarse, at, self.seed, wanted, self._room, clock)
         evaluated = estimate.evaluate(f)
         clock("estimate")
         if photons:
             scale, resting = self.model.emitters.unit_flux / photons, self._shown.resting(photons)
             better = self._static_light.irradiance(self._shown, photons)
-            self.irradiance = frame_irradiance(evaluated, scale, resting, better, self.model.threads)
+            light = frame_irradiance(evaluated, scale, resting, better, self.model.threads)
         else:
-            self.irradiance = np.zeros(evaluated.sums.shape)
+            light = np.zeros(evaluated.sums.shape)
         clock("read out")
-        self.changes = Changes(f.heads.size, f.tails.size, f.heads.size + f.branches.size)
-        self.photons_traced, self._from_gathered = photons, self.uses_gathered
-        self.timings = clock.seconds
+        changes = Changes(f.heads.size, f.tails.size, f.heads.size + f.branches.size)
+        facts, gathered = getattr(estimate, "control_facts", NO_FACTS), self.uses_gathered
         self._times.add(photons, sum(clock.seconds.values()))
+        # From here on nothing is called, so that nothing can be raised half way.
+        self.poses, self.irradiance, self._frame, self.changes, self._facts = poses, light, f, changes, facts
+        self.photons_traced, self._from_gathered, self.timings = photons, gathered, clock.seconds
 
     @property
     def uses_gathered(self) -> bool:
@@ -338,7 +346,7 @@ class Solver:
         other.poses, other._room, other._times, other._next = dict(self.poses), Room(), FrameTimes(), None
         other._static_light = copy.copy(self._static_light)
         if fresh:
-            other._shown = other._frame = None
+            other._shown, other._frame, other._facts = None, None, NO_FACTS
         return other
 
     # -- answers ----------------------------------------------------------------------------------
@@ -391,8 +399,7 @@ class Solver:
     @property
     def control_facts(self) -> ControlFacts:
         """How many receivers artifact control concerns, in general and in the last frame."""
-        estimate = None if self._shown is None else self._shown.estimate
-        return getattr(estimate, "control_facts", ControlFacts(0.0, 0, 0))
+        return self._facts
 
     @property
     def surfaces(self) -> Surfaces:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 
 
@@ -46,7 +46,11 @@ def run_ranges(work: Callable[[int, int, int], object], n: int, threads: int, gr
         return [work(0, *ranges[0])]
     pool = _pool(threads)
     later = [pool.submit(_run_part, work, k, *r) for k, r in enumerate(ranges[1:], 1)]
-    return [_run_part(work, 0, *ranges[0]), *(f.result() for f in later)]
+    try:
+        return [_run_part(work, 0, *ranges[0]), *(f.result() for f in later)]
+    except BaseException:
+        wait(later)  # or they would go on writing behind the back of whoever catches it
+        raise
 
 
 def _run_part(work: Callable[[int, int, int], object], k: int, start: int, stop: int):

@@ -68,7 +68,7 @@ def main() -> int:
         tracemalloc.start()
         first = tracemalloc.take_snapshot()
     stop = threading.Event()
-    for what in (signal.SIGINT, signal.SIGTERM):  # between two moves: a move that is broken off has poses without light
+    for what in (signal.SIGINT, signal.SIGTERM):  # ends after a whole move: what there is is checked
         signal.signal(what, lambda *_: stop.set())
     clock, changed, noted = time.perf_counter(), False, (0.0, 0)
     print(f"0 moves, {memory_use()}", flush=True)

@@ -97,10 +97,14 @@ class ImpactCount:
         """Return what the frame's irradiance is read from, valid until the next call."""
         added = self._frame.added[0]
         corners, paths, t = self._corners, frame.tails.paths, frame.tails
-        _take_out(paths.side, paths.flux, paths.offsets, t.photon, t.vertex, *corners, added.flux, added.touched)
-        self._deposit(frame.heads, 1, added)
-        self._deposit(frame.branches, 1, added)
-        return self._frame.collect(self.background(frame.photons)[0], self.area)
+        try:
+            _take_out(paths.side, paths.flux, paths.offsets, t.photon, t.vertex, *corners, added.flux, added.touched)
+            self._deposit(frame.heads, 1, added)
+            self._deposit(frame.branches, 1, added)
+            return self._frame.collect(self.background(frame.photons)[0], self.area)
+        except BaseException:
+            self._frame.clear()  # or the next frame would begin with half of this one
+            raise
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (R, 3) int64 and area (R,) [m2] from all current segments (an iterable of Segments)."""

@@ -135,10 +135,13 @@ class PhotonMap:
         sums[self._static], area[self._static] = background.sums, background.area
         rows = np.concatenate([rows, np.arange(self._static.stop, len(sums))])
         # A photon's hits are gone from the end of the segment that is cut.
-        background.cut_bounce[frame.tails.photon] = frame.tails.bounce
         points, normals = self._receivers(frame.at, rows)
-        sums[rows], area[rows], _ = self._query(rows, points, normals, (background.grid, added), background.cut_bounce)
-        background.cut_bounce[frame.tails.photon] = NEVER
+        try:
+            background.cut_bounce[frame.tails.photon] = frame.tails.bounce
+            grids = background.grid, added
+            sums[rows], area[rows], _ = self._query(rows, points, normals, grids, background.cut_bounce)
+        finally:
+            background.cut_bounce[frame.tails.photon] = NEVER
         changed = np.zeros(chunks_of(len(sums)), bool)
         changed[rows >> CHUNK_BITS] = True
         return Evaluated(sums, area, changed)
