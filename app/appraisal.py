@@ -7,7 +7,6 @@ reference belongs to the poses, and is kept for the last few.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import statistics
 from collections.abc import Callable, Mapping
@@ -170,13 +169,9 @@ class Appraisal:
             del self._truths[next(iter(self._truths))]
         truth.step()
         if truth.rounds.bit_count() == 1 and truth.seen == 1:  # 1, 2, 4, ... rounds
-            self._keep(truth)
+            truth.keep()
         if truth.noise < float("inf") and (self._few or not everywhere):
             self._tell(version, irradiance, truth)
-
-    def _keep(self, truth: Truth) -> None:
-        with contextlib.suppress(OSError):  # a full disk is no reason to stop: it is gathered again next time
-            truth.keep()
 
     def _tell(self, version: object, irradiance: np.ndarray, truth: Truth) -> None:
         from gi_core.error import relative_error
@@ -190,7 +185,7 @@ class Appraisal:
             noise = noise_from_prefix(irradiance[rows], m.fewer[rows], m.photons, m.prefix, w, others)
         done = truth.noise <= max(GOOD, SHARE * total)
         if done:
-            self._keep(truth)
+            truth.keep()
         of = int((self._areas > 0).sum())
         bias = bias_left(total, noise, truth.noise)
         self.report = Report(version, total, noise, bias, truth.noise, len(rows), of, truth.paths, done)

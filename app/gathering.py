@@ -52,7 +52,7 @@ class Gathering:
         self._tell()
         done = progress is None or solver.gathered.enough
         if self.told.fraction > self._saved and (done or self._clock() - self._saved_at > SAVE_EVERY):
-            self._store.save(solver.gathered.state)
+            self._store.keep(solver.gathered.state)
             self._saved_at, self._saved = self._clock(), self.told.fraction
         return progress is not None and progress.picture
 
@@ -72,4 +72,4 @@ def gather(solver: Solver, bar) -> None:
             bar(progress.stage, progress.fraction)
     finally:
         if solver.gathered is not None and solver.gathered.state is not None:
-            store.save(solver.gathered.state)
+            store.keep(solver.gathered.state)

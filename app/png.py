@@ -10,6 +10,8 @@ import numpy as np
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+KEYWORD = 79  # characters that the name of an entry may have
+
 
 def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: dict[str, object] | None = None) -> Path:
     """Write (h, w, 3) or (h, w, 4) uint8 with one text entry a parameter; return the full path.
@@ -19,7 +21,7 @@ def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: dict[str
     path = Path(path).resolve()
     info = PngInfo()
     for key, value in (parameters or {}).items():
-        info.add_text(str(key), _latin(value))
+        info.add_text(_latin(key)[:KEYWORD], _latin(value))
     data = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(picture)).save(data, "PNG", pnginfo=info)
     # Not a tempfile: those are readable by nobody else, and the picture would stay so.
@@ -40,5 +42,5 @@ def read_parameters(path: str | os.PathLike) -> dict[str, str]:
 
 
 def _latin(value: object) -> str:
-    """tEXt is Latin-1: anything else becomes an escape instead of an error."""
+    """tEXt is Latin-1, names of entries too: anything else becomes an escape instead of an error."""
     return str(value).encode("latin-1", "backslashreplace").decode("latin-1")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from app.progress import Bar, compile_kernels, time_left
 from app.reference_run import run
-from app.reference_store import ReferenceStore
+from app.reference_store import FOLDER, ReferenceStore, reference_folder
 from app.settings import Settings, open_scene
+from app.writable import check_folder
 from gi_core.model import Model
 
 
@@ -16,8 +17,9 @@ class Stopped(KeyboardInterrupt):
 def reference(settings: Settings, error: float) -> dict:
     """Gather until the error that chance makes (l1) is at most `error`; print what it took, return it.
 
-    Raises SceneError, OSError; Stopped when interrupted, with everything gathered so far on disk.
+    Raises SceneError, UsageError; Stopped when interrupted, with everything gathered so far on disk.
     """
+    check_folder(FOLDER, reference_folder())
     with Bar() as bar:
         bar("loading", 0.0)
         scene = open_scene(settings)

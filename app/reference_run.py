@@ -25,7 +25,8 @@ def run(store: ReferenceStore, error: float) -> Iterator[Reached]:
     """Gather until the noise is at most `error` (0.01: 1 %); yields after each step, a last time when it is.
 
     What was gathered is saved every now and then and when the run ends, in whatever way: by Ctrl+C, by
-    closing the iterator. A run that is good enough from the start gathers nothing.
+    closing the iterator; not where the disk does not allow it. A run that is good enough from the start gathers
+    nothing.
     """
     state = store.load()
     if state is not None and (noise := state.noise(store.weights)) <= error:
@@ -45,12 +46,12 @@ def run(store: ReferenceStore, error: float) -> Iterator[Reached]:
             if noise <= error:
                 break
             if now - saved > SAVE_EVERY:
-                store.save(state)
+                store.keep(state)
                 saved = now
             yield _reached(state, noise, done, per_path, before, now - started)
     finally:
         if state is not None:
-            store.save(state)
+            store.keep(state)
     yield Reached(state, noise, 1.0, 0.0)
 
 

@@ -7,6 +7,7 @@ another pose, finds nothing old. Files are written aside and put in place, so th
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import zipfile
@@ -58,8 +59,14 @@ class StateFile:
                 np.savez(file, **state._asdict())
             os.replace(aside, self.path)
         except BaseException:
-            aside.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                aside.unlink(missing_ok=True)
             raise
+
+    def keep(self, state: Gathered) -> None:
+        """Save where the disk allows it: a folder that cannot be written only means to gather again next time."""
+        with contextlib.suppress(OSError):
+            self.save(state)
 
 
 class StaticStore(StateFile):

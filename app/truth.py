@@ -41,7 +41,7 @@ class Truth:
     def keep(self) -> None:
         """Write to disk what has been gathered at the poses that the scene opens with."""
         if self._is_kept and self.rounds > self._saved:
-            self._store.save(self.state)
+            self._store.keep(self.state)
             self._saved = self.rounds
 
     @property

@@ -134,7 +134,9 @@ def runner_params(
     params.renderer_backend_options.open_gl_options = gl
 
     params.ini_folder_type = hello_imgui.IniFolderType.absolute_path
-    params.ini_filename = str(config_folder() / "window.ini")
+    folder = config_folder()
+    params.ini_disable = folder is None
+    params.ini_filename = str((folder or Path()) / ini_name(screen_scale()))
     params.fps_idling.enable_idling = False  # light is refined while nobody touches anything
     params.fps_idling.remember_enable_idling = False
     params.callbacks.load_additional_fonts = theme.load_fonts
@@ -185,11 +187,27 @@ def rename(scene: str) -> None:
         glfw.set_window_title(window, title_of(scene))
 
 
-def config_folder() -> Path:
-    """Return the folder of the window's ini file, made if need be."""
+def screen_scale() -> float:
+    """Return by how much the desktop wants things larger than at 96 dots an inch; 1 where there is no screen."""
+    import glfw
+
+    monitor = glfw.get_primary_monitor() if glfw.init() else None
+    return glfw.get_monitor_content_scale(monitor)[0] if monitor else 1.0
+
+
+def ini_name(scale: float) -> str:
+    """Return the ini file's name: it holds the panel's width in pixels, too narrow to read at twice the scale."""
+    return "window.ini" if scale == 1 else f"window-{scale:g}x.ini"
+
+
+def config_folder() -> Path | None:
+    """Return the folder of the window's ini file, made if need be; None where that cannot be: nothing is remembered."""
     import platformdirs
 
-    return Path(platformdirs.user_config_dir(TITLE, appauthor=False, ensure_exists=True))
+    try:
+        return Path(platformdirs.user_config_dir(TITLE, appauthor=False, ensure_exists=True))
+    except OSError:
+        return None
 
 
 def _sentence(what: str, remedy: str) -> str:

@@ -16,12 +16,26 @@ def check_writable(option: str, file: Path) -> None:
         raise UsageError(f"{option} must name a file, and {file} is a folder; write {file / 'a'}{file.suffix}")
     if os.path.exists(file) and os.access(file, os.W_OK):
         return
-    # Asking for permissions is not enough: a file system may be read-only, or full, or allow no files of ours.
-    tried = file.resolve().with_name(f"{file.name}.{os.getpid()}.part")
     try:
-        tried.touch()
-        tried.unlink()
+        _try(file.resolve().with_name(f"{file.name}.{os.getpid()}.part"))
     except OSError as error:
         raise UsageError(
             f"{option} {file} cannot be written ({error.strerror or error}); name a file elsewhere"
         ) from None
+
+
+def check_folder(variable: str, folder: Path) -> None:
+    """Raise UsageError, one sentence naming an environment variable, if a folder can be neither made nor written to."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _try(folder / f"{os.getpid()}.part")
+    except OSError as error:
+        raise UsageError(
+            f"the folder {folder} cannot be written ({error.strerror or error}); {variable} names another"
+        ) from None
+
+
+def _try(file: Path) -> None:
+    """Make a file and take it away. Asking for permissions is not enough: a file system may be read-only, or full."""
+    file.touch()
+    file.unlink()

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from mesh_writers import write_room
 
 from app import __main__ as cli
 from app.progress import Bar
@@ -365,3 +366,21 @@ def test_unknown_names_are_refused_before_anything_is_compiled_loaded_or_opened(
     monkeypatch.setattr(viewer, "run", too_late)
     assert cli.main([*command, "no such file.glb", f"--{name}", "guess"]) == 2
     assert f"--{name} must be one of " in (line := one_line(capsys.readouterr().err)) and 'got "guess"' in line
+
+
+def test_names_with_spaces_and_letters_of_any_alphabet(tmp_path, capsys):
+    """Of folder, scene, library of materials, mobile and picture."""
+    folder = tmp_path / "Räume & Möbel"
+    folder.mkdir()
+    write_room(folder)
+    room, pot = folder / "Zimmer №1 – größer.obj", folder / "чайник 壶.obj"
+    (folder / "room.obj").rename(room)
+    (folder / "cube.obj").rename(pot)
+    small = ["--photons", "500", "--max-edge", "0.5"]
+    assert cli.main(["info", str(room), "--mobile", str(pot), *small]) == 0
+    said = capsys.readouterr().out
+    assert "Zimmer №1 – größer" in said and 'mobile "чайник 壶"' in said
+    picture = folder / "Bild ä.png"
+    moved = ["--pose", "чайник 壶=0.5,0.2,0.5"]
+    assert cli.main(["render", str(room), "--mobile", str(pot), *moved, *small, "--out", str(picture)]) == 0
+    assert picture.stat().st_size > 1000

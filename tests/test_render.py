@@ -316,8 +316,10 @@ def test_the_same_command_gives_the_same_bytes(tmp_path, room_instead_of_a_file)
 
 
 def test_png_text_survives_any_value(tmp_path):
-    path = write_png(tmp_path / "x.png", np.zeros((2, 3, 3), np.uint8), {"scene": "Küche 厨房.glb", "n": 3})
-    assert read_parameters(path) == {"scene": "Küche \\u53a8\\u623f.glb", "n": "3"}
+    entries = {"scene": "Küche 厨房.glb", "n": 3, "pose 壶": "0,0,0", 99 * "k": "long"}
+    path = write_png(tmp_path / "x.png", np.zeros((2, 3, 3), np.uint8), entries)
+    read = {"scene": "Küche \\u53a8\\u623f.glb", "n": "3", "pose \\u58f6": "0,0,0", 79 * "k": "long"}
+    assert read_parameters(path) == read
     assert not list(tmp_path.glob("*.part"))
 
 

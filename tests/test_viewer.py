@@ -191,3 +191,31 @@ def test_settings_survive_in_the_title(play):
 
     viewer = play(script, settings=replace(support.SETTINGS, scene="some/kitchen.glb"))
     assert viewer.params.app_window_params.window_title == "kitchen - gi-viewer"
+
+
+def test_the_panel_is_as_wide_on_a_screen_of_another_scale(monkeypatch, folder):
+    """The ini file holds its width in pixels: one that was written at 96 dots an inch is not read at 192."""
+    import glfw
+
+    from app import window
+
+    names = set()
+    for scale in (1.0, 1.5, 2.0):
+        monkeypatch.setattr(glfw, "get_primary_monitor", lambda: "screen")
+        monkeypatch.setattr(glfw, "get_monitor_content_scale", lambda _, s=scale: (s, s))
+        params = window.runner_params(support.SETTINGS, *[lambda: None] * 3)
+        names.add(os.path.basename(params.ini_filename))
+        assert not params.ini_disable
+    assert names == {"window.ini", "window-1.5x.ini", "window-2x.ini"}
+    monkeypatch.setattr(glfw, "get_primary_monitor", lambda: None)
+    assert window.screen_scale() == 1
+
+
+def test_the_window_remembers_nothing_where_it_cannot(monkeypatch, folder):
+    from app import window
+
+    nowhere = folder / "file"
+    nowhere.write_text("")
+    monkeypatch.setattr("platformdirs.user_config_dir", lambda *_, ensure_exists, **__: (nowhere / "x").mkdir())
+    assert window.config_folder() is None
+    assert window.runner_params(support.SETTINGS, *[lambda: None] * 3).ini_disable

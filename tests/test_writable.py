@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app import __main__ as program
@@ -77,3 +78,35 @@ def test_without_a_folder_for_kernels_it_says_so_and_works(tmp_path):
     if sys.platform == "linux":
         assert "cannot be written (Not a directory)" in problem and files
         assert not os.path.exists(folder)
+
+
+def test_what_is_gathered_without_a_place_to_keep_it_is_used_all_the_same(monkeypatch, capsys, tmp_path):
+    """The folder is a file: nothing can be made in it, whoever asks."""
+    from scene_builders import coloured_room
+
+    from app.reference_store import ReferenceStore
+    from app.truth import Truth
+    from gi_core.solver import Solver
+
+    nowhere = tmp_path / "file"
+    nowhere.write_text("")
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(nowhere / "kept"))
+    out = tmp_path / "a.png"
+    asked = ["furnace", "--static-light", "gathered", "--photons", "2000", "--size", "32x20", "--out", str(out)]
+    monkeypatch.setattr("gi_core.static_gather.ENOUGH", 0.2)
+    assert program.main(["render", *asked]) == 0 and out.exists()
+
+    solver = Solver(coloured_room(), photons=100)
+    truth = Truth(solver, solver.poses, np.arange(3))
+    while truth.rounds < 2:
+        truth.step()
+    truth.keep()
+    assert truth.irradiance.any() and ReferenceStore(solver.model, solver.poses, np.arange(3)).load() is None
+    capsys.readouterr()
+
+    monkeypatch.setattr("gi_core.scene.load_scene", None)  # refused before the work
+    assert program.main(["reference", "furnace"]) == 2
+    said = capsys.readouterr().err
+    assert (
+        f"the folder {nowhere / 'kept'} cannot be written" in said and "GI_VIEWER_REFERENCE_DIR names another" in said
+    )
