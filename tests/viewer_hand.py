@@ -59,6 +59,18 @@ class Hand:
         self.ctx.key_press(key)
         self.ctx.yield_(3)
 
+    def light_is_that_from_scratch(self) -> bool:
+        """Tell whether light equals a solution from scratch, made in the solver's thread: it may be measuring or
+        gathering, and only one at a time uses the solver."""
+        self.wait_for_light()
+        session = self.viewer.session
+        while True:
+            light, job = session.irradiance, session._worker.submit(session.solver.from_scratch)
+            self.wait(lambda job=job: job.wait(0.0))
+            self.ctx.yield_(2)
+            if session.irradiance is light:  # else what was gathered has come in between
+                return np.array_equal(light, job.result())
+
     def pixels(self) -> np.ndarray:
         """Read the picture back, on the window's thread: this one, the engine's, has no GL context."""
         self.ctx.yield_(2)
