@@ -72,10 +72,12 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     """Return the record that everything behind the command line works from. Raises UsageError for an unknown name."""
     given = {name: getattr(arguments, name) for name in Settings.__dataclass_fields__ if hasattr(arguments, name)}
     given["mobiles"], given["poses"] = tuple(given["mobiles"]), tuple(given["poses"])
-    if given["static_light"] is None:
-        # Who names an estimator wants to see its own light, on walls too.
-        in_window = arguments.run is _view and arguments.estimator is None
-        given["static_light"] = "gathered" if in_window else Settings.static_light
+    # Who names an estimator wants to see its own light, on walls and mobiles too; a single picture does not wait.
+    gathered = {"static_light": (_view,), "mobile_light": (_view, _render)}
+    for light, commands in gathered.items():
+        if given[light] is None:
+            by_default = arguments.run in commands and arguments.estimator is None
+            given[light] = "gathered" if by_default else getattr(Settings, light)
     settings = Settings(**given)
     check_names(settings)
     return settings
@@ -173,6 +175,9 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add("--static-light", choices=["all", "prefix", "gathered"],
         help="what the light of the static part is taken from: all photons, also while few are in use; those few alone;"
         " or paths gathered at rest, unbiased (gathered in the window without --estimator; else all)")  # fmt: skip
+    add("--mobile-light", choices=["photons", "gathered"],
+        help="what the light of mobiles is taken from: the estimator's photons, or paths that their vertices gather in"
+        " each frame (gathered in the window and by render without --estimator; else photons)")  # fmt: skip
     add("--pretest", default=Settings.pretest, metavar="NAME",
         help=f"triangle round each disc that is tried before it, report 2.8 ({Settings.pretest})")  # fmt: skip
     add("--seed", type=values.seed, default=0, metavar="N", help="which photons (0)")

@@ -8,6 +8,7 @@ reference belongs to the poses, and is kept for the last few.
 from __future__ import annotations
 
 import functools
+import math
 import statistics
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -149,11 +150,23 @@ class Appraisal:
             return
         m.prefix = prefix_to_compare(m.twin.prefixes) or 0
         if m.prefix:
-            m.twin.move_all({}, m.prefix)
-            m.fewer = m.twin.irradiance
+            m.fewer = self._of_fewer(m)
         m.twin = None
         if self.report is not None and self.report.version == version:
             self._note()  # known light, found by another search
+
+    def _of_fewer(self, m: Measured) -> np.ndarray:
+        """Return the irradiance (R, 3) of a prefix; where mobiles gather, as far off as if they did so with photons."""
+        twin = m.twin
+        if not twin.paths_gathered:
+            twin.move_all({}, m.prefix)
+            return twin.irradiance
+        E = twin.irradiance
+        twin.move_all({}, m.prefix, twin.paths_at_rest // 2)
+        fewer, mobile = twin.irradiance, slice(twin.surfaces.receiver_range(0).stop, None)
+        # Half as many paths are other paths: variances v and 2 v add up. A prefix's difference has v (N / n - 1).
+        fewer[mobile] = E[mobile] + (fewer[mobile] - E[mobile]) * math.sqrt((m.photons / m.prefix - 1) / 3)
+        return fewer
 
     def _gather(self, version: object, irradiance: np.ndarray, everywhere: bool) -> None:
         """Bring the reference on by a step, and tell the error anew."""

@@ -53,7 +53,7 @@ class OtherLook:
             self._twin = solver.twin()
         twin = self._twin
         fields = {**solver.setting._asdict(), "estimator": estimator}
-        twin.configure(photons=solver.photons, static_light="all", **fields)
+        twin.configure(photons=solver.photons, static_light="all", mobile_light="photons", **fields)
         yield
         for _ in twin.solve_steps():
             yield

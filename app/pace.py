@@ -1,4 +1,6 @@
-"""How many photons the frames of a motion are made of: as many as the budget allows, the same ones throughout.
+"""What the frames of a motion are made of: as many photons as the budget allows, the same ones throughout.
+
+Where the light of mobiles is gathered, half of the budget is that work's: as many paths as fit it.
 
 A prefix of the photons is a valid smaller solution, with more noise. Another prefix has other noise, which the eye
 takes for a flicker: so one is chosen when a motion begins, a smaller one only if frames keep missing the budget by
@@ -9,6 +11,7 @@ from __future__ import annotations
 
 FAR = 1.5  # times the budget: that is missing it by far
 FEWEST = 16  # times fewer photons than at rest have four times the noise; beyond that pictures are confetti
+GATHERING = 0.5  # of the budget, where mobiles gather their light
 IN_A_ROW = 4  # frames that do, before fewer photons are taken: one or two are the machine's own hiccups
 
 
@@ -18,6 +21,7 @@ class Pace:
     def __init__(self) -> None:
         self.budget = 0.0  # [s] that the light of a frame may take; 0: all photons always
         self._photons: int | None = None
+        self._paths: int | None = None
         self._chosen_for: float | None = None  # budget; None: to be chosen anew
         self._late = 0
 
@@ -25,15 +29,16 @@ class Pace:
         """Let the next frame choose: a motion begins."""
         self._chosen_for = None
 
-    def choose(self, solver) -> int | None:
-        """Return from how many photons to compute the next frame, None: from all."""
+    def choose(self, solver) -> tuple[int | None, int | None]:
+        """Return of how many photons and gathered paths to compute the next frame, as Solver.move_all() takes them."""
         budget, prefixes = self.budget, solver.prefixes
         if budget <= 0 or not prefixes:
-            self._photons = None
+            self._photons = self._paths = None
         elif self._chosen_for != budget or self._photons not in prefixes:
-            self._photons, self._late = max(solver.prefix_within(budget), self._good_enough(prefixes)[0]), 0
+            self._paths, self._late = solver.paths_within(GATHERING * budget), 0
+            self._photons = max(solver.prefix_within(budget, self._paths), self._good_enough(prefixes)[0])
         self._chosen_for = budget
-        return self._photons
+        return self._photons, self._paths
 
     def took(self, seconds: float, solver) -> None:
         """Take note of how long the frame took; step down a prefix if it was one too many that was late."""

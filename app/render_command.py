@@ -65,6 +65,7 @@ class Shot:
             "radius": f"{solver.radius:.6g} m",
             "neighbours": solver.neighbours,
             "static_light": "gathered" if solver.uses_gathered else "photons",
+            "mobile_light": f"gathered, {solver.paths_gathered} paths" if solver.paths_gathered else "photons",
             "seed": solver.seed,
             "exposure": f"{self.exposure:.4f} EV",
             "tone_map": s.tone_map,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 SOLVER_SETTINGS = (
     "estimator", "photons", "radius", "neighbours", "control", "search", "pretest", "border_correction", "textbook",
-    "static_light",
+    "static_light", "mobile_light",
 )  # fmt: skip
 REFERENCE = "reference"  # what a wipe may show beside estimators
 TONE_MAPS = ("aces", "reinhard", "clip")
@@ -48,6 +48,7 @@ class Settings:
     search: str = "disc_index"  # a key of gi_core.disc_search.SEARCHES; all give the same picture
     pretest: str = "none"  # a key of gi_core.disc_search.PRETESTS
     static_light: str = "all"  # one of gi_core.static_light.STATIC_LIGHT: where the static part's light is from
+    mobile_light: str = "photons"  # one of gi_core.mobile_light.MOBILE_LIGHT: the same of mobiles
     seed: int = 0
     poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
     exposure: float | None = None  # [EV]; None: metered once
@@ -67,12 +68,13 @@ class Settings:
     def of_solver(self) -> dict[str, object]:
         """What the solver is to be set to; beside another estimator each shows all of its own light."""
         values = {name: getattr(self, name) for name in SOLVER_SETTINGS}
-        return values | {"static_light": "all"} if self.compare not in ("", REFERENCE) else values
+        own = {"static_light": "all", "mobile_light": "photons"}
+        return values | own if self.compare not in ("", REFERENCE) else values
 
     def of_estimator(self, name: str) -> Settings:
         """Return the settings that show an estimator's light: all of it, where it was gathered without one."""
         light = "all" if self.static_light == "gathered" else self.static_light
-        return replace(self, estimator=name, static_light=light)
+        return replace(self, estimator=name, static_light=light, mobile_light="photons")
 
 
 def open_scene(settings: Settings) -> Scene:
@@ -152,5 +154,5 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         border_correction=settings.border_correction,
         textbook=settings.textbook,
     )
-    solver.configure(static_light=settings.static_light)
+    solver.configure(static_light=settings.static_light, mobile_light=settings.mobile_light)
     return solver

@@ -75,6 +75,8 @@ class Solving:
         self.irradiance = np.zeros((0, 3))  # (R, 3) at those poses
         self.photons_shown = 0  # that it is made of ...
         self.photons_there = 0  # ... and that it will be made of at rest
+        self.paths_shown = 0  # the same of what vertices of mobiles gather
+        self._paths_there = 0
         self._worker = worker
         self._job: Job | None = None  # what the thread is doing
         self._take: Callable[[Job], None]  # what to do with its result
@@ -101,8 +103,9 @@ class Solving:
 
     @property
     def partial(self) -> bool:
-        """The picture is made of fewer photons than there are, and more is to come."""
-        return self.photons_shown < self.photons_there and not self.move_failed
+        """The picture is made of fewer photons or paths than there are at rest, and more is to come."""
+        less = self.photons_shown < self.photons_there or self.paths_shown < self._paths_there
+        return less and not self.move_failed
 
     @property
     def poses(self) -> dict[str, Pose]:
@@ -160,7 +163,7 @@ class Solving:
 
     def _timed(self, photons: int | None) -> float:
         started = self.clock()
-        self.solver.move_all({}, photons)
+        self.solver.move_all({}, photons, photons and self.solver.paths_within(0.0))
         return self.clock() - started
 
     def _take_time(self, job: Job) -> None:
@@ -227,6 +230,7 @@ class Solving:
         self.poses_drawn, self.irradiance = dict(self.solver.poses), self.solver.irradiance
         self.photons_shown = self.solver.photons_traced
         self.photons_there = max(self.solver.prefixes, default=self.photons_shown)
+        self.paths_shown, self._paths_there = self.solver.paths_gathered, self.solver.paths_at_rest
         s = self.solver
         timings = s.timings if moved else self.snapshot.timings
         self.snapshot = Snapshot(timings, s.changes, s.probe_irradiance, s.segments_total, s.control_facts)
@@ -264,9 +268,9 @@ class Solving:
         self._begin(functools.partial(self._timed_move, self._moving, hasty), take)
 
     def _timed_move(self, poses: Mapping[str, Pose], hasty: bool) -> float:
-        photons = self.pace.choose(self.solver) if hasty else None
+        size = self.pace.choose(self.solver) if hasty else (None, None)
         started = self.clock()
-        self.solver.move_all(poses, photons)
+        self.solver.move_all(poses, *size)
         seconds = self.clock() - started
         if hasty:
             self.pace.took(seconds, self.solver)

@@ -40,11 +40,17 @@ class Wanted(NamedTuple):
     reach: float  # of a disc on a mobile [m]: segments that come so near to its box
     boxes: np.ndarray  # (b, 2, 3) float64 [m], corners low and high: segments that pass one of these
     around: np.ndarray  # (mobiles,) float64 [m] round the middle of each: nothing in the boxes is farther off
+    mobiles: bool = True  # or nobody asks for what passes the mobiles
 
     @classmethod
     def near_mobiles(cls, model: Model, reach: float) -> Wanted:
         """Return what an estimator wants that looks `reach` [m] round mobiles only."""
         return cls(reach, np.empty((0, 2, 3)), np.zeros(model.surfaces.objects - 1))
+
+    @property
+    def without_mobiles(self) -> Wanted:
+        """What is wanted where the light of mobiles comes from elsewhere."""
+        return self._replace(reach=0.0, mobiles=False)
 
 
 class Frame(NamedTuple):
@@ -55,7 +61,7 @@ class Frame(NamedTuple):
     heads: Segments  # of cut photons: the segment that a mobile cuts, up to the cut
     tails: Tails  # what they lose: the rest of that segment and all later ones
     branches: Segments  # what they gain, from the mobile onwards
-    near: tuple[Segments, ...]  # a mobile: every current segment that may cross a disc on it
+    near: tuple[Segments, ...]  # a mobile, if wanted: every current segment that may cross a disc on it
     beside: Segments  # every current segment that passes one of the boxes wanted
     fates: Fates  # of all photons at these poses, less those of the background
 
@@ -70,7 +76,7 @@ def change(
     photons = len(paths.offsets) - 1
     if photons == 0 or len(at.position) == 1:
         nothing = empty_segments(0)
-        tails, near = no_tails(paths, model.eps), (nothing,) * (len(at.position) - 1)
+        tails, near = no_tails(paths, model.eps), (nothing,) * (len(at.position) - 1) * wanted.mobiles
         return Frame(at, photons, nothing, tails, nothing, near, nothing, no_flux())
 
     # Find the first segment of each photon that any mobile cuts.
@@ -90,16 +96,26 @@ def change(
     heads = heads._replace(hit=hit)
     clock("branches")
 
-    # Collect what mobile receivers can see: untouched background nearby, heads, branches.
-    alive = _before_cut(near.photon, near.bounce, heads.photon, heads.bounce)
-    current = [(part, passing(model, at, part, wanted.reach, wanted.boxes)) for part in (near, heads, branches)]
-    current[0][1][:] &= alive
+    beside, on_mobiles = _seen(model, at, wanted, near, heads, branches)
+    clock("mobiles")
+    return Frame(at, photons, heads, tails, branches, on_mobiles, beside, fates)
+
+
+def _seen(model: Model, at: Transforms, wanted: Wanted, near: Segments, heads: Segments, branches: Segments):
+    """Collect what receivers with new light can see: untouched background nearby, heads, branches.
+
+    Returns the segments that pass the boxes wanted and, a mobile if wanted, those that pass near it.
+    """
+    if not wanted.mobiles and not len(wanted.boxes):
+        return empty_segments(0), ()
+    reach = wanted.reach if wanted.mobiles else None
+    current = [(part, passing(model, at, part, reach, wanted.boxes)) for part in (near, heads, branches)]
+    current[0][1][:] &= _before_cut(near.photon, near.bounce, heads.photon, heads.bounce)
     beside, *on_mobiles = (
         picked([(part, np.flatnonzero(sees[o])) for part, sees in current], model.threads)
-        for o in range(len(at.position))
+        for o in range(len(at.position) if wanted.mobiles else 1)
     )
-    clock("mobiles")
-    return Frame(at, photons, heads, tails, branches, tuple(on_mobiles), beside, fates)
+    return beside, tuple(on_mobiles)
 
 
 def _cuts(model: Model, at: Transforms, near: Segments) -> tuple[np.ndarray, np.ndarray]:

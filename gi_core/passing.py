@@ -18,16 +18,18 @@ from gi_core.two_level import CUT_PAD
 GRAIN = 2048  # segments a thread
 
 
-def passing(model: Model, at: Transforms, segments: Segments, reach: float, boxes: np.ndarray) -> np.ndarray:
+def passing(model: Model, at: Transforms, segments: Segments, reach: float | None, boxes: np.ndarray) -> np.ndarray:
     """Return (1 + mobiles, n) bool: which lines of segments pass one of the boxes, and which pass each mobile's box.
 
-    reach: [m], by which mobiles' boxes grow; boxes: (b, 2, 3) float64 [m], corners low and high.
+    reach: [m], by which mobiles' boxes grow, None: nobody asks for those; boxes: (b, 2, 3) float64 [m], corners low and
+    high.
     """
     size = model.world.size
     out = np.zeros((len(at.position), segments.size), bool)
     seen = [(0, low, high, CUT_PAD * size) for low, high in boxes]
-    low, high, pad = model.world.box_low, model.world.box_high, reach + (PAD + CUT_PAD) * size
-    seen += [(o, low[o], high[o], pad) for o in range(1, len(at.position))]
+    if reach is not None:
+        low, high, pad = model.world.box_low, model.world.box_high, reach + (PAD + CUT_PAD) * size
+        seen += [(o, low[o], high[o], pad) for o in range(1, len(at.position))]
 
     def work(_, first, last):
         for o, low, high, pad in seen:

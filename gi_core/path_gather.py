@@ -79,17 +79,14 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
 def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnds, light_sampling, total) -> None:
     """Follow a block of paths; `ends` is used up."""
     world, n = model.world, len(ends.path)
-    far, gap = float(np.float32(FAR * world.size)), SHADOW_GAP * world.size
+    far = float(np.float32(FAR * world.size))
     density = lights.area.density if light_sampling else np.zeros_like(lights.area.density)
     rays = room_for_shadows(n)
     vertex = 0
     while n:
-        if len(lights.small.kind):
-            _join(model, at, rays, small_events(seed, m, vertex, ends, lights.small, far, gap, rays), total)
-        if light_sampling and len(lights.area.cdf):
-            _join(model, at, rays, area_events(seed, m, vertex, ends, lights.area, gap, rays), total)
+        join_lights(model, at, lights, seed, m, vertex, ends, rays, total, light_sampling)
         origin, direction = rays.origin[:n], rays.direction[:n]
-        _scatter(seed, m, vertex, ends, origin, direction)
+        scatter(seed, m, vertex, ends, origin, direction)
         limits = np.full(n, far, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
         n = _arrive(
@@ -98,6 +95,19 @@ def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnd
         )  # fmt: skip
         ends = PathEnds(*(a[:n] for a in ends))
         vertex += 1
+
+
+def join_lights(model: Model, at: Transforms, lights: Lights, seed, m, vertex, ends, rays, total, area=True) -> None:
+    """Join path vertices to a point on a lamp (unless `area` is False) and to a light without size.
+
+    Adds to `total` (rows, 3) what arrives there; `rays` is room for as many as there are `ends`, overwritten.
+    """
+    size = model.world.size
+    far, gap = float(np.float32(FAR * size)), SHADOW_GAP * size
+    if len(lights.small.kind):
+        _join(model, at, rays, small_events(seed, m, vertex, ends, lights.small, far, gap, rays), total)
+    if area and len(lights.area.cdf):
+        _join(model, at, rays, area_events(seed, m, vertex, ends, lights.area, gap, rays), total)
 
 
 def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
@@ -116,8 +126,8 @@ def _add(row, value, blocked, total):
 
 
 @kernel
-def _scatter(seed, m, vertex, ends, origin, direction):
-    """Choose cosine-distributed directions."""
+def scatter(seed, m, vertex, ends, origin, direction):
+    """Choose cosine-distributed directions for rays from path vertices: writes origin and direction (n, 3)."""
     for k in range(len(ends.path)):
         u = strata.uniform(seed, ends.path[k], vertex, SCATTER_U, m)
         v = strata.uniform(seed, ends.path[k], vertex, SCATTER_V, m)

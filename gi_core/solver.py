@@ -1,8 +1,4 @@
-"""The solver: background once, then each frame from the background and the poses alone.
-
-E = E_bg - E~(tails) + E~(branches) on static receivers (report Eq. 2.4, kept from drifting by
-computing it afresh from integers each frame); receivers on mobiles from all segments near them.
-"""
+"""The solver: background once, then each frame (`frames.py`) from the background and the poses alone."""
 
 from __future__ import annotations
 
@@ -16,20 +12,20 @@ import numpy as np
 
 from gi_core.background import Background, Photons, add_fates
 from gi_core.contact_discs import ControlFacts
-from gi_core.control_variate import frame_irradiance
-from gi_core.cuts import Frame, change, current_segments
+from gi_core.cuts import Frame
 from gi_core.defaults import choose
 from gi_core.disc_search import PRETESTS, SEARCHES
 from gi_core.estimators import ESTIMATORS
+from gi_core.frames import Changes, FrameSize, Lights, changes_of, frame_light, light_from_scratch
 from gi_core.gather_rounds import Gathered
 from gi_core.hidden import drawn
 from gi_core.ladder import FrameTimes, is_rung, next_rung
+from gi_core.mobile_light import MobileLight
 from gi_core.model import Model
 from gi_core.near_scan import Room
 from gi_core.photon_trace import Fates
 from gi_core.pose import as_pose
 from gi_core.probes import probe_irradiance
-from gi_core.radiosity import irradiance
 from gi_core.receivers import Receivers
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
@@ -37,7 +33,6 @@ from gi_core.setting import Setting, number
 from gi_core.stages import Stages
 from gi_core.static_gather import StaticGather
 from gi_core.static_light import StaticLight
-from gi_core.sums import Evaluated, chunks_of
 from gi_core.surfaces import Surfaces
 
 STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
@@ -46,7 +41,6 @@ MANY_RECEIVERS = 30_000  # their regions take half a second and more to find
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
 CHOICES = {"estimator": tuple(ESTIMATORS), "search": tuple(SEARCHES), "pretest": tuple(PRETESTS)}
 LARGEST_CHUNK = 1 << 16
-SCRATCH_CHUNK = 1 << 16
 NO_FACTS = ControlFacts(0.0, 0, 0)
 
 
@@ -56,14 +50,6 @@ class Progress(NamedTuple):
     stage: str
     fraction: float  # 0 .. 1 of the photons wanted
     picture: bool  # irradiance was refreshed
-
-
-class Changes(NamedTuple):
-    """What the mobiles change of the background."""
-
-    photons_cut: int
-    old_segments: int  # taken out
-    new_segments: int  # put in, heads included
 
 
 class Solver:
@@ -93,7 +79,7 @@ class Solver:
         self.chosen = choose(self.model, *given)
         self.scene_size = self.chosen.scene_size
         self.photons = self.chosen.photons
-        self._static_light = StaticLight()
+        self._static_light, self._mobile_light = StaticLight(), MobileLight(self.model, self.seed)
         self.setting = Setting(estimator, self.chosen.radius, self.chosen.neighbours)
         self.poses: dict[str, Pose] = self.model.start_poses()
         self._photons = Photons(self.model, self.seed)
@@ -103,7 +89,8 @@ class Solver:
         self._facts = NO_FACTS
         self.irradiance = np.zeros((len(self.model.object_receivers.areas), 3))
         self.memory_full = False  # fewer photons than wanted, because memory does not hold more
-        self.photons_traced = 0  # photons that self.irradiance belongs to
+        self.photons_traced = 0  # photons that self.irradiance belongs to ...
+        self.paths_gathered = 0  # ... and paths a receiver of mobiles; 0: those have the photons' light
         self._from_gathered = False  # self.irradiance is
         self._frame: Frame | None = None
         self._times = FrameTimes()
@@ -113,22 +100,31 @@ class Solver:
 
     # -- settings ---------------------------------------------------------------------------------
 
-    def configure(self, photons: int | None = None, static_light: str | None = None, **changes) -> None:
+    def configure(
+        self, photons: int | None = None, static_light: str | None = None, mobile_light: str | None = None, **changes
+    ) -> None:
         """Change settings. Paths are kept; solve_steps() does again only what depends on the change.
 
         static_light: whether a frame of a prefix of the photons takes the light of the static part from "all" of
         them (see `gi_core.control_variate`) or from that "prefix" too; "gathered": from gather_steps() as soon as
-        that is better; changes: fields of `setting`. Until solve_steps() has run, frames go on with the old
-        settings. Raises SceneError for a bad value.
+        that is better; mobile_light: whether that of mobiles is from "photons", or "gathered" by their receivers in
+        each frame (`gi_core.mobile_gather`); changes: fields of `setting`. Until solve_steps() has run, frames go on
+        with the old settings. Raises SceneError for a bad value.
         """
         photons, setting = number("photons", photons, self.photons), self.setting.changed(CHOICES, **changes)
         if static_light is not None:
             self._static_light.choose(static_light)
+        if mobile_light is not None:
+            self._mobile_light.choose(mobile_light)
         self.photons, self.setting = photons, setting
 
     @property
     def static_light(self) -> str:
         return self._static_light.kind
+
+    @property
+    def mobile_light(self) -> str:
+        return self._mobile_light.kind
 
     @property
     def estimator(self) -> str:
@@ -190,7 +186,8 @@ class Solver:
             elif is_rung(b.added) and b.estimate.additive:
                 yield from self._prepare(b)
         complete = b is self._shown and b.estimate.photons == goal == self.photons_traced
-        if not complete or self._from_gathered != self.uses_gathered:
+        as_asked = self._from_gathered == self.uses_gathered and self.paths_gathered == self._size(goal).paths
+        if not (complete and as_asked):
             yield from self._show(b)
         yield from (Progress("timing searches", 1.0, False) for _ in b.estimate.rehearse(self._frame))
         yield Progress("done", 1.0, False)
@@ -244,12 +241,17 @@ class Solver:
         """
         self.move_all({name: pose})
 
-    def move_all(self, poses: Mapping[str, Pose | np.ndarray], photons: int | None = None) -> None:
+    def move_all(
+        self, poses: Mapping[str, Pose | np.ndarray], photons: int | None = None, paths: int | None = None
+    ) -> None:
         """Put several mobiles at new poses and update irradiance once.
 
-        photons: one of `prefixes`, for a faster and noisier frame; None: all. Raises SceneError as
-        move() does, and for any other number of photons. A move that any exception breaks off has not been made.
+        For a faster and noisier frame, photons: one of `prefixes`, None: all; paths: that a receiver of a mobile
+        gathers, where its light is gathered, one of `gi_core.mobile_light.PATHS`, None: 64. Raises SceneError as
+        move() does, and for any other number of photons or paths. A move that any exception breaks off has not been
+        made.
         """
+        self._mobile_light.paths(paths)
         if photons is not None and photons not in self.prefixes:
             have = ", ".join(map(str, self.prefixes))
             raise SceneError(f"{self.scene.name}: a frame can use {have} photons, got {photons}")
@@ -259,18 +261,37 @@ class Solver:
                 have = ", ".join(f'"{n}"' for n in self.poses) or "none"
                 raise SceneError(f'{self.scene.name}: no mobile is called "{name}"; there is {have}')
             checked[name] = as_pose(pose, f'{self.scene.name}: mobile "{name}"')
-        self._update(photons, {**self.poses, **checked})
+        self._update(photons, paths, {**self.poses, **checked})
 
     @property
     def prefixes(self) -> tuple[int, ...]:
         """Numbers of photons that a frame can be computed from, ascending; the last is all."""
         return () if self._shown is None else tuple(sorted(self._shown.estimate.prefixes))
 
-    def prefix_within(self, seconds: float) -> int:
-        """Return the largest of `prefixes` whose frame is expected to take no longer, judged by past frames."""
+    def prefix_within(self, seconds: float, paths: int | None = None) -> int:
+        """Return the largest of `prefixes` whose frame is expected to take no longer, judged by past frames.
+
+        paths: that it gathers besides, as of move_all().
+        """
+        seconds -= self._mobile_light.expected(self._mobile_light.paths(paths))
         return self._times.largest_within(seconds, self.prefixes) if self.prefixes else 0
 
-    def _update(self, photons: int | None = None, poses: dict[str, Pose] | None = None) -> None:
+    def paths_within(self, seconds: float) -> int | None:
+        """Return how many paths the receivers of mobiles can gather in that time, of those that a frame can; None
+        where they gather none."""
+        return self._mobile_light.most_within(seconds)
+
+    @property
+    def paths_at_rest(self) -> int:
+        """Paths that a receiver of a mobile gathers where nothing else is asked for; 0 where it gathers none."""
+        return self._mobile_light.paths(None)
+
+    def _size(self, photons: int, paths: int | None = None) -> FrameSize:
+        return FrameSize(photons, self._mobile_light.paths(paths) if photons else 0)
+
+    def _update(
+        self, photons: int | None = None, paths: int | None = None, poses: dict[str, Pose] | None = None
+    ) -> None:
         """Compute the frame at some poses, if not the current ones, from the background, of a prefix of the photons.
 
         All that is seen of it changes at the end, or, where anything is raised, not at all.
@@ -279,28 +300,21 @@ class Solver:
         if self._shown is None:
             self.poses = poses
             return  # nothing traced yet
-        clock, estimate = Stages(), self._shown.estimate
-        photons = estimate.photons if photons is None else photons
-        paths, coarse = self._photons.prefix(photons)
-        at = self.model.transforms(poses)
-        wanted = estimate.wanted(at)
-        clock("contact")
-        f = change(self.model, paths, coarse, at, self.seed, wanted, self._room, clock)
-        evaluated = estimate.evaluate(f)
-        clock("estimate")
-        if photons:
-            scale, resting = self.model.emitters.unit_flux / photons, self._shown.resting(photons)
-            better = self._static_light.irradiance(self._shown, photons)
-            light = frame_irradiance(evaluated, scale, resting, better, self.model.threads)
-        else:
-            light = np.zeros(evaluated.sums.shape)
-        clock("read out")
-        changes = Changes(f.heads.size, f.tails.size, f.heads.size + f.branches.size)
-        facts, gathered = getattr(estimate, "control_facts", NO_FACTS), self.uses_gathered
-        self._times.add(photons, sum(clock.seconds.values()))
+        clock, size = Stages(), self._size(self._shown.estimate.photons if photons is None else photons, paths)
+        at, lights = self.model.transforms(poses), self._lights
+        frame, light = frame_light(self.model, self._photons, self._shown, lights, at, size, self._room, clock)
+        changes, facts = changes_of(frame), getattr(self._shown.estimate, "control_facts", NO_FACTS)
+        gathered, gathering = self.uses_gathered, clock.seconds.get("gather", 0.0)
+        self._mobile_light.took(size.paths, gathering)
+        self._times.add(size.photons, sum(clock.seconds.values()) - gathering)
         # From here on nothing is called, so that nothing can be raised half way.
-        self.poses, self.irradiance, self._frame, self.changes, self._facts = poses, light, f, changes, facts
-        self.photons_traced, self._from_gathered, self.timings = photons, gathered, clock.seconds
+        self.poses, self.irradiance, self._frame, self.changes, self._facts = poses, light, frame, changes, facts
+        (self.photons_traced, self.paths_gathered), self._from_gathered = size, gathered
+        self.timings = clock.seconds
+
+    @property
+    def _lights(self) -> Lights:
+        return Lights(self._static_light, self._mobile_light)
 
     @property
     def uses_gathered(self) -> bool:
@@ -344,7 +358,7 @@ class Solver:
         """
         other = copy.copy(self)
         other.poses, other._room, other._times, other._next = dict(self.poses), Room(), FrameTimes(), None
-        other._static_light = copy.copy(self._static_light)
+        other._static_light, other._mobile_light = copy.copy(self._static_light), copy.copy(self._mobile_light)
         if fresh:
             other._shown, other._frame, other._facts = None, None, NO_FACTS
         return other
@@ -356,21 +370,9 @@ class Solver:
 
         What each frame must equal bit for bit; structures are prebuilt, nothing of the background is used.
         """
-        at = self.model.transforms({**self.poses, **(poses or {})})
-        estimate = self._background().estimate if self._shown is None else self._shown.estimate
-        n = estimate.photons
-        parts = (
-            current_segments(self.model, at, self.seed, first, min(SCRATCH_CHUNK, n - first))[0]
-            for first in range(0, n, SCRATCH_CHUNK)
-        )
-        sums, area = estimate.from_scratch(parts, at)
-        if not n:
-            return np.zeros(sums.shape)
-        frame, scale = Evaluated(sums, area, np.ones(chunks_of(len(area)), bool)), self.model.emitters.unit_flux / n
-        if self._shown is None:
-            return irradiance(sums, scale, area)
-        better = self._static_light.irradiance(self._shown, n)
-        return frame_irradiance(frame, scale, self._shown.resting(n), better, self.model.threads)
+        at, made = self.model.transforms({**self.poses, **(poses or {})}), self._shown or self._background()
+        paths = self.paths_gathered if self.photons_traced else 0
+        return light_from_scratch(self.model, self.seed, self._shown, made, self._lights, at, paths)
 
     @property
     def resting_irradiance(self) -> np.ndarray:

@@ -18,6 +18,8 @@ from gi_core.estimators import ESTIMATORS
 from gi_core.gather_filter import neighbours, smoothed
 from gi_core.gather_rounds import gather_rounds
 from gi_core.jit import cache_folder
+from gi_core.mobile_gather import MobileGather
+from gi_core.model import Model
 from gi_core.near_points import count_within, nearest
 from gi_core.scene.pilot import Rays, useful_box
 from gi_core.scene.refinement import refined
@@ -121,6 +123,8 @@ def _gather() -> None:
     for state in gather_rounds(_tiny_scene(), 0.1 * up, up, 0):
         if state.sets[0] == 2:
             break
+    model = Model(_tiny_scene())
+    MobileGather(model, 0).irradiance(model.transforms(model.start_poses()), np.zeros((model.first_probe, 3)), 1)
     # Smooth three receivers of one face.
     for _ in smoothed(*np.ones((2, 3, 3)), np.ones(3), neighbours(np.array([[0, 1, 2]]), 3), 0, 1):
         pass

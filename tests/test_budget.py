@@ -207,7 +207,7 @@ def test_settling_that_fails_is_told_once_and_the_drag_goes_on():
     drag(s, 3)
     move_all, asked = s.solver.move_all, []
 
-    def broken(poses, photons=None):
+    def broken(poses, photons=None, paths=None):
         asked.append(photons)
         raise ValueError("embree lost its scene")
 
@@ -227,24 +227,30 @@ def test_fewer_photons_than_make_a_picture_are_never_taken():
     class Slow:
         prefixes = (4_096, 65_536, 131_072, 1_000_000)
 
-        def prefix_within(self, seconds):
+        def paths_within(self, seconds):
+            return None
+
+        def prefix_within(self, seconds, paths=None):
             return self.prefixes[0]
 
     solver, pace = Slow(), Pace()
     pace.budget = 0.01
     for _ in range(50):
-        assert pace.choose(solver) == 65_536
+        assert pace.choose(solver) == (65_536, None)
         pace.took(1.0, solver)
 
 
 @pytest.mark.parametrize("prefixes", [(), (1000,)])
 def test_pace_with_nothing_to_choose_from(prefixes):
     class Few:
-        def prefix_within(self, seconds):
+        def paths_within(self, seconds):
+            return None
+
+        def prefix_within(self, seconds, paths=None):
             return self.prefixes[-1]
 
     solver, pace = Few(), Pace()
     solver.prefixes, pace.budget = prefixes, 0.01
     for _ in range(10):
-        assert pace.choose(solver) == (prefixes[-1] if prefixes else None)
+        assert pace.choose(solver) == (prefixes[-1] if prefixes else None, None)
         pace.took(1.0, solver)

@@ -19,6 +19,8 @@ ROOT = Path(__file__).resolve().parent.parent
 FAST = ["cornell", "--photons", "2000"]
 HEAVY = ("numpy", "numba", "scipy", "trimesh", "embreex", "moderngl", "glfw", "imgui_bundle", "PIL", "gi_core")
 
+GATHERED = {"static_light": "gathered", "mobile_light": "gathered"}
+
 
 def run(*arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess:
     """Run the program in a process of its own."""
@@ -91,9 +93,8 @@ def test_the_budget_is_the_viewers_and_may_be_off():
 
 
 def test_defaults_leave_the_choice_to_scene_and_program():
-    assert settings() == Settings(static_light="gathered") and settings(
-        "render", "tree", "--size", "64x48"
-    ) == Settings("tree", size=(64, 48))
+    assert settings() == Settings(**GATHERED)
+    assert settings("render", "tree", "--size", "64x48") == Settings("tree", size=(64, 48), mobile_light="gathered")
 
 
 @pytest.mark.parametrize(
@@ -231,7 +232,7 @@ def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
     monkeypatch.setattr(window, "why_no_window", lambda: None)
     monkeypatch.setitem(sys.modules, "app.viewer", types.SimpleNamespace(run=lambda s, screenshot: seen.append(s) or 0))
     assert cli.main([*FAST, "--exposure", "2"]) == 0
-    assert seen == [Settings(photons=2000, exposure=2.0, static_light="gathered")]
+    assert seen == [Settings(photons=2000, exposure=2.0, **GATHERED)]
 
 
 # Commands -------------------------------------------------------------------------------------------
@@ -330,23 +331,25 @@ def test_values_out_of_range_are_told_in_words(words, told, capsys):
 
 
 @pytest.mark.parametrize(
-    "words, light",
+    "words, static, mobile",
     [
-        ([], "gathered"),
-        (["--estimator", "photon_map"], "all"),
-        (["--estimator", "photon_map", "--static-light", "gathered"], "gathered"),
-        (["--static-light", "prefix"], "prefix"),
-        (["render"], "all"),
-        (["render", "--static-light", "gathered"], "gathered"),
-        (["bench"], "all"),
+        ([], "gathered", "gathered"),
+        (["--estimator", "photon_map"], "all", "photons"),
+        (["--estimator", "photon_map", "--static-light", "gathered"], "gathered", "photons"),
+        (["--static-light", "prefix", "--mobile-light", "photons"], "prefix", "photons"),
+        (["render"], "all", "gathered"),
+        (["render", "--static-light", "gathered"], "gathered", "gathered"),
+        (["render", "--estimator", "photon_map", "--mobile-light", "gathered"], "all", "gathered"),
+        (["bench"], "all", "photons"),
     ],
 )
-def test_the_window_gathers_static_light_unless_an_estimator_is_asked_for(words, light):
-    assert cli.settings_of(cli.parse(words)).static_light == light
+def test_light_is_gathered_unless_an_estimator_is_asked_for(words, static, mobile):
+    settings = cli.settings_of(cli.parse(words))
+    assert (settings.static_light, settings.mobile_light) == (static, mobile)
 
 
 def test_choosing_an_estimator_shows_its_own_light():
-    assert Settings(static_light="gathered").of_estimator("photon_map").static_light == "all"
+    assert Settings(**GATHERED).of_estimator("photon_map") == Settings(estimator="photon_map")
     assert Settings(static_light="prefix").of_estimator("photon_map") == Settings(
         static_light="prefix", estimator="photon_map"
     )

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from reference_twins import Twin
 from scene_builders import box, merge, quad, sphere
 
-import gi_core.solver
+import gi_core.frames
 from gi_core.disc_search import PRETESTS, SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.paths import take
@@ -111,7 +111,7 @@ def test_there_and_back_is_the_start(estimator, history):
 
 @pytest.mark.parametrize("mutation", ["a branch skipped", "a tail forgotten"])
 def test_the_comparison_catches_mutations(monkeypatch, estimator, mutation):
-    real = gi_core.solver.change
+    real = gi_core.frames.change
 
     def mutated(*arguments):
         frame = real(*arguments)
@@ -124,7 +124,7 @@ def test_the_comparison_catches_mutations(monkeypatch, estimator, mutation):
             return frame._replace(branches=take(segments, ~np.isin(segments.photon, victims)))
         return frame._replace(tails=frame.tails.of(~np.isin(frame.tails.photon, victims)))
 
-    monkeypatch.setattr(gi_core.solver, "change", mutated)
+    monkeypatch.setattr(gi_core.frames, "change", mutated)
     solver = solved(estimator=estimator)
     assert solver.changes.photons_cut > 0
     assert not np.array_equal(solver.irradiance, TWIN.irradiance(estimator, solver.poses))

@@ -237,7 +237,7 @@ def test_an_exception_while_refining_or_moving_is_told_and_survived(session):
     assert session.log.last.level == ERROR and "embree lost its scene" in session.log.last.text
     assert not session.refining
 
-    def refuse(poses, photons=None):
+    def refuse(poses, photons=None, paths=None):
         raise ValueError("not rigid")
 
     session.solver.move_all = refuse

@@ -196,7 +196,7 @@ def test_the_budget_is_kept_while_dragging_and_the_panel_says_which_photons_are_
         solver = session.solver
         few = solver.prefixes[0]
         assert few < support.SETTINGS.photons == solver.prefixes[-1]
-        solver.prefix_within = lambda seconds: few
+        solver.prefix_within = lambda seconds, paths=None: few
 
         at = hand.at(BLOCK_FRONT)
         hand.move(at)

@@ -181,6 +181,7 @@ class CountingSolver:
         self.timings, self.probe_irradiance, self.segments_total = {}, {}, 0
         self.changes, self.control_facts = Changes(0, 0, 0), ControlFacts(0.0, 0, 0)
         self.static_light, self.gathered = "all", None
+        self.paths_gathered = self.paths_at_rest = 0
         self.memory_full, self.fates = False, {"emitted": np.zeros(3), "truncated": np.zeros(3)}
         self.at_rest = 0  # photons of the last picture
         self.moved_with: list[int] = []  # photons of each move
@@ -190,7 +191,10 @@ class CountingSolver:
     def prefixes(self) -> tuple[int, ...]:
         return tuple(n for n in (125, 250, 500) if n < self.at_rest) + (self.at_rest,) * (self.at_rest > 0)
 
-    def prefix_within(self, seconds: float) -> int:
+    def paths_within(self, seconds: float) -> None:
+        return None
+
+    def prefix_within(self, seconds: float, paths: int | None = None) -> int:
         fit = [n for n in self.prefixes if self.wrong * self.move_seconds(n) <= seconds]
         return fit[-1] if fit else self.prefixes[0]
 
@@ -208,7 +212,7 @@ class CountingSolver:
                 self.irradiance = np.full_like(self.irradiance, len(self.log))
             yield Progress("tracing", k / self.steps, picture)
 
-    def move_all(self, poses, photons: int | None = None) -> None:
+    def move_all(self, poses, photons: int | None = None, paths: int | None = None) -> None:
         assert photons is None or photons in self.prefixes
         photons = self.at_rest if photons is None else photons
         self.clock.now += self.move_seconds(photons)

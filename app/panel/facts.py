@@ -29,6 +29,7 @@ class Facts:
     photons_shown: int  # that the picture is made of
     photons_traced: int  # that it is made of at rest
     photons_goal: int
+    paths_shown: int  # that a vertex of a mobile has gathered; 0: its light is the photons'
     moving: bool  # something is dragged or played
     segments: int
     control: ControlFacts  # whom artifact control concerns
@@ -72,6 +73,7 @@ def facts_of(
         photons_shown=session.light.photons_shown,
         photons_traced=session.light.photons_there,
         photons_goal=solver.photons,
+        paths_shown=session.light.paths_shown,
         moving=session.dragging or session.playing,
         segments=told.segments,
         control=told.control,

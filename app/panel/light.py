@@ -13,6 +13,7 @@ from app.settings import Settings
 RADIUS_RANGE = (0.002, 0.2)  # of the scene size
 PHOTONS_RANGE = (1_000, 10_000_000)
 NEIGHBOURS_RANGE = (2, 1_000)
+MOBILE_LIGHT_NAMES = {"photons": "By photons", "gathered": "Gathered each frame"}
 STATIC_LIGHT_NAMES = {"all": "All photons", "prefix": "Photons in use", "gathered": "Gathered at rest"}
 
 
@@ -72,4 +73,11 @@ def _static_light(s: Settings, facts: Facts) -> Settings:
         use = "in use" if g.used else "photons are better still"
         ui.write_over(f"noise {100 * g.noise:.1f} %, {use}" if g.noise < 1 else "gathering, no answer yet")
         ui.tip("How well the static light is known; it is gathered until its noise is 0.7 %.")
+    imgui.begin_disabled(facts.mobiles == 0)
+    s = ui.choice(s, "Mobile light", "mobile_light", MOBILE_LIGHT_NAMES,
+                  "What mobiles are lit from.\n"
+                  "By photons: the estimator's own light; few photons meet a small thing.\n"
+                  "Gathered: in each frame from lamps and the static part, along a few paths a vertex: as many as fit "
+                  "the budget while something moves, more at rest.")  # fmt: skip
+    imgui.end_disabled()
     return s

@@ -40,7 +40,13 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     )
     _auto(facts, actions)
     told = f"{ui.thousands(facts.photons_shown)} of {ui.thousands(facts.photons_traced)} photons"
-    ui.number("Moving" if facts.moving else "At rest", told, "Photons that this picture is made of, and all there are.")
+    if facts.paths_shown:
+        told += f", {facts.paths_shown} paths"
+    ui.number(
+        "Moving" if facts.moving else "At rest",
+        told,
+        "Photons that this picture is made of, and all there are; paths that a vertex of a mobile gathers.",
+    )
     return s
 
 

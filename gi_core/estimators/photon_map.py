@@ -131,9 +131,10 @@ class PhotonMap:
         self.stale = len(rows)
 
         sums = np.zeros((len(self.model.object_receivers.areas), 3), np.int64)
-        area = np.empty(len(sums))
+        area = np.zeros(len(sums))
         sums[self._static], area[self._static] = background.sums, background.area
-        rows = np.concatenate([rows, np.arange(self._static.stop, len(sums))])
+        if frame.near:
+            rows = np.concatenate([rows, np.arange(self._static.stop, len(sums))])
         # A photon's hits are gone from the end of the segment that is cut.
         points, normals = self._receivers(frame.at, rows)
         try:
@@ -144,6 +145,7 @@ class PhotonMap:
             background.cut_bounce[frame.tails.photon] = NEVER
         changed = np.zeros(chunks_of(len(sums)), bool)
         changed[rows >> CHUNK_BITS] = True
+        changed[self._static.stop >> CHUNK_BITS :] = len(sums) > self._static.stop
         return Evaluated(sums, area, changed)
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,177 @@
+"""Light that mobiles gather: closed forms, the reference, and the bits of whole frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scene_builders import box, box_mobile, grey, lamp, merge, quad, sphere
+from test_invariants import AWAY, SCENE, fresh, moves, solved
+
+from gi_core import mobile_gather
+from gi_core.error import relative_error
+from gi_core.estimators import ESTIMATORS
+from gi_core.evaluation_points import evaluation_points
+from gi_core.mobile_gather import MobileGather
+from gi_core.model import Model
+from gi_core.reference import reference_irradiance
+from gi_core.scene.errors import SceneError
+from gi_core.scene.types import Mobile, PointLight, Pose, Scene
+from gi_core.solver import Solver
+
+GATHERED = {"mobile_light": "gathered"}
+
+
+def gathering(poses=None, **setting) -> Solver:
+    solver = fresh(**setting)
+    solver.configure(**GATHERED)
+    solver.solve()
+    if poses:
+        solver.move_all(poses)
+    return solver
+
+
+def at_start(scene: Scene, threads: int = 2) -> tuple[Model, object]:
+    model = Model(scene, threads)
+    return model, model.transforms(model.start_poses())
+
+
+@pytest.mark.parametrize("log2_paths", [0, 3, 12])
+def test_a_convex_thing_between_walls_of_one_light_has_rho_times_that(log2_paths):
+    """Every path ends on a wall, whatever its direction: no noise is left."""
+    walls = box((0, 0, 0), (1, 1, 1), 3, 0, inward=True)
+    thing = box_mobile("box", 0.2, 1)._replace(pose=Pose((0.4, 0.5, 0.6), (0.8, 0.6, 0.0, 0.0)))
+    model, at = at_start(Scene(walls, (grey(0.7), grey(0.2)), (thing,), up=(0, 0, 1)))
+    static = np.broadcast_to([1.0, 2.0, 4.0], (model.first_probe, 3))
+    found = MobileGather(model, 3).irradiance(at, static, log2_paths)
+    assert len(found) > 20 and np.allclose(found, [0.7, 1.4, 2.8], rtol=1e-12)
+
+
+def test_inside_a_hollow_mobile_light_goes_to_and_fro():
+    """A bulb in the middle of a sphere of radius r: E = (flux / 4 pi r2) / (1 - rho), and outside there is none."""
+    rho, radius = 0.8, 0.3
+    hull = sphere((0, 0, 0), radius, 3, 1)
+    hollow = Mobile("hull", hull._replace(faces=hull.faces[:, ::-1]), Pose((0.5, 0.5, 0.5)))
+    bulb = PointLight("bulb", (0.5, 0.5, 0.5), (3.0, 3.0, 6.0))
+    walls = box((0, 0, 0), (1, 1, 1), 2, 0, inward=True)
+    model, at = at_start(Scene(walls, (grey(0.5), grey(rho)), (hollow,), (bulb,), up=(0, 0, 1)))
+    found = MobileGather(model, 0).irradiance(at, np.zeros((model.first_probe, 3)), 6)
+    expected = np.array([3.0, 3.0, 6.0]) / (4 * np.pi * radius**2) / (1 - rho)
+    assert np.allclose(found.mean(axis=0), expected, rtol=0.02)  # facets are nearer than the sphere
+    assert np.allclose(found, expected, rtol=0.08)
+
+
+def test_it_is_the_reference():
+    """Walls of many receivers, so that what is interpolated between them is right; two things, side by side."""
+    places = {0.25: (0.4, 0.5, 0.3), 0.15: (0.62, 0.5, 0.35)}
+    things = [box_mobile(f"of {size}", size)._replace(pose=Pose(at)) for size, at in places.items()]
+    walls = merge(
+        box((0, 0, 0), (1, 1, 1), 12, 0, inward=True), quad((0.4, 0.4, 0.95), (0, 0.3, 0), (0.2, 0, 0), (2, 2), 1)
+    )
+    materials = grey(0.6)._replace(reflectance=(0.8, 0.5, 0.2)), lamp(8.0, 0.5)
+    bulb = PointLight("p", (0.2, 0.8, 0.4), (1.0, 2.0, 0.5))
+    scene = Scene(walls, materials, tuple(things), (bulb,), up=(0, 0, 1))
+    model, at = at_start(scene)
+    receivers = model.receivers_at(model.start_poses())
+    points, normals = evaluation_points(model.surfaces, receivers)
+    gather = MobileGather(model, 0)
+    truth, error = reference_irradiance(scene, points, normals, 700, 5, model=model)
+    first = gather.first
+    areas = receivers.areas[first:]
+    few, many = (relative_error(gather.irradiance(at, truth[:first], m), truth[first:], areas).l1 for m in (3, 9))
+    noise = relative_error(truth[first:] + error[first:], truth[first:], areas).l1
+    assert noise < 0.03 and many < 0.04
+    assert few > 2 * many
+    total, expected = gather.irradiance(at, truth[:first], 9).sum(axis=0), truth[first:].sum(axis=0)
+    assert np.allclose(total, expected, rtol=0.02)
+
+
+@settings(max_examples=10)
+@given(st.lists(moves, min_size=1, max_size=4), st.sampled_from(list(ESTIMATORS)))
+def test_any_history_equals_from_scratch_and_a_solver_that_saw_no_other_pose(history, estimator):
+    solver = gathering(estimator=estimator)
+    for name, pose in history:
+        solver.move(name, pose)
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+    assert np.array_equal(solver.irradiance, gathering(solver.poses, estimator=estimator, threads=5).irradiance)
+    # The static part does not know of it.
+    first = solver.surfaces.receiver_range(0).stop
+    plain = solved(solver.poses, estimator=estimator)
+    assert np.array_equal(solver.irradiance[:first], plain.irradiance[:first])
+    assert not solver.irradiance[first:].any() or not np.array_equal(solver.irradiance, plain.irradiance)
+
+
+def test_a_frame_of_fewer_photons_and_paths():
+    solver = Solver(SCENE, photons=10_000, radius=0.2)
+    solver.configure(**GATHERED)
+    solver.solve()
+    assert solver.paths_gathered == solver.paths_at_rest == 64
+    first, whole = solver.surfaces.receiver_range(0).stop, solver.irradiance
+    solver.move_all({}, None, 8)
+    assert solver.paths_gathered == 8 and np.array_equal(solver.irradiance[:first], whole[:first])
+    assert not np.array_equal(solver.irradiance[first:], whole[first:])
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+    solver.move_all({}, solver.prefixes[0], 4)
+    assert (solver.photons_traced, solver.paths_gathered) == (solver.prefixes[0], 4)
+    for _ in solver.solve_steps():
+        pass
+    assert np.array_equal(solver.irradiance, whole), "at rest all there is"
+    assert solver.paths_within(0.0) == 4 and solver.paths_within(100.0) == 64
+    assert solver.prefix_within(100.0, 4) == 10_000
+
+
+def test_a_switch_is_shown_without_a_move_and_traces_nothing():
+    solver = solved()
+    by_photons, segments = solver.irradiance, solver.segments_total
+    solver.configure(**GATHERED)
+    solver.solve()
+    assert solver.mobile_light == "gathered" and not np.array_equal(solver.irradiance, by_photons)
+    assert solver.segments_total == segments and np.array_equal(solver.irradiance, gathering().irradiance)
+    solver.configure(mobile_light="photons")
+    solver.solve()
+    assert np.array_equal(solver.irradiance, by_photons) and solver.paths_at_rest == 0
+
+
+def test_far_away_from_all_light_it_is_black():
+    solver = gathering({"box": AWAY, "ball": AWAY})
+    first = solver.surfaces.receiver_range(0).stop
+    lit = Solver(replace(SCENE, lights=(), mobiles=SCENE.mobiles[:1]), photons=300, radius=0.2)
+    assert solver.irradiance[first:].max() < 1e-2 * solver.irradiance[:first].max()
+    lit.configure(**GATHERED)
+    lit.solve()
+    lit.move("box", AWAY)
+    assert not lit.irradiance[lit.surfaces.receiver_range(0).stop :].any(), "a closed room's lamp faces inward"
+
+
+def test_without_photons_or_mobiles_there_is_nothing_to_gather():
+    none = gathering(photons=0)
+    assert not none.irradiance.any() and none.paths_gathered == 0
+    still = Solver(replace(SCENE, mobiles=()), photons=300, radius=0.2)
+    still.configure(**GATHERED)
+    still.solve()
+    assert still.paths_gathered == still.paths_at_rest == 0 and still.paths_within(1.0) is None
+
+
+def test_what_there_is_not_is_refused():
+    solver = gathering()
+    with pytest.raises(SceneError, match="mobile_light must be one of photons, gathered, got 'baked'"):
+        solver.configure(mobile_light="baked")
+    before, poses = solver.irradiance, dict(solver.poses)
+    with pytest.raises(SceneError, match="a frame can gather 4, 8, 16, 32, 64, 128, 256 paths a receiver, got 5"):
+        solver.move_all({"box": AWAY}, None, 5)
+    assert solver.irradiance is before and solver.poses == poses
+
+
+def test_the_comparisons_catch_a_path_that_is_left_out(monkeypatch):
+    real = mobile_gather._meet
+
+    def mutated(ends, direction, distance, face, *others):
+        face[len(face) // 2] = -1
+        return real(ends, direction, distance, face, *others)
+
+    right = gathering(threads=1)
+    monkeypatch.setattr(mobile_gather, "_meet", mutated)
+    assert not np.array_equal(gathering(threads=1).irradiance, right.irradiance)
