@@ -260,9 +260,11 @@ def _reference(arguments: argparse.Namespace) -> int:
 
 
 def _chart(arguments: argparse.Namespace) -> int:
+    a = arguments
+    if a.atlas:
+        return _atlas(a)
     from app.chart_command import chart
 
-    a = arguments
     print(chart(settings_of(a), a.out, a.quick, a.frames, a.points))
     return OK
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from app.atlas_row import Row, View, near, ratios
-from app.atlas_shapes import BLACK, beyond, box, fan, joined, scene, sheet
+from app.atlas_shapes import BLACK, beyond, box, fan, furnace, joined, scene, sheet
 from gi_core.scene import DirectionalLight
 
 SUN = DirectionalLight("sun", (0, 0, -1), (1.0, 1.0, 1.0))
@@ -22,6 +22,7 @@ SPACING = 2.2
 def rows() -> Iterator[Row]:
     """Measure every failure of photon maps."""
     yield from borders()
+    yield from corners()
     yield from small_surfaces()
     yield from thin_wall()
 
@@ -59,6 +60,31 @@ def borders() -> Iterator[Row]:
             known=HALF_A_HIT * angle / 360,
             cost="none a frame",
             view=View(field, photons, map_, corrected) if (name, angle) == ("fan", 180) else None,
+            title="A photon map at a border vertex",
+        )
+
+
+def corners() -> Iterator[Row]:
+    """Where walls meet, the sphere round a vertex holds hits on all of them: a quarter or half a circle each."""
+    room, along = furnace(20), np.linspace(0.3, 0.7, 9)
+    places = {
+        "in a corner of three walls": (near(*np.indices((2, 2, 2)).reshape(3, -1).T), 0.75),
+        "at the edge of two walls": (near(*[(x, 0, 0) for x in along], *[(x, 1, 1) for x in along]), 1.0),
+    }
+    map_ = {"estimator": "photon_map", "neighbours": 200, "radius": 0.3, "border_correction": False}
+    settings = [map_, {**map_, "border_correction": True}]
+    found, helped = ratios(room, 100_000, [p for p, _ in places.values()], settings, truth=2 * math.pi)
+    for (where, (_, share)), m, h in zip(places.items(), found, helped, strict=True):
+        yield Row(
+            f"map_corner_{share:g}",
+            f"photon_map {where}",
+            "what the walls fill of a circle: three quarters, two halves",
+            share,
+            m,
+            "border correction: hits on the receiver's own side, divided by the angle that it fills",
+            h,
+            known=0.5 / 200,
+            title="A photon map in corners",
         )
 
 
@@ -72,7 +98,7 @@ def small_surfaces() -> Iterator[Row]:
         for j in range(COPIES):
             meshes.append(sheet((i * 2.0, j * 2.0, 0), (s, 0, 0), (0, s, 0)))
             corners[s].append((i * 2.0, j * 2.0, 0))
-    field = scene(joined(*meshes), (BLACK._replace(reflectance=(0.5,) * 3),), (2, -12, 12), (2, 11, 0), (SUN,))
+    field = scene(joined(*meshes), (BLACK._replace(reflectance=(0.5,) * 3),), (2, -2, 2.2), (2, 2.2, 0), (SUN,))
     map_ = {"estimator": "photon_map", "neighbours": 10_000, "radius": 0.5, "border_correction": False}
     plane = {"estimator": "tangent_plane", "radius": 0.2}
     measured, helped = ratios(field, 150_000, [near(*corners[s]) for s in sizes], [map_, plane])
@@ -86,6 +112,7 @@ def small_surfaces() -> Iterator[Row]:
             "tangent_plane",
             h,
             view=View(field, 150_000, map_, plane) if s == 0.3 else None,
+            title="A photon map on a small surface",
         )
 
 
@@ -134,6 +161,7 @@ def thin_wall() -> Iterator[Row]:
             aim=0.0,
             view=view,
             what="E / that of the lit side",
+            title="Across a thin wall",
         )
         yield Row(
             f"beside_{key}",
@@ -143,4 +171,5 @@ def thin_wall() -> Iterator[Row]:
             loss,
             "tangent_plane with control",
             helped[1],
+            title="Across a thin wall",
         )

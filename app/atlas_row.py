@@ -22,7 +22,10 @@ class Number(NamedTuple):
     runs: int = 1  # that the error is taken from
 
     def __str__(self) -> str:
-        return f"{self.mean:.4g}" + (f" ± {self.error:.1g}" if self.error else "")
+        if self.error <= 1e-12 * abs(self.mean):
+            return f"{self.mean:.4g}"
+        digits = max(1 - math.floor(math.log10(self.error)), 0)  # two that chance reaches
+        return f"{self.mean:.{digits}f} ± {self.error:.{digits}f}"
 
 
 class View(NamedTuple):
@@ -32,6 +35,7 @@ class View(NamedTuple):
     photons: int
     fails: dict  # fields of Setting
     helps: dict | None
+    caption: str = "as it fails"  # where nothing helps
 
 
 class Row(NamedTuple):
@@ -50,6 +54,7 @@ class Row(NamedTuple):
     aim_known: float = 0.0  # how near to its aim theory lets a remedy come
     view: View | None = None
     what: str = "E / truth"
+    title: str = ""  # what it and its neighbours of the same title are about; "": `where`
 
 
 def solved(scene: Scene, photons: int, seed: int = 0, poses=None, **setting) -> Solver:

@@ -51,6 +51,7 @@ def walls_and_corners() -> Iterator[Row]:
             h,
             cost="24 % of a frame's time",
             view=View(room, 100_000, *settings) if key == "corner" else None,
+            title="A disc in a corner, at an edge, before a wall",
         )
 
 
@@ -71,6 +72,7 @@ def table_leg() -> Iterator[Row]:
         "artifact control: the part of the disc that is seen from its middle",
         h,
         view=View(room, 50_000, *settings),
+        title="A disc round the leg of a table",
     )
 
 
@@ -96,7 +98,8 @@ def curved_inside() -> Row:
         "on its own smooth patch a segment counts up to 2r behind its hit",
         h,
         known=0.025,  # the steepest segments end their 2r before they reach the disc
-        view=View(hollow, 50_000, *settings),
+        view=View(hollow, 50_000, settings[1], None, "with the rule; the half before it is not drawn"),
+        title="A disc inside a sphere",
     )
 
 
@@ -122,6 +125,8 @@ def curved_outside() -> Iterator[Row]:
             "none needed",
             h,
             known=0.003,  # normals of facets
+            view=View(globe, 100_000, settings[1], None, "lit from above") if k == 4 else None,
+            title="A disc outside a sphere",
         )
 
 
@@ -141,6 +146,7 @@ def larger_than_the_room() -> Iterator[Row]:
             "artifact control",
             h,
             view=View(room, 20_000, *settings) if radius == 1 else None,
+            title="A disc larger than the room",
         )
 
 
@@ -171,6 +177,7 @@ def smaller_and_smaller() -> Iterator[Row]:
             view=View(room, photons, {**CONTROL, "radius": radius}, {**CONTROL, "radius": 0.1})
             if radius == 0.02
             else None,
+            title="The radius to 0",
         )
 
 
@@ -196,6 +203,7 @@ def shadow_edge() -> Iterator[Row]:
             cost="16 times the photons for the same noise",
             view=View(half, 200_000, coarse, fine) if x > 0 else None,
             what="E / that of the lit side",
+            title="The edge of a hard shadow",
         )
 
 
@@ -216,4 +224,5 @@ def lamp_near_a_surface() -> Row:
         n,
         aim=2 * 100 * (1 - 1 / math.hypot(1, 0.1)),
         view=View(ground, 200_000, coarse, fine),
+        title="A small lamp near a surface",
     )

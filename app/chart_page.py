@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from html import escape
 from pathlib import Path
 
@@ -11,23 +10,14 @@ from app import chart_pictures
 from app.chart_report import SCENES, beside
 from app.chart_rival import RIVAL
 from app.chart_run import Run
+from app.html_page import document, image, table, write
 
-STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 1180px; margin: 2em auto; padding: 0 1em; }
-h1 { font-size: 1.7em; } h2 { margin-top: 2em; font-size: 1.25em; } svg { width: 100%; height: auto; }
-table { border-collapse: collapse; font-size: 0.88em; } .wide { overflow-x: auto; }
-th, td { padding: 0.25em 0.7em; text-align: right; border-bottom: 1px solid #ddd; white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; } th { border-bottom: 2px solid #888; }
-figure { margin: 0; } .row { display: grid; grid-template-columns: repeat(auto-fit, minmax(300px, 1fr)); gap: 1em; }
-.row img { width: 100%; display: block; } figcaption { font-size: 0.88em; margin: 0.3em 0 1em; }
-"""
 ALL_COLUMNS = ("noise", "bias", "total", "total l2")
 
 
 def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
     """Write index.html, whole or not at all. Raises OSError."""
     parts = [
-        f"<h1>{escape(str(about['scene']))}: speed against accuracy</h1>",
         f"<p>{escape(_summary(rows, about))}</p>",
         _inline((out / "chart.svg").read_text(encoding="utf-8")),
         "<h2>The best of each estimator</h2>",
@@ -39,12 +29,7 @@ def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
         _everything(rows),
         f"<p>{escape(_notes(about))}</p>",
     ]
-    title = escape(f"{about['scene']}: speed against accuracy")
-    head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
-    page = f"<!doctype html><html lang='en'><head>{head}</head><body>" + "\n".join(parts) + "</body></html>\n"
-    aside = out / "index.html.part"
-    aside.write_text(page, encoding="utf-8")
-    os.replace(aside, out / "index.html")
+    write(out / "index.html", document(f"{about['scene']}: speed against accuracy", parts))
 
 
 def _summary(rows: list[dict], about: dict) -> str:
@@ -58,7 +43,7 @@ def _summary(rows: list[dict], about: dict) -> str:
 def _notes(about: dict) -> str:
     return (
         f"A GI frame is everything from new poses to irradiance. Errors are relative, at {about['asked_points']:,} "
-        f"receivers of each of {about['poses']} poses, drawn by area, class by class; truth is an unbiased path gather "
+        f"receivers a pose ({about['poses']} in all), drawn by area, class by class; truth is an unbiased path gather "
         f"with {about['truth']:.0%} of chance in it. Noise is against the same estimator at {about['limit']:,} other "
         "photons, bias is that against the truth (the noise of either is in it). Flicker: how much receivers that no "
         "frame changes by a thousandth of the mean vary over frames. Jump: change from frame to frame of those that "
@@ -68,13 +53,14 @@ def _notes(about: dict) -> str:
 
 
 def _inline(svg: str) -> str:
-    return svg[svg.index("<svg") :]
+    return f"<div class='wide'>{svg[svg.index('<svg') :]}</div>"
 
 
 def _pictures(found) -> str:
     out = []
     for p in found:
-        images = "".join(f'<img src="{uri}" alt="">' for uri in (p.image, p.error_map) if uri)
+        shown = [(p.image, f"picture: {p.title}"), (p.error_map, f"map of errors: {p.title}")]
+        images = "".join(image(picture, told) for picture, told in shown if picture is not None)
         out.append(f"<figure>{images}<figcaption><b>{escape(p.title)}</b>: {escape(p.text)}</figcaption></figure>")
     return f"<div class='row'>{''.join(out)}</div>"
 
@@ -99,11 +85,12 @@ def _report(rows: list[dict], about: dict) -> list[str]:
         "tangent_plane with 5 or 100 million photons (noise of photon_map: from itself); ours are of irradiance over "
         "all receivers, from the truth, so only times compare directly. The k of its photon maps is not told."
     )
-    return ["<h2>The report's tables, redone</h2>", _table(head, lines), f"<p>{note}</p>"]
+    return ["<h2>The report's tables, redone</h2>", table(head, lines), f"<p>{note}</p>"]
 
 
 def _everything(rows: list[dict]) -> str:
-    head = ["setting", "frame", "95 %", "first frame", *ALL_COLUMNS, "affected", "mobile", "border", "flicker", "jump"]
+    over = [("", 1), ("GI frame", 3), ("error, all receivers", 4), ("total error", 3), ("over frames", 2)]
+    head = ["setting", "median", "95 %", "first", *ALL_COLUMNS, "changed", "mobile", "borders", "flicker", "jump"]
     lines = []
     for r in sorted(rows, key=lambda r: (r["curve"], r["radius"], r["neighbours"], r["photons"])):
         words = f"{r['photons']} paths a vertex" if r["curve"] == RIVAL else _told(r)
@@ -113,20 +100,13 @@ def _everything(rows: list[dict]) -> str:
             *(_percent(r[f"total {name}"]) for name in ("affected", "mobile", "border")),
             _percent(r["flicker"], 2), _number(r["jump"]),
         ])  # fmt: skip
-    return f"<div class='wide'>{_table(head, lines)}</div>"
+    return table(head, lines, over)
 
 
 def _told(r: dict) -> str:
     from app.chart_settings import Choice
 
     return Choice(*(r[name] for name in Choice._fields)).told()
-
-
-def _table(head: list[str], lines: list[list[str]]) -> str:
-    def cells(kind: str, texts: list[str]) -> str:
-        return "<tr>" + "".join(f"<{kind}>{escape(t)}</{kind}>" for t in texts) + "</tr>"
-
-    return "<table>" + cells("th", head) + "".join(cells("td", line) for line in lines) + "</table>"
 
 
 def _there(value) -> bool:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -31,8 +29,8 @@ class Picture(NamedTuple):
 
     title: str
     text: str
-    image: str  # data: URI
-    error_map: str | None
+    image: np.ndarray  # (h, w, 3) uint8
+    error_map: np.ndarray | None
 
 
 def best_rows(rows: list[dict]) -> list[dict]:
@@ -57,7 +55,7 @@ def pictures(run: Run, rows: list[dict]) -> list[Picture]:
     truth, areas = reached.state.mean, store.weights
     solver.irradiance = truth
     shot = Shot(solver, replace(run.settings, size=SIZE))
-    out = [Picture("truth", f"unbiased path gather, {100 * reached.noise:.1f} % of chance", _uri(shot.take()), None)]
+    out = [Picture("truth", f"unbiased path gather, {100 * reached.noise:.1f} % of chance", shot.take(), None)]
     settings = replace(run.settings, size=SIZE, exposure=shot.exposure)
     for row in best_rows(rows):
         run.bar(f"picture of {row['estimator']}", 0.0)
@@ -68,7 +66,7 @@ def pictures(run: Run, rows: list[dict]) -> list[Picture]:
         off = signed_error(solver.irradiance, truth, areas)
         total = relative_error(solver.irradiance, truth, areas)
         text = f"{choice.told()}: {row['frame_ms']:.3g} ms a frame; {100 * total.l1:.1f} % off here"
-        out.append(Picture(choice.curve, text, _uri(shot.take()), _uri(_map(shot, off))))
+        out.append(Picture(choice.curve, text, shot.take(), _map(shot, off)))
     return out
 
 
@@ -85,11 +83,3 @@ def _map(shot: Shot, error: np.ndarray) -> np.ndarray:
     return raycast.picture(
         model.accelerator, at, shot.meshes, colours, shot.camera, SIZE, 0.0, "clip", shot.settings.cull, textured=False
     )
-
-
-def _uri(picture: np.ndarray) -> str:
-    from PIL import Image
-
-    data = io.BytesIO()
-    Image.fromarray(picture).save(data, "PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(data.getvalue()).decode()

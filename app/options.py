@@ -72,5 +72,6 @@ def chart(parser: argparse.ArgumentParser) -> None:
         help="folder of results.csv, chart.svg, index.html (chart)",
     )
     add("--quick", action="store_true", help="few settings, frames and receivers: a minute")
+    add("--atlas", action="store_true", help="instead, of no scene: where each method fails (as gi-viewer atlas)")
     add("--frames", type=values.positive_int, metavar="N", help="timed frames along the path a setting (40)")
     add("--points", type=values.positive_int, metavar="N", help="receivers a pose whose error is taken (1500)")

@@ -13,11 +13,19 @@ import numpy as np
 import pytest
 from significance import p_values, sidak
 
-from app import atlas_command, atlas_others, atlas_photon_map, atlas_tangent_plane
+from app import (
+    atlas_command,
+    atlas_mobiles,
+    atlas_others,
+    atlas_page,
+    atlas_photon_map,
+    atlas_programs,
+    atlas_tangent_plane,
+)
 from app.atlas_row import Number, Row, View, near, over_seeds, solved
 from app.atlas_shapes import BLACK, ball, beyond, box, fan, scene, sheet
 
-TESTS = 60  # numbers looked at, rather too many
+TESTS = 90  # numbers looked at, rather too many
 LEVEL = sidak(1e-3, TESTS)
 SEEN = 1.25
 HELPED = 0.02  # how near a remedy must come
@@ -51,8 +59,8 @@ def test_photon_maps_on_small_surfaces_and_across_walls(rows):
 
 @pytest.mark.slow
 def test_photon_maps_at_borders():
-    found = list(atlas_photon_map.borders())
-    assert len(found) == 15
+    found = [*atlas_photon_map.borders(), *atlas_photon_map.corners()]
+    assert len(found) == 15 + 2
     for row in found:
         check(row)
 
@@ -84,7 +92,11 @@ OTHERS = [
     pytest.param(atlas_others.textbook, marks=pytest.mark.slow),
     atlas_others.small_faces,
     pytest.param(atlas_others.bright_rooms, marks=pytest.mark.slow),
-    atlas_others.scales,
+    pytest.param(atlas_programs.scales, marks=pytest.mark.slow),
+    atlas_programs.at_rest,
+    atlas_programs.at_edges,
+    atlas_programs.next_to_nothing,
+    atlas_mobiles.rows,
 ]
 
 
@@ -94,7 +106,8 @@ def test_others(rows):
         check(row)
 
 
-SLOW = [pytest.param(row, marks=pytest.mark.slow) for row in (atlas_others.drift, atlas_others.beside_a_mobile)]
+LONG = atlas_programs.drift, atlas_programs.soup, atlas_others.beside_a_mobile
+SLOW = [pytest.param(row, marks=pytest.mark.slow) for row in LONG]
 
 
 @pytest.mark.parametrize("row", [atlas_others.naive_sums, *SLOW])
@@ -152,9 +165,27 @@ def test_the_command_writes_a_page_a_table_and_pictures(tmp_path, capsys):
     atlas_command.atlas(tmp_path / "new", {"Chapter": lambda: iter(rows)})
     assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["a.png", "atlas.md", "index.html"]
     page = (tmp_path / "new" / "index.html").read_text()
-    assert "where &lt;a&gt;" in page and 'src="a.png"' in page and "0.51 ± 0.01" in page
+    assert "where &lt;a&gt;" in page and "0.510 ± 0.010" in page and "<title>Failure atlas</title>" in page
+    assert page.count('src="data:image/png;base64,') == page.count("src=") == 1 and "http" not in page
     table = (tmp_path / "new" / "atlas.md").read_text()
     assert table.count("\n| ") == 3 and "| b | 0 | 0 | 0 | none |" in table
+
+
+def test_rows_of_one_title_share_what_they_have_in_common():
+    rows = [
+        Row(name, name, theory, 1.0, Number(1.0), "shade", Number(aim), aim=aim, title="Sun", known=0.1)
+        for name, theory, aim in (("noon", "bright", 0.0), ("dusk", "dim", 1.0))
+    ]
+    html = atlas_page.page({"Chapter": rows}, {})
+    assert html.count("<h3>") == html.count("shade") == 1 and "<b>Remedy</b> shade" in html
+    assert "<th>theory</th>" in html and "<td>bright</td>" in html and "<td>dim</td>" in html
+    assert html.count("1 ± 0.1") == 2 and "<th>remedy</th>" not in html and "<b>Cost</b>" not in html
+
+
+def test_digits_end_where_chance_begins():
+    said = {(0.08258, 0.0004): "0.08258 ± 0.00040", (61.99, 0.03): "61.990 ± 0.030", (3.0, 20.0): "3 ± 20"}
+    assert {pair: str(Number(*pair)) for pair in said} == said
+    assert [str(Number(x)) for x in (0.25, 0.0)] == ["0.25", "0"] and str(Number(1.25, 5e-17)) == "1.25"
 
 
 def test_groups_are_looked_up_by_place():
