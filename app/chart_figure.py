@@ -20,7 +20,7 @@ PANELS = {
 STYLES = {
     "tangent_plane": ("#0072B2", "o"),
     "tangent_plane, while dragged": ("#56B4E9", "s"),
-    "tangent_plane, gathered static light": ("#7A5195", "P"),
+    "tangent_plane, gathered light": ("#7A5195", "P"),
     "tangent_plane, no control": ("#009E73", "v"),
     "impact_count": ("#D55E00", "^"),
     "photon_map": ("#CC79A7", "D"),

@@ -44,18 +44,18 @@ def make_walk(finest, lap: list, cases: list[Case], seed: int) -> Walk:
     background = light_of(background_of(finest), watched)
     ones = np.ones(len(watched))  # drawn by area: each stands for as much
     blank = Walk(lap, [], watched, ones, np.zeros(len(watched), bool), np.zeros(len(watched), bool), 0.0)
-    light = go(finest, blank, None).light
+    light = go(finest, blank).light
     steady, moved = steady_and_moved(light, background, ones)
     return Walk(lap, cases, watched, ones, steady, moved, _jump(light[:, moved], ones[moved]))
 
 
-def go(solver, walk: Walk, photons: int | None) -> Seen:
+def go(solver, walk: Walk, photons: int | None = None, paths: int | None = None) -> Seen:
     """Take a solved solver along the walk; only the frame itself is timed."""
     ms, light, by_frame = [], [], {}
-    solver.move_all(walk.lap[-1], photons)
+    solver.move_all(walk.lap[-1], photons, paths)
     for k, poses in enumerate(walk.lap):
         started = time.perf_counter()
-        solver.move_all(poses, photons)
+        solver.move_all(poses, photons, paths)
         ms.append(1e3 * (time.perf_counter() - started))
         light.append(light_of(solver.irradiance, walk.watched))
         for case in walk.cases:

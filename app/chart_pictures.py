@@ -61,7 +61,7 @@ def pictures(run: Run, rows: list[dict]) -> list[Picture]:
         run.bar(f"picture of {row['estimator']}", 0.0)
         choice = Choice(*(row[name] for name in Choice._fields))
         solver, _ = run.solved(choice)
-        solver.move_all(poses, None if choice.traced == choice.photons else choice.photons)
+        solver.move_all(poses, *choice.frame)
         shot = Shot(solver, settings)
         off = signed_error(solver.irradiance, truth, areas)
         total = relative_error(solver.irradiance, truth, areas)

@@ -113,7 +113,7 @@ class Run:
     def _row(self, choice: Choice, limit, walk) -> dict:
         solver, seconds = self.solved(choice)
         first = self._prepare_seconds + self._traced[choice.traced] + seconds
-        seen = chart_measure.go(solver, walk, None if choice.traced == choice.photons else choice.photons)
+        seen = chart_measure.go(solver, walk, *choice.frame)
         return chart_measure.row(choice, seen, limit, walk, first)
 
     def _trace(self, photons: int) -> None:

@@ -27,22 +27,29 @@ class Choice(NamedTuple):
     static_light: str  # of a frame of fewer photons than were traced: see Solver.configure()
     border_correction: bool = True  # of photon_map
     textbook: bool = False  # photon_map's k as in the report
+    paths: int = 0  # that receivers of mobiles gather in a frame; 0: their light is the photons'
 
     @property
     def family(self) -> tuple:
         """What decides the limit at very many photons."""
-        return self[:1] + self[3:6] + self[7:]
+        return self[:1] + self[3:6] + self[7:9]
 
     @property
     def setting(self) -> dict:
-        """The fields that Solver.configure() knows by the same name, but the numbers of photons."""
-        return {name: value for name, value in self._asdict().items() if name not in ("photons", "traced")}
+        """What Solver.configure() is to be told, but the numbers of photons."""
+        fields = {name: value for name, value in self._asdict().items() if name not in ("photons", "traced", "paths")}
+        return fields | {"mobile_light": "gathered" if self.paths else "photons"}
+
+    @property
+    def frame(self) -> tuple[int | None, int | None]:
+        """What Solver.move_all() is to be told."""
+        return None if self.traced == self.photons else self.photons, self.paths or None
 
     @property
     def curve(self) -> str:
         """The name of the curve that it is a point of."""
         if self.static_light == "gathered":
-            return f"{self.estimator}, gathered static light"
+            return f"{self.estimator}, gathered light"
         if self.static_light == "all" and self.traced > self.photons:
             return f"{self.estimator}, while dragged"
         if self.estimator == "tangent_plane" and not self.control:
@@ -54,6 +61,8 @@ class Choice(NamedTuple):
         words = [f"{self.photons:,} photons"]
         if self.traced > self.photons:
             words[0] += f" of {self.traced:,}"
+        if self.paths:
+            words.append(f"{self.paths} paths a vertex of the mobiles")
         if self.estimator == "tangent_plane":
             words.append(f"radius {self.radius:.3g} m")
         if self.estimator == "photon_map":
@@ -82,7 +91,7 @@ def choices(settings: Settings, solver, quick: bool) -> list[Choice]:
             add("tangent_plane", radius=_round(share * r))
             if share == 1.0:  # what a drag shows: a frame of a few photons, the walls lit by all of them
                 out += [Choice("tangent_plane", n, most, r, k, True, "all") for n in counts[:-1]]
-                out += [Choice("tangent_plane", n, most, r, k, True, "gathered") for n in counts]
+                out += [Choice("tangent_plane", n, most, r, k, True, "gathered", paths=p) for n, p in _gathered(counts)]
         add("tangent_plane", control=False)
     if "impact_count" in wanted:
         add("impact_count", control=False)
@@ -90,6 +99,11 @@ def choices(settings: Settings, solver, quick: bool) -> list[Choice]:
         for neighbours in ks:
             add("photon_map", neighbours=neighbours, control=False)
     return out
+
+
+def _gathered(counts: tuple[int, ...]) -> list[tuple[int, int]]:
+    """Return photons and paths of frames whose light is gathered: paths grow with the root of the photons or so."""
+    return [(n, p) for k, n in enumerate(counts) for p in ((8, 16) if k == 0 else (min(8 << k, 64),))]
 
 
 def _round(x: float) -> float:
