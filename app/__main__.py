@@ -73,7 +73,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     given = {name: getattr(arguments, name) for name in Settings.__dataclass_fields__ if hasattr(arguments, name)}
     given["mobiles"], given["poses"] = tuple(given["mobiles"]), tuple(given["poses"])
     # Who names an estimator wants to see its own light, on walls and mobiles too; a single picture does not wait.
-    gathered = {"static_light": (_view,), "mobile_light": (_view, _render)}
+    gathered = {"static_light": (_view,), "mobile_light": (_view, _render, _tune)}
     for light, commands in gathered.items():
         if given[light] is None:
             by_default = arguments.run in commands and arguments.estimator is None
@@ -177,7 +177,7 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
         " or paths gathered at rest, unbiased (gathered in the window without --estimator; else all)")  # fmt: skip
     add("--mobile-light", choices=["photons", "gathered"],
         help="what the light of mobiles is taken from: the estimator's photons, or paths that their vertices gather in"
-        " each frame (gathered in the window and by render without --estimator; else photons)")  # fmt: skip
+        " each frame (gathered in the window, by render and by tune without --estimator; else photons)")  # fmt: skip
     add("--pretest", default=Settings.pretest, metavar="NAME",
         help=f"triangle round each disc that is tried before it, report 2.8 ({Settings.pretest})")  # fmt: skip
     add("--seed", type=values.seed, default=0, metavar="N", help="which photons (0)")

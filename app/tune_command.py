@@ -60,8 +60,12 @@ def told(found: Tuned, budget: float, error: float | None) -> list[str]:
     return [
         f"for {asked}: {_name(c.setting)}, {c.photons:,} photons{met}",
         f"expected where something moves: {100 * c.error:.1f} % at rest, {100 * c.moving_error:.1f} % in motion "
-        f"({c.frame:,} photons, {1e3 * c.seconds:.1f} ms a frame)",
+        f"({c.frame:,} photons{_gathered(found)}, {1e3 * c.seconds:.1f} ms a frame)",
     ]
+
+
+def _gathered(found: Tuned) -> str:
+    return f", {found.paths} paths a vertex of what moves" if found.paths else ""
 
 
 def _name(setting) -> str:
@@ -76,9 +80,8 @@ def checked(solver, found: Tuned, bar) -> str:
     """Return how the choice does when it is tried with all its photons."""
     from app.tuning import measured
 
-    c = found.choice
     bar("checking", 0.0)
-    at_rest, moving, frame, seconds = measured(solver, c)
+    at_rest, moving, frame, seconds = measured(solver, found)
     return (
         f"found: {100 * at_rest:.1f} % at rest, {100 * moving:.1f} % in motion "
         f"({frame:,} photons, {1e3 * seconds:.1f} ms a frame)"

@@ -21,6 +21,7 @@ class Tuned(NamedTuple):
     choice: Choice
     laws: tuple[Law, ...]  # one a trial
     exponents: dict[str, float]  # of the disc's radius in each part of the law
+    paths: int | None = None  # that mobiles gather in a frame; None: their light is the photons'
 
 
 def tune(solver: Solver, budget: float, error: float | None = None) -> Generator[tuple[str, float], None, Tuned]:
@@ -32,6 +33,7 @@ def tune(solver: Solver, budget: float, error: float | None = None) -> Generator
     from gi_core import laws, trials
 
     judge = solver.twin()
+    paths = _paths(judge, budget)
     sticks = yield from _told("measuring the truth", trials.yardsticks(judge, _frames(solver)), 0.0, 0.3)
     candidates = [{"estimator": "tangent_plane", "radius": r * solver.radius} for r in RADII]
     candidates += [{"estimator": "photon_map", "neighbours": NEIGHBOURS}, {"estimator": "impact_count"}]
@@ -39,7 +41,7 @@ def tune(solver: Solver, budget: float, error: float | None = None) -> Generator
     for k, candidate in enumerate(candidates):
         share = 0.3 + 0.7 * k / len(candidates)
         what = f"trying {candidate['estimator']}"
-        tried = yield from _told(what, trials.trial(judge, sticks, **candidate), share, 0.0)
+        tried = yield from _told(what, trials.trial(judge, sticks, paths, **candidate), share, 0.0)
         found.append(laws.law_of(tried))
     discs, exponents = laws.over_radii([law for law in found if law.setting.estimator == "tangent_plane"])
     every = [*discs, *(law for law in found if law.setting.estimator != "tangent_plane")]
@@ -47,18 +49,27 @@ def tune(solver: Solver, budget: float, error: float | None = None) -> Generator
         choice = laws.within_time(every, budget, solver.photons)
     else:
         choice = laws.within_error(every, error, budget, MOST_PHOTONS)
-    return Tuned(choice, tuple(found), exponents)
+    return Tuned(choice, tuple(found), exponents, paths)
 
 
-def measured(solver: Solver, choice: Choice) -> tuple[float, float, int, float]:
+def _paths(solver: Solver, budget: float) -> int | None:
+    """Return how many paths mobiles will gather in frames of that time, after trying two numbers of them."""
+    from app.pace import GATHERING
+
+    for few in (None, 4, None):
+        solver.move_all({}, None, few)
+    return solver.paths_within(GATHERING * budget)
+
+
+def measured(solver: Solver, found: Tuned) -> tuple[float, float, int, float]:
     """Return what a choice really does: errors at rest and in motion, photons of that frame, its seconds."""
     from gi_core import trials
 
-    judge = solver.twin()
+    choice, judge = found.choice, solver.twin()
     sticks = _returned(trials.yardsticks(judge, _frames(solver), seed=1))
     judge.configure(photons=choice.photons, **choice.setting._asdict())
     judge.solve()
-    return trials.errors_of(judge, sticks, choice.frame)
+    return trials.errors_of(judge, sticks, choice.frame, found.paths)
 
 
 def _frames(solver: Solver) -> list:

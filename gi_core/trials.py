@@ -82,10 +82,11 @@ def yardsticks(
     return out
 
 
-def trial(solver: Solver, sticks: list[Yardstick], **setting) -> Generator[None, None, Trial]:
+def trial(solver: Solver, sticks: list[Yardstick], paths: int | None = None, **setting) -> Generator[None, None, Trial]:
     """Try a setting on a twin of a solver, in steps of some 20 ms or one frame; returns what it did.
 
-    `setting`: fields of Setting. Photons that the solver has traced already are not traced again.
+    paths: that mobiles gather, as of Solver.move_all(); `setting`: fields of Setting. Photons that the solver has
+    traced already are not traced again.
     """
     twin = solver.twin(fresh=True)
     twin.configure(photons=min(PHOTONS, solver.photons), static_light="prefix", **setting)
@@ -97,7 +98,7 @@ def trial(solver: Solver, sticks: list[Yardstick], **setting) -> Generator[None,
         for kind, static_light in enumerate(("prefix", "all")):
             twin.configure(static_light=static_light)
             for n, count in enumerate(counts):
-                twin.move_all(stick.poses, int(count))
+                twin.move_all(stick.poses, int(count), paths)
                 errors[kind, n] += _squared_error(twin, stick) / len(sticks)
                 seconds[p, kind, n] = sum(twin.timings.values())
                 yield
@@ -105,9 +106,11 @@ def trial(solver: Solver, sticks: list[Yardstick], **setting) -> Generator[None,
     return Trial(twin.setting, counts, *np.maximum(errors, 0.0), seconds.min(axis=1).mean(axis=0))
 
 
-def errors_of(solver: Solver, sticks: list[Yardstick], frame: int) -> tuple[float, float, int, float]:
-    """Return relative l1 errors at rest and of a frame of the prefix nearest to `frame` photons, that prefix and
-    its seconds (the median)."""
+def errors_of(
+    solver: Solver, sticks: list[Yardstick], frame: int, paths: int | None = None
+) -> tuple[float, float, int, float]:
+    """Return relative l1 errors at rest and of a frame of the prefix nearest to `frame` photons and so many
+    paths, that prefix and its seconds (the median)."""
     prefix = min(solver.prefixes, key=lambda n: abs(n - frame))
     at_rest = moving = 0.0
     seconds = []
@@ -115,7 +118,7 @@ def errors_of(solver: Solver, sticks: list[Yardstick], frame: int) -> tuple[floa
         solver.move_all(stick.poses)
         at_rest += _squared_error(solver, stick) / len(sticks)
         for _ in range(3):
-            solver.move_all(stick.poses, prefix)
+            solver.move_all(stick.poses, prefix, paths)
             seconds.append(sum(solver.timings.values()))
         moving += _squared_error(solver, stick) / len(sticks)
     at_rest, moving = (float(np.sqrt(max(e, 0.0))) for e in (at_rest, moving))
