@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-SAME_PLACE = 2e-3  # of the scene size: what a sight line may miss a receiver by
+SAME_PLACE = 1e-5  # of the scene size: what a sight line may miss a point by; a tile on a floor is thicker
 
 
 def in_view(solver) -> np.ndarray:
-    """Return the rows of receivers with an area that the first view shows, ascending; mobiles hide nothing."""
+    """Return the rows of receivers with an area that the first view shows, ascending; mobiles hide nothing.
+
+    Looked at where truth is taken, off the edges: under a tile or a skirting board nobody sees anything.
+    """
     from app.render_command import home_camera
+    from gi_core.evaluation_points import evaluation_points
     from gi_core.scene.frame import in_frame
     from gi_core.scene.pilot import Rays
     from gi_core.scene.viewpoint import first_seen
 
     camera, receivers = home_camera(solver).as_camera(), solver.receivers
-    facing = ((np.array(camera.position) - receivers.positions) * receivers.normals).sum(axis=1) > 0
-    framed = np.abs(in_frame(camera, solver.scene.up, receivers.positions)).max(axis=1) < 1
+    points, normals = evaluation_points(solver.surfaces, receivers)
+    facing = ((np.array(camera.position) - points) * normals).sum(axis=1) > 0
+    framed = np.abs(in_frame(camera, solver.scene.up, points)).max(axis=1) < 1
     rows = np.flatnonzero(facing & framed & (receivers.areas > 0))
-    to = receivers.positions[rows] - camera.position
+    to = points[rows] - camera.position
     length = np.sqrt((to * to).sum(axis=1))
     eye = np.broadcast_to(np.array(camera.position), to.shape)
     reached, _ = first_seen(Rays(solver.scene), eye, to / length[:, None])

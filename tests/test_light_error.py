@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scene_builders import floor, grey, merge
 from test_hidden import inside, standing
 
-from gi_core.scene.types import Camera
+from gi_core.scene.types import Camera, Scene
 from gi_core.solver import Solver
 from tests import light_error
 from tests.receiver_samples import drawn_by_area, in_view
@@ -33,6 +34,18 @@ def test_in_view_is_what_faces_the_camera_within_the_frame_and_is_behind_nothing
     assert covered.sum() > 20 and not seen[covered].any()
     assert not seen[((np.array(ABOVE.position) - p) * n).sum(axis=1) < 0].any()
     assert not seen[on_floor & (p[:, 1] > 0.95) & (np.abs(p[:, 0]) < 0.2)].any()  # behind the box
+
+
+def test_what_lies_a_hair_under_something_else_is_not_in_view():
+    """A floor under tiles half a thousandth of its width thick."""
+    tiles = floor(1.0, 10, centre=(0.0, 0.0, 0.001))
+    scene = Scene(merge(floor(2.0, 20), tiles), (grey(0.5),), camera=ABOVE, up=(0.0, 0.0, 1.0), name="tiles")
+    solver = Solver(scene, photons=0, radius=0.04)
+    p = solver.receivers.positions
+    seen = p[in_view(solver)]
+    under = (np.abs(p[:, :2]) < 0.49).all(axis=1) & (p[:, 2] == 0)
+    assert under.sum() > 50 and (seen[(np.abs(seen[:, :2]) < 0.49).all(axis=1), 2] > 0).all()
+    assert (seen[:, 2] == 0).sum() > 50
 
 
 def test_a_draw_is_by_area_and_counts_repeats():
