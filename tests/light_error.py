@@ -100,8 +100,10 @@ def scatter(E: np.ndarray, other: np.ndarray, of: Sample) -> float:
     return relative_error(E[of.rows], other[of.rows], of.weights[0]).l1 / np.sqrt(2)
 
 
-def measure(what: str, points: int, noise: float, rounds: int, estimators: list[str], **settings) -> list[str]:
-    """Return the lines of a scene's table."""
+def measure(
+    what: str, points: int, noise: float, rounds: int, estimators: list[str], least: int | None = None, **settings
+) -> list[str]:
+    """Return the lines of a scene's table; `least`: with every number of photons on the way from so many on."""
     from gi_core.error_at_hand import bias_left
 
     solver = static_solver(what, **settings)
@@ -112,12 +114,17 @@ def measure(what: str, points: int, noise: float, rounds: int, estimators: list[
     other = static_solver(what, **settings | {"seed": 1})
     for estimator in estimators:
         for s in (solver, other):
-            s.configure(estimator=estimator)
+            s.configure(estimator=estimator, static_light="prefix")
             s.solve()
-        found, by_chance = errors(solver.irradiance, of), scatter(solver.irradiance, other.irradiance, of)
-        name = f"{estimator}, {solver.photons_traced:,} photons"
-        name += f", {solver.radius:.3g} m" if estimator == "tangent_plane" else ""
-        lines.append(_line(name, found, by_chance, bias_left(found[0], by_chance)))
+        for photons in solver.prefixes:
+            if photons < solver.photons and (least is None or photons < least):
+                continue
+            for s in (solver, other):
+                s.move_all({}, photons)
+            found, by_chance = errors(solver.irradiance, of), scatter(solver.irradiance, other.irradiance, of)
+            name = f"{estimator}, {photons:,} photons"
+            name += f", {solver.radius:.3g} m" if estimator == "tangent_plane" else ""
+            lines.append(_line(name, found, by_chance, bias_left(found[0], by_chance)))
     counts = [np.count_nonzero(w) for w in of.weights]
     lines.append("| receivers | " + " | ".join(f"{n:,}" for n in counts) + " | | |")
     return [*lines, _line("noise of the truth", list(of.noise))]
@@ -137,6 +144,9 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=1.0, help="of the truth [%%]")
     parser.add_argument("--rounds", type=int, default=2, help="of gathering")
     parser.add_argument("--estimators", nargs="+", default=list(ESTIMATORS), choices=list(ESTIMATORS))
+    parser.add_argument(
+        "--from", type=int, dest="least", metavar="N", help="tell of fewer photons too, from so many on"
+    )
     for name, kind in (("photons", int), ("radius", float), ("max-edge", float)):
         parser.add_argument(f"--{name}", type=kind)
     asked = parser.parse_args()
@@ -148,7 +158,9 @@ def main() -> None:
             *(f"{g} |" for g in GROUPS),
             "noise | bias |",
         )
-        for line in measure(what, asked.points, asked.noise / 100, asked.rounds, asked.estimators, **given):
+        for line in measure(
+            what, asked.points, asked.noise / 100, asked.rounds, asked.estimators, asked.least, **given
+        ):
             print(line, flush=True)
 
 

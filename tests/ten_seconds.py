@@ -5,7 +5,8 @@
 CPU seconds stand for the clock: one core up to the first step, then two that together count GAIN times. That forgives
 other programs a share of the time, not that they slow down cores and caches: on a busy machine it foretells too long.
 Photons are taken in until the ten seconds are over; then luminance error (l1) at receivers that the first view shows,
-drawn by area, against the unbiased reference, whose own noise is told beside it; and the same once all photons are in.
+drawn by area, against the unbiased reference, whose own noise is taken out in squares; and the same once all photons
+are in.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ def measure(what: str, points: int, paths: int) -> str:
     from app.settings import Settings, make_solver, open_scene
     from gi_core import warmup
     from gi_core.error import noise_of_truth, relative_error
+    from gi_core.error_at_hand import bias_left
     from gi_core.evaluation_points import evaluation_points
     from gi_core.reference import reference_irradiance
 
@@ -48,12 +50,13 @@ def measure(what: str, points: int, paths: int) -> str:
     rows, weights = drawn_by_area(in_view(solver), solver.receivers.areas, points, 10)
     positions, normals = (a[rows] for a in evaluation_points(solver.surfaces, solver.receivers))
     truth, error = reference_irradiance(solver.scene, positions, normals, paths, 1, solver.poses, model=solver.model)
-    at_ten, at_rest = (100 * relative_error(E[rows], truth, weights).l1 for E in (then[2], solver.irradiance))
-    noise = 100 * noise_of_truth(error, truth, weights)
+    noise = noise_of_truth(error, truth, weights)
+    told = [relative_error(E[rows], truth, weights).l1 for E in (then[2], solver.irradiance)]
+    at_ten, at_rest = (100 * bias_left(total, noise) for total in told)
     name = "+".join(part.rpartition("/")[2] for part in what.split("+"))
     return (
         f"| {name} | {first:.1f} s | {then[1]:,} | {at_ten:.1f} % | {solver.photons_traced:,} | {ready:.1f} s "
-        f"| {at_rest:.1f} % | {noise:.1f} % |"
+        f"| {at_rest:.1f} % | {100 * noise:.1f} % |"
     )
 
 
