@@ -59,7 +59,9 @@ def sparks() -> Iterator[Row]:
             None,
             known=1e-3,  # what leaves within 1e-4 of the horizon, and an uneven lattice
             what="flux that arrives / half of that emitted",
-            view=View(ground, 5000, SETTING, None, "tangent_plane: finite") if height == 1e-4 else None,
+            view=View(ground, 5000, SETTING, None, "tangent_plane, the light 0.1 mm over the floor")
+            if height == 1e-4
+            else None,
             title="A tiny bright lamp at a surface",
         )
 
@@ -103,7 +105,9 @@ def laid_over() -> Iterator[Row]:
             None,
             known=0.02,
             what="E of the room / E without the plate",
-            view=View(place, 100_000, SETTING, None, "the plate 1 cm under the lamp") if height == 0.9899 else None,
+            view=View(place, 100_000, SETTING, None, "tangent_plane, the plate 1 cm under the lamp")
+            if height == 0.9899
+            else None,
             title="A mobile over a lamp",
         )
 
@@ -125,7 +129,7 @@ def under_a_box() -> Row:
         "none needed",
         None,
         what="largest E [W/m2]",
-        view=View(place, 100_000, SETTING, None, "it stands exactly on the floor"),
+        view=View(place, 100_000, SETTING, None, "tangent_plane, the box stands exactly on the floor"),
         title="A mobile on the floor",
     )
 

@@ -140,7 +140,7 @@ def naive_sums() -> Row:
             20_000,
             NEAREST,
             None,
-            "as it is done: the spot's red is gone from under the plate, nothing is below 0",
+            "photon_map as it is done: the spot's red is gone from under the plate, nothing is below 0",
         ),
         title="k nearest hits are not additive",
     )

@@ -68,9 +68,9 @@ def _group(rows: list[Row], pictures: Mapping[str, np.ndarray]) -> list[str]:
     parts = [f"<h3>{escape(rows[0].title or rows[0].where)}</h3>", f"<p>{'; '.join(told)}</p>", table(head, columns)]
     for row in rows:
         if row.key in pictures:
-            sides = "left as it fails, right with the remedy" if row.view.helps else row.view.caption
-            shown = image(pictures[row.key], f"{row.where}: {sides}")
-            parts.append(f"<figure>{shown}<figcaption>{escape(row.where)}; {escape(sides)}</figcaption></figure>")
+            sides = f"{row.where}: left as it fails, right with the remedy" if row.view.helps else row.view.caption
+            shown = image(pictures[row.key], sides)
+            parts.append(f"<figure>{shown}<figcaption>{escape(sides)}</figcaption></figure>")
     return parts
 
 

@@ -44,7 +44,7 @@ def drift() -> Row:
         "none needed",
         None,
         what="largest change of E [W/m2]",
-        view=View(place, 100_000, SETTING, None, "at the start, and at the end"),
+        view=View(place, 100_000, SETTING, None, "tangent_plane, at the start and again at the end"),
         title="Many moves",
     )
 
@@ -118,7 +118,7 @@ def soup() -> Row:
         found,
         "none needed",
         None,
-        view=View(replace(room, static=loose), 50_000, SETTING, None, "lit like a whole one"),
+        view=View(replace(room, static=loose), 50_000, SETTING, None, "tangent_plane, lit like a whole one"),
         title="Odd meshes",
     )
 

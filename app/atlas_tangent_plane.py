@@ -98,7 +98,7 @@ def curved_inside() -> Row:
         "on its own smooth patch a segment counts up to 2r behind its hit",
         h,
         known=0.025,  # the steepest segments end their 2r before they reach the disc
-        view=View(hollow, 50_000, settings[1], None, "with the rule; the half before it is not drawn"),
+        view=View(hollow, 50_000, settings[1], None, "tangent_plane with the rule; the half before it is not drawn"),
         title="A disc inside a sphere",
     )
 
@@ -125,7 +125,7 @@ def curved_outside() -> Iterator[Row]:
             "none needed",
             h,
             known=0.003,  # normals of facets
-            view=View(globe, 100_000, settings[1], None, "lit from above") if k == 4 else None,
+            view=View(globe, 100_000, settings[1], None, "tangent_plane, lit from above") if k == 4 else None,
             title="A disc outside a sphere",
         )
 

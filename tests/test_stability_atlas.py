@@ -166,7 +166,7 @@ def test_the_command_writes_a_page_a_table_and_pictures(tmp_path, capsys):
     assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["a.png", "atlas.md", "index.html"]
     page = (tmp_path / "new" / "index.html").read_text()
     assert "where &lt;a&gt;" in page and "0.510 ± 0.010" in page and "<title>Failure atlas</title>" in page
-    assert page.count('src="data:image/png;base64,') == page.count("src=") == 1 and "http" not in page
+    assert page.count('src="data:image/png;base64,') == page.count("src=") == 1 and "://" not in page
     table = (tmp_path / "new" / "atlas.md").read_text()
     assert table.count("\n| ") == 3 and "| b | 0 | 0 | 0 | none |" in table
 
