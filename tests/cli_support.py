@@ -1,0 +1,11 @@
+"""What the tests of the command line share."""
+
+from __future__ import annotations
+
+FAST = ["cornell", "--photons", "2000"]
+
+
+def one_line(text: str) -> str:
+    """Check that an error is one line without a traceback, and return it."""
+    assert len(text.splitlines()) == 1 and "Traceback" not in text, text
+    return text
