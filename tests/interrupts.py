@@ -30,14 +30,21 @@ from app import window
 from app.settings import Settings
 from app.viewer import Viewer, interruptible
 import time, threading
-viewer = Viewer(Settings(scene={scene!r}, photons=2_000_000, size=(640, 480), static_light={light!r}))
+viewer = Viewer(Settings(scene={scene!r}, photons={photons}, size=(640, 480), static_light={light!r}))
 viewer.params.ini_disable = True
 window.prepare()
-def close():
-    while viewer.frames < {frames}:
-        time.sleep(0.02)
+def now():
     session = viewer.session
-    doing = session.opening.told[0] if session.opening else str(session.light.progress or "at rest")
+    if session.opening or not session.ready:
+        return session.opening.told[0] if session.opening else ""
+    if session.light.progress is not None:
+        return session.light.progress.stage
+    gathered = session.solver.gathered
+    return "at rest" if gathered is None or gathered.enough else "gathering"
+def close():
+    while viewer.frames < {frames} or {doing!r} not in ("", now()):
+        time.sleep(0.001)
+    doing = now()
     print(time.time(), doing, flush=True)
     if {closes}:
         viewer.params.app_shall_exit = True
@@ -96,15 +103,17 @@ def interrupted(name: str, command: list[str], after: float, folder: str) -> boo
     return ended(f"{name}, Ctrl+C after {after:g} s", process, since, STOPPED)
 
 
-def closed(scene: str, frames: int, light: str, closes: bool, folder: str) -> bool:
-    """Open a window and end it after so many frames, by its button or by Ctrl+C."""
-    code = WINDOW.format(tests=str(ROOT / "tests"), scene=scene, light=light, frames=frames, closes=closes)
+def closed(scene: str, frames: int, doing: str, closes: bool, folder: str) -> bool:
+    """Open a window and end it after so many frames, while it does something, by its button or by Ctrl+C."""
+    gathers = doing == "gathering"
+    what = {"light": "gathered" if gathers else "all", "photons": 20_000 if gathers else 2_000_000}
+    code = WINDOW.format(tests=str(ROOT / "tests"), scene=scene, frames=frames, doing=doing, closes=closes, **what)
     process = started([sys.executable, "-c", code], folder)
-    when, _, doing = process.stdout.readline().decode().strip().partition(" ")
+    when, _, found = process.stdout.readline().decode().strip().partition(" ")
     how = "closed" if closes else "Ctrl+C"
     if not closes:
         os.killpg(process.pid, signal.SIGINT)
-    return ended(f"window, {how} in frame {frames} ({doing})", process, float(when or time.time()), 0)
+    return ended(f"window, {how} after {frames} frames ({found})", process, float(when or time.time()), 0)
 
 
 def main() -> int:
@@ -119,9 +128,10 @@ def main() -> int:
         for after in options.after:
             for name, command in chosen.items():
                 good &= interrupted(name, command, after, folder)
-        for frames in (2, 60, 200, 1500) if not options.only or "window" in options.only else ():
+        moments = (2, ""), (60, ""), (200, ""), (0, "tracing: indexing"), (0, "tracing"), (0, "gathering")
+        for frames, doing in moments if not options.only or "window" in options.only else ():
             for closes in (True, False):
-                good &= closed(options.scene, frames, "gathered" if frames == 1500 else "all", closes, folder)
+                good &= closed(options.scene, frames, doing, closes, folder)
         left = sorted(str(p.relative_to(folder)) for p in Path(folder).rglob("*") if p.is_file())
         half = [p for p in left if p.endswith(".part")]
         print(f"{len(left)} files left; not whole: {half}", flush=True)
