@@ -10,7 +10,8 @@ far, a larger one never before the next motion.
 from __future__ import annotations
 
 FAR = 1.5  # times the budget: that is missing it by far
-FEWEST = 16  # times fewer photons than at rest have four times the noise; beyond that pictures are confetti
+FEWEST = 16  # times fewer photons than at rest have four times the noise; beyond that pictures are confetti ...
+LEAST = 1 << 14  # ... and so are those of fewer than this: each photon that is cut leaves a dark blot
 GATHERING = 0.5  # of the budget, where mobiles gather their light
 IN_A_ROW = 4  # frames that do, before fewer photons are taken: one or two are the machine's own hiccups
 
@@ -51,4 +52,4 @@ class Pace:
 
     @staticmethod
     def _good_enough(prefixes: tuple[int, ...]) -> list[int]:
-        return [n for n in prefixes if FEWEST * n >= prefixes[-1]]
+        return [n for n in prefixes if FEWEST * n >= prefixes[-1] and n >= min(LEAST, prefixes[-1])]

@@ -18,6 +18,11 @@ FRAME = 1 / 60
 BUDGET_MS = 12.5
 
 
+@pytest.fixture(autouse=True)
+def a_hundred_photons_make_a_picture(monkeypatch):
+    monkeypatch.setattr("app.pace.LEAST", 100)
+
+
 def make(budget=BUDGET_MS, photon_seconds=16e-6, wrong=1.0, step_seconds=0.001):
     """Return a session with 1000 photons at rest: with 500 a move takes 12 ms, with all 20."""
     clock = support.Clock()
@@ -238,6 +243,24 @@ def test_fewer_photons_than_make_a_picture_are_never_taken():
     for _ in range(50):
         assert pace.choose(solver) == (65_536, None)
         pace.took(1.0, solver)
+
+
+def test_a_machine_on_which_nothing_fits_still_uses_enough_for_a_picture(monkeypatch):
+    class Slow:
+        prefixes = (4_096, 8_192, 16_384, 20_000)
+
+        def paths_within(self, seconds):
+            return None
+
+        def prefix_within(self, seconds, paths=None):
+            return self.prefixes[0]
+
+    monkeypatch.setattr("app.pace.LEAST", 1 << 14)
+    pace = Pace()
+    pace.budget = 0.01
+    assert pace.choose(Slow()) == (16_384, None)
+    Slow.prefixes = (4_096, 5_000)
+    assert pace.choose(Slow()) == (5_000, None), "all there is"
 
 
 @pytest.mark.parametrize("prefixes", [(), (1000,)])
