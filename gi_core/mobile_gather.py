@@ -4,7 +4,11 @@ Photons reach a small mobile rarely, so that its light is the noisiest of a fram
 which are joined to each receiver by shadow rays, and the static part, whose irradiance the frame has just found. A
 path therefore ends where its first ray does, with rho E of that place (final gathering, Reichert 1992; Jensen 2001).
 Where that is a mobile again, E is itself unknown: those few places make a linear system, solved by Jacobi's
-method. A function of poses and of the static light alone, to the last bit: nothing of earlier frames is used.
+method.
+
+All receivers use the same random numbers, so that neighbours are off alike: of the same error, a smooth surface shows
+nothing where it would show blotches from vertex to vertex. A function of poses and of the static light alone, to the
+last bit: nothing of earlier frames is used.
 """
 
 from __future__ import annotations
@@ -14,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core import strata
 from gi_core.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world
 from gi_core.evaluation_points import evaluation_points
 from gi_core.jit import kernel
@@ -78,9 +81,9 @@ class MobileGather:
         world, s, lights = self._model.world, self._model.surfaces, self._lights
         n, paths = len(positions), 1 << m
         count = n * paths
-        number = (np.arange(rows.start, rows.stop)[:, None] << strata.LARGEST) + np.arange(paths)
         start = np.repeat(positions, paths, axis=0), np.repeat(normals, paths, axis=0)
-        ends = PathEnds(number.reshape(-1), np.repeat(np.arange(n), paths), *start, np.ones((count, 3)))
+        number = np.tile(np.arange(paths), n)  # see the module: those of all receivers are the same
+        ends = PathEnds(number, np.repeat(np.arange(n), paths), *start, np.ones((count, 3)))
         rays = room_for_shadows(count)
         join_lights(self._model, at, lights, self._seed, m, 0, ends, rays, total)
         scatter(self._seed, m, 0, ends, rays.origin, rays.direction)
