@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -12,19 +13,25 @@ from app.settings import REFERENCE
 if TYPE_CHECKING:
     from app.session import Session
 
+TURNS = 4  # of which all but one are gathering's, at first
+
 
 class AtRest:
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._turn = False
+        self._turn = 0
         self._drawn: object = None  # how far what the picture is compared with was when it was last drawn
 
     def next_work(self) -> Callable[[], object] | None:
-        """Return a piece of work, None if all is done: trying settings, else gathering and appraising in turns."""
+        """Return a piece of work, None if all is done: trying settings, else gathering and appraising in turns.
+
+        Until it has a first answer, most turns are gathering's: a better picture comes before the error of this one.
+        """
         if self._session.auto is not None:
             return self._session.auto.next_work()
-        self._turn = not self._turn
-        first, second = (self._session.gathering.next_work, self._appraise)[:: 1 if self._turn else -1]
+        gathering, self._turn = self._session.gathering, self._turn + 1
+        turns = TURNS if math.isinf(gathering.told.noise) else 2
+        first, second = (gathering.next_work, self._appraise)[:: 1 if self._turn % turns else -1]
         return first() or second()
 
     def _appraise(self) -> Callable[[], object] | None:

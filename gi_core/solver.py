@@ -38,6 +38,8 @@ from gi_core.surfaces import Surfaces
 STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 MANY_RECEIVERS = 30_000  # their regions take half a second and more to find
+MORE = 1.41  # times as many photons are shown next: where sums are additive a picture costs a frame ...
+MUCH_MORE = 2.0  # ... elsewhere everything is estimated anew
 FIRST_CHUNK = 512  # photons in the first step, before its speed is known
 CHOICES = {"estimator": tuple(ESTIMATORS), "search": tuple(SEARCHES), "pretest": tuple(PRETESTS)}
 LARGEST_CHUNK = 1 << 16
@@ -158,7 +160,7 @@ class Solver:
             pass
 
     def solve_steps(self, pictures: bool = True) -> Iterator[Progress]:
-        """Trace and estimate in steps of some 20 ms; with `pictures`, refresh irradiance at doubling counts.
+        """Trace and estimate in steps of some 20 ms; with `pictures`, refresh irradiance as photons grow.
 
         May be abandoned between steps and started again: nothing traced is traced again.
         """
@@ -171,7 +173,8 @@ class Solver:
             yield Progress("indexing", 0.0, False)
         # A new setting is shown once it has as many photons as what it replaces.
         shown = self._shown.estimate.photons if self._shown not in (None, b) else 0
-        due = max(FIRST_PICTURE, shown, 2 * b.added) if pictures else goal
+        more = MORE if b.estimate.additive else MUCH_MORE
+        due = max(FIRST_PICTURE, shown, int(more * b.added)) if pictures else goal
         seconds_a_photon = STEP_SECONDS / FIRST_CHUNK
         while b.added < (goal := self._affordable(b)):
             count = int(np.clip(STEP_SECONDS / seconds_a_photon, 64, LARGEST_CHUNK)) if pictures else LARGEST_CHUNK
@@ -182,7 +185,7 @@ class Solver:
             yield Progress(stage, b.added / goal, False)
             if due <= b.added < goal:
                 yield from self._show(b)
-                due = 2 * b.added
+                due = int(more * b.added)
             elif is_rung(b.added) and b.estimate.additive:
                 yield from self._prepare(b)
         complete = b is self._shown and b.estimate.photons == goal == self.photons_traced
