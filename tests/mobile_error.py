@@ -1,0 +1,80 @@
+"""How far off the light of a scene's mobiles is: by photons, and gathered, at the poses where the scene opens.
+
+    python -m tests.mobile_error cornell tree --photons 1048576 --noise 1.5
+
+Luminance error (l1, gi_core.error) of all receivers on mobiles, weighted by area, against a truth gathered along other
+paths until its noise is `--noise` percent, which is taken out in squares; *signed*: how much too bright their sum is.
+CPU ms of one thread, the least of three: of a whole frame of so many photons, of the gathering alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+
+from gi_core.error import luminance, relative_error
+from gi_core.error_at_hand import bias_left
+from gi_core.evaluation_points import evaluation_points
+from gi_core.gather_rounds import gather_rounds
+from gi_core.mobile_gather import MobileGather
+from gi_core.mobile_light import PATHS
+from gi_core.scene import load_scene
+from gi_core.solver import Solver
+
+TRUTH_SEED = 77  # of nothing else
+FRAMES = (1 << 14, 1 << 16, 1 << 18)  # photons, besides all
+
+
+def measured(call) -> tuple[object, float]:
+    """Return what a call returns and its least CPU time of three [ms]."""
+    best = float("inf")
+    for _ in range(3):
+        started = time.process_time()
+        found = call()
+        best = min(best, time.process_time() - started)
+    return found, 1e3 * best
+
+
+def report(name: str, photons: int, wanted: float) -> None:
+    """Print the lines of a scene."""
+    solver = Solver(load_scene(name), photons=photons, threads=1)
+    solver.solve()
+    model, receivers, gather = solver.model, solver.receivers, MobileGather(solver.model, solver.seed)
+    rows = slice(gather.first, None)
+    points, normals = (a[rows] for a in evaluation_points(model.surfaces, receivers))
+    w = receivers.areas[rows]
+    for truth in gather_rounds(solver.scene, points, normals, TRUTH_SEED, w, solver.poses, model=model):
+        noise = truth.noise(w)
+        if noise <= 1e-2 * wanted:
+            break
+    light = float((w * luminance(truth.mean)).sum())
+
+    def line(what: str, E: np.ndarray, ms: float) -> None:
+        total = relative_error(E, truth.mean, w).l1
+        signed = float((w * luminance(E)).sum()) / light - 1
+        print(f"| {what} | {100 * bias_left(total, noise):.1f} % | {100 * signed:+.1f} % | {ms:.1f} |", flush=True)
+
+    print(f"{name}: {len(w):,} receivers on mobiles, noise of truth {100 * noise:.1f} %")
+
+    for n in (*(n for n in FRAMES if n < photons), None):
+        _, ms = measured(lambda n=n: solver.move_all(solver.poses, n))
+        line(f"{n or photons:,} photons", solver.irradiance[rows], ms)
+    at, static = model.transforms(solver.poses), solver.irradiance
+    for paths in PATHS:
+        line(f"{paths} paths", *measured(lambda m=paths.bit_length() - 1: gather.irradiance(at, static, m)))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="+")
+    parser.add_argument("--photons", type=int, default=1 << 20)
+    parser.add_argument("--noise", type=float, default=1.5, help="of the truth [%%]")
+    asked = parser.parse_args()
+    for name in asked.scenes:
+        report(name, asked.photons, asked.noise)
+
+
+if __name__ == "__main__":
+    main()
