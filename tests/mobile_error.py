@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from functools import partial
 
 import numpy as np
 
@@ -59,11 +60,11 @@ def report(name: str, photons: int, wanted: float) -> None:
     print(f"{name}: {len(w):,} receivers on mobiles, noise of truth {100 * noise:.1f} %")
 
     for n in (*(n for n in FRAMES if n < photons), None):
-        _, ms = measured(lambda n=n: solver.move_all(solver.poses, n))
+        _, ms = measured(partial(solver.move_all, solver.poses, n))
         line(f"{n or photons:,} photons", solver.irradiance[rows], ms)
     at, static = model.transforms(solver.poses), solver.irradiance
     for paths in PATHS:
-        line(f"{paths} paths", *measured(lambda m=paths.bit_length() - 1: gather.irradiance(at, static, m)))
+        line(f"{paths} paths", *measured(partial(gather.irradiance, at, static, paths.bit_length() - 1)))
 
 
 def main() -> None:
