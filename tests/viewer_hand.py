@@ -21,7 +21,7 @@ class Hand:
         while self._jobs:
             self._jobs.pop()()
 
-    def wait(self, what, seconds: float = 20.0) -> None:
+    def wait(self, what, seconds: float = 60.0) -> None:
         """Let frames pass until something holds."""
         limit = time.monotonic() + seconds
         while not what():
