@@ -98,6 +98,7 @@ class Solver:
         self._times = FrameTimes()
         self._shown: Background | None = None  # what frames are computed from
         self._next: Background | None = None  # what replaces it, being built
+        self._made_of: Background | None = None  # self.irradiance is
         self.configure(estimator=estimator, **others)
 
     # -- settings ---------------------------------------------------------------------------------
@@ -188,7 +189,7 @@ class Solver:
                 due = int(more * b.added)
             elif is_rung(b.added) and b.estimate.additive:
                 yield from self._prepare(b)
-        complete = b is self._shown and b.estimate.photons == goal == self.photons_traced
+        complete = b is self._made_of and b.estimate.photons == goal == self.photons_traced
         as_asked = self._from_gathered == self.uses_gathered and self.paths_gathered == self._size(goal).paths
         if not (complete and as_asked):
             yield from self._show(b)
@@ -313,7 +314,7 @@ class Solver:
         # From here on nothing is called, so that nothing can be raised half way.
         self.poses, self.irradiance, self._frame, self.changes, self._facts = poses, light, frame, changes, facts
         (self.photons_traced, self.paths_gathered), self._from_gathered = size, gathered
-        self.timings = clock.seconds
+        self.timings, self._made_of = clock.seconds, self._shown
 
     @property
     def _lights(self) -> Lights:
@@ -363,7 +364,8 @@ class Solver:
         other.poses, other._room, other._times, other._next = dict(self.poses), Room(), FrameTimes(), None
         other._static_light, other._mobile_light = copy.copy(self._static_light), copy.copy(self._mobile_light)
         if fresh:
-            other._shown, other._frame, other._facts = None, None, NO_FACTS
+            other._shown = other._made_of = other._frame = None
+            other._facts = NO_FACTS
         return other
 
     # -- answers ----------------------------------------------------------------------------------

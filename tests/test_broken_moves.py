@@ -113,3 +113,18 @@ def test_work_on_several_threads_has_ended_when_one_of_them_raises():
     with pytest.raises(BrokenOff):
         run_ranges(work, 3, 3, 1)
     assert ended[1:].all()
+
+
+def test_a_picture_of_new_settings_that_is_broken_off_is_made_the_next_time():
+    solver, wanted = solved("tangent_plane"), solved("tangent_plane")
+    for s in (solver, wanted):
+        s.configure(radius=0.2)
+    wanted.solve()
+    steps = solver.solve_steps(pictures=False)
+    # Left behind as soon as frames go by the new settings, before there is a picture of them.
+    while solver._shown.setting.radius != 0.2:
+        next(steps)
+    steps.close()
+    assert not np.array_equal(solver.irradiance, wanted.irradiance)
+    solver.solve()
+    assert np.array_equal(solver.irradiance, wanted.irradiance)
