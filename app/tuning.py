@@ -35,21 +35,25 @@ def tune(solver: Solver, budget: float, error: float | None = None) -> Generator
     judge = solver.twin()
     paths = _paths(judge, budget)
     sticks = yield from _told("measuring the truth", trials.yardsticks(judge, _frames(solver)), 0.0, 0.3)
-    candidates = [{"estimator": "tangent_plane", "radius": r * solver.radius} for r in RADII]
-    candidates += [{"estimator": "photon_map", "neighbours": NEIGHBOURS}, {"estimator": "impact_count"}]
-    found = []
-    for k, candidate in enumerate(candidates):
-        share = 0.3 + 0.7 * k / len(candidates)
+    found, every = [], candidates(solver)
+    for k, candidate in enumerate(every):
+        share = 0.3 + 0.7 * k / len(every)
         what = f"trying {candidate['estimator']}"
         tried = yield from _told(what, trials.trial(judge, sticks, paths, **candidate), share, 0.0)
         found.append(laws.law_of(tried))
     discs, exponents = laws.over_radii([law for law in found if law.setting.estimator == "tangent_plane"])
-    every = [*discs, *(law for law in found if law.setting.estimator != "tangent_plane")]
+    known = [*discs, *(law for law in found if law.setting.estimator != "tangent_plane")]
     if error is None:
-        choice = laws.within_time(every, budget, solver.photons)
+        choice = laws.within_time(known, budget, solver.photons)
     else:
-        choice = laws.within_error(every, error, budget, MOST_PHOTONS)
+        choice = laws.within_error(known, error, budget, MOST_PHOTONS)
     return Tuned(choice, tuple(found), exponents, paths)
+
+
+def candidates(solver: Solver) -> list[dict]:
+    """Return the settings that are tried, as fields of Setting."""
+    discs = [{"estimator": "tangent_plane", "radius": r * solver.radius} for r in RADII]
+    return [*discs, {"estimator": "photon_map", "neighbours": NEIGHBOURS}, {"estimator": "impact_count"}]
 
 
 def _paths(solver: Solver, budget: float) -> int | None:
@@ -65,11 +69,18 @@ def measured(solver: Solver, found: Tuned) -> tuple[float, float, int, float]:
     """Return what a choice really does: errors at rest and in motion, photons of that frame, its seconds."""
     from gi_core import trials
 
-    choice, judge = found.choice, solver.twin()
-    sticks = _returned(trials.yardsticks(judge, _frames(solver), seed=1))
+    choice, (judge, sticks) = found.choice, judged(solver)
     judge.configure(photons=choice.photons, **choice.setting._asdict())
     judge.solve()
     return trials.errors_of(judge, sticks, choice.frame, found.paths)
+
+
+def judged(solver: Solver) -> tuple[Solver, list]:
+    """Return a twin, and yardsticks other than those that settings are chosen by."""
+    from gi_core import trials
+
+    judge = solver.twin()
+    return judge, _returned(trials.yardsticks(judge, _frames(solver), seed=1))
 
 
 def _frames(solver: Solver) -> list:
