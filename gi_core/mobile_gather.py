@@ -21,9 +21,9 @@ import numpy as np
 from gi_core.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world
 from gi_core.evaluation_points import evaluation_points
 from gi_core.jit import kernel
-from gi_core.light_sampling import area_lights, bounce_density, room_for_shadows, sky_of, small_lights
+from gi_core.light_sampling import area_lights, room_for_shadows, sky_of, small_lights
 from gi_core.model import Model
-from gi_core.path_gather import BLOCK, Lights, PathEnds, join_lights, scatter
+from gi_core.path_gather import BLOCK, Lights, PathEnds, join_lights, scatter, share_of_bounce, turned
 from gi_core.pose import to_world_at
 from gi_core.threads import run_ranges
 
@@ -138,16 +138,11 @@ def _meet(
                     total[row, c] += math.pi * sky.radiance[c]
             continue
         o = face_object[f]
-        N, R, t = normals[f], rotation[o], distance[k]
-        nx = R[0, 0] * N[0] + R[0, 1] * N[1] + R[0, 2] * N[2]
-        ny = R[1, 0] * N[0] + R[1, 1] * N[1] + R[1, 2] * N[2]
-        nz = R[2, 0] * N[0] + R[2, 1] * N[1] + R[2, 2] * N[2]
+        R, t = rotation[o], distance[k]
+        nx, ny, nz = turned(R, normals[f])
         facing = -(d[0] * nx + d[1] * ny + d[2] * nz)
         if facing > 0.0:
-            # Lamps are found in two ways, whose shares add up to 1 (see path_gather).
-            cosine = d[0] * ends.normal[k, 0] + d[1] * ends.normal[k, 1] + d[2] * ends.normal[k, 2]
-            p_bounce = bounce_density(max(cosine, 0.0), facing, max(t * t, 1e-30))
-            share = p_bounce / (p_bounce + density[f]) if p_bounce > 0.0 else 0.0
+            share = share_of_bounce(d, ends.normal[k], facing, t, density[f])
             for c in range(3):
                 total[row, c] += math.pi * emitted[f, c] * share
         elif not two_sided[f]:

@@ -14,7 +14,7 @@ import numpy as np
 from gi_core import sampling, strata
 from gi_core.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world, occluded_in_world
 from gi_core.bsdf import lambertian
-from gi_core.jit import kernel
+from gi_core.jit import inlined, kernel
 from gi_core.light_sampling import (
     AreaLights,
     Shadows,
@@ -138,6 +138,23 @@ def scatter(seed, m, vertex, ends, origin, direction):
             origin[k, c] = ends.position[k, c]
 
 
+@inlined
+def turned(R, n):
+    """Return a face's normal in the world."""
+    x = R[0, 0] * n[0] + R[0, 1] * n[1] + R[0, 2] * n[2]
+    y = R[1, 0] * n[0] + R[1, 1] * n[1] + R[1, 2] * n[2]
+    z = R[2, 0] * n[0] + R[2, 1] * n[1] + R[2, 2] * n[2]
+    return x, y, z
+
+
+@inlined
+def share_of_bounce(d, normal, facing, distance, density):
+    """Return what of a lamp's light counts where a bounce along d meets it: p_bounce / (p_light + p_bounce)."""
+    cosine = d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]
+    p_bounce = bounce_density(max(cosine, 0.0), facing, max(distance * distance, 1e-30))
+    return p_bounce / (p_bounce + density) if p_bounce > 0.0 else 0.0
+
+
 @kernel
 def _arrive(
     seed, m, vertex, ends, direction, distance, face,
@@ -157,16 +174,10 @@ def _arrive(
                 for c in range(3):
                     total[row, c] += ends.throughput[k, c] * math.pi * sky.radiance[c]
             continue
-        o, R = normals[f], rotation[face_object[f]]
-        nx = R[0, 0] * o[0] + R[0, 1] * o[1] + R[0, 2] * o[2]
-        ny = R[1, 0] * o[0] + R[1, 1] * o[1] + R[1, 2] * o[2]
-        nz = R[2, 0] * o[0] + R[2, 1] * o[1] + R[2, 2] * o[2]
+        nx, ny, nz = turned(rotation[face_object[f]], normals[f])
         facing = -(d[0] * nx + d[1] * ny + d[2] * nz)
-        if facing > 0.0:
-            # Emission leaves the front; the share of this way of finding it is p_bounce / (p_light + p_bounce).
-            cosine = d[0] * ends.normal[k, 0] + d[1] * ends.normal[k, 1] + d[2] * ends.normal[k, 2]
-            p_bounce = bounce_density(max(cosine, 0.0), facing, max(distance[k] * distance[k], 1e-30))
-            share = p_bounce / (p_bounce + density[f]) if p_bounce > 0.0 else 0.0
+        if facing > 0.0:  # emission leaves the front
+            share = share_of_bounce(d, ends.normal[k], facing, distance[k], density[f])
             for c in range(3):
                 total[row, c] += ends.throughput[k, c] * math.pi * emitted[f, c] * share
         elif not two_sided[f]:
