@@ -158,8 +158,10 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver) -> list[
 
 
 def _notes(scene, solver) -> list[str]:
+    from gi_core.scene.stand_ins import lit_by_stand_ins
+
     lines = [f"note: {note}" for note in scene.notes]
-    if solver.chosen.escaped_first > ESCAPES:
+    if solver.chosen.escaped_first > ESCAPES and not lit_by_stand_ins(scene):  # those are nobody's to turn
         lines.append(
             f"warning: {100 * solver.chosen.escaped_first:.0f} % of the light leaves the scene at its first flight; "
             "close it, or turn its lights inwards: most photons are wasted and the picture is noisier than it need be"

@@ -6,7 +6,7 @@ import io
 
 import pytest
 from cli_support import FAST, one_line
-from mesh_writers import write_room
+from mesh_writers import BOX, write_obj, write_room
 
 from app import __main__ as cli
 from app.progress import Bar
@@ -67,6 +67,15 @@ def test_info_warns_when_most_light_escapes(capsys, monkeypatch):
     assert cli.main(["info", "--photons", "20000"]) == 0
     text = capsys.readouterr().out
     assert "% of the light leaves the scene" in text and 'light "bulb"' in text and "(1, 1, 1) W, point" in text
+
+
+def test_info_gives_no_advice_about_lights_that_are_the_programs_own(capsys, tmp_path):
+    """A peg in the open, without a light: the stand-ins' light misses it mostly, and nobody can turn them."""
+    write_obj(tmp_path / "peg.obj", BOX * (0.1, 1.0, 0.1))
+    assert cli.main(["info", str(tmp_path / "peg.obj"), "--photons", "2000"]) == 0
+    text = capsys.readouterr().out
+    assert "note: no light in the file: a lamp" in text and "warning" not in text
+    assert float(text.partition("truncated")[0].rpartition("absorbed, ")[2].split(" %")[0]) > 80  # and yet escaped
 
 
 def test_ctrl_c_ends_quietly(capsys, monkeypatch):

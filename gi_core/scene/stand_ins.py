@@ -20,6 +20,12 @@ LOOK_UP = 0.3  # of the headroom: from there ceilings are sought, and the lamp m
 ASIDE, MUCH = (0.25, 0.5, 0.8), 1.3  # of the headroom: where else it may hang; and how much more room that must give
 OPEN_HEIGHT, OPEN_SIDE = 0.5, 0.8  # of the scene's size, above its highest point where there is no ceiling
 TOWARDS_CAMERA = 0.5  # of the scene's size: what is looked at is lit from where one looks
+SAID = "no light in the file: "  # the note about it begins so
+
+
+def lit_by_stand_ins(scene: Scene) -> bool:
+    """Tell whether the scene's light is of this file, and none its own."""
+    return any(note.startswith(SAID) for note in scene.notes)
 
 
 def headroom(scene: Scene, rays: Rays, box: Box, stand: np.ndarray) -> float:
@@ -53,7 +59,8 @@ def lamp_below_ceiling(scene: Scene, rays: Rays, stand: np.ndarray, height: floa
         free = min(LAMP_SIDE * height, 1.5 * float(t.min()))
         if free > side * MUCH:
             best, side = centre, free
-    return _with_lamp(scene, best, max(side, LEAST_SIDE * height), -up, east, "below what is above the mobile")
+    where = "below what is above the mobile" if scene.mobiles else "below the ceiling"
+    return _with_lamp(scene, best, max(side, LEAST_SIDE * height), -up, east, where)
 
 
 def _sees(rays: Rays, a: np.ndarray, b: np.ndarray) -> bool:
@@ -89,7 +96,7 @@ def _with_lamp(scene: Scene, centre, side: float, normal, across, where: str) ->
     signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
     corners = np.array([centre + side / 2 * (a * across + b * along) for a, b in signs])
     material = Material("default light", (0.0, 0.0, 0.0), (RADIANCE,) * 3)
-    note = f"no light in the file: a lamp of {side:.3g} x {side:.3g} m hangs {where}"
+    note = f"{SAID}a lamp of {side:.3g} x {side:.3g} m hangs {where}"
     return replace(
         scene,
         static=_with_quad(scene, corners, normal),
