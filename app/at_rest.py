@@ -1,4 +1,5 @@
-"""What a session has done while everything rests: the static light gathered, errors measured, comparisons computed."""
+"""What a session has done while everything rests: memory given back, the static light gathered, errors measured,
+comparisons computed."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 from app import looks
 from app.appraisal import Wants
 from app.settings import REFERENCE
+from app.spare_memory import SpareMemory
 
 if TYPE_CHECKING:
     from app.session import Session
@@ -20,10 +22,21 @@ class AtRest:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._turn = 0
+        self._spare = SpareMemory(session.clock)
         self._drawn: object = None  # how far what the picture is compared with was when it was last drawn
 
     def next_work(self) -> Callable[[], object] | None:
-        """Return a piece of work, None if all is done: trying settings, else gathering and appraising in turns.
+        """Return a piece of work, None if all is done. Memory is given back when rest begins and when it is over."""
+        version = self._session.light.version
+        if (spare := self._spare.next_work(version)) is not None:
+            return spare
+        if (work := self._next_work()) is None:
+            return self._spare.last_work(version)
+        self._spare.worked()
+        return work
+
+    def _next_work(self) -> Callable[[], object] | None:
+        """Try settings, else gather and appraise in turns.
 
         Until it has a first answer, most turns are gathering's: a better picture comes before the error of this one.
         """

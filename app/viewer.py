@@ -18,7 +18,7 @@ from pathlib import Path
 
 from imgui_bundle import hello_imgui, imgui, immapp, implot
 
-from app import keys, looks, metering, overlay, panel, window
+from app import keys, looks, metering, overlay, panel, spare_memory, window
 from app.actions import act
 from app.log import Log
 from app.opening import Opening
@@ -41,6 +41,7 @@ class Viewer:
     """Everything behind the window. `frame` parts are called by HelloImGui, in this order: viewport, panel, status."""
 
     def __init__(self, settings: Settings, open_with: Callable | None = None) -> None:
+        spare_memory.limit_arenas()
         self.log = Log()
         self.session = Session(settings, self.log, open_with or Opening)
         self.succession = Succession(open_with or Opening)
