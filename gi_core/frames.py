@@ -110,5 +110,5 @@ def light_from_scratch(
     every = Evaluated(sums, area, np.ones(chunks_of(len(area)), bool))
     E = frame_irradiance(every, scale, shown.resting(n), lights.static.irradiance(shown, n), model.threads)
     if paths:
-        lights.mobile.put_on(E, at, paths)
+        lights.mobile.put_on(E, at, paths, anew=True)
     return E

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core import sampling, strata
-from gi_core.jit import kernel
+from gi_core.jit import inlined, kernel
 from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
 from gi_core.surfaces import Surfaces
 
@@ -129,50 +129,65 @@ def room_for_shadows(n: int) -> Shadows:
 def area_events(seed, m, vertex, ends, lights, gap, out):
     """Sample a point on an emissive face for each path vertex; return how many could be lit, written to `out`.
 
-    The irradiance that it brings is weighted by the balance heuristic against cosine-sampled bounces:
-    E = Le cos cos' / d^2 / (p_light + p_bounce), both densities per area. A plain E / p_light has no
-    finite variance where a lamp meets a wall: 1 / d^2 has no bound there. Rays end `gap` [m] before the face.
+    Rays end `gap` [m] before the face.
     """
     count = 0
     for k in range(len(ends.path)):
         path = ends.path[k]
-        pick = strata.uniform(seed, path, vertex, LIGHT_U, m)
-        e = min(np.searchsorted(lights.cdf, pick, side="right"), len(lights.cdf) - 1)
-        before = lights.cdf[e - 1] if e > 0 else 0.0
-        share = lights.cdf[e] - before
-        # What the choice of the face leaves of the number is uniform again.
-        left = min(max((pick - before) / share, 0.0), 1.0)
-        b, c = sampling.triangle(left, strata.uniform(seed, path, vertex, LIGHT_V, m))
-        a = 1.0 - b - c
-        p, n, f = lights.corners[e], ends.normal[k], lights.normal[e]
-        x = a * p[0] + b * p[3] + c * p[6] - ends.position[k, 0]
-        y = a * p[1] + b * p[4] + c * p[7] - ends.position[k, 1]
-        z = a * p[2] + b * p[5] + c * p[8] - ends.position[k, 2]
-        d2 = x * x + y * y + z * z
-        if d2 <= 0.0:
+        u = strata.uniform(seed, path, vertex, LIGHT_U, m)
+        e, p_light, px, py, pz = point_on_lamp(lights, u, strata.uniform(seed, path, vertex, LIGHT_V, m))
+        x, y, z = px - ends.position[k, 0], py - ends.position[k, 1], pz - ends.position[k, 2]
+        geometry, x, y, z, d = arrives(x, y, z, ends.normal[k], lights.normal[e], p_light)
+        if geometry <= 0.0:
             continue
-        d = math.sqrt(d2)
-        x, y, z = x / d, y / d, z / d
-        cosine = x * n[0] + y * n[1] + z * n[2]
-        at_light = -(x * f[0] + y * f[1] + z * f[2])
-        if cosine <= 0.0 or at_light <= 0.0:
-            continue
-        # The density per area, from the choice of the face and the uniform point on it.
-        p_light = share / _area(p)
-        geometry = cosine * at_light / d2 / (p_light + bounce_density(cosine, at_light, d2))
         for i in range(3):
             out.value[count, i] = ends.throughput[k, i] * lights.radiance[e, i] * geometry
-        _aim(ends, k, x, y, z, max(d - gap, 0.0), out, count)
+        aim(ends.row[k], ends.position[k], x, y, z, max(d - gap, 0.0), out, count)
         count += 1
     return count
 
 
+@inlined
+def point_on_lamp(lights, u, v):
+    """Return the emissive face that u in [0, 1) chooses, the density [1/m2] of the choice, and a point on it [m]."""
+    e = min(np.searchsorted(lights.cdf, u, side="right"), len(lights.cdf) - 1)
+    before = lights.cdf[e - 1] if e > 0 else 0.0
+    share = lights.cdf[e] - before
+    # What the choice of the face leaves of the number is uniform again.
+    b, c = sampling.triangle(min(max((u - before) / share, 0.0), 1.0), v)
+    a = 1.0 - b - c
+    p = lights.corners[e]
+    x, y, z = a * p[0] + b * p[3] + c * p[6], a * p[1] + b * p[4] + c * p[7], a * p[2] + b * p[5] + c * p[8]
+    return e, share / _area(p), x, y, z
+
+
+@inlined
+def arrives(x, y, z, normal, light_normal, p_light):
+    """Return E / Le of a point on a lamp at (x, y, z) from here, 0 where none can be, the unit direction to it and
+    its distance.
+
+    Weighted by the balance heuristic against cosine-sampled bounces: E = Le cos cos' / d^2 / (p_light + p_bounce),
+    both densities per area. A plain E / p_light has no finite variance where a lamp meets a wall: 1 / d^2 has no
+    bound there.
+    """
+    d2 = x * x + y * y + z * z
+    d = math.sqrt(d2)
+    geometry = 0.0
+    if d2 > 0.0:
+        x, y, z = x / d, y / d, z / d
+        cosine = x * normal[0] + y * normal[1] + z * normal[2]
+        at_light = -(x * light_normal[0] + y * light_normal[1] + z * light_normal[2])
+        if cosine > 0.0 and at_light > 0.0:
+            geometry = cosine * at_light / d2 / (p_light + bounce_density(cosine, at_light, d2))
+    return geometry, x, y, z, d
+
+
 @kernel
-def _aim(ends, k, x, y, z, limit, out, j):
-    """Write ray j, from path vertex k."""
-    out.row[j], out.limit[j] = ends.row[k], limit
+def aim(row, position, x, y, z, limit, out, j):
+    """Write ray j, from a position."""
+    out.row[j], out.limit[j] = row, limit
     for c in range(3):
-        out.origin[j, c] = ends.position[k, c]
+        out.origin[j, c] = position[c]
     out.direction[j, 0], out.direction[j, 1], out.direction[j, 2] = x, y, z
 
 
@@ -237,7 +252,7 @@ def small_events(seed, m, vertex, ends, lights, far, gap, out):
             # Overwritten until the sum reaches the draw: rounding at the end leaves the last one.
             for i in range(3):
                 out.value[count, i] = ends.throughput[k, i] * lights.value[e, i] * s * (total / weight)
-            _aim(ends, k, dx, dy, dz, max(d - gap, 0.0), out, count)
+            aim(ends.row[k], ends.position[k], dx, dy, dz, max(d - gap, 0.0), out, count)
             left -= weight
             if left < 0.0:
                 break

@@ -7,8 +7,8 @@ Where that is a mobile again, E is itself unknown: those few places make a linea
 method.
 
 All receivers use the same random numbers, so that neighbours are off alike: of the same error, a smooth surface shows
-nothing where it would show blotches from vertex to vertex. A function of poses and of the static light alone, to the
-last bit: nothing of earlier frames is used.
+nothing where it would show blotches from vertex to vertex. They hold in the mobile's own frame. A function of poses
+and of the static light alone, to the last bit: what is kept from earlier frames is what would be found anew.
 """
 
 from __future__ import annotations
@@ -18,17 +18,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world
+from gi_core.accelerator import FAR, ORIGIN_LIFT, Transforms
 from gi_core.evaluation_points import evaluation_points
 from gi_core.jit import kernel
-from gi_core.light_sampling import area_lights, room_for_shadows, sky_of, small_lights
+from gi_core.kept_rays import BounceRays, ShadowRays, pose_keys
+from gi_core.light_sampling import Shadows, area_lights, room_for_shadows, sky_of, small_lights
 from gi_core.model import Model
-from gi_core.path_gather import BLOCK, Lights, PathEnds, join_lights, scatter, share_of_bounce, turned
+from gi_core.path_gather import SHADOW_GAP, Lights, add_lit, share_of_bounce, turned
 from gi_core.pose import to_world_at
+from gi_core.shared_paths import SharedPaths, bounces, from_lamps, from_small_lights, shared_paths
 from gi_core.threads import run_ranges
 
 STREAM = 0x3B11  # keeps these random numbers apart from those of photons and reference with the same seed
-GRAIN = 1 << 11  # paths a thread
+RUN = 1 << 12  # paths of receivers that are worked on together: their arrays fit into a core's cache
+KEPT = 1 << 19  # paths of which rays are kept, some 100 bytes each
 SWEEPS = 32  # of Jacobi's method at most ...
 SETTLED = 1e-3  # ... or until a sweep changes the sum of all by less than this share
 
@@ -42,18 +45,27 @@ class Exchange(NamedTuple):
     reflectance: np.ndarray  # (n, 3) float64
 
 
+class Run(NamedTuple):
+    """Receivers of one mobile, and the rays that leave them."""
+
+    mobile: int
+    rows: slice  # among the receivers of mobiles
+    directions: np.ndarray  # (n, 3) float32 unit, of bounces, object space
+    bounce: BounceRays
+    shadow: ShadowRays
+
+
 class MobileGather:
-    """Irradiance of the receivers of a model's mobiles."""
+    """Irradiance of the receivers of a model's mobiles. For one thread at a time."""
 
     def __init__(self, model: Model, seed: int):
         self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self.first = model.surfaces.receiver_range(0).stop  # the first receiver on a mobile
-        self._positions, self._normals = (
-            a[self.first :] for a in evaluation_points(model.surfaces, model.object_receivers)
-        )
-        counts = np.diff(model.surfaces.first_receiver)[1:]
-        self._object = np.repeat(np.arange(1, len(counts) + 1), counts)
+        positions, self._normals = (a[self.first :] for a in evaluation_points(model.surfaces, model.object_receivers))
+        self._positions = positions + ORIGIN_LIFT * model.world.size * self._normals
         self._lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
+        self._paths: dict[int, SharedPaths] = {}
+        self._runs: dict[int, list[Run | None]] = {}  # by the logarithm of paths, what is kept
 
     def irradiance(self, at: Transforms, static: np.ndarray, log2_paths: int) -> np.ndarray:
         """Return irradiance (m, 3) float64 [W/m2] of the receivers on mobiles, from `first` on.
@@ -61,42 +73,80 @@ class MobileGather:
         static (>= first, 3) float64: irradiance of the static part's receivers at these poses; 2^log2_paths paths
         a receiver, 0 <= log2_paths <= strata.LARGEST.
         """
-        n, m = len(self._positions), log2_paths
-        o = self._object
-        normals = to_world_at(at.rotation[o], np.zeros((n, 3)), self._normals)
-        positions = to_world_at(at.rotation[o], at.position[o], self._positions)
-        positions += ORIGIN_LIFT * self._model.world.size * normals
-        total, at_once = np.zeros((n, 3)), max(1, BLOCK >> m)
+        m, n, poses = log2_paths, len(self._positions), pose_keys(at)
+        total = np.zeros((n, 3))
+        if n == 0:
+            return total
+        if m not in self._paths:
+            self._paths[m] = shared_paths(self._seed, m, self._lights.area)
+        places, kept = self._places(m), self._room(m)
 
         def work(_, first, last):
-            blocks = [slice(a, min(a + at_once, last)) for a in range(first, last, at_once)]
-            return [self._block(at, static, m, s, positions[s], normals[s], total[s]) for s in blocks]
+            found = []
+            for k in order[first:last]:
+                run = kept[k] or self._run(m, *places[k])
+                found.append(self._gather(run, at, poses, static, m, total[run.rows]))
+                if (n << m) <= KEPT:
+                    kept[k] = run
+            return found
 
-        parts = run_ranges(work, n, self._model.threads, max(1, GRAIN >> m))
-        exchanges = Exchange(*(np.concatenate(a) for a in zip(*(e for p in parts for e in p), strict=True)))
-        return _exchanged(total / (1 << m), exchanges, 1 << m)
+        threads = self._model.threads
+        order = [k for t in range(threads) for k in range(t, len(places), threads)]  # a mobile's runs: to all threads
+        exchanges = [e for part in run_ranges(work, len(places), threads, 1) for e in part]
+        exchange = Exchange(*(np.concatenate(a) for a in zip(*exchanges, strict=True)))
+        return _exchanged(total / (1 << m), exchange, 1 << m)
 
-    def _block(self, at: Transforms, static, m: int, rows: slice, positions, normals, total) -> Exchange:
+    def _places(self, m: int) -> list[tuple[int, slice]]:
+        """Return mobile and receivers of each run."""
+        ends, step = self._model.surfaces.first_receiver[1:] - self.first, max(1, RUN >> m)
+        return [
+            (o, slice(a, min(a + step, int(last))))
+            for o, (first, last) in enumerate(zip(ends[:-1], ends[1:], strict=True), 1)
+            for a in range(int(first), int(last), step)
+        ]
+
+    def _room(self, m: int) -> list[Run | None]:
+        """Return the runs that are kept of 2^m paths, None each at first; others give way where it becomes too much."""
+        if m not in self._runs:
+            if sum(len(self._positions) << k for k in (*self._runs, m)) > KEPT:
+                self._runs.clear()
+            self._runs[m] = [None] * len(self._places(m))
+        return self._runs[m]
+
+    def _run(self, m: int, mobile: int, rows: slice) -> Run:
+        directions = np.empty(((rows.stop - rows.start) << m, 3), np.float32)
+        bounces(self._paths[m], self._normals[rows], directions)
+        origins = np.repeat(self._positions[rows].astype(np.float32), 1 << m, axis=0)
+        rays = BounceRays(self._model, mobile, origins, directions)
+        return Run(mobile, rows, directions, rays, ShadowRays(self._model, mobile))
+
+    def _gather(self, run: Run, at: Transforms, poses: list[bytes], static, m: int, total) -> Exchange:
         """Gather at a run of receivers: add to `total` what is known, return what depends on mobiles."""
-        world, s, lights = self._model.world, self._model.surfaces, self._lights
-        n, paths = len(positions), 1 << m
-        count = n * paths
-        start = np.repeat(positions, paths, axis=0), np.repeat(normals, paths, axis=0)
-        number = np.tile(np.arange(paths), n)  # see the module: those of all receivers are the same
-        ends = PathEnds(number, np.repeat(np.arange(n), paths), *start, np.ones((count, 3)))
-        rays = room_for_shadows(count)
-        join_lights(self._model, at, lights, self._seed, m, 0, ends, rays, total)
-        scatter(self._seed, m, 0, ends, rays.origin, rays.direction)
-        far = np.full(count, FAR * world.size, np.float32)
-        distance, face = nearest_in_world(self._model.accelerator, at, rays.origin, rays.direction, far)
+        world, s, lights, paths = self._model.world, self._model.surfaces, self._lights, self._paths[m]
+        n, R, p = run.rows.stop - run.rows.start, at.rotation[run.mobile, None], at.position[run.mobile, None]
+        positions = to_world_at(R, p, self._positions[run.rows])
+        normals = to_world_at(R, 0 * p, self._normals[run.rows])
+        far, gap = float(np.float32(FAR * world.size)), SHADOW_GAP * world.size
+
+        def shadows() -> Shadows:
+            small = min(len(lights.small.kind), 1 << m)
+            rays = room_for_shadows((n << m) + n * small)
+            count = from_lamps(paths, lights.area, positions, normals, gap, rays)
+            count = from_small_lights(paths, lights.small, positions, normals, far, gap, count, rays)
+            return Shadows(*(a[:count] for a in rays))
+
+        rays, blocked = run.shadow.lit(at, poses, shadows)
+        add_lit(rays.row, rays.value, blocked, total)
+        distance, face = run.bounce.met(at, poses)
+        count = len(face)
         out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))
         met = _meet(
-            ends, rays.direction, distance, face, world.normals, world.reflectance, world.two_sided, at.rotation,
-            at.position, world.face_object, lights.area.emitted, lights.area.density, lights.sky,
-            self._model.object_receivers.positions, s.corner_front, s.corner_back, static, self.first, rows.start,
-            total, out,
+            1 << m, positions, normals, R[0], run.directions, distance, face, world.normals, world.reflectance,
+            world.two_sided, at.rotation, at.position, world.face_object, lights.area.emitted, lights.area.density,
+            lights.sky, self._model.object_receivers.positions, s.corner_front, s.corner_back, static, self.first,
+            run.rows.start, total, out,
         )  # fmt: skip
-        return Exchange(*(a[:met] for a in out))
+        return Exchange(*(a[:met].copy() for a in out))
 
 
 def _exchanged(direct: np.ndarray, exchange: Exchange, paths: int) -> np.ndarray:
@@ -123,15 +173,16 @@ def _sweep(exchange, share, before, E):
 
 @kernel
 def _meet(
-    ends, direction, distance, face, normals, reflectance, two_sided, rotation, position, face_object, emitted, density,
-    sky, points, corner_front, corner_back, static, first, base, total, out,
+    paths, positions, normals_here, R_here, directions, distance, face, normals, reflectance, two_sided, rotation,
+    position, face_object, emitted, density, sky, points, corner_front, corner_back, static, first, base, total, out,
 ):  # fmt: skip
     """Add what rays meet on lamps, in the sky and on the static part; write down those that meet mobiles, return how
     many. With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho E.
     """
     n = 0
     for k in range(len(face)):
-        row, d, f = ends.row[k], direction[k], face[k]
+        row, f = k // paths, face[k]
+        d = turned(R_here, directions[k])
         if f < 0:
             if d[0] * sky.up[0] + d[1] * sky.up[1] + d[2] * sky.up[2] > 0.0:
                 for c in range(3):
@@ -142,15 +193,15 @@ def _meet(
         nx, ny, nz = turned(R, normals[f])
         facing = -(d[0] * nx + d[1] * ny + d[2] * nz)
         if facing > 0.0:
-            share = share_of_bounce(d, ends.normal[k], facing, t, density[f])
+            share = share_of_bounce(d, normals_here[row], facing, t, density[f])
             for c in range(3):
                 total[row, c] += math.pi * emitted[f, c] * share
         elif not two_sided[f]:
             continue  # the back of a one-sided face is black
         corners = corner_front[f] if facing > 0.0 else corner_back[f]
-        x = ends.position[k, 0] + t * d[0] - position[o, 0]
-        y = ends.position[k, 1] + t * d[1] - position[o, 1]
-        z = ends.position[k, 2] + t * d[2] - position[o, 2]
+        x = positions[row, 0] + t * d[0] - position[o, 0]
+        y = positions[row, 1] + t * d[1] - position[o, 1]
+        z = positions[row, 2] + t * d[2] - position[o, 2]
         u, v, w = _shares(
             points[corners[0]], points[corners[1]], points[corners[2]],
             R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,

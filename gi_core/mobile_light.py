@@ -41,14 +41,16 @@ class MobileLight:
             return 0
         return REST if wanted is None else wanted
 
-    def put_on(self, irradiance: np.ndarray, at: Transforms, paths: int) -> None:
+    def put_on(self, irradiance: np.ndarray, at: Transforms, paths: int, anew: bool = False) -> None:
         """Replace the irradiance (R, 3) of receivers on mobiles by what they gather from that of the static part.
 
-        paths: one of PATHS.
+        paths: one of PATHS; anew: nothing that is kept from frames is used.
         """
-        self._gather = self._gather or MobileGather(self._model, self._seed)
-        first = self._gather.first
-        irradiance[first:] = self._gather.irradiance(at, irradiance[:first], paths.bit_length() - 1)
+        if anew:
+            gather = MobileGather(self._model, self._seed)
+        else:
+            gather = self._gather = self._gather or MobileGather(self._model, self._seed)
+        irradiance[gather.first :] = gather.irradiance(at, irradiance[: gather.first], paths.bit_length() - 1)
 
     def took(self, paths: int, seconds: float) -> None:
         """Take note of how long a frame's gathering took [s]."""

@@ -114,11 +114,12 @@ def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
     """Add what the first n rays bring, where nothing is in between."""
     if n:
         blocked = occluded_in_world(model.accelerator, at, rays.origin[:n], rays.direction[:n], rays.limit[:n])
-        _add(rays.row, rays.value, blocked, total)
+        add_lit(rays.row, rays.value, blocked, total)
 
 
 @kernel
-def _add(row, value, blocked, total):
+def add_lit(row, value, blocked, total):
+    """Add what rays bring that nothing blocks."""
     for j in range(len(blocked)):
         if not blocked[j]:
             for c in range(3):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -123,7 +124,9 @@ def _gather() -> None:
     for state in gather_rounds(_tiny_scene(), 0.1 * up, up, 0):
         if state.sets[0] == 2:
             break
-    model = Model(_tiny_scene())
+    scene = _tiny_scene()
+    (mobile,) = scene.mobiles
+    model = Model(replace(scene, mobiles=(mobile, mobile._replace(name="above it", pose=Pose((0.0, 0.0, 0.7))))))
     MobileGather(model, 0).irradiance(model.transforms(model.start_poses()), np.zeros((model.first_probe, 3)), 1)
     # Smooth three receivers of one face.
     for _ in smoothed(*np.ones((2, 3, 3)), np.ones(3), neighbours(np.array([[0, 1, 2]]), 3), 0, 1):

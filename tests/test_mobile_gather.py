@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -168,10 +171,109 @@ def test_what_there_is_not_is_refused():
 def test_the_comparisons_catch_a_path_that_is_left_out(monkeypatch):
     real = mobile_gather._meet
 
-    def mutated(ends, direction, distance, face, *others):
+    def mutated(*arguments):
+        face = np.array(arguments[6])  # a copy: what rays met is kept
         face[len(face) // 2] = -1
-        return real(ends, direction, distance, face, *others)
+        return real(*arguments[:6], face, *arguments[7:])
 
     right = gathering(threads=1)
     monkeypatch.setattr(mobile_gather, "_meet", mutated)
     assert not np.array_equal(gathering(threads=1).irradiance, right.irradiance)
+
+
+def three_things() -> Scene:
+    """Two boxes and a ball in a room with an area lamp and two lamps without size."""
+    places = {0.25: (0.3, 0.5, 0.3), 0.15: (0.62, 0.5, 0.35), 0.1: (0.5, 0.3, 0.6)}
+    things = [box_mobile(f"of {size}", size)._replace(pose=Pose(at)) for size, at in places.items()]
+    walls = merge(
+        box((0, 0, 0), (1, 1, 1), 3, 0, inward=True), quad((0.4, 0.4, 0.95), (0, 0.3, 0), (0.2, 0, 0), (2, 2), 1)
+    )
+    bulbs = PointLight("p", (0.2, 0.8, 0.4), (1.0, 2.0, 0.5)), PointLight("q", (0.8, 0.2, 0.8), (2.0, 1.0, 0.5))
+    return Scene(walls, (grey(0.6), lamp(8.0, 0.5)), tuple(things), bulbs, up=(0, 0, 1))
+
+
+@settings(max_examples=15)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 2), st.integers(0, 3), st.sampled_from([0, 2, 3]), st.booleans()),
+        min_size=2,
+        max_size=6,
+    )
+)
+def test_what_is_kept_is_what_would_be_found_anew(history):
+    """Things that rest, come back, overlap; numbers of paths in turn; static light that changes; other threads."""
+    scene = three_things()
+    model, poses = Model(scene, 2), {m.name: m.pose for m in scene.mobiles}
+    gather = MobileGather(model, 4)
+    light = np.random.default_rng(0).random((model.first_probe, 3))
+    for thing, step, m, brighter in history:
+        mobile = scene.mobiles[thing]
+        x, y, z = mobile.pose.position
+        poses[mobile.name] = Pose((x, y + 0.1 * step, z - 0.05 * step), (0.8, 0.6, 0.0, 0.0))
+        static = (2.0 if brighter else 1.0) * light
+        at = model.transforms(poses)
+        anew = MobileGather(Model(scene, 3), 4).irradiance(at, static, m)
+        assert np.array_equal(gather.irradiance(at, static, m), anew)
+
+
+def test_what_would_take_too_much_room_is_not_kept_and_is_the_same(monkeypatch):
+    model, at = at_start(three_things())
+    static = np.ones((model.first_probe, 3))
+    keeping = MobileGather(model, 0)
+    expected = [keeping.irradiance(at, static, m) for m in (2, 4, 2)]
+    monkeypatch.setattr(mobile_gather, "KEPT", 8 * len(expected[0]))
+    frugal = MobileGather(model, 0)
+    assert all(np.array_equal(frugal.irradiance(at, static, m), e) for m, e in zip((2, 4, 2), expected, strict=True))
+    assert sum(run is not None for runs in frugal._runs.values() for run in runs) <= len(frugal._places(2))
+
+
+def test_a_thing_that_rests_is_not_traced_again(monkeypatch):
+    """Rays of what rests are traced against what moves alone, and only those that pass its box."""
+    scene = three_things()
+    model, poses = Model(scene, 1), {m.name: m.pose for m in scene.mobiles}
+    gather, static = MobileGather(model, 0), np.ones((model.first_probe, 3))
+    gather.irradiance(model.transforms(poses), static, 3)
+    traced = []
+    real = model.accelerator.nearest
+    monkeypatch.setattr(
+        model.accelerator, "nearest", lambda o, rays, *a: traced.append((o, len(rays))) or real(o, rays, *a)
+    )
+    gather.irradiance(model.transforms(poses), static, 3)
+    assert not traced
+    moved = scene.mobiles[2]
+    x, y, z = moved.pose.position
+    gather.irradiance(model.transforms(poses | {moved.name: Pose((x, y, z + 0.05))}), static, 3)
+    rays = {o: sum(n for to, n in traced if to == o) for o in range(4)}
+    last = model.surfaces.receiver_range(3)
+    assert rays[0] == 8 * (last.stop - last.start)
+    assert 0 < rays[3] < 8 * (last.start - gather.first)
+    assert rays[1] + rays[2] < 2 * rays[0]
+
+
+NOTHING_IS_COMPILED = """
+import sys
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from gi_core import kept_rays, mobile_gather, shared_paths, warmup
+from gi_core.model import Model
+
+sys.path.insert(0, "tests")
+from test_mobile_gather import three_things
+
+warmup._gather()
+modules = kept_rays, mobile_gather, shared_paths
+kernels = [f for module in modules for f in vars(module).values() if isinstance(f, Dispatcher)]
+before = [len(f.signatures) for f in kernels]
+scene = three_things()
+model, poses = Model(scene, 2), {m.name: m.pose for m in scene.mobiles}
+gather, static = mobile_gather.MobileGather(model, 0), np.ones((model.first_probe, 3))
+for k in range(3):
+    poses["of 0.1"] = poses["of 0.1"]._replace(position=(0.3, 0.5, 0.6 - 0.05 * k))
+    gather.irradiance(model.transforms(poses), static, 3)
+assert before == [len(f.signatures) for f in kernels], "a kernel was compiled after the warm-up"
+"""
+
+
+def test_the_warm_up_compiles_all_that_things_side_by_side_need():
+    """In a process of its own: here other tests have compiled everything already."""
+    subprocess.run([sys.executable, "-c", NOTHING_IS_COMPILED], cwd=Path(__file__).parents[1], check=True)

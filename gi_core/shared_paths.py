@@ -1,0 +1,137 @@
+"""Paths whose random numbers many receivers share: drawn once, and points on lamps chosen once, for all of them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core import sampling, strata
+from gi_core.bsdf import lambertian
+from gi_core.jit import kernel
+from gi_core.light_sampling import LIGHT_U, LIGHT_V, SMALL_PICK, AreaLights, aim, arrives, point_on_lamp, small_light_at
+from gi_core.path_gather import SCATTER_U, SCATTER_V
+
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of a turn, from one direction to the next
+
+
+class SharedPaths(NamedTuple):
+    """The choices of P paths of one bounce."""
+
+    bounce: np.ndarray  # (P, 3) float64 unit, cosine-distributed about the third axis
+    lamp: np.ndarray  # (P,) int64, emissive face; (0,) where there is none, as are the next two
+    point: np.ndarray  # (P, 3) float64 on it [m]
+    density: np.ndarray  # (P,) float64 [1/m2], of that choice
+    pick: np.ndarray  # (P,) float64 in [0, 1), for lights without size
+
+
+def shared_paths(seed: int, m: int, lights: AreaLights) -> SharedPaths:
+    """Draw 2^m paths: directions and points on lamps each share out what there is."""
+    n = 1 << m
+    lamps = n if len(lights.cdf) else 0
+    out = SharedPaths(np.empty((n, 3)), np.empty(lamps, np.int64), np.empty((lamps, 3)), np.empty(lamps), np.empty(n))
+    _draw(seed, m, lights, out)
+    return out
+
+
+@kernel
+def _draw(seed, m, lights, out):
+    n = len(out.bounce)
+    # Fibonacci's spiral, turned and shifted by chance: of such few directions the most even (Marques et al. 2013).
+    shift, turn = sampling.independent(seed, 0, 0, SCATTER_U), sampling.independent(seed, 0, 0, SCATTER_V)
+    for j in range(n):
+        out.bounce[j, 0], out.bounce[j, 1], out.bounce[j, 2] = lambertian.sample(
+            (j + shift) / n, (j * GOLDEN + turn) % 1.0
+        )
+        out.pick[j] = strata.uniform(seed, j, 0, SMALL_PICK, m)
+    for j in range(len(out.lamp)):
+        u, v = strata.uniform(seed, j, 0, LIGHT_U, m), strata.uniform(seed, j, 0, LIGHT_V, m)
+        e, p_light, x, y, z = point_on_lamp(lights, u, v)
+        out.lamp[j], out.density[j] = e, p_light
+        out.point[j, 0], out.point[j, 1], out.point[j, 2] = x, y, z
+
+
+@kernel
+def bounces(paths, normals, out):
+    """Turn the paths' bounces to each of n normals: writes (n P, 3)."""
+    k = 0
+    for row in range(len(normals)):
+        ax, ay, az, bx, by, bz = sampling.basis(normals[row, 0], normals[row, 1], normals[row, 2])
+        for d in paths.bounce:
+            out[k, 0] = d[0] * ax + d[1] * bx + d[2] * normals[row, 0]
+            out[k, 1] = d[0] * ay + d[1] * by + d[2] * normals[row, 1]
+            out[k, 2] = d[0] * az + d[1] * bz + d[2] * normals[row, 2]
+            k += 1
+
+
+@kernel
+def from_lamps(paths, lights, positions, normals, gap, out):
+    """Join each of n receivers to the paths' points on lamps; return how many of them could be lit, written to `out`.
+
+    Values [W/m2] sum to P times what the receiver gets; rays end `gap` [m] before the lamp.
+    """
+    count = 0
+    for row in range(len(positions)):
+        position, normal = positions[row], normals[row]
+        for j in range(len(paths.lamp)):
+            e, p = paths.lamp[j], paths.point[j]
+            x, y, z = p[0] - position[0], p[1] - position[1], p[2] - position[2]
+            geometry, x, y, z, d = arrives(x, y, z, normal, lights.normal[e], paths.density[j])
+            if geometry <= 0.0:
+                continue
+            for c in range(3):
+                out.value[count, c] = lights.radiance[e, c] * geometry
+            aim(row, position, x, y, z, max(d - gap, 0.0), out, count)
+            count += 1
+    return count
+
+
+@kernel
+def from_small_lights(paths, lights, positions, normals, far, gap, first, out):
+    """Join each of n receivers to lights without size; as from_lamps(), written from `first` on; returns where it ends.
+
+    To each of them where they are no more than paths: what is not in the way is then exact. Else each path chooses
+    one, in proportion to what it brings if free.
+    """
+    lamps, count, P = len(lights.kind), first, len(paths.pick)
+    reached = np.empty((lamps, 5))
+    weight = np.empty(lamps)
+    for row in range(len(positions)):
+        position, normal = positions[row], normals[row]
+        total = 0.0
+        for e in range(lamps):
+            found = small_light_at(
+                lights.kind[e], lights.parameters[e], position[0], position[1], position[2],
+                normal[0], normal[1], normal[2], far,
+            )  # fmt: skip
+            reached[e, 0], reached[e, 1], reached[e, 2], reached[e, 3], reached[e, 4] = found
+            weight[e] = found[0] * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))
+            total += weight[e]
+        if total <= 0.0:
+            continue
+        if lamps <= P:
+            for e in range(lamps):
+                if weight[e] > 0.0:
+                    _reach(row, position, reached[e], P * reached[e, 0], lights.value[e], gap, out, count)
+                    count += 1
+            continue
+        for j in range(P):
+            left, chosen = paths.pick[j] * total, -1
+            for e in range(lamps):
+                if weight[e] > 0.0:
+                    chosen = e  # rounding at the end leaves the last one
+                    left -= weight[e]
+                    if left < 0.0:
+                        break
+            strength = reached[chosen, 0] * (total / weight[chosen])
+            _reach(row, position, reached[chosen], strength, lights.value[chosen], gap, out, count)
+            count += 1
+    return count
+
+
+@kernel
+def _reach(row, position, reached, strength, value, gap, out, count):
+    for c in range(3):
+        out.value[count, c] = strength * value[c]
+    aim(row, position, reached[1], reached[2], reached[3], max(reached[4] - gap, 0.0), out, count)
