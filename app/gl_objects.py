@@ -27,7 +27,7 @@ class Run(NamedTuple):
 class Layer(NamedTuple):
     """One set of colours of an object, and what draws them."""
 
-    colours: object  # buffer: radiance of front and back
+    colours: object  # buffer: radiance and weight of front and back
     lit: object  # vertex array without textures
     textured: object | None  # vertex array for textures, None where there are none
     cut_out: object | None  # the same for textures with holes
@@ -46,7 +46,7 @@ class DrawnObject:
         order, self._runs = _runs(mesh)
         self.indices = 3 * len(order)
         self._one_sided_indices = sum(r.count for r in self._runs if r.one_sided)
-        self._colours = np.zeros((len(mesh.positions), 6), np.float32)
+        self._colours = np.ones((len(mesh.positions), 8), np.float32)
         self._corners = np.zeros((0, 3))  # of its box, object space
         if len(mesh.positions):
             low_high = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)], axis=1)
@@ -72,8 +72,8 @@ class DrawnObject:
         """Return a layer, made where there is none yet."""
         if k not in self._layers:
             surface, textured, cut_out = self._programs
-            colours = self.ctx.buffer(bytes(max(self._colours.nbytes, 24)), dynamic=True)
-            attributes = [(self._positions, "3f", "position"), (colours, "3f 3f", "front", "back")]
+            colours = self.ctx.buffer(bytes(max(self._colours.nbytes, 32)), dynamic=True)
+            attributes = [(self._positions, "3f", "position"), (colours, "4f 4f", "front", "back")]
             lit = self.ctx.vertex_array(surface, attributes, self._triangles)
             painted = holed = None
             if self._places is not None:
@@ -84,10 +84,11 @@ class DrawnObject:
             self._owned += [thing for thing in self._layers[k] if thing is not None]
         return self._layers[k]
 
-    def upload(self, front: np.ndarray, back: np.ndarray, layer: int = 0) -> None:
+    def upload(self, front: np.ndarray, back: np.ndarray, layer: int = 0, weights: np.ndarray | None = None) -> None:
         self._colours[:, :3] = front
-        self._colours[:, 3:] = back
-        self._colours[self._one_sided, 3:] = -1.0  # see surface.frag
+        self._colours[:, 4:7] = back
+        self._colours[self._one_sided, 4:7] = -1.0  # see surface.frag
+        self._colours[:, 3::4] = 1.0 if weights is None else weights
         if len(self._colours):
             self._layer(layer).colours.write(self._colours)
 

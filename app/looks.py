@@ -13,6 +13,7 @@ from app.settings import ERRORS, REFERENCE, Settings
 if TYPE_CHECKING:
     from app.session import Session
     from app.vertex_colours import DrawMesh
+    from gi_core.hidden import Drawn
 
 LEAST_SCALE = 0.02  # at the end of the scale of errors: what is less is nobody's concern
 
@@ -22,6 +23,7 @@ class Side(NamedTuple):
 
     label: str  # what it is
     irradiance: np.ndarray  # (R, 3) [W/m2], nan where not known
+    weights: np.ndarray | None = None  # (R,) of receivers in their triangles, see gi_core.hidden
 
 
 class Errors(NamedTuple):
@@ -45,13 +47,13 @@ class Shown(NamedTuple):
 def shown(session: Session) -> Shown:
     """Return what the settings ask for, as far as it is known for the light of this very frame."""
     s, light = session.settings, session.light
-    drawn = functools.partial(session.solver.drawn, poses=light.poses_drawn)
+    drawn = functools.partial(session.solver.as_drawn, poses=light.poses_drawn)
     estimate = _estimate(session.solver.estimator, light.photons_shown, drawn(session.irradiance))
     appraisal = session.appraisal
     truth = appraisal.truth(light.poses_drawn, True) if appraisal is not None else None
     reference = None
     if truth is not None and truth.seen > 0:
-        reference = Side(_of_truth(truth), drawn(appraisal.picture(light.poses_drawn)))
+        reference = Side(_of_truth(truth), *drawn(appraisal.picture(light.poses_drawn)))
     coming, sides = [], [estimate]
     errors = None
     if s.show == ERRORS and reference is not None:
@@ -103,12 +105,12 @@ def _seen(session: Session, estimator: str) -> Side | None:
     if other is None or not other.is_done(session.light.version, estimator):
         return None
     return _estimate(
-        estimator, other.seen.photons, session.solver.drawn(other.seen.irradiance, session.light.poses_drawn)
+        estimator, other.seen.photons, session.solver.as_drawn(other.seen.irradiance, session.light.poses_drawn)
     )
 
 
-def _estimate(estimator: str, photons: int, irradiance: np.ndarray) -> Side:
-    return Side(f"{_title(estimator)}, {_thousands(photons)} photons", irradiance)
+def _estimate(estimator: str, photons: int, drawn: Drawn) -> Side:
+    return Side(f"{_title(estimator)}, {_thousands(photons)} photons", *drawn)
 
 
 def _of_truth(truth) -> str:

@@ -96,15 +96,20 @@ def picture(
     cull: bool = True,
     progress: Callable[[float], None] = lambda fraction: None,
     textured: bool = True,
+    weights: Sequence[np.ndarray | None] | None = None,
 ) -> np.ndarray:
     """Return the picture (height, width, 3) uint8.
 
     `colours` has linear radiance of front and back (D, 3) an object; `size` is (width, height) pixels.
-    `textured`: multiply it by textures where there are any.
+    `textured`: multiply it by textures where there are any; `weights` has how much front and back count in their
+    triangles (D, 2) an object, None where all count the same.
     """
     width, height = size
     world = place(meshes, at)
-    front, back = (np.concatenate([c[side] for c in colours]) for side in (0, 1))
+    weights = [None] * len(meshes) if weights is None else weights
+    front, back = (
+        np.concatenate([_weighted(c[side], w, side) for c, w in zip(colours, weights, strict=True)]) for side in (0, 1)
+    )
     out = np.empty((height, width, 3), np.uint8)
     rows = max(1, RAYS // (width * len(SAMPLES)))
     steps = _pixel_steps(camera, width, height) if textured and world.textures else None
@@ -118,6 +123,12 @@ def picture(
         mean = display.reshape(bottom - top, width, len(SAMPLES), 3).mean(axis=2, dtype=np.float32)
         out[top:bottom] = np.round(mean)
     return out
+
+
+def _weighted(colours: np.ndarray, weights: np.ndarray | None, side: int) -> np.ndarray:
+    """Return colours times their weights, and the weights. (D, 4) float32."""
+    w = np.ones(len(colours), np.float32) if weights is None else weights[:, side]
+    return np.c_[colours * w[:, None], w].astype(np.float32)
 
 
 def _rays(camera: Turntable, width: int, height: int, top: int, bottom: int) -> tuple[np.ndarray, np.ndarray]:
@@ -195,6 +206,7 @@ def _shade(world: World, front, back, face, u, v, directions, exposure, tone_map
     facing = (world.normals[f] * directions[hit]).sum(axis=1) < 0  # gl_FrontFacing
     a, b, c = (np.where(facing[:, None], front[k], back[k]) for k in world.draw[f].T)
     radiance = (1 - u - v) * a + u * b + v * c
+    radiance = radiance[:, :3] / radiance[:, 3:]
     if steps is not None:
         _colour(world, radiance, f, u, v, facing, eye, directions[hit], steps)
     out[hit] = to_display(radiance, exposure, tone_map)

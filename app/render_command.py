@@ -14,7 +14,7 @@ from app.metering import metered
 from app.png import write_png
 from app.progress import Bar, compile_kernels, solve
 from app.settings import Settings, UsageError, make_solver, open_scene
-from app.vertex_colours import colours, draw_meshes
+from app.vertex_colours import colours, draw_meshes, weights
 from app.writable import check_writable
 
 
@@ -34,6 +34,10 @@ class Shot:
         drawn = self.solver.drawn(self.solver.irradiance)
         return colours(self.meshes[o], drawn, self.settings.show == "radiance")
 
+    def weights(self, o: int) -> np.ndarray | None:
+        """Return how much front and back count in their triangles (D, 2), None: all the same."""
+        return weights(self.meshes[o], self.solver.as_drawn(self.solver.irradiance).weights)
+
     def take(self, progress=lambda fraction: None) -> np.ndarray:
         """Return the picture (h, w, 3) uint8; the first one sets the exposure if nobody else does."""
         if self.exposure is None:
@@ -51,6 +55,7 @@ class Shot:
             s.cull,
             progress,
             s.show == "radiance",
+            [self.weights(o) for o in range(len(self.meshes))],
         )
 
     def parameters(self) -> dict[str, object]:

@@ -88,9 +88,14 @@ class Renderer:
             o.release()
         self._textures.keep(self._worn)
 
-    def set_colours(self, o: int, front: np.ndarray, back: np.ndarray, layer: int = 0) -> None:
-        """Take over linear radiance (D, 3) of both sides of an object's draw vertices; layer 1: right of the split."""
-        self._objects[o].upload(front, back, layer)
+    def set_colours(
+        self, o: int, front: np.ndarray, back: np.ndarray, layer: int = 0, weights: np.ndarray | None = None
+    ) -> None:
+        """Take over linear radiance (D, 3) of both sides of an object's draw vertices; layer 1: right of the split.
+
+        weights (D, 2): how much they count in their triangles, front and back; None: all the same.
+        """
+        self._objects[o].upload(front, back, layer, weights)
         self.uploads += 1
 
     def resize(self, width: int, height: int, samples: int | None = None) -> None:

@@ -121,6 +121,20 @@ def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = Tru
     return front.astype(np.float32), back.astype(np.float32)
 
 
+def weights(draw: DrawMesh, of_receivers: np.ndarray | None) -> np.ndarray | None:
+    """Return how much the front and the back of each draw vertex count in their triangles. (D, 2) float32; None: all 1.
+
+    of_receivers (R,): what `gi_core.hidden.Drawn` says.
+    """
+    if of_receivers is None:
+        return None
+    out = np.ones((len(draw.front), 2), np.float32)
+    out[:, 0] = of_receivers[draw.front]
+    both = draw.back >= 0
+    out[both, 1] = of_receivers[draw.back[both]]
+    return out
+
+
 def mean_radiance(draw: DrawMesh, front: np.ndarray, back: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return `colours` (with reflectance) as seen from afar: times the mean of the texture, emission included."""
     if draw.texture is None:

@@ -27,6 +27,7 @@ from app.session import BUDGET, Session
 from app.settings import Settings, UsageError
 from app.solving import Smoothed
 from app.succession import Succession
+from app.vertex_colours import weights
 from app.viewport import Viewport
 
 SAMPLES = 4  # a pixel
@@ -214,7 +215,7 @@ class Viewer:
         for layer, side in enumerate(what.sides):
             for o, mesh in enumerate(session.meshes):
                 painted = looks.paint(mesh, side, what.errors, session.settings.show == "radiance")
-                self.renderer.set_colours(o, *painted, layer)
+                self.renderer.set_colours(o, *painted, layer, weights(mesh, side.weights))
 
     def _guard(self, doing: str, work: Callable[[], None]) -> None:
         """Run a stage of the frame; what goes wrong is told in the log line and the window survives."""

@@ -69,4 +69,4 @@ class Covered:
         visible = (luminance(irradiance[neighbour]) > black[of]) & ~np.isin(neighbour, rows)
         of, neighbour = of[visible], neighbour[visible]
         some, count = np.unique(of, return_counts=True)
-        return Hidden(rows[some], np.concatenate([[0], np.cumsum(count)]), neighbour)
+        return Hidden(rows[some], np.concatenate([[0], np.cumsum(count)]), neighbour, np.delete(rows, some))

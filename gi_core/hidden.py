@@ -2,12 +2,15 @@
 
 Where one thing stands on another, vertices of the one lie inside the other: floor under a cupboard, wall behind a
 shelf. They are black, rightly, but their triangles reach out into the open, and interpolation carries the black with
-it: dark teeth along every contact. Such a receiver is drawn with the mean of its visible neighbours, so that what can
-be seen of its triangles goes on as it is beside it. Irradiance itself stays what it is: errors are told of that.
+it: dark teeth along every contact. What can be seen of its triangles is to go on as it is beside it. So such a receiver
+has a colour, the mean of its visible neighbours, but next to no say in its triangles: a picture interpolates with the
+weights of `Drawn`. A column that stands on the line between light and shade is then lit on one side up to its foot,
+dark on the other. Irradiance itself stays what it is: errors are told of that.
 
-A receiver is *hidden* if next to no light reaches it, it lies in a closed space (most of what it looks at is the inside
-of solid things, or near), it has lit neighbours, and no neighbour is merely dark: at the foot of a thin wall beside an
-unlit room nothing is carried over.
+A receiver is *hidden* if little light reaches it and it lies inside solid things (most of what it looks at is their
+inside), or next to none does and it lies in a closed space (most of what it looks at is near). It must have lit
+neighbours; in a closed space none may be merely dark: at the foot of a thin wall beside an unlit room nothing is
+carried over.
 """
 
 from __future__ import annotations
@@ -25,7 +28,9 @@ LOOKS = 16  # directions
 NEAR = 0.06  # of the scene's size: a space that is no wider is no room
 CHUNK = 2048  # receivers a step: some 10 ms
 BLACK = 0.02  # of a neighbour's light, that is nothing: a photon in a million slips through where edges meet
-UNKNOWN, OPEN, CLOSED = -1, 0, 1
+LITTLE = 0.1  # the same inside a solid thing, where what there is came through its corners by the radius of a disc
+SAY = 1e-3  # of a visible receiver's, that a hidden one has in its triangles; of that, one farther inside
+UNKNOWN, OPEN, CLOSED, INSIDE = -1, 0, 1, 2
 
 
 class Hidden(NamedTuple):
@@ -34,9 +39,17 @@ class Hidden(NamedTuple):
     rows: np.ndarray  # (h,) int64, ascending
     first: np.ndarray  # (h + 1,) int64 into `neighbours`
     neighbours: np.ndarray  # (k,) int64
+    deep: np.ndarray  # (d,) int64 receivers beside these that lie in there too, but have no visible neighbour
 
 
-NONE_HIDDEN = Hidden(np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros(0, np.int64))
+class Drawn(NamedTuple):
+    """Irradiance for pictures, and how much each receiver counts where a triangle is interpolated."""
+
+    irradiance: np.ndarray  # (R, 3) [W/m2]
+    weights: np.ndarray | None  # (R,) float32: 1, SAY, or its square; None: all 1
+
+
+NONE_HIDDEN = Hidden(np.zeros(0, np.int64), np.zeros(1, np.int64), *[np.zeros(0, np.int64)] * 2)
 
 
 class HiddenReceivers:
@@ -55,7 +68,11 @@ class HiddenReceivers:
         for corner in self._corners.T:
             np.maximum.at(peak, corner, of_face)
         lit = light > BLACK * peak
+        faint = light <= LITTLE * peak
         yield
+        few = np.flatnonzero(faint & lit)
+        yield from self._look_round(few)
+        lit[few[self._closed[few] == INSIDE]] = False
         black = ~lit[self._corners]
         mixed = black.any(axis=1) & ~black.all(axis=1)
         candidate = np.zeros(len(lit), bool)
@@ -65,10 +82,15 @@ class HiddenReceivers:
         concerned = np.zeros(len(lit), bool)
         concerned[self._corners[beside][black[beside]]] = True
         yield from self._look_round(np.flatnonzero(concerned))
-        candidate &= self._closed == CLOSED
-        dark = (~lit & (self._closed == OPEN))[self._corners].any(axis=1)
-        candidate[self._corners[dark].reshape(-1)] = False
-        return _with_neighbours(self._corners[mixed], candidate, lit)
+        dark = np.zeros(len(lit), bool)
+        dark[self._corners[(~lit & (self._closed == OPEN))[self._corners].any(axis=1)]] = True
+        nobody_sees = ~lit & ((self._closed == INSIDE) | ((self._closed == CLOSED) & ~dark))
+        candidate &= nobody_sees
+        beside = candidate[self._corners].any(axis=1)
+        deep = np.zeros(len(lit), bool)
+        deep[self._corners[beside]] = True
+        deep &= nobody_sees & ~candidate
+        return _with_neighbours(self._corners[mixed], candidate, lit, np.flatnonzero(deep))
 
     def _look_round(self, rows: np.ndarray):
         """Find out which receivers lie in a closed space, those that are not yet known."""
@@ -92,7 +114,7 @@ class HiddenReceivers:
         behind = (model.surfaces.normals[face] * rays).sum(axis=1) > 0
         inside = (face >= 0) & behind & ~model.surfaces.two_sided[face]
         near = np.median(distance.reshape(n, LOOKS), axis=1) < self._near
-        return np.where(near | (inside.reshape(n, LOOKS).mean(axis=1) > 0.5), CLOSED, OPEN)
+        return np.where(inside.reshape(n, LOOKS).mean(axis=1) > 0.5, INSIDE, np.where(near, CLOSED, OPEN))
 
 
 def directions(normals: np.ndarray) -> np.ndarray:
@@ -106,7 +128,7 @@ def directions(normals: np.ndarray) -> np.ndarray:
     return (local @ frames).astype(np.float32)
 
 
-def _with_neighbours(corners: np.ndarray, hidden: np.ndarray, lit: np.ndarray) -> Hidden:
+def _with_neighbours(corners: np.ndarray, hidden: np.ndarray, lit: np.ndarray, deep: np.ndarray) -> Hidden:
     """Return the hidden receivers with the lit corners of their faces (m, 3)."""
     pairs = []
     for a in range(3):
@@ -116,16 +138,17 @@ def _with_neighbours(corners: np.ndarray, hidden: np.ndarray, lit: np.ndarray) -
     of, neighbour = np.concatenate(pairs).astype(np.int64).T
     order = np.lexsort((neighbour, of))
     rows, count = np.unique(of, return_counts=True)
-    return Hidden(rows, np.concatenate([[0], np.cumsum(count)]), neighbour[order])
+    return Hidden(rows, np.concatenate([[0], np.cumsum(count)]), neighbour[order], deep)
 
 
-def drawn(irradiance: np.ndarray, *hidden: Hidden) -> np.ndarray:
+def drawn(irradiance: np.ndarray, *hidden: Hidden) -> Drawn:
     """Return irradiance (R, 3) with hidden receivers as they are drawn; the same array where there are none."""
     some = [h for h in hidden if len(h.rows)]
     if not some:
-        return irradiance
-    out = irradiance.copy()
+        return Drawn(irradiance, None)
+    out, weights = irradiance.copy(), np.ones(len(irradiance), np.float32)
     for h in some:
         total = np.add.reduceat(irradiance[h.neighbours], h.first[:-1])
         out[h.rows] = total / np.diff(h.first)[:, None]
-    return out
+        weights[h.rows], weights[h.deep] = SAY, SAY * SAY
+    return Drawn(out, weights)

@@ -18,7 +18,7 @@ from gi_core.disc_search import PRETESTS, SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.frames import Changes, FrameSize, Lights, changes_of, frame_light, light_from_scratch
 from gi_core.gather_rounds import Gathered
-from gi_core.hidden import drawn
+from gi_core.hidden import Drawn, drawn
 from gi_core.ladder import FrameTimes, is_rung, next_rung
 from gi_core.mobile_light import MobileLight
 from gi_core.model import Model
@@ -388,9 +388,13 @@ class Solver:
         return self._static_light.irradiance(self._shown, self._shown.estimate.photons)
 
     def drawn(self, irradiance: np.ndarray, poses: Mapping[str, Pose] | None = None) -> np.ndarray:
+        """Return irradiance (R, 3) as it is to be drawn: `as_drawn()` without the weights."""
+        return self.as_drawn(irradiance, poses).irradiance
+
+    def as_drawn(self, irradiance: np.ndarray, poses: Mapping[str, Pose] | None = None) -> Drawn:
         """Return irradiance (R, 3) as it is to be drawn: receivers that nobody sees are as visible ones beside them.
 
-        poses: that it belongs to, if not the current ones. The same array where nothing is hidden
+        poses: that it belongs to, if not the current ones. The same array, and no weights, where nothing is hidden
         (`gi_core.hidden`, `gi_core.covered`), and until all photons wanted have been estimated.
         """
         light, hidden = self._static_light, [self._static_light.hidden]

@@ -6,8 +6,8 @@ uniform float exposure;  // factor: 2^EV
 uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours
 uniform vec3 unlit;      // display colour of a side that has no light by definition
 
-centroid in vec3 front_radiance;
-centroid in vec3 back_radiance;
+centroid in vec4 front_radiance;  // times its weight; weight
+centroid in vec4 back_radiance;
 out vec4 colour;
 #ifdef TEXTURED
 uniform sampler2D image;    // sRGB, decoded before it is filtered
@@ -29,7 +29,8 @@ vec3 srgb(vec3 c) {
 }
 
 void main() {
-    vec3 radiance = gl_FrontFacing ? front_radiance : back_radiance;
+    vec4 seen = gl_FrontFacing ? front_radiance : back_radiance;
+    vec3 radiance = seen.rgb / seen.a;
 #ifdef TEXTURED
     vec2 at = mix(uv, 1.0 - abs(mod(uv, 2.0) - 1.0), mirrored);
 #ifdef CUT_OUT

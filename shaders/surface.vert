@@ -5,12 +5,12 @@ uniform mat4 model;            // object to world
 uniform mat4 view_projection;  // world to clip
 
 in vec3 position;
-in vec3 front;  // linear radiance [W/m2/sr]
-in vec3 back;   // the same; negative where the face is one-sided
+in vec4 front;  // linear radiance [W/m2/sr], weight in its triangles
+in vec4 back;   // the same; radiance negative where the face is one-sided
 
 // Centroid: at a silhouette the plain interpolant reaches beyond the triangle and may turn negative.
-centroid out vec3 front_radiance;
-centroid out vec3 back_radiance;
+centroid out vec4 front_radiance;  // times its weight; weight
+centroid out vec4 back_radiance;
 #ifdef TEXTURED
 in vec2 place;  // in the texture
 // Not centroid: a pixel's footprint can only be told from its middle to the next one's, and Mesa's centroid lies
@@ -19,8 +19,8 @@ out vec2 uv;
 #endif
 
 void main() {
-    front_radiance = front;
-    back_radiance = back;
+    front_radiance = vec4(front.rgb * front.a, front.a);
+    back_radiance = vec4(back.rgb * back.a, back.a);
 #ifdef TEXTURED
     uv = place;
 #endif

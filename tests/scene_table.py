@@ -89,10 +89,10 @@ def measure(what: str, picture: Path, launched: float, photons: int | None, size
     write_png(picture, shot.take(), shot.parameters())
     passed("drawn")
     began = time.process_time()
-    for _ in solver.gather_steps():
-        if solver.uses_gathered or time.process_time() - began > PATIENCE:
+    for progress in solver.gather_steps():
+        if (progress.picture and solver.uses_gathered) or time.process_time() - began > PATIENCE:
             break
-    if solver.uses_gathered:
+    if solver.uses_gathered and progress.picture:
         passed("gathered")
         write_png(picture.with_suffix(".gathered.png"), shot.take(), shot.parameters())
     s = solver.surfaces

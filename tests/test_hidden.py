@@ -9,7 +9,7 @@ import pytest
 from control_scenes import two_rooms
 from scene_builders import box, box_mobile, floor, grey, lamp, merge, quad
 
-from gi_core.hidden import NONE_HIDDEN, drawn
+from gi_core.hidden import NONE_HIDDEN, SAY, drawn
 from gi_core.scene import Pose
 from gi_core.scene.types import Scene
 from gi_core.solver import Solver
@@ -66,6 +66,48 @@ def test_each_is_the_mean_of_its_visible_neighbours():
         assert np.allclose(seen[r], E[lit].mean(axis=0), rtol=1e-12)
 
 
+def test_next_to_nothing_in_its_triangles_is_said_by_who_is_hidden():
+    solver = solved(standing())
+    seen = solver.as_drawn(solver.irradiance)
+    covered, on_floor = inside(solver)
+    rows = solver._static_light.hidden.rows
+    assert covered[rows].all() and (seen.weights[rows] == np.float32(SAY)).all()
+    faces = solver.surfaces.corner_front[: 2 * 20 * 20]
+    deep = faces[np.isin(faces, rows).any(axis=1)]
+    deep = np.unique(deep[~np.isin(deep, rows) & covered[deep]])
+    assert len(deep) > 3 and np.allclose(seen.weights[deep], SAY * SAY)
+    assert (seen.weights[on_floor & ~covered] == 1).all()
+
+
+def test_a_wall_that_parts_light_from_the_dark_carries_neither_across():
+    """A solid wall, 14 cm thick, on the middle line of a floor; the lamp is on one side, below the wall's top.
+
+    The line of receivers in the wall has lit neighbours on one side and merely dark ones on the other.
+    """
+    wall = box((-0.07, -1.1, 0.0), (0.07, 1.1, 1.2), 4, 2)
+    mesh = merge(floor(2.0, 20), quad((0.3, -1, 1), (0, 2, 0), (0.7, 0, 0), (1, 1), 1), wall)
+    solver = solved(Scene(mesh, (grey(0.5), lamp(5.0), grey(0.5)), up=(0.0, 0.0, 1.0), name="wall"))
+    shown = solver.as_drawn(solver.irradiance)
+    faces = solver.surfaces.corner_front[: 2 * 20 * 20]
+    x, y = solver.receivers.positions[faces][..., :2].transpose(2, 0, 1)
+    means = {}
+    for side in (1, -1):
+        beside = (
+            (np.sort(np.abs(x), axis=1)[:, 0] < 1e-6) & (side * x.sum(axis=1) > 0.05) & (np.abs(y) < 0.8).all(axis=1)
+        )
+        corners = faces[beside]
+        far = np.abs(x[beside]) > 0.05
+        # Where the triangle comes out of the wall, 0.08 of its 0.1 m from it: weights of its corners there.
+        place = np.where(far, 0.8 / far.sum(axis=1, keepdims=True), 0.2 / (~far).sum(axis=1, keepdims=True))
+        say = place * shown.weights[corners]
+        found = (say * shown.irradiance[corners, 1]).sum(axis=1) / say.sum(axis=1)
+        outside = (far * shown.irradiance[corners, 1]).sum(axis=1) / far.sum(axis=1)
+        assert beside.sum() > 20
+        assert side < 0 or ((found > 0.98 * outside).all() and outside.min() > 0.1)
+        means[side] = found.mean()
+    assert means[-1] < 1e-3 * means[1]
+
+
 def test_the_inside_of_a_wide_thing_with_two_sides_is_left_as_it_is():
     solver = solved(standing(two_sided=True))
     assert solver.drawn(solver.irradiance) is solver.irradiance
@@ -97,7 +139,7 @@ def test_a_scene_where_nothing_is_hidden_pays_nothing():
     solver = solved(lit_floor)
     assert solver.drawn(solver.irradiance) is solver.irradiance
     E = np.ones((3, 3))
-    assert drawn(E, NONE_HIDDEN) is E
+    assert drawn(E, NONE_HIDDEN).irradiance is E and drawn(E, NONE_HIDDEN).weights is None
 
 
 def test_moving_changes_what_is_drawn_there_but_not_where():

@@ -114,6 +114,22 @@ def test_gouraud_is_linear_across_a_triangle():
     np.testing.assert_allclose(linear[inside], expected[inside], atol=0.006)
 
 
+def test_a_vertex_of_next_to_no_weight_leaves_its_triangles_to_the_others():
+    """A card of light 1 whose middle vertex is dark: a dip where all weigh the same, none where that one does not."""
+    scene, settings = card(), replace(SMALL, exposure=0.0, size=(65, 65), show="irradiance")
+    shot = shot_of(scene, settings, np.pi)
+    front, back = shot.colours(0)
+    middle = (shot.meshes[0].positions[:, :2] == 0).all(axis=1)
+    front = np.where(middle[:, None], np.float32(0), front)
+    weights = np.ones((len(front), 2), np.float32)
+    weights[middle] = 1e-3
+    at = shot.solver.model.transforms(shot.solver.poses)
+    given = shot.solver.model.accelerator, at, shot.meshes, [(front, back)], shot.camera, (65, 65), 0.0, "clip"
+    dipped, even = (raycast.picture(*given, textured=False, weights=w)[28, :, 0] for w in (None, [weights]))
+    inside = slice(24, 42)
+    assert middle.sum() == 1 and dipped[inside].min() < 180 and even[inside].min() > 250
+
+
 def test_backs_of_one_sided_faces_are_culled_or_shown_unlit():
     scene = behind(card())
     assert centre(shot_of(scene, SMALL, 1.0).take()) == bytes_of(raycast.BACKGROUND)
@@ -183,7 +199,7 @@ def gl_picture(shot: Shot) -> np.ndarray:
     try:
         drawing.set_scene(shot.meshes)
         for o in range(len(shot.meshes)):
-            drawing.set_colours(o, *shot.colours(o))
+            drawing.set_colours(o, *shot.colours(o), weights=shot.weights(o))
         drawing.resize(width, height)
         s = shot.settings
         textured = s.show == "radiance"

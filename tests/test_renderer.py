@@ -63,6 +63,26 @@ def test_colours_run_linearly_between_vertices(draw):
 
 
 @pytest.mark.gl
+def test_vertices_of_next_to_no_weight_leave_their_triangles_to_the_others(ctx):
+    """A square, dark on the left; each side has weights of its own."""
+    from app.renderer import Look, Renderer
+
+    mesh, front, back = square((0, 0, 0), (0, 0, 0))
+    left = mesh.positions[:, 0] < 0
+    front[~left], back[~left] = 0.25, 0.25
+    weights = np.ones((4, 2), np.float32)
+    weights[left, 1] = 1e-3
+    renderer = Renderer(ctx)
+    renderer.set_scene((mesh,))
+    renderer.set_colours(0, front, back, weights=weights)
+    renderer.resize(*SIZE)
+    for model, radiance in ((IDENTITY, 0.125), (HALF_TURN, 0.25)):
+        renderer.draw(Look(EYE.projection(SIZE[0] / SIZE[1]) @ EYE.view(), (model,), tone_map="clip"))
+        assert middle(renderer.pixels()) == pytest.approx(to_display(np.full(3, radiance), 0, "clip"), abs=2)
+    renderer.release()
+
+
+@pytest.mark.gl
 def test_many_samples_soften_edges_and_nothing_else(draw):
     turned = IDENTITY.copy()
     turned[:3, :3] = rotation(Pose(quaternion=axis_angle((0, 0, 1), 20)))

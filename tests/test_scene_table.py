@@ -7,6 +7,8 @@ from mesh_writers import write_room
 from app.png import read_parameters
 from tests import scene_table
 
+FEW = ["--photons=5000", "--size=320x200"]
+
 
 def test_folders_files_shipped_scenes_and_mobiles_become_cases(tmp_path):
     (tmp_path / "a").mkdir()
@@ -21,7 +23,7 @@ def test_rows_are_kept_and_what_people_wrote_stays(tmp_path):
     (tmp_path / "bad.glb").write_text("no")
     out = tmp_path / "rows"
     out.mkdir()
-    rows = [scene_table._child(str(tmp_path / f), f, out, 300, []) for f in ("room.obj", "bad.glb")]
+    rows = [scene_table._child(str(tmp_path / f), f, out, 300, FEW) for f in ("room.obj", "bad.glb")]
     good, bad = rows
     assert good["file"] == 14 and good["drawn"] > 14 and not good["nan"] and good["stages"]["ready"] > 0
     assert (out / "room.obj.png").stat().st_size > 1000

@@ -30,10 +30,10 @@ def test_dragging_a_mobile_moves_it_and_its_light_in_the_same_frame(play):
         # A plain drag: another place at the same height. Each frame's picture belongs to that frame's pose.
         upload = viewer.renderer.set_colours
 
-        def watched(o, front, back, layer):
+        def watched(o, front, back, layer, weights):
             if o == 0:
                 seen.append((session.version, session.poses["block"], session.irradiance))
-            upload(o, front, back, layer)
+            upload(o, front, back, layer, weights)
 
         viewer.renderer.set_colours = watched
         start_at = hand.at(BLOCK_FRONT)
