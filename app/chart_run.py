@@ -57,6 +57,7 @@ class Run:
         poses = min(QUICK_POSES if quick else POSES, self.frames)
         self.truth_frames = [(2 * k + 1) * self.frames // (2 * poses) for k in range(poses)]
         self._traced: dict[int, float] = {}  # s from the start to so many photons
+        self._gather_seconds = 0.0
         self._limits = None
 
     def about(self) -> dict[str, object]:
@@ -113,6 +114,8 @@ class Run:
     def _row(self, choice: Choice, limit, walk) -> dict:
         solver, seconds = self.solved(choice)
         first = self._prepare_seconds + self._traced[choice.traced] + seconds
+        if choice.static_light == "gathered":
+            first += self._gather_seconds
         seen = chart_measure.go(solver, walk, *choice.frame)
         return chart_measure.row(choice, seen, limit, walk, first)
 
@@ -130,10 +133,12 @@ class Run:
         """Gather the static light, once; every twin has it."""
         noise = QUICK_GATHERED_NOISE if self.quick else GATHERED_NOISE
         if self.base.gathered is None or self.base.gathered.noise > noise:
+            started = time.perf_counter()
             for progress in self.base.gather_steps():
                 self.bar(progress.stage, progress.fraction)
                 if self.base.gathered.noise <= noise:
                     break
+            self._gather_seconds = time.perf_counter() - started
 
     def _walk(self) -> chart_measure.Walk:
         for n in sorted({c.traced for c in self.choices}):
