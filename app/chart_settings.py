@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from app.settings import Settings
-from gi_core.static_gather import ENOUGH
 
 PHOTONS = (1 << 14, 1 << 16, 1 << 18, 1 << 20)  # rungs of the ladder of prefixes, so that static_light can vary
 QUICK_PHOTONS = (1 << 14, 1 << 16)
 RADII = (0.5, 1.0, 2.0)  # of the radius that the program chooses
 NEIGHBOURS = (20, 100)
-GATHERED_NOISE, QUICK_GATHERED_NOISE = ENOUGH, 0.05  # of gathered static light: what the window goes on to at rest
+GATHERED_NOISE, QUICK_GATHERED_NOISE = 0.01, 0.05  # of gathered static light before smoothing: a minute or so at rest
 LIMIT_PHOTONS = 1 << 22  # of an estimator's limit: four times the most
 QUICK_LIMIT_PHOTONS = 1 << 18
 

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 RADII = (0.5, 0.71, 1.0, 1.41, 2.0)  # of the radius in use
 NEIGHBOURS = 80
 POSES = 2  # along the path
+TRIES = 3  # frames of each number of paths
 MOST_PHOTONS = 4_000_000
 
 
@@ -33,8 +34,9 @@ def tune(solver: Solver, budget: float, error: float | None = None) -> Generator
     from gi_core import laws, trials
 
     judge = solver.twin()
-    paths = _paths(judge, budget)
-    sticks = yield from _told("measuring the truth", trials.yardsticks(judge, _frames(solver)), 0.0, 0.3)
+    frames = _frames(solver)
+    paths = _paths(judge, frames, budget)
+    sticks = yield from _told("measuring the truth", trials.yardsticks(judge, frames), 0.0, 0.3)
     found, every = [], candidates(solver)
     for k, candidate in enumerate(every):
         share = 0.3 + 0.7 * k / len(every)
@@ -56,12 +58,12 @@ def candidates(solver: Solver) -> list[dict]:
     return [*discs, {"estimator": "photon_map", "neighbours": NEIGHBOURS}, {"estimator": "impact_count"}]
 
 
-def _paths(solver: Solver, budget: float) -> int | None:
+def _paths(solver: Solver, frames: list, budget: float) -> int | None:
     """Return how many paths mobiles will gather in frames of that time, after trying two numbers of them."""
     from app.pace import GATHERING
 
-    for few in (None, 4, None):
-        solver.move_all({}, None, few)
+    for k, few in enumerate((None, 4) * TRIES):
+        solver.move_all(frames[k // 2 % len(frames)], None, few)  # each elsewhere than the one of as many before
     return solver.paths_within(GATHERING * budget)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.accelerator import Transforms
+from gi_core.kept_rays import pose_keys
 from gi_core.ladder import FrameTimes
 from gi_core.mobile_gather import MobileGather
 from gi_core.model import Model
@@ -23,6 +24,8 @@ class MobileLight:
         self._model, self._seed = model, seed
         self._gather: MobileGather | None = None
         self._times = FrameTimes()  # by paths
+        self._poses: dict[int, list[bytes]] = {}  # by paths, at the last frame of so many
+        self._moved = True  # something, since then
 
     def choose(self, kind: str) -> None:
         """Take the light from elsewhere from now on. Raises SceneError for a kind that there is not."""
@@ -50,11 +53,13 @@ class MobileLight:
             gather = MobileGather(self._model, self._seed)
         else:
             gather = self._gather = self._gather or MobileGather(self._model, self._seed)
+            poses = pose_keys(at)
+            self._moved, self._poses[paths] = self._poses.get(paths) != poses, poses
         irradiance[gather.first :] = gather.irradiance(at, irradiance[: gather.first], paths.bit_length() - 1)
 
     def took(self, paths: int, seconds: float) -> None:
-        """Take note of how long a frame's gathering took [s]."""
-        if paths:
+        """Take note of how long a frame's gathering took [s], unless nothing had moved: no ray was traced then."""
+        if paths and self._moved:
             self._times.add(paths, seconds)
 
     def expected(self, paths: int) -> float:

@@ -94,10 +94,10 @@ def trial(solver: Solver, sticks: list[Yardstick], paths: int | None = None, **s
         yield
     counts = np.array(twin.prefixes[-COUNTS:], np.int64)
     errors, seconds = np.zeros((2, len(counts))), np.zeros((len(sticks), 2, len(counts)))
-    for p, stick in enumerate(sticks):
-        for kind, static_light in enumerate(("prefix", "all")):
-            twin.configure(static_light=static_light)
-            for n, count in enumerate(counts):
+    for kind, static_light in enumerate(("prefix", "all")):
+        twin.configure(static_light=static_light)
+        for n, count in enumerate(counts):
+            for p, stick in enumerate(sticks):  # in the inmost loop, so that something moves in each frame
                 twin.move_all(stick.poses, int(count), paths)
                 errors[kind, n] += _squared_error(twin, stick) / len(sticks)
                 seconds[p, kind, n] = sum(twin.timings.values())
@@ -117,10 +117,11 @@ def errors_of(
     for stick in sticks:
         solver.move_all(stick.poses)
         at_rest += _squared_error(solver, stick) / len(sticks)
-        for _ in range(3):
+    for _ in range(3):
+        for stick in sticks:
             solver.move_all(stick.poses, prefix, paths)
             seconds.append(sum(solver.timings.values()))
-        moving += _squared_error(solver, stick) / len(sticks)
+            moving += _squared_error(solver, stick) / (3 * len(sticks))
     at_rest, moving = (float(np.sqrt(max(e, 0.0))) for e in (at_rest, moving))
     return at_rest, moving, prefix, float(np.median(seconds))
 

@@ -19,6 +19,7 @@ from gi_core.error import relative_error
 from gi_core.estimators import ESTIMATORS
 from gi_core.evaluation_points import evaluation_points
 from gi_core.mobile_gather import MobileGather
+from gi_core.mobile_light import MobileLight
 from gi_core.model import Model
 from gi_core.reference import reference_irradiance
 from gi_core.scene.errors import SceneError
@@ -248,6 +249,20 @@ def test_a_thing_that_rests_is_not_traced_again(monkeypatch):
     assert rays[0] == 8 * (last.stop - last.start)
     assert 0 < rays[3] < 8 * (last.start - gather.first)
     assert rays[1] + rays[2] < 2 * rays[0]
+
+
+def test_a_frame_in_which_nothing_moves_does_not_tell_how_long_one_of_a_motion_takes():
+    model, at = at_start(three_things())
+    light, elsewhere = MobileLight(model, 0), at._replace(position=at.position + 0.01)
+    irradiance = np.ones((len(model.object_receivers.areas), 3))
+    light.choose("gathered")
+    for poses, seconds in ((at, 0.5), (at, 1e-6), (elsewhere, 0.5), (elsewhere, 1e-6)):
+        light.put_on(irradiance, poses, 8)
+        light.took(8, seconds)
+        assert light.expected(8) == 0.5
+    light.put_on(irradiance, elsewhere, 16)
+    light.took(16, 1.0)
+    assert light.expected(16) == 1.0, "its rays were traced"
 
 
 NOTHING_IS_COMPILED = """
