@@ -10,7 +10,8 @@ dark on the other. Irradiance itself stays what it is: errors are told of that.
 A receiver is *hidden* if little light reaches it and it lies inside solid things (most of what it looks at is their
 inside), or next to none does and it lies in a closed space (most of what it looks at is near). It must have lit
 neighbours; in a closed space none may be merely dark: at the foot of a thin wall beside an unlit room nothing is
-carried over.
+carried over. A *speck* counts as hidden too: it is black wherever it lies, but nearly all round it is lit. No light
+ends like that; few paths or photons have missed it so far.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ NEAR = 0.06  # of the scene's size: a space that is no wider is no room
 CHUNK = 2048  # receivers a step: some 10 ms
 BLACK = 0.02  # of a neighbour's light, that is nothing: a photon in a million slips through where edges meet
 LITTLE = 0.1  # the same inside a solid thing, where what there is came through its corners by the radius of a disc
+ROUND = 0.7  # of the corners of the faces round a speck, that are lit: at the corner of a dark region two thirds are
 SAY = 1e-3  # of a visible receiver's, that a hidden one has in its triangles; of that, one farther inside
 UNKNOWN, OPEN, CLOSED, INSIDE = -1, 0, 1, 2
 
@@ -73,6 +75,7 @@ class HiddenReceivers:
         few = np.flatnonzero(faint & lit)
         yield from self._look_round(few)
         lit[few[self._closed[few] == INSIDE]] = False
+        speck = ~lit & (self._share_round(lit) >= ROUND)
         black = ~lit[self._corners]
         mixed = black.any(axis=1) & ~black.all(axis=1)
         candidate = np.zeros(len(lit), bool)
@@ -83,14 +86,23 @@ class HiddenReceivers:
         concerned[self._corners[beside][black[beside]]] = True
         yield from self._look_round(np.flatnonzero(concerned))
         dark = np.zeros(len(lit), bool)
-        dark[self._corners[(~lit & (self._closed == OPEN))[self._corners].any(axis=1)]] = True
-        nobody_sees = ~lit & ((self._closed == INSIDE) | ((self._closed == CLOSED) & ~dark))
+        dark[self._corners[(~lit & ~speck & (self._closed == OPEN))[self._corners].any(axis=1)]] = True
+        nobody_sees = ~lit & ((self._closed == INSIDE) | ((self._closed == CLOSED) & ~dark) | speck)
         candidate &= nobody_sees
         beside = candidate[self._corners].any(axis=1)
         deep = np.zeros(len(lit), bool)
         deep[self._corners[beside]] = True
         deep &= nobody_sees & ~candidate
         return _with_neighbours(self._corners[mixed], candidate, lit, np.flatnonzero(deep))
+
+    def _share_round(self, lit: np.ndarray) -> np.ndarray:
+        """Return the share (n,) of lit ones among the other corners of each receiver's faces; 0 where it has none."""
+        count, of = np.zeros(len(lit)), np.zeros(len(lit))
+        others = lit[self._corners].sum(axis=1)
+        for corner in self._corners.T:
+            count += np.bincount(corner, others - lit[corner], len(lit))
+            of += np.bincount(corner, minlength=len(lit))
+        return count / np.maximum(2 * of, 1)
 
     def _look_round(self, rows: np.ndarray):
         """Find out which receivers lie in a closed space, those that are not yet known."""

@@ -9,7 +9,7 @@ import pytest
 from control_scenes import two_rooms
 from scene_builders import box, box_mobile, floor, grey, lamp, merge, quad
 
-from gi_core.hidden import NONE_HIDDEN, SAY, drawn
+from gi_core.hidden import NONE_HIDDEN, SAY, HiddenReceivers, drawn
 from gi_core.scene import Pose
 from gi_core.scene.types import Scene
 from gi_core.solver import Solver
@@ -106,6 +106,28 @@ def test_a_wall_that_parts_light_from_the_dark_carries_neither_across():
         assert side < 0 or ((found > 0.98 * outside).all() and outside.min() > 0.1)
         means[side] = found.mean()
     assert means[-1] < 1e-3 * means[1]
+
+
+def test_specks_that_no_photon_has_met_yet_are_drawn_like_what_is_round_them_but_dark_regions_are_not():
+    """Light made up: one receiver of a floor black, two side by side, and a square of sixteen."""
+    mesh = merge(floor(2.0, 20), quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1))
+    solver = Solver(Scene(mesh, (grey(0.5), lamp(5.0)), up=(0.0, 0.0, 1.0)), photons=0, radius=0.04)
+    p = np.round(solver.receivers.positions * 10)
+
+    def at(x, y):
+        return np.flatnonzero((p == (x, y, 0)).all(axis=1))
+
+    specks = np.concatenate([at(-6, 2), at(5, 5), at(5, 6)])
+    region = np.concatenate([at(x, y) for x in range(4) for y in range(-8, -4)])
+    E = np.ones((len(p), 3))
+    E[specks] = E[region] = 0
+    finding = HiddenReceivers(solver.model, solver.scene_size).find(E)
+    while True:
+        try:
+            next(finding)
+        except StopIteration as found:
+            assert set(found.value.rows) == set(specks) and len(specks) == 3 and len(region) == 16
+            break
 
 
 def test_the_inside_of_a_wide_thing_with_two_sides_is_left_as_it_is():
