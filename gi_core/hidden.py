@@ -11,7 +11,8 @@ A receiver is *hidden* if little light reaches it and it lies inside solid thing
 inside), or next to none does and it lies in a closed space (most of what it looks at is near). It must have lit
 neighbours; in a closed space none may be merely dark: at the foot of a thin wall beside an unlit room nothing is
 carried over. A *speck* counts as hidden too: it is black wherever it lies, but nearly all round it is lit. No light
-ends like that; few paths or photons have missed it so far.
+ends like that; few paths or photons have missed it so far. So does the *end* of a thing that pokes through a wall, no
+farther than its last triangles: black, none of its faces black altogether, and cut off from each lit neighbour.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ CHUNK = 2048  # receivers a step: some 10 ms
 BLACK = 0.02  # of a neighbour's light, that is nothing: a photon in a million slips through where edges meet
 LITTLE = 0.1  # the same inside a solid thing, where what there is came through its corners by the radius of a disc
 ROUND = 0.7  # of the corners of the faces round a speck, that are lit: at the corner of a dark region two thirds are
+SHORT = 1e-3  # of the way to a neighbour, which is not looked along: there are the faces that meet there
 SAY = 1e-3  # of a visible receiver's, that a hidden one has in its triangles; of that, one farther inside
 UNKNOWN, OPEN, CLOSED, INSIDE = -1, 0, 1, 2
 
@@ -88,6 +90,11 @@ class HiddenReceivers:
         dark = np.zeros(len(lit), bool)
         dark[self._corners[(~lit & ~speck & (self._closed == OPEN))[self._corners].any(axis=1)]] = True
         nobody_sees = ~lit & ((self._closed == INSIDE) | ((self._closed == CLOSED) & ~dark) | speck)
+        yield
+        ends = candidate & ~nobody_sees
+        ends[self._corners[black.all(axis=1)].reshape(-1)] = False
+        nobody_sees |= self._cut_off(*_pairs(self._corners[mixed], ends, lit), ends)
+        yield
         candidate &= nobody_sees
         beside = candidate[self._corners].any(axis=1)
         deep = np.zeros(len(lit), bool)
@@ -117,6 +124,18 @@ class HiddenReceivers:
             self._closed[some] = self._are_closed(self._points[0][some], self._points[1][some])
             yield
 
+    def _cut_off(self, of: np.ndarray, neighbour: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return which of `ends` (n,) bool see none of their neighbours, pairs of rows, past other surfaces."""
+        points, towards = (self._points[0][rows].astype(np.float32) for rows in (neighbour, of))
+        way = towards - points
+        length = np.sqrt((way * way).sum(axis=1))
+        far = length > 0
+        way[far] /= length[far, None]
+        _, face = self._model.accelerator.nearest(0, points, way, length * np.float32(1 - SHORT))
+        out = ends.copy()
+        out[of[face < 0]] = False
+        return out
+
     def _are_closed(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         model, n = self._model, len(points)
         rays = directions(normals).reshape(-1, 3)
@@ -140,14 +159,19 @@ def directions(normals: np.ndarray) -> np.ndarray:
     return (local @ frames).astype(np.float32)
 
 
-def _with_neighbours(corners: np.ndarray, hidden: np.ndarray, lit: np.ndarray, deep: np.ndarray) -> Hidden:
-    """Return the hidden receivers with the lit corners of their faces (m, 3)."""
+def _pairs(corners: np.ndarray, hidden: np.ndarray, lit: np.ndarray) -> np.ndarray:
+    """Return (2, k) int64: hidden receivers, and beside each a lit corner of one of its faces (m, 3)."""
     pairs = []
     for a in range(3):
         for b in ((a + 1) % 3, (a + 2) % 3):
             both = hidden[corners[:, a]] & lit[corners[:, b]]
             pairs.append(corners[both][:, [a, b]])
-    of, neighbour = np.concatenate(pairs).astype(np.int64).T
+    return np.concatenate(pairs).astype(np.int64).T
+
+
+def _with_neighbours(corners: np.ndarray, hidden: np.ndarray, lit: np.ndarray, deep: np.ndarray) -> Hidden:
+    """Return the hidden receivers with the lit corners of their faces (m, 3)."""
+    of, neighbour = _pairs(corners, hidden, lit)
     order = np.lexsort((neighbour, of))
     rows, count = np.unique(of, return_counts=True)
     return Hidden(rows, np.concatenate([[0], np.cumsum(count)]), neighbour[order], deep)

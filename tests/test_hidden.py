@@ -108,6 +108,23 @@ def test_a_wall_that_parts_light_from_the_dark_carries_neither_across():
     assert means[-1] < 1e-3 * means[1]
 
 
+@pytest.mark.parametrize("sunk", [0.02, -0.02])
+def test_the_foot_of_a_box_that_is_sunk_through_a_floor_does_not_darken_its_sides(sunk):
+    """The floor is a sheet, so the sunk corners look about in the open below it; sides are as tall as two cells."""
+    lamp_above = quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1)
+    mesh = merge(floor(2.0, 20), lamp_above, box((*LOW[:2], -sunk), (*HIGH[:2], 0.3), 2, 2))
+    solver = solved(Scene(mesh, (grey(0.5), lamp(5.0), grey(0.5)), up=(0.0, 0.0, 1.0), name="box"))
+    p, n = solver.receivers.positions, solver.receivers.normals
+    foot = (p[:, 2] == -sunk) & (np.abs(n[:, 2]) < 0.5)
+    seen = solver.as_drawn(solver.irradiance)
+    assert foot.sum() == 12
+    if sunk > 0:
+        assert not solver.irradiance[foot].any()
+        assert (seen.weights[foot] == np.float32(SAY)).all() and (seen.irradiance[foot, 1] > 0.1).all()
+    else:  # it floats: what its foot is, is seen
+        assert seen.weights is None or (seen.weights[foot] == 1).all()
+
+
 def test_specks_that_no_photon_has_met_yet_are_drawn_like_what_is_round_them_but_dark_regions_are_not():
     """Light made up: one receiver of a floor black, two side by side, and a square of sixteen."""
     mesh = merge(floor(2.0, 20), quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1))
