@@ -65,7 +65,15 @@ def parse(argv: list[str]) -> argparse.Namespace:
         meant = did_you_mean(argv[0], [*COMMANDS, "atlas"])
         if meant and not argv[1].startswith("-"):
             parser.error(f"there is no command {argv[0]}; did you mean {meant[0]}?")
+        if Path(argv[1]).suffix.lower() in values.SCENES and not _is_scene(argv[0]):
+            parser.error(f"there is no command {argv[0]}; there are {', '.join([*COMMANDS, 'atlas'])}")
     return parser.parse_args(argv)
+
+
+def _is_scene(name: str) -> bool:
+    from gi_core.scene.find import shipped_scenes
+
+    return Path(name).exists() or name in shipped_scenes()
 
 
 def settings_of(arguments: argparse.Namespace) -> Settings:

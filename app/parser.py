@@ -5,6 +5,9 @@ from __future__ import annotations
 import argparse
 import difflib
 from collections.abc import Iterable
+from pathlib import Path
+
+from app import values
 
 ALIKE = 0.6  # of 1: what is less alike was not mistyped
 
@@ -14,7 +17,10 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str):
         meant = [m for word in message.split() if word.startswith("--") for m in self._meant(word)]
-        hint = f"; did you mean {meant[0]}?" if meant and message.startswith("unrecognized") else ""
+        unknown = message.startswith("unrecognized")
+        hint = f"; did you mean {meant[0]}?" if meant and unknown else ""
+        if unknown and Path(message.split()[-1]).suffix.lower() in values.SCENES:
+            hint = "; one scene at a time: a thing to move is given by --mobile FILE"
         self.exit(2, f"{self.prog}: {message}{hint}; `{self.prog} --help` lists what there is\n")
 
     def _meant(self, word: str) -> list[str]:

@@ -6,6 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
+SCENES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")  # how the names of scenes end
 DARKEST, BRIGHTEST = -64.0, 64.0  # EV: beyond, nothing can be told from black or white
 
 

@@ -78,6 +78,19 @@ def test_info_gives_no_advice_about_lights_that_are_the_programs_own(capsys, tmp
     assert float(text.partition("truncated")[0].rpartition("absorbed, ")[2].split(" %")[0]) > 80  # and yet escaped
 
 
+def test_a_word_too_many_and_a_name_mistyped_are_told_with_what_was_meant(capsys, tmp_path):
+    write_obj(tmp_path / "kitchen.obj")
+    for words, told in (
+        (["bake", "room.glb"], "there is no command bake; there are render, bench"),
+        (["render", "room.glb", "chair.glb"], "one scene at a time: a thing to move is given by --mobile FILE"),
+        (["cornell", "chair.glb"], "one scene at a time: a thing to move is given by --mobile FILE"),
+    ):
+        assert cli.main(words) == 2
+        assert told in one_line(capsys.readouterr().err)
+    assert cli.main(["info", str(tmp_path / "kichen.obj")]) == 3
+    assert "there is no such scene file; did you mean kitchen.obj? shipped" in one_line(capsys.readouterr().err)
+
+
 def test_ctrl_c_ends_quietly(capsys, monkeypatch):
     from app import info_command
 

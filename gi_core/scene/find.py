@@ -9,11 +9,21 @@ from pathlib import Path
 
 from gi_core.scene.errors import SceneError
 
+ALIKE = 0.75  # of 1: what is less alike was not mistyped
+
 
 def shipped_scenes() -> list[str]:
     """Return the names of the scenes that come with the program, sorted."""
     folder = resources.files("scenes")
     return sorted(p.name[: -len(".toml")] for p in folder.iterdir() if p.name.endswith(".toml"))
+
+
+def _beside(path: Path) -> list[str]:
+    """Return the names of the files where a file was looked for in vain, none if that is no folder."""
+    try:
+        return sorted(p.name for p in path.parent.iterdir() if p.suffix)
+    except OSError:
+        return []
 
 
 def find_scene(name_or_path: str | Path) -> Path:
@@ -31,6 +41,6 @@ def find_scene(name_or_path: str | Path) -> Path:
     listed = ", ".join(shipped)
     if os.path.isdir(path):
         raise SceneError(f"{name}: a scene is a file, this is a folder; shipped scenes are {listed}")
-    meant = difflib.get_close_matches(name, shipped, 1)
+    meant = difflib.get_close_matches(path.name, _beside(path), 1, ALIKE) or difflib.get_close_matches(name, shipped, 1)
     hint = f"did you mean {meant[0]}? " if meant else ""
     raise SceneError(f"{name}: there is no such scene file; {hint}shipped scenes are {listed}")
