@@ -1,5 +1,4 @@
-"""What a session has done while everything rests: memory given back, the static light gathered, errors measured,
-comparisons computed."""
+"""What a session has done while everything rests: the static light gathered, errors measured, comparisons computed."""
 
 from __future__ import annotations
 
@@ -10,7 +9,6 @@ from typing import TYPE_CHECKING
 from app import looks
 from app.appraisal import Wants
 from app.settings import REFERENCE
-from app.spare_memory import SpareMemory
 
 if TYPE_CHECKING:
     from app.session import Session
@@ -22,28 +20,18 @@ class AtRest:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._turn = 0
-        self._spare = SpareMemory(session.clock)
         self._drawn: object = None  # how far what the picture is compared with was when it was last drawn
 
     def next_work(self) -> Callable[[], object] | None:
-        """Return a piece of work, None if all is done. Memory is given back when rest begins and when it is over."""
-        version = self._session.light.version
-        if (spare := self._spare.next_work(version)) is not None:
-            return spare
-        if (work := self._next_work()) is None:
-            return self._spare.last_work(version)
-        self._spare.worked()
-        return work
+        """Return a piece of work, None if all is done: trying settings, else gathering and appraising in turns.
 
-    def _next_work(self) -> Callable[[], object] | None:
-        """Try settings, else gather and appraise in turns.
-
-        Until it has a first answer, most turns are gathering's: a better picture comes before the error of this one.
+        Until it has an answer of whole rounds, most turns are gathering's: a better picture comes before the error of
+        this one.
         """
         if self._session.auto is not None:
             return self._session.auto.next_work()
         gathering, self._turn = self._session.gathering, self._turn + 1
-        turns = TURNS if math.isinf(gathering.told.noise) else 2
+        turns = TURNS if math.isinf(gathering.told.noise) or gathering.told.early else 2
         first, second = (gathering.next_work, self._appraise)[:: 1 if self._turn % turns else -1]
         return first() or second()
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from gi_core.solver import Solver
+    from gi_core.solver import Progress, Solver
 
 SAVE_EVERY = 20.0  # s
 
@@ -17,6 +17,7 @@ class Gathered(NamedTuple):
     fraction: float  # 0 .. 1
     noise: float  # relative, l1; inf: not yet known
     used: bool  # the picture is made of it
+    early: bool = False  # it is but the first answer, of a few paths everywhere
 
 
 class Gathering:
@@ -37,6 +38,13 @@ class Gathering:
             self._tell()
             return None
         return self._step
+
+    def ahead(self, steps: Iterable[Progress]) -> Iterator[Progress]:
+        """Go through steps of refinement; where photons will stay noisy, a first answer comes before most of them."""
+        for progress in steps:
+            yield progress
+            while progress.picture and self._solver.gathers_ahead:
+                yield progress._replace(stage="gathering", picture=self._step())
 
     def _step(self) -> bool:
         solver = self._solver
@@ -59,7 +67,7 @@ class Gathering:
     def _tell(self) -> None:
         g, solver = self._solver.gathered, self._solver
         if g is not None:
-            self.told = Gathered(g.fraction, g.noise, solver.uses_gathered)
+            self.told = Gathered(g.fraction, g.noise, solver.uses_gathered, g.early > 0)
 
 
 def gather(solver: Solver, bar) -> None:

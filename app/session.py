@@ -161,8 +161,8 @@ class Session:
         self.filled = {name: value for name, value in filled.items() if value is not None}
         self.settings = self._applied = replace(self.settings, **filled)
         self.meshes, self.picker = opened.meshes, opened.picker
-        self.light = Solving(opened.solver, self.log, self.clock, self._worker)
         self.gathering = Gathering(opened.solver, self.clock)
+        self.light = Solving(opened.solver, self.log, self.clock, self._worker, self.gathering.ahead)
         if self._appraise is not None:
             self.appraisal = self._appraise(opened.solver, self.clock)
         self._at_rest = AtRest(self)

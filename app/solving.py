@@ -9,8 +9,6 @@ of a prefix of the photons (app/pace.py); once it rests, that of all.
 from __future__ import annotations
 
 import functools
-import statistics
-from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,6 +18,8 @@ from app.background import PATIENCE, Job, Worker
 from app.caveats import caveats
 from app.log import WARNING, Log
 from app.pace import Pace
+from app.smoothed import Smoothed
+from app.spare_memory import SpareMemory, give_back
 
 if TYPE_CHECKING:  # the solver takes a second to import: that happens behind the window's first frames
     from gi_core.contact_discs import ControlFacts
@@ -28,21 +28,6 @@ if TYPE_CHECKING:  # the solver takes a second to import: that happens behind th
 
 GRACE = 0.040  # s that a frame waits for a move: with the drawing it stays under 50 ms
 TIMED = 3  # frames a prefix
-SMOOTHED = 31  # frames that a shown time is the median of
-
-
-class Smoothed:
-    """The median of the last values: one slow frame does not show."""
-
-    def __init__(self) -> None:
-        self._values: deque[float] = deque(maxlen=SMOOTHED)
-
-    def add(self, value: float) -> None:
-        self._values.append(value)
-
-    @property
-    def value(self) -> float:
-        return statistics.median(self._values) if self._values else 0.0
 
 
 class Snapshot(NamedTuple):
@@ -58,8 +43,11 @@ class Snapshot(NamedTuple):
 class Solving:
     """Only this touches the solver once it is open; all its methods are the window's thread's."""
 
-    def __init__(self, solver: Solver, log: Log, clock: Callable[[], float], worker: Worker) -> None:
-        self.solver = solver
+    def __init__(
+        self, solver: Solver, log: Log, clock: Callable[[], float], worker: Worker, ahead: Callable = iter
+    ) -> None:
+        """`ahead` goes through the solver's steps, with others between them."""
+        self.solver, self._ahead = solver, ahead
         self.log = log
         self.clock = clock
         self.version = 0  # of what is to be drawn
@@ -80,7 +68,7 @@ class Solving:
         self._worker = worker
         self._job: Job | None = None  # what the thread is doing
         self._take: Callable[[Job], None]  # what to do with its result
-        self._steps = solver.solve_steps()  # what is still to be refined, None when nothing is
+        self._steps = ahead(solver.solve_steps())  # what is still to be refined, None when nothing is
         self._to_time: list[int | None] | None = (
             None  # prefixes whose frames are still to be timed; None: not yet known
         )
@@ -88,6 +76,7 @@ class Solving:
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
         self._hasty = False  # these may be shown in the light of fewer photons
         self.at_rest: Callable[[], Callable[[], None] | None] | None = None  # hands out work for when nothing else is
+        self._spare = SpareMemory(clock)
         self._idle = False  # the thread is doing such work: nobody waits for it
         self._show()
 
@@ -118,7 +107,7 @@ class Solving:
             return False
         # The solver keeps the old picture until the new one is as good.
         self.solver.configure(**changes)
-        self._steps = self.solver.solve_steps()
+        self._steps = self._ahead(self.solver.solve_steps())
         self._to_time = None
         return True
 
@@ -136,7 +125,7 @@ class Solving:
         """
         deadline = self.clock() + budget
         while self._steps is not None and not self._pending:
-            if self._job is None:
+            if self._job is None and not self._gives_back():
                 self._begin(functools.partial(next, self._steps, None), self._take_step)
                 self.steps_begun += 1
             if not self._wait(deadline - self.clock()):
@@ -179,13 +168,19 @@ class Solving:
     def _rest(self, deadline: float) -> None:
         """Do the work of one who has time, piece by piece; it shows nothing by itself."""
         while self.at_rest is not None and self._wait(deadline - self.clock()):
-            work = self.at_rest()
-            if work is None:
+            if self._gives_back():
+                continue
+            if (work := self.at_rest()) is None:
                 return
-            self._begin(work, self._take_rest)
-            self._idle = True
+            self._begin(work, self._take_rest, idle=True)
             if self.clock() >= deadline:
                 return
+
+    def _gives_back(self) -> bool:
+        """Begin to give memory back that nobody uses, if it is time."""
+        if due := self._spare.due():
+            self._begin(give_back, lambda job: job.result(), idle=True)
+        return due
 
     def _take_rest(self, job: Job) -> None:
         try:
@@ -195,8 +190,10 @@ class Solving:
             self.at_rest = None
             self.log.error("what is done at rest", problem)
 
-    def _begin(self, call: Callable, take: Callable[[Job], None]) -> None:
-        self._job, self._take = self._worker.submit(call), take
+    def _begin(self, call: Callable, take: Callable[[Job], object], idle: bool = False) -> None:
+        self._job, self._take, self._idle = self._worker.submit(call), take, idle
+        if call is not give_back:
+            self._spare.used()
 
     def _wait(self, seconds: float) -> bool:
         """Wait so long for what is under way, and take it over; True when nothing is under way any more."""
@@ -288,4 +285,4 @@ class Solving:
             self.gi_seconds.add(seconds)
         self._show(moved)
         # The iterator may have been left between two steps: begin a new one, nothing is traced twice.
-        self._steps = self.solver.solve_steps()
+        self._steps = self._ahead(self.solver.solve_steps())

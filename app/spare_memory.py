@@ -9,41 +9,31 @@ asked: there nothing is done.
 from __future__ import annotations
 
 import ctypes
-import math
 from collections.abc import Callable
 from functools import cache
 
 ARENAS = 2  # the window need not wait for the solver's malloc
 M_ARENA_MAX = -8  # mallopt's name for their number
-PAUSE = 10.0  # s, at least, from one time to the next
+PAUSE = 5.0  # s, at least, from one time to the next
 
 
 class SpareMemory:
-    """Says when it is time: light has come to rest, or all that is done at rest is done."""
+    """Says when it is time: something has been done since, and not too soon."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._given_at = -math.inf
-        self._of: object = None  # version of the light then
-        self._worked = False  # since then, at rest
+        self._given_at = clock()
+        self._used = False  # memory, since then
 
-    def next_work(self, version: object) -> Callable[[], None] | None:
-        """Return what gives memory back if the light is another than at the last time; not too often."""
-        if version == self._of or self._clock() - self._given_at < PAUSE:
-            return None
-        return self._begin(version)
+    def used(self) -> None:
+        self._used = True
 
-    def last_work(self, version: object) -> Callable[[], None] | None:
-        """Return what gives memory back, now that nothing else is left to do; None if nothing was done since."""
-        return self._begin(version) if self._worked else None
-
-    def worked(self) -> None:
-        """Something has been handed out to be done at rest."""
-        self._worked = True
-
-    def _begin(self, version: object) -> Callable[[], None]:
-        self._given_at, self._of, self._worked = self._clock(), version, False
-        return give_back
+    def due(self) -> bool:
+        """Tell whether to give memory back now; whoever asks does so if it is."""
+        due = self._used and self._clock() - self._given_at >= PAUSE
+        if due:
+            self._given_at, self._used = self._clock(), False
+        return due
 
 
 def limit_arenas() -> None:

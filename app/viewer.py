@@ -25,7 +25,7 @@ from app.opening import Opening
 from app.renderer import Renderer
 from app.session import BUDGET, Session
 from app.settings import Settings, UsageError
-from app.solving import Smoothed
+from app.smoothed import Smoothed
 from app.succession import Succession
 from app.vertex_colours import weights
 from app.viewport import Viewport

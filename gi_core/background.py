@@ -49,6 +49,11 @@ class Background:
             yield from self.estimate.switch(setting)
             self.setting = setting
 
+    @property
+    def weights(self) -> np.ndarray:
+        """The areas (n,) [m2] that static receivers stand for."""
+        return self._model.object_receivers.areas[self._model.surfaces.receiver_range(0)]
+
     def resting(self, photons: int) -> np.ndarray:
         """Return irradiance (n, 3) of static receivers without mobiles, of a prefix; computed once."""
         if photons not in self._resting:

@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core import strata
-from gi_core.error import luminance, noise_of_truth
+from gi_core.error import falls_short, luminance, noise_of_truth
 from gi_core.jit import kernel
 from gi_core.model import Model
+from gi_core.pilot_light import PilotLight, passes
 from gi_core.reference import Gatherer
 from gi_core.scene.types import Pose
 
@@ -53,12 +54,7 @@ class Gathered(NamedTuple):
         """Return the l1 error that chance makes, as error.noise_of_truth(); inf before the second round is over."""
         if not len(self.sets) or self.sets.min() < 2:
             return float("inf")
-        from scipy.special import gammaln  # 0.2 s that no first picture waits for
-
-        sets = self.sets[:, None].astype(np.float64)
-        # A deviation found from few normal numbers is too small in the mean: by this much.
-        falls_short = np.sqrt(2 / (sets - 1)) * np.exp(gammaln(sets / 2) - gammaln((sets - 1) / 2))
-        return noise_of_truth(self.standard_error / falls_short, self.mean, weights, rows)
+        return noise_of_truth(self.standard_error / falls_short(self.sets[:, None]), self.mean, weights, rows)
 
 
 def nothing_gathered(n: int) -> Gathered:
@@ -81,6 +77,7 @@ def gather_rounds(
     step: int = STEP,
     mobiles: bool = True,
     rounds: int = ROUNDS,
+    early: PilotLight | None = None,
 ) -> Iterator[Gathered]:
     """Gather without end; yields the state after every `step` paths or so. Stop when it is good enough.
 
@@ -89,7 +86,7 @@ def gather_rounds(
     everywhere. `state`: go on from there, to the same bits as without a break; it is copied. The state yielded is
     always the same arrays: copy what you keep. Raises SceneError for a bad pose, ValueError for bad points,
     weights, or a state of other points. `rounds`: of independent paths that AIM would take; more rounds say
-    something sooner, fewer are more even.
+    something sooner, fewer are more even. `early`: of as many points, is given the light of the pilot, pass by pass.
     """
     gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles)
     n = len(gatherer.positions)
@@ -104,7 +101,7 @@ def gather_rounds(
         while True:
             yield s
     if weights is not None:
-        yield from _pilot(gatherer, s, step)
+        yield from _pilot(gatherer, s, step, early)
     if s.log2_set.min() < 0:
         s.log2_set[:] = EVEN_SET if weights is None else set_sizes(s.pilot, weights, rounds)
     while True:
@@ -135,14 +132,26 @@ def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> n
     return np.minimum(m, strata.LARGEST).astype(np.int8)
 
 
-def _pilot(gatherer: Gatherer, s: Gathered, step: int) -> Iterator[Gathered]:
+def _pilot(gatherer: Gatherer, s: Gathered, step: int, early: PilotLight | None) -> Iterator[Gathered]:
     todo = np.flatnonzero(np.isnan(s.pilot[:, 0]))
-    at_once = max(1, step // PILOT)
-    for first in range(0, len(todo), at_once):
-        rows = todo[first : first + at_once]
-        light = luminance(gatherer.paths(rows, 0, PILOT, stream=PILOT_STREAM))
-        s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
-        yield s
+    if len(todo) < len(s.pilot):
+        early = None  # some points have had their paths before
+    parts = [(0, PILOT)] if early is None else list(passes(PILOT))
+    light = np.empty((len(todo), PILOT))
+    for first, count in parts:
+        at_once, last = max(1, step // count), first + count
+        for k in range(0, len(todo), at_once):
+            rows = todo[k : k + at_once]
+            values = gatherer.paths(rows, first, count, stream=PILOT_STREAM)
+            light[k : k + at_once, first:last] = luminance(values)
+            if early is not None:
+                early.add(rows, values)
+                if k + at_once >= len(todo):
+                    early.paths = last
+            if last == PILOT:
+                known = light[k : k + at_once]
+                s.pilot[rows] = np.stack([known.mean(axis=1), known.std(axis=1, ddof=1)], axis=1)
+            yield s
 
 
 @kernel

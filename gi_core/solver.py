@@ -326,6 +326,12 @@ class Solver:
         return self._static_light.is_gathered
 
     @property
+    def gathers_ahead(self) -> bool:
+        """Whether gather_steps() had better go on now than solve_steps(): photons will stay noisy, and it has not yet
+        come to its first light."""
+        return self._static_light.goes_ahead(self._shown, self._goal)
+
+    @property
     def gathered(self) -> StaticGather | None:
         return self._static_light.gathered
 
@@ -350,7 +356,8 @@ class Solver:
         """Use what has been gathered if it is better than the photons; irradiance is then new."""
         better = self._static_light.judge(self._shown)
         if better:
-            yield from self._find_hidden()
+            if self._shown.added == self._goal:
+                yield from self._find_hidden()
             self._update()
         yield Progress("gathering", g.fraction, better)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 
 import numpy as np
 
 from gi_core.background import Background
 from gi_core.covered import Covered
+from gi_core.error_at_hand import noise_from_prefix, prefix_to_compare
 from gi_core.gather_rounds import Gathered
 from gi_core.hidden import NONE_HIDDEN, HiddenReceivers
 from gi_core.model import Model
@@ -15,6 +17,8 @@ from gi_core.scene.errors import SceneError
 from gi_core.static_gather import StaticGather
 
 STATIC_LIGHT = ("all", "prefix", "gathered")
+AHEAD = 0.08  # noise, relative l1, that all photons will have: one that stays is gathered for before they are in
+TELLING = 1 << 15  # photons from which on their noise foretells that
 
 
 class StaticLight:
@@ -49,8 +53,26 @@ class StaticLight:
         """Find out whether what has been gathered is better than all photons; True if frames start from it."""
         photons = shown.estimate.photons if shown is not None else 0
         if self.gathered is not None:
-            self._better = bool(photons) and self.gathered.better_than(shown.resting(photons))
+            noise = self._noise(shown) if self.gathered.early else math.nan
+            self._better = bool(photons) and self.gathered.better_than(shown.resting(photons), noise)
         return self.is_gathered
+
+    def goes_ahead(self, shown: Background | None, goal: int) -> bool:
+        """Whether the first light gathered should come before more photons, of which there are to be `goal`."""
+        if self.kind != "gathered" or shown is None or not TELLING <= shown.estimate.photons < goal:
+            return False
+        if self.gathered is not None and not self.gathered.pilot_due:
+            return False
+        return self._noise(shown) * math.sqrt(shown.estimate.photons / goal) > AHEAD
+
+    def _noise(self, shown: Background) -> float:
+        """Return the relative l1 noise that all photons shown tell of themselves, nan where they tell nothing."""
+        prefix = prefix_to_compare(shown.estimate.prefixes)
+        if prefix is None:
+            return math.nan
+        photons = shown.estimate.photons
+        E = shown.resting(photons)
+        return noise_from_prefix(E, shown.resting(prefix), photons, prefix, shown.weights)
 
     def irradiance(self, shown: Background, photons: int) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, for a frame of so many photons."""

@@ -4,7 +4,7 @@
 
 CPU seconds stand for the clock: one core up to the first step, then two that together count GAIN times. That forgives
 other programs a share of the time, not that they slow down cores and caches: on a busy machine it foretells too long.
-Photons are taken in, then static light is gathered, as the window does without --estimator, until the ten seconds are
+Photons are taken in and static light is gathered, as the window does without --estimator, until the ten seconds are
 over (it also times frames and measures errors meanwhile, which is left out); then luminance error (l1) at receivers
 that the first view shows, drawn by area, against the unbiased reference, whose own noise is taken out in squares; and
 the same of all photons alone.
@@ -13,8 +13,10 @@ the same of all photons alone.
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
+import tempfile
 import time
 
 from tests.receiver_samples import drawn_by_area, in_view
@@ -25,14 +27,22 @@ SECONDS = 10.0
 
 def measure(what: str, points: int, paths: int) -> str:
     """Return a line of the table."""
-    from app.settings import Settings, make_solver, open_scene
     from gi_core import warmup
+
+    assert warmup.is_warm()
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["GI_VIEWER_REFERENCE_DIR"] = folder  # nothing is known from before
+        return _measure(what, points, paths)
+
+
+def _measure(what: str, points: int, paths: int) -> str:
+    from app.gathering import Gathering
+    from app.settings import Settings, make_solver, open_scene
     from gi_core.error import noise_of_truth, relative_error
     from gi_core.error_at_hand import bias_left
     from gi_core.evaluation_points import evaluation_points
     from gi_core.reference import reference_irradiance
 
-    assert warmup.is_warm()
     static, *mobiles = what.split("+")
     settings = Settings(scene=static, mobiles=tuple(mobiles), static_light="gathered", mobile_light="gathered")
     solver = make_solver(open_scene(settings), settings)
@@ -42,16 +52,20 @@ def measure(what: str, points: int, paths: int) -> str:
         return begun + (time.process_time() - begun) / GAIN
 
     first = then = None
-    for progress in solver.solve_steps():
+    gathering = Gathering(solver, clock)
+    for progress in gathering.ahead(solver.solve_steps()):
         if progress.picture:
             first = first or clock()
         if clock() <= SECONDS or then is None:
-            then = (clock(), solver.photons_traced, solver.irradiance)
-    ready, all_photons, by_photons = clock(), solver.photons_traced, solver.irradiance
-    for _ in solver.gather_steps():
-        if clock() > SECONDS:
-            break
-        then = (clock(), "gathered" if solver.uses_gathered else all_photons, solver.irradiance)
+            then = (clock(), _made_of(solver), solver.irradiance)
+    ready, all_photons = clock(), solver.photons_traced
+    while clock() <= SECONDS and (work := gathering.next_work()) is not None:
+        work()
+        if clock() <= SECONDS:
+            then = (clock(), _made_of(solver), solver.irradiance)
+    solver.configure(static_light="all")
+    solver.move_all({})
+    by_photons = solver.irradiance
     rows, weights = drawn_by_area(in_view(solver), solver.receivers.areas, points, 10)
     positions, normals = (a[rows] for a in evaluation_points(solver.surfaces, solver.receivers))
     truth, error = reference_irradiance(solver.scene, positions, normals, paths, 1, solver.poses, model=solver.model)
@@ -60,13 +74,15 @@ def measure(what: str, points: int, paths: int) -> str:
     at_ten, at_rest = (100 * bias_left(total, noise) for total in told)
     name = "+".join(part.rpartition("/")[2] for part in what.split("+"))
     return (
-        f"| {name} | {first:.1f} s | {_number(then[1])} | {at_ten:.1f} % | {all_photons:,} | {ready:.1f} s "
+        f"| {name} | {first:.1f} s | {then[1]} | {at_ten:.1f} % | {all_photons:,} | {ready:.1f} s "
         f"| {at_rest:.1f} % | {100 * noise:.1f} % |"
     )
 
 
-def _number(photons: int | str) -> str:
-    return photons if isinstance(photons, str) else f"{photons:,}"
+def _made_of(solver) -> str:
+    """Return what the picture is made of."""
+    g = solver.gathered
+    return f"{solver.photons_traced:,}" + (f", gathered to {100 * g.noise:.1f} %" if solver.uses_gathered else "")
 
 
 def main() -> None:

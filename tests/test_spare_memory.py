@@ -7,13 +7,11 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 import viewer_support as support
 from test_session import FRAME, make
 
-from app import at_rest, spare_memory
-from app.at_rest import AtRest
+from app import solving, spare_memory
 from app.spare_memory import ARENAS, PAUSE, SpareMemory, give_back, limit_arenas
 from gi_core.scene import Pose
 
@@ -86,49 +84,43 @@ def test_where_there_is_no_such_thing_nothing_is_done(monkeypatch, problem):
         spare_memory._of_glibc.cache_clear()
 
 
-def test_it_is_done_for_other_light_after_a_pause_and_once_when_all_is_done():
+def test_it_is_done_after_a_pause_if_anything_was():
     clock = support.Clock()
     spare = SpareMemory(clock)
-    assert spare.next_work(1) is give_back, "a scene has just been loaded"
-    assert spare.next_work(1) is None and spare.last_work(1) is None, "nothing has been done since"
-    assert spare.next_work(2) is None, "too soon"
     clock.now += PAUSE
-    assert spare.next_work(1) is None, "the same light"
-    assert spare.next_work(2) is give_back
-    spare.worked()
-    assert spare.last_work(2) is give_back and spare.last_work(2) is None
+    assert not spare.due(), "nothing has been done"
+    spare.used()
+    assert spare.due() and not spare.due()
+    spare.used()
+    assert not spare.due(), "too soon"
+    clock.now += PAUSE
+    assert spare.due()
 
 
-def test_it_comes_before_and_after_what_is_done_at_rest(monkeypatch):
-    pieces = [lambda: 1, lambda: 2]
-    gathering = SimpleNamespace(told=SimpleNamespace(noise=np.inf), next_work=lambda: pieces.pop() if pieces else None)
-    session = SimpleNamespace(
-        clock=support.Clock(), light=SimpleNamespace(version=1), auto=None, gathering=gathering, appraisal=None
-    )
-    monkeypatch.setattr(at_rest.AtRest, "_appraise", lambda self: None)
-    work, handed = AtRest(session), []
-    while (piece := work.next_work()) is not None:
-        handed.append("back" if piece is give_back else "piece")
-    assert handed == ["back", "piece", "piece", "back"] and work.next_work() is None
-
-
-def test_never_in_a_drag_nor_while_light_refines(monkeypatch):
+def test_between_steps_and_at_rest_but_never_in_a_drag_and_not_for_ever(monkeypatch):
     done = []
-    monkeypatch.setattr(spare_memory, "give_back", lambda: done.append(session.light.busy or session.dragging))
+
+    def note():
+        done.append(session.dragging)
+
+    monkeypatch.setattr(solving, "give_back", note)
     session = make(step_seconds=0.002, steps=20)
+    session.clock.now += PAUSE
     while session.refining:
+        session.clock.now += 0.1
         session.tick(FRAME)
-        session.clock.now += FRAME
-        assert not done or not session.refining
+    assert done == [False], "once while light refines"
     session.begin_drag()
-    done.clear()
     for x in range(100):
         session.clock.now += PAUSE
         session.move({"box": Pose((0.01 * x, 0.3, 0.2))})
         session.tick(FRAME)
-    assert not done
+    assert len(done) == 1
     session.end_drag()
-    for _ in range(20):
-        session.clock.now += FRAME
+    counts = []
+    for _ in range(100):
+        session.clock.now += PAUSE
         session.tick(FRAME)
-    assert done == [False]
+        counts.append(len(done))
+    assert counts[-1] > 1 and not any(done)
+    assert counts[50] == counts[-1], "nothing is done any more"
