@@ -17,7 +17,6 @@ from gi_core import strata
 from gi_core.error import falls_short, luminance, noise_of_truth
 from gi_core.jit import kernel
 from gi_core.model import Model
-from gi_core.pilot_light import PilotLight, passes
 from gi_core.reference import Gatherer
 from gi_core.scene.types import Pose
 
@@ -77,7 +76,6 @@ def gather_rounds(
     step: int = STEP,
     mobiles: bool = True,
     rounds: int = ROUNDS,
-    early: PilotLight | None = None,
 ) -> Iterator[Gathered]:
     """Gather without end; yields the state after every `step` paths or so. Stop when it is good enough.
 
@@ -86,7 +84,7 @@ def gather_rounds(
     everywhere. `state`: go on from there, to the same bits as without a break; it is copied. The state yielded is
     always the same arrays: copy what you keep. Raises SceneError for a bad pose, ValueError for bad points,
     weights, or a state of other points. `rounds`: of independent paths that AIM would take; more rounds say
-    something sooner, fewer are more even. `early`: of as many points, is given the light of the pilot, pass by pass.
+    something sooner, fewer are more even.
     """
     gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles)
     n = len(gatherer.positions)
@@ -101,7 +99,7 @@ def gather_rounds(
         while True:
             yield s
     if weights is not None:
-        yield from _pilot(gatherer, s, step, early)
+        yield from _pilot(gatherer, s, step)
     if s.log2_set.min() < 0:
         s.log2_set[:] = EVEN_SET if weights is None else set_sizes(s.pilot, weights, rounds)
     while True:
@@ -132,26 +130,14 @@ def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> n
     return np.minimum(m, strata.LARGEST).astype(np.int8)
 
 
-def _pilot(gatherer: Gatherer, s: Gathered, step: int, early: PilotLight | None) -> Iterator[Gathered]:
+def _pilot(gatherer: Gatherer, s: Gathered, step: int) -> Iterator[Gathered]:
     todo = np.flatnonzero(np.isnan(s.pilot[:, 0]))
-    if len(todo) < len(s.pilot):
-        early = None  # some points have had their paths before
-    parts = [(0, PILOT)] if early is None else list(passes(PILOT))
-    light = np.empty((len(todo), PILOT))
-    for first, count in parts:
-        at_once, last = max(1, step // count), first + count
-        for k in range(0, len(todo), at_once):
-            rows = todo[k : k + at_once]
-            values = gatherer.paths(rows, first, count, stream=PILOT_STREAM)
-            light[k : k + at_once, first:last] = luminance(values)
-            if early is not None:
-                early.add(rows, values)
-                if k + at_once >= len(todo):
-                    early.paths = last
-            if last == PILOT:
-                known = light[k : k + at_once]
-                s.pilot[rows] = np.stack([known.mean(axis=1), known.std(axis=1, ddof=1)], axis=1)
-            yield s
+    at_once = max(1, step // PILOT)
+    for first in range(0, len(todo), at_once):
+        rows = todo[first : first + at_once]
+        light = luminance(gatherer.paths(rows, 0, PILOT, stream=PILOT_STREAM))
+        s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
+        yield s
 
 
 @kernel

@@ -343,7 +343,7 @@ class Solver:
         Used by frames where `static_light` is "gathered". May be abandoned between steps and begun again;
         state: what `gathered.state` of an earlier run was, for the same scene and seed. Raises ValueError for another.
         """
-        g = self._static_light.gather(self.model, self.seed, state)
+        g = self._static_light.gather(self.model, self.seed, self._photons_at_rest, state)
         yield from self._look_at_gathered(g)
         while not g.enough and len(self.model.emitters.kind):
             if g.step():
@@ -352,12 +352,17 @@ class Solver:
                 yield Progress("gathering", g.fraction, False)
         yield Progress("done", 1.0, False)
 
+    def _photons_at_rest(self) -> np.ndarray | None:
+        """Return irradiance (n, 3) [W/m2] of static receivers, without mobiles, by all photons shown, if there are."""
+        photons = self._shown.estimate.photons if self._shown is not None else 0
+        return self._shown.resting(photons) if photons else None
+
     def _look_at_gathered(self, g: StaticGather) -> Iterator[Progress]:
         """Use what has been gathered if it is better than the photons; irradiance is then new."""
         better = self._static_light.judge(self._shown)
         if better:
             if self._shown.added == self._goal:
-                yield from self._find_hidden()
+                yield from (p._replace(fraction=g.fraction) for p in self._find_hidden())
             self._update()
         yield Progress("gathering", g.fraction, better)
 

@@ -17,7 +17,7 @@ from gi_core.scene.errors import SceneError
 from gi_core.static_gather import StaticGather
 
 STATIC_LIGHT = ("all", "prefix", "gathered")
-AHEAD = 0.08  # noise, relative l1, that all photons will have: one that stays is gathered for before they are in
+AHEAD = 0.1  # noise, relative l1, that all photons will have: one that stays is gathered for before they are in
 TELLING = 1 << 15  # photons from which on their noise foretells that
 
 
@@ -43,25 +43,27 @@ class StaticLight:
         """Whether frames start from what has been gathered: it is asked for, and better than the photons."""
         return self.kind == "gathered" and self._better
 
-    def gather(self, model: Model, seed: int, state: Gathered | None) -> StaticGather:
-        """Return what is to be gathered, begun with `state` or gone on with. Raises ValueError for another scene's."""
+    def gather(self, model: Model, seed: int, photons, state: Gathered | None) -> StaticGather:
+        """Return what is to be gathered, begun with `state` or gone on with; arguments are those of StaticGather.
+
+        Raises ValueError for the state of another scene.
+        """
         if self.gathered is None or state is not None:
-            self.gathered = StaticGather(model, seed, state)
+            self.gathered = StaticGather(model, seed, photons, state)
         return self.gathered
 
     def judge(self, shown: Background | None) -> bool:
         """Find out whether what has been gathered is better than all photons; True if frames start from it."""
         photons = shown.estimate.photons if shown is not None else 0
         if self.gathered is not None:
-            noise = self._noise(shown) if self.gathered.early else math.nan
-            self._better = bool(photons) and self.gathered.better_than(shown.resting(photons), noise)
+            self._better = bool(photons) and self.gathered.better_than(shown.resting(photons))
         return self.is_gathered
 
     def goes_ahead(self, shown: Background | None, goal: int) -> bool:
         """Whether the first light gathered should come before more photons, of which there are to be `goal`."""
         if self.kind != "gathered" or shown is None or not TELLING <= shown.estimate.photons < goal:
             return False
-        if self.gathered is not None and not self.gathered.pilot_due:
+        if self.gathered is not None and not self.gathered.first_due:
             return False
         return self._noise(shown) * math.sqrt(shown.estimate.photons / goal) > AHEAD
 

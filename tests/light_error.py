@@ -78,7 +78,7 @@ def gathered_light(solver, rounds: int) -> tuple[np.ndarray, np.ndarray, float]:
     """Gather whole rounds; return the light (R, 3) before smoothing and after, and the noise told of the first."""
     from gi_core.static_gather import StaticGather
 
-    g = StaticGather(solver.model, solver.seed)
+    g = StaticGather(solver.model, solver.seed, lambda: None)  # whole paths alone
     while not g.step() or g.state.sets.min() < rounds:
         pass
     return g.state.mean.copy(), g.mean, g.noise

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scene_builders import box, box_mobile, grey, lamp, merge, quad, sphere
 from test_invariants import AWAY, SCENE, fresh, moves, solved
 
-from gi_core import mobile_gather
+from gi_core import first_hits, mobile_gather
 from gi_core.error import relative_error
 from gi_core.estimators import ESTIMATORS
 from gi_core.evaluation_points import evaluation_points
@@ -170,7 +170,7 @@ def test_what_there_is_not_is_refused():
 
 
 def test_the_comparisons_catch_a_path_that_is_left_out(monkeypatch):
-    real = mobile_gather._meet
+    real = first_hits.meet
 
     def mutated(*arguments):
         face = np.array(arguments[6])  # a copy: what rays met is kept
@@ -178,7 +178,7 @@ def test_the_comparisons_catch_a_path_that_is_left_out(monkeypatch):
         return real(*arguments[:6], face, *arguments[7:])
 
     right = gathering(threads=1)
-    monkeypatch.setattr(mobile_gather, "_meet", mutated)
+    monkeypatch.setattr(first_hits, "meet", mutated)
     assert not np.array_equal(gathering(threads=1).irradiance, right.irradiance)
 
 
@@ -269,14 +269,16 @@ NOTHING_IS_COMPILED = """
 import sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from gi_core import kept_rays, mobile_gather, shared_paths, warmup
+from gi_core import first_hits, kept_rays, mobile_gather, shared_paths, warmup
+from gi_core.evaluation_points import evaluation_points
+from gi_core.final_gather import FinalGather
 from gi_core.model import Model
 
 sys.path.insert(0, "tests")
 from test_mobile_gather import three_things
 
 warmup._gather()
-modules = kept_rays, mobile_gather, shared_paths
+modules = first_hits, kept_rays, mobile_gather, shared_paths
 kernels = [f for module in modules for f in vars(module).values() if isinstance(f, Dispatcher)]
 before = [len(f.signatures) for f in kernels]
 scene = three_things()
@@ -285,6 +287,10 @@ gather, static = mobile_gather.MobileGather(model, 0), np.ones((model.first_prob
 for k in range(3):
     poses["of 0.1"] = poses["of 0.1"]._replace(position=(0.3, 0.5, 0.6 - 0.05 * k))
     gather.irradiance(model.transforms(poses), static, 3)
+rows = model.surfaces.receiver_range(0)
+points, normals = (a[rows] for a in evaluation_points(model.surfaces, model.object_receivers))
+final = FinalGather(model, 0, points, normals, model.object_receivers.areas[rows])
+next(final.steps(lambda: np.ones((len(points), 3))))
 assert before == [len(f.signatures) for f in kernels], "a kernel was compiled after the warm-up"
 """
 

@@ -300,7 +300,7 @@ def test_the_meter_is_not_fooled_by_noise():
     from app.camera import from_camera, scene_bounds
 
     exposures = []
-    for photons in (1_000, 60_000):
+    for photons in (2_000, 60_000):
         opened = support.opened(replace(support.SETTINGS, photons=photons, radius=0.04))
         s = Session(opened.settings, Log(), open_with=lambda settings: None)
         s.adopt(opened)
@@ -310,7 +310,7 @@ def test_the_meter_is_not_fooled_by_noise():
         camera = from_camera(scene.camera, scene.up, scene_bounds(s.solver, s.poses))
         exposures.append(metering.metered(s, camera))
         s.close()
-    assert exposures[0] == pytest.approx(exposures[1], abs=0.2)
+    assert exposures[0] == pytest.approx(exposures[1], abs=0.1)
 
 
 def test_opening_tells_what_went_wrong_and_can_be_cancelled():
