@@ -25,13 +25,13 @@ class AtRest:
     def next_work(self) -> Callable[[], object] | None:
         """Return a piece of work, None if all is done: trying settings, else gathering and appraising in turns.
 
-        Until it has an answer of whole rounds, most turns are gathering's: a better picture comes before the error of
+        Until it has an answer, most turns are gathering's: a better picture comes before the error of
         this one.
         """
         if self._session.auto is not None:
             return self._session.auto.next_work()
         gathering, self._turn = self._session.gathering, self._turn + 1
-        turns = TURNS if math.isinf(gathering.told.noise) or gathering.told.early else 2
+        turns = TURNS if math.isinf(gathering.told.noise) else 2
         first, second = (gathering.next_work, self._appraise)[:: 1 if self._turn % turns else -1]
         return first() or second()
 

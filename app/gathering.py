@@ -17,7 +17,6 @@ class Gathered(NamedTuple):
     fraction: float  # 0 .. 1
     noise: float  # relative, l1; inf: not yet known
     used: bool  # the picture is made of it
-    early: bool = False  # it is but the first answer, of a few paths everywhere
 
 
 class Gathering:
@@ -67,7 +66,7 @@ class Gathering:
     def _tell(self) -> None:
         g, solver = self._solver.gathered, self._solver
         if g is not None:
-            self.told = Gathered(g.fraction, g.noise, solver.uses_gathered, g.early > 0)
+            self.told = Gathered(g.fraction, g.noise, solver.uses_gathered)
 
 
 def gather(solver: Solver, bar) -> None:
