@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gi_core.error import relative_error
+from gi_core.error_at_hand import bias_left
 from gi_core.gather_rounds import gather_rounds
 from gi_core.model import Model
 
@@ -21,7 +22,7 @@ class SpotCheck:
     """A truth of the static part's light, as it is without mobiles, at some of n receivers."""
 
     def __init__(self, model: Model, seed: int, positions: np.ndarray, normals: np.ndarray, weights: np.ndarray):
-        """Positions and normals (n, 3), weights (n,), areas."""
+        """Positions and normals (n, 3), n > 0, weights (n,), areas."""
         self.noise = float("inf")  # of the truth; inf: not yet known
         self._model, self._seed = model, int(seed) ^ (STREAM << 16)
         share = weights / weights.sum() if weights.sum() > 0 else None
@@ -45,5 +46,4 @@ class SpotCheck:
 
     def error(self, irradiance: np.ndarray) -> float:
         """Return the relative l1 error of irradiance (n, 3), the truth's own noise taken out in squares."""
-        total = relative_error(irradiance[self._rows], self._truth, self._weights).l1
-        return float(np.sqrt(max(total**2 - self.noise**2, 0.0)))
+        return bias_left(relative_error(irradiance[self._rows], self._truth, self._weights).l1, self.noise)

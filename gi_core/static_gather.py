@@ -52,13 +52,13 @@ class StaticGather:
         paid = self.weights.copy()
         paid[model.first_probe :] = paid.mean() if len(paid) else 0.0  # probes stand for no area, but are read
         self._final = FinalGather(*given, paid)
-        self._check = SpotCheck(*given, paid)
-        self._photons, self._quick = photons, self._first_answers(photons)
+        self._check = SpotCheck(*given, paid) if len(paid) else None
+        self._photons, self._quick = photons, self._first_answers(photons) if len(paid) else None
         self.early = 0  # paths of a single bounce that `mean` is of; 0: it is of whole rounds, or not known at all
         self._rounds = _rounds(*given, paid, state)
         self.state = state
         self.mean, self.noise = np.zeros((0, 3)), float("inf")  # (n, 3) [W/m2]; of it, relative l1
-        self._left = float("inf")  # noise of whole rounds
+        self._left = float("inf" if len(paid) else "nan")  # noise of whole rounds
         self._raw, self._share = self.mean, 1.0  # before it was smoothed; of its error, what that has left
         self.deviation = np.zeros(0)  # (n,) [W/m2] standard error of its luminance
         self._seed, self._threads = seed, model.threads
@@ -72,7 +72,7 @@ class StaticGather:
 
     @property
     def enough(self) -> bool:
-        return self._smoothing is None and not self._left > ENOUGH  # nan: nothing is lit
+        return self._smoothing is None and not self._left > ENOUGH  # nan: nothing is there, or nothing is lit
 
     @property
     def fraction(self) -> float:

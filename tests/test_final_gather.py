@@ -15,7 +15,7 @@ from gi_core.evaluation_points import evaluation_points
 from gi_core.final_gather import FinalGather
 from gi_core.model import Model
 from gi_core.reference import reference_irradiance
-from gi_core.scene.types import PointLight, Pose, Scene, SkyLight
+from gi_core.scene.types import Mesh, PointLight, Pose, Scene, SkyLight
 from gi_core.solver import Solver
 
 SCENE = coloured_room((box_mobile(size=0.1),))
@@ -153,6 +153,16 @@ def test_without_photons_there_is_nothing_to_gather_over(monkeypatch):
     for _ in solver.gather_steps():
         assert not solver.gathered.early
     assert solver.gathered.enough
+
+
+def test_where_there_are_only_mobiles_there_is_nothing_to_gather():
+    nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
+    lights = PointLight("p", (0.5, 0.5, 0.9), (1.0,) * 3), PointLight("q", (-0.5, -0.5, -0.9), (1.0,) * 3)
+    scene = Scene(nothing, (grey(0.5), grey(0.5)), (box_mobile(size=0.2),), lights, up=(0, 0, 1))
+    solver = Solver(scene, photons=2000, radius=0.05)
+    solver.configure(static_light="gathered", mobile_light="gathered")
+    solver.solve()
+    assert len(list(solver.gather_steps())) <= 2 and solver.gathered.enough and solver.irradiance.any()
 
 
 @pytest.mark.parametrize("why", ["photons do well", "not asked for", "few photons", "all are in", "it is there"])
