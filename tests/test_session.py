@@ -273,14 +273,21 @@ def test_opening_fills_in_what_was_left_open():
     assert [m.shape for m in s.models()] == [(4, 4)] * 2
 
 
-def test_kernels_are_compiled_in_a_process_of_its_own_whose_steps_are_shown(monkeypatch):
+def test_kernels_are_compiled_in_a_process_of_its_own_whose_steps_are_shown(monkeypatch, tmp_path):
     """The real child process, given a tiny program instead of the compiler; then one that fails."""
     from app.opening import COMPILING, Opening
     from gi_core import warmup
 
     seen = []
     real = subprocess.Popen
-    program = "print('1/4 photon tracing', flush=True); import time; time.sleep(0.3); print('4/4 ready', flush=True)"
+    shown = tmp_path / "shown"  # what the child waits for before its second step
+    program = f"""
+import pathlib, time
+print("1/4 photon tracing", flush=True)
+while not pathlib.Path({str(shown)!r}).exists():
+    time.sleep(0.01)
+print("4/4 ready", flush=True)
+"""
     programs = [program, "raise SystemExit('no compiler here')"]
     monkeypatch.setattr(warmup, "is_warm", lambda: False)
     monkeypatch.setattr(subprocess, "Popen", lambda command, **o: real([command[0], "-c", programs.pop(0)], **o))
@@ -288,6 +295,8 @@ def test_kernels_are_compiled_in_a_process_of_its_own_whose_steps_are_shown(monk
         job = Opening(support.SETTINGS, load=lambda settings: support.room(1))
         while not job.done:
             seen.append((job.phase, job.detail, job.fraction))
+            if (COMPILING, "photon tracing", 0.25) in seen:
+                shown.touch()
             time.sleep(0.005)
         assert job.warnings == expected
         assert job.problem is None and job.result is not None
