@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -17,8 +20,10 @@ from gi_core.radiosity import irradiance
 from gi_core.setting import Setting
 from gi_core.threads import run_ranges
 
-PART = 4096  # photons that a thread traces and splats in one go: their segments stay in its cache
+PART = 4096  # photons that a thread traces, or splats, in one go: their rays and segments stay in its cache
 PART_GRAIN = 256  # photons a thread
+FIRST_SECONDS = 4e-5  # of a photon, before any are known
+LEAST_CHUNK, LARGEST_CHUNK = 64, 1 << 16  # photons a step
 BYTES_A_VERTEX = 40  # of a path as it is stored, twice: whole and coarse
 SPARE_MEMORY = 1 << 30  # bytes that are left to others, and to what frames need
 
@@ -31,6 +36,7 @@ class Background:
         self.estimate = ESTIMATORS[setting.estimator](model, setting)
         self.added = 0  # photons
         self.built = False
+        self.pace = Pace()
         self._resting = Ladder()
 
     def serves(self, setting: Setting) -> bool:
@@ -68,6 +74,7 @@ class Photons:
     def __init__(self, model: Model, seed: int):
         self.model, self.seed = model, seed
         self.fates = no_flux()
+        self._pace = Pace()
         self._store = PathStore()
         self._coarse = CoarseStore(model.grid)  # the same paths, for the scan
 
@@ -89,42 +96,71 @@ class Photons:
         more = max(left - SPARE_MEMORY, 0) / (vertices * (BYTES_A_VERTEX + bytes_a_hit))
         return min(wanted, self.count + int(more))
 
-    def take_in(self, b: Background, count: int, wanted: int) -> str:
-        """Bring the next photons into a background, tracing those that are new, a share of them a thread.
+    def bring_in(self, b: Background, until: int, wanted: int, seconds: float) -> str:
+        """Do one step [s] towards a background of the first `until` photons; returns what it was.
 
-        wanted: photons that there is going to be room for. Returns what most of the time went into.
+        Photons are traced some steps ahead of what is estimated: most of a path's last bounces are of few photons,
+        and cost as much as the first. wanted: photons that there is going to be room for.
         """
+        started = time.perf_counter()
+        if b.added == self.count:
+            pace, left = self._pace, wanted - self.count
+        else:
+            pace, left = b.pace, min(until, self.count) - b.added
+        count = pace.share_of(left, seconds)
+        if b.added == self.count:
+            self._trace(count, wanted)
+        else:
+            self._estimate(b, count)
+        pace.took(count, time.perf_counter() - started)
+        return "tracing" if pace is self._pace else "estimating"
+
+    def _trace(self, count: int, wanted: int) -> None:
+        """Trace the next photons, a share of them a thread."""
         m, stored = self.model, self.count
-        known = self._store.prefix(min(stored, b.added + count))
 
-        def work(thread, first, last):
-            fresh = []
-            at, last = b.added + first, b.added + last
-            while at < last:
-                n = min(PART, last - at)
-                if at < stored:
-                    n = min(n, stored - at)
-                    segments = segments_of(known, m.eps, at, at + n)
-                else:
-                    paths, fates = trace_background(m.accelerator, m.world, m.static, m.emitters, self.seed, at, n)
-                    fresh.append((paths, fates))
-                    segments = segments_of(paths, m.eps, 0, n, base=at)
-                b.estimate.add_background(segments, thread)
-                at += n
-            return fresh
+        def work(_, first, last):
+            parts = [(stored + at, min(PART, last - at)) for at in range(first, last, PART)]
+            return [trace_background(m.accelerator, m.world, m.static, m.emitters, self.seed, *part) for part in parts]
 
-        try:
-            parts = run_ranges(work, count, m.threads, PART_GRAIN)
-        except BaseException:
-            b.setting = None  # it holds a part of these photons: never go on with it
-            raise
-        for paths, fates in (pair for fresh in parts for pair in fresh):
+        for paths, fates in itertools.chain.from_iterable(run_ranges(work, count, m.threads, PART_GRAIN)):
             self._store.reserve(wanted)
             self._coarse.append(paths, self._store.photons, self._store.room)
             self._store.append(paths)
             self.fates = add_fates(self.fates, fates)
+
+    def _estimate(self, b: Background, count: int) -> None:
+        """Bring the next photons, which have been traced, into a background, a share of them a thread."""
+        m, added = self.model, b.added
+        known = self._store.prefix(added + count)
+
+        def work(thread, first, last):
+            for at in range(added + first, added + last, PART):
+                segments = segments_of(known, m.eps, at, min(at + PART, added + last))
+                b.estimate.add_background(segments, thread)
+
+        try:
+            run_ranges(work, count, m.threads, PART_GRAIN)
+        except BaseException:
+            b.setting = None  # it holds a part of these photons: never go on with it
+            raise
         b.added += count
-        return "tracing" if self.count > stored else "estimating"
+
+
+class Pace:
+    """How many photons fit into a step, as the last ones went."""
+
+    def __init__(self):
+        self._each = FIRST_SECONDS
+
+    def share_of(self, left: int, seconds: float) -> int:
+        """Return how many to do next of those that are left, so that no step is short."""
+        fit = min(max(seconds / self._each, LEAST_CHUNK), LARGEST_CHUNK)
+        return -(-left // math.ceil(left / fit))
+
+    def took(self, count: int, seconds: float) -> None:
+        """Learn from a step; what went faster than thought counts in full, what went slower may have been disturbed."""
+        self._each = min(seconds / count, 0.5 * (self._each + seconds / count))
 
 
 def add_fates(a: Fates, b: Fates) -> Fates:

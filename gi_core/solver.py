@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import itertools
-import time
+import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -40,9 +40,7 @@ FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 MANY_RECEIVERS = 30_000  # their regions take half a second and more to find
 MORE = 1.41  # times as many photons are shown next: where sums are additive a picture costs a frame ...
 MUCH_MORE = 2.0  # ... elsewhere everything is estimated anew
-FIRST_CHUNK = 512  # photons in the first step, before its speed is known
 CHOICES = {"estimator": tuple(ESTIMATORS), "search": tuple(SEARCHES), "pretest": tuple(PRETESTS)}
-LARGEST_CHUNK = 1 << 16
 NO_FACTS = ControlFacts(0.0, 0, 0)
 
 
@@ -176,14 +174,12 @@ class Solver:
         shown = self._shown.estimate.photons if self._shown not in (None, b) else 0
         more = MORE if b.estimate.additive else MUCH_MORE
         due = max(FIRST_PICTURE, shown, int(more * b.added)) if pictures else goal
-        seconds_a_photon = STEP_SECONDS / FIRST_CHUNK
         while b.added < (goal := self._affordable(b)):
-            count = int(np.clip(STEP_SECONDS / seconds_a_photon, 64, LARGEST_CHUNK)) if pictures else LARGEST_CHUNK
-            count = min(count, goal - b.added, max(due - b.added, 1), next_rung(b.added) - b.added)
-            started = time.perf_counter()
-            stage = self._photons.take_in(b, count, goal)
-            seconds_a_photon = 0.5 * (seconds_a_photon + (time.perf_counter() - started) / count)
+            had, until = b.added, min(goal, max(due, b.added + 1), next_rung(b.added))
+            stage = self._photons.bring_in(b, until, goal, STEP_SECONDS if pictures else math.inf)
             yield Progress(stage, b.added / goal, False)
+            if b.added == had:
+                continue
             if due <= b.added < goal:
                 yield from self._show(b)
                 due = int(more * b.added)
@@ -205,9 +201,8 @@ class Solver:
         """Show the first photons without artifact control: its regions may take seconds."""
         b = Background(self.model, self.setting.changed(CHOICES, control=False))
         yield from (Progress("indexing", 0.0, False) for _ in b.build())
-        while b.added < min(FIRST_PICTURE, goal):
-            count = min(2 * max(b.added, FIRST_CHUNK), FIRST_PICTURE - b.added, goal - b.added)
-            yield Progress(self._photons.take_in(b, count, goal), b.added / goal, False)
+        while b.added < (first := min(FIRST_PICTURE, goal)):
+            yield Progress(self._photons.bring_in(b, first, first, STEP_SECONDS), b.added / goal, False)
         yield from self._show(b)
 
     def _affordable(self, b: Background) -> int:
