@@ -13,6 +13,7 @@ from embreex.rtcore_scene import EmbreeScene
 
 from gi_core.jit import kernel
 from gi_core.pose import rotation
+from gi_core.rows import box, dot
 from gi_core.scene.types import Pose
 from gi_core.surfaces import Surfaces
 from gi_core.threads import run_ranges
@@ -169,7 +170,7 @@ def _commit(vertices: np.ndarray, faces: np.ndarray):
 def _box(vertices: np.ndarray):
     if not len(vertices):
         return np.zeros(3), np.zeros(3)
-    return vertices.min(axis=0), vertices.max(axis=0)
+    return box(vertices)
 
 
 def bounding_spheres(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
@@ -179,7 +180,7 @@ def bounding_spheres(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
     for o, vertices in enumerate(surfaces.vertices):
         if len(vertices):
             off = vertices - centres[o]
-            radii[o] = np.sqrt((off * off).sum(axis=1).max())
+            radii[o] = np.sqrt(dot(off, off).max())
     return centres, radii
 
 

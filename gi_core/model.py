@@ -13,6 +13,7 @@ from gi_core.near_scan import grid_for
 from gi_core.paths import END_EXTENSION, NONE
 from gi_core.pose import as_pose, to_world, to_world_directions
 from gi_core.receivers import Receivers
+from gi_core.rows import dot
 from gi_core.scene.check import check_scene
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
@@ -107,7 +108,8 @@ class Model:
         s, n = self.surfaces, len(self.object_receivers.areas)
         total, count = np.zeros((n, 3)), np.zeros(n)
         for o in range(s.objects):
-            centroids = np.repeat(s.vertices[o][s.faces[o]].mean(axis=1), 3, axis=0)
+            p = s.vertices[o][s.faces[o]]
+            centroids = np.repeat((p[:, 0] + p[:, 1] + p[:, 2]) / 3, 3, axis=0)
             for corners in (s.corner_front, s.corner_back):
                 index = corners[s.face_range(o)].reshape(-1)
                 has = index >= 0
@@ -128,7 +130,7 @@ class Model:
     def concave(self) -> np.ndarray:
         """Return by 2 patch + side whether the patch rises through a tangent plane on that side. (2 P,) bool."""
         own, way = self.receiver_sides, self.towards_faces
-        height = (way * self.object_receivers.normals).sum(axis=1)
+        height = dot(way, self.object_receivers.normals)
         # The face round a receiver is about as wide as the root of the area it stands for.
         rises = (own >= 0) & (height > CONCAVE * np.sqrt(self.object_receivers.areas))
         out = np.zeros(2 * (int(self.surfaces.patch.max(initial=-1)) + 1), bool)

@@ -11,9 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.grouping import components, group_of, order_of
+from gi_core.jit import kernel
+from gi_core.rows import box, cross, dot, length
 from gi_core.scene.types import Mesh
 
 CREASE_DEGREES = 40.0  # faces that meet at a smaller angle shade as one smooth surface
+STEPS = 3  # neighbours among the faces at one edge that a face is compared with
 WELD = 1e-6  # of the mesh's extent: vertices nearer than that are one (float32 files repeat them)
 
 
@@ -38,25 +41,20 @@ def build_receivers(mesh: Mesh, normals: np.ndarray, areas: np.ndarray, two_side
     `normals` (F, 3), `areas` (F,), `two_sided` (F,) are per face. Corners are merged only where
     their normals agree within the crease angle, so opposed normals are never averaged.
     """
-    F = len(mesh.faces)
-    position_of = weld(mesh.vertices)[mesh.faces]  # (F, 3) welded vertex id a corner
-    corner_normals = mesh.corner_normals
-    if corner_normals is None:
-        group = _smooth_groups(position_of, normals)
-    else:
-        group = _equal_normals(position_of, corner_normals)
-    count = int(group.max(initial=-1)) + 1
+    F, corner_normals = len(mesh.faces), mesh.corner_normals
+    group, count = _groups(mesh, normals)
     flat = group.reshape(-1)
 
-    angles = _corner_angles(mesh)
-    directions = np.repeat(normals, 3, axis=0) if corner_normals is None else corner_normals.reshape(-1, 3)
-    weight = angles.reshape(-1) if corner_normals is None else np.ones(3 * F)
+    if corner_normals is None:
+        directions, weight = np.repeat(normals, 3, axis=0), _corner_angles(mesh).reshape(-1)
+    else:
+        directions, weight = corner_normals.reshape(-1, 3), np.ones(3 * F)
     n = np.stack([np.bincount(flat, weight * directions[:, k], count) for k in range(3)], axis=1)
-    length = np.sqrt((n * n).sum(axis=1))
+    size = length(n)
     first = np.full(count, -1)
     first[flat[::-1]] = np.arange(3 * F)[::-1]
     # Slivers may leave nothing to average: take the first face's own normal.
-    n = np.where(length[:, None] > 1e-12, n / np.where(length > 0, length, 1)[:, None], directions[first])
+    n = np.where(size[:, None] > 1e-12, n / np.where(size > 0, size, 1)[:, None], directions[first])
     positions = mesh.vertices[mesh.faces.reshape(-1)[first]]
     area = np.bincount(flat, np.repeat(areas / 3, 3), count)
 
@@ -73,6 +71,22 @@ def build_receivers(mesh: Mesh, normals: np.ndarray, areas: np.ndarray, two_side
     return Built(receivers, group, corner_back, _patches(group, count))
 
 
+def count_receivers(mesh: Mesh, normals: np.ndarray, two_sided: np.ndarray) -> int:
+    """Return how many receivers build_receivers() would make."""
+    group, count = _groups(mesh, normals)
+    return count + len(np.unique(group[two_sided]))
+
+
+def _groups(mesh: Mesh, normals: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return which corners (F, 3) int64 share a receiver on the front, and how many of those there are."""
+    position_of = weld(mesh.vertices)[mesh.faces]  # (F, 3) welded vertex id a corner
+    if mesh.corner_normals is None:
+        group = _smooth_groups(position_of, normals)
+    else:
+        group = _equal_normals(position_of, mesh.corner_normals)
+    return group, int(group.max(initial=-1)) + 1
+
+
 def no_receivers(mesh: Mesh) -> Built:
     """Return what build_receivers() would, for those who only cast rays."""
     F = len(mesh.faces)
@@ -84,31 +98,43 @@ def weld(vertices: np.ndarray) -> np.ndarray:
     """Return for each vertex (V,) the id of its place: vertices in one small cell share it."""
     if not len(vertices):
         return np.zeros(0, np.int64)
-    low = vertices.min(axis=0)
-    cell = max(float((vertices.max(axis=0) - low).max()) * WELD, 1e-30)
+    low, high = box(vertices)
+    cell = max(float((high - low).max()) * WELD, 1e-30)
     return group_of(np.round((vertices - low) / cell).astype(np.int64).T)
 
 
 def _smooth_groups(position_of: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Join corners at one place whose faces share an edge there and turn by less than the crease angle."""
-    F = len(position_of)
-    ends = position_of[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    corner = np.arange(3 * F).reshape(F, 3)
-    edge_corner = corner[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    face = np.repeat(np.arange(F), 3)
-    swap = ends[:, 0] > ends[:, 1]
-    ends[swap] = ends[swap][:, ::-1]
-    edge_corner[swap] = edge_corner[swap][:, ::-1]
-    order = order_of((ends[:, 0], ends[:, 1]))
-    ends, edge_corner, face = ends[order], edge_corner[order], face[order]
-    # Neighbours in the sorted list share an edge; a non-manifold edge joins only its smooth pairs.
-    pairs = []
-    for step in (1, 2, 3):
-        same = (ends[step:] == ends[:-step]).all(axis=1)
-        smooth = (normals[face[step:]] * normals[face[:-step]]).sum(axis=1) > np.cos(np.radians(CREASE_DEGREES))
-        k = np.flatnonzero(same & smooth)
-        pairs += [np.stack([edge_corner[k, e], edge_corner[k + step, e]], axis=1) for e in (0, 1)]
-    return components(np.concatenate(pairs), 3 * F).reshape(F, 3)
+    start = position_of.reshape(-1)
+    end = position_of[:, [1, 2, 0]].reshape(-1)
+    order = order_of((np.minimum(start, end), np.maximum(start, end)))
+    pairs = _smooth_pairs(order, start, end, np.ascontiguousarray(normals), np.cos(np.radians(CREASE_DEGREES)))
+    return components(pairs, len(start)).reshape(position_of.shape)
+
+
+@kernel
+def _smooth_pairs(order, start, end, normals, least):
+    """Return the corners (m, 2) that meet on one smooth side. Edge 3 f + c runs from that corner of face f to its next;
+    `order` has edges of the same two ends beside each other: one of more than two faces joins only its smooth pairs."""
+    pairs = np.empty((2 * STEPS * len(order), 2), np.int64)
+    count = 0
+    for k in range(len(order)):
+        i = order[k]
+        low, high = min(start[i], end[i]), max(start[i], end[i])
+        for j in order[k + 1 : k + 1 + STEPS]:
+            if min(start[j], end[j]) != low or max(start[j], end[j]) != high:
+                break
+            f, g = i // 3, j // 3
+            if normals[f, 0] * normals[g, 0] + normals[f, 1] * normals[g, 1] + normals[f, 2] * normals[g, 2] > least:
+                # The corners at either end of each edge; the edges may run against each other.
+                a, b = i, 3 * f + (i + 1) % 3
+                c, d = j, 3 * g + (j + 1) % 3
+                if start[i] != start[j]:
+                    c, d = d, c
+                pairs[count, 0], pairs[count, 1] = a, c
+                pairs[count + 1, 0], pairs[count + 1, 1] = b, d
+                count += 2
+    return pairs[:count]
 
 
 def _equal_normals(position_of: np.ndarray, corner_normals: np.ndarray) -> np.ndarray:
@@ -130,6 +156,5 @@ def _corner_angles(mesh: Mesh) -> np.ndarray:
     angles = np.empty(mesh.faces.shape)
     for k in range(3):
         u, v = p[:, (k + 1) % 3] - p[:, k], p[:, (k + 2) % 3] - p[:, k]
-        cross = np.cross(u, v)
-        angles[:, k] = np.arctan2(np.sqrt((cross * cross).sum(axis=1)), (u * v).sum(axis=1))
+        angles[:, k] = np.arctan2(length(cross(u, v)), dot(u, v))
     return angles

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.receivers import Receivers, build_receivers, no_receivers
+from gi_core.rows import cross, length
 from gi_core.scene.texture_filter import mean_colours
 from gi_core.scene.types import Mesh, Paint, Scene
 
@@ -98,9 +99,9 @@ def _with_probes(receivers: Receivers, scene: Scene) -> Receivers:
 def face_normals(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Return unit normals (F, 3) and areas (F,); a zero-area face has normal 0."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    length = np.sqrt((cross * cross).sum(axis=1))
-    return cross / np.where(length > 0, length, 1)[:, None], length / 2
+    double = cross(b - a, c - a)
+    size = length(double)
+    return double / np.where(size > 0, size, 1)[:, None], size / 2
 
 
 def _offsets(counts: list[int]) -> np.ndarray:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from gi_core.receivers import weld
+from gi_core.rows import cross, dot, every, greatest, length
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Mesh, Paint
 from gi_core.surfaces import face_normals
@@ -36,7 +37,7 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
     place = weld(mesh.vertices)
     points = mesh.vertices[np.unique(place, return_index=True)[1]]
     faces = place[mesh.faces]
-    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)  # a face smaller than the weld is none
+    whole = every(faces != faces[:, [2, 0, 1]])  # a face smaller than the weld is none
     faces, source, normals = faces[whole], np.flatnonzero(whole), mesh.corner_normals
     normals = None if normals is None else normals[whole]
     # No triangle is larger than half the square of its longest edge: refuse before the work, not after it.
@@ -60,8 +61,8 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
     normals, inside = (None if c is None else c[~across] for c in (normals, inside))
     while len(faces):
         # Mark the long edges: edge k runs from corner k to corner k + 1.
-        ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)
-        low, high = ends.min(axis=2), ends.max(axis=2)
+        following = faces[:, [1, 2, 0]]
+        low, high = np.minimum(faces, following), np.maximum(faces, following)
         long = _too_long(points[low], points[high], max_edge, longest)
         if thinnest > 0:
             key = low * len(points) + high
@@ -106,8 +107,7 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
         done_inside.append(cut.inside)
         if normals is not None:
             mixed = (cut.inside[..., None] * thin_normals[cut.source][:, None]).sum(axis=2)
-            length = np.sqrt((mixed * mixed).sum(axis=2, keepdims=True))
-            done_normals.append(mixed / np.maximum(length, 1e-12))
+            done_normals.append(mixed / np.maximum(length(mixed)[..., None], 1e-12))
         # What neighbours made of the same edges is the same to the bit.
         points, same = np.unique(np.concatenate([points, cut.points.reshape(-1, 3)]), axis=0, return_inverse=True)
         done = [same.reshape(-1)[f] for f in done]
@@ -141,26 +141,25 @@ def _too_many(max_edge: float) -> SceneError:
 def _heights(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the least height (F,) of each triangle [m]."""
     p = points[faces]
-    d = p - np.roll(p, 1, axis=1)
-    longest = np.sqrt((d * d).sum(axis=2)).max(axis=1)
-    cross = np.cross(d[:, 1], d[:, 2])
-    return np.sqrt((cross * cross).sum(axis=1)) / np.where(longest > 0, longest, 1)
+    d = p - p[:, [2, 0, 1]]
+    longest = greatest(length(d))
+    return length(cross(d[:, 1], d[:, 2])) / np.where(longest > 0, longest, 1)
 
 
 def _too_long(a, b, max_edge, longest) -> np.ndarray:
     d = b - a
-    length = np.sqrt(d[..., 0] * d[..., 0] + d[..., 1] * d[..., 1] + d[..., 2] * d[..., 2])
-    long = length > max_edge
+    edge = length(d)
+    long = edge > max_edge
     if longest is not None and long.any():
-        long[long] = length[long] > longest(0.5 * (a[long] + b[long]), length[long])
+        long[long] = edge[long] > longest(0.5 * (a[long] + b[long]), edge[long])
     return long
 
 
 def _with_middles(n: np.ndarray) -> np.ndarray:
     """Return normals (F, 6, 3) of the corners and of the middles of the edges."""
-    middle = n + np.roll(n, -1, axis=1)
-    length = np.sqrt((middle * middle).sum(axis=2, keepdims=True))
-    middle = np.where(length > 1e-6, middle / np.where(length > 0, length, 1), n)  # opposed: keep the first
+    middle = n + n[:, [1, 2, 0]]
+    size = length(middle)[..., None]
+    middle = np.where(size > 1e-6, middle / np.where(size > 0, size, 1), n)  # opposed: keep the first
     return np.concatenate([n, middle], axis=1)
 
 
@@ -201,7 +200,7 @@ def _cut(slots, source, normals, inside, pattern, points):
         (a, d), (b, e) = ([i for i in _rotated([pair], turns)[0]] for pair in ((0, 4), (1, 5)))
         first = points[corner[:, a]] - points[corner[:, d]]
         second = points[corner[:, b]] - points[corner[:, e]]
-        shorter = (first * first).sum(axis=1) <= (second * second).sum(axis=1)
+        shorter = dot(first, first) <= dot(second, second)
         emit(rows, _rotated(TIP, turns))
         emit(rows[shorter], _rotated(DIAGONALS[0], turns))
         emit(rows[~shorter], _rotated(DIAGONALS[1], turns))

@@ -16,7 +16,7 @@ TWO_SIDED_LAMP = lamp(10.0)._replace(two_sided=True)
 
 
 def lit(light, material=TWO_SIDED_LAMP) -> Scene:
-    return facing_the_scene(Scene(merge(ROOM, light), (grey(0.5, two_sided=True), material)))
+    return facing_the_scene(Scene(merge(ROOM, light), (grey(0.5, two_sided=True), material)))[0]
 
 
 def down(height: float):
@@ -83,7 +83,7 @@ def test_corners_of_a_turned_lamp_keep_their_normals_and_colours(tmp_path):
     n = np.broadcast_to([0.0, 1.0, 0.0], (2, 3, 3))
     room_normals = np.repeat(face_normals(ROOM)[0][:, None], 3, axis=1)
     mesh = merge(ROOM, light)._replace(corner_normals=np.concatenate([room_normals, n]))
-    scene = facing_the_scene(Scene(mesh, (grey(0.5, two_sided=True), TWO_SIDED_LAMP)))
+    scene, _ = facing_the_scene(Scene(mesh, (grey(0.5, two_sided=True), TWO_SIDED_LAMP)))
     rows = scene.static.face_material == 1
     np.testing.assert_allclose(scene.static.corner_normals[rows], -n)
     assert np.array_equal(scene.static.faces[rows], mesh.faces[rows][:, ::-1])

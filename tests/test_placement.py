@@ -112,7 +112,7 @@ def test_an_open_front_is_looked_into():
     light = quad((0.4, 0.99, 0.4), (0.2, 0, 0), (0, 0, 0.2), material=1)
     scene = completed(merge(room, light), cube(0.2), materials=(grey(0.7, True), lamp(10.0)))
     assert scene.camera.position[2] > 0.5
-    filled = picture_rays(scene.camera, Y, 32, 20)
+    filled = picture_rays([scene.camera], Y, 32, 20)[0]
     t = (0 - scene.camera.position[2]) / filled[:, 2]  # where the picture's rays cross the back wall
     at = np.array(scene.camera.position) + t[:, None] * filled
     back = (filled[:, 2] < 0) & (np.abs(at[:, :2] - 0.5) < 0.5).all(axis=1)

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gi_core.scene.types import Scene
 
+if TYPE_CHECKING:
+    from gi_core.scene.pilot import Rays
+
 DEFAULT_COLUMN = 1 / 12  # of the scene's size: the height of the thing that a scene without mobiles is opened for
 
 
-def complete(scene: Scene, unplaced, bare: bool):
+def complete(scene: Scene, unplaced, bare: bool, rays: Rays | None = None):
     """Return the scene with every mobile placed, a light and a camera; and rays and useful box if it is bare.
 
-    unplaced: (index of a mobile, up axis of its file or None to take its coordinates as they are).
+    unplaced: (index of a mobile, up axis of its file or None to take its coordinates as they are); rays: against the
+    scene's static part, if there are some already.
     """
     from gi_core.scene.pilot import Rays, is_lit, useful_box
 
@@ -22,7 +27,7 @@ def complete(scene: Scene, unplaced, bare: bool):
         return scene, None, None
     from gi_core.scene.placement import place, sized
 
-    rays = Rays(scene)
+    rays = rays or Rays(scene)
     box = useful_box(scene, rays)
     for index, up in unplaced:
         if up is not None:

@@ -13,6 +13,7 @@ import numpy as np
 from gi_core.grouping import group_of
 from gi_core.pose import to_world
 from gi_core.receivers import weld
+from gi_core.rows import box, cross, dot, every, length
 from gi_core.scene.pilot import Box
 from gi_core.scene.types import DirectionalLight, Mesh, Scene, SkyLight
 from gi_core.scene.winding import consistent_winding, turned_mesh
@@ -45,8 +46,10 @@ def one_sided_where_dark(scene: Scene, box: Box) -> Scene:
     volume = _volumes(mesh, rows, found.turned, body, bodies)
     # Fronts of a closed body of negative volume look inwards.
     empty = closed & (np.where(volume > 0, back, front) == 0)
+    inside = _must_be_seen(mesh, scene)
     for b in np.flatnonzero(empty):
-        empty[b] = not _holds_any(mesh, rows[body == b], found.turned[body == b], scene)
+        own = np.flatnonzero(body == b)
+        empty[b] = not _holds_any(mesh.vertices[mesh.faces[rows[own]]], found.turned[own], inside)
     # The pilot starts sunlight where it lands: it does not count there.
     traced = found.orientable & (not any(isinstance(light, DirectionalLight | SkyLight) for light in scene.lights))
     keep_front = (empty & (volume > 0)) | (traced & (front >= PLENTY) & (back == 0))
@@ -69,38 +72,41 @@ def one_sided_where_dark(scene: Scene, box: Box) -> Scene:
 
 def _closed(places: np.ndarray, body: np.ndarray, bodies: int) -> np.ndarray:
     """Return which bodies (B,) have two faces at every edge."""
-    ends = np.sort(np.stack([places, np.roll(places, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
-    edge = group_of(ends.T)
-    open_edge = (np.bincount(edge)[edge] != 2).reshape(-1, 3).any(axis=1)
-    return np.bincount(body, open_edge, bodies) == 0
+    start, end = places.reshape(-1), places[:, [1, 2, 0]].reshape(-1)
+    edge = group_of((np.minimum(start, end), np.maximum(start, end)))
+    shut = every((np.bincount(edge)[edge] == 2).reshape(-1, 3))
+    return np.bincount(body, ~shut, bodies) == 0
 
 
 def _volumes(mesh: Mesh, rows, turned, body, bodies: int) -> np.ndarray:
     """Return six times the volume (B,) inside each body, negative where fronts look inwards."""
     p = mesh.vertices[mesh.faces[rows]] - mesh.vertices.mean(axis=0)
-    v = (np.cross(p[:, 0], p[:, 1]) * p[:, 2]).sum(axis=1)
+    v = dot(cross(p[:, 0], p[:, 1]), p[:, 2])
     return np.bincount(body, np.where(turned, -v, v), bodies)
 
 
-def _holds_any(mesh: Mesh, rows, turned, scene: Scene) -> bool:
-    """Tell whether a lamp, a mobile or the camera is inside a closed body."""
-    p = mesh.vertices[mesh.faces[rows]]
-    low, high = p.reshape(-1, 3).min(axis=0), p.reshape(-1, 3).max(axis=0)
+def _must_be_seen(mesh: Mesh, scene: Scene) -> np.ndarray:
+    """Return where lamps, mobiles and the camera are, (n, 3): a body that one of them is in is not dark inside."""
     inside = [np.array(light.position) for light in scene.lights if hasattr(light, "position")]
     inside += [to_world(m.pose, m.mesh.vertices).mean(axis=0) for m in scene.mobiles]
     inside += [np.array(scene.camera.position)] if scene.camera is not None else []
     emits = np.array([any(m.emission) for m in scene.materials])[mesh.face_material]
     inside += list(mesh.vertices[mesh.faces[emits]].mean(axis=1))
-    inside = np.array(inside).reshape(-1, 3)
-    inside = inside[((inside > low) & (inside < high)).all(axis=1)]
-    return any(abs(_turns_round(x, p, turned)) > 0.5 for x in inside)
+    return np.array(inside).reshape(-1, 3)
+
+
+def _holds_any(p: np.ndarray, turned: np.ndarray, inside: np.ndarray) -> bool:
+    """Tell whether any of the points `inside` is in a closed body of triangles p (F, 3, 3)."""
+    low, high = box(p)
+    within = every((inside > low) & (inside < high))
+    return any(abs(_turns_round(x, p, turned)) > 0.5 for x in inside[within])
 
 
 def _turns_round(x: np.ndarray, p: np.ndarray, turned: np.ndarray) -> float:
     """Return how often a closed surface of triangles p (F, 3, 3) goes round the point x: 0 outside."""
     a, b, c = (p[:, k] - x for k in range(3))
-    la, lb, lc = (np.sqrt((v * v).sum(axis=1)) for v in (a, b, c))
-    over = (np.cross(a, b) * c).sum(axis=1)
-    under = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
+    la, lb, lc = length(a), length(b), length(c)
+    over = dot(cross(a, b), c)
+    under = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
     angle = 2 * np.arctan2(over, under)
     return float(np.where(turned, -angle, angle).sum() / (4 * np.pi))

@@ -4,42 +4,52 @@ from __future__ import annotations
 
 import numpy as np
 
+from gi_core.rows import cross, dot, length
 from gi_core.scene.types import Camera
 
 ASPECT = 1.6  # width over height of the window as it opens
 
 
 def axes(position, target, up) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return unit vectors forward, right and upwards in the picture."""
+    """Return unit vectors forward, right and upwards in the picture, (..., 3) each, of cameras (..., 3)."""
     forward = np.subtract(target, position)
-    forward = forward / np.sqrt((forward * forward).sum())
-    right = np.cross(forward, up)
-    length = np.sqrt((right * right).sum())
-    if length < 1e-6:  # straight up or down: any direction may be right
-        right = np.cross(forward, np.eye(3)[int(np.argmin(np.abs(forward)))])
-        length = np.sqrt((right * right).sum())
-    right = right / length
-    return forward, right, np.cross(right, forward)
+    forward = forward / length(forward)[..., None]
+    right = cross(forward, np.asarray(up, np.float64))
+    # Straight up or down: any direction may be right.
+    other = cross(forward, np.eye(3)[np.argmin(np.abs(forward), axis=-1)])
+    right = np.where((length(right) < 1e-6)[..., None], other, right)
+    right = right / length(right)[..., None]
+    return forward, right, cross(right, forward)
 
 
 def in_frame(camera: Camera, up, points) -> np.ndarray:
     """Return where points land in the picture, (n, 2) each within -1 .. 1; inf behind the camera."""
-    forward, right, above = axes(camera.position, camera.target, up)
-    off = np.asarray(points, np.float64) - camera.position
-    depth = off @ forward
-    half = np.tan(np.radians(camera.vertical_fov_degrees) / 2)
+    return in_frames([camera], up, points)[0]
+
+
+def in_frames(cameras: list[Camera], up, points) -> np.ndarray:
+    """Return the same for several cameras, (cameras, n, 2)."""
+    position, (forward, right, above), half = _several(cameras, up)
+    off = np.asarray(points, np.float64) - position
+    depth = dot(off, forward)
     ahead = depth > 1e-9
     d = np.where(ahead, depth * half, 1.0)
-    at = np.stack([(off @ right) / (d * ASPECT), (off @ above) / d], axis=1)
-    return np.where(ahead[:, None], at, np.inf)
+    at = np.stack([dot(off, right) / (d * ASPECT), dot(off, above) / d], axis=-1)
+    return np.where(ahead[..., None], at, np.inf)
 
 
-def picture_rays(camera: Camera, up, columns: int, rows: int) -> np.ndarray:
-    """Return unit directions (columns * rows, 3) through the middles of a grid over the picture."""
-    forward, right, above = axes(camera.position, camera.target, up)
-    half = np.tan(np.radians(camera.vertical_fov_degrees) / 2)
-    x = (2 * (np.arange(columns) + 0.5) / columns - 1) * half * ASPECT
-    y = (2 * (np.arange(rows) + 0.5) / rows - 1) * half
-    x, y = (a.reshape(-1, 1) for a in np.meshgrid(x, y))
-    d = forward + x * right + y * above
-    return d / np.sqrt((d * d).sum(axis=1, keepdims=True))
+def picture_rays(cameras: list[Camera], up, columns: int, rows: int) -> np.ndarray:
+    """Return unit directions (cameras, columns * rows, 3) through the middles of a grid over each picture."""
+    _, (forward, right, above), half = _several(cameras, up)
+    x, y = np.meshgrid((2 * np.arange(columns) + 1) / columns - 1, (2 * np.arange(rows) + 1) / rows - 1)
+    x, y = x.reshape(-1) * half * ASPECT, y.reshape(-1) * half
+    d = forward + x[..., None] * right + y[..., None] * above
+    return d / length(d)[..., None]
+
+
+def _several(cameras: list[Camera], up):
+    """Return positions, axes, (cameras, 1, 3) each, and the tangents of half their vertical angles (cameras, 1)."""
+    position = np.array([c.position for c in cameras], np.float64)[:, None]
+    target = np.array([c.target for c in cameras], np.float64)[:, None]
+    half = np.tan(np.radians([c.vertical_fov_degrees for c in cameras]) / 2)[:, None]
+    return position, axes(position, target, up), half

@@ -19,9 +19,9 @@ BLOCKED, OPEN = 0.9, 0.5  # share of the rays that hit something near, or the la
 LIFT = 1e-5  # of the extent: clears the lamp's own face
 
 
-def facing_the_scene(scene: Scene) -> Scene:
+def facing_the_scene(scene: Scene) -> tuple[Scene, Rays | None]:
     """Return the scene with two-sided lamps turned whose front looks at a wall, and with a note for each that has
-    two open sides.
+    two open sides; and rays against that scene, if some had to be cast.
 
     Emission leaves the front only. One-sided lamps are left as they are: their file says which side is the front.
     """
@@ -29,7 +29,7 @@ def facing_the_scene(scene: Scene) -> Scene:
     shines = np.array([m.two_sided and any(m.emission) for m in scene.materials])[mesh.face_material]
     rows = np.flatnonzero(shines)
     if not len(rows):
-        return scene
+        return scene, None
     rays = Rays(scene)
     normals, areas = face_normals(mesh)
     body = consistent_winding(weld(mesh.vertices)[mesh.faces[rows]], areas[rows]).body
@@ -51,7 +51,8 @@ def facing_the_scene(scene: Scene) -> Scene:
         notes.append(f"lamps that faced a wall are turned round: {_listed(turned)}")
     if both:
         notes.append(f"two-sided lamps shine from their front alone: {_listed(both)}")
-    return replace(scene, static=turned_mesh(mesh, turn), notes=tuple(notes))
+    scene = replace(scene, notes=tuple(notes))
+    return (replace(scene, static=turned_mesh(mesh, turn)), None) if turned else (scene, rays)
 
 
 def _blocked(mesh: Mesh, rays: Rays, own, normals, areas, rng) -> float:

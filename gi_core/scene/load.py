@@ -107,7 +107,8 @@ class _Builder:
         for path in extra:
             scene, up = self._extra(scene, Path(path))
             unplaced.append((len(scene.mobiles) - 1, up))
-        scene, rays, box = complete(facing_the_scene(scene), unplaced, self.bare)
+        scene, rays = facing_the_scene(scene)
+        scene, rays, box = complete(scene, unplaced, self.bare, rays)
         described = len(self.file.mobiles)
         finer = tuple(m._replace(mesh=_fine(m.mesh)) for m in scene.mobiles[described:])
         scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))

@@ -13,6 +13,7 @@ import numpy as np
 
 from gi_core.grouping import order_of
 from gi_core.receivers import build_receivers, weld
+from gi_core.rows import box, cross, dot, every, greatest, length
 from gi_core.scene.boundary import Boundary
 from gi_core.scene.errors import SceneError, one_line
 from gi_core.scene.file_parts import FileParts, Part
@@ -157,11 +158,10 @@ def _clamped(materials: list[Material], plain: set[int], notes: list[str], where
 def _repair(vertices, faces, material, materials, notes):
     """Return the faces to keep, and which of them must become two-sided."""
     p = vertices[faces]
-    cross = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-    edges = p - np.roll(p, 1, axis=1)
-    longest = np.sqrt((edges * edges).sum(axis=2)).max(axis=1)
-    extent = float(np.ptp(p.reshape(-1, 3), axis=0).max())
-    height = np.sqrt((cross * cross).sum(axis=1)) / np.where(longest > 0, longest, 1)
+    double = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    longest = greatest(length(p - p[:, [2, 0, 1]]))
+    extent = float(np.subtract(*box(p)[::-1]).max())
+    height = length(double) / np.where(longest > 0, longest, 1)
     solid = np.flatnonzero(height > DEGENERATE * extent)
 
     # Faces on the same three places: keep the emissive one, else the first.
@@ -174,7 +174,7 @@ def _repair(vertices, faces, material, materials, notes):
     first[1:] = (k[1:] != k[:-1]).any(axis=1)
     leader = order[np.maximum.accumulate(np.where(first, np.arange(len(k)), 0))]
     # A one-sided pair back to back stands for a sheet that is seen from both sides.
-    turned = (cross[solid[order]] * cross[solid[leader]]).sum(axis=1) < 0
+    turned = dot(double[solid[order]], double[solid[leader]]) < 0
     sided = np.zeros(len(faces), bool)
     sided[solid[leader[turned]]] = True
     keep = np.sort(solid[order[first]])
@@ -206,10 +206,10 @@ def _corner_normals(mesh, parts, part_of, keep, notes):
             continue
         rows = np.flatnonzero(part_of == i)
         n = part.corner_normals[keep[rows] - starts[i]]
-        length = np.sqrt((n * n).sum(axis=2, keepdims=True))
-        good = np.isfinite(length) & (length > 1e-12)
-        n = np.where(good, n / np.where(good, length, 1), result[rows])
-        wrong = ((n * result[rows]).sum(axis=2) < OPPOSED).any(axis=1)
+        size = length(n)[..., None]
+        good = np.isfinite(size) & (size > 1e-12)
+        n = np.where(good, n / np.where(good, size, 1), result[rows])
+        wrong = ~every(dot(n, result[rows]) >= OPPOSED)
         if wrong.sum() > MOST_WRONG * len(rows):
             disbelieved += 1
             continue

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.accelerator import Accelerator
+from gi_core.rows import box
 from gi_core.scene.types import DirectionalLight, Scene, SkyLight
 from gi_core.surfaces import face_normals, flatten
 from gi_core.threads import available_cores
@@ -41,7 +42,7 @@ class Rays:
         self.surfaces, _ = flatten(statics, with_receivers=False)
         self.accelerator = Accelerator(self.surfaces, available_cores())
         v = scene.static.vertices[scene.static.faces.reshape(-1)]
-        self.low, self.high = v.min(axis=0), v.max(axis=0)
+        self.low, self.high = box(v)
         self.extent = float((self.high - self.low).max())
 
     def hits(self, origins, directions):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.jit import kernel
-from gi_core.receivers import build_receivers
+from gi_core.receivers import count_receivers
 from gi_core.scene.frame import in_frame
 from gi_core.scene.pilot import Box, Rays
 from gi_core.scene.types import Mesh, Scene
@@ -32,8 +32,7 @@ def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, floa
     grain = Grain(scene, rays, box)
     sided = 1 + np.array([m.two_sided for m in scene.materials])
     before = float(sided[mesh.face_material].sum())
-    normals, areas = face_normals(mesh)
-    receivers = len(build_receivers(mesh, normals, areas, sided[mesh.face_material] == 2).receivers.areas)
+    receivers = count_receivers(mesh, face_normals(mesh)[0], sided[mesh.face_material] == 2)
     room = max(budget - receivers, SPARE * budget)
 
     def cut(edge: float) -> Mesh:

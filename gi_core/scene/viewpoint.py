@@ -6,7 +6,8 @@ import numpy as np
 
 from gi_core.grouping import group_of
 from gi_core.pose import to_world
-from gi_core.scene.frame import ASPECT, axes, in_frame, picture_rays
+from gi_core.rows import dot, length
+from gi_core.scene.frame import ASPECT, axes, in_frames, picture_rays
 from gi_core.scene.pilot import Box, Rays, horizontal, spread
 from gi_core.scene.types import Camera, Scene
 
@@ -94,7 +95,7 @@ def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: 
     """Return what each camera's view is worth; the rays of all are cast at once."""
     eyes = np.array([c.position for c in cameras]).reshape(-1, 3)
     # The part of each picture that shows something lit, not too near to tell anything.
-    d = np.array([picture_rays(c, up, *GRID) for c in cameras])
+    d = picture_rays(cameras, up, *GRID)
     through = d.shape[1]
     eye, d = np.repeat(eyes, through, axis=0), d.reshape(-1, 3)
     t, normal = first_seen(rays, eye, d)
@@ -106,14 +107,15 @@ def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: 
     points, normals, weight = seen
     every, n = np.concatenate([points, shown]), len(points)
     to = every - eyes[:, None]
-    length = np.sqrt((to * to).sum(axis=2))
-    visible = np.array([np.abs(in_frame(c, up, every)).max(axis=1) < 1 for c in cameras])
+    distance = length(to)
+    at = np.abs(in_frames(cameras, up, every))
+    visible = np.maximum(at[..., 0], at[..., 1]) < 1
     of, row = np.nonzero(visible)
-    reached, _ = first_seen(rays, eyes[of], to[of, row] / np.maximum(length[of, row], 1e-12)[:, None])
-    visible[of, row] = reached > length[of, row] - 2e-3 * box.size
-    visible[:, :n] &= (to[:, :n] * normals).sum(axis=2) <= 0
+    reached, _ = first_seen(rays, eyes[of], to[of, row] / np.maximum(distance[of, row], 1e-12)[:, None])
+    visible[of, row] = reached > distance[of, row] - 2e-3 * box.size
+    visible[:, :n] &= dot(to[:, :n], normals) <= 0
     extent = float(np.sqrt((np.ptp(shown, axis=0) ** 2).sum()))
-    reach = extent / np.maximum(np.median(length[:, n:], axis=1), 1e-12)
+    reach = extent / np.maximum(np.median(distance[:, n:], axis=1), 1e-12)
     mobile = (1.2 + np.minimum(reach, 0.4)) * visible[:, n:].mean(axis=1)
     return FILL * fill + SHARE * (visible[:, :n] * weight).sum(axis=1) + mobile
 
@@ -129,7 +131,7 @@ def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
         t, face = rays.hits(eye[going] + d[going] * at[going, None], d[going])
         at[going] += t
         hit = face >= 0
-        turned = (rays.surfaces.normals[face] * d[going]).sum(axis=1) > 0
+        turned = dot(rays.surfaces.normals[face], d[going]) > 0
         back = hit & turned & ~rays.surfaces.two_sided[face]
         seen = hit & ~back
         result[going[seen]] = at[going[seen]]

@@ -8,6 +8,7 @@ import numpy as np
 
 from gi_core.grouping import components, order_of
 from gi_core.receivers import weld
+from gi_core.rows import cross, dot, every, length
 from gi_core.scene.file_parts import Part
 from gi_core.scene.types import Mesh
 
@@ -46,7 +47,7 @@ def consistent_winding(faces: np.ndarray, areas: np.ndarray) -> Winding:
 
 def _shared_edges(faces: np.ndarray):
     """Return pairs of faces (n,), (n,) over one edge of exactly two, and whether they run it in opposite directions."""
-    start, end = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+    start, end = faces.reshape(-1), faces[:, [1, 2, 0]].reshape(-1)
     low, high = np.minimum(start, end), np.maximum(start, end)
     order = order_of((low, high))
     low, high, forward = low[order], high[order], (start < end)[order]
@@ -65,8 +66,8 @@ def faces_to_turn(parts: list[Part], vertices: np.ndarray, faces: np.ndarray) ->
     way, unless most of its part is. Elsewhere neighbours must agree.
     """
     p = vertices[faces]
-    cross = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-    size = np.sqrt((cross * cross).sum(axis=1))
+    double = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    size = length(double)
     turn, torn = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
     starts = np.cumsum([0, *(len(q.faces) for q in parts)])
     bare = np.zeros(len(faces), bool)
@@ -75,9 +76,8 @@ def faces_to_turn(parts: list[Part], vertices: np.ndarray, faces: np.ndarray) ->
             bare[first:last] = True
             continue
         n = q.corner_normals
-        length = np.sqrt((n * n).sum(axis=2))
-        cosine = (n * cross[first:last, None]).sum(axis=2)
-        opposed = (cosine < -OPPOSED * length * size[first:last, None]).all(axis=1)
+        cosine = dot(n, double[first:last, None])
+        opposed = every(cosine < -OPPOSED * length(n) * size[first:last, None])
         if 2 * opposed.sum() < len(opposed):
             turn[first:last] = opposed
     rows = np.flatnonzero(bare & (size > 0))
