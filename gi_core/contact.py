@@ -37,6 +37,9 @@ class Contact(NamedTuple):
     area: np.ndarray  # (n,) float64 [m2]
 
 
+NOTHING = Contact(np.empty(0, np.int64), np.empty((0, RAYS, 2), np.uint8), np.empty(0))
+
+
 class Met(NamedTuple):
     """What objects do to each other's regions at some poses."""
 
@@ -66,22 +69,22 @@ class Contacts:
         yield
         self._cells = yield from surface_cells(s.vertices[0], s.faces[0], 1.001 * self._radius)
 
-    def at(self, at: Transforms) -> Met:
-        """Return all contacts at some poses."""
+    def at(self, at: Transforms, mobiles: bool) -> Met:
+        """Return the contacts at some poses, on the receivers of mobiles or on the static part's alone."""
         objects = self._model.surfaces.objects
-        contacts, floor = [], ()
-        for o in range(objects):
+        contacts, floor = [NOTHING] * objects, ()
+        for o in range(objects if mobiles else 1):
             found = [self._shortened(o, b, at) for b in range(objects) if b != o]
             if o == 0:
                 floor = tuple(rows for rows, _ in found)
-            contacts.append(self._contact(o, found))
+            contacts[o] = self._contact(o, found)
         return Met(tuple(contacts), floor)
 
     def _contact(self, o: int, found) -> Contact:
         """Return the regions of object o's receivers from pairs of rows and distances (n, RAYS) float32 [m]."""
         found = [(rows, distances) for rows, distances in found if len(rows)]
         if not found:
-            return Contact(np.empty(0, np.int64), np.empty((0, RAYS, 2), np.uint8), np.empty(0))
+            return NOTHING
         rows, where = np.unique(np.concatenate([rows for rows, _ in found]), return_inverse=True)
         shortest = np.full((len(rows), RAYS), np.float32(self._radius))
         first = 0

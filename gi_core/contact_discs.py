@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.accelerator import Transforms
-from gi_core.contact import Contact, Contacts, Met
+from gi_core.contact import NOTHING, Contacts, Met
 from gi_core.cuts import Wanted
 from gi_core.disc_search.brute_force import BruteForce
 from gi_core.disc_search.crossing import Discs, lines, to_list
@@ -42,7 +42,7 @@ class ControlFacts(NamedTuple):
 
     share: float  # of all receivers, those whose discs their own object enters (photon_map: at borders); at any poses
     stale: int  # static receivers that were estimated again in the last frame, because a mobile enters their discs
-    on_mobiles: int  # receivers of mobiles whose discs other objects enter in the last frame
+    on_mobiles: int  # receivers of mobiles whose discs other objects enter in the last frame; none where they gather
 
 
 class ContactDiscs:
@@ -52,7 +52,7 @@ class ContactDiscs:
         """discs: one an object, those of mobiles with room_for_contacts(); without `control` nothing ever meets."""
         self.model, self.radius, self._discs = model, radius, discs
         self._contacts = Contacts(model, radius, [d.regions for d in discs]) if control else None
-        self._known: tuple[Transforms, Met] | None = None
+        self._known: tuple[Transforms, bool, Met] | None = None
         count = sum(len(d.regions.row) for d in discs)
         self.share = sum(int((d.regions.row >= 0).sum()) for d in discs) / max(count, 1)
 
@@ -61,26 +61,32 @@ class ContactDiscs:
         if self._contacts and self.model.surfaces.objects > 1:
             yield from self._contacts.build()
 
-    def met(self, at: Transforms) -> Met:
-        """Return the contacts at some poses; those of the last call are kept."""
-        if self._known is None or not all(np.array_equal(a, b) for a, b in zip(self._known[0], at, strict=True)):
-            nothing = Contact(np.empty(0, np.int64), np.empty((0, RAYS, 2), np.uint8), np.empty(0))
-            alone = Met((nothing,) * len(at.position), (nothing.rows,) * (len(at.position) - 1))
+    def met(self, at: Transforms, mobiles: bool) -> Met:
+        """Return the contacts at some poses, on mobiles too or not; those of the last call are kept."""
+        if not self._knows(at, mobiles):
+            alone = Met((NOTHING,) * len(at.position), (NOTHING.rows,) * (len(at.position) - 1))
             together = self._contacts is not None and len(at.position) > 1
-            self._known = at, self._contacts.at(at) if together else alone
-        return self._known[1]
+            self._known = at, mobiles, self._contacts.at(at, mobiles) if together else alone
+        return self._known[-1]
 
-    def facts(self, at: Transforms) -> ControlFacts:
-        """Return how many receivers are concerned at some poses."""
-        floor, *others = (len(c.rows) for c in self.met(at).contacts)
+    def _knows(self, at: Transforms, mobiles: bool) -> bool:
+        if self._known is None or self._known[1] != mobiles:
+            return False
+        return all(np.array_equal(a, b) for a, b in zip(self._known[0], at, strict=True))
+
+    def facts(self, met: Met) -> ControlFacts:
+        """Return how many receivers contacts concern."""
+        floor, *others = (len(c.rows) for c in met.contacts)
         return ControlFacts(self.share, floor, sum(others))
 
-    def wanted(self, at: Transforms) -> Wanted:
-        """Return which segments a frame must hold: those near mobiles, and near static receivers in contact."""
+    def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
+        """Return which segments a frame must hold: those near mobiles, if their light is wanted, and near static
+        receivers in contact.
+        """
         m, boxes = self.model, []
         around = np.zeros(len(at.position) - 1)
         positions, normals = m.object_receivers.positions, m.object_receivers.normals
-        for k, rows in enumerate(self.met(at).floor):
+        for k, rows in enumerate(self.met(at, mobiles).floor):
             if len(rows):
                 # Behind its hit a segment counts for up to 2 r on a concave side, for eps on any.
                 own = m.receiver_sides[rows]
@@ -92,12 +98,12 @@ class ContactDiscs:
                 off = positions[rows] - middle
                 far = np.sqrt((off * off).sum(axis=1).max())
                 around[k] = far + self.radius + behind + 2 * float(m.eps)
-        return Wanted(self.radius, np.array(boxes).reshape(-1, 2, 3), around)
+        return Wanted(self.radius if mobiles else 0.0, np.array(boxes).reshape(-1, 2, 3), around, mobiles)
 
     @contextmanager
-    def regions_at(self, at: Transforms) -> Iterator[None]:
-        """Let discs on mobiles have their regions of these poses meanwhile; searches must not keep copies."""
-        contacts, before = self.met(at).contacts, []
+    def regions_of(self, met: Met) -> Iterator[None]:
+        """Let discs on mobiles have their regions in contact meanwhile; searches must not keep copies."""
+        contacts, before = met.contacts, []
         for discs, contact in zip(self._discs[1:], contacts[1:], strict=True):
             row, reach, _ = discs.regions
             before.append(row[contact.rows])
@@ -111,27 +117,27 @@ class ContactDiscs:
             for discs, contact, rows in zip(self._discs[1:], contacts[1:], before, strict=True):
                 discs.regions.row[contact.rows] = rows
 
-    def areas_at(self, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
-        """Return receivers (n,) int64, of all objects, whose regions differ at these poses, and areas (n,) [m2]."""
-        first, contacts = self.model.surfaces.first_receiver, self.met(at).contacts
+    def areas_of(self, met: Met) -> tuple[np.ndarray, np.ndarray]:
+        """Return receivers (n,) int64, of all objects, whose regions contacts shorten, and their areas (n,) [m2]."""
+        first, contacts = self.model.surfaces.first_receiver, met.contacts
         rows = [first[o] + c.rows for o, c in enumerate(contacts)]
         return np.concatenate(rows), np.concatenate([c.area for c in contacts])
 
-    def static_discs(self, at: Transforms) -> Discs:
-        """Return the discs of the static receivers in contact, with their regions at these poses."""
-        contact, d = self.met(at).contacts[0], self._discs[0]
+    def static_discs(self, met: Met) -> Discs:
+        """Return the discs of the static receivers in contact, with their regions there."""
+        contact, d = met.contacts[0], self._discs[0]
         rows, n = contact.rows, len(contact.rows)
         region = Regions(np.arange(n, dtype=np.int32), contact.reach, contact.area)
         alone = np.full(n, NONE, np.int32)  # each its own disc: few of them see both sides
         return Discs(d.positions[rows], d.normals[rows], d.own[rows], alone, d.radius, region)
 
-    def static_sums(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
+    def static_sums(self, parts, at: Transforms, met: Met) -> tuple[np.ndarray, np.ndarray]:
         """Return static receivers (n,) int64 in contact and their sums (n, 3) int64 over parts (Segments)."""
-        rows = self.met(at).contacts[0].rows
+        rows = met.contacts[0].rows
         n = len(rows)
         if not n:
             return rows, np.zeros((0, 3), np.int64)
-        discs = self.static_discs(at)
+        discs = self.static_discs(met)
         search = BruteForce(discs) if n <= FEW else DiscGrid(discs, np.flatnonzero(to_list(discs)))
         sums = [Sums.zeros(n) for _ in range(self.model.threads)]
         for segments in parts:

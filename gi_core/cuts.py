@@ -37,20 +37,15 @@ FOLLOW_GRAIN = 512  # photons a thread: a bounce costs some 60 us of Python, how
 class Wanted(NamedTuple):
     """Which current segments an estimator asks for, besides what changes."""
 
-    reach: float  # of a disc on a mobile [m]: segments that come so near to its box
+    reach: float  # of a disc on a mobile [m]: segments that come so near to its box; 0 if no mobiles
     boxes: np.ndarray  # (b, 2, 3) float64 [m], corners low and high: segments that pass one of these
     around: np.ndarray  # (mobiles,) float64 [m] round the middle of each: nothing in the boxes is farther off
-    mobiles: bool = True  # or nobody asks for what passes the mobiles
+    mobiles: bool = True  # or nobody asks for their light, nor for what passes them
 
     @classmethod
-    def near_mobiles(cls, model: Model, reach: float) -> Wanted:
-        """Return what an estimator wants that looks `reach` [m] round mobiles only."""
-        return cls(reach, np.empty((0, 2, 3)), np.zeros(model.surfaces.objects - 1))
-
-    @property
-    def without_mobiles(self) -> Wanted:
-        """What is wanted where the light of mobiles comes from elsewhere."""
-        return self._replace(reach=0.0, mobiles=False)
+    def changes(cls, model: Model, mobiles: bool) -> Wanted:
+        """Return what an estimator wants that reads light from where it ends: nothing but what changes."""
+        return cls(0.0, np.empty((0, 2, 3)), np.zeros(model.surfaces.objects - 1), mobiles)
 
 
 class Frame(NamedTuple):

@@ -67,11 +67,9 @@ def frame_light(
     """
     estimate = shown.estimate
     paths, coarse = photons.prefix(size.photons)
-    wanted = estimate.wanted(at)
+    wanted = estimate.wanted(at, mobiles=not size.paths)
     clock("contact")
-    frame = change(
-        model, paths, coarse, at, photons.seed, wanted.without_mobiles if size.paths else wanted, room, clock
-    )
+    frame = change(model, paths, coarse, at, photons.seed, wanted, room, clock)
     evaluated = estimate.evaluate(frame)
     clock("estimate")
     if size.photons:

@@ -73,9 +73,9 @@ def few_receivers(solver: Solver, probes: Iterable[int] = PROBES) -> list[Job]:
     for o, near in enumerate(frame.near, 1):
         over = lines(near, at.rotation[o], at.position[o], model, solver.radius)
         jobs.append(Job(model.names[o - 1], estimate._searches[o].discs, over, False))
-    jobs.append(
-        Job("in contact", estimate._contact.static_discs(at), _ready(solver, frame.beside, solver.radius), True)
-    )
+    contact = estimate._contact
+    beside = contact.static_discs(contact.met(at, mobiles=bool(frame.near)))
+    jobs.append(Job("in contact", beside, _ready(solver, frame.beside, solver.radius), True))
     d, rng = estimate._searches[0].discs, np.random.default_rng(solver.seed)
     over, listed = photon_lines(solver, frame.photons, solver.radius), np.flatnonzero(to_list(d))
     for n in probes:

@@ -112,11 +112,29 @@ def test_a_mobile_in_mid_air_costs_nothing(monkeypatch):
     contact = solver._shown.estimate._contact
     monkeypatch.setattr(solver.model.accelerator, "nearest", counted)
     at = solver.model.transforms({"body": Pose((0.0, 0.0, 0.4))})
-    wanted = contact.wanted(at)
+    wanted = contact.wanted(at, mobiles=True)
     assert not cast and not len(wanted.boxes) and not wanted.around.any()
     solver.move("body", Pose((0.0, 0.0, 0.4)))
     assert solver.control_facts == resting._replace(stale=0, on_mobiles=0)
     assert solver._frame.beside.size == 0 and solver.changes.photons_cut > 0
+
+
+def test_contact_on_a_mobile_is_looked_for_only_where_its_light_is_that_of_photons():
+    """Where it gathers, no disc on it is read; floor and walls beside it are estimated as ever."""
+    case = control_scenes.leg(True)
+    solver = Solver(case.scene, photons=5000, radius=case.radius)
+    solver.solve()
+    by_photons = solver.control_facts
+    static = solver.surfaces.receiver_range(0)
+    E = solver.irradiance[static]
+    solver.configure(mobile_light="gathered")
+    solver.solve()
+    assert by_photons.on_mobiles > 0
+    assert solver.control_facts == by_photons._replace(on_mobiles=0)
+    assert np.array_equal(solver.irradiance[static], E)
+    solver.configure(mobile_light="photons")
+    solver.solve()
+    assert solver.control_facts == by_photons
 
 
 def bowl() -> Scene:

@@ -89,9 +89,9 @@ class ImpactCount:
         rows = self.model.surfaces.receiver_range(0)
         return self.prefixes[photons][rows], self.area[rows]
 
-    def wanted(self, at: Transforms) -> Wanted:
+    def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         """Return the segments that a frame at these poses must hold: nothing but what changes."""
-        return Wanted.near_mobiles(self.model, 0.0)
+        return Wanted.changes(self.model, mobiles)
 
     def evaluate(self, frame: Frame) -> Evaluated:
         """Return what the frame's irradiance is read from, valid until the next call."""

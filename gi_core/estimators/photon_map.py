@@ -112,9 +112,9 @@ class PhotonMap:
         """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a prefix."""
         return self.prefixes[photons].sums, self.prefixes[photons].area
 
-    def wanted(self, at: Transforms) -> Wanted:
+    def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         """Return the segments that a frame at these poses must hold: nothing but what changes."""
-        return Wanted.near_mobiles(self.model, 0.0)
+        return Wanted.changes(self.model, mobiles)
 
     def evaluate(self, frame: Frame) -> Evaluated:
         """Return what the frame's irradiance is read from."""

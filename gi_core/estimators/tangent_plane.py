@@ -15,6 +15,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from gi_core.accelerator import Transforms
+from gi_core.contact import Met
 from gi_core.contact_discs import ContactDiscs, ControlFacts, room_for_contacts
 from gi_core.crossings import Crossings
 from gi_core.cuts import Frame, Wanted
@@ -116,9 +117,9 @@ class TangentPlane:
         """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a prefix."""
         return self.prefixes[photons], self.area[: len(self._background)]
 
-    def wanted(self, at: Transforms) -> Wanted:
-        """Return the segments that a frame at these poses must hold."""
-        return self._contact.wanted(at)
+    def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
+        """Return the segments that a frame at these poses must hold, with the light of mobiles or without it."""
+        return self._contact.wanted(at, mobiles)
 
     def evaluate(self, frame: Frame) -> Evaluated:
         """Return what the frame's irradiance is read from, valid until the next call."""
@@ -126,17 +127,18 @@ class TangentPlane:
         tails = frame.tails
         if not self._crossings.kept:
             jobs, tails = [(0, tails.segments(self.model.threads), -1), *jobs], tails.of(slice(0))
+        met = self._contact.met(frame.at, mobiles=bool(frame.near))
         try:
-            with self._contact.regions_at(frame.at), self._hurried():
+            with self._contact.regions_of(met), self._hurried():
                 self._splat(jobs, frame.at, self._frame.added, tails)
-            rows, stale = self._contact.static_sums([frame.beside], frame.at)
+            rows, stale = self._contact.static_sums([frame.beside], frame.at, met)
             self._frame.added[0].touched[rows >> CHUNK_BITS] = True
-            out = self._frame.collect(self.prefixes[frame.photons], self._areas_at(frame.at))
+            out = self._frame.collect(self.prefixes[frame.photons], self._areas_of(met))
         except BaseException:
             self._frame.clear()  # or the next frame would begin with half of this one
             raise
         out.sums[rows] = stale
-        self.control_facts = self._contact.facts(frame.at)
+        self.control_facts = self._contact.facts(met)
         return out
 
     @contextmanager
@@ -178,25 +180,25 @@ class TangentPlane:
         finally:
             self._contact = kept
 
-    def _areas_at(self, at: Transforms) -> np.ndarray:
-        """Return the areas (R,) of a pose, valid until the next call; few differ from `area`."""
+    def _areas_of(self, met: Met) -> np.ndarray:
+        """Return the areas (R,) with these contacts, valid until the next call; few differ from `area`."""
         self._areas[self._differ] = self.area[self._differ]
-        self._differ, areas = self._contact.areas_at(at)
+        self._differ, areas = self._contact.areas_of(met)
         self._areas[self._differ] = areas
         return self._areas
 
     def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (R, 3) int64 and area (R,) [m2] from all current segments (an iterable of Segments)."""
         added = ThreadSums(len(self.area), self.model.threads)
-        sums, stale = np.zeros((len(self.area), 3), np.int64), 0
+        sums, stale, met = np.zeros((len(self.area), 3), np.int64), 0, self._contact.met(at, mobiles=True)
         for segments in parts:
-            with self._contact.regions_at(at):
+            with self._contact.regions_of(met):
                 self._splat([(o, segments, 1) for o in range(self.model.surfaces.objects)], at, added)
-            stale = stale + self._contact.static_sums([segments], at)[1]
+            stale = stale + self._contact.static_sums([segments], at, met)[1]
         added.move_to(sums)
-        areas, (rows, areas_there) = self.area.copy(), self._contact.areas_at(at)
+        areas, (rows, areas_there) = self.area.copy(), self._contact.areas_of(met)
         areas[rows] = areas_there
-        sums[self._contact.met(at).contacts[0].rows] = stale
+        sums[met.contacts[0].rows] = stale
         return sums, areas
 
     def _splat(
