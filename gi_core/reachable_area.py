@@ -32,6 +32,10 @@ TANGENT = 0.25  # of the radius: own patch met nearer than this means the disc l
 NARROW = 0.25  # of the disc: a smaller region is looked for again from a little higher
 LEAST_AREA = 1e-3  # of the disc: smaller regions count as unreachable (they would be noise alone)
 
+TRIED = np.arange(0, RAYS, RAYS // PROBES)  # directions ...
+OTHERS = np.setdiff1d(np.arange(RAYS), TRIED)
+COS = np.cos(2 * np.pi * np.arange(RAYS) / RAYS)
+SIN = np.sin(2 * np.pi * np.arange(RAYS) / RAYS)
 
 WHOLE = -1  # in place of a row: a free disc
 
@@ -64,14 +68,18 @@ def regions(model: Model, o: int, radius: float) -> Generator[None, None, Region
     reach, count = [], 0
     for first in range(0, len(rows), CHUNK):
         part = slice(first, first + CHUNK)
-        tried, _ = _distances(model, o, points[part], normals[part], patch[part], radius, RAYS // PROBES)
-        blocked = first + np.flatnonzero((tried < np.float32(radius)).any(axis=1))
+        tried = _distances(model, o, points[part], normals[part], patch[part], radius, TRIED)
+        hit = np.flatnonzero((tried[..., 0] < np.float32(radius)).any(axis=1))
         yield
-        if len(blocked):
+        if len(hit):
+            blocked = first + hit
             row[blocked] = count + np.arange(len(blocked))
             count += len(blocked)
-            both = _over_low_steps(model, o, points[blocked], normals[blocked], patch[blocked], radius)
-            reach.append(levels(np.stack(both, axis=2), radius))
+            around = points[blocked], normals[blocked], patch[blocked], radius
+            free = np.empty((len(hit), RAYS, 2), np.float32)
+            free[:, TRIED], free[:, OTHERS] = tried[hit], _distances(model, o, *around, OTHERS)
+            _look_over_low_steps(model, o, *around, free)
+            reach.append(levels(free, radius))
             yield
     reach = np.concatenate(reach or [np.empty((0, RAYS, 2), np.uint8)])
     area = np.full(len(rows), math.pi * radius * radius)
@@ -81,7 +89,17 @@ def regions(model: Model, o: int, radius: float) -> Generator[None, None, Region
 
 def levels(distances: np.ndarray, radius: float) -> np.ndarray:
     """Return float32 distances [m] as they are stored, uint8; the smaller distance has the smaller level."""
-    return np.floor(distances * (255 / radius) + 1e-3).clip(0, 255).astype(np.uint8)
+    out = np.empty(distances.shape, np.uint8)
+    flat = np.ascontiguousarray(distances, np.float32).reshape(-1)
+    _levels(flat, np.float32(255 / radius), out.reshape(-1))
+    return out
+
+
+@kernel
+def _levels(distance, per_metre, out):
+    for k in range(len(distance)):
+        level = np.floor(distance[k] * per_metre + np.float32(1e-3))
+        out[k] = np.uint8(min(max(level, np.float32(0.0)), np.float32(255.0)))
 
 
 def polygon_areas(reach: np.ndarray, radius: float) -> np.ndarray:
@@ -89,11 +107,21 @@ def polygon_areas(reach: np.ndarray, radius: float) -> np.ndarray:
 
     Summed in integers: the same bits however many regions are asked for at once.
     """
-    d = reach[:, :, 1].astype(np.int64)
-    products = (d * np.roll(d, -1, axis=1)).sum(axis=1)
+    products = np.empty(len(reach), np.int64)
+    _products(reach, products)
     area = (0.5 * math.sin(2 * math.pi / RAYS) * (radius / 255) ** 2) * products
     area[area < LEAST_AREA * math.pi * radius * radius] = 0.0
     return area
+
+
+@kernel
+def _products(reach, out):
+    """Sum the products of neighbouring far distances of each region: twice its area over the sine between them."""
+    for i in range(len(reach)):
+        total = np.int64(0)
+        for k in range(RAYS):
+            total += np.int64(reach[i, k, 1]) * np.int64(reach[i, (k + 1) & (RAYS - 1), 1])
+        out[i] = total
 
 
 def look_from(model: Model, o: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -108,60 +136,74 @@ def look_from(model: Model, o: int, radius: float) -> tuple[np.ndarray, np.ndarr
     return receivers.positions[rows] + LIFT * radius * normals + step * towards, normals
 
 
-def _areas(d: np.ndarray) -> np.ndarray:
-    """Return the area (n,) of polygons with corners at distances d (n, RAYS)."""
-    return 0.5 * math.sin(2 * math.pi / RAYS) * (d * np.roll(d, -1, axis=1)).sum(axis=1)
-
-
-def _over_low_steps(model: Model, o: int, points, normals, patch, radius: float):
-    """Return near and far distances (n, RAYS) float32 [m], past steps too low to hide light from the disc.
+def _look_over_low_steps(model: Model, o: int, points, normals, patch, radius: float, free: np.ndarray) -> None:
+    """Correct near and far distances (n, RAYS, 2) float32 [m] for steps too low to hide light from the disc.
 
     In the grout between tiles a millimetre high a region would be a thousandth of the disc: all noise (half of
     a tiled kitchen's). But segments reach `eps` behind their hit: those that land on the tiles cross the plane
     of the grout still, but for flat ones. So a narrow region is looked for again from half that height;
     light from directions nearer to the plane than 30 degrees, a quarter of all, is lost there at the worst.
     """
-    near, far = _distances(model, o, points, normals, patch, radius, 1)
     higher = 0.5 * float(model.eps) - LIFT * radius
-    narrow = np.flatnonzero(_areas(far) < NARROW * math.pi * radius * radius)
+    areas = _areas(free)
+    narrow = np.flatnonzero(areas < NARROW * math.pi * radius * radius)
     if higher > 0 and len(narrow):
         raised = points[narrow] + higher * normals[narrow]
-        again = _distances(model, o, raised, normals[narrow], patch[narrow], radius, 1)
-        wider = _areas(again[1]) > _areas(far[narrow])
-        near[narrow[wider]], far[narrow[wider]] = again[0][wider], again[1][wider]
-    return near, far
+        again = _distances(model, o, raised, normals[narrow], patch[narrow], radius, np.arange(RAYS))
+        wider = _areas(again) > areas[narrow]
+        free[narrow[wider]] = again[wider]
 
 
-def _distances(model: Model, o: int, points, normals, patch, radius: float, stride: int):
-    """Return near and far distances (n, RAYS / stride) float32 [m]."""
-    n, count = len(points), RAYS // stride
-    origins, directions = np.empty((n * count, 3), np.float32), np.empty((n * count, 3), np.float32)
-    _radial(points, normals, stride, origins, directions)
-    distance, face = model.accelerator.nearest(o, origins, directions, np.full(n * count, radius, np.float32))
-    own = (face >= 0) & (model.surfaces.patch[face] == np.repeat(patch, count))
-    near = np.where(own & (distance < TANGENT * radius), np.float32(0), distance)
-    far = np.where(own, np.float32(radius), distance)
-    return near.reshape(n, count), far.reshape(n, count)
+def _areas(free: np.ndarray) -> np.ndarray:
+    """Return the area (n,) of polygons with corners at far distances (n, RAYS, 2)."""
+    out = np.empty(len(free))
+    _sums(free, out)
+    return 0.5 * math.sin(2 * math.pi / RAYS) * out
 
 
 @kernel
-def _radial(points, normals, stride, origins, directions):
-    count = RAYS // stride
+def _sums(free, out):
+    for i in range(len(free)):
+        total = 0.0
+        for k in range(RAYS):
+            total += float(free[i, k, 1]) * float(free[i, (k + 1) & (RAYS - 1), 1])
+        out[i] = total
+
+
+def _distances(model: Model, o: int, points, normals, patch, radius: float, which: np.ndarray) -> np.ndarray:
+    """Return near and far distances (n, m, 2) float32 [m] along directions `which` (m,) of RAYS."""
+    n, count = len(points), len(which)
+    origins, directions = np.empty((n * count, 3), np.float32), np.empty((n * count, 3), np.float32)
+    _radial(points, normals, COS[which], SIN[which], origins, directions)
+    distance, face = model.accelerator.nearest(o, origins, directions, np.full(n * count, radius, np.float32))
+    out = np.empty((n, count, 2), np.float32)
+    _near_and_far(distance, face, model.surfaces.patch, patch, np.float32(radius), out)
+    return out
+
+
+@kernel
+def _near_and_far(distance, face, patch_of, patch, radius, out):
+    count = out.shape[1]
+    for j in range(len(face)):
+        i, k = j // count, j % count
+        own = face[j] >= 0 and patch_of[face[j]] == patch[i]
+        out[i, k, 0] = np.float32(0.0) if own and distance[j] < np.float32(TANGENT) * radius else distance[j]
+        out[i, k, 1] = radius if own else distance[j]
+
+
+@kernel
+def _radial(points, normals, cosines, sines, origins, directions):
+    count = len(cosines)
     for i in range(len(points)):
         n = normals[i]
         ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
         for k in range(count):
-            angle = 2.0 * math.pi * k * stride / RAYS
-            c, s = math.cos(angle), math.sin(angle)
+            c, s = cosines[k], sines[k]
             j = i * count + k
             origins[j, 0], origins[j, 1], origins[j, 2] = points[i, 0], points[i, 1], points[i, 2]
             directions[j, 0] = c * ax + s * bx
             directions[j, 1] = c * ay + s * by
             directions[j, 2] = c * az + s * bz
-
-
-COS = np.cos(2 * np.pi * np.arange(RAYS) / RAYS)
-SIN = np.sin(2 * np.pi * np.arange(RAYS) / RAYS)
 
 
 @kernel

@@ -20,6 +20,7 @@ import tempfile
 import time
 
 from tests.receiver_samples import drawn_by_area, in_view
+from tests.startup import as_installed
 
 GAIN = 1.8  # CPU seconds that two threads use up in a second: they wait for each other now and then
 SECONDS = 10.0
@@ -95,7 +96,7 @@ def main() -> None:
     if asked.one:
         print(measure(asked.scenes[0], asked.points, asked.paths), flush=True)
         return
-    subprocess.run([sys.executable, "-m", "gi_core.warmup"], stdout=subprocess.DEVNULL, check=True)
+    as_installed()
     print("| scene | first picture | photons shown at 10 s | error | photons | ready | error | noise of truth |")
     for what in asked.scenes:
         options = ["--one", "--points", str(asked.points), "--paths", str(asked.paths)]
