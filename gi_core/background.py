@@ -22,7 +22,7 @@ from gi_core.threads import run_ranges
 
 PART = 4096  # photons that a thread traces, or splats, in one go: their rays and segments stay in its cache
 PART_GRAIN = 256  # photons a thread
-FIRST_SECONDS = 4e-5  # of a photon, before any are known
+FIRST_SECONDS = 1e-5  # of a photon, before any are known
 LEAST_CHUNK, LARGEST_CHUNK = 64, 1 << 16  # photons a step
 BYTES_A_VERTEX = 40  # of a path as it is stored, twice: whole and coarse
 SPARE_MEMORY = 1 << 30  # bytes that are left to others, and to what frames need

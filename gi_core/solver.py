@@ -36,6 +36,7 @@ from gi_core.static_light import StaticLight
 from gi_core.surfaces import Surfaces
 
 STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
+FIRST_STEP_SECONDS = 0.08  # the same before the first picture: there is nothing yet that could be dragged
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 MANY_RECEIVERS = 30_000  # their regions take half a second and more to find
 MORE = 1.41  # times as many photons are shown next: where sums are additive a picture costs a frame ...
@@ -176,7 +177,7 @@ class Solver:
         due = max(FIRST_PICTURE, shown, int(more * b.added)) if pictures else goal
         while b.added < (goal := self._affordable(b)):
             had, until = b.added, min(goal, max(due, b.added + 1), next_rung(b.added))
-            stage = self._photons.bring_in(b, until, goal, STEP_SECONDS if pictures else math.inf)
+            stage = self._photons.bring_in(b, until, goal, self._step_seconds if pictures else math.inf)
             yield Progress(stage, b.added / goal, False)
             if b.added == had:
                 continue
@@ -197,12 +198,16 @@ class Solver:
         controlled = self.setting.control and ESTIMATORS[self.estimator].controlled
         return controlled and len(self.irradiance) > MANY_RECEIVERS
 
+    @property
+    def _step_seconds(self) -> float:
+        return FIRST_STEP_SECONDS if self._shown is None else STEP_SECONDS
+
     def _first_look(self, goal: int) -> Iterator[Progress]:
         """Show the first photons without artifact control: its regions may take seconds."""
         b = Background(self.model, self.setting.changed(CHOICES, control=False))
         yield from (Progress("indexing", 0.0, False) for _ in b.build())
         while b.added < (first := min(FIRST_PICTURE, goal)):
-            yield Progress(self._photons.bring_in(b, first, first, STEP_SECONDS), b.added / goal, False)
+            yield Progress(self._photons.bring_in(b, first, first, self._step_seconds), b.added / goal, False)
         yield from self._show(b)
 
     def _affordable(self, b: Background) -> int:
