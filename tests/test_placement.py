@@ -121,6 +121,14 @@ def test_an_open_front_is_looked_into():
     assert not any("no light" in n for n in scene.notes)
 
 
+def test_horns_are_in_the_picture():
+    """A block with a thin horn on each corner: they catch less light than what the useful box leaves out."""
+    horns = [box((x, 1, z), (x + 0.02, 1.45, z + 0.02)) for x in (0, 3.98) for z in (0, 3.98)]
+    block = merge(box((0, 0, 0), (4, 1, 4)), *horns)
+    at = np.abs(in_frame(completed(block).camera, Y, block.vertices))
+    assert 0.5 < at.max() < 1
+
+
 def test_a_lone_thing_is_whole_in_the_picture_and_lit_from_where_one_looks():
     for mesh in (sphere((5, 5, 5), 2.0), box((0, 0, 0), (4, 0.1, 1)), quad((0, 0, 0), (0, 0, 3), (3, 0, 0))):
         scene = completed(mesh)

@@ -18,6 +18,7 @@ OUTSIDE = {
     40.0: 0.05,
 }  # elevations [degrees] and what they are worth where there is no room: tables are seen from above
 FRONTAL = 0.35  # what looking straight into an open room is worth
+ENDS = 0.12  # of the size: what reaches farther out of the box that light falls in, as the ground does, may be cut off
 MARGIN = 0.96  # of the frame that a scene seen from outside fills
 SAMPLE = 240  # points of the scene whose visibility is counted for each camera tried
 SHOWN = 24  # and of the mobile
@@ -45,14 +46,16 @@ def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | Non
     seen = spread(box, SAMPLE)
 
     tries = []
+    low, high = (box.low, box.high) if indoors else _with_its_ends(box, rays)
+    whole = (low + high) / 2
     for elevation, bonus in OUTSIDE.items():
         for azimuth in np.arange(0, 360, 15.0) + 30.0:
             d = _direction(azimuth, elevation, up, east, north)
-            far = _distance(box, d, up)
+            far = _distance(low, high, d, up)
             # Nearer, a room fills the picture; a lone object would be cut off.
             shares = (1.0, 0.85) if indoors else (1.0,)
             worth = (FRONTAL if azimuth % 90 == 0 else 0.0) if indoors else bonus
-            tries += [(middle + share * far * d, middle, OUTSIDE_FOV, worth) for share in shares]
+            tries += [(whole + share * far * d, whole, OUTSIDE_FOV, worth) for share in shares]
     if scene.mobiles or indoors:
         heart = seen[2] @ seen[0]
         for elevation in (5.0, 15.0, 28.0):
@@ -144,14 +147,22 @@ def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
     return result, normals
 
 
-def _distance(box: Box, d, up) -> float:
+def _with_its_ends(box: Box, rays: Rays) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners (3,), (3,) of the box with what reaches out of it a little, as horns do."""
+    reach = ENDS * box.size
+    low = np.where(box.low - rays.low < reach, np.minimum(box.low, rays.low), box.low)
+    high = np.where(rays.high - box.high < reach, np.maximum(box.high, rays.high), box.high)
+    return low, high
+
+
+def _distance(low: np.ndarray, high: np.ndarray, d, up) -> float:
     """Return how far from the middle along d [m] a camera must be to have the whole box in its frame."""
-    corners = np.array([[(box.low, box.high)[(k >> a) & 1][a] for a in range(3)] for k in range(8)])
-    off = corners - (box.low + box.high) / 2
+    corners = np.array([[(low, high)[(k >> a) & 1][a] for a in range(3)] for k in range(8)])
+    off = corners - (low + high) / 2
     forward, right, above = axes(d, np.zeros(3), up)
     half = np.tan(np.radians(OUTSIDE_FOV) / 2) * MARGIN
     wanted = np.maximum(np.abs(off @ right) / ASPECT, np.abs(off @ above)) / half - off @ forward
-    return max(float(wanted.max()), 0.3 * box.size)
+    return max(float(wanted.max()), 0.3 * float((high - low).max()))
 
 
 def _direction(azimuth, elevation, up, east, north) -> np.ndarray:
