@@ -25,6 +25,7 @@ import numpy as np
 from gi_core.error import luminance
 from gi_core.evaluation_points import evaluation_points
 from gi_core.model import Model
+from gi_core.rows import dot
 
 LOOKS = 16  # directions
 NEAR = 0.06  # of the scene's size: a space that is no wider is no room
@@ -137,15 +138,21 @@ class HiddenReceivers:
         return out
 
     def _are_closed(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        model, n = self._model, len(points)
-        rays = directions(normals).reshape(-1, 3)
-        origins = np.repeat(points.astype(np.float32), LOOKS, axis=0)
-        limits = np.full(n * LOOKS, model.world.size, np.float32)
-        distance, face = model.accelerator.nearest(0, origins, rays, limits)
-        behind = (model.surfaces.normals[face] * rays).sum(axis=1) > 0
-        inside = (face >= 0) & behind & ~model.surfaces.two_sided[face]
-        near = np.median(distance.reshape(n, LOOKS), axis=1) < self._near
-        return np.where(inside.reshape(n, LOOKS).mean(axis=1) > 0.5, INSIDE, np.where(near, CLOSED, OPEN))
+        inside, distance = look_round(self._model, 0, points, normals)
+        near = np.median(distance, axis=1) < self._near
+        return np.where(inside, INSIDE, np.where(near, CLOSED, OPEN))
+
+
+def look_round(model: Model, o: int, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return which points of object o lie inside solid things of it, (n,) bool, and how far each looks, (n, LOOKS)
+    float32 [m]. points (n, 3), normals (n, 3) in its own space."""
+    n = len(points)
+    rays = directions(normals).reshape(-1, 3)
+    origins = np.repeat(points.astype(np.float32), LOOKS, axis=0)
+    distance, face = model.accelerator.nearest(o, origins, rays, np.full(n * LOOKS, model.world.size, np.float32))
+    behind = dot(model.surfaces.normals[face], rays) > 0
+    inside = (face >= 0) & behind & ~model.surfaces.two_sided[face]
+    return inside.reshape(n, LOOKS).mean(axis=1) > 0.5, distance.reshape(n, LOOKS)
 
 
 def directions(normals: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from scene_builders import box, box_mobile, floor, grey, lamp, merge, quad
 
 from gi_core.hidden import NONE_HIDDEN, SAY, HiddenReceivers, drawn
 from gi_core.scene import Pose
-from gi_core.scene.types import Scene
+from gi_core.scene.types import Mobile, Scene
 from gi_core.solver import Solver
 
 LOW, HIGH = (-0.32, -0.28, 0.0), (0.22, 0.33, 0.5)  # of the box; between the lines of the floor's grid
@@ -215,3 +215,30 @@ def test_the_floor_under_a_mobile_is_drawn_like_the_floor_beside_it_wherever_it_
     assert solver.drawn(solver.irradiance) is solver.irradiance
     there = {"box": Pose((0.0, 0.02, 0.17))}
     assert np.array_equal(solver.drawn(solver.irradiance, there), solver.irradiance)  # lit: nothing is black
+
+
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_a_seat_inside_its_own_post_is_drawn_like_the_seat_beside_it_wherever_the_chair_stands(two_sided):
+    """A plate of 20 by 20 and a post that comes out of it, one mobile; what has two sides may be looked into."""
+    seat, post = box((-0.5, -0.5, 0.0), (0.5, 0.5, 0.1), 20, 0), box((0.08, 0.08, 0.02), (0.37, 0.37, 0.7), 4, 0)
+    lamp_above = quad((-1, -1, 2), (0, 2, 0), (2, 0, 0), (1, 1), 1)
+    chair = Mobile("chair", merge(seat, post), Pose((0.0, 0.0, 0.3)))
+    scene = Scene(merge(floor(2.0, 4), lamp_above), (grey(0.5, two_sided), lamp(5.0)), (chair,), up=(0.0, 0.0, 1.0))
+    solver = solved(scene)
+    rows = solver.surfaces.receiver_range(1)
+    p, n = solver.model.object_receivers.positions[rows], solver.model.object_receivers.normals[rows]
+    top = (np.abs(p[:, 2] - 0.1) < 1e-6) & (n[:, 2] > 0.9)
+    inside = top & (p[:, :2] > 0.09).all(axis=1) & (p[:, :2] < 0.36).all(axis=1)
+    away = top & ~((p[:, :2] > 0.0).all(axis=1))
+    for x in (0.0, 0.3):
+        solver.move("chair", Pose((x, 0.0, 0.3)))
+        seen = solver.as_drawn(solver.irradiance)
+        E = solver.irradiance[rows, 1]
+        assert inside.sum() == 36 and (E[inside] < 0.1 * np.median(E[away])).all()
+        if two_sided:
+            assert seen.weights is None or (seen.weights[rows][inside] == 1).all()
+        else:
+            say, light = seen.weights[rows], seen.irradiance[rows, 1]
+            assert (say[inside] <= np.float32(SAY)).all() and (say[away] == 1).all()
+            rim = inside & (say == np.float32(SAY))
+            assert rim.sum() == 20 and (light[rim] > 0.3 * np.median(E[away])).all()
