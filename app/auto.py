@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
+from app.background import without_frames
+
 if TYPE_CHECKING:
     from app.settings import Settings
     from app.tuning import Tuned
@@ -45,7 +47,7 @@ class Auto:
         except StopIteration as end:
             self.found = end.value
         except Exception as problem:
-            self.problem = problem
+            self.problem = without_frames(problem)
 
     def told(self) -> list[str]:
         """Return what was chosen and what is expected of it, in words."""

@@ -18,15 +18,19 @@ class Job:
     """A call under way in the background thread."""
 
     def __init__(self, future: Future) -> None:
-        self._future = future
+        self._future: Future | None = future
 
     def wait(self, seconds: float) -> bool:
         """Wait so long at most; tell whether it is done. The interpreter lock is free meanwhile."""
         return self._future.done() or bool(wait([self._future], timeout=max(seconds, 0)).done)
 
     def result(self):
-        """Return what the call returned, or raise what it raised."""
-        return self._future.result()
+        """Return what the call returned, or raise what it raised; once."""
+        future, self._future = self._future, None
+        try:
+            return future.result()
+        finally:
+            del future  # else what is raised would hold it, and it that
 
 
 class Worker:
@@ -54,3 +58,11 @@ def _work(calls: queue.SimpleQueue) -> None:
         except BaseException as problem:
             future.set_exception(problem)
         item = future = call = None  # what the call held is free while the thread waits
+
+
+def without_frames(problem: BaseException) -> BaseException:
+    """Return an exception that can be kept: its traceback would hold what was being done, a whole scene, in a ring."""
+    link: BaseException | None = problem
+    while link is not None:
+        link.__traceback__, link = None, link.__cause__ or link.__context__
+    return problem

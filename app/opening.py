@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from app.background import without_frames
 from app.settings import Settings, make_solver, open_scene
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ class Opening:
             self._compile()
             self.result = self._open()
         except BaseException as problem:  # shown in the window, or raised by the caller
-            self.problem = problem
+            self.problem = without_frames(problem)
 
     def _compile(self) -> None:
         import gi_core

@@ -30,7 +30,7 @@ class OtherLook:
     def __init__(self, solver: Solver) -> None:
         self._solver = solver
         self._twin: Solver | None = None
-        self._steps: Iterator[None] | None = None
+        self._steps: Iterator[Seen | None] | None = None
         self._doing: tuple | None = None
         self.seen: Seen | None = None
 
@@ -40,22 +40,21 @@ class OtherLook:
     def step(self, version: object, estimator: str) -> None:
         """Go on towards the light of that version, seen by that estimator."""
         if self._doing != (version, estimator):
-            self._doing, self._steps = (version, estimator), self._look(version, estimator)
-        next(self._steps, None)
+            self._twin = self._twin or self._solver.twin()
+            self._doing, self._steps = (version, estimator), _look(self._solver, self._twin, version, estimator)
+        self.seen = next(self._steps, None) or self.seen
 
     def drop(self) -> None:
         """Give back the memory: nobody looks any more."""
         self._twin = self._steps = self._doing = self.seen = None
 
-    def _look(self, version: object, estimator: str) -> Iterator[None]:
-        solver = self._solver
-        if self._twin is None:
-            self._twin = solver.twin()
-        twin = self._twin
-        fields = {**solver.setting._asdict(), "estimator": estimator}
-        twin.configure(photons=solver.photons, static_light="all", mobile_light="photons", **fields)
-        yield
-        for _ in twin.solve_steps():
-            yield
-        twin.move_all(solver.poses)
-        self.seen = Seen(version, estimator, twin.photons_traced, twin.irradiance)
+
+def _look(solver: Solver, twin: Solver, version: object, estimator: str) -> Iterator[Seen | None]:
+    """Go through steps of the twin, the last one with an answer; no method, which would hold who holds it."""
+    fields = {**solver.setting._asdict(), "estimator": estimator}
+    twin.configure(photons=solver.photons, static_light="all", mobile_light="photons", **fields)
+    yield None
+    for _ in twin.solve_steps():
+        yield None
+    twin.move_all(solver.poses)
+    yield Seen(version, estimator, twin.photons_traced, twin.irradiance)

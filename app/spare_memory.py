@@ -15,14 +15,15 @@ from functools import cache
 ARENAS = 2  # the window need not wait for the solver's malloc
 M_ARENA_MAX = -8  # mallopt's name for their number
 PAUSE = 5.0  # s, at least, from one time to the next
+SOON = 0.5  # s after a scene has come: it leaves much behind, and by then the one before it has gone
 
 
 class SpareMemory:
-    """Says when it is time: something has been done since, and not too soon."""
+    """Says when it is time: something has been done since, and not too soon. One a scene on show."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._given_at = clock()
+        self._not_before = clock() + SOON
         self._used = False  # memory, since then
 
     def used(self) -> None:
@@ -30,9 +31,9 @@ class SpareMemory:
 
     def due(self) -> bool:
         """Tell whether to give memory back now; whoever asks does so if it is."""
-        due = self._used and self._clock() - self._given_at >= PAUSE
+        due = self._used and self._clock() >= self._not_before
         if due:
-            self._given_at, self._used = self._clock(), False
+            self._not_before, self._used = self._clock() + PAUSE, False
         return due
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from app.reference_store import ReferenceStore
     from gi_core.gather_rounds import Gathered
     from gi_core.scene import Pose
     from gi_core.solver import Solver
@@ -27,12 +28,13 @@ class Truth:
 
         self.rows = rows  # (n,) of the receivers
         self.weights = solver.model.object_receivers.areas[rows]
-        self.state: Gathered | None = None
         self.noise = float("inf")  # relative, l1
         self._store = ReferenceStore(solver.model, poses, rows)
         self._is_kept = dict(poses) == solver.model.start_poses()
-        self._saved = 0  # rounds
-        self._rounds = self._gather(even)
+        self.state: Gathered | None = self._store.load() if self._is_kept else None
+        self._saved = self.rounds
+        # Not a method: one under way would hold this object, which holds it, and both the scene.
+        self._rounds = _rounds(self._store, self.state, None if even and self.state is None else self.weights)
 
     def step(self) -> None:
         self.state = next(self._rounds)
@@ -66,24 +68,12 @@ class Truth:
         """Return how often every receiver has been seen."""
         return 0 if self.state is None or not len(self.rows) else int(self.state.sets.min())
 
-    def _gather(self, even: bool) -> Iterator[Gathered]:
-        from gi_core.gather_rounds import gather_rounds
 
-        store = self._store
-        found = store.load() if self._is_kept else None
-        if found is not None:
-            self.state = found
-            self._saved = self.rounds
-            if self._saved > 1:
-                yield found
-        yield from gather_rounds(
-            store.model.scene,
-            store.positions,
-            store.normals,
-            store.seed,
-            None if even and found is None else self.weights,
-            store.poses,
-            model=store.model,
-            state=found,
-            step=STEP,
-        )
+def _rounds(store: ReferenceStore, found: Gathered | None, weights: np.ndarray | None) -> Iterator[Gathered]:
+    """Go through what is known after every step, first what was found on disk."""
+    from gi_core.gather_rounds import gather_rounds
+
+    if found is not None and found.sets.min(initial=2) > 1:
+        yield found
+    given = (store.model.scene, store.positions, store.normals, store.seed, weights, store.poses)
+    yield from gather_rounds(*given, model=store.model, state=found, step=STEP)

@@ -125,6 +125,7 @@ class Soak:
     def __call__(self) -> None:
         self.frame()
         viewer = self.viewer
+        viewer.params.app_shall_exit |= self.wrong is not None
         if not viewer._ready or self.wrong:
             return
         now = time.monotonic()

@@ -216,7 +216,7 @@ def test_playing_does_not_depend_on_the_frame_rate(rate):
         assert "step" not in frame(s, seconds=1 / rate)[0]
     assert s.poses["block"].position == pytest.approx((0.5, 0.3, 0.5))
     s.toggle_play()
-    assert "step" in frame(s)[0]
+    assert "step" in frame(s)[0] + frame(s)[0]  # the first may give memory back
     s.undo()
     assert s.poses["block"] == s.solver.scene.mobiles[0].pose, "playing is one step of undo"
 

@@ -12,7 +12,7 @@ import viewer_support as support
 from test_session import FRAME, make
 
 from app import solving, spare_memory
-from app.spare_memory import ARENAS, PAUSE, SpareMemory, give_back, limit_arenas
+from app.spare_memory import ARENAS, PAUSE, SOON, SpareMemory, give_back, limit_arenas
 from gi_core.scene import Pose
 
 ROOT = Path(__file__).parent.parent
@@ -87,7 +87,7 @@ def test_where_there_is_no_such_thing_nothing_is_done(monkeypatch, problem):
 def test_it_is_done_after_a_pause_if_anything_was():
     clock = support.Clock()
     spare = SpareMemory(clock)
-    clock.now += PAUSE
+    clock.now += SOON
     assert not spare.due(), "nothing has been done"
     spare.used()
     assert spare.due() and not spare.due()
@@ -105,7 +105,9 @@ def test_between_steps_and_at_rest_but_never_in_a_drag_and_not_for_ever(monkeypa
 
     monkeypatch.setattr(solving, "give_back", note)
     session = make(step_seconds=0.002, steps=20)
-    session.clock.now += PAUSE
+    session.tick(FRAME)
+    assert done == [], "the scene before may still be there"
+    session.clock.now += SOON
     while session.refining:
         session.clock.now += 0.1
         session.tick(FRAME)
