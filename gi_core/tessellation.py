@@ -65,8 +65,9 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
         low, high = np.minimum(faces, following), np.maximum(faces, following)
         long = _too_long(points[low], points[high], max_edge, longest)
         if thinnest > 0:
-            key = low * len(points) + high
-            long &= np.isin(key, np.unique(key[long & asks[source][:, None]]))
+            key = low[long] * len(points) + high[long]
+            asking = np.repeat(asks[source], 3)[long.reshape(-1)]
+            long[long] = np.isin(key, key[asking])
         # An edge that is short now stays: a face without a long edge is finished for good.
         pattern = long @ np.array([1, 2, 4])
         rest = pattern == 0
