@@ -39,7 +39,8 @@ STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would 
 FIRST_STEP_SECONDS = 0.08  # the same before the first picture: there is nothing yet that could be dragged
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
 MANY_RECEIVERS = 30_000  # their regions take half a second and more to find
-MORE = 1.41  # times as many photons are shown next: where sums are additive a picture costs a frame ...
+MORE, LATE_MORE = 1.41, 1.19  # times as many photons are shown next: where sums are additive a picture costs a frame,
+LATE = 1 << 18  # which is little beside so many photons ...
 MUCH_MORE = 2.0  # ... elsewhere everything is estimated anew
 CHOICES = {"estimator": tuple(ESTIMATORS), "search": tuple(SEARCHES), "pretest": tuple(PRETESTS)}
 NO_FACTS = ControlFacts(0.0, 0, 0)
@@ -173,8 +174,7 @@ class Solver:
             yield Progress("indexing", 0.0, False)
         # A new setting is shown once it has as many photons as what it replaces.
         shown = self._shown.estimate.photons if self._shown not in (None, b) else 0
-        more = MORE if b.estimate.additive else MUCH_MORE
-        due = max(FIRST_PICTURE, shown, int(more * b.added)) if pictures else goal
+        due = max(FIRST_PICTURE, shown, _next_shown(b)) if pictures else goal
         while b.added < (goal := self._affordable(b)):
             had, until = b.added, min(goal, max(due, b.added + 1), next_rung(b.added))
             stage = self._photons.bring_in(b, until, goal, self._step_seconds if pictures else math.inf)
@@ -183,7 +183,7 @@ class Solver:
                 continue
             if due <= b.added < goal:
                 yield from self._show(b)
-                due = int(more * b.added)
+                due = _next_shown(b)
             elif is_rung(b.added) and b.estimate.additive:
                 yield from self._prepare(b)
         complete = b is self._made_of and b.estimate.photons == goal == self.photons_traced
@@ -455,3 +455,9 @@ class Solver:
             total = add_fates(total, self._frame.fates)
         scale = self.model.emitters.unit_flux / n
         return {name: value * scale for name, value in zip(Fates._fields, total, strict=True)}
+
+
+def _next_shown(b: Background) -> int:
+    """Return how many photons are shown after those that a background has."""
+    more = LATE_MORE if b.added >= LATE else MORE
+    return int((more if b.estimate.additive else MUCH_MORE) * b.added)
