@@ -34,13 +34,19 @@ class Job:
 
 
 class Worker:
-    """A thread that does not outlive the program: the standard library's pools wait for what they are doing."""
+    """A thread that does not outlive the program: the standard library's pools wait for what they are doing.
+
+    It begins with the first call: a scene that is never shown, given up or refused while it is opened, has none.
+    """
 
     def __init__(self) -> None:
         self._calls: queue.SimpleQueue[tuple[Future, Callable] | None] = queue.SimpleQueue()
-        threading.Thread(target=_work, args=(self._calls,), name="solver", daemon=True).start()
+        self._started = False
 
     def submit(self, call: Callable) -> Job:
+        if not self._started:
+            self._started = True
+            threading.Thread(target=_work, args=(self._calls,), name="solver", daemon=True).start()
         future: Future = Future()
         self._calls.put((future, call))
         return Job(future)

@@ -106,6 +106,30 @@ def test_a_scene_that_is_no_longer_wanted_goes_when_it_has_been_read():
     assert goes(*kept)
 
 
+@pytest.mark.parametrize("refused", [False, True])
+def test_scenes_that_are_never_shown_leave_no_thread(refused):
+    """Given up while they are opened, or refused: an hour of either must not fill the program with threads."""
+    gate, before = threading.Event(), threading.active_count()
+
+    def load(settings):
+        gate.wait(20)
+        raise SceneError("room.toml: no such thing")
+
+    sessions = [Session(SETTINGS, Log(), functools.partial(Opening, load=load)) for _ in range(3)]
+    assert threading.active_count() >= before + 3
+    if not refused:
+        for s in sessions:
+            s.close(0.0)
+    gate.set()
+    end = time.monotonic() + 20
+    while refused and any(s.problem is None for s in sessions):
+        for s in sessions:
+            s.tick(0.0)
+    while threading.active_count() > before and time.monotonic() < end:
+        time.sleep(0.01)
+    assert threading.active_count() == before
+
+
 def test_what_a_failed_load_had_read_goes_though_its_reason_is_kept():
     kept = []
 
