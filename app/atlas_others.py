@@ -120,7 +120,8 @@ def naive_sums() -> Row:
     def read(sums, area):
         return (sums * scale / area[:, None])[static]
 
-    lost, gained = (read(*estimate.from_scratch([s], frame.at)) for s in (frame.tails.segments(), frame.branches))
+    parts = [estimate.from_scratch([s], frame.at) for s in (frame.tails.segments(), frame.branches)]
+    lost, gained = (read(e.sums, e.area) for e in parts)
     before = read(*estimate.background(solver.photons_traced))
     naive = before - lost + gained
     exact = float(np.abs(solver.irradiance - solver.from_scratch()).max())

@@ -197,6 +197,24 @@ def current_segments(model: Model, at: Transforms, seed: int, first: int, count:
     return concatenate(follow(model, at, seed, emitted_rays(model.emitters, seed, first, count, fates), fates)), fates
 
 
+class Heads:
+    """Counts what photons carry where a mobile first cuts them, of current segments traced from scratch."""
+
+    def __init__(self):
+        self.flux = self.count = 0
+
+    def split_off(self, segments: Segments) -> Segments:
+        """Return those behind a cut; segments: all current ones of some photons."""
+        cut = np.flatnonzero(segments.cut_side != NONE)
+        photon = segments.photon - segments.photon.min(initial=0)
+        first = np.full(photon.max(initial=-1) + 1, MAX_SEGMENTS, np.int64)
+        np.minimum.at(first, photon[cut], segments.bounce[cut])
+        heads = cut[segments.bounce[cut] == first[photon[cut]]]
+        self.flux += int(segments.flux[heads].sum(dtype=np.int64))
+        self.count += len(heads)
+        return take(segments, segments.bounce > first[photon])
+
+
 def _subtract_background_fates(tails: Tails, fates: Fates) -> None:
     """Take what the background path did with the flux of cut photons, behind the cut, out of `fates`."""
     sums, paths = np.zeros((3, 3), np.int64), tails.paths

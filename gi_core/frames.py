@@ -19,7 +19,6 @@ from gi_core.model import Model
 from gi_core.near_scan import Room
 from gi_core.radiosity import irradiance
 from gi_core.static_light import StaticLight
-from gi_core.sums import Evaluated, chunks_of
 
 SCRATCH_CHUNK = 1 << 16
 
@@ -75,7 +74,7 @@ def frame_light(
     if size.photons:
         scale, resting = model.emitters.unit_flux / size.photons, shown.resting(size.photons)
         better = lights.static.irradiance(shown, size.photons)
-        E = frame_irradiance(evaluated, scale, resting, better, model.threads)
+        E = frame_irradiance(evaluated, scale, estimate.background(size.photons)[0], resting, better, model.threads)
     else:
         E = np.zeros(evaluated.sums.shape)
     clock("read out")
@@ -99,14 +98,14 @@ def light_from_scratch(
         current_segments(model, at, seed, first, min(SCRATCH_CHUNK, n - first))[0]
         for first in range(0, n, SCRATCH_CHUNK)
     )
-    sums, area = estimate.from_scratch(parts, at)
+    every = estimate.from_scratch(parts, at)
     if not n:
-        return np.zeros(sums.shape)
+        return np.zeros(every.sums.shape)
     scale = model.emitters.unit_flux / n
     if shown is None:
-        return irradiance(sums, scale, area)
-    every = Evaluated(sums, area, np.ones(chunks_of(len(area)), bool))
-    E = frame_irradiance(every, scale, shown.resting(n), lights.static.irradiance(shown, n), model.threads)
+        return irradiance(every.sums, scale, every.area)
+    background, better = estimate.background(n)[0], lights.static.irradiance(shown, n)
+    E = frame_irradiance(every, scale, background, shown.resting(n), better, model.threads)
     if paths:
         lights.mobile.put_on(E, at, paths, anew=True)
     return E

@@ -16,6 +16,7 @@ from gi_core.threads import run_ranges
 CHUNK_BITS = 6  # a chunk is 64 receivers: 1.5 kB of sums
 CHUNK = 1 << CHUNK_BITS
 CHUNK_GRAIN = 256  # chunks a thread
+NOT_TOLD = -1  # the receiver's sums are not those of the background less tails plus branches
 
 
 def chunks_of(receivers: int) -> int:
@@ -60,6 +61,18 @@ class Evaluated(NamedTuple):
     sums: np.ndarray  # (R, 3) int64, fixed-point units
     area: np.ndarray  # (R,) float64 [m2]
     changed: np.ndarray  # (chunks,) bool
+    brought: np.ndarray  # (R,) int64, of the sums what branches have brought, all channels together; or NOT_TOLD
+    carried: float  # flux units that a cut photon carries on average, all channels together
+
+    @classmethod
+    def of_all(cls, sums: np.ndarray, area: np.ndarray, brought: np.ndarray, each: float) -> Evaluated:
+        """Return one in which all counts as changed."""
+        return cls(sums, area, np.ones(chunks_of(len(area)), bool), brought, each)
+
+
+def carried(flux: int, photons: int) -> float:
+    """Return `Evaluated.carried` of so many photons cut that carry so much."""
+    return flux / max(photons, 1)
 
 
 class ThreadSums:
@@ -93,40 +106,58 @@ def _move(touched, flux, total, first, last):
 
 
 class FrameSums:
-    """Sums of a frame: `added` by threads to those of the background."""
+    """Sums of a frame: what threads have `added` to those of the background, and what `branches` have brought."""
 
     def __init__(self, receivers: int, static: int, threads: int):
         self._sums, self._static, self._threads = np.zeros((receivers, 3), np.int64), static, threads
+        self._brought = np.zeros(receivers, np.int64)
         self.clear()
 
     def clear(self) -> None:
         """Forget what was added."""
-        self.added = ThreadSums(len(self._sums), self._threads)
+        self.added, self.branches = (ThreadSums(len(self._sums), self._threads) for _ in range(2))
 
-    def collect(self, background: np.ndarray, area: np.ndarray) -> Evaluated:
+    def collect(self, background: np.ndarray, area: np.ndarray, heads: np.ndarray) -> Evaluated:
         """Return background (static receivers, 3) int64 plus all that was added, which is then zero again.
 
-        The sums are valid until the next call. Receivers on mobiles always count as changed.
+        heads: flux (n, 3) int32 of photons where they are cut. The sums are valid until the next call. Receivers on
+        mobiles always count as changed.
         """
         changed = np.zeros(chunks_of(len(self._sums)), bool)
         changed[self._static >> CHUNK_BITS :] = len(self._sums) > self._static
-        parts = [self.added[k] for k in range(self._threads)]
-        for part in parts:
+        added, branches = ([sums[k] for k in range(self._threads)] for sums in (self.added, self.branches))
+        for part in (*added, *branches):
             changed |= part.touched
 
         def work(_, first, last):
-            _start(changed, background, self._sums, first, last)
-            for part in parts:
+            _start(changed, background, self._sums, self._brought, first, last)
+            for part in added:
                 _move(part.touched, part.flux, self._sums, first, last)
+            for part in branches:
+                _move_branches(part.touched, part.flux, self._sums, self._brought, first, last)
 
         run_ranges(work, len(changed), self._threads, CHUNK_GRAIN)
-        return Evaluated(self._sums, area, changed)
+        each = carried(int(heads.sum(dtype=np.int64)), len(heads))
+        return Evaluated(self._sums, area, changed, self._brought, each)
 
 
 @kernel
-def _start(changed, background, sums, first, last):
+def _start(changed, background, sums, brought, first, last):
     for chunk in range(first, last):
         if changed[chunk]:
             for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(sums))):
+                brought[r] = 0
                 for c in range(3):
                     sums[r, c] = background[r, c] if r < len(background) else 0
+
+
+@kernel
+def _move_branches(touched, flux, total, brought, first, last):
+    for chunk in range(first, last):
+        if touched[chunk]:
+            touched[chunk] = False
+            for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(flux))):
+                for c in range(3):
+                    total[r, c] += flux[r, c]
+                    brought[r] += flux[r, c]
+                    flux[r, c] = 0

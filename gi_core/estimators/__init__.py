@@ -5,8 +5,8 @@ to another disc search and keep all sums; `add_background(segments, thread)`;
 `prepare(photons)`, steps after which `prefixes` has all that was added, the first `photons`;
 `rehearse(frame)`, steps that find out, while nobody waits, what makes frames like this one fast;
 `evaluate(frame) -> Evaluated` for a frame of one of the prefixes, with `reach` [m], how far from a
-receiver on a mobile it looks for segments; and, to check against, `from_scratch(parts, at) -> (sums,
-area)`. Irradiance is sums x flux unit / (photons x area). `additive`: prepare() costs next to nothing;
+receiver on a mobile it looks for segments; and, to check against, `from_scratch(parts, at) ->
+Evaluated`. Irradiance is sums x flux unit / (photons x area). `additive`: prepare() costs next to nothing;
 `bytes_a_hit`: memory that it keeps.
 """
 

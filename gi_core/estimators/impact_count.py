@@ -12,13 +12,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from gi_core.accelerator import Transforms
-from gi_core.cuts import Frame, Wanted
+from gi_core.cuts import Frame, Heads, Wanted
 from gi_core.jit import kernel
 from gi_core.ladder import Ladder
 from gi_core.model import Model
 from gi_core.paths import Segments
 from gi_core.setting import Setting
-from gi_core.sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums
+from gi_core.sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums, carried
 
 
 @kernel
@@ -95,23 +95,25 @@ class ImpactCount:
 
     def evaluate(self, frame: Frame) -> Evaluated:
         """Return what the frame's irradiance is read from, valid until the next call."""
-        added = self._frame.added[0]
+        added, branches = self._frame.added[0], self._frame.branches[0]
         corners, paths, t = self._corners, frame.tails.paths, frame.tails
         try:
             _take_out(paths.side, paths.flux, paths.offsets, t.photon, t.vertex, *corners, added.flux, added.touched)
             self._deposit(frame.heads, 1, added)
-            self._deposit(frame.branches, 1, added)
-            return self._frame.collect(self.background(frame.photons)[0], self.area)
+            self._deposit(frame.branches, 1, branches)
+            return self._frame.collect(self.background(frame.photons)[0], self.area, frame.heads.flux)
         except BaseException:
             self._frame.clear()  # or the next frame would begin with half of this one
             raise
 
-    def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (R, 3) int64 and area (R,) [m2] from all current segments (an iterable of Segments)."""
-        sums = Sums.zeros(len(self.area))
+    def from_scratch(self, parts, at: Transforms) -> Evaluated:
+        """Return what irradiance is read from, from all current segments (an iterable of Segments)."""
+        sums, branches, heads = Sums.zeros(len(self.area)), Sums.zeros(len(self.area)), Heads()
         for segments in parts:
             self._deposit(segments, 1, sums)
-        return sums.flux, self.area
+            self._deposit(heads.split_off(segments), 1, branches)
+        each = carried(heads.flux, heads.count)
+        return Evaluated.of_all(sums.flux, self.area, branches.flux.sum(axis=1), each)
 
     def _deposit(self, segments: Segments, sign: int, sums: Sums) -> None:
         _deposit(segments.hit_side, segments.flux, *self._corners, sign, sums.flux, sums.touched)

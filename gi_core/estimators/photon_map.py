@@ -31,7 +31,7 @@ from gi_core.model import Model
 from gi_core.paths import NONE, Segments
 from gi_core.pose import to_world_at
 from gi_core.setting import Setting
-from gi_core.sums import CHUNK_BITS, Evaluated, chunks_of
+from gi_core.sums import CHUNK_BITS, NOT_TOLD, Evaluated, chunks_of
 from gi_core.threads import run_ranges
 
 CELL_SHARE = 0.25  # of the radius: finer cells cost more visits than they save tests
@@ -146,17 +146,22 @@ class PhotonMap:
         changed = np.zeros(chunks_of(len(sums)), bool)
         changed[rows >> CHUNK_BITS] = True
         changed[self._static.stop >> CHUNK_BITS :] = len(sums) > self._static.stop
-        return Evaluated(sums, area, changed)
+        return Evaluated(sums, area, changed, self._not_told, 0.0)
 
-    def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (R, 3) int64 and area (R,) [m2] from all current segments (an iterable of Segments)."""
+    def from_scratch(self, parts, at: Transforms) -> Evaluated:
+        """Return what irradiance is read from, from all current segments (an iterable of Segments)."""
         hits = _joined([self._hits(p, at) for p in parts])
         grid = build(hits, CELL_SHARE * self.radius)
         uncut = np.full(int(hits.photon.max(initial=0)) + 1, NEVER, np.int32)
         points, normals = self._receivers(at, slice(None))
         nothing = build(_joined([]), self.radius)
         sums, area, _ = self._query(slice(None), points, normals, (grid, nothing), uncut)
-        return sums, area
+        return Evaluated.of_all(sums, area, self._not_told, 0.0)
+
+    @property
+    def _not_told(self) -> np.ndarray:
+        """Sums of k nearest are not additive."""
+        return np.full(len(self.model.object_receivers.areas), NOT_TOLD)
 
     def _hits(self, segments: Segments, at: Transforms) -> Hits:
         return hits_of(segments, self.model.world, self.model.surfaces.patch, at)

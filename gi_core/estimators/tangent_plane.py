@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from gi_core.accelerator import Transforms
 from gi_core.contact import Met
 from gi_core.contact_discs import ContactDiscs, ControlFacts, room_for_contacts
 from gi_core.crossings import Crossings
-from gi_core.cuts import Frame, Wanted
+from gi_core.cuts import Frame, Heads, Wanted
 from gi_core.disc_search import SEARCHES
 from gi_core.disc_search.crossing import Discs, lines, share
 from gi_core.ladder import Ladder
@@ -26,11 +27,20 @@ from gi_core.model import Model
 from gi_core.paths import Segments
 from gi_core.reachable_area import regions, whole_discs
 from gi_core.setting import Setting
-from gi_core.sums import CHUNK_BITS, Evaluated, FrameSums, Log, Sums, ThreadSums
+from gi_core.sums import CHUNK_BITS, NOT_TOLD, Evaluated, FrameSums, Log, Sums, ThreadSums, carried
 from gi_core.tails import Tails
 from gi_core.threads import run_ranges
 
 LINE_GRAIN = 1024  # segments a thread
+
+
+class Job(NamedTuple):
+    """Segments to add, `sign` times, to sums of the receivers of object o."""
+
+    o: int
+    segments: Segments
+    sign: int
+    to: ThreadSums
 
 
 class TangentPlane:
@@ -123,21 +133,22 @@ class TangentPlane:
 
     def evaluate(self, frame: Frame) -> Evaluated:
         """Return what the frame's irradiance is read from, valid until the next call."""
-        jobs = [(0, frame.branches, 1), *((o, segments, 1) for o, segments in enumerate(frame.near, 1))]
-        tails = frame.tails
+        added, tails = self._frame.added, frame.tails
+        jobs = [Job(0, frame.branches, 1, self._frame.branches)]
+        jobs += [Job(o, segments, 1, added) for o, segments in enumerate(frame.near, 1)]
         if not self._crossings.kept:
-            jobs, tails = [(0, tails.segments(self.model.threads), -1), *jobs], tails.of(slice(0))
+            jobs, tails = [Job(0, tails.segments(self.model.threads), -1, added), *jobs], tails.of(slice(0))
         met = self._contact.met(frame.at, mobiles=bool(frame.near))
         try:
             with self._contact.regions_of(met), self._hurried():
-                self._splat(jobs, frame.at, self._frame.added, tails)
+                self._splat(jobs, frame.at, tails)
             rows, stale = self._contact.static_sums([frame.beside], frame.at, met)
-            self._frame.added[0].touched[rows >> CHUNK_BITS] = True
-            out = self._frame.collect(self.prefixes[frame.photons], self._areas_of(met))
+            added[0].touched[rows >> CHUNK_BITS] = True
+            out = self._frame.collect(self.prefixes[frame.photons], self._areas_of(met), frame.heads.flux)
         except BaseException:
             self._frame.clear()  # or the next frame would begin with half of this one
             raise
-        out.sums[rows] = stale
+        out.sums[rows], out.brought[rows] = stale, NOT_TOLD
         self.control_facts = self._contact.facts(met)
         return out
 
@@ -187,36 +198,39 @@ class TangentPlane:
         self._areas[self._differ] = areas
         return self._areas
 
-    def from_scratch(self, parts, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (R, 3) int64 and area (R,) [m2] from all current segments (an iterable of Segments)."""
-        added = ThreadSums(len(self.area), self.model.threads)
-        sums, stale, met = np.zeros((len(self.area), 3), np.int64), 0, self._contact.met(at, mobiles=True)
+    def from_scratch(self, parts, at: Transforms) -> Evaluated:
+        """Return what irradiance is read from, from all current segments (an iterable of Segments)."""
+        added, branches = (ThreadSums(len(self.area), self.model.threads) for _ in range(2))
+        sums, brought = np.zeros((2, len(self.area), 3), np.int64)
+        heads, stale, met = Heads(), 0, self._contact.met(at, mobiles=True)
         for segments in parts:
             with self._contact.regions_of(met):
-                self._splat([(o, segments, 1) for o in range(self.model.surfaces.objects)], at, added)
+                jobs = [Job(o, segments, 1, added) for o in range(self.model.surfaces.objects)]
+                self._splat([*jobs, Job(0, heads.split_off(segments), 1, branches)], at)
             stale = stale + self._contact.static_sums([segments], at, met)[1]
         added.move_to(sums)
+        branches.move_to(brought)
         areas, (rows, areas_there) = self.area.copy(), self._contact.areas_of(met)
         areas[rows] = areas_there
-        sums[met.contacts[0].rows] = stale
-        return sums, areas
+        brought, rows = brought.sum(axis=1), met.contacts[0].rows
+        sums[rows], brought[rows] = stale, NOT_TOLD
+        return Evaluated.of_all(sums, areas, brought, carried(heads.flux, heads.count))
 
-    def _splat(
-        self, jobs: list[tuple[int, Segments, int]], at: Transforms, added: ThreadSums, tails: Tails | None = None
-    ) -> None:
-        """Add sign x flux of segments to the sums of object o, for each job (o, segments, sign); take tails out.
+    def _splat(self, jobs: list[Job], at: Transforms, tails: Tails | None = None) -> None:
+        """Do jobs, and take tails out of what is added.
 
         Every thread takes its share of every job, so that all end at about the same time.
         """
-        threads = min(self.model.threads, 1 + sum(segments.size for _, segments, _ in jobs) // LINE_GRAIN)
+        threads = min(self.model.threads, 1 + sum(job.segments.size for job in jobs) // LINE_GRAIN)
 
         def work(part, *_):
             if tails is not None:
                 gone = share(len(tails.photon), part, threads)
-                self._crossings.take_out(tails, *gone, added[part].of(self.model.surfaces.receiver_range(0)))
-            for o, segments, sign in jobs:
+                sums = self._frame.added[part].of(self.model.surfaces.receiver_range(0))
+                self._crossings.take_out(tails, *gone, sums)
+            for o, segments, sign, to in jobs:
                 rows = self.model.surfaces.receiver_range(o)
-                self._splat_part(o, segments, at, sign, added[part].of(rows), part, threads)
+                self._splat_part(o, segments, at, sign, to[part].of(rows), part, threads)
 
         run_ranges(work, threads, threads, 1)
 
