@@ -164,6 +164,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=5.0)
     parser.add_argument("--scene", default="cornell")
+    parser.add_argument(
+        "--mobile", action="append", default=[], help="file of a thing to move, besides the scene's own"
+    )
     parser.add_argument("--photons", type=int, default=50_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)
@@ -182,7 +185,8 @@ def main() -> int:
 
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_CONFIG_HOME"] = folder
-        viewer = Viewer(Settings(scene=options.scene, photons=options.photons, size=(800, 600)))
+        mobiles = tuple(options.mobile)
+        viewer = Viewer(Settings(scene=options.scene, mobiles=mobiles, photons=options.photons, size=(800, 600)))
         viewer.params.fps_idling.enable_idling = False
         viewer.params.ini_disable = True
         viewer.params.app_window_params.restore_previous_geometry = False
