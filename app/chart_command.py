@@ -20,6 +20,7 @@ def chart(
     from app.chart_figure import draw, need_matplotlib
     from app.chart_page import write_page
     from app.chart_run import Run
+    from app.chart_tuned import told
 
     need_matplotlib()
     out.mkdir(parents=True, exist_ok=True)
@@ -42,4 +43,7 @@ def chart(
     if soon:
         least = min(soon, key=lambda r: r["total all"])
         said += f"; within {SOON_ENOUGH:g} ms the least error is {100 * least['total all']:.1f} %, of {least['curve']}"
-    return "\n".join([said, *(str((out / name).resolve()) for name in ("index.html", "chart.svg", "results.csv"))])
+    near = [words] if (words := told(rows)) else []
+    return "\n".join(
+        [said, *near, *(str((out / name).resolve()) for name in ("index.html", "chart.svg", "results.csv"))]
+    )

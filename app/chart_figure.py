@@ -7,6 +7,8 @@ from pathlib import Path
 
 from app.chart_report import REPORT, SCENES
 from app.chart_rival import RIVAL
+from app.chart_settings import TUNED
+from app.chart_tuned import BUDGET
 from app.settings import UsageError
 
 PANELS = {
@@ -24,6 +26,7 @@ STYLES = {
     "tangent_plane, no control": ("#009E73", "v"),
     "impact_count": ("#D55E00", "^"),
     "photon_map": ("#CC79A7", "D"),
+    TUNED: ("#000000", "*"),
     RIVAL: ("#555555", "X"),
 }
 RATES = {1000 / 60: "16.7 ms", 40.0: "40 ms"}
@@ -78,13 +81,15 @@ def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, float], about: dict) -> None:
     points = {curve: _points(rows, curve, name) for curve in STYLES}
-    every = [p for curve, own in points.items() if curve != RIVAL for p in own]
+    every = [p for curve, own in points.items() if curve not in (RIVAL, TUNED) for p in own]
     best = front(every)
     if best:
         axis.plot(*_columns(best), color=BEST, linewidth=8, alpha=0.45, solid_capstyle="round", zorder=1)
     for curve, own in points.items():
         colour, shape = STYLES[curve]
-        if own:
+        if own and curve == TUNED:
+            axis.plot(*_columns(own), shape, color=colour, markersize=15, markeredgecolor="white", zorder=5)
+        elif own:
             axis.plot(*_columns(own), shape, color=colour, markersize=4.5, alpha=0.35, markeredgewidth=0, zorder=2)
             axis.plot(*_columns(front(own)), "-" + shape, color=colour, linewidth=1.8, markersize=6, zorder=3)
     report = about["scene"] in SCENES and name == "all"
@@ -104,7 +109,7 @@ def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, flo
     if shown:
         axis.set_ylim(min(shown) / 1.35, max(shown) * 1.25)
     if name == "all":
-        _name_curves(axis, {curve: front(own)[-1] for curve, own in points.items() if own})
+        _name_curves(axis, {curve: front(own)[-1] for curve, own in points.items() if own and curve != TUNED})
 
 
 def _name_curves(axis, ends: dict[str, tuple[float, float]]) -> None:
@@ -141,7 +146,7 @@ def _legend(axis, rows: list[dict], about: dict) -> None:
 
 
 def _named(curve: str) -> str:
-    return f"{curve}, nothing kept between frames" if curve == RIVAL else curve
+    return curve + {RIVAL: ", nothing kept between frames", TUNED: f" for {BUDGET:g} ms"}.get(curve, "")
 
 
 def _plain(about: dict) -> dict:

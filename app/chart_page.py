@@ -10,6 +10,7 @@ from app import chart_pictures
 from app.chart_report import SCENES, beside
 from app.chart_rival import RIVAL
 from app.chart_run import Run
+from app.chart_tuned import told as tuned_words
 from app.html_page import document, image, table, write
 
 ALL_COLUMNS = ("noise", "bias", "total", "total l2")
@@ -19,6 +20,7 @@ def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
     """Write index.html, whole or not at all. Raises OSError."""
     parts = [
         f"<p>{escape(_summary(rows, about))}</p>",
+        *(f"<p>{escape(words[0].upper() + words[1:])}.</p>" for words in [tuned_words(rows)] if words),
         _inline((out / "chart.svg").read_text(encoding="utf-8")),
         "<h2>The best of each estimator</h2>",
         f"<p>The least error of all receivers within {chart_pictures.SOON_ENOUGH:g} ms a frame. Maps: blue too dark, "

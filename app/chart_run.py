@@ -23,6 +23,7 @@ from app.chart_settings import (
     Choice,
     choices,
 )
+from app.chart_tuned import nearness, tuned_choice
 from app.progress import Bar, time_left
 from app.render_command import motion_paths
 from app.settings import STEP, Settings, make_solver
@@ -77,7 +78,8 @@ class Run:
         """Measure every setting that is missing, and the rival."""
         todo = [c for c in self.choices if not self.results.has(c._asdict())]
         rival = [c for c in rival_choices(self.quick) if not self.results.has(c._asdict())]
-        if not todo and not rival:
+        tuned = not self.quick and self.settings.estimator is None and not nearness(self.results.rows)
+        if not todo and not rival and not tuned:
             return
         walk = self._walk()
         works, done, started = [FIXED + c.photons for c in todo], 0, time.monotonic()
@@ -99,6 +101,16 @@ class Run:
                 **choice._asdict(), "curve": choice.curve, **chart_rival.times(self.base, walk, choice.photons),
                 **chart_measure.errors(seen, None, walk.cases),
             })  # fmt: skip
+
+        if tuned:
+            self.measure_tuned(walk)
+
+    def measure_tuned(self, walk: chart_measure.Walk) -> None:
+        """Measure what `tune` chooses on this scene and machine."""
+        most = max(c.traced for c in self.choices)
+        plain = Choice("tangent_plane", most, most, self.base.radius, self.base.neighbours, True, "gathered", paths=64)
+        solver, _ = self.solved(plain)
+        self.results.add(self._row(tuned_choice(solver, most, self.bar), None, walk))
 
     def solved(self, choice: Choice):
         """Return a solver of a setting, all its photons taken in, and the seconds that took without tracing."""

@@ -11,6 +11,7 @@ QUICK_PHOTONS = (1 << 14, 1 << 16)
 RADII = (0.5, 1.0, 2.0)  # of the radius that the program chooses
 NEIGHBOURS = (20, 100)
 GATHERED_NOISE, QUICK_GATHERED_NOISE = 0.01, 0.05  # of gathered static light before smoothing: a minute or so at rest
+TUNED = "tune's choice"
 LIMIT_PHOTONS = 1 << 22  # of an estimator's limit: four times the most
 QUICK_LIMIT_PHOTONS = 1 << 18
 
@@ -28,6 +29,7 @@ class Choice(NamedTuple):
     border_correction: bool = True  # of photon_map
     textbook: bool = False  # photon_map's k as in the report
     paths: int = 0  # that receivers of mobiles gather in a frame; 0: their light is the photons'
+    tuned: bool = False  # by `tune`: a point of its own
 
     @property
     def family(self) -> tuple:
@@ -37,7 +39,8 @@ class Choice(NamedTuple):
     @property
     def setting(self) -> dict:
         """What Solver.configure() is to be told, but the numbers of photons."""
-        fields = {name: value for name, value in self._asdict().items() if name not in ("photons", "traced", "paths")}
+        others = ("photons", "traced", "paths", "tuned")
+        fields = {name: value for name, value in self._asdict().items() if name not in others}
         return fields | {"mobile_light": "gathered" if self.paths else "photons"}
 
     @property
@@ -48,6 +51,8 @@ class Choice(NamedTuple):
     @property
     def curve(self) -> str:
         """The name of the curve that it is a point of."""
+        if self.tuned:
+            return TUNED
         if self.static_light == "gathered":
             return f"{self.estimator}, gathered light"
         if self.static_light == "all" and self.traced > self.photons:

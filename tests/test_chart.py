@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app import chart_measure, chart_pictures, chart_run, chart_settings
-from app.chart_figure import STYLES, front
+from app import chart_measure, chart_pictures, chart_run, chart_settings, chart_tuned
+from app.chart_figure import STYLES, draw, front
 from app.chart_measure import Walk, errors, flicker, make_walk
 from app.chart_report import REPORT, beside, choice_like
 from app.chart_results import KEY, Results
 from app.chart_run import rival_choices
-from app.chart_settings import Choice, choices
+from app.chart_settings import TUNED, Choice, choices
 from app.chart_truth import Case, choose, steady_and_moved
+from app.chart_tuned import nearness
 from app.settings import Settings, make_solver, open_scene
 from gi_core.error import CLASSES, relative_error
 
@@ -58,7 +59,7 @@ def test_a_run_is_measured_once_resumed_and_drawn(small, tmp_path, capsys, monke
     monkeypatch.setattr(chart_run.Run, "_row", lambda self, c, *a: measured.append(c) or row(self, c, *a))
     assert command(out) == 0
     first = table(out)
-    assert {r["curve"] for r in first} == set(STYLES) and len(measured) == 12 and len(first) == 12 + 2
+    assert {r["curve"] for r in first} == set(STYLES) - {TUNED} and len(measured) == 12 and len(first) == 12 + 2
     for r in first:
         assert 0 < float(r["total all"]) < 2 and float(r["frame_ms"]) > 0 and float(r["truth all"]) < 0.2
     said = capsys.readouterr().out
@@ -93,6 +94,44 @@ def test_more_photons_and_paths_are_nearer_the_truth(small, tmp_path):
     assert by[gathered, 4096]["total mobile"] < 0.7 * by["tangent_plane", 4096]["total mobile"]
     dragged, all_photons = by["tangent_plane, while dragged", 4096], by["tangent_plane", 4096]
     assert dragged["total untouched"] < all_photons["total untouched"]  # walls keep the light of all photons
+
+
+@pytest.mark.slow
+def test_the_choice_of_tune_is_a_point_beside_the_best_of_the_others(small, tmp_path, monkeypatch):
+    """Measured once, as the other rows are; told and drawn as a star."""
+    monkeypatch.setattr("app.tuning.RADII", (1.0,))
+    out = tmp_path / "chart"
+    out.mkdir()
+    run = run_of(out)
+    run.measure()
+    assert not nearness(run.results.rows), "not by a quick run"
+    walk = run._walk()
+    run.quick = False
+    monkeypatch.setattr(run, "_walk", lambda: walk)
+    monkeypatch.setattr(chart_run, "rival_choices", lambda quick: iter(()))
+    run.measure()
+    rows = run.results.rows
+    [row] = [r for r in rows if r["curve"] == TUNED]
+    assert row["static_light"] == "gathered" and row["paths"] >= 4 and row["photons"] <= row["traced"]
+    near = nearness(rows)
+    assert set(near) == {"all", "affected", "mobile"} and all(0.2 < ratio < 20 for ratio in near.values())
+    run.measure()
+    assert len(run.results.rows) == len(rows), "it is there"
+    pytest.importorskip("matplotlib")
+    draw(rows, run.about(), out)
+    assert "tune's choice for 16 ms" in chart_tuned.told(rows)
+
+
+def test_how_near_is_told_by_what_is_no_slower():
+    def row(curve, ms, all_, affected, mobile) -> dict:
+        return {"curve": curve, "frame_ms": ms, "total all": all_, "total affected": affected, "total mobile": mobile}
+
+    others = [row("a", 5.0, 0.2, 0.3, 0.4), row("a", 15.0, 0.1, 0.2, 0.2), row("b", 40.0, 0.01, 0.01, float("nan"))]
+    assert nearness(others) == {}
+    near = nearness([*others, row(TUNED, 14.0, 0.11, 0.2, 0.1)])
+    assert near == pytest.approx({"all": 1.1, "affected": 1.0, "mobile": 0.5})
+    slow = nearness([*others, row(TUNED, 50.0, 0.02, 0.02, 0.1)])
+    assert slow == pytest.approx({"all": 2.0, "affected": 2.0, "mobile": 0.5}), "who is slow is judged by the slow"
 
 
 def run_of(out) -> chart_run.Run:
@@ -139,7 +178,7 @@ def test_settings_that_are_given_are_not_varied():
     given = choices(replace(SMALL, radius=0.02, estimator="tangent_plane"), solver, quick=False)
     assert {(c.estimator, c.photons) for c in given} == {("tangent_plane", 8192)}
     assert not any(c.control for c in choices(replace(SMALL, control=False), solver, quick=False))
-    assert {c.curve for c in every} | {c.curve for c in rival_choices(False)} == set(STYLES)
+    assert {c.curve for c in every} | {c.curve for c in rival_choices(False)} == set(STYLES) - {TUNED}
 
 
 def test_receivers_without_area_are_not_watched(tmp_path):
