@@ -16,6 +16,7 @@ from gi_core.threads import run_ranges
 CHUNK_BITS = 6  # a chunk is 64 receivers: 1.5 kB of sums
 CHUNK = 1 << CHUNK_BITS
 CHUNK_GRAIN = 256  # chunks a thread
+NOWHERE = np.empty(0, np.int64)
 NOT_TOLD = -1  # the receiver's sums are not those of the background less tails plus branches
 
 
@@ -91,15 +92,18 @@ class ThreadSums:
         """Add all to `total` (R, 3) int64 and start from zero again. Integers: the order does not matter."""
         for part in self._parts:
             if part is not None:
-                _move(part.touched, part.flux, total, 0, len(part.touched))
+                _move(part.touched, part.flux, total, NOWHERE, 0, len(part.touched))
 
 
 @kernel
-def _move(touched, flux, total, first, last):
+def _move(touched, flux, total, brought, first, last):
+    """Add touched chunks of `flux` to `total`, all channels together to `brought` if it has room, and clear them."""
     for chunk in range(first, last):
         if touched[chunk]:
             touched[chunk] = False
             for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(flux))):
+                if len(brought):
+                    brought[r] += flux[r, 0] + flux[r, 1] + flux[r, 2]
                 for c in range(3):
                     total[r, c] += flux[r, c]
                     flux[r, c] = 0
@@ -132,9 +136,9 @@ class FrameSums:
         def work(_, first, last):
             _start(changed, background, self._sums, self._brought, first, last)
             for part in added:
-                _move(part.touched, part.flux, self._sums, first, last)
+                _move(part.touched, part.flux, self._sums, NOWHERE, first, last)
             for part in branches:
-                _move_branches(part.touched, part.flux, self._sums, self._brought, first, last)
+                _move(part.touched, part.flux, self._sums, self._brought, first, last)
 
         run_ranges(work, len(changed), self._threads, CHUNK_GRAIN)
         each = carried(int(heads.sum(dtype=np.int64)), len(heads))
@@ -149,15 +153,3 @@ def _start(changed, background, sums, brought, first, last):
                 brought[r] = 0
                 for c in range(3):
                     sums[r, c] = background[r, c] if r < len(background) else 0
-
-
-@kernel
-def _move_branches(touched, flux, total, brought, first, last):
-    for chunk in range(first, last):
-        if touched[chunk]:
-            touched[chunk] = False
-            for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(flux))):
-                for c in range(3):
-                    total[r, c] += flux[r, c]
-                    brought[r] += flux[r, c]
-                    flux[r, c] = 0
