@@ -1,6 +1,6 @@
 """Ray-intersection structures: the static scene built once, each mobile once in its object space.
 
-Only this module knows Embree. A mobile's structure never changes: rays are carried to it.
+A mobile's structure never changes: rays are carried to it.
 """
 
 from __future__ import annotations
@@ -8,10 +8,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 
-from gi_core.jit import kernel
+from gi_core.embree import Triangles, any_hit, nearest_hit, new_ray
+from gi_core.jit import kernel, leaf
 from gi_core.pose import rotation
 from gi_core.rows import box, dot
 from gi_core.scene.types import Pose
@@ -44,7 +43,11 @@ class Accelerator:
     def __init__(self, surfaces: Surfaces, threads: int = 1):
         self.first_face = surfaces.first_face
         self.threads = threads
-        self._scenes = [_commit(v, f) for v, f in zip(surfaces.vertices, surfaces.faces, strict=True)]
+        meshes = zip(surfaces.vertices, surfaces.faces, strict=True)
+        self._structures = [Triangles(v, f) if len(f) else None for v, f in meshes]
+        self.scenes = np.array(
+            [s.address if s else 0 for s in self._structures], np.int64
+        )  # for kernels: one an object
         self.face_object = np.repeat(np.arange(surfaces.objects), np.diff(surfaces.first_face)).astype(np.int16)
         self.world_low, self.world_high = _box(surfaces.vertices[0])
 
@@ -53,37 +56,48 @@ class Accelerator:
 
         origins, directions: (n, 3) float32, directions unit; limits: (n,) float32, not changed.
         """
-        n = len(origins)
-        distances = np.array(limits, np.float32)
-        faces = np.full(n, -1, np.int32)
-        scene = self._scenes[o]
-        if scene is None or n == 0:
-            return distances, faces
+        n, scene, first = len(origins), self.scenes[o], self.first_face[o]
+        origins, directions, limits = _as_rays(origins, directions, limits)
+        distances, faces = np.empty(n, np.float32), np.empty(n, np.int32)
 
         def work(_, a, b):
-            # Only output=1 gives both numbers; it overwrites `dists`, but not in every version.
-            found = scene.run(origins[a:b], directions[a:b], dists=distances[a:b].copy(), output=1)
-            faces[a:b] = found["primID"]
-            hit = faces[a:b] >= 0
-            distances[a:b][hit] = found["tfar"][hit]
+            _nearest(scene, first, new_ray(), origins[a:b], directions[a:b], limits[a:b], distances[a:b], faces[a:b])
 
         run_ranges(work, n, self.threads, RAY_GRAIN)
-        faces[faces >= 0] += np.int32(self.first_face[o])
         return distances, faces
 
     def occluded(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
-        """Return (n,) bool: something of object o lies within the limit."""
-        blocked = np.zeros(len(origins), bool)
-        scene = self._scenes[o]
-        if scene is None or len(origins) == 0:
-            return blocked
-        distances = np.array(limits, np.float32)
+        """Return (n,) bool: something of object o lies within the limit; arguments as nearest()."""
+        blocked, scene = np.empty(len(origins), bool), self.scenes[o]
+        origins, directions, limits = _as_rays(origins, directions, limits)
 
         def work(_, a, b):
-            blocked[a:b] = scene.run(origins[a:b], directions[a:b], dists=distances[a:b], query="OCCLUDED") == 0
+            _occluded(scene, new_ray(), origins[a:b], directions[a:b], limits[a:b], blocked[a:b])
 
         run_ranges(work, len(origins), self.threads, RAY_GRAIN)
         return blocked
+
+
+def _as_rays(*arrays: np.ndarray) -> list[np.ndarray]:
+    """Return arrays as the kernels are compiled for."""
+    return [np.ascontiguousarray(a, np.float32) for a in arrays]
+
+
+@leaf
+def _nearest(scene, first_face, ray, origins, directions, limits, distances, faces):
+    for k in range(len(origins)):
+        ox, oy, oz = origins[k, 0], origins[k, 1], origins[k, 2]
+        dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
+        distances[k], face = nearest_hit(scene, ray, ox, oy, oz, dx, dy, dz, limits[k])
+        faces[k] = face + first_face if face >= 0 else -1
+
+
+@leaf
+def _occluded(scene, ray, origins, directions, limits, blocked):
+    for k in range(len(origins)):
+        ox, oy, oz = origins[k, 0], origins[k, 1], origins[k, 2]
+        dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
+        blocked[k] = any_hit(scene, ray, ox, oy, oz, dx, dy, dz, limits[k])
 
 
 def nearest_in_world(accelerator: Accelerator, at: Transforms, origins, directions, limits):
@@ -155,16 +169,6 @@ def point_on_line(ox, oy, oz, dx, dy, dz, t):
     """Return origin + t direction as float32, computed in float64."""
     s = np.float64(t)
     return np.float32(ox + s * dx), np.float32(oy + s * dy), np.float32(oz + s * dz)
-
-
-def _commit(vertices: np.ndarray, faces: np.ndarray):
-    if not len(faces):
-        return None
-    scene = EmbreeScene(robust=True)
-    TriangleMesh(scene, np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(faces, np.int32))
-    ray = np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32)
-    scene.run(*ray)  # embree commits at the first run; do it here, not in the first frame
-    return scene
 
 
 def _box(vertices: np.ndarray):

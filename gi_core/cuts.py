@@ -11,27 +11,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.accelerator import Transforms, line
+from gi_core.accelerator import Transforms
+from gi_core.embree import new_ray
 from gi_core.fixed_point import MAX_SEGMENTS
 from gi_core.jit import kernel
 from gi_core.model import Model
 from gi_core.near_scan import Coarse, Room, find_near
 from gi_core.passing import passing, picked
-from gi_core.paths import NONE, PathVertices, Segments, concatenate, empty_segments, interval, segments_at, take
-from gi_core.photon_trace import (
-    Fates,
-    Rays,
-    advance,
-    emitted_rays,
-    no_flux,
-    scatter_all,
-)
+from gi_core.paths import NONE, PathVertices, Segments, concatenate, empty_segments, segments_at, take
+from gi_core.photon_trace import Fates, add_to, emitted_rays, follow, no_flux, reflected
 from gi_core.tails import Tails, no_tails
 from gi_core.threads import run_ranges
 from gi_core.two_level import nearest_mobile
 
 CUT_GRAIN = 2048  # segments a thread
-FOLLOW_GRAIN = 512  # photons a thread: a bounce costs some 60 us of Python, however few there are
+FOLLOW_GRAIN = 128  # photons a thread
 
 
 class Wanted(NamedTuple):
@@ -118,9 +112,8 @@ def _cuts(model: Model, at: Transforms, near: Segments) -> tuple[np.ndarray, np.
     cut, cut_side = np.empty(near.size, np.float32), np.empty(near.size, np.int32)
 
     def work(_, first, last):
-        part = slice(first, last)
-        lines = near.origin[part], near.end[part], near.start_side[part]
-        cut[part], cut_side[part] = nearest_mobile(model.accelerator, model.world, at, *lines)
+        lines = (a[first:last] for a in (near.origin, near.end, near.start_side, cut, cut_side))
+        nearest_mobile(model.accelerator.scenes, new_ray(), model.world, at, *lines)
 
     run_ranges(work, near.size, model.threads, CUT_GRAIN)
     return cut, cut_side
@@ -149,43 +142,17 @@ def _branches(model: Model, at: Transforms, seed: int, heads: Segments, cut: np.
     def work(_, first, last):
         part, fates = slice(first, last), no_flux()
         ended = Segments(*(a[part] for a in heads))
-        hit, _, rays = scatter_all(model.world, at, seed, ended, cut[part], fates)
-        branches = follow(model, at, seed, rays, fates)
+        hit, rays = reflected(model.world, at, seed, ended, cut[part], fates)
+        branches = follow(model.accelerator, model.world, at, seed, model.eps, rays, fates)
         _subtract_background_fates(tails.of(part), fates)
         return hit, branches, fates
 
     hits, branches, fates = zip(*run_ranges(work, heads.size, model.threads, FOLLOW_GRAIN), strict=True)
-    branches = concatenate([part for some in branches for part in some])
-    return np.concatenate(hits), branches, Fates(*(sum(parts) for parts in zip(*fates, strict=True)))
+    return np.concatenate(hits), concatenate(list(branches)), _together(fates)
 
 
-def follow(model: Model, at: Transforms, seed: int, rays: Rays, fates: Fates) -> list[Segments]:
-    """Trace rays against static part and mobiles until all have ended; return their segments, a bounce a part."""
-    parts = []
-    while len(rays.photon):
-        step = advance(model.accelerator, model.world, at, seed, rays, fates)
-        parts.append(_segments(model, rays, step))
-        rays = step.rays
-    return parts
-
-
-def _segments(model: Model, rays: Rays, step) -> Segments:
-    out = empty_segments(len(rays.photon))._replace(
-        origin=rays.origin, end=step.end, flux=rays.flux, start_side=rays.side, end_side=step.end_side,
-        cut_side=step.cut_side, hit=step.hit, photon=rays.photon, bounce=rays.bounce,
-    )  # fmt: skip
-    _intervals(rays.origin, step.end, step.end_side, step.cut, step.cut_side, model.eps, out.low, out.high)
-    return out
-
-
-@kernel
-def _intervals(origin, end, end_side, cut, cut_side, eps, low, high):
-    for k in range(len(low)):
-        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
-        _, _, _, length = line(ox, oy, oz, end[k, 0], end[k, 1], end[k, 2])
-        low[k], high[k] = interval(length, end_side[k] != NONE, eps)
-        if cut_side[k] != NONE:
-            high[k] = cut[k] + eps
+def _together(fates) -> Fates:
+    return Fates(*(sum(parts) for parts in zip(*fates, strict=True)))
 
 
 def current_segments(model: Model, at: Transforms, seed: int, first: int, count: int) -> tuple[Segments, Fates]:
@@ -193,8 +160,14 @@ def current_segments(model: Model, at: Transforms, seed: int, first: int, count:
 
     Knows nothing of background, cuts or tails: what every frame must equal.
     """
-    fates = no_flux()
-    return concatenate(follow(model, at, seed, emitted_rays(model.emitters, seed, first, count, fates), fates)), fates
+
+    def work(_, a, b):
+        fates = no_flux()
+        rays = emitted_rays(model.emitters, seed, first + a, b - a, fates)
+        return follow(model.accelerator, model.world, at, seed, model.eps, rays, fates), fates
+
+    segments, fates = zip(*run_ranges(work, count, model.threads, FOLLOW_GRAIN), strict=True)
+    return concatenate(list(segments)), _together(fates)
 
 
 class Heads:
@@ -219,8 +192,7 @@ def _subtract_background_fates(tails: Tails, fates: Fates) -> None:
     """Take what the background path did with the flux of cut photons, behind the cut, out of `fates`."""
     sums, paths = np.zeros((3, 3), np.int64), tails.paths
     _fates_behind(paths.offsets, paths.side, paths.flux, tails.photon, tails.vertex, sums)
-    for total, part in zip((fates.absorbed, fates.escaped, fates.truncated), sums, strict=True):
-        total -= part
+    add_to(fates, sums, -1)
 
 
 @kernel

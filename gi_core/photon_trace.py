@@ -1,7 +1,7 @@
 """Tracing photons: the background through the static scene (report fig. 2.1), and any path onwards.
 
-`advance` is one bounce for many photons at once: two-level nearest hit, scatter.
-The background calls it without mobiles, branches with them; nothing else bends a photon.
+Each photon is followed to its end before the next one starts: what it carries stays in registers, and a bounce costs
+no Python. The background is traced without mobiles, branches with them; nothing else bends a photon.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ import numpy as np
 from gi_core import sampling
 from gi_core.accelerator import Accelerator, Transforms, line, point_on_line
 from gi_core.bsdf import lambertian
+from gi_core.embree import new_ray
 from gi_core.emission import Emitters, emit
 from gi_core.fixed_point import MAX_SEGMENTS, attenuate
-from gi_core.jit import kernel
-from gi_core.paths import NONE, PathVertices
-from gi_core.two_level import World, nearest_mobile, nearest_static
+from gi_core.jit import inlined, leaf
+from gi_core.paths import NONE, PathVertices, Segments, empty_segments, grown, interval
+from gi_core.two_level import World, mobile_cut, static_end, turned_normal
 
-GATHER = 256  # photons whose faces are looked up at a time
+USUAL = 4  # segments of a path that there is room for at first; more is made when they turn out longer
 
 
 class Fates(NamedTuple):
@@ -31,8 +32,17 @@ class Fates(NamedTuple):
     truncated: np.ndarray
 
 
+_ABSORBED, _ESCAPED, _TRUNCATED = range(3)  # rows of the kernels' sums
+
+
 def no_flux() -> Fates:
     return Fates(*(np.zeros(3, np.int64) for _ in range(4)))
+
+
+def add_to(fates: Fates, sums: np.ndarray, sign: int = 1) -> None:
+    """Add a kernel's sums (3, 3) int64 of flux absorbed, escaped and truncated."""
+    for total, part in zip((fates.absorbed, fates.escaped, fates.truncated), sums, strict=True):
+        total += sign * part
 
 
 class Rays(NamedTuple):
@@ -46,137 +56,43 @@ class Rays(NamedTuple):
     flux: np.ndarray  # (n, 3) int32
 
 
-class Step(NamedTuple):
-    """One segment of each ray, and what became of it."""
+@inlined
+def _scatter(seed, world, at, photon, vertex, side, flux, fates):
+    """Scatter a photon that has come to a side at a vertex of its path: return whether it goes on, and where to.
 
-    end: np.ndarray  # (n, 3) float32, static end of the line
-    end_side: np.ndarray  # (n,) int32
-    cut: np.ndarray  # (n,) float32, distance at which a mobile cuts the line, inf for none
-    cut_side: np.ndarray  # (n,) int32
-    hit: np.ndarray  # (n, 3) float32, where the photon really is now
-    left: np.ndarray  # (n, 3) int32, flux that goes on from there, 0 where the path ends
-    rays: Rays  # those that go on, in order
-
-
-@kernel
-def _gather(first, last, end_side, cut_side, normals, reflectance, two_sided, rotation, face_object, faces):
-    """Write what the faces are that photons first .. last - 1 end on: side, normal in the world, colour, and whether
-    that side absorbs all. A loop of its own: it does not wait, so its accesses to memory overlap.
+    Its flux, three int32, becomes what is left of it; `fates` (3, 3) gets the rest. Survival probability is the largest
+    channel of rho, so no channel grows.
     """
-    ends, normal, rho, black = faces
-    for k in range(first, last):
-        j = k - first
-        side = cut_side[k] if cut_side[k] != NONE else end_side[k]
-        ends[j] = side
-        if side >= 0:
-            f = side >> 1
-            o = face_object[f]
-            s = 1.0 if side & 1 == 0 else -1.0
-            x, y, z = normals[f, 0], normals[f, 1], normals[f, 2]
-            for c in range(3):
-                normal[j, c] = s * (rotation[o, c, 0] * x + rotation[o, c, 1] * y + rotation[o, c, 2] * z)
-                rho[j, c] = reflectance[f, c]
-            black[j] = side & 1 == 1 and not two_sided[f]
-
-
-@kernel
-def _scatter_all(
-    seed, photon, bounce, origin, end, end_side, cut, cut_side, flux, normals, reflectance, two_sided, rotation,
-    face_object, hit, left, on_photon, on_bounce, on_origin, on_direction, on_side, on_flux, fates,
-):  # fmt: skip
-    """Scatter photons and write those that go on behind one another; returns how many.
-
-    Survival probability is the largest channel of rho, so no channel grows.
-    """
-    n = 0
-    ends, black = np.empty(GATHER, np.int32), np.empty(GATHER, np.bool_)
-    normal, rho = np.empty((GATHER, 3)), np.empty((GATHER, 3))
-    for k in range(len(photon)):
-        j = k % GATHER
-        if j == 0:
-            last, faces = min(k + GATHER, len(photon)), (ends, normal, rho, black)
-            _gather(k, last, end_side, cut_side, normals, reflectance, two_sided, rotation, face_object, faces)
-        side, vertex = ends[j], bounce[k] + 1
-        x, y, z = end[k, 0], end[k, 1], end[k, 2]
-        if cut_side[k] != NONE:
-            ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
-            dx, dy, dz, _ = line(ox, oy, oz, x, y, z)
-            x, y, z = point_on_line(ox, oy, oz, dx, dy, dz, cut[k])
-        hit[k, 0], hit[k, 1], hit[k, 2] = x, y, z
-        left[k, 0], left[k, 1], left[k, 2] = 0, 0, 0
-        if side < 0 or vertex >= MAX_SEGMENTS:
-            fate = 1 if side < 0 else 2
-            for c in range(3):
-                fates[fate, c] += flux[k, c]
-            continue
-        survival = max(rho[j, 0], max(rho[j, 1], rho[j, 2]))
+    goes_on, dx, dy, dz = False, np.float32(0.0), np.float32(0.0), np.float32(0.0)
+    fate, a, b, c = _ABSORBED, np.int32(0), np.int32(0), np.int32(0)
+    if side < 0:
+        fate = _ESCAPED
+    elif vertex >= MAX_SEGMENTS:
+        fate = _TRUNCATED
+    else:
+        f, rho = side >> 1, world.reflectance
+        survival = max(rho[f, 0], max(rho[f, 1], rho[f, 2]))
         # The back of a one-sided face absorbs. The comparison is strict: rho = 0 never survives.
-        if black[j] or not (sampling.uniform(seed, photon[k], vertex, sampling.SURVIVAL) < survival):
-            for c in range(3):
-                fates[0, c] += flux[k, c]
-            continue
-        for c in range(3):
-            q = attenuate(flux[k, c], rho[j, c], survival)
-            fates[0, c] += flux[k, c] - q
-            left[k, c] = on_flux[n, c] = q
-        u = sampling.uniform(seed, photon[k], vertex, sampling.SCATTER_U)
-        v = sampling.uniform(seed, photon[k], vertex, sampling.SCATTER_V)
-        dx, dy, dz = sampling.from_frame(*lambertian.sample(u, v), normal[j, 0], normal[j, 1], normal[j, 2])
-        on_direction[n, 0], on_direction[n, 1], on_direction[n, 2] = dx, dy, dz
-        on_origin[n, 0], on_origin[n, 1], on_origin[n, 2] = x, y, z
-        on_photon[n], on_bounce[n], on_side[n] = photon[k], vertex, side
-        n += 1
-    return n
+        if side & 1 == 0 or world.two_sided[f]:
+            goes_on = sampling.uniform(seed, photon, vertex, sampling.SURVIVAL) < survival
+        if goes_on:
+            a = np.int32(attenuate(flux[0], rho[f, 0], survival))
+            b = np.int32(attenuate(flux[1], rho[f, 1], survival))
+            c = np.int32(attenuate(flux[2], rho[f, 2], survival))
+            u = sampling.uniform(seed, photon, vertex, sampling.SCATTER_U)
+            v = sampling.uniform(seed, photon, vertex, sampling.SCATTER_V)
+            x, y, z = lambertian.sample(u, v)
+            nx, ny, nz = turned_normal(world, at, f)
+            s = 1.0 if side & 1 == 0 else -1.0
+            x, y, z = sampling.from_frame(x, y, z, s * nx, s * ny, s * nz)
+            dx, dy, dz = np.float32(x), np.float32(y), np.float32(z)
+    fates[fate, 0] += flux[0] - a
+    fates[fate, 1] += flux[1] - b
+    fates[fate, 2] += flux[2] - c
+    return goes_on, dx, dy, dz, (a, b, c)
 
 
-def scatter_all(world: World, at: Transforms, seed: int, segments, cut: np.ndarray, fates: Fates):
-    """Scatter photons at the ends of their segments.
-
-    `segments` needs photon, bounce, origin, end, end_side, cut_side, flux. Returns hit (n, 3) float32,
-    the flux left (n, 3) int32 (0 where the path ends) and the Rays that go on, in order; adds to `fates`.
-    """
-    n = len(segments.photon)
-    hit, left = np.empty((n, 3), np.float32), np.empty((n, 3), np.int32)
-    on = _room_for_rays(n)
-    sums = np.zeros((3, 3), np.int64)
-    count = _scatter_all(
-        seed, segments.photon, segments.bounce, segments.origin, segments.end, segments.end_side, cut,
-        segments.cut_side, segments.flux, world.normals, world.reflectance, world.two_sided, at.rotation,
-        world.face_object, hit, left, on.photon, on.bounce, on.origin, on.direction, on.side, on.flux, sums,
-    )  # fmt: skip
-    for total, part in zip((fates.absorbed, fates.escaped, fates.truncated), sums, strict=True):
-        total += part
-    return hit, left, Rays(*(a[:count] for a in on))
-
-
-def _room_for_rays(n: int) -> Rays:
-    return Rays(
-        np.empty(n, np.int64),
-        np.empty(n, np.int32),
-        np.empty((n, 3), np.float32),
-        np.empty((n, 3), np.float32),
-        np.empty(n, np.int32),
-        np.empty((n, 3), np.int32),
-    )
-
-
-class _Ended(NamedTuple):
-    photon: np.ndarray
-    bounce: np.ndarray
-    origin: np.ndarray
-    end: np.ndarray
-    end_side: np.ndarray
-    cut_side: np.ndarray
-    flux: np.ndarray
-
-
-def advance(accelerator: Accelerator, world: World, at: Transforms, seed: int, rays: Rays, fates: Fates) -> Step:
-    """Trace one segment of each ray against the static part and the mobiles in `at`, and scatter."""
-    end, end_side = nearest_static(accelerator, world, at, rays.origin, rays.direction, rays.side)
-    cut, cut_side = nearest_mobile(accelerator, world, at, rays.origin, end, rays.side)
-    ended = _Ended(rays.photon, rays.bounce, rays.origin, end, end_side, cut_side, rays.flux)
-    hit, left, onwards = scatter_all(world, at, seed, ended, cut, fates)
-    return Step(end, end_side, cut, cut_side, hit, left, onwards)
+# The background ---------------------------------------------------------------------------------------------
 
 
 def emitted_rays(emitters: Emitters, seed: int, first: int, count: int, fates: Fates) -> Rays:
@@ -191,48 +107,139 @@ def emitted_rays(emitters: Emitters, seed: int, first: int, count: int, fates: F
 def trace_background(
     accelerator: Accelerator, world: World, static: Transforms, emitters: Emitters, seed: int, first: int, count: int
 ) -> tuple[PathVertices, Fates]:
-    """Trace photons first .. first + count - 1 through the static scene alone."""
-    fates = no_flux()
+    """Trace photons first .. first + count - 1 through the static scene alone, in this thread."""
+    fates, offsets = no_flux(), np.zeros(count + 1, np.int64)
+    room = USUAL * count + MAX_SEGMENTS + 1
+    vertices = np.empty((room, 3), np.float32), np.empty(room, np.int32), np.empty((room, 3), np.int32)
     if not len(emitters.kind):
-        return PathVertices(
-            np.zeros(count + 1, np.int64),
-            np.empty((0, 3), np.float32),
-            np.empty(0, np.int32),
-            np.empty((0, 3), np.int32),
-        ), fates
-    rays = emitted_rays(emitters, seed, first, count, fates)
-    parts = [(rays.photon, rays.bounce, rays.origin, rays.side, rays.flux)]
-    while len(rays.photon):
-        step = advance(accelerator, world, static, seed, rays, fates)
-        parts.append((rays.photon, rays.bounce + np.int32(1), step.end, step.end_side, step.left))
-        rays = step.rays
-    return _photon_major(parts, first, count), fates
+        return PathVertices(offsets, *(a[:0] for a in vertices)), fates
+    rays, done = emitted_rays(emitters, seed, first, count, fates), 0
+    ray, sums = new_ray(), np.zeros((3, 3), np.int64)
+    while done < count:
+        done = _trace_paths(accelerator.scenes, ray, world, static, seed, rays, done, offsets, *vertices, sums)
+        if done < count:
+            vertices = tuple(grown(a, 2 * len(a)) for a in vertices)
+    add_to(fates, sums)
+    return PathVertices(offsets, *(a[: offsets[count]] for a in vertices)), fates
 
 
-def _photon_major(parts, first: int, count: int) -> PathVertices:
-    """Order path vertices by photon; `parts`: one bounce each of photon, bounce, position, side, flux."""
-    offsets = np.zeros(count + 1, np.int64)
-    for photon, *_ in parts:
-        _count(photon, first, offsets)
-    np.cumsum(offsets, out=offsets)
-    n = int(offsets[-1])
-    out = PathVertices(offsets, np.empty((n, 3), np.float32), np.empty(n, np.int32), np.empty((n, 3), np.int32))
-    for part in parts:
-        _place(*part, first, *out)
-    return out
+@leaf
+def _trace_paths(scenes, ray, world, at, seed, rays, done, offsets, position, side, flux, fates):
+    """Trace rays `done` .. through the static part, photon-major, until there is no room for one more path.
+
+    Returns how many are done then.
+    """
+    row = offsets[done]
+    for k in range(done, len(rays.photon)):
+        if row + MAX_SEGMENTS + 1 > len(side):
+            return k
+        photon, vertex, own = rays.photon[k], np.int64(0), rays.side[k]
+        x, y, z = rays.origin[k, 0], rays.origin[k, 1], rays.origin[k, 2]
+        dx, dy, dz = rays.direction[k, 0], rays.direction[k, 1], rays.direction[k, 2]
+        q = rays.flux[k, 0], rays.flux[k, 1], rays.flux[k, 2]
+        goes_on = True
+        while True:
+            position[row, 0], position[row, 1], position[row, 2] = x, y, z
+            side[row] = own
+            flux[row, 0], flux[row, 1], flux[row, 2] = q[0], q[1], q[2]
+            row += 1
+            if not goes_on:
+                break
+            x, y, z, own = static_end(scenes, ray, world, at, x, y, z, dx, dy, dz, own)
+            vertex += 1
+            goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, own, q, fates)
+        offsets[k + 1] = row
+    return len(rays.photon)
 
 
-@kernel
-def _count(photon, first, offsets):
-    for k in range(len(photon)):
-        offsets[photon[k] - first + 1] += 1
+# Among mobiles ----------------------------------------------------------------------------------------------
 
 
-@kernel
-def _place(photon, bounce, position, side, flux, first, offsets, position_out, side_out, flux_out):
-    for k in range(len(photon)):
-        row = offsets[photon[k] - first] + bounce[k]
-        side_out[row] = side[k]
-        for c in range(3):
-            position_out[row, c] = position[k, c]
-            flux_out[row, c] = flux[k, c]
+def reflected(
+    world: World, at: Transforms, seed: int, heads: Segments, cut: np.ndarray, fates: Fates
+) -> tuple[np.ndarray, Rays]:
+    """Scatter photons where mobiles cut their segments, at distances cut (n,) float32; adds to `fates`.
+
+    Returns where that is, (n, 3) float32, and those that go on, in order.
+    """
+    n, sums = heads.size, np.zeros((3, 3), np.int64)
+    hit = np.empty((n, 3), np.float32)
+    on = Rays(
+        np.empty(n, np.int64), np.empty(n, np.int32), *np.empty((2, n, 3), np.float32), np.empty(n, np.int32),
+        np.empty((n, 3), np.int32),
+    )  # fmt: skip
+    count = _reflect(world, at, seed, heads, cut, hit, on, sums)
+    add_to(fates, sums)
+    return hit, Rays(*(a[:count] for a in on))
+
+
+@leaf
+def _reflect(world, at, seed, heads, cut, hit, on, fates):
+    n = 0
+    for k in range(len(cut)):
+        x, y, z = heads.origin[k, 0], heads.origin[k, 1], heads.origin[k, 2]
+        dx, dy, dz, _ = line(x, y, z, heads.end[k, 0], heads.end[k, 1], heads.end[k, 2])
+        x, y, z = point_on_line(x, y, z, dx, dy, dz, cut[k])
+        hit[k, 0], hit[k, 1], hit[k, 2] = x, y, z
+        q = heads.flux[k, 0], heads.flux[k, 1], heads.flux[k, 2]
+        vertex, side = np.int64(heads.bounce[k] + 1), heads.cut_side[k]
+        goes_on, dx, dy, dz, q = _scatter(seed, world, at, heads.photon[k], vertex, side, q, fates)
+        if goes_on:
+            on.photon[n], on.bounce[n], on.side[n] = heads.photon[k], vertex, side
+            on.origin[n, 0], on.origin[n, 1], on.origin[n, 2] = x, y, z
+            on.direction[n, 0], on.direction[n, 1], on.direction[n, 2] = dx, dy, dz
+            on.flux[n, 0], on.flux[n, 1], on.flux[n, 2] = q[0], q[1], q[2]
+            n += 1
+    return n
+
+
+def follow(
+    accelerator: Accelerator, world: World, at: Transforms, seed: int, eps: np.float32, rays: Rays, fates: Fates
+) -> Segments:
+    """Trace rays against static part and mobiles until all have ended, in this thread.
+
+    Returns their segments, photon by photon, eps longer than to where they hit; adds to `fates`.
+    """
+    ray, sums, out = new_ray(), np.zeros((3, 3), np.int64), empty_segments(USUAL * len(rays.photon) + MAX_SEGMENTS)
+    done = row = 0
+    while done < len(rays.photon):
+        done, row = _follow(accelerator.scenes, ray, world, at, seed, eps, rays, done, out, row, sums)
+        if done < len(rays.photon):
+            out = Segments(*(grown(a, 2 * len(a)) for a in out))
+    add_to(fates, sums)
+    return Segments(*(a[:row] for a in out))
+
+
+@leaf
+def _follow(scenes, ray, world, at, seed, eps, rays, done, out, row, fates):
+    """Trace rays `done` .., written from `row` on, until there is no room for one more path; returns both then."""
+    for k in range(done, len(rays.photon)):
+        if row + MAX_SEGMENTS > len(out.low):
+            return k, row
+        photon, vertex, side = rays.photon[k], np.int64(rays.bounce[k]), rays.side[k]
+        ox, oy, oz = rays.origin[k, 0], rays.origin[k, 1], rays.origin[k, 2]
+        dx, dy, dz = rays.direction[k, 0], rays.direction[k, 1], rays.direction[k, 2]
+        q = rays.flux[k, 0], rays.flux[k, 1], rays.flux[k, 2]
+        goes_on = True
+        while goes_on:
+            x, y, z, end_side = static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side)
+            cut, cut_side = mobile_cut(scenes, ray, world, at, ox, oy, oz, x, y, z, side)
+            out.photon[row], out.bounce[row] = photon, vertex
+            out.origin[row, 0], out.origin[row, 1], out.origin[row, 2] = ox, oy, oz
+            out.end[row, 0], out.end[row, 1], out.end[row, 2] = x, y, z
+            out.flux[row, 0], out.flux[row, 1], out.flux[row, 2] = q[0], q[1], q[2]
+            out.start_side[row], out.end_side[row], out.cut_side[row] = side, end_side, cut_side
+            dx, dy, dz, length = line(ox, oy, oz, x, y, z)
+            low, high = interval(length, end_side != NONE, eps)
+            side = end_side
+            if cut_side != NONE:
+                x, y, z = point_on_line(ox, oy, oz, dx, dy, dz, cut)
+                high = cut + eps
+                side = cut_side
+            out.low[row], out.high[row] = low, high
+            out.hit[row, 0], out.hit[row, 1], out.hit[row, 2] = x, y, z
+            row += 1
+            vertex += 1
+            ox, oy, oz = x, y, z
+            goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, side, q, fates)
+    return len(rays.photon), row

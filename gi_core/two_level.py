@@ -16,7 +16,6 @@ from gi_core.accelerator import (
     FAR,
     ORIGIN_LIFT,
     Accelerator,
-    Transforms,
     bounding_boxes,
     bounding_spheres,
     line,
@@ -24,7 +23,8 @@ from gi_core.accelerator import (
     point_on_line,
     to_local,
 )
-from gi_core.jit import kernel
+from gi_core.embree import nearest_hit
+from gi_core.jit import inlined, leaf
 from gi_core.paths import NONE
 from gi_core.surfaces import Surfaces
 
@@ -38,6 +38,7 @@ class World(NamedTuple):
     reflectance: np.ndarray  # (F, 3) float64
     two_sided: np.ndarray  # (F,) bool
     face_object: np.ndarray  # (F,) int16
+    first_face: np.ndarray  # (objects + 1,) int64
     size: float  # diameter of a sphere round the static part and lights [m]: what epsilons are scaled by
     sphere_centre: np.ndarray  # (objects, 3) float64, bounding spheres in object space
     sphere_radius: np.ndarray  # (objects,) float64
@@ -45,114 +46,95 @@ class World(NamedTuple):
     box_high: np.ndarray  # (objects, 3) float64
 
 
-@kernel
-def _lift(origin, side, normals, rotation, face_object, lift, out):
-    """Lift ray origins off the face they leave."""
-    for k in range(len(origin)):
-        for c in range(3):
-            out[k, c] = origin[k, c]
-        if side[k] >= 0:
-            f = side[k] >> 1
-            s = lift if side[k] & 1 == 0 else -lift
-            o = face_object[f]
-            x, y, z = normals[f, 0], normals[f, 1], normals[f, 2]
-            for c in range(3):
-                out[k, c] = origin[k, c] + s * (rotation[o, c, 0] * x + rotation[o, c, 1] * y + rotation[o, c, 2] * z)
+@leaf
+def turned_normal(world, at, f):
+    """Return the normal of face f in the world."""
+    o, x, y, z = world.face_object[f], world.normals[f, 0], world.normals[f, 1], world.normals[f, 2]
+    R = at.rotation
+    return (
+        R[o, 0, 0] * x + R[o, 0, 1] * y + R[o, 0, 2] * z,
+        R[o, 1, 0] * x + R[o, 1, 1] * y + R[o, 1, 2] * z,
+        R[o, 2, 0] * x + R[o, 2, 1] * y + R[o, 2, 2] * z,
+    )
 
 
-@kernel
-def _static_ends(lifted, origin, direction, distance, face, normals, far, end, end_side):
-    """Turn static hits into ends of lines; a miss ends far away in free space."""
-    for k in range(len(face)):
-        f, x, y, z = face[k], direction[k, 0], direction[k, 1], direction[k, 2]
-        if f >= 0:
-            e = point_on_line(lifted[k, 0], lifted[k, 1], lifted[k, 2], x, y, z, distance[k])
-            behind = x * normals[f, 0] + y * normals[f, 1] + z * normals[f, 2] > 0.0
-            end_side[k] = 2 * f + (1 if behind else 0)
-        else:
-            e = point_on_line(origin[k, 0], origin[k, 1], origin[k, 2], x, y, z, far)
-            end_side[k] = NONE
-        end[k, 0], end[k, 1], end[k, 2] = e
+@inlined
+def static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side):
+    """Return the static end (x, y, z) of a ray that leaves a side, and the side there: NONE far away in free space.
 
-
-@kernel
-def _lines_near(origin, end, side, face_object, o, R, p, low, high, pad, lift, normals, rows, local_o, local_d, limit):
-    """Collect the lines that pass object o's bounding box, carried to its space; return how many.
-
-    A line that starts on o itself is lifted off its face.
+    Origin and direction float32; lifted off the face that it leaves.
     """
-    n = 0
-    for k in range(len(origin)):
-        x, y, z = origin[k, 0] - p[0], origin[k, 1] - p[1], origin[k, 2] - p[2]
-        ox, oy, oz = to_local(R, x, y, z)
-        x, y, z = end[k, 0] - p[0], end[k, 1] - p[1], end[k, 2] - p[2]
-        ex, ey, ez = to_local(R, x, y, z)
-        if not passes_box(ox, oy, oz, ex, ey, ez, low, high, pad):
-            continue
-        fox, foy, foz = np.float32(ox), np.float32(oy), np.float32(oz)
-        dx, dy, dz, length = line(fox, foy, foz, np.float32(ex), np.float32(ey), np.float32(ez))
-        if side[k] >= 0 and face_object[side[k] >> 1] == o:
-            s = lift if side[k] & 1 == 0 else -lift
-            f = side[k] >> 1
-            fox = np.float32(ox + s * normals[f, 0])
-            foy, foz = np.float32(oy + s * normals[f, 1]), np.float32(oz + s * normals[f, 2])
-        rows[n] = k
-        local_o[n, 0], local_o[n, 1], local_o[n, 2] = fox, foy, foz
-        local_d[n, 0], local_d[n, 1], local_d[n, 2] = dx, dy, dz
-        limit[n] = length
-        n += 1
-    return n
-
-
-def nearest_static(accelerator: Accelerator, world: World, at: Transforms, origin, direction, side):
-    """Return the static ends of rays: end (n, 3) float32 and side (n,) int32, NONE far away in free space.
-
-    origin (n, 3) float32, direction (n, 3) float32 unit, side (n,) int32 that each ray leaves.
-    """
-    n = len(origin)
-    lifted = np.empty((n, 3), np.float32)
-    _lift(origin, side, world.normals, at.rotation, world.face_object, ORIGIN_LIFT * world.size, lifted)
+    lx, ly, lz = ox, oy, oz
+    if side >= 0:
+        f = side >> 1
+        lift = ORIGIN_LIFT * world.size if side & 1 == 0 else -ORIGIN_LIFT * world.size
+        x, y, z = turned_normal(world, at, f)
+        lx, ly, lz = np.float32(ox + lift * x), np.float32(oy + lift * y), np.float32(oz + lift * z)
     far = np.float32(FAR * world.size)
-    distance, face = accelerator.nearest(0, lifted, direction, np.full(n, far, np.float32))
-    end, end_side = np.empty((n, 3), np.float32), np.empty(n, np.int32)
-    _static_ends(lifted, origin, direction, distance, face, world.normals, far, end, end_side)
-    return end, end_side
+    distance, face = nearest_hit(scenes[0], ray, lx, ly, lz, dx, dy, dz, far)
+    if face < 0:
+        x, y, z = point_on_line(ox, oy, oz, dx, dy, dz, far)
+        end_side = NONE
+    else:
+        x, y, z = point_on_line(lx, ly, lz, dx, dy, dz, distance)
+        n = world.normals  # of the static part first
+        behind = dx * n[face, 0] + dy * n[face, 1] + dz * n[face, 2] > 0.0
+        end_side = 2 * face + (1 if behind else 0)
+    return x, y, z, np.int32(end_side)
 
 
-def nearest_mobile(accelerator: Accelerator, world: World, at: Transforms, origin, end, side):
-    """Return where mobiles first cut lines: distance (n,) float32 (inf: nowhere) and side (n,) int32.
+@inlined
+def mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side):
+    """Return where mobiles first cut a line: distance float32 (inf: nowhere) and side.
 
-    Ties go to the static end, then to the mobile that comes first in the scene.
+    Ties go to the static end, then to the mobile that comes first in the scene. A line that starts on a mobile itself
+    is lifted off its face.
     """
-    n = len(origin)
-    cut = np.full(n, np.inf, np.float32)
-    cut_side = np.full(n, NONE, np.int32)
-    if len(at.position) == 1 or n == 0:
-        return cut, cut_side
-    rows = np.empty(n, np.int64)
-    local_o, local_d = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
-    limit = np.empty(n, np.float32)
-    for o in range(1, len(at.position)):
-        R, p = at.rotation[o], at.position[o]
-        m = _lines_near(
-            origin, end, side, world.face_object, o, R, p, world.box_low[o], world.box_high[o], CUT_PAD * world.size,
-            ORIGIN_LIFT * world.size, world.normals, rows, local_o, local_d, limit,
-        )  # fmt: skip
-        if m:
-            distance, face = accelerator.nearest(o, local_o[:m], local_d[:m], limit[:m])
-            _keep_nearer(rows[:m], distance, face, limit, local_d, world.normals, cut, cut_side)
+    cut, cut_side = np.float32(np.inf), np.int32(NONE)
+    for o in range(1, len(scenes)):
+        R, px, py, pz = at.rotation[o], at.position[o, 0], at.position[o, 1], at.position[o, 2]
+        lx, ly, lz = to_local(R, ox - px, oy - py, oz - pz)
+        mx, my, mz = to_local(R, ex - px, ey - py, ez - pz)
+        if not passes_box(lx, ly, lz, mx, my, mz, world.box_low[o], world.box_high[o], CUT_PAD * world.size):
+            continue
+        fx, fy, fz = np.float32(lx), np.float32(ly), np.float32(lz)
+        dx, dy, dz, length = line(fx, fy, fz, np.float32(mx), np.float32(my), np.float32(mz))
+        if side >= 0 and world.face_object[side >> 1] == o:
+            lift = ORIGIN_LIFT * world.size if side & 1 == 0 else -ORIGIN_LIFT * world.size
+            n, f = world.normals, side >> 1
+            fx, fy, fz = (
+                np.float32(lx + lift * n[f, 0]),
+                np.float32(ly + lift * n[f, 1]),
+                np.float32(lz + lift * n[f, 2]),
+            )
+        distance, face = nearest_hit(scenes[o], ray, fx, fy, fz, dx, dy, dz, length)
+        if face >= 0 and distance < length and distance < cut:
+            f = world.first_face[o] + face
+            towards = dx * world.normals[f, 0] + dy * world.normals[f, 1] + dz * world.normals[f, 2]
+            cut, cut_side = distance, np.int32(2 * f + (1 if towards > 0.0 else 0))
     return cut, cut_side
 
 
-@kernel
-def _keep_nearer(rows, distance, face, limit, local_d, normals, cut, cut_side):
-    for j in range(len(rows)):
-        k = rows[j]
-        if face[j] >= 0 and distance[j] < limit[j] and distance[j] < cut[k]:
-            f = face[j]
-            towards = local_d[j, 0] * normals[f, 0] + local_d[j, 1] * normals[f, 1] + local_d[j, 2] * normals[f, 2]
-            cut[k] = distance[j]
-            cut_side[k] = 2 * f + (1 if towards > 0.0 else 0)
+@leaf
+def nearest_static(scenes, ray, world, at, origin, direction, side, end, end_side):
+    """Write the static ends of n rays: end (n, 3) float32 and side (n,) int32, NONE far away in free space.
+
+    scenes: of an Accelerator; origin, direction (n, 3) float32, unit; side (n,) int32 that each ray leaves.
+    """
+    for k in range(len(origin)):
+        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
+        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
+        x, y, z, end_side[k] = static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side[k])
+        end[k, 0], end[k, 1], end[k, 2] = x, y, z
+
+
+@leaf
+def nearest_mobile(scenes, ray, world, at, origin, end, side, cut, cut_side):
+    """Write where mobiles first cut n lines: distance (n,) float32 (inf: nowhere) and side (n,) int32."""
+    for k in range(len(origin)):
+        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
+        ex, ey, ez = end[k, 0], end[k, 1], end[k, 2]
+        cut[k], cut_side[k] = mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side[k])
 
 
 def build_world(surfaces: Surfaces, accelerator: Accelerator, lights: np.ndarray) -> World:
@@ -166,6 +148,7 @@ def build_world(surfaces: Surfaces, accelerator: Accelerator, lights: np.ndarray
         surfaces.reflectance,
         surfaces.two_sided,
         accelerator.face_object,
+        surfaces.first_face,
         max(2 * enclosing_sphere(surfaces.vertices[0], lights)[1], 1e-9),
         *bounding_spheres(surfaces),
         *bounding_boxes(surfaces),

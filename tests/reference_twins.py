@@ -15,6 +15,7 @@ from contact_twin import regions_in_company
 from gi_core import sampling
 from gi_core.bsdf import lambertian
 from gi_core.disc_search.crossing import LANES, Discs, blocks, counts, crossed
+from gi_core.embree import new_ray
 from gi_core.emission import emit
 from gi_core.fixed_point import MAX_SEGMENTS, attenuate
 from gi_core.hit_grid import OTHER_SIDE
@@ -44,8 +45,8 @@ class Twin:
         origin, direction, flux, side = emit(m.emitters, self.seed, i, 1)
         q = [int(c) for c in flux[0]]
         for bounce in range(MAX_SEGMENTS):
-            end, end_side = nearest_static(m.accelerator, world, at, origin, direction, side)
-            cut, cut_side = nearest_mobile(m.accelerator, world, at, origin, end, side)
+            end, end_side = _static_end(m, at, origin, direction, side)
+            cut, cut_side = _cut(m, at, origin, end, side)
             d, length = _line(origin[0], end[0])
             segment = {
                 "photon": i, "bounce": bounce, "flux": tuple(q), "origin": origin[0], "end": end[0],
@@ -162,6 +163,18 @@ class Twin:
             sums.append([sum(hits[j]["flux"][c] for j in counted) for c in range(3)])
             area.append(math.pi * float(d2[near[-1]] if full else radius * radius) * share[r])
         return sums, area
+
+
+def _static_end(m: Model, at, *ray):
+    end, side = np.empty((1, 3), F32), np.empty(1, np.int32)
+    nearest_static(m.accelerator.scenes, new_ray(), m.world, at, *ray, end, side)
+    return end, side
+
+
+def _cut(m: Model, at, *line):
+    cut, side = np.empty(1, F32), np.empty(1, np.int32)
+    nearest_mobile(m.accelerator.scenes, new_ray(), m.world, at, *line, cut, side)
+    return cut, side
 
 
 def _line(origin, end):
