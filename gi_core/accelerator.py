@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.embree import Triangles, any_hit, nearest_hit, new_ray
-from gi_core.jit import kernel, leaf
+from gi_core.jit import kernel
 from gi_core.pose import rotation
 from gi_core.rows import box, dot
 from gi_core.scene.types import Pose
@@ -83,7 +83,7 @@ def _as_rays(*arrays: np.ndarray) -> list[np.ndarray]:
     return [np.ascontiguousarray(a, np.float32) for a in arrays]
 
 
-@leaf
+@kernel
 def _nearest(scene, first_face, ray, origins, directions, limits, distances, faces):
     for k in range(len(origins)):
         ox, oy, oz = origins[k, 0], origins[k, 1], origins[k, 2]
@@ -92,7 +92,7 @@ def _nearest(scene, first_face, ray, origins, directions, limits, distances, fac
         faces[k] = face + first_face if face >= 0 else -1
 
 
-@leaf
+@kernel
 def _occluded(scene, ray, origins, directions, limits, blocked):
     for k in range(len(origins)):
         ox, oy, oz = origins[k, 0], origins[k, 1], origins[k, 2]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.jit import kernel
+from gi_core.jit import allocating, kernel
 from gi_core.paths import Segments, grown
 from gi_core.sums import CHUNK_BITS, Log, Sums
 from gi_core.tails import Tails
@@ -96,7 +96,7 @@ class Crossings:
         )  # fmt: skip
 
 
-@kernel
+@allocating
 def _by_vertex(bounce, log, n, count, receiver, distance):
     """Sort the first n crossings of a log by the path vertex that their segment leaves, and count those of each."""
     vertex = np.empty(len(bounce), np.int64)

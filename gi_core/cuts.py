@@ -69,8 +69,7 @@ def change(
         return Frame(at, photons, nothing, tails, nothing, near, nothing, no_flux())
 
     # Find the first segment of each photon that any mobile cuts.
-    margin = np.maximum(wanted.reach, wanted.around - model.world.sphere_radius[1:])
-    rows = find_near(model.world, model.grid, coarse, at, margin, room, model.threads)
+    rows = near_mobiles(model, coarse, at, wanted, room)
     clock("scan")
     near = segments_at(paths, model.eps, *rows, model.threads)
     cut, cut_side = _cuts(model, at, near)
@@ -88,6 +87,12 @@ def change(
     beside, on_mobiles = _seen(model, at, wanted, near, heads, branches)
     clock("mobiles")
     return Frame(at, photons, heads, tails, branches, on_mobiles, beside, fates)
+
+
+def near_mobiles(model: Model, coarse: Coarse, at: Transforms, wanted: Wanted, room: Room):
+    """Return photon and vertex (n,) int64 of the background segments that a frame looks at."""
+    margin = np.maximum(wanted.reach, wanted.around - model.world.sphere_radius[1:])
+    return find_near(model.world, model.grid, coarse, at, margin, room, model.threads)
 
 
 def _seen(model: Model, at: Transforms, wanted: Wanted, near: Segments, heads: Segments, branches: Segments):

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gi_core.jit import kernel
+from gi_core.jit import allocating
 
 MOST_BITS = 62  # of a packed row: int64, and one to spare
 
@@ -60,7 +60,7 @@ def _packed(columns: Sequence[np.ndarray], n: int) -> np.ndarray | None:
     return (packed << n.bit_length()) | np.arange(n)
 
 
-@kernel
+@allocating
 def _components(pairs, n):
     above = np.arange(n)  # a node of the same component with a smaller number, or the node itself
     for k in range(len(pairs)):

@@ -1,7 +1,7 @@
 """How kernels are compiled: once a machine, cached on disk, without the GIL, IEEE arithmetic.
 
-`kernel` is the only decorator in use. fastmath is never on: it flips disc crossings by position in a
-slice. `error_model="numpy"` lets a division by zero give inf, which LLVM can vectorise.
+`kernel` is the decorator in use, `allocating` where arrays are made. fastmath is never on: it flips disc crossings by
+position in a slice. `error_model="numpy"` lets a division by zero give inf, which LLVM can vectorise.
 The cache folder carries a hash of our sources, because numba's own check sees the file of a kernel
 but not the files of the functions that it inlines.
 """
@@ -82,11 +82,11 @@ CACHE_PROBLEM = _cache_elsewhere(cache_folder())
 numba.config.CACHE_DIR = str(cache_folder())
 _load_without_scipy()
 
-kernel = numba.njit(cache=True, nogil=True, error_model="numpy")
+# numba counts who holds an array whenever a loop names it, by calls that cost more than most loops: of a ray's 900 ns
+# 300, and more where two threads count the same one. What makes no array can do without; numba refuses what does.
+kernel = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
 
-# As kernel, for what makes no array itself: numba counts who holds each array it is given, whenever one is named in a
-# loop, by calls that cost more than most loops (a ray: 300 ns of 900).
-leaf = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+allocating = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 # For the few lines that run for every crossing: calls that pass six arrays cost 60 ns each.
 inlined = numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")

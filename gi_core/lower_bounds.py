@@ -1,7 +1,7 @@
 """What a frame cannot do without: its rays, disc tests, crossings and bytes, counted, and each as bare work.
 
-The frame's own calls of the accelerator and of the disc search are recorded; the rays can then be cast again with
-nothing around them. A disc test and an addition are loops over data that lies in the nearest cache. How long
+The frame's own calls of the disc search are recorded, and its rays told from its segments: they can then be cast again
+with nothing around them. A disc test and an addition are loops over data that lies in the nearest cache. How long
 all this takes is for the caller to find out: `Work.run()` does `batch` units of it, a frame needs `count`.
 """
 
@@ -12,10 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.accelerator import FAR, ORIGIN_LIFT, rays_to_object
+from gi_core.cuts import near_mobiles
 from gi_core.disc_search.disc_grid import CELL_RADII
 from gi_core.estimators import ESTIMATORS
-from gi_core.jit import kernel
-from gi_core.paths import empty_segments, segments_of
+from gi_core.jit import allocating, kernel
+from gi_core.near_scan import PAD, Room
+from gi_core.passing import passing
+from gi_core.paths import Segments, empty_segments, segments_at, segments_of, take
 from gi_core.solver import Solver
 from gi_core.sums import Sums
 from gi_core.threads import run_ranges
@@ -42,7 +46,7 @@ class Work(NamedTuple):
 
 def work_of_frame(solver: Solver, poses) -> list[Work]:
     """Compute the frame of `poses` and return what it needed, by stage."""
-    rays, lines = _recorded(solver, poses)
+    lines = _recorded(solver, poses)
     threads = solver.model.threads
     vertices = solver.segments_total + solver.photons_traced
     changes, row = solver.changes, sum(a.itemsize * a[0].size for a in empty_segments(1))
@@ -56,7 +60,7 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
     ]
     if hasattr(estimate, "stale"):  # a query of k nearest hits reads k hits at the least
         moved.append(("estimate", (estimate.stale + _on_mobiles(solver)) * estimate.k * HIT_BYTES))
-    work = [_cast(solver, stage, *group) for (stage, _), group in rays.items()]
+    work = [w for w in _rays(solver) if w.count]
     work += [copied(stage, size, threads) for stage, size in moved if size]
     if lines:
         tests = sum(candidates(discs, *ends) for discs, ends, _ in lines)
@@ -122,9 +126,8 @@ def _copy(value):
 
 
 def _recorded(solver: Solver, poses):
-    """Return rays {(stage, object): (object, origins, directions, limits)} and lines [(discs, ends, crossings)]."""
-    model, estimate = solver.model, estimate_of(solver)
-    rays = model.accelerator = _Recorder(model.accelerator, "nearest")
+    """Compute the frame of `poses`; return the lines that its searches were given [(discs, ends, crossings)]."""
+    estimate = estimate_of(solver)
     searches = getattr(estimate, "_searches", None)
     recorders = [_Recorder(s, "splat") for s in searches or ()]
     if searches:
@@ -132,15 +135,8 @@ def _recorded(solver: Solver, poses):
     try:
         solver.move_all(poses)
     finally:
-        model.accelerator = rays._inner
         if searches:
             estimate._searches = searches
-    # Mobiles are asked which photons they cut before the first branch is traced through the static part.
-    grouped, stage = {}, "cuts"
-    for (o, origins, directions, limits, *_), _result in rays.calls:
-        stage = "branches" if o == 0 else stage
-        grouped.setdefault((stage, o), []).append((origins, directions, limits))
-    joined = {key: (key[1], *(np.concatenate(a) for a in zip(*calls, strict=True))) for key, calls in grouped.items()}
     lines = []
     for recorder in recorders:
         for (given, _sign, _sums, part, _parts), found in recorder.calls:
@@ -148,7 +144,33 @@ def _recorded(solver: Solver, poses):
             some = slice(None if part == 0 else 0)
             ends = given.origin[some], given.direction[some], given.low[some], given.high[some]
             lines.append((recorder.discs, ends, int(found)))
-    return joined, lines
+    return lines
+
+
+def _rays(solver: Solver) -> list[Work]:
+    """Return the rays of the last frame: along what may be cut, and along branches, each also past the mobiles."""
+    model, frame = solver.model, solver._frame
+    paths, coarse = solver._photons.prefix(frame.photons)
+    wanted = estimate_of(solver).wanted(frame.at, mobiles=bool(frame.near))
+    rows = near_mobiles(model, coarse, frame.at, wanted, Room())
+    near = segments_at(paths, model.eps, *rows, model.threads)
+    work = [_cast(solver, "branches", 0, *_as_rays(solver, 0, frame.branches))]
+    for stage, segments in (("cuts", near), ("branches", frame.branches)):
+        pass_by = passing(model, frame.at, segments, -PAD * model.world.size, wanted.boxes[:0])
+        for o in range(1, len(pass_by)):
+            work.append(_cast(solver, stage, o, *_as_rays(solver, o, take(segments, np.flatnonzero(pass_by[o])))))
+    return work
+
+
+def _as_rays(solver: Solver, o: int, segments: Segments):
+    """Return origins, directions and limits of segments in object o's space, lifted off where they start."""
+    model, at = solver.model, solver._frame.at
+    way = segments.end.astype(np.float64) - segments.origin
+    length = np.maximum(np.sqrt((way * way).sum(axis=1)), 1e-30)
+    d = way / length[:, None]
+    origins, directions = segments.origin + ORIGIN_LIFT * model.world.size * d, d
+    limits = np.full(len(length), FAR * model.world.size) if o == 0 else length
+    return *rays_to_object(at, o, origins.astype(np.float32), directions.astype(np.float32)), limits
 
 
 def _looked_up(estimate, tails) -> int:
@@ -163,7 +185,7 @@ def _on_mobiles(solver: Solver) -> int:
 
 def _cast(solver: Solver, stage: str, o: int, origins, directions, limits) -> Work:
     accelerator = solver.model.accelerator
-    n = len(origins)
+    n, limits = len(origins), limits.astype(np.float32)
     return Work(stage, "rays", n, n, lambda: accelerator.nearest(o, origins, directions, limits))
 
 
@@ -265,7 +287,7 @@ def _fill(first, last, inside):
                     inside[x, y, z] += 1
 
 
-@kernel
+@allocating
 def _walk(corner, cell, inside, origin, direction, low, high):
     """Return the discs in the cells that lines pass, a cell at a time: slow, plain, and used once a run."""
     total = 0

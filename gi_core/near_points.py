@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from gi_core.jit import kernel
+from gi_core.jit import allocating
 
 
 def nearest(points: np.ndarray, queries: np.ndarray, k: int = 1) -> tuple[np.ndarray, np.ndarray]:
@@ -37,7 +37,7 @@ def _contiguous(points: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(points, np.float64)
 
 
-@kernel
+@allocating
 def _nearest(points, queries, axis, k):
     n, m = len(points), len(queries)
     distance, place = np.empty(m), np.empty(m, np.int64)
@@ -74,7 +74,7 @@ def _nearest(points, queries, axis, k):
     return distance, place
 
 
-@kernel
+@allocating
 def _count(points, queries, axis, reach):
     m = len(queries)
     count = np.zeros(m, np.int64)

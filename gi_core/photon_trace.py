@@ -16,7 +16,7 @@ from gi_core.bsdf import lambertian
 from gi_core.embree import new_ray
 from gi_core.emission import Emitters, emit
 from gi_core.fixed_point import MAX_SEGMENTS, attenuate
-from gi_core.jit import inlined, leaf
+from gi_core.jit import inlined, kernel
 from gi_core.paths import NONE, PathVertices, Segments, empty_segments, grown, interval
 from gi_core.two_level import World, mobile_cut, static_end, turned_normal
 
@@ -123,7 +123,7 @@ def trace_background(
     return PathVertices(offsets, *(a[: offsets[count]] for a in vertices)), fates
 
 
-@leaf
+@kernel
 def _trace_paths(scenes, ray, world, at, seed, rays, done, offsets, position, side, flux, fates):
     """Trace rays `done` .. through the static part, photon-major, until there is no room for one more path.
 
@@ -173,7 +173,7 @@ def reflected(
     return hit, Rays(*(a[:count] for a in on))
 
 
-@leaf
+@kernel
 def _reflect(world, at, seed, heads, cut, hit, on, fates):
     n = 0
     for k in range(len(cut)):
@@ -210,7 +210,7 @@ def follow(
     return Segments(*(a[:row] for a in out))
 
 
-@leaf
+@kernel
 def _follow(scenes, ray, world, at, seed, eps, rays, done, out, row, fates):
     """Trace rays `done` .., written from `row` on, until there is no room for one more path; returns both then."""
     for k in range(done, len(rays.photon)):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.grouping import components, group_of, order_of
-from gi_core.jit import kernel
+from gi_core.jit import allocating
 from gi_core.rows import box, cross, dot, length
 from gi_core.scene.types import Mesh
 
@@ -112,7 +112,7 @@ def _smooth_groups(position_of: np.ndarray, normals: np.ndarray) -> np.ndarray:
     return components(pairs, len(start)).reshape(position_of.shape)
 
 
-@kernel
+@allocating
 def _smooth_pairs(order, start, end, normals, least):
     """Return the corners (m, 2) that meet on one smooth side. Edge 3 f + c runs from that corner of face f to its next;
     `order` has edges of the same two ends beside each other: one of more than two faces joins only its smooth pairs."""

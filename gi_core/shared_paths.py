@@ -9,7 +9,7 @@ import numpy as np
 
 from gi_core import sampling, strata
 from gi_core.bsdf import lambertian
-from gi_core.jit import kernel
+from gi_core.jit import allocating, kernel
 from gi_core.light_sampling import LIGHT_U, LIGHT_V, SMALL_PICK, AreaLights, aim, arrives, point_on_lamp, small_light_at
 from gi_core.path_gather import SCATTER_U, SCATTER_V
 
@@ -87,7 +87,7 @@ def from_lamps(paths, lights, positions, normals, gap, out):
     return count
 
 
-@kernel
+@allocating
 def from_small_lights(paths, lights, positions, normals, far, gap, first, out):
     """Join each of n receivers to lights without size; as from_lamps(), written from `first` on; returns where it ends.
 

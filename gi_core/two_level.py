@@ -24,7 +24,7 @@ from gi_core.accelerator import (
     to_local,
 )
 from gi_core.embree import nearest_hit
-from gi_core.jit import inlined, leaf
+from gi_core.jit import inlined, kernel
 from gi_core.paths import NONE
 from gi_core.surfaces import Surfaces
 
@@ -46,7 +46,7 @@ class World(NamedTuple):
     box_high: np.ndarray  # (objects, 3) float64
 
 
-@leaf
+@kernel
 def turned_normal(world, at, f):
     """Return the normal of face f in the world."""
     o, x, y, z = world.face_object[f], world.normals[f, 0], world.normals[f, 1], world.normals[f, 2]
@@ -115,7 +115,7 @@ def mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side):
     return cut, cut_side
 
 
-@leaf
+@kernel
 def nearest_static(scenes, ray, world, at, origin, direction, side, end, end_side):
     """Write the static ends of n rays: end (n, 3) float32 and side (n,) int32, NONE far away in free space.
 
@@ -128,7 +128,7 @@ def nearest_static(scenes, ray, world, at, origin, direction, side, end, end_sid
         end[k, 0], end[k, 1], end[k, 2] = x, y, z
 
 
-@leaf
+@kernel
 def nearest_mobile(scenes, ray, world, at, origin, end, side, cut, cut_side):
     """Write where mobiles first cut n lines: distance (n,) float32 (inf: nowhere) and side (n,) int32."""
     for k in range(len(origin)):

@@ -94,8 +94,10 @@ def _estimate(tiny: list[Solver], name: str) -> None:
 
 def _search(tiny: list[Solver], name: str) -> None:
     (solver,) = tiny
-    for pretest in list(PRETESTS)[:2]:  # without and with: one kernel serves all that there are
-        solver.configure(estimator="tangent_plane", search=name, pretest=pretest)
+    for k, pretest in enumerate(list(PRETESTS)[:2]):  # without and with: one kernel serves all that there are
+        solver.configure(estimator="tangent_plane", radius=0.1)
+        # Sums outlive another search: only other discs are summed anew.
+        solver.configure(search=name, pretest=pretest, radius=0.11 + 0.01 * k)
         solver.solve()
 
 

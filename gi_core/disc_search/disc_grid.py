@@ -14,7 +14,7 @@ import numpy as np
 from gi_core.disc_search.crossing import LANES, Discs, Lines, blocks, crossed, lane_of, share
 from gi_core.disc_search.found import ROOM, add_found
 from gi_core.disc_search.pretest import discs_left, triangles
-from gi_core.jit import inlined, kernel
+from gi_core.jit import allocating, inlined, kernel
 from gi_core.sums import Sums
 
 CELL_RADII = 4.0  # cell edge in disc radii: see docs/measurements.md
@@ -129,7 +129,7 @@ def _axis(o, d, t, low, cell, n):
     return i, 0, np.inf, 0.0
 
 
-@kernel
+@allocating
 def _splat(
     low, cell, shape, first_of, data, front, behind, own, row, reach, radius,
     origin, direction, t_low, stop, t_high, flux, patches, touches, first, last, sign, sums, touched, base, log,

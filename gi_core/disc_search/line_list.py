@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.disc_search.crossing import LANES, LINE_FIELDS, lane_of
-from gi_core.jit import inlined, kernel
+from gi_core.jit import allocating, inlined, kernel
 
 _BLOCK = LINE_FIELDS * LANES
 
@@ -57,7 +57,7 @@ def _met(data, block, cx, cy, cz, r2):
     return bits
 
 
-@kernel
+@allocating
 def push(lists, who, start, count, height, cx, cy, cz, r2):
     """Make list height + 1 of what passes through a sphere out of list `height`, behind it in the same memory.
 
@@ -82,7 +82,7 @@ def push(lists, who, start, count, height, cx, cy, cz, r2):
     return lists, who
 
 
-@kernel
+@allocating
 def _grown(array, n):
     out = np.empty(n, array.dtype)
     out[: len(array)] = array

@@ -25,7 +25,7 @@ from gi_core.disc_search.line_list import load, push
 from gi_core.disc_search.pretest import lines_left, triangles
 from gi_core.disc_search.space_curve import hilbert_order
 from gi_core.disc_search.sphere_stack import LEAST_RADII, stack_spheres
-from gi_core.jit import kernel
+from gi_core.jit import allocating
 from gi_core.sums import Sums
 
 BATCH = 1 << 15  # lines that go through all spheres together: a list of them is 1 MB
@@ -79,7 +79,7 @@ class UnsortedRayCache(RayCache):
         super().__init__(discs, pretest, ordered=False)
 
 
-@kernel
+@allocating
 def _splat(
     spheres, bounds, part, parts, far, discs, own, row, reach, radius,
     origin, direction, low, stop, high, flux, patches, touches, sign, sums, touched, base, log, pretest,
@@ -103,7 +103,7 @@ def _splat(
     return total
 
 
-@kernel
+@allocating
 def _visit(spheres, k, last, pad, lists, who, start, count, stack, found, adding, pretest):
     """Visit the receivers from sphere k's first to that of sphere `last`."""
     first_of, last_of, behind_of, parent, depth, centre, radius = spheres
@@ -117,7 +117,7 @@ def _visit(spheres, k, last, pad, lists, who, start, count, stack, found, adding
         for _ in range(depth[k] - height):
             around = parent[around]
         c, reaches = centre[around], radius[around] + pad
-        lists, who = push(lists, who, start, count, height, c[0], c[1], c[2], reaches * reaches)
+        lists, who = push(lists, who, start, count, np.int64(height), c[0], c[1], c[2], reaches * reaches)
         if count[height + 1] == 0:
             at, k = last_of[around], behind_of[around]
             break
@@ -155,7 +155,7 @@ def _visit(spheres, k, last, pad, lists, who, start, count, stack, found, adding
             break
         # Push the next sphere; where nothing passes through it, pass over all that it holds.
         c, reaches = centre[k], radius[k] + pad
-        lists, who = push(lists, who, start, count, height, c[0], c[1], c[2], reaches * reaches)
+        lists, who = push(lists, who, start, count, np.int64(height), c[0], c[1], c[2], reaches * reaches)
         if count[height + 1] == 0:
             at, k = max(at, last_of[k]), behind_of[k]
         else:

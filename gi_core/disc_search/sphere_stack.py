@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.jit import kernel
+from gi_core.jit import allocating
 
 SHRINK = 0.5  # radius of a sphere over its parent's: see docs/measurements.md
 LEAST_RADII = 2.0  # disc radii, of the smallest sphere
@@ -47,7 +47,7 @@ def stack_spheres(points: np.ndarray, reach: float, least_radii: float = LEAST_R
     return Spheres(first, last, behind, parent, depth, centre, radius)
 
 
-@kernel
+@allocating
 def _push_and_pop(points, reach, radii, first, last, parent):
     """Write the spheres in the order in which they are pushed; returns how many.
 
@@ -95,7 +95,7 @@ def _push_and_pop(points, reach, radii, first, last, parent):
     return spheres
 
 
-@kernel
+@allocating
 def _tighten(points, reach, first, last, parent, behind, depth, centre, radius):
     for k in range(len(first)):
         if parent[k] >= 0:

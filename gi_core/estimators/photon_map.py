@@ -25,7 +25,7 @@ from gi_core.accelerator import Transforms
 from gi_core.contact_discs import ControlFacts
 from gi_core.cuts import Frame, Wanted
 from gi_core.hit_grid import HitGrid, Hits, build, build_steps, cell_of, gather, hits_of
-from gi_core.jit import kernel
+from gi_core.jit import allocating, kernel
 from gi_core.ladder import Ladder
 from gi_core.model import Model
 from gi_core.paths import NONE, Segments
@@ -218,7 +218,7 @@ def _as_hits(points: np.ndarray, normals: np.ndarray) -> Hits:
     return Hits(points, normals, np.zeros((n, 3), np.int32), np.arange(n), *(np.zeros(n, np.int32),) * 2)
 
 
-@kernel
+@allocating
 def _estimate(
     points, normals, side, share, radius, k, counted, background, added, cut_bounce, first, last, sums, area, reach2
 ):

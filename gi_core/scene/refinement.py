@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gi_core.jit import kernel
+from gi_core.jit import allocating
 from gi_core.receivers import count_receivers
 from gi_core.scene.frame import in_frame
 from gi_core.scene.pilot import Box, Rays
@@ -107,7 +107,7 @@ def _distances(empty: np.ndarray, cell: float) -> np.ndarray:
     return np.ascontiguousarray(cell * np.sqrt(squared))
 
 
-@kernel
+@allocating
 def _between(grid, at):
     """Return the values (n,) at places (n, 3) between the cells of a grid, linear along each axis; its rim goes on."""
     out = np.empty(len(at))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gi_core.jit import kernel
+from gi_core.jit import allocating, kernel
 from gi_core.scene.texture_levels import LINEAR, levels
 from gi_core.scene.types import Paint, Texture
 from gi_core.threads import available_cores, run_ranges
@@ -115,7 +115,7 @@ def _texel(pixels, table, wrap_u, wrap_v, u, v):
     return red, green, blue
 
 
-@kernel
+@allocating
 def _under(pixels, table, wrap_u, wrap_v, uv, colour, samples):
     out = np.empty((len(uv), 3))
     for f in range(len(uv)):
@@ -137,7 +137,7 @@ def _under(pixels, table, wrap_u, wrap_v, uv, colour, samples):
     return out
 
 
-@kernel
+@allocating
 def _seen(fine, coarse, table, wrap_u, wrap_v, uv, axis, taps, share):
     out = np.empty((len(uv), 3))
     for p in range(len(uv)):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.jit import kernel
+from gi_core.jit import allocating, kernel
 
 GRAZING = 1e-30  # a ray in the plane of a face meets it nowhere
 
@@ -33,7 +33,7 @@ def footprints(corners, uv, face, u, v, eye, directions, steps) -> Footprints:
     return out
 
 
-@kernel
+@allocating
 def _footprints(corners, uv, face, u, v, eye, directions, steps, place, across, along):
     n, g, h = np.empty(3), np.empty(3), np.empty(3)
     e1, e2, q, d, moved = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)

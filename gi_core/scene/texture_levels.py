@@ -6,7 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from gi_core.jit import kernel
+from gi_core.jit import allocating, kernel
 from gi_core.scene.types import Texture
 
 
@@ -55,7 +55,7 @@ def _weights(i, size):
     return (half - i) / size, half / size, (i + 1) / size
 
 
-@kernel
+@allocating
 def _halved(image, linear, table, byte):
     """Return an image at half its size, float32 linear and uint8; `linear` is empty or the image unrounded."""
     h, w = image.shape[0], image.shape[1]
