@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 import time
@@ -99,8 +100,8 @@ class Photons:
     def bring_in(self, b: Background, until: int, wanted: int, seconds: float) -> str:
         """Do one step [s] towards a background of the first `until` photons; returns what it was.
 
-        Photons are traced some steps ahead of what is estimated: most of a path's last bounces are of few photons,
-        and cost as much as the first. wanted: photons that there is going to be room for.
+        Photons are traced some steps ahead of what is estimated, so that each step keeps to one kind of work and its
+        data. wanted: photons that there is going to be room for.
         """
         started = time.perf_counter()
         if b.added == self.count:
@@ -123,11 +124,12 @@ class Photons:
             parts = [(stored + at, min(PART, last - at)) for at in range(first, last, PART)]
             return [trace_background(m.accelerator, m.world, m.static, m.emitters, self.seed, *part) for part in parts]
 
-        for paths, fates in itertools.chain.from_iterable(run_ranges(work, count, m.threads, PART_GRAIN)):
-            self._store.reserve(wanted)
-            self._coarse.append(paths, self._store.photons, self._store.room)
-            self._store.append(paths)
-            self.fates = add_fates(self.fates, fates)
+        traced = itertools.chain.from_iterable(run_ranges(work, count, m.threads, PART_GRAIN))
+        paths, fates = zip(*traced, strict=True)
+        self._store.reserve(wanted)
+        self._store.append(paths, m.threads)
+        self._coarse.append(paths, stored, self._store.room, m.threads)
+        self.fates = functools.reduce(add_fates, fates, self.fates)
 
     def _estimate(self, b: Background, count: int) -> None:
         """Bring the next photons, which have been traced, into a background, a share of them a thread."""

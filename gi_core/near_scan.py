@@ -9,6 +9,7 @@ the blocks of cornell are near the pawn, a sixth of those of tree near the ring.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -59,14 +60,21 @@ class CoarseStore:
         self._photon = np.full(LANES, -1, np.int32)
         self._count = 0
 
-    def append(self, paths: PathVertices, first: int, room: int) -> None:
-        """Add the paths of photons first ..; `room`: vertices that there is going to be room for."""
-        n = self._count + len(paths.side)
+    def append(self, parts: Sequence[PathVertices], first: int, room: int, threads: int) -> None:
+        """Add the paths of photons first .., part after part; `room`: vertices that there is going to be room for."""
+        photons = np.cumsum([first, *(len(p.offsets) - 1 for p in parts)])
+        starts = np.cumsum([self._count, *(len(p.side) for p in parts)])
+        n = int(starts[-1])
         room = max(room, n) + LANES
         if room > len(self._photon):
             self._levels = [_grown(a, self._count, room) for a in self._levels]
             self._photon = _grown(self._photon, self._count, room)
-        _round(paths.offsets, paths.position, *self.grid, first, self._count, *self._levels, self._photon)
+
+        def work(_, a, b):
+            for p, photon, start in zip(parts[a:b], photons[a:b], starts[a:b], strict=True):
+                _round(p.offsets, p.position, *self.grid, photon, start, *self._levels, self._photon)
+
+        run_ranges(work, len(parts), threads, 1)
         self._photon[n : n + LANES] = -1
         self._count = n
 

@@ -6,6 +6,7 @@ vertex takes 28 bytes; photons are in index order, so a prefix of photons is a p
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -67,19 +68,23 @@ class PathStore:
         self._flux = np.empty((0, 3), np.int32)
         self.photons = 0
 
-    def append(self, more: PathVertices) -> None:
-        """Add the paths of the next photons."""
-        n, have = len(more.offsets) - 1, int(self._offsets[self.photons])
-        self._offsets = grown(self._offsets, self.photons + 1 + n)
-        self._offsets[self.photons + 1 : self.photons + 1 + n] = more.offsets[1:] + have
-        total = have + int(more.offsets[-1])
-        self._position = grown(self._position, total)
-        self._side = grown(self._side, total)
-        self._flux = grown(self._flux, total)
-        self._position[have:total] = more.position
-        self._side[have:total] = more.side
-        self._flux[have:total] = more.flux
-        self.photons += n
+    def append(self, parts: Sequence[PathVertices], threads: int) -> None:
+        """Add the paths of the next photons, part after part; new memory is slow to write to, so all threads do."""
+        photons = np.cumsum([self.photons, *(len(p.offsets) - 1 for p in parts)])
+        starts = np.cumsum([int(self._offsets[self.photons]), *(len(p.side) for p in parts)])
+        self._offsets = grown(self._offsets, int(photons[-1]) + 1)
+        self._position, self._side, self._flux = (
+            grown(a, int(starts[-1])) for a in (self._position, self._side, self._flux)
+        )
+
+        def work(_, first, last):
+            for k in range(first, last):
+                self._offsets[photons[k] + 1 : photons[k + 1] + 1] = parts[k].offsets[1:] + starts[k]
+                rows = slice(starts[k], starts[k + 1])
+                self._position[rows], self._side[rows], self._flux[rows] = parts[k][1:]
+
+        run_ranges(work, len(parts), threads, 1)
+        self.photons = int(photons[-1])
 
     def reserve(self, photons: int) -> None:
         """Make room for so many photons at once; memory that is never written to costs nothing."""

@@ -3,13 +3,22 @@
 `python -m gi_core.warmup` does it in a process of its own and prints a line "done/total name" a
 step: the viewer's window stays live meanwhile, and finds the kernels in the disk cache. A stamp in
 the cache folder says that it has been done for these sources.
+
+Where there is a second core, another process takes the same steps from the last one backwards; whichever comes to a
+kernel first compiles it, the other finds it in the cache.
 """
 
 from __future__ import annotations
 
 import functools
+import os
+import subprocess
+import sys
+import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +37,9 @@ from gi_core.scene.texture_filter import lookup
 from gi_core.scene.texture_footprint import footprints
 from gi_core.scene.types import Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
 from gi_core.solver import Solver
+from gi_core.threads import available_cores
 
+FROM_BEHIND = "--from-behind"
 STAMP = "complete"
 # Seconds of one core that each step takes, so that a bar moves evenly; 1 for those that are not named.
 COSTS = {"photon tracing": 13, "tangent_plane": 12, "photon_map": 5, "disc_index": 5, "ray_cache": 16, "reference": 6}
@@ -51,19 +62,54 @@ def is_warm() -> bool:
 
 def compile_kernels() -> Iterator[Step]:
     """Run a tiny scene through everything; yields before each step, and once at the end."""
-    tiny: list[Solver] = []  # made in the first step: a solver compiles as soon as it is made
-    parts: list[tuple[str, Callable[[], None]]] = [("photon tracing", lambda: tiny.append(_trace()))]
-    parts += [(name, functools.partial(_estimate, tiny, name)) for name in ESTIMATORS]
-    parts += [(name, functools.partial(_search, tiny, name)) for name in SEARCHES]
-    parts += [("loading", _prepare), ("reference", _gather)]
+    parts = _parts()
     total, done = sum(COSTS.get(name, 1) for name, _ in parts), 0
-    for name, run in parts:
-        yield Step(done, total, name.replace("_", " "))
-        run()
-        done += COSTS.get(name, 1)
+    with _from_behind():
+        for name, run in parts:
+            yield Step(done, total, name.replace("_", " "))
+            run()
+            done += COSTS.get(name, 1)
     cache_folder().mkdir(parents=True, exist_ok=True)
     (cache_folder() / STAMP).touch()
     yield Step(total, total, "ready")
+
+
+def _parts() -> list[tuple[str, Callable[[], None]]]:
+    """Return the steps, which may be taken in any order."""
+    tiny = functools.cache(_trace)  # a solver compiles as soon as it is made
+    parts: list[tuple[str, Callable[[], None]]] = [("photon tracing", tiny)]
+    parts += [(name, lambda name=name: _estimate(tiny(), name)) for name in ESTIMATORS]
+    parts += [(name, lambda name=name: _search(tiny(), name)) for name in SEARCHES]
+    return [*parts, ("loading", _prepare), ("reference", _gather)]
+
+
+@contextmanager
+def _from_behind() -> Iterator[None]:
+    """Let another process take the steps from the last one backwards, if a core is free for it."""
+    if available_cores() == 1:
+        yield
+        return
+    process = subprocess.Popen(
+        [sys.executable, "-m", "gi_core.warmup", FROM_BEHIND],
+        cwd=Path(__file__).parent.parent,  # found there, installed or not
+        stdin=subprocess.PIPE,  # which closes when this process ends, however it does
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+    )
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+        process.stdin.close()
+
+
+def _compile_backwards() -> None:
+    """Take the steps from the last one backwards, until standard input ends."""
+    threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
+    for _, run in reversed(_parts()):
+        run()
 
 
 def _trace() -> Solver:
@@ -83,8 +129,7 @@ def _prepare() -> None:
     count_within(points, points, 1.0)
 
 
-def _estimate(tiny: list[Solver], name: str) -> None:
-    (solver,) = tiny
+def _estimate(solver: Solver, name: str) -> None:
     solver.configure(estimator=name)
     solver.solve()
     solver.move("mobile", Pose((0.0, 0.0, 0.4)))
@@ -92,8 +137,7 @@ def _estimate(tiny: list[Solver], name: str) -> None:
     solver.from_scratch()
 
 
-def _search(tiny: list[Solver], name: str) -> None:
-    (solver,) = tiny
+def _search(solver: Solver, name: str) -> None:
     for k, pretest in enumerate(list(PRETESTS)[:2]):  # without and with: one kernel serves all that there are
         solver.configure(estimator="tangent_plane", radius=0.1)
         # Sums outlive another search: only other discs are summed anew.
@@ -143,6 +187,8 @@ def _see_texture() -> None:
     lookup(Texture(np.full((3, 3, 3), 128, np.uint8)), *seen)
 
 
-if __name__ == "__main__":
+if __name__ == "__main__" and FROM_BEHIND in sys.argv:
+    _compile_backwards()
+elif __name__ == "__main__":
     for step in compile_kernels():
         print(f"{step.done}/{step.total} {step.name}", flush=True)

@@ -19,5 +19,5 @@ def test_the_warm_up_splats_with_every_search(name, monkeypatch):
         return splat(self, *given)
 
     monkeypatch.setattr(made, "splat", counted)
-    warmup._search([solver], name)
+    warmup._search(solver, name)
     assert len(set(calls)) == 2  # without a pre-test, and with one

@@ -28,8 +28,8 @@ def test_photons_end_where_memory_does(estimator, monkeypatch):
     taken = [0]
     real = background.PathStore.append
 
-    def counted(store, paths):
-        real(store, paths)
+    def counted(store, *given):
+        real(store, *given)
         taken[0] = store.photons
 
     a_photon = 4 * (background.BYTES_A_VERTEX + wanted._background().estimate.bytes_a_hit)
