@@ -6,9 +6,12 @@ path therefore ends where its first ray does, with rho E of that place (final ga
 Where that is a mobile again, E is itself unknown: those few places make a linear system, solved by Jacobi's
 method.
 
-All receivers use the same random numbers, so that neighbours are off alike: of the same error, a smooth surface shows
-nothing where it would show blotches from vertex to vertex. They hold in the mobile's own frame. A function of poses
-and of the static light alone, to the last bit: what is kept from earlier frames is what would be found anew.
+All receivers use the same points on lamps, so that neighbours are off alike: of the same error, a smooth surface shows
+nothing where it would show blotches from vertex to vertex. Of bounces there are a few kinds, which hold in the mobile's
+own frame: each receiver follows one, and what they bring is averaged over neighbours (`neighbour_mean`). So in
+E = direct + mean of (what bounces bring), direct is the light that shadow rays bring; all that bounces meet is averaged
+alike, static part, mobiles, sky, and lamps with the share of them that is theirs. A function of poses and of the static
+light alone, to the last bit: what is kept from earlier frames is what would be found anew.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from gi_core.jit import kernel
 from gi_core.kept_rays import BounceRays, ShadowRays, pose_keys
 from gi_core.light_sampling import Shadows, area_lights, room_for_shadows, sky_of, small_lights
 from gi_core.model import Model
+from gi_core.neighbour_mean import KINDS, beside, closeness, kinds, neighbour_mean
 from gi_core.path_gather import SHADOW_GAP, Lights, add_lit
 from gi_core.pose import to_world_at
 from gi_core.shared_paths import SharedPaths, bounces, from_lamps, from_small_lights, shared_paths
@@ -47,6 +51,14 @@ class Run(NamedTuple):
     shadow: ShadowRays
 
 
+class Gathered(NamedTuple):
+    """What paths have brought to receivers, summed over them."""
+
+    direct: np.ndarray  # (n, 3) float64, along shadow rays [W/m2]
+    bounced: np.ndarray  # (n, 3) float64, along bounces, but for what they meet on mobiles
+    close: np.ndarray  # (n,) float64 [1/m], of what bounces meet
+
+
 class MobileGather:
     """Irradiance of the receivers of a model's mobiles. For one thread at a time."""
 
@@ -56,6 +68,10 @@ class MobileGather:
         positions, self._normals = (a[self.first :] for a in evaluation_points(model.surfaces, model.object_receivers))
         self._positions = positions + ORIGIN_LIFT * model.world.size * self._normals
         self._lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
+        s = model.surfaces
+        corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
+        self._beside = beside(positions, self._normals, corners - self.first)
+        self._kinds = kinds(self._beside)
         self._paths: dict[int, SharedPaths] = {}
         self._runs: dict[int, list[Run | None]] = {}  # by the logarithm of paths, what is kept
 
@@ -66,18 +82,18 @@ class MobileGather:
         a receiver, 0 <= log2_paths <= strata.LARGEST.
         """
         m, n, poses = log2_paths, len(self._positions), pose_keys(at)
-        total = np.zeros((n, 3))
+        light = Gathered(*np.zeros((2, n, 3)), np.empty(n))
         if n == 0:
-            return total
+            return light.direct
         if m not in self._paths:
-            self._paths[m] = shared_paths(self._seed, m, self._lights.area)
+            self._paths[m] = shared_paths(self._seed, m, self._lights.area, KINDS)
         places, kept = self._places(m), self._room(m)
 
         def work(_, first, last):
             found = []
             for k in order[first:last]:
                 run = kept[k] or self._run(m, *places[k])
-                found.append(self._gather(run, at, poses, static, m, total[run.rows]))
+                found.append(self._gather(run, at, poses, static, m, Gathered(*(a[run.rows] for a in light))))
                 if (n << m) <= KEPT:
                     kept[k] = run
             return found
@@ -86,7 +102,9 @@ class MobileGather:
         order = [k for t in range(threads) for k in range(t, len(places), threads)]  # a mobile's runs: to all threads
         exchanges = [e for part in run_ranges(work, len(places), threads, 1) for e in part]
         exchange = Exchange(*(np.concatenate(a) for a in zip(*exchanges, strict=True)))
-        return _exchanged(total / (1 << m), exchange, 1 << m)
+        direct = light.direct / (1 << m)
+        bounced = _exchanged(direct, light.bounced / (1 << m), exchange, 1 << m)
+        return direct + neighbour_mean(self._beside, light.close, 1 << m, bounced, threads)
 
     def _places(self, m: int) -> list[tuple[int, slice]]:
         """Return mobile and receivers of each run."""
@@ -107,13 +125,13 @@ class MobileGather:
 
     def _run(self, m: int, mobile: int, rows: slice) -> Run:
         directions = np.empty(((rows.stop - rows.start) << m, 3), np.float32)
-        bounces(self._paths[m], self._normals[rows], directions)
+        bounces(self._paths[m], self._kinds[rows], self._normals[rows], directions)
         origins = np.repeat(self._positions[rows].astype(np.float32), 1 << m, axis=0)
         rays = BounceRays(self._model, mobile, origins, directions)
         return Run(mobile, rows, directions, rays, ShadowRays(self._model, mobile))
 
-    def _gather(self, run: Run, at: Transforms, poses: list[bytes], static, m: int, total) -> Exchange:
-        """Gather at a run of receivers: add to `total` what is known, return what depends on mobiles."""
+    def _gather(self, run: Run, at: Transforms, poses: list[bytes], static, m: int, light: Gathered) -> Exchange:
+        """Gather at a run of receivers: add to `light` what is known, return what depends on mobiles."""
         world, s, lights, paths = self._model.world, self._model.surfaces, self._lights, self._paths[m]
         n, R, p = run.rows.stop - run.rows.start, at.rotation[run.mobile, None], at.position[run.mobile, None]
         positions = to_world_at(R, p, self._positions[run.rows])
@@ -128,36 +146,37 @@ class MobileGather:
             return Shadows(*(a[:count] for a in rays))
 
         rays, blocked = run.shadow.lit(at, poses, shadows)
-        add_lit(rays.row, rays.value, blocked, total)
+        add_lit(rays.row, rays.value, blocked, light.direct)
         distance, face = run.bounce.met(at, poses)
+        closeness(1 << m, distance, light.close)
         count = len(face)
         out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))
         met = first_hits.meet(
             1 << m, positions, normals, R[0], run.directions, distance, face, world.normals, world.reflectance,
             world.two_sided, at.rotation, at.position, world.face_object, lights.area.emitted, lights.area.density,
             lights.sky, self._model.object_receivers.positions, s.corner_front, s.corner_back, static, self.first,
-            run.rows.start, total, out,
+            run.rows.start, light.bounced, out,
         )  # fmt: skip
         return Exchange(*(a[:met].copy() for a in out))
 
 
-def _exchanged(direct: np.ndarray, exchange: Exchange, paths: int) -> np.ndarray:
-    """Solve E = direct + (what paths bring from mobiles) for E (n, 3)."""
-    E = direct
+def _exchanged(direct: np.ndarray, known: np.ndarray, exchange: Exchange, paths: int) -> np.ndarray:
+    """Solve bounced = known + (what paths bring from mobiles, of direct + bounced) for bounced (n, 3)."""
+    bounced = known
     for _ in range(SWEEPS):
-        before, E = E, direct.copy()
-        _sweep(exchange, 1.0 / paths, before, E)
-        if np.abs(E - before).sum() <= SETTLED * E.sum():
+        before, bounced = bounced, known.copy()
+        _sweep(exchange, 1.0 / paths, direct + before, bounced)
+        if np.abs(bounced - before).sum() <= SETTLED * (direct + bounced).sum():
             break
-    return E
+    return bounced
 
 
 @kernel
-def _sweep(exchange, share, before, E):
+def _sweep(exchange, share, E, bounced):
     row, corners, shares, rho = exchange
     for k in range(len(row)):
         for c in range(3):
             there = 0.0
             for v in range(3):
-                there += shares[k, v] * before[corners[k, v], c]
-            E[row[k], c] += share * rho[k, c] * there
+                there += shares[k, v] * E[corners[k, v], c]
+            bounced[row[k], c] += share * rho[k, c] * there

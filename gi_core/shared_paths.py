@@ -19,31 +19,33 @@ GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of a turn, from one direction to the ne
 class SharedPaths(NamedTuple):
     """The choices of P paths of one bounce."""
 
-    bounce: np.ndarray  # (P, 3) float64 unit, cosine-distributed about the third axis
+    bounce: np.ndarray  # (kinds, P, 3) float64 unit, cosine-distributed about the third axis
     lamp: np.ndarray  # (P,) int64, emissive face; (0,) where there is none, as are the next two
     point: np.ndarray  # (P, 3) float64 on it [m]
     density: np.ndarray  # (P,) float64 [1/m2], of that choice
     pick: np.ndarray  # (P,) float64 in [0, 1), for lights without size
 
 
-def shared_paths(seed: int, m: int, lights: AreaLights) -> SharedPaths:
-    """Draw 2^m paths: directions and points on lamps each share out what there is."""
+def shared_paths(seed: int, m: int, lights: AreaLights, kinds: int = 1) -> SharedPaths:
+    """Draw 2^m paths: directions and points on lamps each share out what there is; directions in so many kinds."""
     n = 1 << m
-    lamps = n if len(lights.cdf) else 0
-    out = SharedPaths(np.empty((n, 3)), np.empty(lamps, np.int64), np.empty((lamps, 3)), np.empty(lamps), np.empty(n))
+    lamps, bounce = n if len(lights.cdf) else 0, np.empty((kinds, n, 3))
+    out = SharedPaths(bounce, np.empty(lamps, np.int64), np.empty((lamps, 3)), np.empty(lamps), np.empty(n))
     _draw(seed, m, lights, out)
     return out
 
 
 @kernel
 def _draw(seed, m, lights, out):
-    n = len(out.bounce)
+    kinds, n = out.bounce.shape[:2]
     # Fibonacci's spiral, turned and shifted by chance: of such few directions the most even (Marques et al. 2013).
+    # Each kind is such a spiral, and they are turned against each other so that all together are even too. Every
+    # fourth direction of one spiral is not: four golden steps are nearly half a turn.
     shift, turn = sampling.independent(seed, 0, 0, SCATTER_U), sampling.independent(seed, 0, 0, SCATTER_V)
     for j in range(n):
-        out.bounce[j, 0], out.bounce[j, 1], out.bounce[j, 2] = lambertian.sample(
-            (j + shift) / n, (j * GOLDEN + turn) % 1.0
-        )
+        for c in range(kinds):
+            u, v = (kinds * j + c + shift) / (kinds * n), ((j + c / kinds) * GOLDEN + turn) % 1.0
+            out.bounce[c, j, 0], out.bounce[c, j, 1], out.bounce[c, j, 2] = lambertian.sample(u, v)
         out.pick[j] = strata.uniform(seed, j, 0, SMALL_PICK, m)
     for j in range(len(out.lamp)):
         u, v = strata.uniform(seed, j, 0, LIGHT_U, m), strata.uniform(seed, j, 0, LIGHT_V, m)
@@ -53,12 +55,12 @@ def _draw(seed, m, lights, out):
 
 
 @kernel
-def bounces(paths, normals, out):
-    """Turn the paths' bounces to each of n normals: writes (n P, 3)."""
+def bounces(paths, kinds, normals, out):
+    """Turn bounces, of a kind each, to n normals: writes (n P, 3)."""
     k = 0
     for row in range(len(normals)):
         ax, ay, az, bx, by, bz = sampling.basis(normals[row, 0], normals[row, 1], normals[row, 2])
-        for d in paths.bounce:
+        for d in paths.bounce[kinds[row]]:
             out[k, 0] = d[0] * ax + d[1] * bx + d[2] * normals[row, 0]
             out[k, 1] = d[0] * ay + d[1] * by + d[2] * normals[row, 1]
             out[k, 2] = d[0] * az + d[1] * bz + d[2] * normals[row, 2]

@@ -1,9 +1,10 @@
 """How far off the light of a scene's mobiles is: by photons, and gathered, at the poses where the scene opens.
 
-    python -m tests.mobile_error cornell tree --photons 1048576 --noise 1.5
+    python -m tests.mobile_error cornell tree --photons 1048576 --noise 1.5 --seeds 8
 
 Luminance error (l1, gi_core.error) of all receivers on mobiles, weighted by area, against a truth gathered along other
 paths until its noise is `--noise` percent, which is taken out in squares; *signed*: how much too bright their sum is.
+Of gathering it is the mean over seeds, and is told apart: what seeds differ by, and what is left of their mean.
 CPU ms of one thread, the least of three: of a whole frame of so many photons, of the gathering alone where all
 mobiles have moved.
 """
@@ -41,7 +42,7 @@ def measured(call) -> tuple[object, float]:
     return found, 1e3 * best
 
 
-def report(name: str, photons: int, wanted: float) -> None:
+def report(name: str, photons: int, wanted: float, seeds: int) -> None:
     """Print the lines of a scene."""
     solver = Solver(load_scene(name), photons=photons, threads=1)
     solver.solve()
@@ -55,17 +56,21 @@ def report(name: str, photons: int, wanted: float) -> None:
             break
     light = float((w * luminance(truth.mean)).sum())
 
-    def line(what: str, E: np.ndarray, ms: float) -> None:
-        total = relative_error(E, truth.mean, w).l1
+    def error(E: np.ndarray) -> float:
+        return relative_error(E, truth.mean, w).l1
+
+    def line(what: str, total: float, parts: str, E: np.ndarray, ms: float) -> None:
         signed = float((w * luminance(E)).sum()) / light - 1
-        print(f"| {what} | {100 * bias_left(total, noise):.1f} % | {100 * signed:+.1f} % | {ms:.1f} |", flush=True)
+        print(f"| {what} | {100 * total:.1f} % | {parts} | {100 * signed:+.1f} % | {ms:.1f} |", flush=True)
 
     print(f"{name}: {len(w):,} receivers on mobiles, noise of truth {100 * noise:.1f} %")
 
     for n in (*(n for n in FRAMES if n < photons), None):
         _, ms = measured(partial(solver.move_all, solver.poses, n))
-        line(f"{n or photons:,} photons", solver.irradiance[rows], ms)
+        E = solver.irradiance[rows]
+        line(f"{n or photons:,} photons", bias_left(error(E), noise), "", E, ms)
     at, static = model.transforms(solver.poses), solver.irradiance
+    gathers = [gather, *(MobileGather(model, solver.seed + 1 + k) for k in range(seeds - 1))]
     steps, mobiles = count(1), np.arange(len(at.position))[:, None] > 0
 
     def moved(m: int) -> None:
@@ -76,7 +81,13 @@ def report(name: str, photons: int, wanted: float) -> None:
     for paths in PATHS:
         m = paths.bit_length() - 1
         _, ms = measured(partial(moved, m))
-        line(f"{paths} paths", gather.irradiance(at, static, m), ms)
+        found = [g.irradiance(at, static, m) for g in gathers]
+        mean, total = sum(found) / seeds, sum(bias_left(error(E), noise) for E in found) / seeds
+        chance = sum(float((w * np.abs(luminance(E - mean))).sum()) for E in found) / seeds / light
+        chance *= (seeds / max(seeds - 1, 1)) ** 0.5
+        bias = bias_left(error(mean), noise, chance / seeds**0.5)
+        parts = f"noise {100 * chance:.1f}, bias {100 * bias:.1f}" if seeds > 1 else ""
+        line(f"{paths} paths", total, parts, mean, ms)
 
 
 def main() -> None:
@@ -84,9 +95,10 @@ def main() -> None:
     parser.add_argument("scenes", nargs="+")
     parser.add_argument("--photons", type=int, default=1 << 20)
     parser.add_argument("--noise", type=float, default=1.5, help="of the truth [%%]")
+    parser.add_argument("--seeds", type=int, default=8, help="of the gathering")
     asked = parser.parse_args()
     for name in asked.scenes:
-        report(name, asked.photons, asked.noise)
+        report(name, asked.photons, asked.noise, asked.seeds)
 
 
 if __name__ == "__main__":
