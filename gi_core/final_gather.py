@@ -2,8 +2,8 @@
 
 What a photon map is best for (final gathering, Reichert 1992; Jensen 2001): its grain is averaged over all that a
 receiver sees. A path is a shadow ray and a bounce, however often light is reflected, and scatters less than one that
-is followed to its end, so this is there long before such paths (`gather_rounds.py`) are of any use, but it keeps what
-the photons themselves are off by.
+is followed to its end, so this is there long before such paths (`gather_rounds.py`) are of any use, but it keeps, a
+reflection later, what the light that they end in is off by.
 
 Paths come in pairs of sets, each pair of twice as many as the last, since a large set is more even than several
 small ones; what the two halves of pairs differ by tells the noise.
@@ -42,7 +42,7 @@ class FinalGather:
         self._lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
         self._variance = np.zeros(positions.shape)
         self.paths = 0  # a receiver, behind `mean`; 0: nothing is known
-        self.mean = np.zeros(positions.shape)  # (n, 3) float64 [W/m2]
+        self.mean = self.last = np.zeros(positions.shape)  # (n, 3) float64 [W/m2]; that of the last pair alone
 
     @property
     def standard_error(self) -> np.ndarray:
@@ -59,7 +59,7 @@ class FinalGather:
     def steps(self, field: Callable[[], np.ndarray]) -> Iterator[bool]:
         """Gather without end, in steps of some 20 ms; True is yielded where `mean` is new.
 
-        field() returns the irradiance (n, 3) [W/m2] of these receivers that photons tell by now; asked once a pair.
+        field() returns the irradiance (n, 3) [W/m2] of these receivers by what is known now; asked once a pair.
         """
         pair = 0
         while True:
@@ -77,7 +77,8 @@ class FinalGather:
     def _take_in(self, halves: np.ndarray, paths: int) -> None:
         before, self.paths = self.paths, self.paths + paths
         a, b = before / self.paths, paths / self.paths
-        self.mean = a * self.mean + b * 0.5 * (halves[0] + halves[1])
+        self.last = 0.5 * (halves[0] + halves[1])
+        self.mean = a * self.mean + b * self.last
         self._variance = a * a * self._variance + b * b * 0.25 * (halves[0] - halves[1]) ** 2
 
     def _gather(self, rows: np.ndarray, number: int, m: int, field: np.ndarray, out: np.ndarray) -> None:

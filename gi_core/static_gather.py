@@ -4,8 +4,9 @@ It replaces the photons' own answer as what frames start from (`control_variate.
 two. How far the photons are off is judged from the two alone: the square of their distance is that of the noise of
 one, which is known, and that of the error of the other.
 
-First paths of a single bounce, which end in the photons' light (`final_gather.py`): within seconds they are nearly as
-good as it gets, but for what the photons are off by, and what is lost between vertices. How much that is, whole paths
+First paths of a single bounce (`final_gather.py`), which end in the photons' light, then in what they have gathered
+themselves: each round of them is one more reflection away from what the photons are off by. Within seconds they are
+nearly as good as it gets, but for that, and what is lost between vertices. How much it is, whole paths
 at a few receivers tell (`spot_check.py`). Then whole paths everywhere in rounds, without bias (`gather_rounds.py`),
 from the moment they are the better.
 """
@@ -104,10 +105,22 @@ class StaticGather:
         """Gather single bounces, in steps; yields what is to be done next, if anything, to take them over."""
         f = self._final
         yield from self._check.steps()
-        for new in f.steps(photons):
+        for new in f.steps(lambda: self._known(photons())):
             yield self._take_over(f.mean, f.standard_error, f.noise, f.paths) if new and f.noise < self.noise else None
             if not f.noise > max(QUICK * ENOUGH, BIASED * self._early_error):
                 return
+
+    def _known(self, photons: np.ndarray) -> np.ndarray:
+        """Return the light (n, 3) that single bounces end in: what the last of them told, else the photons'.
+
+        A receiver that sees nothing is inside something, at a corner of faces that reach out of it: there the photons'
+        discs still tell of the light beside it. How much light there is in all is the photons' to tell, without bias:
+        what interpolation between vertices loses would be lost again at every reflection.
+        """
+        told = self._final.last
+        out = np.where(luminance(told)[:, None] > 0, told, photons)
+        mine, theirs = self.weights @ out, self.weights @ photons
+        return out * np.divide(theirs, mine, out=np.ones(3), where=mine > 0)
 
     @property
     def _early_error(self) -> float:

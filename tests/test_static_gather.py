@@ -140,3 +140,26 @@ def test_what_a_twin_shows_is_its_own_affair(gathered):
     twin = gathered.twin()
     twin.configure(static_light="prefix")
     assert gathered.static_light == "gathered" and twin.gathered is gathered.gathered
+
+
+def test_where_photons_put_the_light_is_forgotten_but_not_how_much_there_is():
+    """Photons that tell of a fifth of the light in one half of the room, and of more in the other."""
+    solver = Solver(replace(SCENE, mobiles=()), photons=200_000, radius=0.06)
+    solver.solve()
+    right = solver.resting_irradiance
+    wrong = np.where(solver.receivers.positions[:, :1] < 0.5, 0.2, 1.8) * right
+    wrong *= (solver.receivers.areas @ right) / (solver.receivers.areas @ wrong)
+
+    def gathered_over(photons, fed: bool):
+        g = static_gather.StaticGather(solver.model, 0, lambda: photons)
+        for new in g._final.steps(lambda: g._known(photons) if fed else photons):
+            if new and g._final.paths > 1000:
+                return g._final.mean, g.weights @ g._known(photons)
+
+    once, fed = (
+        relative_error(*(gathered_over(E, fed)[0] for E in (wrong, right)), solver.receivers.areas).l1
+        for fed in (False, True)
+    )
+    assert once > 0.1
+    assert fed < 0.4 * once
+    assert gathered_over(right, True)[1] == pytest.approx(solver.receivers.areas @ right)
