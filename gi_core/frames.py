@@ -14,6 +14,7 @@ from gi_core.accelerator import Transforms
 from gi_core.background import Background, Photons
 from gi_core.control_variate import frame_irradiance
 from gi_core.cuts import Frame, change, current_segments
+from gi_core.light_pool import LightPool
 from gi_core.mobile_light import MobileLight
 from gi_core.model import Model
 from gi_core.near_scan import Room
@@ -58,6 +59,7 @@ def frame_light(
     at: Transforms,
     size: FrameSize,
     room: Room,
+    pool: LightPool,
     clock,
 ) -> tuple[Frame, np.ndarray]:
     """Return what the mobiles at `at` change, and irradiance (R, 3) [W/m2].
@@ -74,7 +76,8 @@ def frame_light(
     if size.photons:
         scale, resting = model.emitters.unit_flux / size.photons, shown.resting(size.photons)
         better = lights.static.irradiance(shown, size.photons)
-        E = frame_irradiance(evaluated, scale, estimate.background(size.photons)[0], resting, better, model.threads)
+        background = estimate.background(size.photons)[0]
+        E = frame_irradiance(evaluated, scale, background, resting, better, model.threads, pool)
     else:
         E = np.zeros(evaluated.sums.shape)
     clock("read out")

@@ -20,6 +20,7 @@ from gi_core.frames import Changes, FrameSize, Lights, changes_of, frame_light, 
 from gi_core.gather_rounds import Gathered
 from gi_core.hidden import Drawn, drawn
 from gi_core.ladder import FrameTimes, is_rung, next_rung
+from gi_core.light_pool import LightPool
 from gi_core.mobile_light import MobileLight
 from gi_core.model import Model
 from gi_core.near_scan import Room
@@ -85,7 +86,7 @@ class Solver:
         self.setting = Setting(estimator, self.chosen.radius, self.chosen.neighbours)
         self.poses: dict[str, Pose] = self.model.start_poses()
         self._photons = Photons(self.model, self.seed)
-        self._room = Room()
+        self._room, self._pool = Room(), LightPool()
         self.timings: dict[str, float] = {}
         self.changes = Changes(0, 0, 0)
         self._facts = NO_FACTS
@@ -306,7 +307,9 @@ class Solver:
             return  # nothing traced yet
         clock, size = Stages(), self._size(self._shown.estimate.photons if photons is None else photons, paths)
         at, lights = self.model.transforms(poses), self._lights
-        frame, light = frame_light(self.model, self._photons, self._shown, lights, at, size, self._room, clock)
+        frame, light = frame_light(
+            self.model, self._photons, self._shown, lights, at, size, self._room, self._pool, clock
+        )
         changes, facts = changes_of(frame), getattr(self._shown.estimate, "control_facts", NO_FACTS)
         gathered, gathering = self.uses_gathered, clock.seconds.get("gather", 0.0)
         self._mobile_light.took(size.paths, gathering)
@@ -373,7 +376,8 @@ class Solver:
         another estimator: nothing is traced twice. Only one of the two may be at work at a time.
         """
         other = copy.copy(self)
-        other.poses, other._room, other._times, other._next = dict(self.poses), Room(), FrameTimes(), None
+        other.poses, other._times, other._next = dict(self.poses), FrameTimes(), None
+        other._room, other._pool = Room(), LightPool()
         other._static_light, other._mobile_light = copy.copy(self._static_light), copy.copy(self._mobile_light)
         if fresh:
             other._shown = other._made_of = other._frame = None
