@@ -107,8 +107,8 @@ class FinalGather:
         none = Exchange(np.empty(0, np.int64), np.empty((0, 3), np.int64), *np.empty((2, 0, 3)))  # no mobile is met
         meet(
             1 << m, positions, normals, at.rotation[0], rays.direction, distance, face, world.normals,
-            world.reflectance, world.two_sided, at.rotation, at.position, world.face_object, lights.area.emitted,
-            lights.area.density, lights.sky, model.object_receivers.positions, s.corner_front, s.corner_back, field,
-            0, 0, total, none,
+            world.reflectance, world.two_sided, at.rotation, at.position, world.face_object, lights.area.lamp,
+            lights.area.radiance, lights.area.density, lights.sky, model.object_receivers.positions, s.corner_front,
+            s.corner_back, field, 0, 0, total, none,
         )  # fmt: skip
         return total

@@ -26,7 +26,8 @@ class Exchange(NamedTuple):
 @kernel
 def meet(
     paths, positions, normals_here, R_here, directions, distance, face, normals, reflectance, two_sided, rotation,
-    position, face_object, emitted, density, sky, points, corner_front, corner_back, static, first, base, total, out,
+    position, face_object, lamp, radiance, density, sky, points, corner_front, corner_back, static, first, base,
+    total, out,
 ):  # fmt: skip
     """Add what rays meet on lamps, in the sky and on the static part; write down those that meet mobiles, return how
     many. With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho E.
@@ -45,9 +46,11 @@ def meet(
         nx, ny, nz = turned(R, normals[f])
         facing = -(d[0] * nx + d[1] * ny + d[2] * nz)
         if facing > 0.0:
-            share = share_of_bounce(d, normals_here[row], facing, t, density[f])
-            for c in range(3):
-                total[row, c] += math.pi * emitted[f, c] * share
+            e = lamp[f]
+            if e >= 0:
+                share = share_of_bounce(d, normals_here[row], facing, t, density[e])
+                for c in range(3):
+                    total[row, c] += math.pi * radiance[e, c] * share
         elif not two_sided[f]:
             continue  # the back of a one-sided face is black
         corners = corner_front[f] if facing > 0.0 else corner_back[f]

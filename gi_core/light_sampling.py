@@ -28,8 +28,8 @@ class AreaLights(NamedTuple):
     normal: np.ndarray  # (A, 3) float64 unit
     radiance: np.ndarray  # (A, 3) float64 Le [W/m2/sr]
     cdf: np.ndarray  # (A,) float64, running share of area x largest channel of Le, ends at 1
-    density: np.ndarray  # (F,) float64 [1/m2], of sampling a point on a global face; 0: not a light
-    emitted: np.ndarray  # (F, 3) float64 Le by global face, 0 on mobiles
+    density: np.ndarray  # (A,) float64 [1/m2], of sampling a point on it
+    lamp: np.ndarray  # (F,) int32, which of these a global face is, -1: none
 
 
 class SmallLights(NamedTuple):
@@ -54,15 +54,16 @@ def area_lights(surfaces: Surfaces) -> AreaLights:
     emitted[static] = surfaces.emission[static]
     power = surfaces.areas * emitted.max(axis=1, initial=0)
     faces = np.flatnonzero(power > 0)
-    density = np.zeros(len(power))
-    cdf = np.zeros(0)
+    lamp = np.full(len(power), -1, np.int32)
+    lamp[faces] = np.arange(len(faces))
+    density = cdf = np.zeros(0)
     if len(faces):
         share = power[faces] / power[faces].sum()
-        density[faces] = share / surfaces.areas[faces]
+        density = share / surfaces.areas[faces]
         cdf = np.cumsum(share)
         cdf[-1] = 1.0
     corners = surfaces.vertices[0][surfaces.faces[0][faces]].reshape(-1, 9)
-    return AreaLights(corners, surfaces.normals[faces], emitted[faces], cdf, density, emitted)
+    return AreaLights(corners, surfaces.normals[faces], emitted[faces], cdf, density, lamp)
 
 
 def small_lights(scene: Scene) -> SmallLights:

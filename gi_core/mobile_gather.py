@@ -6,12 +6,13 @@ path therefore ends where its first ray does, with rho E of that place (final ga
 Where that is a mobile again, E is itself unknown: those few places make a linear system, solved by Jacobi's
 method.
 
-All receivers use the same points on lamps, so that neighbours are off alike: of the same error, a smooth surface shows
-nothing where it would show blotches from vertex to vertex. Of bounces there are a few kinds, which hold in the mobile's
-own frame: each receiver follows one, and what they bring is averaged over neighbours (`neighbour_mean`). So in
-E = direct + mean of (what bounces bring), direct is the light that shadow rays bring; all that bounces meet is averaged
-alike, static part, mobiles, sky, and lamps with the share of them that is theirs. A function of poses and of the static
-light alone, to the last bit: what is kept from earlier frames is what would be found anew.
+All receivers of a mobile use the same points on lamps (`aimed_lamps`), so that neighbours are off alike: of the same
+error, a smooth surface shows nothing where it would show blotches from vertex to vertex. Of bounces there are a few
+kinds, which hold in the mobile's own frame: each receiver follows one, and what they bring is averaged over neighbours
+(`neighbour_mean`). So in E = direct + mean of (what bounces bring), direct is the light that shadow rays bring; all
+that bounces meet is averaged alike, static part, mobiles, sky, and lamps with the share of them that is theirs. A
+function of poses and of the static light alone, to the last bit: what is kept from earlier frames is what would be
+found anew.
 """
 
 from __future__ import annotations
@@ -22,16 +23,25 @@ import numpy as np
 
 from gi_core import first_hits
 from gi_core.accelerator import FAR, ORIGIN_LIFT, Transforms
+from gi_core.aimed_lamps import aimed, along_a_curve, steady
 from gi_core.evaluation_points import evaluation_points
 from gi_core.first_hits import Exchange
 from gi_core.jit import kernel
 from gi_core.kept_rays import BounceRays, ShadowRays, pose_keys
-from gi_core.light_sampling import Shadows, area_lights, room_for_shadows, sky_of, small_lights
+from gi_core.light_sampling import AreaLights, Shadows, area_lights, room_for_shadows, sky_of, small_lights
 from gi_core.model import Model
 from gi_core.neighbour_mean import KINDS, beside, closeness, kinds, neighbour_mean
 from gi_core.path_gather import SHADOW_GAP, Lights, add_lit
 from gi_core.pose import to_world_at
-from gi_core.shared_paths import SharedPaths, bounces, from_lamps, from_small_lights, shared_paths
+from gi_core.shared_paths import (
+    LampPoints,
+    SharedPaths,
+    bounces,
+    from_lamps,
+    from_small_lights,
+    lamp_points,
+    shared_paths,
+)
 from gi_core.threads import run_ranges
 
 STREAM = 0x3B11  # keeps these random numbers apart from those of photons and reference with the same seed
@@ -67,7 +77,9 @@ class MobileGather:
         self.first = model.surfaces.receiver_range(0).stop  # the first receiver on a mobile
         positions, self._normals = (a[self.first :] for a in evaluation_points(model.surfaces, model.object_receivers))
         self._positions = positions + ORIGIN_LIFT * model.world.size * self._normals
-        self._lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
+        area = along_a_curve(area_lights(model.surfaces))
+        self._lights = Lights(area, small_lights(model.scene), sky_of(model.scene))
+        self._lamps: dict[int, tuple[bytes, AreaLights]] = {}  # by mobile, where it was
         s = model.surfaces
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
         self._beside = beside(positions, self._normals, corners - self.first)
@@ -86,14 +98,16 @@ class MobileGather:
         if n == 0:
             return light.direct
         if m not in self._paths:
-            self._paths[m] = shared_paths(self._seed, m, self._lights.area, KINDS)
+            self._paths[m] = shared_paths(self._seed, m, KINDS)
+        lamps = [self._aimed(o, at, m) for o in range(1, len(poses))]
         places, kept = self._places(m), self._room(m)
 
         def work(_, first, last):
             found = []
             for k in order[first:last]:
                 run = kept[k] or self._run(m, *places[k])
-                found.append(self._gather(run, at, poses, static, m, Gathered(*(a[run.rows] for a in light))))
+                known = Gathered(*(a[run.rows] for a in light))
+                found.append(self._gather(run, at, poses, lamps[run.mobile - 1], static, m, known))
                 if (n << m) <= KEPT:
                     kept[k] = run
             return found
@@ -105,6 +119,17 @@ class MobileGather:
         direct = light.direct / (1 << m)
         bounced = _exchanged(direct, light.bounced / (1 << m), exchange, 1 << m)
         return direct + neighbour_mean(self._beside, light.close, 1 << m, bounced, threads)
+
+    def _aimed(self, o: int, at: Transforms, m: int) -> tuple[AreaLights, LampPoints]:
+        """Return lamps as a mobile chooses them where it is, and the points of its paths."""
+        world = self._model.world
+        centre = to_world_at(at.rotation[o, None], at.position[o, None], world.sphere_centre[o, None])[0]
+        radius = max(float(world.sphere_radius[o]), ORIGIN_LIFT * world.size)
+        centre = steady(centre, radius)
+        if self._lamps.get(o, (None,))[0] != centre.tobytes():
+            self._lamps[o] = centre.tobytes(), aimed(self._lights.area, centre, radius)
+        area = self._lamps[o][1]
+        return area, lamp_points(self._seed, m, area)
 
     def _places(self, m: int) -> list[tuple[int, slice]]:
         """Return mobile and receivers of each run."""
@@ -130,9 +155,10 @@ class MobileGather:
         rays = BounceRays(self._model, mobile, origins, directions)
         return Run(mobile, rows, directions, rays, ShadowRays(self._model, mobile))
 
-    def _gather(self, run: Run, at: Transforms, poses: list[bytes], static, m: int, light: Gathered) -> Exchange:
+    def _gather(self, run: Run, at: Transforms, poses: list[bytes], lamps, static, m, light: Gathered) -> Exchange:
         """Gather at a run of receivers: add to `light` what is known, return what depends on mobiles."""
         world, s, lights, paths = self._model.world, self._model.surfaces, self._lights, self._paths[m]
+        area, points = lamps
         n, R, p = run.rows.stop - run.rows.start, at.rotation[run.mobile, None], at.position[run.mobile, None]
         positions = to_world_at(R, p, self._positions[run.rows])
         normals = to_world_at(R, 0 * p, self._normals[run.rows])
@@ -141,7 +167,7 @@ class MobileGather:
         def shadows() -> Shadows:
             small = min(len(lights.small.kind), 1 << m)
             rays = room_for_shadows((n << m) + n * small)
-            count = from_lamps(paths, lights.area, positions, normals, gap, rays)
+            count = from_lamps(points, area, positions, normals, gap, rays)
             count = from_small_lights(paths, lights.small, positions, normals, far, gap, count, rays)
             return Shadows(*(a[:count] for a in rays))
 
@@ -153,7 +179,7 @@ class MobileGather:
         out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))
         met = first_hits.meet(
             1 << m, positions, normals, R[0], run.directions, distance, face, world.normals, world.reflectance,
-            world.two_sided, at.rotation, at.position, world.face_object, lights.area.emitted, lights.area.density,
+            world.two_sided, at.rotation, at.position, world.face_object, area.lamp, area.radiance, area.density,
             lights.sky, self._model.object_receivers.positions, s.corner_front, s.corner_back, static, self.first,
             run.rows.start, light.bounced, out,
         )  # fmt: skip

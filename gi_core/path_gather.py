@@ -91,7 +91,8 @@ def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnd
         distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
         n = _arrive(
             seed, m, vertex, ends, direction, distance, face, world.normals, world.reflectance, world.two_sided,
-            at.rotation, world.face_object, lights.area.emitted, density, lights.sky, ORIGIN_LIFT * world.size, total,
+            at.rotation, world.face_object, lights.area.lamp, lights.area.radiance, density, lights.sky,
+            ORIGIN_LIFT * world.size, total,
         )  # fmt: skip
         ends = PathEnds(*(a[:n] for a in ends))
         vertex += 1
@@ -159,7 +160,7 @@ def share_of_bounce(d, normal, facing, distance, density):
 @kernel
 def _arrive(
     seed, m, vertex, ends, direction, distance, face,
-    normals, reflectance, two_sided, rotation, face_object, emitted, density, sky, lift, total,
+    normals, reflectance, two_sided, rotation, face_object, lamp, radiance, density, sky, lift, total,
 ):  # fmt: skip
     """Add the emission and the sky that bounced paths meet; move those that live to the front, return how many.
 
@@ -178,9 +179,11 @@ def _arrive(
         nx, ny, nz = turned(rotation[face_object[f]], normals[f])
         facing = -(d[0] * nx + d[1] * ny + d[2] * nz)
         if facing > 0.0:  # emission leaves the front
-            share = share_of_bounce(d, ends.normal[k], facing, distance[k], density[f])
-            for c in range(3):
-                total[row, c] += ends.throughput[k, c] * math.pi * emitted[f, c] * share
+            e = lamp[f]
+            if e >= 0:
+                share = share_of_bounce(d, ends.normal[k], facing, distance[k], density[e])
+                for c in range(3):
+                    total[row, c] += ends.throughput[k, c] * math.pi * radiance[e, c] * share
         elif not two_sided[f]:
             continue  # the back of a one-sided face is black
         rho = reflectance[f]

@@ -1,4 +1,4 @@
-"""Paths whose random numbers many receivers share: drawn once, and points on lamps chosen once, for all of them."""
+"""Paths whose random numbers many receivers share: directions, and points on lamps, are drawn once for all of them."""
 
 from __future__ import annotations
 
@@ -20,23 +20,34 @@ class SharedPaths(NamedTuple):
     """The choices of P paths of one bounce."""
 
     bounce: np.ndarray  # (kinds, P, 3) float64 unit, cosine-distributed about the third axis
-    lamp: np.ndarray  # (P,) int64, emissive face; (0,) where there is none, as are the next two
-    point: np.ndarray  # (P, 3) float64 on it [m]
-    density: np.ndarray  # (P,) float64 [1/m2], of that choice
     pick: np.ndarray  # (P,) float64 in [0, 1), for lights without size
 
 
-def shared_paths(seed: int, m: int, lights: AreaLights, kinds: int = 1) -> SharedPaths:
-    """Draw 2^m paths: directions and points on lamps each share out what there is; directions in so many kinds."""
-    n = 1 << m
-    lamps, bounce = n if len(lights.cdf) else 0, np.empty((kinds, n, 3))
-    out = SharedPaths(bounce, np.empty(lamps, np.int64), np.empty((lamps, 3)), np.empty(lamps), np.empty(n))
-    _draw(seed, m, lights, out)
+class LampPoints(NamedTuple):
+    """Points on lamps, one a path; none where there are no lamps."""
+
+    lamp: np.ndarray  # (P,) int64, emissive face
+    point: np.ndarray  # (P, 3) float64 on it [m]
+    density: np.ndarray  # (P,) float64 [1/m2], of that choice
+
+
+def shared_paths(seed: int, m: int, kinds: int) -> SharedPaths:
+    """Draw 2^m paths, their directions in so many kinds: each shares the hemisphere out, so do all together."""
+    out = SharedPaths(np.empty((kinds, 1 << m, 3)), np.empty(1 << m))
+    _draw(seed, m, out)
+    return out
+
+
+def lamp_points(seed: int, m: int, lights: AreaLights) -> LampPoints:
+    """Choose the points of 2^m paths: they share the lamps out."""
+    n = 1 << m if len(lights.cdf) else 0
+    out = LampPoints(np.empty(n, np.int64), np.empty((n, 3)), np.empty(n))
+    _choose(seed, m, lights, out)
     return out
 
 
 @kernel
-def _draw(seed, m, lights, out):
+def _draw(seed, m, out):
     kinds, n = out.bounce.shape[:2]
     # Fibonacci's spiral, turned and shifted by chance: of such few directions the most even (Marques et al. 2013).
     # Each kind is such a spiral, and they are turned against each other so that all together are even too. Every
@@ -47,6 +58,10 @@ def _draw(seed, m, lights, out):
             u, v = (kinds * j + c + shift) / (kinds * n), ((j + c / kinds) * GOLDEN + turn) % 1.0
             out.bounce[c, j, 0], out.bounce[c, j, 1], out.bounce[c, j, 2] = lambertian.sample(u, v)
         out.pick[j] = strata.uniform(seed, j, 0, SMALL_PICK, m)
+
+
+@kernel
+def _choose(seed, m, lights, out):
     for j in range(len(out.lamp)):
         u, v = strata.uniform(seed, j, 0, LIGHT_U, m), strata.uniform(seed, j, 0, LIGHT_V, m)
         e, p_light, x, y, z = point_on_lamp(lights, u, v)
@@ -68,18 +83,18 @@ def bounces(paths, kinds, normals, out):
 
 
 @kernel
-def from_lamps(paths, lights, positions, normals, gap, out):
-    """Join each of n receivers to the paths' points on lamps; return how many of them could be lit, written to `out`.
+def from_lamps(points, lights, positions, normals, gap, out):
+    """Join each of n receivers to P points on lamps; return how many of them could be lit, written to `out`.
 
     Values [W/m2] sum to P times what the receiver gets; rays end `gap` [m] before the lamp.
     """
     count = 0
     for row in range(len(positions)):
         position, normal = positions[row], normals[row]
-        for j in range(len(paths.lamp)):
-            e, p = paths.lamp[j], paths.point[j]
+        for j in range(len(points.lamp)):
+            e, p = points.lamp[j], points.point[j]
             x, y, z = p[0] - position[0], p[1] - position[1], p[2] - position[2]
-            geometry, x, y, z, d = arrives(x, y, z, normal, lights.normal[e], paths.density[j])
+            geometry, x, y, z, d = arrives(x, y, z, normal, lights.normal[e], points.density[j])
             if geometry <= 0.0:
                 continue
             for c in range(3):
