@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scene_builders import box_mobile, coloured_room
 
-from gi_core import embree
+from gi_core import accelerator, embree
 from gi_core.accelerator import Accelerator
-from gi_core.scene.types import Material, Mesh, Scene
+from gi_core.scene.types import Material, Mesh, Pose, Scene
+from gi_core.solver import Solver
 from gi_core.surfaces import flatten
 
 N = 4000
@@ -53,37 +55,47 @@ def distances(mesh: Mesh, o, d) -> np.ndarray:
 def test_nearest_and_any_hits_are_those_of_a_loop_over_all_triangles(threads):
     mesh, (o, d) = soup(60), rays()
     scene = Scene(mesh, (Material("grey"),))
-    accelerator = Accelerator(flatten(scene, with_receivers=False)[0], threads)
+    rays_of = Accelerator(flatten(scene, with_receivers=False)[0], threads)
     t = distances(mesh, o, d)
     limits = np.random.default_rng(2).uniform(0.1, FAR, N).astype(np.float32)
     expected = np.where(t.min(axis=1) < limits, t.argmin(axis=1), -1)
-    found, face = accelerator.nearest(0, o, d, limits)
+    found, face = rays_of.nearest(0, o, d, limits)
     # A ray may graze an edge, or end on a triangle, within rounding: none of these does.
     assert np.array_equal(face, expected)
     assert (face >= 0).sum() > N / 10
     assert np.allclose(found[face >= 0], t.min(axis=1)[face >= 0], atol=1e-4)
     assert np.array_equal(found[face < 0], limits[face < 0])
-    assert np.array_equal(accelerator.occluded(0, o, d, limits), expected >= 0)
+    assert np.array_equal(rays_of.occluded(0, o, d, limits), expected >= 0)
 
 
 def test_arrays_of_any_kind_are_taken(monkeypatch):
     mesh, (o, d) = soup(20), rays()
-    accelerator = Accelerator(flatten(Scene(mesh, (Material("grey"),)), with_receivers=False)[0])
+    rays_of = Accelerator(flatten(Scene(mesh, (Material("grey"),)), with_receivers=False)[0])
     limits = np.full(N, FAR, np.float32)
-    plain = accelerator.nearest(0, o, d, limits)
+    plain = rays_of.nearest(0, o, d, limits)
     strided = np.concatenate([o, d], axis=1).astype(np.float64)
-    other = accelerator.nearest(0, strided[:, :3], strided[:, 3:], limits.astype(np.float64))
+    other = rays_of.nearest(0, strided[:, :3], strided[:, 3:], limits.astype(np.float64))
     assert all(np.array_equal(a, b) for a, b in zip(plain, other, strict=True))
 
 
 def test_what_has_no_faces_is_never_hit():
     empty = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
-    accelerator = Accelerator(flatten(Scene(empty, (Material("grey"),)), with_receivers=False)[0])
+    rays_of = Accelerator(flatten(Scene(empty, (Material("grey"),)), with_receivers=False)[0])
     o, d = rays()
     limits = np.full(N, FAR, np.float32)
-    found, face = accelerator.nearest(0, o, d, limits)
+    found, face = rays_of.nearest(0, o, d, limits)
     assert (face == -1).all() and np.array_equal(found, limits)
-    assert not accelerator.occluded(0, o, d, limits).any()
+    assert not rays_of.occluded(0, o, d, limits).any()
+
+
+def test_structures_are_built_once(monkeypatch):
+    solver = Solver(coloured_room((box_mobile(size=0.1),)), photons=2000, radius=0.1)
+    monkeypatch.setattr(accelerator, "Triangles", None)  # one more could not be made
+    solver.solve()
+    solver.configure(mobile_light="gathered", static_light="gathered")
+    for k in range(3):
+        solver.move("box", Pose((0.3 + 0.1 * k, 0.5, 0.3)))
+        assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
 def test_structures_are_given_back(monkeypatch):
