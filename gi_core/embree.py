@@ -99,7 +99,9 @@ _TNEAR, _TIME, _TFAR, _MASK, _ID, _FLAGS, _PRIMITIVE, _GEOMETRY, _INSTANCE, _WOR
 
 def new_ray() -> np.ndarray:
     """Return room for one ray, which a kernel uses again and again: no two threads the same."""
-    ray = np.zeros(_WORDS, np.float32)
+    room = np.zeros(_WORDS + 3, np.float32)
+    first = -(room.ctypes.data // 4) % 4  # Embree wants addresses that 16 divides
+    ray = room[first : first + _WORDS]
     ray.view(np.int32)[_MASK] = -1
     return ray
 

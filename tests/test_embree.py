@@ -88,6 +88,12 @@ def test_what_has_no_faces_is_never_hit():
     assert not rays_of.occluded(0, o, d, limits).any()
 
 
+def test_rays_are_where_embree_wants_them():
+    held = [embree.new_ray() for _ in range(50)]
+    assert {ray.ctypes.data % 16 for ray in held} == {0}
+    assert {len(ray) for ray in held} == {24}
+
+
 def test_structures_are_built_once(monkeypatch):
     solver = Solver(coloured_room((box_mobile(size=0.1),)), photons=2000, radius=0.1)
     monkeypatch.setattr(accelerator, "Triangles", None)  # one more could not be made
