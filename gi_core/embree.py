@@ -74,7 +74,8 @@ class Triangles:
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray):
         self.address = _new_scene(_DEVICE)  # of the structure, for kernels
-        weakref.finalize(self, _release_scene, self.address)
+        # Not as Python ends: a thread that is left behind may still be asking for rays.
+        weakref.finalize(self, _release_scene, self.address).atexit = False
         _set_flags(self.address, _ROBUST)
         geometry = _new_geometry(_DEVICE, _TRIANGLES)
         for kind, layout, rows in (
