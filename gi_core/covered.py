@@ -12,8 +12,8 @@ import numpy as np
 from gi_core.accelerator import Transforms, rays_to_object
 from gi_core.error import luminance
 from gi_core.evaluation_points import evaluation_points
-from gi_core.gather_filter import neighbours
 from gi_core.hidden import BLACK, LITTLE, LOOKS, NONE_HIDDEN, Hidden, directions, look_round
+from gi_core.mesh_neighbours import neighbours
 from gi_core.model import Model
 
 MOST = 0.7  # of all directions: so many must meet the mobile

@@ -20,6 +20,7 @@ import numpy as np
 
 from gi_core.error import luminance
 from gi_core.jit import kernel
+from gi_core.mesh_neighbours import Neighbours
 from gi_core.threads import run_ranges
 
 REACHES = (2.0, 4.0, 8.0)  # standard deviations of a difference that no longer counts
@@ -29,56 +30,11 @@ CLEAR = 0.7  # of the risk without smoothing: in scenes of few receivers the est
 GRAIN = 4096  # receivers a thread
 
 
-class Neighbours(NamedTuple):
-    """Receivers that share an edge of a face on one smooth side; those of i are of[first[i] : first[i + 1]]."""
-
-    first: np.ndarray  # (n + 1,) int64
-    of: np.ndarray  # (k,) int32
-
-
 class Smoothed(NamedTuple):
     """Light with less noise."""
 
     irradiance: np.ndarray  # (n, 3) float64 [W/m2]
     share: float  # of the error (l2, by area) that is left, 0 .. 1; 1: nothing helps
-
-
-def neighbours(corners: np.ndarray, n: int) -> Neighbours:
-    """Return the neighbours of n receivers; corners (m, 3) are those of faces, fronts and backs."""
-    corners = np.ascontiguousarray(corners, np.int32)
-    most = np.concatenate([[0], np.cumsum(2 * np.bincount(corners.reshape(-1), minlength=n))])[: n + 1]
-    room = np.empty(most[-1], np.int32)
-    count = np.zeros(n, np.int64)
-    _join(corners, most, room, count)
-    first = np.concatenate([[0], np.cumsum(count)])
-    of = np.empty(first[-1], np.int32)
-    _pack(most, room, first, of)
-    return Neighbours(first, of)
-
-
-@kernel
-def _join(corners, start, room, count):
-    """Enter both ends of every edge into each other's list, once."""
-    for f in range(len(corners)):
-        for a in range(3):
-            i = corners[f, a]
-            for b in range(3):
-                j = corners[f, b]
-                if j == i:
-                    continue
-                known = False
-                for k in range(start[i], start[i] + count[i]):
-                    known |= room[k] == j
-                if not known:
-                    room[start[i] + count[i]] = j
-                    count[i] += 1
-
-
-@kernel
-def _pack(start, room, first, of):
-    for i in range(len(first) - 1):
-        for k in range(first[i + 1] - first[i]):
-            of[first[i] + k] = room[start[i] + k]
 
 
 def smoothed(

@@ -11,8 +11,8 @@ error, a smooth surface shows nothing where it would show blotches from vertex t
 kinds, which hold in the mobile's own frame: each receiver follows one, and what they bring is averaged over neighbours
 (`neighbour_mean`). So in E = direct + mean of (what bounces bring), direct is the light that shadow rays bring; all
 that bounces meet is averaged alike, static part, mobiles, sky, and lamps with the share of them that is theirs. A
-function of poses and of the static light alone, to the last bit: what is kept from earlier frames is what would be
-found anew.
+function of poses and of the static light alone, to the last bit: cached hits (`kept_rays`) equal those of an empty
+cache.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from gi_core.aimed_lamps import aimed, along_a_curve, steady
 from gi_core.evaluation_points import evaluation_points
 from gi_core.first_hits import Exchange
 from gi_core.jit import kernel
-from gi_core.kept_rays import BounceRays, ShadowRays, pose_keys
+from gi_core.kept_rays import BounceRays, ShadowRays
 from gi_core.light_sampling import AreaLights, Shadows, area_lights, room_for_shadows, sky_of, small_lights
 from gi_core.model import Model
 from gi_core.neighbour_mean import KINDS, beside, closeness, kinds, neighbour_mean
@@ -93,13 +93,13 @@ class MobileGather:
         static (>= first, 3) float64: irradiance of the static part's receivers at these poses; 2^log2_paths paths
         a receiver, 0 <= log2_paths <= strata.LARGEST.
         """
-        m, n, poses = log2_paths, len(self._positions), pose_keys(at)
+        m, n = log2_paths, len(self._positions)
         light = Gathered(*np.zeros((2, n, 3)), np.empty(n))
         if n == 0:
             return light.direct
         if m not in self._paths:
             self._paths[m] = shared_paths(self._seed, m, KINDS)
-        lamps = [self._aimed(o, at, m) for o in range(1, len(poses))]
+        lamps = [self._aimed(o, at, m) for o in range(1, len(at.position))]
         places, kept = self._places(m), self._room(m)
 
         def work(_, first, last):
@@ -107,7 +107,7 @@ class MobileGather:
             for k in order[first:last]:
                 run = kept[k] or self._run(m, *places[k])
                 known = Gathered(*(a[run.rows] for a in light))
-                found.append(self._gather(run, at, poses, lamps[run.mobile - 1], static, m, known))
+                found.append(self._gather(run, at, lamps[run.mobile - 1], static, m, known))
                 if (n << m) <= KEPT:
                     kept[k] = run
             return found
@@ -155,7 +155,7 @@ class MobileGather:
         rays = BounceRays(self._model, mobile, origins, directions)
         return Run(mobile, rows, directions, rays, ShadowRays(self._model, mobile))
 
-    def _gather(self, run: Run, at: Transforms, poses: list[bytes], lamps, static, m, light: Gathered) -> Exchange:
+    def _gather(self, run: Run, at: Transforms, lamps, static, m, light: Gathered) -> Exchange:
         """Gather at a run of receivers: add to `light` what is known, return what depends on mobiles."""
         world, s, lights, paths = self._model.world, self._model.surfaces, self._lights, self._paths[m]
         area, points = lamps
@@ -171,9 +171,9 @@ class MobileGather:
             count = from_small_lights(paths, lights.small, positions, normals, far, gap, count, rays)
             return Shadows(*(a[:count] for a in rays))
 
-        rays, blocked = run.shadow.lit(at, poses, shadows)
+        rays, blocked = run.shadow.occluded(at, shadows)
         add_lit(rays.row, rays.value, blocked, light.direct)
-        distance, face = run.bounce.met(at, poses)
+        distance, face = run.bounce.nearest(at)
         closeness(1 << m, distance, light.close)
         count = len(face)
         out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))

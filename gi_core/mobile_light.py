@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.accelerator import Transforms
-from gi_core.kept_rays import pose_keys
 from gi_core.ladder import FrameTimes
 from gi_core.mobile_gather import MobileGather
 from gi_core.model import Model
@@ -24,7 +23,7 @@ class MobileLight:
         self._model, self._seed = model, seed
         self._gather: MobileGather | None = None
         self._times = FrameTimes()  # by paths
-        self._poses: dict[int, list[bytes]] = {}  # by paths, at the last frame of so many
+        self._poses: dict[int, bytes] = {}  # by paths, at the last frame of so many
         self._moved = True  # something, since then
 
     def choose(self, kind: str) -> None:
@@ -53,7 +52,7 @@ class MobileLight:
             gather = MobileGather(self._model, self._seed)
         else:
             gather = self._gather = self._gather or MobileGather(self._model, self._seed)
-            poses = pose_keys(at)
+            poses = at.rotation.tobytes() + at.position.tobytes()
             self._moved, self._poses[paths] = self._poses.get(paths) != poses, poses
         irradiance[gather.first :] = gather.irradiance(at, irradiance[: gather.first], paths.bit_length() - 1)
 

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.gather_filter import neighbours
 from gi_core.jit import allocating, kernel
+from gi_core.mesh_neighbours import neighbours
 from gi_core.threads import run_ranges
 
 KINDS = 4  # of 8 bounces 2 leave a sixth to a quarter more error, 8 a tenth

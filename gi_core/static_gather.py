@@ -20,8 +20,9 @@ import numpy as np
 from gi_core.error import luminance, relative_error
 from gi_core.evaluation_points import evaluation_points
 from gi_core.final_gather import FinalGather
-from gi_core.gather_filter import neighbours, smoothed
+from gi_core.gather_filter import smoothed
 from gi_core.gather_rounds import Gathered, gather_rounds
+from gi_core.mesh_neighbours import neighbours
 from gi_core.model import Model
 from gi_core.spot_check import SpotCheck
 

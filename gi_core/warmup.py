@@ -25,9 +25,10 @@ import numpy as np
 
 from gi_core.disc_search import PRETESTS, SEARCHES
 from gi_core.estimators import ESTIMATORS
-from gi_core.gather_filter import neighbours, smoothed
+from gi_core.gather_filter import smoothed
 from gi_core.gather_rounds import gather_rounds
 from gi_core.jit import cache_folder
+from gi_core.mesh_neighbours import neighbours
 from gi_core.mobile_gather import MobileGather
 from gi_core.model import Model
 from gi_core.near_points import count_within, nearest

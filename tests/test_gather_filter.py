@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scene_builders import quad
 
-from gi_core.gather_filter import Smoothed, neighbours, smoothed
+from gi_core.gather_filter import Smoothed, smoothed
+from gi_core.mesh_neighbours import neighbours
 
 N = 60  # vertices along each side of a square
 CORNERS = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), (N - 1, N - 1)).faces
