@@ -10,12 +10,13 @@ from __future__ import annotations
 import functools
 import math
 import statistics
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from app.background import Task
 from app.other_look import OtherLook
 from app.trials import Trial, Trials
 from app.truth import Truth
@@ -104,25 +105,34 @@ class Appraisal:
         other = self.wants.other and self.other.is_done(version, self.wants.other)
         return bool(other), None if truth is None else (truth.rounds.bit_length(), int(16 * truth.seen))
 
-    def next_work(self, version: object, irradiance: np.ndarray) -> Callable[[], None] | None:
-        """Return the next piece of work on the light of a version, None if nothing is left to do."""
-        wants, poses = self.wants, self._solver.poses
-        if not wants.other and self.other.seen is not None:
+    def next_work(self, version: object, irradiance: np.ndarray, given_up: Set[str] = frozenset()) -> Task | None:
+        """Return the next task for the light of a version, of jobs not given up; None if nothing is left to do."""
+        if not self.wants.other and self.other.seen is not None:
             self.other.drop()
+        due = (task for task in self._due(version, irradiance) if task.name not in given_up)
+        return next(due, None)
+
+    def _due(self, version: object, irradiance: np.ndarray) -> Iterator[Task]:
+        """Iterate over the next task of each job that is due, the most urgent first."""
+        wants, poses = self.wants, self._solver.poses
         m = self._measured
         if wants.numbers and (not self._measures(version) or m.twin is not None):
-            return functools.partial(self._measure, version)
+            yield Task("timing frames", functools.partial(self._measure, version))
         if wants.other and not self.other.is_done(version, wants.other):
-            return functools.partial(self.other.step, version, wants.other)
+            name = f"computing {wants.other.replace('_', ' ')}"
+            yield Task(name, functools.partial(self.other.step, version, wants.other))
         some, everywhere = self.truth(poses, False), self.truth(poses, True)
         told = self.report is not None and self.report.version == version
         picture_due = wants.picture and (everywhere is None or everywhere.noise > GOOD_PICTURE)
-        if wants.numbers and not (told and self.report.done):
-            if not told or some is None or some.noise > ROUGH or not picture_due:
-                return functools.partial(self._gather, version, irradiance, False)
+        numbers_due = wants.numbers and not (told and self.report.done)
+        at_some, at_all = (functools.partial(self._gather, version, irradiance, every) for every in (False, True))
+        of_numbers = Task("gathering the reference" if self._few else "gathering the reference for the error", at_some)
+        if numbers_due and (not told or some is None or some.noise > ROUGH):
+            yield of_numbers
         if picture_due:
-            return functools.partial(self._gather, version, irradiance, True)
-        return None
+            yield Task("gathering the reference", at_all)
+        if numbers_due:
+            yield of_numbers
 
     # The solver's thread ----------------------------------------------------------------------------
 
@@ -183,7 +193,7 @@ class Appraisal:
         truth.step()
         if truth.rounds.bit_count() == 1 and truth.seen == 1:  # 1, 2, 4, ... rounds
             truth.keep()
-        if truth.noise < float("inf") and (self._few or not everywhere):
+        if truth.noise != float("inf") and (self._few or not everywhere):  # nan: there is no light
             self._tell(version, irradiance, truth)
 
     def _tell(self, version: object, irradiance: np.ndarray, truth: Truth) -> None:
@@ -196,13 +206,13 @@ class Appraisal:
         if m is not None and m.version == version and m.prefix:
             others = self._noise_of_gathered(rows)
             noise = noise_from_prefix(irradiance[rows], m.fewer[rows], m.photons, m.prefix, w, others)
-        done = truth.noise <= max(GOOD, SHARE * total)
+        done = not truth.noise > max(GOOD, SHARE * total)
         if done:
             truth.keep()
         of = int((self._areas > 0).sum())
         bias = bias_left(total, noise, truth.noise)
         self.report = Report(version, total, noise, bias, truth.noise, len(rows), of, truth.paths, done)
-        if m is not None and m.version == version:
+        if m is not None and m.version == version and m.seconds and total == total:
             self._note()
 
     def _measures(self, version: object) -> bool:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Set
 from typing import TYPE_CHECKING
 
 from app import looks
 from app.appraisal import Wants
+from app.background import Task
 from app.settings import REFERENCE
 
 if TYPE_CHECKING:
     from app.session import Session
 
+GATHERING = "gathering the static light"
 TURNS = 4  # of which all but one are gathering's, at first
 
 
@@ -22,26 +24,32 @@ class AtRest:
         self._turn = 0
         self._drawn: object = None  # how far what the picture is compared with was when it was last drawn
 
-    def next_work(self) -> Callable[[], object] | None:
-        """Return a piece of work, None if all is done: trying settings, else gathering and appraising in turns.
+    def next_work(self, given_up: Set[str] = frozenset()) -> Task | None:
+        """Return a task of a job not given up, None if all is done: trying settings, else gathering and appraising
+        in turns.
 
         Until it has an answer, most turns are gathering's: a better picture comes before the error of
         this one.
         """
         if self._session.auto is not None:
-            return self._session.auto.next_work()
+            run = self._session.auto.next_work()
+            return run and Task("trying settings", run)
         gathering, self._turn = self._session.gathering, self._turn + 1
         turns = TURNS if math.isinf(gathering.told.noise) else 2
-        first, second = (gathering.next_work, self._appraise)[:: 1 if self._turn % turns else -1]
-        return first() or second()
+        first, second = (self._gather, self._appraise)[:: 1 if self._turn % turns else -1]
+        return first(given_up) or second(given_up)
 
-    def _appraise(self) -> Callable[[], object] | None:
+    def _gather(self, given_up: Set[str]) -> Task | None:
+        run = None if GATHERING in given_up else self._session.gathering.next_work()
+        return run and Task(GATHERING, run)
+
+    def _appraise(self, given_up: Set[str]) -> Task | None:
         session, s = self._session, self._session.settings
         if session.appraisal is None:
             return None
         asked = looks.asked(s)
         session.appraisal.wants = Wants(s.appraise, REFERENCE in asked, "" if s.compare == REFERENCE else s.compare)
-        return session.appraisal.next_work(session.light.version, session.irradiance)
+        return session.appraisal.next_work(session.light.version, session.irradiance, given_up)
 
     def has_news(self) -> bool:
         """Tell whether what the picture is compared with has come, or become much better, since the last call."""

@@ -10,8 +10,16 @@ import queue
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, wait
+from typing import NamedTuple
 
 PATIENCE = 0.25  # s: how long closing waits for a step under way
+
+
+class Task(NamedTuple):
+    """A short piece of work for the background thread."""
+
+    name: str  # of the job that it is a piece of; the log uses it when the piece fails
+    run: Callable[[], object]
 
 
 class Job:

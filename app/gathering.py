@@ -58,8 +58,10 @@ class Gathering:
             self._steps = None
         self._tell()
         done = progress is None or solver.gathered.enough
-        if self.told.fraction > self._saved and (done or self._clock() - self._saved_at > SAVE_EVERY):
-            self._store.keep(solver.gathered.state)
+        state = solver.gathered.state  # None while there are single bounces alone: the store keeps whole paths
+        due = done or self._clock() - self._saved_at > SAVE_EVERY
+        if state is not None and self.told.fraction > self._saved and due:
+            self._store.keep(state)
             self._saved_at, self._saved = self._clock(), self.told.fraction
         return progress is not None and progress.picture
 

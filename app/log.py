@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import traceback
 from collections import deque
 from typing import NamedTuple
 
@@ -30,6 +31,11 @@ class Log:
     def error(self, doing: str, problem: BaseException) -> None:
         """Tell what failed and why, without a traceback."""
         self(f"{doing}: {problem or type(problem).__name__}", ERROR)
+
+    def failure(self, doing: str, problem: BaseException) -> None:
+        """Log an error of the program: one line here, its traceback on stderr."""
+        traceback.print_exception(problem)
+        self.error(doing, problem)
 
     @property
     def last(self) -> Entry | None:

@@ -43,7 +43,7 @@ def run(store: ReferenceStore, error: float) -> Iterator[Reached]:
                 round_ = int(state.sets.min())
                 noise = state.noise(store.weights)
                 per_path = None if noise == float("inf") else done * (noise / error) ** 2
-            if noise <= error:
+            if not noise > error:  # nan: there is no light
                 break
             if now - saved > SAVE_EVERY:
                 store.keep(state)

@@ -11,13 +11,14 @@ import contextlib
 import hashlib
 import os
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import platformdirs
 
-from gi_core.gather_rounds import Gathered, gather_rounds
+from gi_core.gather_rounds import Gathered, gather_rounds, nothing_gathered
 from gi_core.model import Model
 from gi_core.reference import evaluation_points
 from gi_core.scene.types import Pose
@@ -46,9 +47,13 @@ class StateFile:
         try:
             with np.load(self.path) as file:
                 state = Gathered(*(file[name] for name in Gathered._fields))
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        except (OSError, ValueError, KeyError, EOFError, MemoryError, NotImplementedError, RuntimeError):
             return None
-        return state if all(len(a) == self._points for a in state) else None
+        except (zipfile.BadZipFile, zlib.error):
+            return None
+        empty = nothing_gathered(self._points)
+        fits = all((a.shape, a.dtype) == (b.shape, b.dtype) for a, b in zip(state, empty, strict=True))
+        return state if fits else None
 
     def save(self, state: Gathered) -> None:
         """Put what has been gathered in place of what was there. Raises OSError."""

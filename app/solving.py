@@ -9,12 +9,12 @@ of a prefix of the photons (app/pace.py); once it rests, that of all.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.background import PATIENCE, Job, Worker
+from app.background import PATIENCE, Job, Task, Worker
 from app.caveats import caveats
 from app.log import WARNING, Log
 from app.pace import Pace
@@ -75,7 +75,8 @@ class Solving:
         self._moving: dict[str, Pose] = {}  # poses of the move under way
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
         self._hasty = False  # these may be shown in the light of fewer photons
-        self.at_rest: Callable[[], Callable[[], None] | None] | None = None  # hands out work for when nothing else is
+        self.at_rest: Callable[[Set[str]], Task | None] | None = None  # next task at rest, of jobs not given up
+        self._given_up: set[str] = set()  # jobs at rest that have failed
         self._spare = SpareMemory(clock)
         self._idle = False  # the thread is doing such work: nobody waits for it
         self._show()
@@ -170,9 +171,9 @@ class Solving:
         while self.at_rest is not None and self._wait(deadline - self.clock()):
             if self._gives_back():
                 continue
-            if (work := self.at_rest()) is None:
+            if (task := self.at_rest(self._given_up)) is None:
                 return
-            self._begin(work, self._take_rest, idle=True)
+            self._begin(task.run, functools.partial(self._take_rest, task.name), idle=True)
             if self.clock() >= deadline:
                 return
 
@@ -182,13 +183,14 @@ class Solving:
             self._begin(give_back, lambda job: job.result(), idle=True)
         return due
 
-    def _take_rest(self, job: Job) -> None:
+    def _take_rest(self, name: str, job: Job) -> None:
+        """Take over a task; a failed one ends its own job alone, until the scene is loaded again."""
         try:
             if job.result():
                 self._show(moved=False)
         except Exception as problem:
-            self.at_rest = None
-            self.log.error("what is done at rest", problem)
+            self._given_up.add(name)
+            self.log.failure(f"{name} has failed and stops until F5", problem)
 
     def _begin(self, call: Callable, take: Callable[[Job], object], idle: bool = False) -> None:
         self._job, self._take, self._idle = self._worker.submit(call), take, idle

@@ -348,7 +348,7 @@ class Solver:
         """
         g = self._static_light.gather(self.model, self.seed, self._photons_at_rest, state)
         yield from self._look_at_gathered(g)
-        while not g.enough and len(self.model.emitters.kind):
+        while not g.enough:
             if g.step():
                 yield from self._look_at_gathered(g)
             else:

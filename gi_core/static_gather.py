@@ -60,7 +60,8 @@ class StaticGather:
         self._rounds = _rounds(*given, paid, state)
         self.state = state
         self.mean, self.noise = np.zeros((0, 3)), float("inf")  # (n, 3) [W/m2]; of it, relative l1
-        self._left = float("inf" if len(paid) else "nan")  # noise of whole rounds
+        lit = len(paid) and len(model.emitters.kind)
+        self._left = float("inf" if lit else "nan")  # noise of whole rounds
         self._raw, self._share = self.mean, 1.0  # before it was smoothed; of its error, what that has left
         self.deviation = np.zeros(0)  # (n,) [W/m2] standard error of its luminance
         self._seed, self._threads = seed, model.threads

@@ -1,4 +1,4 @@
-"""Use the viewer for hours in minutes: `python -m tests.soak --minutes 5 [--scene cornell] [--seed 0] [--json FILE]`.
+"""Use the viewer for hours in minutes: `python -m tests.soak --minutes 5 [--scene cornell] [--fresh] [--json FILE]`.
 
 A window without a screen is driven as fast as it goes through what a user does in an hour and more: drags, turns,
 plays, undoes, switches estimators, radii and photons, resizes, folds the panel, loads the scene again. Every few
@@ -27,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from memory_use import memory_use, trim  # noqa: E402
 
 EVERY = 5.0  # s between notes
+FRESH_REST = 45.0  # s at rest before anything else, with --fresh: longer than twice the pause between two saves
 SETTLED = 0.5  # share of the time after which memory must have found its level
 ALLOWED = 0.03  # of it, that memory may differ by afterwards, or ...
 LEAST = 25.0  # MB
@@ -111,8 +112,9 @@ def go_on(viewer, hand_over: dict) -> None:
 class Soak:
     """Called once a frame by the viewer's own loop."""
 
-    def __init__(self, viewer, minutes: float, seed: int) -> None:
-        self.viewer, self.seconds = viewer, 60 * minutes
+    def __init__(self, viewer, minutes: float, seed: int, at_rest: float) -> None:
+        """`at_rest`: seconds before the first action."""
+        self.viewer, self.seconds, self.at_rest = viewer, 60 * minutes, at_rest
         self.rng, self.hand = random.Random(seed), {}
         self.begun: float | None = None
         self.noted, self.wait = 0.0, 0
@@ -136,6 +138,8 @@ class Soak:
             go_on(viewer, self.hand)
         elif now - self.begun > self.seconds:
             self._finish()
+        elif now - self.begun < self.at_rest:
+            pass
         elif self.wait:
             self.wait -= 1
         else:
@@ -170,7 +174,22 @@ def main() -> int:
     parser.add_argument("--photons", type=int, default=50_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)
+    parser.add_argument(
+        "--fresh", choices=["store", "all"], nargs="?", const="store",
+        help="begin with an empty reference store, or with an empty kernel cache too, and with a long rest",
+    )  # fmt: skip
     options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["XDG_CONFIG_HOME"] = folder
+        if options.fresh:
+            os.environ["GI_VIEWER_REFERENCE_DIR"] = f"{folder}/references"
+        if options.fresh == "all":
+            os.environ["NUMBA_CACHE_DIR"] = f"{folder}/kernels"
+        return run(options)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the viewer, print what was noted, return the exit code."""
     import viewer_support
 
     reason = viewer_support.screenless()
@@ -183,16 +202,14 @@ def main() -> int:
     from app.settings import Settings
     from app.viewer import Viewer
 
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ["XDG_CONFIG_HOME"] = folder
-        mobiles = tuple(options.mobile)
-        viewer = Viewer(Settings(scene=options.scene, mobiles=mobiles, photons=options.photons, size=(800, 600)))
-        viewer.params.fps_idling.enable_idling = False
-        viewer.params.ini_disable = True
-        viewer.params.app_window_params.restore_previous_geometry = False
-        soak = Soak(viewer, options.minutes, options.seed)
-        window.prepare()
-        immapp.run(viewer.params)
+    mobiles = tuple(options.mobile)
+    viewer = Viewer(Settings(scene=options.scene, mobiles=mobiles, photons=options.photons, size=(800, 600)))
+    viewer.params.fps_idling.enable_idling = False
+    viewer.params.ini_disable = True
+    viewer.params.app_window_params.restore_previous_geometry = False
+    soak = Soak(viewer, options.minutes, options.seed, FRESH_REST if options.fresh else 0.0)
+    window.prepare()
+    immapp.run(viewer.params)
     gc.collect()
     trim()
     late = [mb for s, mb, *_ in soak.notes if s > SETTLED * soak.seconds] or [0.0]

@@ -13,6 +13,7 @@ from test_session import FRAME, frame, make
 from app import appraisal as module
 from app import looks
 from app.appraisal import Appraisal, Wants
+from app.background import Task
 from app.log import Log
 from app.session import Session
 from app.settings import Settings
@@ -37,10 +38,10 @@ def solver():
 def finish(appraisal, solver, version, until=lambda: False, pieces=3000):
     """Do all the work; return how many pieces there were."""
     for k in range(pieces):
-        work = appraisal.next_work(version, solver.irradiance)
-        if work is None or until():
+        task = appraisal.next_work(version, solver.irradiance)
+        if task is None or until():
             return k
-        work()
+        task.run()
     raise AssertionError("no end of work")
 
 
@@ -152,7 +153,8 @@ def test_a_reference_at_the_poses_of_the_start_is_there_at_once_next_time(solver
 def resting(s, pieces=1000):
     """Give a session that only counts something to do at rest; return the list of pieces done."""
     done = []
-    s.light.at_rest = lambda: (lambda: done.append(s.clock())) if len(done) < pieces else None
+    task = Task("counting", lambda: done.append(s.clock()))
+    s.light.at_rest = lambda given_up: task if len(done) < pieces else None
     while s.refining:
         frame(s)
     return done
@@ -161,7 +163,7 @@ def resting(s, pieces=1000):
 def test_work_at_rest_waits_for_everything_else():
     s = make()
     done = []
-    s.light.at_rest = lambda: lambda: done.append(1)
+    s.light.at_rest = lambda given_up: Task("counting", lambda: done.append(1))
     while s.refining:
         assert not done
         frame(s)
@@ -209,22 +211,6 @@ def test_a_drag_waits_for_the_piece_under_way_and_no_longer(piece):
     assert s.clock() - started <= s.light.grace + 1e-9
     frame(s)
     assert s.clock() - started <= 2 * piece + 0.01 + s.light.grace
-
-
-def test_work_at_rest_that_fails_is_told_once_and_given_up():
-    s = make()
-    calls = []
-
-    def fail():
-        calls.append(1)
-        raise RuntimeError("no such truth")
-
-    s.light.at_rest = lambda: fail
-    while s.refining:
-        frame(s)
-    for _ in range(10):
-        frame(s)
-    assert len(calls) == 1 and s.log.last.text == "what is done at rest: no such truth"
 
 
 # What is shown --------------------------------------------------------------------------------------
