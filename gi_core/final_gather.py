@@ -18,9 +18,10 @@ import numpy as np
 from gi_core.accelerator import FAR, ORIGIN_LIFT, nearest_in_world
 from gi_core.error import falls_short, noise_of_truth
 from gi_core.first_hits import Exchange, meet
-from gi_core.light_sampling import area_lights, room_for_shadows, sky_of, small_lights
+from gi_core.light_sampling import Lights, area_lights, sky_of, small_lights
 from gi_core.model import Model
-from gi_core.path_gather import BLOCK, Lights, PathEnds, join_lights, scatter
+from gi_core.next_event import room_for_shadows
+from gi_core.path_gather import BLOCK, PathEnds, join_lights, scatter
 from gi_core.threads import run_ranges
 
 STREAM = 0x51D3  # keeps these random numbers apart from those of photons and reference with the same seed

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.jit import kernel
-from gi_core.path_gather import share_of_bounce, turned
+from gi_core.next_event import share_of_bounce
+from gi_core.path_gather import turned
 
 
 class Exchange(NamedTuple):

@@ -12,8 +12,8 @@ import numpy as np
 from gi_core.accelerator import FAR, Transforms, passes_box, rays_to_object, to_local
 from gi_core.embree import any_hit, nearest_hit, new_ray
 from gi_core.jit import inlined, kernel
-from gi_core.light_sampling import Shadows
 from gi_core.model import Model
+from gi_core.next_event import Shadows
 from gi_core.two_level import CUT_PAD
 
 

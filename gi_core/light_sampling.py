@@ -1,8 +1,13 @@
-"""Next-event estimation: choose a light, a point on it, and say what arrives if nothing blocks it.
+"""Lights of a scene as paths find them, and the choice among emissive faces.
 
-Two kinds of light: emissive faces, on which a point is sampled with a known density per area, and
-lights without size, which no ray can hit. Built from the scene itself and not from `emission.py`, so
-that the reference shares neither sampling nor flux with the photons that it judges.
+Two kinds of light: emissive faces, on which a point is sampled with a known density per area, and lights without size,
+which no ray can hit. Built from the scene itself and not from `emission.py`, so that the reference shares neither
+sampling nor flux with the photons that it judges.
+
+Faces are chosen by flux, or by importance for a mobile (`aimed`): radiance, area, distance and the best cosine that any
+point of the mobile's bounding sphere has at the lamp. All receivers of a mobile share that choice, so that their
+errors are correlated and invisible on a smooth surface. It is a function of the mobile's pose alone, constant while
+the mobile moves by less than its radius: points on lamps that follow every step make its light flicker.
 """
 
 from __future__ import annotations
@@ -12,13 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core import sampling, strata
-from gi_core.jit import inlined, kernel
+from gi_core.disc_search.space_curve import hilbert_order
+from gi_core.jit import kernel
 from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
 from gi_core.surfaces import Surfaces
 
 POINT, SPOT, DIRECTIONAL = range(3)
-LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each path vertex
+BY_FLUX = 0.02  # of the choice goes by flux alone: a lamp that touches the sphere is not forgotten, nor is a large face
 
 
 class AreaLights(NamedTuple):
@@ -45,6 +50,14 @@ class Sky(NamedTuple):
 
     up: np.ndarray  # (3,) float64 unit
     radiance: np.ndarray  # (3,) float64 [W/m2/sr]
+
+
+class Lights(NamedTuple):
+    """All lights of a scene, by the way they are found."""
+
+    area: AreaLights
+    small: SmallLights
+    sky: Sky
 
 
 def area_lights(surfaces: Surfaces) -> AreaLights:
@@ -105,157 +118,80 @@ def _unit(v) -> np.ndarray:
     return v / np.sqrt((v * v).sum())
 
 
-class Shadows(NamedTuple):
-    """Rays from path vertices to lights, and what they bring if nothing is in between. Room for n of them."""
+def along_a_curve(lights: AreaLights) -> AreaLights:
+    """Put emissive faces into the order of a Hilbert curve.
 
-    row: np.ndarray  # (n,) int64, where the sum of the path is
-    origin: np.ndarray  # (n, 3) float32 [m]
-    direction: np.ndarray  # (n, 3) float32 unit
-    limit: np.ndarray  # (n,) float32 [m], a little short of the light
-    value: np.ndarray  # (n, 3) float64 irradiance where the path starts [W/m2]
-
-
-def room_for_shadows(n: int) -> Shadows:
-    """Return room for n rays."""
-    return Shadows(
-        np.empty(n, np.int64),
-        np.empty((n, 3), np.float32),
-        np.empty((n, 3), np.float32),
-        np.empty(n, np.float32),
-        np.empty((n, 3)),
+    Points are chosen by strata of the running share; so each stratum is a piece of a lamp, not a band across it.
+    """
+    order = hilbert_order(lights.corners.reshape(-1, 3, 3).mean(axis=1))
+    place = np.empty(len(order) + 1, np.int32)
+    place[order], place[-1] = np.arange(len(order)), -1  # -1 of a face that is no lamp stays -1
+    cdf = np.cumsum(np.diff(lights.cdf, prepend=0.0)[order])
+    cdf[-1:] = 1.0
+    return AreaLights(
+        *(np.ascontiguousarray(a[order]) for a in (lights.corners, lights.normal, lights.radiance)),
+        cdf,
+        lights.density[order],
+        place[lights.lamp],
     )
 
 
+def steady(centre: np.ndarray, radius: float) -> np.ndarray:
+    """Return the middle of the cell of a grid, a radius wide, that a place (3,) lies in: it stays there for a while.
+
+    What a frame differs by from the mean of those before and after it, 8 paths: 2.7 % in gallery, without this 6.3 %,
+    of very many paths 2.3 %; living_room 4.4, 5.6 and 2.6 %. The error is the same.
+    """
+    return radius * np.round(centre / radius)
+
+
+def aimed(lights: AreaLights, centre: np.ndarray, radius: float) -> AreaLights:
+    """Return lamps with the choice that suits a sphere: centre (3,) [m] in the world, radius [m]."""
+    share, area = np.empty_like(lights.cdf), np.empty_like(lights.cdf)
+    _aim(lights.corners, lights.normal, lights.radiance, np.asarray(centre, np.float64), radius, share, area)
+    cdf = np.cumsum(share)
+    cdf[-1:] = 1.0
+    return lights._replace(cdf=cdf, density=share / area)
+
+
 @kernel
-def area_events(seed, m, vertex, ends, lights, gap, out):
-    """Sample a point on an emissive face for each path vertex; return how many could be lit, written to `out`.
+def _aim(corners, normal, radiance, centre, radius, share, area):
+    """Write the share of the choice and the area [m2] of each face."""
+    flux = brought = 0.0
+    for e in range(len(corners)):
+        p, n = corners[e], normal[e]
+        ux, uy, uz = p[3] - p[0], p[4] - p[1], p[5] - p[2]
+        vx, vy, vz = p[6] - p[0], p[7] - p[1], p[8] - p[2]
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        area[e] = 0.5 * math.sqrt(x * x + y * y + z * z)
+        power = area[e] * max(radiance[e, 0], max(radiance[e, 1], radiance[e, 2]))
+        x = centre[0] - (p[0] + p[3] + p[6]) / 3.0
+        y = centre[1] - (p[1] + p[4] + p[7]) / 3.0
+        z = centre[2] - (p[2] + p[5] + p[8]) / 3.0
+        d2 = x * x + y * y + z * z
+        share[e] = power * _best_cosine(x * n[0] + y * n[1] + z * n[2], d2, radius) / (d2 + radius * radius + area[e])
+        flux += power
+        brought += share[e]
+    for e in range(len(corners)):
+        power = area[e] * max(radiance[e, 0], max(radiance[e, 1], radiance[e, 2]))
+        if brought > 0.0:
+            share[e] = (1.0 - BY_FLUX) * share[e] / brought + BY_FLUX * power / flux
+        else:
+            share[e] = power / flux
 
-    Rays end `gap` [m] before the face.
+
+@kernel
+def _best_cosine(height, d2, radius):
+    """Return the largest cosine at a lamp to any point of a sphere, 0 if all are behind it.
+
+    height: of the centre over the lamp's plane, d2: its distance squared. The sphere is seen within asin(radius / d).
     """
-    count = 0
-    for k in range(len(ends.path)):
-        path = ends.path[k]
-        u = strata.uniform(seed, path, vertex, LIGHT_U, m)
-        e, p_light, px, py, pz = point_on_lamp(lights, u, strata.uniform(seed, path, vertex, LIGHT_V, m))
-        x, y, z = px - ends.position[k, 0], py - ends.position[k, 1], pz - ends.position[k, 2]
-        geometry, x, y, z, d = arrives(x, y, z, ends.normal[k], lights.normal[e], p_light)
-        if geometry <= 0.0:
-            continue
-        for i in range(3):
-            out.value[count, i] = ends.throughput[k, i] * lights.radiance[e, i] * geometry
-        aim(ends.row[k], ends.position[k], x, y, z, max(d - gap, 0.0), out, count)
-        count += 1
-    return count
-
-
-@inlined
-def point_on_lamp(lights, u, v):
-    """Return the emissive face that u in [0, 1) chooses, the density [1/m2] of the choice, and a point on it [m]."""
-    e = min(np.searchsorted(lights.cdf, u, side="right"), len(lights.cdf) - 1)
-    before = lights.cdf[e - 1] if e > 0 else 0.0
-    share = lights.cdf[e] - before
-    # What the choice of the face leaves of the number is uniform again.
-    b, c = sampling.triangle(min(max((u - before) / share, 0.0), 1.0), v)
-    a = 1.0 - b - c
-    p = lights.corners[e]
-    x, y, z = a * p[0] + b * p[3] + c * p[6], a * p[1] + b * p[4] + c * p[7], a * p[2] + b * p[5] + c * p[8]
-    return e, share / _area(p), x, y, z
-
-
-@inlined
-def arrives(x, y, z, normal, light_normal, p_light):
-    """Return E / Le of a point on a lamp at (x, y, z) from here, 0 where none can be, the unit direction to it and
-    its distance.
-
-    Weighted by the balance heuristic against cosine-sampled bounces: E = Le cos cos' / d^2 / (p_light + p_bounce),
-    both densities per area. A plain E / p_light has no finite variance where a lamp meets a wall: 1 / d^2 has no
-    bound there.
-    """
-    d2 = x * x + y * y + z * z
+    if d2 <= radius * radius:
+        return 1.0
     d = math.sqrt(d2)
-    geometry = 0.0
-    if d2 > 0.0:
-        x, y, z = x / d, y / d, z / d
-        cosine = x * normal[0] + y * normal[1] + z * normal[2]
-        at_light = -(x * light_normal[0] + y * light_normal[1] + z * light_normal[2])
-        if cosine > 0.0 and at_light > 0.0:
-            geometry = cosine * at_light / d2 / (p_light + bounce_density(cosine, at_light, d2))
-    return geometry, x, y, z, d
-
-
-@kernel
-def aim(row, position, x, y, z, limit, out, j):
-    """Write ray j, from a position."""
-    out.row[j], out.limit[j] = row, limit
-    for c in range(3):
-        out.origin[j, c] = position[c]
-    out.direction[j, 0], out.direction[j, 1], out.direction[j, 2] = x, y, z
-
-
-@kernel
-def bounce_density(cosine, at_light, d2):
-    """Return the density per area [1/m2] with which a cosine-sampled bounce reaches a point."""
-    return cosine / math.pi * at_light / d2
-
-
-@kernel
-def _area(p):
-    ux, uy, uz = p[3] - p[0], p[4] - p[1], p[5] - p[2]
-    vx, vy, vz = p[6] - p[0], p[7] - p[1], p[8] - p[2]
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    return 0.5 * math.sqrt(x * x + y * y + z * z)
-
-
-@kernel
-def small_light_at(kind, p, x, y, z, nx, ny, nz, far):
-    """Return E / value of one light at a point, the unit direction to it and its distance."""
-    if kind == DIRECTIONAL:
-        dx, dy, dz, d = -p[3], -p[4], -p[5], far
-        return max(0.0, dx * nx + dy * ny + dz * nz), dx, dy, dz, d
-    dx, dy, dz = p[0] - x, p[1] - y, p[2] - z
-    d2 = dx * dx + dy * dy + dz * dz
-    if d2 <= 0.0:
-        return 0.0, 0.0, 0.0, 1.0, 0.0
-    d = math.sqrt(d2)
-    dx, dy, dz = dx / d, dy / d, dz / d
-    strength = max(0.0, dx * nx + dy * ny + dz * nz) / d2
-    if kind == SPOT:
-        cosine = -(dx * p[3] + dy * p[4] + dz * p[5])
-        ramp = (cosine - p[7]) / max(p[6] - p[7], 1e-12)
-        ramp = min(1.0, max(0.0, ramp))
-        strength *= ramp * ramp
-    return strength, dx, dy, dz, d
-
-
-@kernel
-def small_events(seed, m, vertex, ends, lights, far, gap, out):
-    """Choose one small light for each path vertex, in proportion to what it brings there if free.
-
-    Output as of area_events(). One light's irradiance is then exact; among several the choice has the
-    least variance that one shadow ray can have in the open.
-    """
-    lamps, count = len(lights.kind), 0
-    for k in range(len(ends.path)):
-        x, y, z = ends.position[k, 0], ends.position[k, 1], ends.position[k, 2]
-        nx, ny, nz = ends.normal[k, 0], ends.normal[k, 1], ends.normal[k, 2]
-        total = 0.0
-        for e in range(lamps):
-            s, _, _, _, _ = small_light_at(lights.kind[e], lights.parameters[e], x, y, z, nx, ny, nz, far)
-            total += s * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))
-        if total <= 0.0:
-            continue
-        left = strata.uniform(seed, ends.path[k], vertex, SMALL_PICK, m) * total
-        for e in range(lamps):
-            s, dx, dy, dz, d = small_light_at(lights.kind[e], lights.parameters[e], x, y, z, nx, ny, nz, far)
-            weight = s * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))
-            if weight <= 0.0:
-                continue
-            # Overwritten until the sum reaches the draw: rounding at the end leaves the last one.
-            for i in range(3):
-                out.value[count, i] = ends.throughput[k, i] * lights.value[e, i] * s * (total / weight)
-            aim(ends.row[k], ends.position[k], dx, dy, dz, max(d - gap, 0.0), out, count)
-            left -= weight
-            if left < 0.0:
-                break
-        count += 1
-    return count
+    cosine, sine_out = height / d, radius / d
+    cosine_out = math.sqrt(1.0 - sine_out * sine_out)
+    if cosine >= cosine_out:
+        return 1.0
+    sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
+    return max(0.0, cosine * cosine_out + sine * sine_out)

@@ -6,8 +6,8 @@ path therefore ends where its first ray does, with rho E of that place (final ga
 Where that is a mobile again, E is itself unknown: those few places make a linear system, solved by Jacobi's
 method.
 
-All receivers of a mobile use the same points on lamps (`aimed_lamps`), so that neighbours are off alike: of the same
-error, a smooth surface shows nothing where it would show blotches from vertex to vertex. Of bounces there are a few
+All receivers of a mobile use the same points on lamps (`light_sampling.aimed`), so that the errors of neighbours are
+alike: a smooth surface shows nothing where it would show blotches from vertex to vertex. Of bounces there are a few
 kinds, which hold in the mobile's own frame: each receiver follows one, and what they bring is averaged over neighbours
 (`neighbour_mean`). So in E = direct + mean of (what bounces bring), direct is the light that shadow rays bring; all
 that bounces meet is averaged alike, static part, mobiles, sky, and lamps with the share of them that is theirs. A
@@ -23,25 +23,17 @@ import numpy as np
 
 from gi_core import first_hits
 from gi_core.accelerator import FAR, ORIGIN_LIFT, Transforms
-from gi_core.aimed_lamps import aimed, along_a_curve, steady
 from gi_core.evaluation_points import evaluation_points
 from gi_core.first_hits import Exchange
 from gi_core.jit import kernel
 from gi_core.kept_rays import BounceRays, ShadowRays
-from gi_core.light_sampling import AreaLights, Shadows, area_lights, room_for_shadows, sky_of, small_lights
+from gi_core.light_sampling import Lights, aimed, along_a_curve, area_lights, sky_of, small_lights, steady
 from gi_core.model import Model
 from gi_core.neighbour_mean import KINDS, beside, closeness, kinds, neighbour_mean
-from gi_core.path_gather import SHADOW_GAP, Lights, add_lit
+from gi_core.next_event import LightSamples, Shadows, add_lit, join_area, join_small, light_samples, room_for_shadows
+from gi_core.path_gather import SHADOW_GAP, PathEnds
 from gi_core.pose import to_world_at
-from gi_core.shared_paths import (
-    LampPoints,
-    SharedPaths,
-    bounces,
-    from_lamps,
-    from_small_lights,
-    lamp_points,
-    shared_paths,
-)
+from gi_core.shared_paths import bounces, shared_directions
 from gi_core.threads import run_ranges
 
 STREAM = 0x3B11  # keeps these random numbers apart from those of photons and reference with the same seed
@@ -79,12 +71,12 @@ class MobileGather:
         self._positions = positions + ORIGIN_LIFT * model.world.size * self._normals
         area = along_a_curve(area_lights(model.surfaces))
         self._lights = Lights(area, small_lights(model.scene), sky_of(model.scene))
-        self._lamps: dict[int, tuple[bytes, AreaLights]] = {}  # by mobile, where it was
+        self._aimed: dict[int, tuple[bytes, Lights]] = {}  # by mobile, where it was
         s = model.surfaces
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
         self._beside = beside(positions, self._normals, corners - self.first)
         self._kinds = kinds(self._beside)
-        self._paths: dict[int, SharedPaths] = {}
+        self._directions: dict[int, np.ndarray] = {}  # by the logarithm of paths
         self._runs: dict[int, list[Run | None]] = {}  # by the logarithm of paths, what is kept
 
     def irradiance(self, at: Transforms, static: np.ndarray, log2_paths: int) -> np.ndarray:
@@ -97,9 +89,11 @@ class MobileGather:
         light = Gathered(*np.zeros((2, n, 3)), np.empty(n))
         if n == 0:
             return light.direct
-        if m not in self._paths:
-            self._paths[m] = shared_paths(self._seed, m, KINDS)
-        lamps = [self._aimed(o, at, m) for o in range(1, len(at.position))]
+        if m not in self._directions:
+            self._directions[m] = shared_directions(self._seed, m, KINDS)
+        lights = [self._lights_of(o, at) for o in range(1, len(at.position))]
+        paths = np.arange(1 << m)[None]
+        sampled = [(of, light_samples(self._seed, m, 0, paths, of)) for of in lights]
         places, kept = self._places(m), self._room(m)
 
         def work(_, first, last):
@@ -107,7 +101,7 @@ class MobileGather:
             for k in order[first:last]:
                 run = kept[k] or self._run(m, *places[k])
                 known = Gathered(*(a[run.rows] for a in light))
-                found.append(self._gather(run, at, lamps[run.mobile - 1], static, m, known))
+                found.append(self._gather(run, at, *sampled[run.mobile - 1], static, m, known))
                 if (n << m) <= KEPT:
                     kept[k] = run
             return found
@@ -120,16 +114,16 @@ class MobileGather:
         bounced = _exchanged(direct, light.bounced / (1 << m), exchange, 1 << m)
         return direct + neighbour_mean(self._beside, light.close, 1 << m, bounced, threads)
 
-    def _aimed(self, o: int, at: Transforms, m: int) -> tuple[AreaLights, LampPoints]:
-        """Return lamps as a mobile chooses them where it is, and the points of its paths."""
+    def _lights_of(self, o: int, at: Transforms) -> Lights:
+        """Return the lights with the choice of lamps for mobile o at its pose."""
         world = self._model.world
         centre = to_world_at(at.rotation[o, None], at.position[o, None], world.sphere_centre[o, None])[0]
         radius = max(float(world.sphere_radius[o]), ORIGIN_LIFT * world.size)
         centre = steady(centre, radius)
-        if self._lamps.get(o, (None,))[0] != centre.tobytes():
-            self._lamps[o] = centre.tobytes(), aimed(self._lights.area, centre, radius)
-        area = self._lamps[o][1]
-        return area, lamp_points(self._seed, m, area)
+        if self._aimed.get(o, (None,))[0] != centre.tobytes():
+            lights = self._lights
+            self._aimed[o] = centre.tobytes(), lights._replace(area=aimed(lights.area, centre, radius))
+        return self._aimed[o][1]
 
     def _places(self, m: int) -> list[tuple[int, slice]]:
         """Return mobile and receivers of each run."""
@@ -150,25 +144,27 @@ class MobileGather:
 
     def _run(self, m: int, mobile: int, rows: slice) -> Run:
         directions = np.empty(((rows.stop - rows.start) << m, 3), np.float32)
-        bounces(self._paths[m], self._kinds[rows], self._normals[rows], directions)
+        bounces(self._directions[m], self._kinds[rows], self._normals[rows], directions)
         origins = np.repeat(self._positions[rows].astype(np.float32), 1 << m, axis=0)
         rays = BounceRays(self._model, mobile, origins, directions)
         return Run(mobile, rows, directions, rays, ShadowRays(self._model, mobile))
 
-    def _gather(self, run: Run, at: Transforms, lamps, static, m, light: Gathered) -> Exchange:
+    def _gather(
+        self, run: Run, at: Transforms, lights: Lights, samples: LightSamples, static, m, light: Gathered
+    ) -> Exchange:
         """Gather at a run of receivers: add to `light` what is known, return what depends on mobiles."""
-        world, s, lights, paths = self._model.world, self._model.surfaces, self._lights, self._paths[m]
-        area, points = lamps
+        world, s, area = self._model.world, self._model.surfaces, lights.area
         n, R, p = run.rows.stop - run.rows.start, at.rotation[run.mobile, None], at.position[run.mobile, None]
         positions = to_world_at(R, p, self._positions[run.rows])
         normals = to_world_at(R, 0 * p, self._normals[run.rows])
         far, gap = float(np.float32(FAR * world.size)), SHADOW_GAP * world.size
 
         def shadows() -> Shadows:
-            small = min(len(lights.small.kind), 1 << m)
+            small, rows = min(len(lights.small.kind), 1 << m), np.arange(n)
             rays = room_for_shadows((n << m) + n * small)
-            count = from_lamps(points, area, positions, normals, gap, rays)
-            count = from_small_lights(paths, lights.small, positions, normals, far, gap, count, rays)
+            ends = PathEnds(rows, rows, positions, normals, np.ones((n, 3)))
+            count = join_area(samples, ends, area, gap, rays)
+            count = join_small(samples, 1 << m, ends, lights.small, far, gap, count, rays)
             return Shadows(*(a[:count] for a in rays))
 
         rays, blocked = run.shadow.occluded(at, shadows)

@@ -15,17 +15,9 @@ from gi_core import sampling, strata
 from gi_core.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world, occluded_in_world
 from gi_core.bsdf import lambertian
 from gi_core.jit import inlined, kernel
-from gi_core.light_sampling import (
-    AreaLights,
-    Shadows,
-    Sky,
-    SmallLights,
-    area_events,
-    bounce_density,
-    room_for_shadows,
-    small_events,
-)
+from gi_core.light_sampling import Lights
 from gi_core.model import Model
+from gi_core.next_event import Shadows, add_lit, join_area, join_small, light_samples, room_for_shadows, share_of_bounce
 from gi_core.threads import run_ranges
 
 BLOCK = 1 << 14  # paths at once: their arrays fit into a core's cache, and embree wants 10k rays or more
@@ -34,14 +26,6 @@ ROULETTE_FROM = 2  # bounces that always survive: the first two carry most of th
 MOST_SURVIVAL = 0.99  # survival above it would keep paths in a white room for ever; still unbiased
 
 SURVIVAL, SCATTER_U, SCATTER_V = 4, 6, 7  # dimensions beside those of light_sampling; scattering wants a pair
-
-
-class Lights(NamedTuple):
-    """All lights of a scene, by the way they are found."""
-
-    area: AreaLights
-    small: SmallLights
-    sky: Sky
 
 
 class PathEnds(NamedTuple):
@@ -62,6 +46,9 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
     brings depends on nothing but itself.
     """
     total = np.zeros((len(path), 3))
+    if not light_sampling:
+        none = np.zeros(0)
+        lights = lights._replace(area=lights.area._replace(cdf=none, density=np.zeros_like(lights.area.density)))
 
     def work(_, a, b):
         for first in range(a, b, BLOCK):
@@ -70,45 +57,44 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
                 path[s].copy(), np.arange(s.stop - first), position[s].copy(), normal[s].copy(),
                 np.ones((s.stop - first, 3)),
             )  # fmt: skip
-            _follow(model, at, lights, seed, m, ends, light_sampling, total[s])
+            _follow(model, at, lights, seed, m, ends, total[s])
 
     run_ranges(work, len(path), model.threads, BLOCK // 2)
     return total
 
 
-def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnds, light_sampling, total) -> None:
+def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnds, total) -> None:
     """Follow a block of paths; `ends` is used up."""
     world, n = model.world, len(ends.path)
     far = float(np.float32(FAR * world.size))
-    density = lights.area.density if light_sampling else np.zeros_like(lights.area.density)
     rays = room_for_shadows(n)
     vertex = 0
     while n:
-        join_lights(model, at, lights, seed, m, vertex, ends, rays, total, light_sampling)
+        join_lights(model, at, lights, seed, m, vertex, ends, rays, total)
         origin, direction = rays.origin[:n], rays.direction[:n]
         scatter(seed, m, vertex, ends, origin, direction)
         limits = np.full(n, far, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
         n = _arrive(
             seed, m, vertex, ends, direction, distance, face, world.normals, world.reflectance, world.two_sided,
-            at.rotation, world.face_object, lights.area.lamp, lights.area.radiance, density, lights.sky,
+            at.rotation, world.face_object, lights.area.lamp, lights.area.radiance, lights.area.density, lights.sky,
             ORIGIN_LIFT * world.size, total,
         )  # fmt: skip
         ends = PathEnds(*(a[:n] for a in ends))
         vertex += 1
 
 
-def join_lights(model: Model, at: Transforms, lights: Lights, seed, m, vertex, ends, rays, total, area=True) -> None:
-    """Join path vertices to a point on a lamp (unless `area` is False) and to a light without size.
+def join_lights(model: Model, at: Transforms, lights: Lights, seed, m, vertex, ends, rays, total) -> None:
+    """Join path vertices to a point on a lamp and to a light without size.
 
     Adds to `total` (rows, 3) what arrives there; `rays` is room for as many as there are `ends`, overwritten.
     """
     size = model.world.size
     far, gap = float(np.float32(FAR * size)), SHADOW_GAP * size
+    samples = light_samples(seed, m, vertex, ends.path[:, None], lights)
     if len(lights.small.kind):
-        _join(model, at, rays, small_events(seed, m, vertex, ends, lights.small, far, gap, rays), total)
-    if area and len(lights.area.cdf):
-        _join(model, at, rays, area_events(seed, m, vertex, ends, lights.area, gap, rays), total)
+        _join(model, at, rays, join_small(samples, 1, ends, lights.small, far, gap, 0, rays), total)
+    _join(model, at, rays, join_area(samples, ends, lights.area, gap, rays), total)
 
 
 def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
@@ -116,15 +102,6 @@ def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
     if n:
         blocked = occluded_in_world(model.accelerator, at, rays.origin[:n], rays.direction[:n], rays.limit[:n])
         add_lit(rays.row, rays.value, blocked, total)
-
-
-@kernel
-def add_lit(row, value, blocked, total):
-    """Add what rays bring that nothing blocks."""
-    for j in range(len(blocked)):
-        if not blocked[j]:
-            for c in range(3):
-                total[row[j], c] += value[j, c]
 
 
 @kernel
@@ -147,14 +124,6 @@ def turned(R, n):
     y = R[1, 0] * n[0] + R[1, 1] * n[1] + R[1, 2] * n[2]
     z = R[2, 0] * n[0] + R[2, 1] * n[1] + R[2, 2] * n[2]
     return x, y, z
-
-
-@inlined
-def share_of_bounce(d, normal, facing, distance, density):
-    """Return what of a lamp's light counts where a bounce along d meets it: p_bounce / (p_light + p_bounce)."""
-    cosine = d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]
-    p_bounce = bounce_density(max(cosine, 0.0), facing, max(distance * distance, 1e-30))
-    return p_bounce / (p_bounce + density) if p_bounce > 0.0 else 0.0
 
 
 @kernel

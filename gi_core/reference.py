@@ -16,9 +16,9 @@ import numpy as np
 
 from gi_core.accelerator import ORIGIN_LIFT
 from gi_core.evaluation_points import evaluation_points
-from gi_core.light_sampling import area_lights, sky_of, small_lights
+from gi_core.light_sampling import Lights, area_lights, sky_of, small_lights
 from gi_core.model import Model
-from gi_core.path_gather import Lights, gather
+from gi_core.path_gather import gather
 from gi_core.pose import as_pose
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene

@@ -268,7 +268,8 @@ NOTHING_IS_COMPILED = """
 import sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from gi_core import aimed_lamps, first_hits, kept_rays, mobile_gather, neighbour_mean, shared_paths, warmup
+from gi_core import first_hits, kept_rays, light_sampling, mobile_gather, neighbour_mean, next_event, shared_paths
+from gi_core import warmup
 from gi_core.evaluation_points import evaluation_points
 from gi_core.final_gather import FinalGather
 from gi_core.model import Model
@@ -277,7 +278,7 @@ sys.path.insert(0, "tests")
 from test_mobile_gather import three_things
 
 warmup._gather()
-modules = aimed_lamps, first_hits, kept_rays, mobile_gather, neighbour_mean, shared_paths
+modules = first_hits, kept_rays, light_sampling, mobile_gather, neighbour_mean, next_event, shared_paths
 kernels = [f for module in modules for f in vars(module).values() if isinstance(f, Dispatcher)]
 before = [len(f.signatures) for f in kernels]
 scene = three_things()

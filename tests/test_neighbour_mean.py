@@ -12,7 +12,7 @@ from gi_core.mobile_gather import MobileGather
 from gi_core.model import Model
 from gi_core.neighbour_mean import KINDS, NEAR, SAME_WAY, beside, closeness, kinds
 from gi_core.scene.types import Mobile, PointLight, Pose, Scene
-from gi_core.shared_paths import shared_paths
+from gi_core.shared_paths import shared_directions
 
 
 def grid(n: int = 9) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -66,7 +66,7 @@ def test_every_kind_is_even_and_all_together_more_so():
     light = np.array([0.5, 0.3, 0.8])
     one, all_kinds = [], []
     for seed in range(200):
-        bounce = shared_paths(seed, 3, KINDS).bounce
+        bounce = shared_directions(seed, 3, KINDS)
         height = np.sort(bounce[..., 2].reshape(-1) ** 2)
         assert np.array_equal(np.floor(height * len(height)), np.arange(len(height)))
         found = np.maximum(0, bounce @ light) ** 2

@@ -12,7 +12,8 @@ from significance import seeds_test, z_test
 
 from gi_core.emission import spot_falloff
 from gi_core.evaluation_points import evaluation_points
-from gi_core.light_sampling import small_light_at, small_lights
+from gi_core.light_sampling import small_lights
+from gi_core.next_event import small_light_at
 from gi_core.pose import axis_angle
 from gi_core.reference import reference_irradiance, reference_steps
 from gi_core.scene.errors import SceneError

@@ -10,13 +10,12 @@ from closed_form import lambert_polygon
 from scene_builders import box, grey, lamp, merge, quad
 
 from gi_core import mobile_gather
-from gi_core.aimed_lamps import BY_FLUX, aimed, along_a_curve, steady
-from gi_core.light_sampling import area_lights
+from gi_core.light_sampling import BY_FLUX, Lights, aimed, along_a_curve, area_lights, sky_of, small_lights, steady
 from gi_core.mobile_gather import MobileGather
 from gi_core.model import Model
+from gi_core.next_event import light_samples
 from gi_core.reference import reference_irradiance
 from gi_core.scene.types import Mesh, Mobile, Pose, Scene
-from gi_core.shared_paths import lamp_points
 
 CENTRE, RADIUS = np.array([0.5, 0.5, 0.3]), 0.2
 
@@ -60,14 +59,17 @@ def test_the_choice_is_a_density_and_knows_what_faces_the_mobile():
     """One lamp looks at the mobile, one away from it, one is far off, as bright as they are large."""
     near, away = downward(0.3, 0.3, 0.95, 0.4, 1, 3), quad((0.3, 0.3, 0.9), (0.4, 0, 0), (0, 0.4, 0), (3, 3), 2)
     far = downward(20.0, 20.0, 0.95, 0.4, 3, 3)
-    plain = area_lights(room(near, away, far).surfaces)
+    model = room(near, away, far)
+    plain = area_lights(model.surfaces)
     lights = aimed(plain, CENTRE, RADIUS)
     share = np.diff(lights.cdf, prepend=0)
     assert np.allclose(share, lights.density * areas(lights), rtol=1e-9) and lights.cdf[-1] == 1.0
     total = [share[plain.radiance[:, 0] == Le].sum() for Le in (1, 2, 3)]
     assert total[1] == pytest.approx(BY_FLUX * 2 / 6) and total[2] == pytest.approx(BY_FLUX * 3 / 6, rel=0.2)
     assert sum(total) == pytest.approx(1.0)
-    counted = np.bincount(lamp_points(0, 10, lights).lamp, minlength=len(share)) / 1024
+    every = Lights(lights, small_lights(model.scene), sky_of(model.scene))
+    samples = light_samples(0, 10, 0, np.arange(1024)[None], every)
+    counted = np.bincount(samples.lamp[0], minlength=len(share)) / 1024
     assert np.allclose(counted, share, atol=2 / 1024)
 
 
@@ -141,9 +143,9 @@ def test_the_choice_stays_while_a_mobile_moves_a_little():
     )
     gather.irradiance(here, dark, 3)
     assert np.array_equal(gather.irradiance(there, dark, 3), MobileGather(model, 0).irradiance(there, dark, 3))
-    chosen = gather._lamps[1]
+    chosen = gather._aimed[1]
     gather.irradiance(beside_it, dark, 3)
-    assert gather._lamps[1] is chosen, "not chosen again"
+    assert gather._aimed[1] is chosen, "not chosen again"
 
 
 def test_few_rays_find_more_of_the_light(monkeypatch):
