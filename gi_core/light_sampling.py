@@ -61,22 +61,24 @@ class Lights(NamedTuple):
 
 
 def area_lights(surfaces: Surfaces) -> AreaLights:
-    """Collect the emissive faces; each is chosen in proportion to its flux."""
+    """Collect the emissive faces in the order of a Hilbert curve; each is chosen in proportion to its flux.
+
+    Samples are stratified over the running share: so each stratum is a patch of a lamp, not a band across it.
+    """
     static = surfaces.face_range(0)
     emitted = np.zeros_like(surfaces.emission)
     emitted[static] = surfaces.emission[static]
     power = surfaces.areas * emitted.max(axis=1, initial=0)
     faces = np.flatnonzero(power > 0)
+    corners = surfaces.vertices[0][surfaces.faces[0][faces]]
+    order = hilbert_order(corners.mean(axis=1))
+    faces, corners = faces[order], corners[order].reshape(-1, 9)
     lamp = np.full(len(power), -1, np.int32)
     lamp[faces] = np.arange(len(faces))
-    density = cdf = np.zeros(0)
-    if len(faces):
-        share = power[faces] / power[faces].sum()
-        density = share / surfaces.areas[faces]
-        cdf = np.cumsum(share)
-        cdf[-1] = 1.0
-    corners = surfaces.vertices[0][surfaces.faces[0][faces]].reshape(-1, 9)
-    return AreaLights(corners, surfaces.normals[faces], emitted[faces], cdf, density, lamp)
+    share = power[faces] / power.sum() if len(faces) else np.zeros(0)
+    cdf = np.cumsum(share)
+    cdf[-1:] = 1.0
+    return AreaLights(corners, surfaces.normals[faces], emitted[faces], cdf, share / surfaces.areas[faces], lamp)
 
 
 def small_lights(scene: Scene) -> SmallLights:
@@ -116,24 +118,6 @@ def sky_of(scene: Scene) -> Sky:
 def _unit(v) -> np.ndarray:
     v = np.asarray(v, np.float64)
     return v / np.sqrt((v * v).sum())
-
-
-def along_a_curve(lights: AreaLights) -> AreaLights:
-    """Put emissive faces into the order of a Hilbert curve.
-
-    Points are chosen by strata of the running share; so each stratum is a piece of a lamp, not a band across it.
-    """
-    order = hilbert_order(lights.corners.reshape(-1, 3, 3).mean(axis=1))
-    place = np.empty(len(order) + 1, np.int32)
-    place[order], place[-1] = np.arange(len(order)), -1  # -1 of a face that is no lamp stays -1
-    cdf = np.cumsum(np.diff(lights.cdf, prepend=0.0)[order])
-    cdf[-1:] = 1.0
-    return AreaLights(
-        *(np.ascontiguousarray(a[order]) for a in (lights.corners, lights.normal, lights.radiance)),
-        cdf,
-        lights.density[order],
-        place[lights.lamp],
-    )
 
 
 def steady(centre: np.ndarray, radius: float) -> np.ndarray:

@@ -27,7 +27,7 @@ from gi_core.evaluation_points import evaluation_points
 from gi_core.first_hits import Exchange
 from gi_core.jit import kernel
 from gi_core.kept_rays import BounceRays, ShadowRays
-from gi_core.light_sampling import Lights, aimed, along_a_curve, area_lights, sky_of, small_lights, steady
+from gi_core.light_sampling import Lights, aimed, area_lights, sky_of, small_lights, steady
 from gi_core.model import Model
 from gi_core.neighbour_mean import KINDS, beside, closeness, kinds, neighbour_mean
 from gi_core.next_event import LightSamples, Shadows, add_lit, join_area, join_small, light_samples, room_for_shadows
@@ -69,8 +69,7 @@ class MobileGather:
         self.first = model.surfaces.receiver_range(0).stop  # the first receiver on a mobile
         positions, self._normals = (a[self.first :] for a in evaluation_points(model.surfaces, model.object_receivers))
         self._positions = positions + ORIGIN_LIFT * model.world.size * self._normals
-        area = along_a_curve(area_lights(model.surfaces))
-        self._lights = Lights(area, small_lights(model.scene), sky_of(model.scene))
+        self._lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
         self._aimed: dict[int, tuple[bytes, Lights]] = {}  # by mobile, where it was
         s = model.surfaces
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])

@@ -10,7 +10,7 @@ from closed_form import lambert_polygon
 from scene_builders import box, grey, lamp, merge, quad
 
 from gi_core import mobile_gather
-from gi_core.light_sampling import BY_FLUX, Lights, aimed, along_a_curve, area_lights, sky_of, small_lights, steady
+from gi_core.light_sampling import BY_FLUX, Lights, aimed, area_lights, sky_of, small_lights, steady
 from gi_core.mobile_gather import MobileGather
 from gi_core.model import Model
 from gi_core.next_event import light_samples
@@ -37,20 +37,18 @@ def areas(lights) -> np.ndarray:
     return 0.5 * np.sqrt((np.cross(b - a, c - a) ** 2).sum(axis=1))
 
 
-def test_along_the_curve_lamps_stay_what_they_are_and_lie_beside_each_other():
+def test_emissive_faces_lie_along_a_curve():
     model = room(downward(0.1, 0.1, 0.9, 0.4, 1, 16), downward(0.6, 0.6, 0.8, 0.2, 2, 4))
-    plain, emission = area_lights(model.surfaces), model.surfaces.emission
-    curved = along_a_curve(plain)
-    for lights in (plain, curved):
-        lit = np.flatnonzero(lights.lamp >= 0)
-        assert np.array_equal(lit, np.flatnonzero(emission.max(axis=1) > 0))
-        assert np.array_equal(lights.radiance[lights.lamp[lit]], emission[lit])
-        faces = model.surfaces.vertices[0][model.surfaces.faces[0][lit]].reshape(-1, 9)
-        assert np.array_equal(lights.corners[lights.lamp[lit]], faces)
-        assert np.allclose(np.diff(lights.cdf, prepend=0), areas(lights) * lights.density, rtol=1e-9)
-        assert lights.cdf[-1] == 1.0
+    lights, emission = area_lights(model.surfaces), model.surfaces.emission
+    lit = np.flatnonzero(lights.lamp >= 0)
+    assert np.array_equal(lit, np.flatnonzero(emission.max(axis=1) > 0))
+    assert np.array_equal(lights.radiance[lights.lamp[lit]], emission[lit])
+    faces = model.surfaces.vertices[0][model.surfaces.faces[0][lit]].reshape(-1, 9)
+    assert np.array_equal(lights.corners[lights.lamp[lit]], faces)
+    assert np.allclose(np.diff(lights.cdf, prepend=0), areas(lights) * lights.density, rtol=1e-9)
+    assert lights.cdf[-1] == 1.0
     # Of 512 faces of one lamp, 32 after each other are a square of it, not a band from side to side.
-    middle = curved.corners.reshape(-1, 3, 3).mean(axis=1)[curved.radiance[:, 0] == 1]
+    middle = lights.corners.reshape(-1, 3, 3).mean(axis=1)[lights.radiance[:, 0] == 1]
     assert len(middle) == 512
     assert np.median([np.ptp(middle[k : k + 32], axis=0).max() for k in range(0, 512, 32)]) < 0.5 * 0.4
 
