@@ -186,8 +186,6 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add("--mobile-light", choices=["photons", "gathered"],
         help="what the light of mobiles is taken from: the estimator's photons, or paths that their vertices gather in"
         " each frame (gathered in the window, by render and by tune without --estimator; else photons)")  # fmt: skip
-    add("--pretest", default=Settings.pretest, metavar="NAME",
-        help=f"triangle round each disc that is tried before it, report 2.8 ({Settings.pretest})")  # fmt: skip
     add("--seed", type=values.seed, default=0, metavar="N", help="which photons (0)")
     add("--exposure", type=values.exposure, metavar="EV", help="stops, +1 doubles (the scene's, else metered)")
     add("--max-edge", type=values.positive, metavar="M", help="cut triangles until no edge is longer [m]")

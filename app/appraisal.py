@@ -63,7 +63,7 @@ class Measured:
     """What can be told of the light of a version without a reference."""
 
     version: object
-    setting: Setting  # a light may be found by several searches, each with times of its own
+    setting: Setting
     twin: Solver | None  # None when everything has been measured
     seconds: list[float]  # of frames of all photons
     photons: int = 0
@@ -162,8 +162,6 @@ class Appraisal:
         if m.prefix:
             m.fewer = self._of_fewer(m)
         m.twin = None
-        if self.report is not None and self.report.version == version:
-            self._note()  # known light, found by another search
 
     def _of_fewer(self, m: Measured) -> np.ndarray:
         """Return the irradiance (R, 3) of a prefix; where mobiles gather, as far off as if they did so with photons."""
@@ -217,7 +215,7 @@ class Appraisal:
 
     def _measures(self, version: object) -> bool:
         m = self._measured
-        return m is not None and m.version == version and m.setting == self._solver.setting
+        return m is not None and m.version == version
 
     def _note(self) -> None:
         """Keep what is known of the light under this setting among the trials."""

@@ -15,7 +15,6 @@ from app.progress import Bar, compile_kernels
 from app.settings import Settings, make_solver, open_scene
 from app.tonemap import luminance
 
-SEARCH_PILOT = 16_384  # photons: several calls of each size
 PILOT = 20_000  # photons: the escaped share to a third of a percent
 ESCAPES = 0.8  # of the photons, at their first flight: beyond it most of the work is for nothing
 LIBRARIES = ("numpy", "scipy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-bundle")
@@ -57,11 +56,10 @@ def _control(solver, settings: Settings) -> tuple[str, str]:
 
 
 def _search(solver) -> str:
-    """Return what the disc search builds, or chooses by a few photons; without regions, which take no part in it."""
+    """Return what the disc search builds; without regions, which take no part in it."""
     from gi_core.disc_search import SEARCHES
 
-    pilot = min(SEARCH_PILOT, solver.photons)
-    solver.configure(estimator="tangent_plane", control=False, photons=pilot)
+    solver.configure(estimator="tangent_plane", control=False, photons=0)
     solver.solve()
     there = ", ".join(name for name in SEARCHES if name != solver.setting.search)
     return f"{solver.search_told}; there are also {there}"

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from gi_core.solver import Solver
 
 SOLVER_SETTINGS = (
-    "estimator", "photons", "radius", "neighbours", "control", "search", "pretest", "border_correction", "textbook",
+    "estimator", "photons", "radius", "neighbours", "control", "search", "border_correction", "textbook",
     "static_light", "mobile_light",
 )  # fmt: skip
 REFERENCE = "reference"  # what a wipe may show beside estimators
@@ -46,7 +46,6 @@ class Settings:
     border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc, see gi_core/border_angle.py
     textbook: bool = False  # photon_map counts the k-th hit too
     search: str = "disc_index"  # a key of gi_core.disc_search.SEARCHES; all give the same picture
-    pretest: str = "none"  # a key of gi_core.disc_search.PRETESTS
     static_light: str = "all"  # one of gi_core.static_light.STATIC_LIGHT: where the static part's light is from
     mobile_light: str = "photons"  # one of gi_core.mobile_light.MOBILE_LIGHT: the same of mobiles
     seed: int = 0
@@ -117,14 +116,14 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
 
 
 def check_names(settings: Settings) -> None:
-    """Raise UsageError for an estimator, search or pre-test that there is not; nothing is compiled or loaded for it."""
-    given = [(name, getattr(settings, name)) for name in ("estimator", "search", "pretest")]
+    """Raise UsageError for an unknown estimator or search; nothing is compiled or loaded for it."""
+    given = [(name, getattr(settings, name)) for name in ("estimator", "search")]
     if all(value in (None, getattr(Settings, name)) for name, value in given):
         return
-    from gi_core.disc_search import PRETESTS, SEARCHES
+    from gi_core.disc_search import SEARCHES
     from gi_core.estimators import ESTIMATORS
 
-    for (name, value), known in zip(given, (ESTIMATORS, SEARCHES, PRETESTS), strict=True):
+    for (name, value), known in zip(given, (ESTIMATORS, SEARCHES), strict=True):
         if value is not None and value not in known:
             raise UsageError(f'--{name} must be one of {", ".join(known)}, got "{value}"')
 
@@ -150,7 +149,6 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         seed=settings.seed,
         control=settings.control,
         search=settings.search,
-        pretest=settings.pretest,
         border_correction=settings.border_correction,
         textbook=settings.textbook,
     )

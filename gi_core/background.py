@@ -40,21 +40,11 @@ class Background:
         self.pace = Pace()
         self._resting = Ladder()
 
-    def serves(self, setting: Setting) -> bool:
-        """Tell whether its sums are those of a setting, which may want them found by another search."""
-        return self.setting is not None and self.setting.light == setting.light
-
     def build(self) -> Iterator[None]:
         """Build what does not depend on photons, unless that has been done, in steps."""
         if not self.built:
             yield from self.estimate.build()
             self.built = True
-
-    def switch(self, setting: Setting) -> Iterator[None]:
-        """Go over, in steps, to a setting of the same light: what has been summed stays, what finds it is made anew."""
-        if setting != self.setting:
-            yield from self.estimate.switch(setting)
-            self.setting = setting
 
     @property
     def weights(self) -> np.ndarray:

@@ -11,21 +11,15 @@ from gi_core.scene.errors import SceneError
 
 
 class Setting(NamedTuple):
-    """Settings of an estimator; two estimates of the same photons under settings of the same `light` are equal."""
+    """Settings of an estimator; `search` changes its time, not its bits."""
 
     estimator: str  # a key of ESTIMATORS
     radius: float  # of the disc, or the largest of a search [m]
     neighbours: int  # k of photon_map
     control: bool = True  # artifact control of tangent_plane, see `gi_core.reachable_area`
     search: str = "disc_index"  # a key of `gi_core.disc_search.SEARCHES`: how tangent_plane finds crossings
-    pretest: str = "none"  # a key of `gi_core.disc_search.PRETESTS`, before each disc test
     border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc, see `gi_core.border_angle`
     textbook: bool = False  # photon_map counts the k-th hit too, as in the report: k / (k - 1) too much
-
-    @property
-    def light(self) -> Setting:
-        """What irradiance depends on: the setting without how crossings are found, which shows in no bit."""
-        return self._replace(search="", pretest="")
 
     def changed(self, choices: dict[str, tuple], **values) -> Setting:
         """Return the setting with some values replaced; None keeps what it is.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import itertools
 import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
@@ -14,7 +13,7 @@ from gi_core.background import Background, Photons, add_fates
 from gi_core.contact_discs import ControlFacts
 from gi_core.cuts import Frame
 from gi_core.defaults import choose
-from gi_core.disc_search import PRETESTS, SEARCHES
+from gi_core.disc_search import SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.frames import Changes, FrameSize, Lights, changes_of, frame_light, light_from_scratch
 from gi_core.gather_rounds import Gathered
@@ -43,7 +42,7 @@ MANY_RECEIVERS = 30_000  # their regions take half a second and more to find
 MORE, LATE_MORE = 1.41, 1.19  # times as many photons are shown next: where sums are additive a picture costs a frame,
 LATE = 1 << 18  # which is little beside so many photons ...
 MUCH_MORE = 2.0  # ... elsewhere everything is estimated anew
-CHOICES = {"estimator": tuple(ESTIMATORS), "search": tuple(SEARCHES), "pretest": tuple(PRETESTS)}
+CHOICES = {"estimator": tuple(ESTIMATORS), "search": tuple(SEARCHES)}
 NO_FACTS = ControlFacts(0.0, 0, 0)
 
 
@@ -149,7 +148,7 @@ class Solver:
     def _background(self) -> Background:
         """Return the estimate of the background to go on with: the one shown if it still fits."""
         for kept in (self._shown, self._next):
-            if kept is not None and kept.serves(self.setting) and kept.added <= self._goal:
+            if kept is not None and kept.setting == self.setting and kept.added <= self._goal:
                 return kept
         self._next = Background(self.model, self.setting)
         return self._next
@@ -171,8 +170,7 @@ class Solver:
             yield from self._first_look(goal)
         b = self._background()
         yield Progress("indexing", 0.0, False)
-        for _ in itertools.chain(b.switch(self.setting), b.build()):
-            yield Progress("indexing", 0.0, False)
+        yield from (Progress("indexing", 0.0, False) for _ in b.build())
         # A new setting is shown once it has as many photons as what it replaces.
         shown = self._shown.estimate.photons if self._shown not in (None, b) else 0
         due = max(FIRST_PICTURE, shown, _next_shown(b)) if pictures else goal
@@ -191,7 +189,6 @@ class Solver:
         as_asked = self._from_gathered == self.uses_gathered and self.paths_gathered == self._size(goal).paths
         if not (complete and as_asked):
             yield from self._show(b)
-        yield from (Progress("timing searches", 1.0, False) for _ in b.estimate.rehearse(self._frame))
         yield Progress("done", 1.0, False)
 
     @property
@@ -440,7 +437,7 @@ class Solver:
 
     @property
     def search_told(self) -> str:
-        """What the disc search over the static part has built or chosen, in words; "" where there is none."""
+        """What the disc search over the static part has built, in words; "" where there is none."""
         return "" if self._shown is None else getattr(self._shown.estimate, "search_told", "")
 
     @property

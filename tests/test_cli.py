@@ -263,7 +263,7 @@ def test_choosing_an_estimator_shows_its_own_light():
     )
 
 
-@pytest.mark.parametrize("name", ["estimator", "search", "pretest"])
+@pytest.mark.parametrize("name", ["estimator", "search"])
 @pytest.mark.parametrize("command", [[], ["render"], ["chart"], ["tune"]])
 def test_unknown_names_are_refused_before_anything_is_compiled_loaded_or_opened(monkeypatch, capsys, command, name):
     from app import viewer, window

@@ -4,6 +4,7 @@ discs, far origins, discs on top of each other, tiny and huge radii. Sums are in
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from gi_core.disc_search import PRETESTS, SEARCHES
 from gi_core.disc_search.crossing import Discs, Lines
+from gi_core.disc_search.ray_cache import RayCache
 from gi_core.disc_search.space_curve import hilbert_order
 from gi_core.disc_search.sphere_stack import stack_spheres
 from gi_core.model import BEHIND
@@ -79,6 +81,9 @@ def found(search, c: Case, parts: int = 1, sign: int = 1) -> tuple[int, np.ndarr
     return count, sums.flux, sums.touched
 
 
+MADE = {**SEARCHES, "ray_cache_unsorted": partial(RayCache, ordered=False)}
+
+
 @pytest.fixture(params=RADII, scope="module")
 def expected(request) -> tuple[Case, tuple]:
     c = case(request.param)
@@ -86,11 +91,11 @@ def expected(request) -> tuple[Case, tuple]:
 
 
 @pytest.mark.parametrize("pretest", PRETESTS)
-@pytest.mark.parametrize("name", SEARCHES)
+@pytest.mark.parametrize("name", MADE)
 def test_every_search_and_pretest_finds_the_same(name, pretest, expected):
     c, (count, flux, touched) = expected
     assert count > 20
-    search = SEARCHES[name](c.discs, pretest)
+    search = MADE[name](c.discs, pretest)
     for parts in (1, 3):
         got = found(search, c, parts)
         assert got[0] == count
@@ -137,48 +142,6 @@ def test_spheres_hold_their_discs_whole_and_nest():
             p = s.parent[k]
             assert s.first[p] <= s.first[k] and s.last[k] <= s.last[p] and k < s.behind[k] <= s.behind[p]
             assert s.depth[k] == s.depth[p] + 1
-
-
-def test_auto_tries_each_and_goes_on_with_the_faster():
-    c = case(0.05)
-    auto, used = clocked(c, {"disc_index": 2.0, "ray_cache": 1.0})
-    for _ in range(8):
-        found(auto, c)
-    assert [name for name, _ in used] == ["disc_index"] * 3 + ["ray_cache"] * 5
-    assert auto.choice(COUNT) == "ray_cache" and auto.choice(16 * COUNT) == "disc_index", "sizes are judged apart"
-    assert "ray_cache 1666.67 against disc_index 3333.33 us a segment" in auto.told()
-
-
-def clocked(c: Case, slow: dict[str, float]):
-    """An `auto` by whose clock candidates take seconds at any number of lines, and which of them were used."""
-    now, used = [0.0], []
-    auto = SEARCHES["auto"](c.discs, clock=lambda: now[0])
-    for name, candidate in auto.candidates.items():
-
-        def splat(lines, sign, sums, name=name, real=candidate.splat):
-            used.append((name, len(lines.low)))
-            now[0] += slow[name]
-            return real(lines, sign, sums)
-
-        candidate.splat = splat
-    return auto, used
-
-
-def test_auto_tries_nothing_while_somebody_waits():
-    c = case(0.05)
-    auto, used = clocked(c, {"disc_index": 2.0, "ray_cache": 1.0})
-    auto.patient = False
-    for _ in range(4):
-        found(auto, c)
-    assert used == [("disc_index", COUNT)] * 4, "nothing is known: the first"
-    auto.patient = True
-    steps = auto.rehearse(100, lambda m: Lines(*(a[:m] for a in c.lines)))
-    assert len(list(steps)) == 6 and used[4:] == [("disc_index", 100)] * 3 + [("ray_cache", 100)] * 3
-    assert not list(auto.rehearse(100, None)), "known: no lines are made ready"
-    auto.patient = False
-    del used[:]
-    assert found(auto, c)[0] == found(SEARCHES["brute_force"](c.discs), c)[0]
-    assert used == [("ray_cache", COUNT)], "the nearest number of lines that is known"
 
 
 def test_the_best_cells_are_found_downhill():

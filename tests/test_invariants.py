@@ -14,7 +14,7 @@ from reference_twins import Twin
 from scene_builders import box, merge, quad, sphere
 
 import gi_core.frames
-from gi_core.disc_search import PRETESTS, SEARCHES
+from gi_core.disc_search import SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.paths import take
 from gi_core.pose import axis_angle
@@ -153,14 +153,13 @@ def test_threads_do_not_show(estimator, monkeypatch):
 
 
 @pytest.mark.parametrize("search", SEARCHES)
-@pytest.mark.parametrize("pretest", PRETESTS)
 @pytest.mark.parametrize("control", [True, False])
-def test_searches_give_the_same_bits(search, pretest, control, monkeypatch):
+def test_searches_give_the_same_bits(search, control, monkeypatch):
     monkeypatch.setattr("gi_core.estimators.tangent_plane.LINE_GRAIN", 1)
     expected = solved(control=control, threads=1)
     assert expected.changes.photons_cut > 0
     for threads in (1, 2):
-        found = solved(control=control, threads=threads, search=search, pretest=pretest)
+        found = solved(control=control, threads=threads, search=search)
         assert np.array_equal(found.irradiance, expected.irradiance)
         assert np.array_equal(found.from_scratch(), expected.irradiance)
 

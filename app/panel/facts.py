@@ -47,7 +47,7 @@ class Facts:
     trials: tuple[Trial, ...] = ()  # settings tried
     auto: Doing | None = None  # how far trials of settings are
     gathered: Gathered | None = None  # how far the static light is; None: not asked for
-    search_told: str = ""  # what the disc search built or chose
+    search_told: str = ""  # what the disc search built; "" where there is none
     coming: tuple[str, float | None] | None = None  # what a scene that is being opened is at, and how far
     load_problem: str = ""  # why the last one could not be opened
 

@@ -8,29 +8,18 @@ from app.panel import widgets as ui
 from app.panel.facts import Facts
 from app.settings import Settings
 
-PRETEST_NAMES = {
-    "none": "None",
-    "badouel": "Badouel",
-    "pluecker": "Plücker",
-    "moeller_trumbore": "Möller-Trumbore",
-}
-
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    from gi_core.disc_search import PRETESTS, SEARCHES  # loaded long since; at the top it would hold the window up
+    from gi_core.disc_search import SEARCHES  # loaded long since; at the top it would hold the window up
 
     s = ui.choice(s, "Search", "search", {key: ui.title(key) for key in SEARCHES},
                   "How tangent_plane finds the segments that cross a disc: discs in a grid that segments walk "
-                  "through, segments in spheres around receivers, every pair of them, or (auto) whichever of the first "
-                  "two has taken less time. The picture is the same, bit for bit, and goes on meanwhile.")  # fmt: skip
-    s = ui.choice(s, "Pre-test", "pretest", {key: PRETEST_NAMES.get(key, key) for key in PRETESTS},
-                  "A triangle around each disc, tried before the disc itself. It was worth its time where a disc "
-                  "test was slow; here it is not.")  # fmt: skip
-    cost = facts.timings.get("estimate") if facts.search_told else None
+                  "through, segments in spheres around receivers, or every pair of them. The picture is the same, "
+                  "bit for bit; it stays while the light is estimated again.")  # fmt: skip
+    cost = facts.timings.get("estimate")
     ui.number("Takes", "-" if cost is None else ui.ms(cost),
-              "Finding crossings and adding them up in the last frame: what search and pre-test change.")  # fmt: skip
-    if facts.search_told:
-        imgui.push_text_wrap_pos(0.0)
-        imgui.text_disabled(facts.search_told)
-        imgui.pop_text_wrap_pos()
+              "Finding crossings and adding them up in the last frame: what the search changes.")  # fmt: skip
+    imgui.push_text_wrap_pos(0.0)
+    imgui.text_disabled(facts.search_told)
+    imgui.pop_text_wrap_pos()
     return s

@@ -37,10 +37,10 @@ ROUNDING = 4e-6  # of the distances in a line's arithmetic, with room
 class RayCache:
     """Spheres over discs in Hilbert order; each part of the work is some blocks of neighbours."""
 
-    name = "ray_cache"
     parts_share_lines = True  # a part is some of the discs, with every line
 
     def __init__(self, discs: Discs, pretest: str = "none", ordered: bool = True, least_radii: float = LEAST_RADII):
+        """ordered: visit the discs along a Hilbert curve, not in the order of the mesh."""
         self.discs = discs
         rows = np.flatnonzero(to_list(discs))
         if ordered:
@@ -67,16 +67,7 @@ class RayCache:
     def told(self) -> str:
         """Return in words what was built."""
         deep = int(self.spheres.depth.max(initial=-1)) + 1
-        return f"{self.name}: {len(self.spheres.first):,} spheres, stacked {deep} deep"
-
-
-class UnsortedRayCache(RayCache):
-    """The same with receivers in the order of the mesh: what sorting is worth."""
-
-    name = "ray_cache_unsorted"
-
-    def __init__(self, discs: Discs, pretest: str = "none"):
-        super().__init__(discs, pretest, ordered=False)
+        return f"ray_cache: {len(self.spheres.first):,} spheres, stacked {deep} deep"
 
 
 @allocating

@@ -1,9 +1,7 @@
 """Estimators of irradiance from segments, of identical shape. A new one adds its line here.
 
-Each has, in the order of use: `build()`, steps to run once; `switch(setting)`, steps, at any time later, that go over
-to another disc search and keep all sums; `add_background(segments, thread)`;
+Each has, in the order of use: `build()`, steps to run once; `add_background(segments, thread)`;
 `prepare(photons)`, steps after which `prefixes` has all that was added, the first `photons`;
-`rehearse(frame)`, steps that find out, while nobody waits, what makes frames like this one fast;
 `evaluate(frame) -> Evaluated` for a frame of one of the prefixes, with `reach` [m], how far from a
 receiver on a mobile it looks for segments; and, to check against, `from_scratch(parts, at) ->
 Evaluated`. Irradiance is sums x flux unit / (photons x area). `additive`: prepare() costs next to nothing;

@@ -65,14 +65,6 @@ class ImpactCount:
         """Nothing to build."""
         return iter(())
 
-    def rehearse(self, frame: Frame) -> Iterator[None]:
-        """There is nothing to choose."""
-        return iter(())
-
-    def switch(self, setting: Setting) -> Iterator[None]:
-        """No disc search is used."""
-        return iter(())
-
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add the hits of background segments; several threads may, each with its number."""
         self._deposit(segments, 1, self._added[thread])

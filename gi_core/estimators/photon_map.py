@@ -78,14 +78,6 @@ class PhotonMap:
         """Nothing to build: hits are indexed by prepare()."""
         return iter(())
 
-    def rehearse(self, frame: Frame) -> Iterator[None]:
-        """There is nothing to choose."""
-        return iter(())
-
-    def switch(self, setting: Setting) -> Iterator[None]:
-        """No disc search is used."""
-        return iter(())
-
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add the hits of background segments; several threads may."""
         self._parts.append(self._hits(segments, self.model.static))

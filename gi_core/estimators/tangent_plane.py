@@ -52,7 +52,7 @@ class TangentPlane:
 
     def __init__(self, model: Model, setting: Setting):
         self.model, self.radius, self.control = model, setting.radius, setting.control
-        self._search, self._pretest = SEARCHES[setting.search], setting.pretest
+        self._search = SEARCHES[setting.search]
         self.area = np.full(len(model.object_receivers.areas), math.pi * self.radius * self.radius)
         self.control_facts = ControlFacts(0.0, 0, 0)  # of the last frame
         self.photons = 0  # photons that were prepared
@@ -82,20 +82,11 @@ class TangentPlane:
             positions = np.ascontiguousarray(r.positions[rows], np.float32)
             normals = np.ascontiguousarray(r.normals[rows], np.float32)
             discs = Discs(positions, normals, own[rows], self.model.backs(o), np.float32(self.radius), region)
-            self._searches.append(self._search(discs, self._pretest))
+            self._searches.append(self._search(discs))
             yield
         self._contact = ContactDiscs(self.model, self.radius, [s.discs for s in self._searches], self.control)
         yield from self._contact.build()
         self._areas = self.area.copy()
-
-    def switch(self, setting: Setting) -> Iterator[None]:
-        """Index the discs for another search, in steps; until that is done the one before serves."""
-        made = SEARCHES[setting.search]
-        indexed = []
-        for search in self._searches:
-            indexed.append(made(search.discs, setting.pretest))
-            yield
-        self._search, self._pretest, self._searches = made, setting.pretest, indexed
 
     @property
     def bytes_a_hit(self) -> int:
@@ -104,7 +95,7 @@ class TangentPlane:
 
     @property
     def search_told(self) -> str:
-        """What the search over the static part's discs has built or chosen, in words."""
+        """What the search over the static part's discs has built, in words."""
         return self._searches[0].told() if self._searches else ""
 
     def add_background(self, segments: Segments, thread: int) -> None:
@@ -140,7 +131,7 @@ class TangentPlane:
             jobs, tails = [Job(0, tails.segments(self.model.threads), -1, added), *jobs], tails.of(slice(0))
         met = self._contact.met(frame.at, mobiles=bool(frame.near))
         try:
-            with self._contact.regions_of(met), self._hurried():
+            with self._contact.regions_of(met):
                 self._splat(jobs, frame.at, tails)
             rows, stale = self._contact.static_sums([frame.beside], frame.at, met)
             added[0].touched[rows >> CHUNK_BITS] = True
@@ -151,33 +142,6 @@ class TangentPlane:
         out.sums[rows], out.brought[rows] = stale, NOT_TOLD
         self.control_facts = self._contact.facts(met)
         return out
-
-    @contextmanager
-    def _hurried(self) -> Iterator[None]:
-        """Let no search try anything meanwhile."""
-        for search in self._choosing:
-            search.patient = False
-        try:
-            yield
-        finally:
-            for search in self._choosing:
-                search.patient = True
-
-    @property
-    def _choosing(self) -> list:
-        return [search for search in self._searches if hasattr(search, "rehearse")]
-
-    def rehearse(self, frame: Frame) -> Iterator[None]:
-        """Let searches that choose try what frames like this one need, in steps of no more than such a frame."""
-        for o, segments in enumerate((frame.branches, *frame.near)):
-            search = self._searches[o]
-            if search in self._choosing:
-
-                def ready(m: int, o=o, segments=segments):
-                    some = Segments(*(a[:m] for a in segments))
-                    return lines(some, frame.at.rotation[o], frame.at.position[o], self.model, self.radius)
-
-                yield from search.rehearse(segments.size, ready)
 
     @contextmanager
     def contact_switched(self, on: bool) -> Iterator[None]:
