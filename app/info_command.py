@@ -17,7 +17,7 @@ from app.tonemap import luminance
 
 PILOT = 20_000  # photons: the escaped share to a third of a percent
 ESCAPES = 0.8  # of the photons, at their first flight: beyond it most of the work is for nothing
-LIBRARIES = ("numpy", "scipy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-bundle")
+LIBRARIES = ("numpy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-bundle")
 
 
 def info(settings: Settings) -> list[str]:

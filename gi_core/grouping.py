@@ -1,7 +1,7 @@
 """What belongs together: rows of integers that are equal, nodes that are linked.
 
 numpy sorts whole numbers twenty times as fast as rows or several keys, so rows are packed into one number each
-where they fit. Nothing of scipy is loaded: its sparse graphs alone take 0.3 s of a first picture.
+where they fit.
 """
 
 from __future__ import annotations

@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numba
 import platformdirs
-from numba.np import linalg
 
 _ROOT = Path(__file__).parent
 
@@ -60,27 +59,8 @@ def _cache_elsewhere(folder: Path) -> str:
         return f"{folder} cannot be written ({error.strerror or error}): kernels are compiled anew at every start"
 
 
-def _load_without_scipy() -> None:
-    """Load what numba knows of arrays, which it would do with the first kernel, but not scipy's matrix products.
-
-    numba looks for those there and then, a fifth of a second of every start, to choose how `np.inner` multiplies. A
-    kernel that multiplies matrices would have them loaded when it is compiled, as ever.
-    """
-    look = linalg.ensure_blas
-    linalg.ensure_blas = _no_blas
-    try:
-        import numba.np.arraymath  # noqa: F401
-    finally:
-        linalg.ensure_blas = look
-
-
-def _no_blas() -> None:
-    raise ImportError("not looked for, see _load_without_scipy")
-
-
 CACHE_PROBLEM = _cache_elsewhere(cache_folder())
 numba.config.CACHE_DIR = str(cache_folder())
-_load_without_scipy()
 
 # numba counts who holds an array whenever a loop names it, by calls that cost more than most loops: of a ray's 900 ns
 # 300, and more where two threads count the same one. What makes no array can do without; numba refuses what does.

@@ -1,6 +1,6 @@
 """Nearest points, and points nearby, for a few thousand queries: a sweep along the longest axis.
 
-A tree answers faster once it is there; for these few, loading scipy's takes longer than all of them.
+A k-d tree pays only where there are more queries.
 """
 
 from __future__ import annotations

@@ -26,20 +26,6 @@ assert count > 15, count
     subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, timeout=120)
 
 
-def test_kernels_run_without_scipys_matrix_products():
-    """numba would load them with its first kernel; a kernel that needs them still finds them."""
-    code = """
-import sys
-import numba, numpy as np
-from gi_core.grouping import components
-assert components(np.array([[0, 2]]), 3).tolist() == [0, 1, 0]
-assert "scipy.linalg" not in sys.modules
-assert numba.njit(lambda a: a @ a)(2 * np.eye(2)).sum() == 8
-assert "scipy.linalg" in sys.modules
-"""
-    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, timeout=120)
-
-
 def test_only_one_module_knows_embree():
     importers = [p.name for p in (ROOT / "gi_core").rglob("*.py") if "embreex" in p.read_text(encoding="utf-8")]
     assert importers == ["embree.py"]

@@ -6,11 +6,14 @@ then lie in one single cell: such crowds get a grid of their own, and a segment 
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from gi_core.disc_search.cell_size import best_cell_radii
 from gi_core.disc_search.crossing import Discs, Lines, to_list
 from gi_core.disc_search.disc_grid import CELL_RADII, DiscGrid, box_of, cell_for
+from gi_core.grouping import components
 from gi_core.sums import Sums
 
 TOO_LARGE = 1.5  # times the cell wanted: grids with larger cells are looked through for crowds
@@ -47,15 +50,12 @@ def _crowds(discs: Discs, rows: np.ndarray, cell_radii: float) -> list[np.ndarra
     wanted = cell_radii * float(discs.radius)
     if cell_for(extent, float(discs.radius), cell_radii) <= TOO_LARGE * wanted or len(rows) < LEAST_CROWD:
         return [rows]
-    from scipy.ndimage import label  # 50 ms that few scenes need
-
     edge = float(extent.max()) / LOOK
     at = tuple(((discs.positions[rows] - low) / edge).astype(np.int64).T)
     held = np.zeros([int(a.max()) + 1 for a in at], np.int64)
     np.add.at(held, at, 1)
-    crowd_of = label(held > CROWDED, np.ones((3, 3, 3)))[0][at]
-    size = np.bincount(crowd_of)
-    size[0] = 0  # those in no crowd
+    crowd_of = _touching(held > CROWDED)[at]
+    size = np.bincount(crowd_of[crowd_of >= 0])
     parts, rest = [], np.ones(len(rows), bool)
     for crowd in np.argsort(-size)[:MOST_CROWDS]:
         inside = crowd_of == crowd
@@ -63,3 +63,19 @@ def _crowds(discs: Discs, rows: np.ndarray, cell_radii: float) -> list[np.ndarra
             parts += _crowds(discs, rows[inside], cell_radii)
             rest &= ~inside
     return [*parts, rows[rest]] if rest.any() else parts
+
+
+def _touching(crowded: np.ndarray) -> np.ndarray:
+    """Return for each cell (X, Y, Z) of a grid the number of its crowd; -1 where it is not crowded.
+
+    Cells that share a face, an edge or a corner are of the same crowd.
+    """
+    crowd = np.full(np.array(crowded.shape) + 2, -1)  # a border, so that every cell has 26 neighbours
+    cells = np.argwhere(crowded) + 1
+    crowd[tuple(cells.T)] = np.arange(len(cells))
+    pairs = []
+    for step in itertools.product((-1, 0, 1), repeat=3):
+        neighbour = crowd[tuple((cells + step).T)]
+        pairs.append(np.stack([np.arange(len(cells)), neighbour], axis=1)[neighbour >= 0])
+    crowd[tuple(cells.T)] = components(np.concatenate(pairs), len(cells))
+    return crowd[1:-1, 1:-1, 1:-1]
