@@ -1,7 +1,7 @@
 """Photon i: its light, origin, direction and flux (report Alg. 2.3.1).
 
 The report deals photons out to lights in proportion to their flux, so photon i depends on N. Here a
-low-discrepancy index into the flux distribution picks the light, which depends on (seed, i) alone.
+number of a low-discrepancy sequence picks the light, which depends on (seed, i) alone.
 """
 
 from __future__ import annotations
@@ -117,14 +117,13 @@ def spot_solid_angle(cos_inner: float, cos_outer: float) -> float:
 @kernel
 def _emit(seed, i, kind, parameters, face, cdf, units, origin, direction, flux, start, k):
     """Write photon i into row k."""
-    pick = sampling.uniform(seed, i, 0, sampling.LIGHT)
-    e = np.searchsorted(cdf, pick, side="right")
-    e = min(e, len(cdf) - 1)
+    u, v = sampling.position_numbers(seed, i)
+    s, t = sampling.direction_numbers(seed, i)
+    e = min(np.searchsorted(cdf, u, side="right"), len(cdf) - 1)
+    before = cdf[e - 1] if e > 0 else 0.0
+    # What the choice of the emitter leaves of the number is uniform again.
+    u = min((u - before) / (cdf[e] - before), 1.0)
     p = parameters[e]
-    u = sampling.uniform(seed, i, 0, sampling.POSITION_U)
-    v = sampling.uniform(seed, i, 0, sampling.POSITION_V)
-    s = sampling.uniform(seed, i, 0, sampling.DIRECTION_U)
-    t = sampling.uniform(seed, i, 0, sampling.DIRECTION_V)
     ox, oy, oz = p[0], p[1], p[2]
     dx, dy, dz = 0.0, 0.0, 0.0
     if kind[e] == AREA:
@@ -141,8 +140,10 @@ def _emit(seed, i, kind, parameters, face, cdf, units, origin, direction, flux, 
     elif kind[e] == SPOT:
         # The flux inside `inner` is 1 - ci, in the ramp (ci - co) / 3; there cos has density ~ ramp^2.
         inner, ramp = 1.0 - p[6], (p[6] - p[7]) / 3.0
-        choice = sampling.uniform(seed, i, 0, sampling.CHOICE) * (inner + ramp)
-        z = 1.0 - s * inner if choice < inner else p[7] + (p[6] - p[7]) * s ** (1.0 / 3.0)
+        outwards = s * (inner + ramp)  # flux nearer the axis
+        z = 1.0 - outwards
+        if outwards > inner:
+            z = p[7] + (p[6] - p[7]) * max(0.0, 1.0 - (outwards - inner) / ramp) ** (1.0 / 3.0)
         r = math.sqrt(max(0.0, 1.0 - z * z))
         dx, dy, dz = sampling.from_frame(
             r * math.cos(2.0 * math.pi * t), r * math.sin(2.0 * math.pi * t), z, p[3], p[4], p[5]

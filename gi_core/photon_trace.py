@@ -72,16 +72,15 @@ def _scatter(seed, world, at, photon, vertex, side, flux, fates):
     else:
         f, rho = side >> 1, world.reflectance
         survival = max(rho[f, 0], max(rho[f, 1], rho[f, 2]))
+        u, v = sampling.bounce_numbers(seed, photon, vertex)
         # The back of a one-sided face absorbs. The comparison is strict: rho = 0 never survives.
-        if side & 1 == 0 or world.two_sided[f]:
-            goes_on = sampling.uniform(seed, photon, vertex, sampling.SURVIVAL) < survival
+        goes_on = u < survival and (side & 1 == 0 or world.two_sided[f])
         if goes_on:
             a = np.int32(attenuate(flux[0], rho[f, 0], survival))
             b = np.int32(attenuate(flux[1], rho[f, 1], survival))
             c = np.int32(attenuate(flux[2], rho[f, 2], survival))
-            u = sampling.uniform(seed, photon, vertex, sampling.SCATTER_U)
-            v = sampling.uniform(seed, photon, vertex, sampling.SCATTER_V)
-            x, y, z = lambertian.sample(u, v)
+            # What survival leaves of the number is uniform again.
+            x, y, z = lambertian.sample(u / survival, v)
             nx, ny, nz = turned_normal(world, at, f)
             s = 1.0 if side & 1 == 0 else -1.0
             x, y, z = sampling.from_frame(x, y, z, s * nx, s * ny, s * nz)

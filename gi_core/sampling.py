@@ -1,8 +1,8 @@
 """Random numbers as a pure function, and the warps that turn them into points and directions.
 
-No generator state anywhere: photon i bends the same way whatever was traced before it. The first
-dimensions of a path come from a randomly shifted lattice, which covers them far more evenly than
-chance (in cornell 11 % less noise at 200,000 photons, 15 % at a million); later ones from a hash.
+No generator state anywhere: photon i bends the same way whatever was traced before it. Emission and first bounce of
+photon i are point i of an Owen-scrambled Sobol sequence in six dimensions; later bounces are hashes. Nets of their own
+for later bounces, or 16 dimensions of one sequence, were measured to gain next to nothing (docs/measurements.md).
 """
 
 from __future__ import annotations
@@ -11,21 +11,10 @@ import math
 
 import numpy as np
 
+from gi_core import owen_sobol
 from gi_core.jit import kernel
 
-# Dimensions at emission (bounce 0) ...
-LIGHT, POSITION_U, POSITION_V, DIRECTION_U, DIRECTION_V, CHOICE = range(6)
-# ... and at a surface (bounce >= 1).
-SURVIVAL, SCATTER_U, SCATTER_V = range(3)
-
-# Generating vector of an embedded lattice rule in base 2 (Cools, Kuo, Nuyens 2006, order 2, 2^20
-# points): each prefix of 2^m photons is a lattice.
-_LATTICE = np.array(
-    [1, 182667, 469891, 498753, 110745, 446247, 250185, 118627, 245333, 283199, 408519, 391023, 246327, 126539]
-    + [399185, 461527, 300343],
-    np.uint64,
-)
-_AT_EMISSION, _AT_BOUNCE = 5, 3  # lattice dimensions that each takes
+_DIRECTION, _POSITION, _FIRST_BOUNCE = 0, 2, 4  # Sobol dimensions, two each; the first two are the most even pair
 
 _A = np.uint64(0xBF58476D1CE4E5B9)
 _B = np.uint64(0x94D049BB133111EB)
@@ -43,17 +32,6 @@ def _mix(z):
 
 
 @kernel
-def _reversed_bits(x):
-    """Return a 64-bit integer with its bits in reverse: the van der Corput sequence, in units of 2^-64."""
-    x = ((x >> np.uint64(1)) & np.uint64(0x5555555555555555)) | ((x & np.uint64(0x5555555555555555)) << np.uint64(1))
-    x = ((x >> np.uint64(2)) & np.uint64(0x3333333333333333)) | ((x & np.uint64(0x3333333333333333)) << np.uint64(2))
-    x = ((x >> np.uint64(4)) & np.uint64(0x0F0F0F0F0F0F0F0F)) | ((x & np.uint64(0x0F0F0F0F0F0F0F0F)) << np.uint64(4))
-    x = ((x >> np.uint64(8)) & np.uint64(0x00FF00FF00FF00FF)) | ((x & np.uint64(0x00FF00FF00FF00FF)) << np.uint64(8))
-    x = ((x >> np.uint64(16)) & np.uint64(0x0000FFFF0000FFFF)) | ((x & np.uint64(0x0000FFFF0000FFFF)) << np.uint64(16))
-    return (x >> np.uint64(32)) | (x << np.uint64(32))
-
-
-@kernel
 def hashed(seed, photon, bounce, dimension):
     """Return 64 bits that depend on four integers."""
     z = _mix(np.uint64(photon) * _GOLDEN + _mix(np.uint64(seed) + _C))
@@ -62,22 +40,37 @@ def hashed(seed, photon, bounce, dimension):
 
 @kernel
 def independent(seed, photon, bounce, dimension):
-    """Return a float64 in [0, 1): as uniform(), but without the lattice. For the reference, whose
-    standard error takes its paths to be independent.
-    """
+    """Return a float64 in [0, 1) that is independent of every other number."""
     return float(hashed(seed, photon, bounce, dimension) >> np.uint64(11)) * _TO_UNIT
 
 
 @kernel
-def uniform(seed, photon, bounce, dimension):
-    """Return a float64 in [0, 1) that depends on its four integer arguments only."""
-    d = dimension if bounce == 0 else _AT_EMISSION + (bounce - 1) * _AT_BOUNCE + dimension
-    if (bounce == 0 and dimension >= _AT_EMISSION) or d >= len(_LATTICE):
-        z = hashed(seed, photon, bounce, dimension)
-    else:
-        # 64-bit integers wrap round: frac() for free. The shift makes every point uniform, so unbiased.
-        z = _reversed_bits(np.uint64(photon)) * _LATTICE[d] + _mix(_mix(np.uint64(seed) + _B) + np.uint64(d) * _GOLDEN)
-    return float(z >> np.uint64(11)) * _TO_UNIT
+def _even(seed, photon, dimension):
+    """Return two float64 in [0, 1): Sobol dimensions `dimension` and the next of point `photon` < 2^32."""
+    key, i = _mix(np.uint64(seed) + _B), np.uint64(photon)
+    u = owen_sobol.unit(owen_sobol.coordinate(i, dimension), _mix(key + np.uint64(dimension) * _GOLDEN))
+    v = owen_sobol.unit(owen_sobol.coordinate(i, dimension + 1), _mix(key + np.uint64(dimension + 1) * _GOLDEN))
+    return u, v
+
+
+@kernel
+def position_numbers(seed, photon):
+    """Return the two float64 in [0, 1) that choose a photon's light and its place there."""
+    return _even(seed, photon, _POSITION)
+
+
+@kernel
+def direction_numbers(seed, photon):
+    """Return the two float64 in [0, 1) that choose the direction in which a photon leaves its light."""
+    return _even(seed, photon, _DIRECTION)
+
+
+@kernel
+def bounce_numbers(seed, photon, bounce):
+    """Return the two float64 in [0, 1) that choose survival and direction at bounce 1, 2, ... of a photon."""
+    if bounce == 1:
+        return _even(seed, photon, _FIRST_BOUNCE)
+    return independent(seed, photon, bounce, 0), independent(seed, photon, bounce, 1)
 
 
 @kernel

@@ -65,14 +65,12 @@ class Twin:
             face, back = side[0] >> 1, side[0] & 1
             rho = world.reflectance[face]
             survival = max(rho)
-            if (back and not world.two_sided[face]) or (
-                sampling.uniform(self.seed, i, bounce + 1, sampling.SURVIVAL) >= survival
-            ):
+            u, v = sampling.bounce_numbers(self.seed, i, bounce + 1)
+            if (back and not world.two_sided[face]) or u >= survival:
                 return
             q = [attenuate(c, r, survival) for c, r in zip(q, rho, strict=True)]
-            u, v = (sampling.uniform(self.seed, i, bounce + 1, k) for k in (sampling.SCATTER_U, sampling.SCATTER_V))
             n = self._side_normal(side[0], at)
-            direction = np.array([sampling.from_frame(*lambertian.sample(u, v), *n)], F32)
+            direction = np.array([sampling.from_frame(*lambertian.sample(u / survival, v), *n)], F32)
             origin = segment["hit"][None]
 
     def _side_normal(self, side: int, at):
