@@ -135,7 +135,8 @@ def test_a_trial_foretells_what_more_photons_do(solver, monkeypatch):
     large = finished(trial(judge, sticks, radius=0.08))
     assert law.error(60_000) == pytest.approx(math.sqrt(large.alone[-1]), rel=0.5)
     few, many = large.moving[:2] / large.alone[:2], large.moving[2:] / large.alone[2:]
-    assert (few < 0.8).all(), "the static light of all photons helps"
+    # Squared errors. Sobol points leave less noise to remove than a lattice did, where photons are 16,384.
+    assert (few < 1.0).all() and few.min() < 0.8, "the static light of all photons helps"
     assert (many < 1.1).all(), "a half of the photons has little to gain, and what chance may have made is left out"
     assert np.array_equal(solver.irradiance, before), "trials leave the solver alone"
     solver.move_all({})
