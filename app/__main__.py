@@ -107,12 +107,6 @@ def _view_parser() -> argparse.ArgumentParser:
         help=f"fail with code {NO_GL} where no window can be opened, instead of drawing ./{FALLBACK_PICTURE}",
     )
     options.budget(parser, "; 0: always all")
-    options.error(parser)
-    parser.add_argument(
-        "--auto",
-        action="store_true",
-        help="choose estimator, photons and radius for that budget by trials on this scene",
-    )
     parser.add_argument(
         "--screenshot",
         type=values.png,
@@ -135,9 +129,7 @@ def _command_parser(name: str) -> argparse.ArgumentParser:
     if name == "bench":
         options.bench(parser)
     if name == "tune":
-        options.budget(parser, "")
-        options.error(parser)
-        parser.add_argument("--check", action="store_true", help="solve with the choice and say how close it came")
+        options.tune(parser)
     if name == "reference":
         options.reference(parser)
     if name == "chart":

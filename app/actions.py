@@ -45,8 +45,6 @@ def _act_on_scene(viewer: Viewer, action: str) -> None:
         viewer.succession.again(session)
     elif action == "reference":
         session.want(replace(session.settings, reference=not session.settings.reference))
-    elif action == "auto":
-        session.choose_settings()
     elif action == "clear chart":
         session.appraisal.trials.clear()
     elif action == "meter":

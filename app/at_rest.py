@@ -25,15 +25,11 @@ class AtRest:
         self._drawn: object = None  # how far what the picture is compared with was when it was last drawn
 
     def next_work(self, given_up: Set[str] = frozenset()) -> Task | None:
-        """Return a task of a job not given up, None if all is done: trying settings, else gathering and appraising
-        in turns.
+        """Return a task of a job not given up, None if all is done: gathering and appraising take turns.
 
         Until it has an answer, most turns are gathering's: a better picture comes before the error of
         this one.
         """
-        if self._session.auto is not None:
-            run = self._session.auto.next_work()
-            return run and Task("trying settings", run)
         gathering, self._turn = self._session.gathering, self._turn + 1
         turns = TURNS if math.isinf(gathering.told.noise) else 2
         first, second = (self._gather, self._appraise)[:: 1 if self._turn % turns else -1]
@@ -58,16 +54,3 @@ class AtRest:
             return False
         before, self._drawn = self._drawn, appraisal.progress(light.version, light.poses_drawn)
         return self._drawn != before
-
-    def take_over_choice(self) -> None:
-        """Once settings have been tried, set the session to those that do best."""
-        session, auto = self._session, self._session.auto
-        if auto is None or not auto.done:
-            return
-        session.auto = None
-        if auto.problem is not None:
-            session.log.error("trying settings", auto.problem)
-            return
-        session.want(auto.taken_over(session.settings))
-        for line in auto.told():
-            session.log(line)

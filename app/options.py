@@ -30,11 +30,12 @@ def budget(parser: argparse.ArgumentParser, off: str) -> None:
     )
 
 
-def error(parser: argparse.ArgumentParser) -> None:
-    """Add --error of settings that are chosen by trials."""
-    parser.add_argument(
-        "--error", type=values.positive, metavar="PCT", help="choose the fastest settings so close to the truth at rest"
-    )
+def tune(parser: argparse.ArgumentParser) -> None:
+    """Add those of `tune`."""
+    budget(parser, "")
+    add = parser.add_argument
+    add("--error", type=values.positive, metavar="PCT", help="choose the fastest settings with this error at rest")
+    add("--check", action="store_true", help="solve with the choice and measure its error")
 
 
 def bench(parser: argparse.ArgumentParser) -> None:

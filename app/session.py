@@ -14,7 +14,6 @@ import numpy as np
 
 from app.appraisal import Appraisal
 from app.at_rest import AtRest
-from app.auto import Auto
 from app.background import PATIENCE, Worker
 from app.camera import matrix
 from app.gathering import Gathering
@@ -60,7 +59,6 @@ class Session:
         self.light: Solving | None = None
         self.appraisal: Appraisal | None = None
         self.gathering: Gathering | None = None
-        self.auto: Auto | None = None  # while settings are tried
         self._appraise = appraise
         self._refreshed = 0  # times that the same light is to be drawn anew
         self._worker = worker or Worker()
@@ -129,7 +127,6 @@ class Session:
             self.light.settle()
             self.light.refine(budget, still and not editing)
             self._refreshed += self._at_rest.has_news()
-            self._at_rest.take_over_choice()
         elif self.clock() - self._moved_at >= STILL:
             self.light.settle()
 
@@ -173,8 +170,6 @@ class Session:
         self._paths = {name: path for name, path in paths.items() if len(path.times) > 1}
         for note in self.solver.scene.notes:
             self.log(note)
-        if self.settings.auto or self.settings.error is not None:
-            self.choose_settings()
 
     @property
     def _to_apply(self) -> bool:
@@ -194,15 +189,6 @@ class Session:
         if (new.show, new.reference, new.compare) != (old.show, old.reference, old.compare):
             self._refreshed += 1
         self._applied = new
-
-    # Settings that choose themselves ------------------------------------------------------------------
-
-    def choose_settings(self) -> None:
-        """Try settings while everything rests and take those over that do best."""
-        if not self.solver.scene.mobiles:
-            self.log("settings are chosen for what moves, and nothing does: add a mobile with --mobile FILE", WARNING)
-        elif self.auto is None:
-            self.auto = Auto(self.solver, self.settings)
 
     # Motion -----------------------------------------------------------------------------------------
 

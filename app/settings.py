@@ -59,8 +59,6 @@ class Settings:
     cull: bool = True  # see through the back of one-sided faces: the doll's house view
     size: tuple[int, int] = SIZE  # pixels
     budget: float = BUDGET  # [ms] a frame's light may take while something moves; 0: always all photons
-    auto: bool = False  # choose estimator, photons and radius by trials, see app/auto.py
-    error: float | None = None  # [%] to be chosen for, at rest; None: the least that the budget allows in motion
     fallback: bool = True  # without a window, render to a file instead of failing
 
     @property

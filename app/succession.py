@@ -56,8 +56,6 @@ class Succession:
             coming.tick(0.0, budget=0.0)
             if coming.problem is not None:
                 self.problem, self.coming = f"{coming.problem}", None
-            elif coming.ready and self.same:
-                coming.auto = None  # settings were chosen when it was loaded first
             return None
         coming.light.move_pending(0.0)
         if coming.light.is_moving or now.dragging or self._moves(now, coming):
@@ -91,10 +89,10 @@ class Succession:
 def settings_again(now: Session) -> Settings:
     """Return settings to load a scene once more: what the user did not set is left open, for it may come out anew."""
     chosen = {name: None for name, value in now.filled.items() if getattr(now.settings, name) == value}
-    return replace(now.settings, **chosen, poses=(), auto=False)
+    return replace(now.settings, **chosen, poses=())
 
 
 def settings_for(now: Session, scene: str, mobiles: tuple[str, ...]) -> Settings:
     """Return settings for another scene: what depends on the one on show is left open."""
     left_open = {name: getattr(Settings, name) for name in OF_A_SCENE}
-    return replace(settings_again(now), **left_open, scene=scene, mobiles=mobiles, auto=now.settings.auto)
+    return replace(settings_again(now), **left_open, scene=scene, mobiles=mobiles)

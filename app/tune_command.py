@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 
 from app.progress import Bar, compile_kernels, solve
@@ -24,7 +25,7 @@ def tuned_lines(settings: Settings, error: float | None, check: bool = False) ->
         solver = make_solver(scene, replace(settings, estimator=None))
         solve(solver, bar)
         found = finished(tune(solver, 1e-3 * settings.budget, None if error is None else 1e-2 * error), bar)
-        lines = [*_laws(found), "", *told(found, settings.budget, error)]
+        lines = [*_laws(found), "", *_choice(found, settings.budget, error), command_line(settings, found)]
         if check:
             lines += ["", checked(solver, found, bar)]
     return lines
@@ -52,8 +53,8 @@ def _laws(found: Tuned) -> list[str]:
     return lines
 
 
-def told(found: Tuned, budget: float, error: float | None) -> list[str]:
-    """Return the choice and what is expected of it, in words."""
+def _choice(found: Tuned, budget: float, error: float | None) -> list[str]:
+    """Return the choice and its expected errors and frame time, in words."""
     c = found.choice
     asked = f"frames of {budget:g} ms" if error is None else f"{error:g} % at rest"
     met = "" if c.met else f" ({asked} cannot be had: this comes nearest)"
@@ -62,6 +63,24 @@ def told(found: Tuned, budget: float, error: float | None) -> list[str]:
         f"expected where something moves: {100 * c.error:.1f} % at rest, {100 * c.moving_error:.1f} % in motion "
         f"({c.frame:,} photons{_gathered(found)}, {1e3 * c.seconds:.1f} ms a frame)",
     ]
+
+
+def command_line(settings: Settings, found: Tuned) -> str:
+    """Return the command that opens the window with the choice."""
+    chosen = found.choice.setting
+    words = ["gi-viewer", settings.scene, *(w for file in settings.mobiles for w in ("--mobile", file))]
+    for name, numbers in settings.poses:
+        words += ["--pose", f"{name}={','.join(map(str, numbers))}"]
+    values = {
+        "max-edge": settings.max_edge, "up": settings.up, "seed": settings.seed or None,
+        "estimator": chosen.estimator, "photons": found.choice.photons, "radius": f"{chosen.radius:.4g}",
+        "neighbours": chosen.neighbours, "budget": f"{settings.budget:g}",
+    }  # fmt: skip
+    if settings.mobile_light == "gathered":
+        values |= {"static-light": "gathered", "mobile-light": "gathered"}
+    words += [w for name, value in values.items() if value is not None for w in (f"--{name}", str(value))]
+    flags = {"--allow-outside": settings.allow_outside, "--no-control": not chosen.control}
+    return shlex.join([*words, *(flag for flag, given in flags.items() if given)])
 
 
 def _gathered(found: Tuned) -> str:

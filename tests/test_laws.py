@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-import time
+import shlex
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from scene_builders import box_mobile, coloured_room, plane_scene
 
 from app import __main__ as cli
 from app.tuning import tune
-from gi_core.laws import Law, law_of, over_radii, within_error, within_time
+from gi_core.laws import Choice, Law, law_of, over_radii, within_error, within_time
 from gi_core.scene import Pose
 from gi_core.setting import Setting
 from gi_core.solver import Solver
@@ -169,52 +170,25 @@ def test_the_command_prints_trials_and_choice(monkeypatch, capsys):
     assert cli.main(["tune", "cornell", "--photons", "8192", "--check", "--budget", "30"]) == 0
     text = capsys.readouterr().out
     assert "impact_count" in text and "for frames of 30 ms: " in text and "found: " in text
+    assert "\ngi-viewer cornell --estimator " in text
     monkeypatch.setattr("app.settings.open_scene", lambda settings: plane_scene())
     assert cli.main(["tune", "plane"]) == 2
     assert "no mobile to move" in capsys.readouterr().err
 
 
-def test_the_window_tries_settings_at_rest_and_takes_the_choice_over(monkeypatch):
-    from app.log import Log
-    from app.opening import Opened
-    from app.session import Session
+def test_the_printed_command_line_opens_the_window_with_the_choice():
+    from app.__main__ import parse, settings_of
     from app.settings import Settings
+    from app.tune_command import command_line
+    from app.tuning import Tuned
 
-    monkeypatch.setattr("gi_core.trials.PHOTONS", 8192)
-    monkeypatch.setattr("gi_core.trials.MOST_PATHS", 32)
-    settings = Settings(
-        estimator="tangent_plane", photons=8192, radius=0.1, neighbours=20, exposure=0.0, error=30.0, budget=50.0
-    )
-    log = Log()
-    session = Session(settings, log, open_with=lambda settings: None, appraise=None)
-    session.adopt(Opened(settings, Solver(SCENE, photons=8192, radius=0.1), (), None))
-    told = []
-    end = time.monotonic() + 300
-    while session.auto is not None:
-        assert time.monotonic() < end
-        session.tick(1 / 60)
-        told.append(session.auto.doing.fraction if session.auto else 1.0)
-    assert told == sorted(told) and len(set(told)) > 5
-    for _ in range(2000):
-        session.tick(1 / 60)
-        if not session.refining:
-            break
-    s = session.settings
-    assert (s.estimator, s.radius, s.photons) != ("tangent_plane", 0.1, 8192)
-    assert session.solver.setting.estimator == s.estimator and session.solver.photons == s.photons
-    assert any("for 30 % at rest: " in entry.text for entry in log.entries)
-    session.close()
-
-
-def test_without_anything_that_moves_nothing_is_tried():
-    from app.log import Log
-    from app.opening import Opened
-    from app.session import Session
-    from app.settings import Settings
-
-    settings = Settings(estimator="tangent_plane", photons=100, radius=0.1, neighbours=20, exposure=0.0, auto=True)
-    log = Log()
-    session = Session(settings, log, open_with=lambda settings: None, appraise=None)
-    session.adopt(Opened(settings, Solver(coloured_room(()), photons=100, radius=0.1), (), None))
-    assert session.auto is None and any("nothing does" in entry.text for entry in log.entries)
-    session.close()
+    chosen = {"estimator": "photon_map", "photons": 123_456, "radius": 0.0123, "neighbours": 80, "control": False}
+    asked = Settings(
+        scene="my room.glb", mobiles=("chair.glb",), poses=(("chair", (1.0, 0.5, -2.0)),), up="z", seed=3, budget=20.0,
+        mobile_light="gathered",
+    )  # fmt: skip
+    setting = Setting("photon_map", 0.0123, 80, control=False)
+    found = Tuned(Choice(setting, 123_456, 8192, 0.01, 0.02, 0.03, True), (), {}, 16)
+    command, *words = shlex.split(command_line(asked, found))
+    assert command == "gi-viewer"
+    assert settings_of(parse(words)) == replace(asked, **chosen, static_light="gathered")

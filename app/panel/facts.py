@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from app.appraisal import Report
-    from app.auto import Doing
     from app.gathering import Gathered
     from app.session import Session
     from app.succession import Succession
@@ -45,7 +44,6 @@ class Facts:
     notes: tuple[str, ...] = ()
     report: Report | None = None  # of errors; None while nothing is known
     trials: tuple[Trial, ...] = ()  # settings tried
-    auto: Doing | None = None  # how far trials of settings are
     gathered: Gathered | None = None  # how far the static light is; None: not asked for
     search_told: str = ""  # what the disc search built; "" where there is none
     coming: tuple[str, float | None] | None = None  # what a scene that is being opened is at, and how far
@@ -89,7 +87,6 @@ def facts_of(
         notes=solver.scene.notes,
         report=report if report is not None and report.version == session.light.version else None,
         trials=appraisal.trials.all if appraisal is not None else (),
-        auto=session.auto.doing if session.auto is not None else None,
         gathered=session.gathering.told if solver.static_light == "gathered" else None,
         search_told=solver.search_told,
         coming=succession.told,

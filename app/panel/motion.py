@@ -38,7 +38,6 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         "What light may take in a frame while something moves: as many photons are used as fit, and all of them "
         "as soon as it rests. Off: always all, however long it takes."
     )
-    _auto(facts, actions)
     told = f"{ui.thousands(facts.photons_shown)} of {ui.thousands(facts.photons_traced)} photons"
     if facts.paths_shown:
         told += f", {facts.paths_shown} paths"
@@ -48,19 +47,3 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         "Photons that this picture is made of, and all there are; paths that a vertex of a mobile gathers.",
     )
     return s
-
-
-def _auto(facts: Facts, actions: set[str]) -> None:
-    ui.label("Settings")
-    if facts.auto is not None:
-        imgui.progress_bar(facts.auto.fraction, (-1, 0), "")
-        ui.write_over(facts.auto.what)
-        return
-    imgui.begin_disabled(facts.mobiles == 0)
-    if imgui.button("Choose for this budget", (-1, 0)):
-        actions.add("auto")
-    imgui.end_disabled()
-    ui.tip(
-        "Try estimators and radii on this scene and machine while everything rests, against the reference, and take "
-        "those that come closest to it while something moves. It says what it expects."
-    )
