@@ -14,6 +14,7 @@ from pathlib import Path
 from app import options, values
 from app.parser import Parser, did_you_mean
 from app.settings import Settings, UsageError, check_names
+from app.version import version
 
 OK, USAGE, SCENE, NO_GL = 0, 2, 3, 4
 FALLBACK_PICTURE = "gi-viewer.png"
@@ -277,19 +278,6 @@ class _Version(argparse.Action):
     def __call__(self, parser, namespace, values, option_string=None):
         print(f"gi-viewer {version()}")
         parser.exit()
-
-
-def version() -> str:
-    """Return the installed version; in a checkout that was never installed, that of pyproject.toml."""
-    from importlib import metadata
-
-    try:
-        return metadata.version("gi-viewer")
-    except metadata.PackageNotFoundError:
-        import tomllib
-
-        with open(Path(__file__).parent.parent / "pyproject.toml", "rb") as file:
-            return tomllib.load(file)["project"]["version"]
 
 
 if __name__ == "__main__":

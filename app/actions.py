@@ -4,15 +4,30 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from app import metering, screenshot
+from app.log import Log
+from app.renderer import Renderer
+from app.session import Session
+from app.succession import Succession
+from app.viewport import Viewport
 
-if TYPE_CHECKING:
-    from app.viewer import Viewer
+
+class Window(Protocol):
+    """The window's parts that actions use."""
+
+    params: Any  # of hello_imgui
+    help_open: bool
+    log: Log
+    session: Session
+    succession: Succession
+    viewport: Viewport
+    renderer: Renderer | None
+    estimators: dict[str, str]
 
 
-def act(viewer: Viewer, action: str) -> None:
+def act(viewer: Window, action: str) -> None:
     """Do what is asked for; until there is a scene, only what needs none."""
     if action == "quit":
         viewer.params.app_shall_exit = True
@@ -28,7 +43,7 @@ def act(viewer: Viewer, action: str) -> None:
         _act_on_scene(viewer, action)
 
 
-def _act_on_scene(viewer: Viewer, action: str) -> None:
+def _act_on_scene(viewer: Window, action: str) -> None:
     session, viewport = viewer.session, viewer.viewport
     if action == "play":
         session.toggle_play()
@@ -46,7 +61,7 @@ def _act_on_scene(viewer: Viewer, action: str) -> None:
     elif action == "reference":
         session.want(replace(session.settings, reference=not session.settings.reference))
     elif action == "clear chart":
-        session.appraisal.trials.clear()
+        session.appraisal.points.clear()
     elif action == "meter":
         exposure = metering.metered(session, viewport.camera)
         session.want(replace(session.settings, exposure=exposure))

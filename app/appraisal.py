@@ -1,6 +1,6 @@
 """What is worth computing when everything rests: how far off the picture is, and what to compare it with.
 
-`next_work` hands out one small piece at a time, which runs in the solver's thread while nobody else uses the solver;
+`next_task` returns one short task at a time, which runs in the solver's thread while nobody else uses the solver;
 a drag waits for the piece under way and no longer. Results belong to a version of the light and go with it; the
 reference belongs to the poses, and is kept for the last few.
 """
@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.background import Task
+from app.measured_points import MeasuredPoint, MeasuredPoints
 from app.other_look import OtherLook
-from app.trials import Trial, Trials
 from app.truth import Truth
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class Appraisal:
 
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
         self.wants = Wants()
-        self.trials = Trials()
+        self.points = MeasuredPoints()
         self.other = OtherLook(solver)
         self.report: Report | None = None
         self._solver, self._clock = solver, clock
@@ -105,7 +105,7 @@ class Appraisal:
         other = self.wants.other and self.other.is_done(version, self.wants.other)
         return bool(other), None if truth is None else (truth.rounds.bit_length(), int(16 * truth.seen))
 
-    def next_work(self, version: object, irradiance: np.ndarray, given_up: Set[str] = frozenset()) -> Task | None:
+    def next_task(self, version: object, irradiance: np.ndarray, given_up: Set[str] = frozenset()) -> Task | None:
         """Return the next task for the light of a version, of jobs not given up; None if nothing is left to do."""
         if not self.wants.other and self.other.seen is not None:
             self.other.drop()
@@ -218,9 +218,9 @@ class Appraisal:
         return m is not None and m.version == version
 
     def _note(self) -> None:
-        """Keep what is known of the light under this setting among the trials."""
+        """Keep what is known of the light under this setting among the points."""
         m, r = self._measured, self.report
-        self.trials.add(Trial(m.setting, m.photons, statistics.median(m.seconds), r.total, r.truth_noise))
+        self.points.add(MeasuredPoint(m.setting, m.photons, statistics.median(m.seconds), r.total, r.truth_noise))
 
     def _noise_of_gathered(self, rows: np.ndarray) -> np.ndarray:
         """Return the standard error of the luminance (n,) of receivers whose light was gathered, 0 of others."""

@@ -7,8 +7,6 @@ from pathlib import Path
 from app.progress import Bar, compile_kernels
 from app.settings import Settings, open_moving_scene
 
-SOON_ENOUGH = 40.0  # ms: the frame of which pictures are shown may take so long
-
 
 def chart(
     settings: Settings, out: Path, quick: bool = False, frames: int | None = None, points: int | None = None
@@ -19,6 +17,7 @@ def chart(
     """
     from app.chart_figure import draw, need_matplotlib
     from app.chart_page import write_page
+    from app.chart_pictures import SOON_ENOUGH
     from app.chart_run import Run
     from app.chart_tuned import told
 

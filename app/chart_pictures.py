@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from app import raycast
-from app.chart_command import SOON_ENOUGH
 from app.chart_run import Run
 from app.chart_settings import Choice
 from app.reference_run import run as gather
@@ -19,6 +18,7 @@ from gi_core.error_at_hand import signed_error
 from gi_core.estimators import ESTIMATORS
 
 SIZE = (480, 320)  # pixels
+SOON_ENOUGH = 40.0  # ms: the longest frame of which pictures are shown
 TRUTH, QUICK_TRUTH = 0.02, 0.1  # l1 error that chance makes in the truth of these pictures
 SCALE = 0.5  # of the light: the end of the map's colours
 TOO_DARK, RIGHT, TOO_BRIGHT = (0.13, 0.40, 0.67), (0.97, 0.97, 0.97), (0.84, 0.38, 0.05)

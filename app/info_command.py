@@ -8,12 +8,12 @@ from importlib import metadata
 
 import numpy as np
 
-from app.__main__ import version
 from app.caveats import caveats
 from app.material_lines import material_lines, triple
 from app.progress import Bar, compile_kernels
 from app.settings import Settings, make_solver, open_scene
 from app.tonemap import luminance
+from app.version import version
 
 PILOT = 20_000  # photons: the escaped share to a third of a percent
 ESCAPES = 0.8  # of the photons, at their first flight: beyond it most of the work is for nothing

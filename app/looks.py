@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.colour_map import UNKNOWN, signed_colours
-from app.settings import ERRORS, REFERENCE, Settings
+from app.settings import ERRORS, REFERENCE
 
 if TYPE_CHECKING:
     from app.session import Session
@@ -65,15 +65,10 @@ def shown(session: Session) -> Shown:
         other = whole if s.compare == REFERENCE else _seen(session, s.compare)
         sides += [other] if other is not None else []
         coming += [s.compare] if other is None and s.compare != REFERENCE else []
-    if REFERENCE in asked(s) and (truth is None or truth.seen < 1):
+    if REFERENCE in s.beside_estimate and (truth is None or truth.seen < 1):
         coming.append(f"{REFERENCE} ({100 * truth.seen:.0f} % seen)" if truth is not None else REFERENCE)
     told = f"{' and '.join(coming).replace('_', ' ')}: computed while everything rests" if coming else ""
     return Shown(tuple(sides), told, errors, s.reference or errors is not None)
-
-
-def asked(s: Settings) -> set[str]:
-    """Return what the settings want to be shown beside the estimate."""
-    return {s.compare} - {""} | ({REFERENCE} if s.reference or s.show == ERRORS else set())
 
 
 def paint(mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: bool) -> tuple[np.ndarray, np.ndarray]:

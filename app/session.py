@@ -125,6 +125,7 @@ class Session:
             self.playing &= not self.light.move_failed
         elif not self.dragging:
             self.light.settle()
+            self._at_rest.settings = self.settings
             self.light.refine(budget, still and not editing)
             self._refreshed += self._at_rest.has_news()
         elif self.clock() - self._moved_at >= STILL:
@@ -162,8 +163,8 @@ class Session:
         self.light = Solving(opened.solver, self.log, self.clock, self._worker, self.gathering.ahead)
         if self._appraise is not None:
             self.appraisal = self._appraise(opened.solver, self.clock)
-        self._at_rest = AtRest(self)
-        self.light.at_rest = self._at_rest.next_work
+        self._at_rest = AtRest(self.settings, self.light, self.gathering, self.appraisal)
+        self.light.at_rest = self._at_rest.next_task
         self._start = dict(self.solver.poses)
         static = Receivers(*(column[self.solver.surfaces.receiver_range(0)] for column in self.solver.receivers))
         paths = paths_of(self.solver.scene, static, self.solver.scene_size)
@@ -278,4 +279,3 @@ class Session:
             self.opening.cancel(patience)
         if self.light is not None:
             self.light.close(patience)
-            self._at_rest = None  # it knows this session: a ring would keep the whole scene in memory

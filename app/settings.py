@@ -68,6 +68,12 @@ class Settings:
         own = {"static_light": "all", "mobile_light": "photons"}
         return values | own if self.compare not in ("", REFERENCE) else values
 
+    @property
+    def beside_estimate(self) -> set[str]:
+        """What is to be shown beside the estimate or instead of it: an estimator, REFERENCE."""
+        needs_reference = self.reference or self.show == ERRORS
+        return {self.compare} - {""} | ({REFERENCE} if needs_reference else set())
+
     def of_estimator(self, name: str) -> Settings:
         """Return the settings that show an estimator's light: all of it, where it was gathered without one."""
         light = "all" if self.static_light == "gathered" else self.static_light

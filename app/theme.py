@@ -16,11 +16,10 @@ TEXT = (0.870, 0.875, 0.885)
 DIM = (0.580, 0.595, 0.620)
 WARNING = (0.950, 0.760, 0.350)
 ERROR = (0.960, 0.450, 0.400)
+FONT_PIXELS = 16.0  # at 96 dots per inch; HelloImGui scales it with the screen
 
 
 def load_fonts() -> None:
-    from app.window import FONT_PIXELS
-
     hello_imgui.load_font_ttf("fonts/Roboto/Roboto-Regular.ttf", FONT_PIXELS)
 
 

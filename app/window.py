@@ -16,7 +16,6 @@ from app.settings import Settings
 TITLE = "gi-viewer"
 GL_VERSION = (3, 3)  # macOS stops at 4.1; nothing here needs more than 3.3
 PANEL_EM = 22
-FONT_PIXELS = 16.0  # at 96 dots an inch; HelloImGui scales it with the screen
 RENDER_HINT = "`gi-viewer render SCENE --out a.png` needs no window"
 
 
@@ -154,7 +153,7 @@ def runner_params(
     split = hello_imgui.DockingSplit()
     split.initial_dock, split.new_dock = "MainDockSpace", "Side"
     split.direction = imgui.Dir.right
-    split.ratio = min(PANEL_EM * FONT_PIXELS / settings.size[0], 0.5)
+    split.ratio = min(PANEL_EM * theme.FONT_PIXELS / settings.size[0], 0.5)
     params.docking_params.docking_splits = [split]
     no_tabs = int(imgui.internal.DockNodeFlagsPrivate_.no_tab_bar)
     split.node_flags = params.docking_params.main_dock_space_node_flags = no_tabs

@@ -38,7 +38,7 @@ def solver():
 def finish(appraisal, solver, version, until=lambda: False, pieces=3000):
     """Do all the work; return how many pieces there were."""
     for k in range(pieces):
-        task = appraisal.next_work(version, solver.irradiance)
+        task = appraisal.next_task(version, solver.irradiance)
         if task is None or until():
             return k
         task.run()
@@ -54,9 +54,9 @@ def test_the_error_is_that_against_a_reference_of_its_own(solver):
     truth, _ = reference_irradiance(solver.scene, points, normals, 256, 7, model=solver.model)
     assert r.total == pytest.approx(relative_error(solver.irradiance, truth, solver.receivers.areas).l1, rel=0.1)
     assert r.truth_noise <= 0.15 * r.total and 0 < r.noise < 1.2 * r.total and 0 <= r.bias < r.total
-    (trial,) = appraisal.trials.all
-    assert trial.photons == 20_000 and trial.error == r.total and trial.seconds > 0
-    assert "tangent plane\n20 000 photons\nradius 0.06 m" in trial.label and "control" in trial.label
+    (point,) = appraisal.points.all
+    assert point.photons == 20_000 and point.error == r.total and point.seconds > 0
+    assert "tangent plane\n20 000 photons\nradius 0.06 m" in point.label and "control" in point.label
 
 
 def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
@@ -84,14 +84,14 @@ def test_a_new_setting_is_told_by_the_same_reference_and_adds_a_point(solver):
     twin.configure(estimator="impact_count")
     twin.solve()
     other = Appraisal(twin, time.perf_counter)
-    other._truths, other.trials = appraisal._truths, appraisal.trials
+    other._truths, other.points = appraisal._truths, appraisal.points
     finish(other, twin, 2)
     assert other.truth(twin.poses, False) is truth and truth.rounds >= rounds, "nothing is gathered anew"
     told = relative_error(twin.irradiance[truth.rows], truth.irradiance, truth.weights).l1
     assert other.report.version == 2 and other.report.total == told != appraisal.report.total
-    assert [t.setting.estimator for t in other.trials.all] == ["tangent_plane", "impact_count"]
+    assert [t.setting.estimator for t in other.points.all] == ["tangent_plane", "impact_count"]
     finish(other, twin, 3)
-    assert len(other.trials.all) == 2, "a setting is one point"
+    assert len(other.points.all) == 2, "a setting is one point"
 
 
 def test_a_large_scene_is_measured_at_a_stated_choice_of_its_receivers(solver, monkeypatch):
@@ -129,7 +129,7 @@ def test_another_estimator_sees_what_a_solver_of_its_own_would(solver):
     assert np.array_equal(appraisal.other.seen.irradiance, alone.irradiance)
     solver.move("block", pose)
     appraisal.wants = Wants(numbers=False)
-    assert appraisal.next_work(3, solver.irradiance) is None
+    assert appraisal.next_task(3, solver.irradiance) is None
     assert appraisal.other.seen is None and appraisal.other._twin is None, "its memory is given back"
 
 
@@ -272,7 +272,7 @@ def test_nothing_is_measured_unless_it_is_wanted(session):
     rest(s, lambda: not s.refining)
     for _ in range(20):
         s.tick(FRAME)
-    assert s.appraisal.report is None and not s.appraisal.trials.all
+    assert s.appraisal.report is None and not s.appraisal.points.all
     s.want(replace(s.settings, appraise=True))
     rest(s, lambda: s.appraisal.report is not None)
 

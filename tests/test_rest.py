@@ -76,7 +76,7 @@ def test_rest_ends_where_there_is_no_light():
     session = opened(UNLIT)
     rest(session)
     assert errors(session) == [] and not session.irradiance.any()
-    assert session.appraisal.report.done and not session.appraisal.trials.all
+    assert session.appraisal.report.done and not session.appraisal.points.all
 
 
 JOBS = {

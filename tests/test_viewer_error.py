@@ -35,7 +35,7 @@ def test_error_is_told_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         hand.ctx.combo_click("##Show/Error map")
         hand.wait(lambda: shown(viewer).errors is not None and not shown(viewer).coming, 60)
         appraisal = viewer.session.appraisal
-        next_work, appraisal.next_work = appraisal.next_work, lambda *_: None  # or the map goes on getting better
+        next_task, appraisal.next_task = appraisal.next_task, lambda *_: None  # or the map goes on getting better
         picture = hand.pixels()
         assert words and words[-1][0] == "Error of irradiance" and (picture != light).any()
         # What is drawn are the map's colours and what lies between them, whatever the exposure.
@@ -48,7 +48,7 @@ def test_error_is_told_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         assert (np.abs(hand.pixels().astype(int) - picture).max(axis=2) > 8).mean() < 0.01, (
             "but at edges, by its samples"
         )
-        appraisal.next_work = next_work
+        appraisal.next_task = next_task
         hand.ctx.combo_click("##Show/With reflectance")
 
         # It goes with a move, and comes back.
@@ -114,17 +114,17 @@ def test_settings_tried_are_points_of_the_chart(play, monkeypatch):
     from app.panel import chart
 
     asked = []
-    monkeypatch.setattr(chart, "told", lambda trial: (asked.append(trial), "a point")[1])
+    monkeypatch.setattr(chart, "told", lambda point: (asked.append(point), "a point")[1])
 
     def script(hand, viewer):
         hand.wait_for_light()
-        trials = viewer.session.appraisal.trials
+        points = viewer.session.appraisal.points
         hand.ctx.set_ref("Panel")
-        hand.wait(lambda: len(trials.all) == 1, 60)
+        hand.wait(lambda: len(points.all) == 1, 60)
         hand.press(keys()._3)
-        hand.wait(lambda: len(trials.all) == 2, 60)
+        hand.wait(lambda: len(points.all) == 2, 60)
         hand.ctx.item_click("Error against time")
-        assert {t.setting.estimator for t in trials.all} == {"tangent_plane", "impact_count"}
+        assert {t.setting.estimator for t in points.all} == {"tangent_plane", "impact_count"}
         hand.wait(lambda: told(viewer).done, 60)
         hand.ctx.yield_(3)
         # A point tells what it is when the mouse is over it.
@@ -133,19 +133,19 @@ def test_settings_tried_are_points_of_the_chart(play, monkeypatch):
         hand.wait(lambda: len(spots) > 10)
         hand.move((spots[-1].x, spots[-1].y))
         hand.wait(lambda: asked)
-        assert asked[-1].setting == trials.all[-1].setting
+        assert asked[-1].setting == points.all[-1].setting
         hand.ctx.item_click("Clear chart")
-        hand.wait(lambda: not trials.all)
+        hand.wait(lambda: not points.all)
 
     assert errors(play(script)) == []
 
 
 def test_what_a_point_tells():
+    from app.measured_points import MeasuredPoint
     from app.panel.chart import limits, told
-    from app.trials import Trial
     from gi_core.setting import Setting
 
-    text = told(Trial(Setting("photon_map", 0.05, 40), 20_000, 0.0123, 0.0456, 0.004))
+    text = told(MeasuredPoint(Setting("photon_map", 0.05, 40), 20_000, 0.0123, 0.0456, 0.004))
     assert text.startswith("photon map\n20 000 photons\nradius 0.05 m\nneighbours 40")
     assert text.endswith("error 4.6 % (the reference itself ±0.4 %)\nGI frame 12.3 ms")
     low, high = limits([2.0, 50.0])

@@ -93,7 +93,7 @@ def test_panel_controls(play):
         # Every control tells what it does.
         refs = "##Estimator ##Photons ##Radius ##k ##Static_light Artifact_control Border_correction Textbook_k"
         refs += " ##Exposure Meter ##Tone_map ##Show ##Doll's_house"
-        refs += " ###Play Reset_pose Reset_view ##Budget Choose_for_this_budget"
+        refs += " ###Play Reset_pose Reset_view ##Budget"
         for ref in refs.split():
             ctx.mouse_move(ref.replace("_", " "))
             ctx.sleep_no_skip(0.7, 0.1)

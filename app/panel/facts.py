@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from app.appraisal import Report
     from app.gathering import Gathered
+    from app.measured_points import MeasuredPoint
     from app.session import Session
     from app.succession import Succession
-    from app.trials import Trial
     from gi_core.contact_discs import ControlFacts
 
 
@@ -43,7 +43,7 @@ class Facts:
     probes: Mapping[str, object] = field(default_factory=dict)  # name -> irradiance (3,)
     notes: tuple[str, ...] = ()
     report: Report | None = None  # of errors; None while nothing is known
-    trials: tuple[Trial, ...] = ()  # settings tried
+    points: tuple[MeasuredPoint, ...] = ()  # settings tried
     gathered: Gathered | None = None  # how far the static light is; None: not asked for
     search_told: str = ""  # what the disc search built; "" where there is none
     coming: tuple[str, float | None] | None = None  # what a scene that is being opened is at, and how far
@@ -86,7 +86,7 @@ def facts_of(
         probes=told.probes,
         notes=solver.scene.notes,
         report=report if report is not None and report.version == session.light.version else None,
-        trials=appraisal.trials.all if appraisal is not None else (),
+        points=appraisal.points.all if appraisal is not None else (),
         gathered=session.gathering.told if solver.static_light == "gathered" else None,
         search_told=solver.search_told,
         coming=succession.told,

@@ -1,4 +1,4 @@
-"""Every setting that has been tried, with its error and the time of its frames: what the chart shows."""
+"""Settings measured so far, each with its error and the time of its frames: the points of the chart."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 KEPT = 200
 
 
-class Trial(NamedTuple):
+class MeasuredPoint(NamedTuple):
     """A setting, as measured at rest."""
 
     setting: Setting
@@ -31,15 +31,15 @@ class Trial(NamedTuple):
         return "\n".join(lines)
 
 
-class Trials:
+class MeasuredPoints:
     """One entry a setting: measured again, it is replaced. Read by the window's thread, added to by the solver's."""
 
     def __init__(self) -> None:
-        self.all: tuple[Trial, ...] = ()  # oldest first
+        self.all: tuple[MeasuredPoint, ...] = ()  # oldest first
 
-    def add(self, trial: Trial) -> None:
-        others = [t for t in self.all if t[:2] != trial[:2]]
-        self.all = (*others[-KEPT + 1 :], trial)
+    def add(self, point: MeasuredPoint) -> None:
+        others = [p for p in self.all if p[:2] != point[:2]]
+        self.all = (*others[-KEPT + 1 :], point)
 
     def clear(self) -> None:
         self.all = ()
