@@ -12,7 +12,6 @@ from app import motion
 from app.bench_machine import commit, processor
 from app.bench_series import Series
 from app.progress import Bar, compile_kernels, solve
-from app.render_command import motion_paths
 from app.settings import STEP, Settings, UsageError, make_solver, open_moving_scene
 
 
@@ -36,7 +35,7 @@ def _what(solver) -> str:
 def measure(solver, frames: int, bar: Bar) -> tuple[dict[bool, tuple[Series, Series]], Series, Series]:
     """Return milliseconds by the clock and of the processor, with and without; receivers in contact, static and not."""
     estimate = solver._shown.estimate
-    lap = motion.walk(motion_paths(solver), STEP * solver.scene_size, min(frames, 1000))
+    lap = motion.walk(motion.paths_of(solver), STEP * solver.scene_size, min(frames, 1000))
     took, static, on_mobiles = {on: (Series(), Series()) for on in (True, False)}, Series(), Series()
     for k in range(-1, frames):  # the first one does not count
         bar("moving", max(k, 0) / frames)

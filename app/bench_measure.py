@@ -16,7 +16,6 @@ from app.bench_bounds import best_seconds, bounds
 from app.bench_machine import commit, load, peak_rss_mb, processor, rss_mb
 from app.bench_series import Series
 from app.progress import Bar, solve
-from app.render_command import motion_paths
 from app.settings import STEP, Settings, make_solver
 
 FORMAT = "gi-viewer bench 2"
@@ -41,7 +40,7 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
     solve(solver, bar)
     first_frame = time.perf_counter() - prepared
 
-    lap = motion.walk(motion_paths(solver), step * solver.scene_size, min(frames, LAP))
+    lap = motion.walk(motion.paths_of(solver), step * solver.scene_size, min(frames, LAP))
     walked = _walk(solver, lap, frames, bar)
     scratch, equal = _from_scratch(solver, bar)
     frame_ms, stages_ms = walked.frame.median, {name: s.median for name, s in walked.stages.items()}

@@ -14,7 +14,6 @@ from app.bench_bounds import best_seconds
 from app.bench_machine import commit, processor
 from app.bench_report_tables import Times, markdown
 from app.progress import Bar, compile_kernels, solve
-from app.render_command import motion_paths
 from app.report_facts import DISC_INDEX, RAY_CACHE, SECOND_RADII, TREE_RADII
 from app.settings import STEP, Settings, UsageError, make_solver, open_scene
 
@@ -121,7 +120,7 @@ def _estimators(solver, bar: Bar) -> dict[str, tuple[float, float, float]]:
 
     solver.configure(estimator="tangent_plane", radius=0.01 * solver.scene_size, photons=REFERENCE)
     solve(solver, bar)
-    lap = motion.walk(motion_paths(solver), STEP * solver.scene_size, FRAMES)
+    lap = motion.walk(motion.paths_of(solver), STEP * solver.scene_size, FRAMES)
     static = solver.surfaces.receiver_range(0)
     area = solver.receivers.areas[static]
     solver.move_all(lap[-1])

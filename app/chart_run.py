@@ -25,7 +25,6 @@ from app.chart_settings import (
 )
 from app.chart_tuned import nearness, tuned_choice
 from app.progress import Bar, time_left
-from app.render_command import motion_paths
 from app.settings import STEP, Settings, make_solver
 
 FRAMES, QUICK_FRAMES = 40, 8
@@ -54,7 +53,7 @@ class Run:
         self.choices.sort(key=lambda c: families.index(c.family))
         under = (settings.scene, commit() or "unknown", processor(), settings.seed, self.frames, self.points)
         self.results = Results(out, dict(zip(KEY, under, strict=True)), Choice._fields)
-        self.lap = motion.walk(motion_paths(self.base), STEP * self.base.scene_size, self.frames)
+        self.lap = motion.walk(motion.paths_of(self.base), STEP * self.base.scene_size, self.frames)
         poses = min(QUICK_POSES if quick else POSES, self.frames)
         self.truth_frames = [(2 * k + 1) * self.frames // (2 * poses) for k in range(poses)]
         self._traced: dict[int, float] = {}  # s from the start to so many photons

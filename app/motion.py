@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from gi_core.pose import pose_at, rotation
-from gi_core.receivers import Receivers
-from gi_core.scene import KeyFrames, Pose, Scene
+from gi_core.scene import KeyFrames, Pose
+
+if TYPE_CHECKING:
+    from gi_core.solver import Solver
 
 CIRCLE = 0.25  # of the scene size: radius of the circle that a mobile without a path goes round
 CORNERS = 64  # of that circle
 SAMPLES = 32  # a key-frame interval: how finely a path's length is measured
 
 
-def paths_of(scene: Scene, receivers: Receivers, scene_size: float) -> dict[str, KeyFrames]:
+def paths_of(solver: Solver) -> dict[str, KeyFrames]:
     """Return the path of each mobile that moves: those of the scene, else a circle for the first mobile.
 
-    `receivers` are those of the static part; the circle is round the middle of their central 98 %.
+    The circle goes round the middle of the box that holds the central 98 % of the light's hits.
     """
+    scene, chosen = solver.scene, solver.chosen
     paths = {m.name: m.path for m in scene.mobiles if m.path is not None}
     if paths or not scene.mobiles:
         return paths
     mobile = scene.mobiles[0]
-    return {mobile.name: _circle(mobile.pose, _centre(receivers), scene.up, CIRCLE * scene_size)}
+    return {mobile.name: _circle(mobile.pose, (chosen.low + chosen.high) / 2, scene.up, CIRCLE * solver.scene_size)}
 
 
 def spread(paths: dict[str, KeyFrames], frames: int) -> list[dict[str, Pose]]:
@@ -61,17 +66,6 @@ def _times_at(path: KeyFrames, distances: np.ndarray) -> np.ndarray:
     else:
         distances = length - np.abs(np.mod(distances, 2 * length) - length)
     return np.interp(distances, gone, fine)
-
-
-def _centre(receivers: Receivers) -> np.ndarray:
-    """Return the middle (3,) of the box that holds the central 98 % of the area along each axis."""
-    centre = np.zeros(3)
-    for k in range(3):
-        order = np.argsort(receivers.positions[:, k])
-        share = np.cumsum(receivers.areas[order]) / receivers.areas.sum()
-        ends = receivers.positions[order, k][np.searchsorted(share, [0.01, 0.99]).clip(max=len(order) - 1)]
-        centre[k] = ends.mean()
-    return centre
 
 
 def _circle(pose: Pose, centre: np.ndarray, up, radius: float) -> KeyFrames:

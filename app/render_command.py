@@ -103,19 +103,12 @@ def render(settings: Settings, out: Path, frames: int | None = None) -> list[Pat
         if frames is None:
             return [write_png(out, shot.take(lambda f: bar("drawing", f)), shot.parameters())]
         written = []
-        for k, poses in enumerate(motion.spread(motion_paths(solver), frames)):
+        for k, poses in enumerate(motion.spread(motion.paths_of(solver), frames)):
             bar("drawing", k / frames)
             if poses:
                 solver.move_all(poses)
             written.append(write_png(numbered(out, k + 1), shot.take(), shot.parameters()))
         return written
-
-
-def motion_paths(solver) -> dict:
-    """Return the paths that the mobiles follow, a circle for want of any."""
-    static = solver.surfaces.receiver_range(0)
-    receivers = solver.model.object_receivers
-    return motion.paths_of(solver.scene, type(receivers)(*(a[static] for a in receivers)), solver.scene_size)
 
 
 def home_camera(solver) -> Turntable:

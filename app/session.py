@@ -152,7 +152,6 @@ class Session:
     def adopt(self, opened: Opened) -> None:
         """Take over a scene that has its first picture."""
         from app.motion import paths_of
-        from gi_core.receivers import Receivers
 
         # What the panel changed meanwhile stays; what was open is filled in.
         filled = {k: v for k, v in vars(opened.settings).items() if getattr(self.settings, k) is None}
@@ -166,9 +165,7 @@ class Session:
         self._at_rest = AtRest(self.settings, self.light, self.gathering, self.appraisal)
         self.light.at_rest = self._at_rest.next_task
         self._start = dict(self.solver.poses)
-        static = Receivers(*(column[self.solver.surfaces.receiver_range(0)] for column in self.solver.receivers))
-        paths = paths_of(self.solver.scene, static, self.solver.scene_size)
-        self._paths = {name: path for name, path in paths.items() if len(path.times) > 1}
+        self._paths = {name: path for name, path in paths_of(self.solver).items() if len(path.times) > 1}
         for note in self.solver.scene.notes:
             self.log(note)
 

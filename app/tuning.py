@@ -88,10 +88,8 @@ def judged(solver: Solver) -> tuple[Solver, list]:
 def _frames(solver: Solver) -> list:
     """Return the poses at which settings are tried."""
     from app.motion import paths_of, spread
-    from gi_core.receivers import Receivers
 
-    static = Receivers(*(column[solver.surfaces.receiver_range(0)] for column in solver.receivers))
-    return spread(paths_of(solver.scene, static, solver.scene_size), POSES + 2)[1:-1]
+    return spread(paths_of(solver), POSES + 2)[1:-1]
 
 
 def _returned(steps: Generator):

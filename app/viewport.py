@@ -50,7 +50,7 @@ class Viewport:
         self.hover = self.grab = self._steering = self._flight = self.shown = self._asked = self._drawn = None
         self.bounds = scene_bounds(solver, self.session.poses)
         self.room = drag.room_for(self.bounds, solver.scene.up)
-        lit = Bounds(tuple(solver.chosen.low), tuple(solver.chosen.high)) if hasattr(solver, "chosen") else None
+        lit = Bounds(tuple(solver.chosen.low), tuple(solver.chosen.high))
         self.home = from_camera(solver.scene.camera, solver.scene.up, self.bounds, lit)
         self.camera = self.camera if stays else self.home
 

@@ -23,11 +23,11 @@ from gi_core import error_ahead
 from gi_core.model import Model
 from gi_core.paths import NONE
 from gi_core.photon_trace import trace_background
+from gi_core.rows import box, central_box
 from gi_core.work_ahead import costs
 
 PILOT_PHOTONS = 4096
 PILOT_SEED = 0x5EED  # never a seed of the solution: the pilot must not bias what it sets
-CENTRAL_SHARE = 0.98
 RADIUS_SHARE = 0.025  # of the scene's size: the largest radius tried
 RADII = 6  # tried, each 1 / sqrt(2) of the one before
 LEAST_SPACINGS = 0.5  # radius over the distance between receivers
@@ -127,11 +127,10 @@ def _pilot(model: Model) -> tuple[error_ahead.Pilot, float]:
 
 
 def _box(model: Model, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    if len(hits) < error_ahead.FEWEST:
-        vertices = model.surfaces.vertices[0]
-        return (vertices.min(axis=0), vertices.max(axis=0)) if len(vertices) else (np.zeros(3), np.ones(3))
-    tail = (1 - CENTRAL_SHARE) / 2
-    return np.quantile(hits, tail, axis=0), np.quantile(hits, 1 - tail, axis=0)
+    if len(hits) >= error_ahead.FEWEST:
+        return central_box(hits)
+    vertices = model.surfaces.vertices[0]
+    return box(vertices) if len(vertices) else (np.zeros(3), np.ones(3))
 
 
 def _round(x: float) -> float:

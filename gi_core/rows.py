@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+CENTRAL_SHARE = 0.98  # of points along each axis: a ground slab may be five times the room that stands on it
+
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the sums (...) of products over the last axis of two arrays (..., 3)."""
@@ -47,3 +49,9 @@ def box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners low and high (3,) of the box round points (n, 3), n > 0."""
     columns = points.reshape(-1, 3).T
     return np.array([c.min() for c in columns]), np.array([c.max() for c in columns])
+
+
+def central_box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners low and high (3,) of the box of the central 98 % of points (n, 3) along each axis, n > 0."""
+    tail = (1 - CENTRAL_SHARE) / 2
+    return np.quantile(points, tail, axis=0), np.quantile(points, 1 - tail, axis=0)

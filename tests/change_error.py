@@ -15,7 +15,6 @@ from dataclasses import replace
 import numpy as np
 
 from app import motion
-from app.render_command import motion_paths
 from app.settings import STEP, Settings, make_solver, open_moving_scene
 from gi_core.control_variate import frame_irradiance
 from gi_core.error import luminance, relative_error
@@ -50,7 +49,7 @@ def report(name: str) -> None:
     judge.solve()
     static = solver.surfaces.receiver_range(0)
     weights, still = solver.receivers.areas[static], judge.resting_irradiance
-    lap = motion.walk(motion_paths(solver), STEP * solver.scene_size, STEPS)
+    lap = motion.walk(motion.paths_of(solver), STEP * solver.scene_size, STEPS)
     for photons in FRAMES:
         found = np.zeros((2, 3))
         for place in PLACES:

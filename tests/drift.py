@@ -54,7 +54,7 @@ def main() -> int:
     parser.add_argument("--threads", type=int)
     parser.add_argument("--trace", action="store_true")
     options = parser.parse_args()
-    from app.render_command import motion_paths
+    from app import motion
     from gi_core.scene import load_scene
     from gi_core.solver import Solver
 
@@ -63,7 +63,7 @@ def main() -> int:
     solver.solve()
     start, begun = dict(solver.poses), solver.irradiance.copy()
     low, high, rng = solver.chosen.low, solver.chosen.high, np.random.default_rng(options.seed)
-    paths = motion_paths(solver)
+    paths = motion.paths_of(solver)
     if options.trace:
         tracemalloc.start()
         first = tracemalloc.take_snapshot()

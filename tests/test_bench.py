@@ -100,14 +100,12 @@ def test_bounds_are_sums_of_their_work_and_below_what_was_measured(measured, est
 
 def test_the_tree_bench_has_light_to_move():
     """Along the tree's path half a percent of the photons or more are cut in the median frame."""
-    from app.render_command import motion_paths
-
     settings = Settings("tree", photons=10_000, estimator="impact_count")
     solver = make_solver(open_scene(settings), settings)
     solver.solve()
     for frames in (50, 200):
         cut = []
-        for poses in motion.walk(motion_paths(solver), STEP, frames):  # the tree is 1 m in size
+        for poses in motion.walk(motion.paths_of(solver), STEP, frames):  # the tree is 1 m in size
             solver.move_all(poses)
             cut.append(solver.changes.photons_cut)
         share = sorted(cut)[frames // 2] / solver.photons_traced

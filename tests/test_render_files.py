@@ -86,7 +86,7 @@ def test_a_mobile_without_a_path_goes_round_a_circle_at_its_height():
     scene = room()
     bare = replace(scene, mobiles=(scene.mobiles[0]._replace(path=None),))
     solver = make_solver(bare, SMALL)
-    walk = motion.walk(render_command.motion_paths(solver), 0.015 * solver.scene_size, 50)
+    walk = motion.walk(motion.paths_of(solver), 0.015 * solver.scene_size, 50)
     p = np.array([poses["block"].position for poses in walk])
     np.testing.assert_allclose(p[:, 1], 0.3, atol=1e-9)
     assert np.ptp(np.hypot(p[:, 0] - 0.5, p[:, 2] - 0.5)) < 0.02

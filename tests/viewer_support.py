@@ -6,12 +6,14 @@ import functools
 import os
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from app.opening import Opening
 from app.settings import Settings
+from gi_core import rows
 from gi_core.scene import Camera, KeyFrames, Material, Mesh, Mobile, Pose, Probe, Scene
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -177,6 +179,7 @@ class CountingSolver:
         self.irradiance = np.ones((len(self.receivers.areas), 3))
         self.poses = {m.name: m.pose for m in scene.mobiles}
         self.scene_size, self.seed = 1.0, 0
+        self.chosen = SimpleNamespace(**dict(zip(("low", "high"), rows.box(self.receivers.positions), strict=True)))
         self.estimator, self.photons, self.radius, self.neighbours = "tangent_plane", 1000, 0.05, 50
         self.photons_traced = 0
         self.photon_seconds, self.wrong = photon_seconds, wrong

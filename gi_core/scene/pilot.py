@@ -1,6 +1,8 @@
 """Where light goes in a scene, from a small trace: the box that matters. And the geometry of looking about.
 
-The bounding box misleads: a ground slab may be five times the room that stands on it.
+The bounding box misleads: a ground slab may be five times the room that stands on it. Real photons mislead too: most of
+those of a sun stay outside the windows, and dark walls end the others. Their box is 9.9 m in LuxCore's kitchen, where
+that of these paths is the 7.6 m of the room: they survive every bounce, and start from all kinds of lights alike.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.accelerator import Accelerator
-from gi_core.rows import box
+from gi_core.rows import box, central_box
 from gi_core.scene.types import DirectionalLight, Scene, SkyLight
 from gi_core.surfaces import face_normals, flatten
 from gi_core.threads import available_cores
@@ -19,7 +21,6 @@ RAYS = 6000  # paths; with BOUNCES segments each some 20,000 hits
 BOUNCES = 4
 SEED = 0x5EED
 LANDINGS = 4  # places tried for each that sun or sky shall reach
-CENTRAL_SHARE = 0.98
 LIFT = 1e-5  # of the extent: clears the face that a ray starts on, in float32
 
 
@@ -78,8 +79,7 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
     found, facing = (np.concatenate(a) if a else np.zeros((0, 3)) for a in (hits, sides))
     low, high = rays.low, rays.high
     if len(found) >= 100:
-        tail = (1 - CENTRAL_SHARE) / 2
-        low, high = np.quantile(found, tail, axis=0), np.quantile(found, 1 - tail, axis=0)
+        low, high = central_box(found)
     central = ((found >= low) & (found <= high)).all(axis=1)
     return Box(low, high, max(float((high - low).max()), 1e-9), found[central], facing[central], side_hits)
 
