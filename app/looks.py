@@ -13,7 +13,7 @@ from app.settings import ERRORS, REFERENCE
 if TYPE_CHECKING:
     from app.session import Session
     from app.vertex_colours import DrawMesh
-    from gi_core.hidden import Drawn
+    from gi_core.dilation import Drawn
 
 LEAST_SCALE = 0.02  # at the end of the scale of errors: what is less is nobody's concern
 
@@ -23,7 +23,7 @@ class Side(NamedTuple):
 
     label: str  # what it is
     irradiance: np.ndarray  # (R, 3) [W/m2], nan where not known
-    weights: np.ndarray | None = None  # (R,) of receivers in their triangles, see gi_core.hidden
+    weights: np.ndarray | None = None  # (R,) of receivers in their triangles, see gi_core.dilation
 
 
 class Errors(NamedTuple):

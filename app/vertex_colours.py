@@ -124,7 +124,7 @@ def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = Tru
 def weights(draw: DrawMesh, of_receivers: np.ndarray | None) -> np.ndarray | None:
     """Return how much the front and the back of each draw vertex count in their triangles. (D, 2) float32; None: all 1.
 
-    of_receivers (R,): what `gi_core.hidden.Drawn` says.
+    of_receivers (R,): what `gi_core.dilation.Drawn` says.
     """
     if of_receivers is None:
         return None

@@ -13,11 +13,11 @@ from gi_core.background import Background, Photons, add_fates
 from gi_core.contact_discs import ControlFacts
 from gi_core.cuts import Frame
 from gi_core.defaults import choose
+from gi_core.dilation import Drawn, dilated
 from gi_core.disc_search import SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.frames import Changes, FrameSize, Lights, changes_of, frame_light, light_from_scratch
 from gi_core.gather_rounds import Gathered
-from gi_core.hidden import Drawn, drawn
 from gi_core.ladder import FrameTimes, is_rung, next_rung
 from gi_core.light_pool import LightPool
 from gi_core.mobile_light import MobileLight
@@ -222,13 +222,13 @@ class Solver:
         self._shown, self._next = b, None
         self._static_light.judge(b)
         if b.added == self._goal > 0:
-            yield from self._find_hidden()
+            yield from self._find_unreached()
         self._update()
         yield Progress("estimating", b.added / max(self._goal, 1), True)
 
-    def _find_hidden(self) -> Iterator[Progress]:
-        for _ in self._static_light.find_hidden(self.model, self.scene_size, self._shown):
-            yield Progress("looking for hidden receivers", 1.0, False)
+    def _find_unreached(self) -> Iterator[Progress]:
+        for _ in self._static_light.find_unreached(self.model, self.scene_size, self._shown):
+            yield Progress("looking for unreached receivers", 1.0, False)
 
     def _prepare(self, b: Background) -> Iterator[Progress]:
         for _ in b.estimate.prepare(b.added):
@@ -362,7 +362,7 @@ class Solver:
         better = self._static_light.judge(self._shown)
         if better:
             if self._shown.added == self._goal:
-                yield from (p._replace(fraction=g.fraction) for p in self._find_hidden())
+                yield from (p._replace(fraction=g.fraction) for p in self._find_unreached())
             self._update()
         yield Progress("gathering", g.fraction, better)
 
@@ -405,15 +405,16 @@ class Solver:
         return self.as_drawn(irradiance, poses).irradiance
 
     def as_drawn(self, irradiance: np.ndarray, poses: Mapping[str, Pose] | None = None) -> Drawn:
-        """Return irradiance (R, 3) as it is to be drawn: receivers that nobody sees are as visible ones beside them.
+        """Return irradiance (R, 3) as it is to be drawn: unreached receivers are filled from lit ones beside them.
 
-        poses: that it belongs to, if not the current ones. The same array, and no weights, where nothing is hidden
-        (`gi_core.hidden`, `gi_core.covered`), and until all photons wanted have been estimated.
+        poses: that it belongs to, if not the current ones. The same array, and no weights, where light reaches all
+        receivers (`gi_core.dilation`), and until all photons wanted have been estimated.
         """
-        light, hidden = self._static_light, [self._static_light.hidden]
-        if light.covered is not None:
-            hidden.append(light.covered.find(irradiance, self.model.transforms(poses or self.poses)))
-        return drawn(irradiance, *hidden)
+        light = self._static_light
+        if light.dilation is None:
+            return Drawn(irradiance, None)
+        at = self.model.transforms(poses or self.poses)
+        return dilated(irradiance, light.unreached, light.dilation.find_moved(irradiance, at))
 
     @property
     def receivers(self) -> Receivers:

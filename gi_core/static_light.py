@@ -8,10 +8,9 @@ from collections.abc import Generator
 import numpy as np
 
 from gi_core.background import Background
-from gi_core.covered import Covered
+from gi_core.dilation import NONE_UNREACHED, Dilation
 from gi_core.error_at_hand import noise_from_prefix, prefix_to_compare
 from gi_core.gather_rounds import Gathered
-from gi_core.hidden import NONE_HIDDEN, HiddenReceivers
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from gi_core.static_gather import StaticGather
@@ -27,10 +26,9 @@ class StaticLight:
     def __init__(self):
         self.kind = STATIC_LIGHT[0]
         self.gathered: StaticGather | None = None
-        self.hidden = NONE_HIDDEN  # by the light last looked at
+        self.unreached = NONE_UNREACHED  # receivers of the static part, by the light last looked at
         self._better = False  # what has been gathered, than the photons shown
-        self.covered: Covered | None = None  # what mobiles hide, where there are any
-        self._looking: HiddenReceivers | None = None
+        self.dilation: Dilation | None = None
 
     def choose(self, kind: str) -> None:
         """Take the light from elsewhere from now on. Raises SceneError for a kind that there is not."""
@@ -82,10 +80,9 @@ class StaticLight:
             return self.gathered.mean
         return shown.resting(photons if self.kind == "prefix" else shown.estimate.photons)
 
-    def find_hidden(self, model: Model, size: float, shown: Background) -> Generator[None]:
-        """Find the receivers that nobody sees, in steps, by this light; `size` is that of `hidden.py`."""
-        if self._looking is None:
-            self._looking = HiddenReceivers(model, size)
-            self.covered = Covered(model) if model.names else None
+    def find_unreached(self, model: Model, size: float, shown: Background) -> Generator[None]:
+        """Find static receivers that no light reaches, in steps, by this light; `size` is that of `dilation.py`."""
+        if self.dilation is None:
+            self.dilation = Dilation(model, size)
             yield
-        self.hidden = yield from self._looking.find(self.irradiance(shown, shown.estimate.photons))
+        self.unreached = yield from self.dilation.find_static(self.irradiance(shown, shown.estimate.photons))

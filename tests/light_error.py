@@ -4,9 +4,9 @@
 
 Luminance error (l1, gi_core.error) of the static part's light without its mobiles, in percent: the photons' by every
 estimator, and what is gathered, before it is smoothed and after. The truth is gathered along other paths until its
-noise is `--noise`, kept on disk, and taken out in squares. *everywhere*: receivers drawn by area; *in view*: those
-that the first view shows; *open*: without the receivers that gi_core.hidden finds, which are drawn like those beside
-them. *noise* is what of the error everywhere the photons' scatter makes, told by another seed; *bias* is the rest.
+noise is `--noise`, kept on disk, and taken out in squares. *everywhere*: receivers drawn by area; *in view*: those that
+the first view shows; *open*: without the unreached receivers of gi_core.dilation, which pictures fill. *noise* is what
+of the error everywhere the photons' scatter makes, told by another seed; *bias* is the rest.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ def static_solver(what: str, **settings):
 
 
 def sample(solver, light: np.ndarray, points: int, noise: float) -> Sample:
-    """Draw receivers and gather the truth there; `light` (R, 3) tells which of them are hidden."""
+    """Draw receivers and gather the truth there; `light` (R, 3) says which of them are unreached."""
     from app.reference_run import run
     from app.reference_store import ReferenceStore
 
     areas = solver.receivers.areas
     draws = [drawn_by_area(rows, areas, points, SAMPLE_SEED) for rows in (np.flatnonzero(areas > 0), in_view(solver))]
     rows = np.unique(np.concatenate([drawn for drawn, _ in draws]))
-    is_open = ~np.isin(rows, hidden_rows(solver, light))
+    is_open = ~np.isin(rows, unreached_rows(solver, light))
     weights = []
     for drawn, times in draws:
         w = np.zeros(len(rows))
@@ -62,11 +62,11 @@ def sample(solver, light: np.ndarray, points: int, noise: float) -> Sample:
     return Sample(rows, np.array(weights), reached.state.mean, of_truth)
 
 
-def hidden_rows(solver, light: np.ndarray) -> np.ndarray:
-    """Return the receivers that nobody sees by the light (R, 3)."""
-    from gi_core.hidden import HiddenReceivers
+def unreached_rows(solver, light: np.ndarray) -> np.ndarray:
+    """Return the receivers that pictures fill by the light (R, 3)."""
+    from gi_core.dilation import Dilation
 
-    looking = HiddenReceivers(solver.model, solver.scene_size).find(light)
+    looking = Dilation(solver.model, solver.scene_size).find_static(light)
     while True:
         try:
             next(looking)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scene_builders import floor, grey, merge
-from test_hidden import inside, standing
+from test_dilation import inside, standing
 
 from gi_core.scene.types import Camera, Scene
 from gi_core.solver import Solver
@@ -61,7 +61,7 @@ def test_covered_floor_is_left_out_where_only_the_open_is_asked_for(solver, monk
     of = light_error.sample(solver, solver.irradiance, 2000, 0.2)
     everywhere, is_open, view, open_view = of.weights
     assert everywhere.sum() == view.sum() == 2000 and (is_open <= everywhere).all() and (open_view <= view).all()
-    hidden = light_error.hidden_rows(solver, solver.irradiance)
+    hidden = light_error.unreached_rows(solver, solver.irradiance)
     assert len(hidden) > 10 and covered[hidden].any()
     assert set(of.rows[is_open < everywhere]) == set(hidden) & set(of.rows[everywhere > 0])
     assert not view[np.isin(of.rows, hidden)].any()

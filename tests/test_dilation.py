@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from control_scenes import two_rooms
 from scene_builders import box, box_mobile, floor, grey, lamp, merge, quad
 
-from gi_core.hidden import NONE_HIDDEN, SAY, HiddenReceivers, drawn
+from gi_core.dilation import NONE_UNREACHED, WEIGHT, dilated
 from gi_core.scene import Pose
 from gi_core.scene.types import Mobile, Scene
 from gi_core.solver import Solver
@@ -66,16 +67,16 @@ def test_each_is_the_mean_of_its_visible_neighbours():
         assert np.allclose(seen[r], E[lit].mean(axis=0), rtol=1e-12)
 
 
-def test_next_to_nothing_in_its_triangles_is_said_by_who_is_hidden():
+def test_unreached_receivers_have_next_to_no_weight_in_their_triangles():
     solver = solved(standing())
     seen = solver.as_drawn(solver.irradiance)
     covered, on_floor = inside(solver)
-    rows = solver._static_light.hidden.rows
-    assert covered[rows].all() and (seen.weights[rows] == np.float32(SAY)).all()
+    rows = solver._static_light.unreached.rows
+    assert covered[rows].all() and (seen.weights[rows] == np.float32(WEIGHT)).all()
     faces = solver.surfaces.corner_front[: 2 * 20 * 20]
     deep = faces[np.isin(faces, rows).any(axis=1)]
     deep = np.unique(deep[~np.isin(deep, rows) & covered[deep]])
-    assert len(deep) > 3 and np.allclose(seen.weights[deep], SAY * SAY)
+    assert len(deep) > 3 and np.allclose(seen.weights[deep], WEIGHT * WEIGHT)
     assert (seen.weights[on_floor & ~covered] == 1).all()
 
 
@@ -120,31 +121,9 @@ def test_the_foot_of_a_box_that_is_sunk_through_a_floor_does_not_darken_its_side
     assert foot.sum() == 12
     if sunk > 0:
         assert not solver.irradiance[foot].any()
-        assert (seen.weights[foot] == np.float32(SAY)).all() and (seen.irradiance[foot, 1] > 0.1).all()
+        assert (seen.weights[foot] == np.float32(WEIGHT)).all() and (seen.irradiance[foot, 1] > 0.1).all()
     else:  # it floats: what its foot is, is seen
         assert seen.weights is None or (seen.weights[foot] == 1).all()
-
-
-def test_specks_that_no_photon_has_met_yet_are_drawn_like_what_is_round_them_but_dark_regions_are_not():
-    """Light made up: one receiver of a floor black, two side by side, and a square of sixteen."""
-    mesh = merge(floor(2.0, 20), quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1))
-    solver = Solver(Scene(mesh, (grey(0.5), lamp(5.0)), up=(0.0, 0.0, 1.0)), photons=0, radius=0.04)
-    p = np.round(solver.receivers.positions * 10)
-
-    def at(x, y):
-        return np.flatnonzero((p == (x, y, 0)).all(axis=1))
-
-    specks = np.concatenate([at(-6, 2), at(5, 5), at(5, 6)])
-    region = np.concatenate([at(x, y) for x in range(4) for y in range(-8, -4)])
-    E = np.ones((len(p), 3))
-    E[specks] = E[region] = 0
-    finding = HiddenReceivers(solver.model, solver.scene_size).find(E)
-    while True:
-        try:
-            next(finding)
-        except StopIteration as found:
-            assert set(found.value.rows) == set(specks) and len(specks) == 3 and len(region) == 16
-            break
 
 
 def test_the_inside_of_a_wide_thing_with_two_sides_is_left_as_it_is():
@@ -171,26 +150,26 @@ def test_nothing_is_carried_into_the_next_room():
     assert not solver.drawn(solver.irradiance)[dark].any()
 
 
-def test_a_scene_where_nothing_is_hidden_pays_nothing():
+def test_a_scene_where_light_reaches_all_pays_nothing():
     lit_floor = Scene(
         merge(floor(), quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1)), (grey(0.5), lamp(5.0)), up=(0.0, 0.0, 1.0)
     )
     solver = solved(lit_floor)
     assert solver.drawn(solver.irradiance) is solver.irradiance
     E = np.ones((3, 3))
-    assert drawn(E, NONE_HIDDEN).irradiance is E and drawn(E, NONE_HIDDEN).weights is None
+    assert dilated(E, NONE_UNREACHED).irradiance is E and dilated(E, NONE_UNREACHED).weights is None
 
 
 def test_moving_changes_what_is_drawn_there_but_not_where():
     solver = solved(standing(mobiles=(box_mobile(size=0.3),)))
-    hidden = solver._static_light.hidden
+    filled = solver._static_light.unreached
     at_rest = solver.drawn(solver.irradiance)
     solver.move("box", Pose((0.4, 0.0, 0.2)))  # its shadow falls beside the box
     moved = solver.drawn(solver.irradiance)
-    assert solver._static_light.hidden is hidden
-    assert (moved[hidden.rows] != at_rest[hidden.rows]).any()
-    total = np.add.reduceat(solver.irradiance[hidden.neighbours], hidden.first[:-1])
-    assert np.array_equal(moved[hidden.rows], total / np.diff(hidden.first)[:, None])
+    assert solver._static_light.unreached is filled
+    assert (moved[filled.rows] != at_rest[filled.rows]).any()
+    total = np.add.reduceat(solver.irradiance[filled.neighbours], filled.first[:-1])
+    assert np.array_equal(moved[filled.rows], total / np.diff(filled.first)[:, None])
 
 
 def test_the_floor_under_a_mobile_is_drawn_like_the_floor_beside_it_wherever_it_stands():
@@ -239,6 +218,19 @@ def test_a_seat_inside_its_own_post_is_drawn_like_the_seat_beside_it_wherever_th
             assert seen.weights is None or (seen.weights[rows][inside] == 1).all()
         else:
             say, light = seen.weights[rows], seen.irradiance[rows, 1]
-            assert (say[inside] <= np.float32(SAY)).all() and (say[away] == 1).all()
-            rim = inside & (say == np.float32(SAY))
+            assert (say[inside] <= np.float32(WEIGHT)).all() and (say[away] == 1).all()
+            rim = inside & (say == np.float32(WEIGHT))
             assert rim.sum() == 20 and (light[rim] > 0.3 * np.median(E[away])).all()
+
+
+def test_light_that_is_not_known_everywhere_is_dilated_without_a_warning():
+    """A reference is nan where no path has been gathered yet."""
+    solver = solved(standing(mobiles=(box_mobile(size=0.3),)))
+    solver.move("box", Pose((0.4, 0.0, 0.15)))
+    E = solver.irradiance.copy()
+    E[::3] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        shown = solver.as_drawn(E)
+    reached = shown.weights == 1
+    assert np.array_equal(shown.irradiance[reached], E[reached], equal_nan=True)
