@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from app import options, values
 from app.parser import Parser, did_you_mean
-from app.settings import Settings, UsageError, check_names
+from app.settings import LIGHTS, Settings, UsageError, check_names
 from app.version import version
 
 OK, USAGE, SCENE, NO_GL = 0, 2, 3, 4
@@ -81,12 +80,6 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     """Return the record that everything behind the command line works from. Raises UsageError for an unknown name."""
     given = {name: getattr(arguments, name) for name in Settings.__dataclass_fields__ if hasattr(arguments, name)}
     given["mobiles"], given["poses"] = tuple(given["mobiles"]), tuple(given["poses"])
-    # Who names an estimator wants to see its own light, on walls and mobiles too; a single picture does not wait.
-    gathered = {"static_light": (_view,), "mobile_light": (_view, _render, _tune)}
-    for light, commands in gathered.items():
-        if given[light] is None:
-            by_default = arguments.run in commands and arguments.estimator is None
-            given[light] = "gathered" if by_default else getattr(Settings, light)
     settings = Settings(**given)
     check_names(settings)
     return settings
@@ -173,12 +166,10 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add("--textbook", action="store_true", help="photon_map counts the k-th hit too: k / (k - 1) brighter")
     add("--search", default=Settings.search, metavar="NAME",
         help=f"how tangent_plane finds what crosses discs, the picture is the same ({Settings.search})")  # fmt: skip
-    add("--static-light", choices=["all", "prefix", "gathered"],
-        help="what the light of the static part is taken from: all photons, also while few are in use; those few alone;"
-        " or paths gathered at rest, unbiased (gathered in the window without --estimator; else all)")  # fmt: skip
-    add("--mobile-light", choices=["photons", "gathered"],
-        help="what the light of mobiles is taken from: the estimator's photons, or paths that their vertices gather in"
-        " each frame (gathered in the window, by render and by tune without --estimator; else photons)")  # fmt: skip
+    add("--light", choices=LIGHTS,
+        help="best: gathered along paths, by mobiles in each frame and by the static part at rest (render: before the"
+        " first picture, minutes); photons: the estimator alone, as in the report (photons with --estimator, else best"
+        " without that wait)")  # fmt: skip
     add("--seed", type=values.seed, default=0, metavar="N", help="which photons (0)")
     add("--exposure", type=values.exposure, metavar="EV", help="stops, +1 doubles (the scene's, else metered)")
     add("--max-edge", type=values.positive, metavar="M", help="cut triangles until no edge is longer [m]")
@@ -203,8 +194,6 @@ def _view(arguments: argparse.Namespace) -> int:
 
     open_scene(settings)  # what is wrong with the scene is told first, and alone
     print(f"gi-viewer: no window, so a picture is drawn into a file: {reason}", file=sys.stderr, flush=True)
-    if arguments.static_light is None:
-        settings = replace(settings, static_light=Settings.static_light)  # gathering is for who stays and looks
     (path,) = render(settings, arguments.screenshot or Path(FALLBACK_PICTURE))
     print(f"The picture is in {path}")
     return OK

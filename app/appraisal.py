@@ -151,7 +151,7 @@ class Appraisal:
         if not self._measures(version):
             m = self._measured = Measured(version, self._solver.setting, self._solver.twin(), [])
             if not m.twin.uses_gathered:  # else what mobiles change is the photons' alone
-                m.twin.configure(static_light="prefix")
+                m.twin.configure(prefix_only=True)
         if len(m.seconds) < TIMED:
             started = self._clock()
             m.twin.move_all({})

@@ -41,7 +41,7 @@ REPORT = (
 def choice_like(told: Told, scene_size: float, neighbours: int) -> Choice:
     """Return the setting that is like a row of the report: discs of 1 % of the scene, nothing corrected."""
     radius = float(f"{RADIUS * scene_size:.3g}")
-    like = Choice(told.estimator, told.photons, told.photons, radius, neighbours, False, "prefix")
+    like = Choice(told.estimator, told.photons, told.photons, radius, neighbours, False, "photons")
     return like._replace(border_correction=False, textbook=True) if told.estimator == "photon_map" else like
 
 

@@ -91,7 +91,7 @@ class Run:
                 self.bar(f"{choice.curve}{left}", done / sum(works))
                 limit = chart_measure.at_cases(self._limit(choice), walk) if limit is None else limit
                 # Light that was gathered has no limit at very many photons.
-                self.results.add(self._row(choice, None if choice.static_light == "gathered" else limit, walk))
+                self.results.add(self._row(choice, None if choice.light == "best" else limit, walk))
                 done += FIXED + choice.photons
         for choice in rival:
             self.bar(f"{choice.estimator}, {choice.photons} paths", 1.0)
@@ -107,14 +107,14 @@ class Run:
     def measure_tuned(self, walk: chart_measure.Walk) -> None:
         """Measure what `tune` chooses on this scene and machine."""
         most = max(c.traced for c in self.choices)
-        plain = Choice("tangent_plane", most, most, self.base.radius, self.base.neighbours, True, "gathered", paths=64)
+        plain = Choice("tangent_plane", most, most, self.base.radius, self.base.neighbours, True, "best", paths=64)
         solver, _ = self.solved(plain)
         self.results.add(self._row(tuned_choice(solver, most, self.bar), None, walk))
 
     def solved(self, choice: Choice):
         """Return a solver of a setting, all its photons taken in, and the seconds that took without tracing."""
         self._trace(choice.traced)
-        if choice.static_light == "gathered":
+        if choice.light == "best":
             self._gather()
         solver = self.base.twin()
         solver.configure(photons=choice.traced, **choice.setting)
@@ -125,7 +125,7 @@ class Run:
     def _row(self, choice: Choice, limit, walk) -> dict:
         solver, seconds = self.solved(choice)
         first = self._prepare_seconds + self._traced[choice.traced] + seconds
-        if choice.static_light == "gathered":
+        if choice.light == "best":
             first += self._gather_seconds
         seen = chart_measure.go(solver, walk, *choice.frame)
         return chart_measure.row(choice, seen, limit, walk, first)
@@ -157,7 +157,7 @@ class Run:
             self._trace(n)
         self.bar("the light of many photons", 0.0)
         s = self.base
-        finest = self._limit(Choice("tangent_plane", 0, 0, s.radius, s.neighbours, self.settings.control, "prefix"))
+        finest = self._limit(Choice("tangent_plane", 0, 0, s.radius, s.neighbours, self.settings.control, "photons"))
         error = QUICK_TRUTH if self.quick else TRUTH
         seed = self.settings.seed
         found = chart_truth.cases(finest, self.lap, self.truth_frames, self.points, error, seed, self.bar)
@@ -181,4 +181,4 @@ class Run:
 def rival_choices(quick: bool) -> Iterator[Choice]:
     """Return the rival's settings: `photons` are its paths a vertex."""
     for paths in chart_rival.QUICK_PATHS if quick else chart_rival.PATHS:
-        yield Choice(chart_rival.RIVAL, paths, paths, 0.0, 0, False, "prefix")
+        yield Choice(chart_rival.RIVAL, paths, paths, 0.0, 0, False, "photons")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from app.settings import Settings
 
-PHOTONS = (1 << 14, 1 << 16, 1 << 18, 1 << 20)  # rungs of the ladder of prefixes, so that static_light can vary
+PHOTONS = (1 << 14, 1 << 16, 1 << 18, 1 << 20)  # all of them prefixes that frames can use
 QUICK_PHOTONS = (1 << 14, 1 << 16)
 RADII = (0.5, 1.0, 2.0)  # of the radius that the program chooses
 NEIGHBOURS = (20, 100)
@@ -25,7 +25,7 @@ class Choice(NamedTuple):
     radius: float  # [m]
     neighbours: int
     control: bool
-    static_light: str  # of a frame of fewer photons than were traced: see Solver.configure()
+    light: str  # one of app.settings.LIGHTS
     border_correction: bool = True  # of photon_map
     textbook: bool = False  # photon_map's k as in the report
     paths: int = 0  # that receivers of mobiles gather in a frame; 0: their light is the photons'
@@ -40,8 +40,7 @@ class Choice(NamedTuple):
     def setting(self) -> dict:
         """What Solver.configure() is to be told, but the numbers of photons."""
         others = ("photons", "traced", "paths", "tuned")
-        fields = {name: value for name, value in self._asdict().items() if name not in others}
-        return fields | {"mobile_light": "gathered" if self.paths else "photons"}
+        return {name: value for name, value in self._asdict().items() if name not in others}
 
     @property
     def frame(self) -> tuple[int | None, int | None]:
@@ -53,9 +52,9 @@ class Choice(NamedTuple):
         """The name of the curve that it is a point of."""
         if self.tuned:
             return TUNED
-        if self.static_light == "gathered":
+        if self.light == "best":
             return f"{self.estimator}, gathered light"
-        if self.static_light == "all" and self.traced > self.photons:
+        if self.traced > self.photons:
             return f"{self.estimator}, while dragged"
         if self.estimator == "tangent_plane" and not self.control:
             return "tangent_plane, no control"
@@ -89,14 +88,14 @@ def choices(settings: Settings, solver, quick: bool) -> list[Choice]:
 
     def add(estimator, radius=r, neighbours=k, control=True) -> None:
         for n in counts:
-            out.append(Choice(estimator, n, n, radius, neighbours, control, "prefix"))
+            out.append(Choice(estimator, n, n, radius, neighbours, control, "photons"))
 
     if "tangent_plane" in wanted:
         for share in radii if settings.control else ():
             add("tangent_plane", radius=_round(share * r))
             if share == 1.0:  # what a drag shows: a frame of a few photons, the walls lit by all of them
-                out += [Choice("tangent_plane", n, most, r, k, True, "all") for n in counts[:-1]]
-                out += [Choice("tangent_plane", n, most, r, k, True, "gathered", paths=p) for n, p in _gathered(counts)]
+                out += [Choice("tangent_plane", n, most, r, k, True, "photons") for n in counts[:-1]]
+                out += [Choice("tangent_plane", n, most, r, k, True, "best", paths=p) for n, p in _gathered(counts)]
         add("tangent_plane", control=False)
     if "impact_count" in wanted:
         add("impact_count", control=False)

@@ -33,7 +33,7 @@ class Gathering:
         """Return the next piece of work, None if nothing is left to do; it returns whether irradiance is new."""
         g = self._solver.gathered
         finished = self._steps is None and g is not None and g.enough  # what is known has reached the picture too
-        if self._solver.static_light != "gathered" or finished:
+        if self._solver.light != "best" or finished:
             self._tell()
             return None
         return self._step

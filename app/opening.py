@@ -128,6 +128,7 @@ class Opening:
             photons=solver.photons,
             radius=solver.radius,
             neighbours=solver.neighbours,
+            light=solver.light,
         )
         return Opened(settings, solver, meshes, picker)
 

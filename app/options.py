@@ -40,6 +40,7 @@ def tune(parser: argparse.ArgumentParser) -> None:
 
 def bench(parser: argparse.ArgumentParser) -> None:
     """Add those of `bench`."""
+    parser.set_defaults(light="photons")
     add = parser.add_argument
     add("--frames", type=values.positive_int, default=100, metavar="N", help="timed frames (default 100)")
     add("--step", type=values.positive, default=100 * STEP, metavar="PCT",

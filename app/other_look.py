@@ -52,7 +52,7 @@ class OtherLook:
 def _look(solver: Solver, twin: Solver, version: object, estimator: str) -> Iterator[Seen | None]:
     """Go through steps of the twin, the last one with an answer; no method, which would hold who holds it."""
     fields = {**solver.setting._asdict(), "estimator": estimator}
-    twin.configure(photons=solver.photons, static_light="all", mobile_light="photons", **fields)
+    twin.configure(photons=solver.photons, light="photons", **fields)
     yield None
     for _ in twin.solve_steps():
         yield None

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 
 SOLVER_SETTINGS = (
     "estimator", "photons", "radius", "neighbours", "control", "search", "border_correction", "textbook",
-    "static_light", "mobile_light",
+    "light",
 )  # fmt: skip
+LIGHTS = ("best", "photons")  # those of gi_core.light_source
 REFERENCE = "reference"  # what a wipe may show beside estimators
 TONE_MAPS = ("aces", "reinhard", "clip")
 SHOWS = ("radiance", "irradiance")
@@ -46,8 +47,7 @@ class Settings:
     border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc, see gi_core/border_angle.py
     textbook: bool = False  # photon_map counts the k-th hit too
     search: str = "disc_index"  # a key of gi_core.disc_search.SEARCHES; all give the same picture
-    static_light: str = "all"  # one of gi_core.static_light.STATIC_LIGHT: where the static part's light is from
-    mobile_light: str = "photons"  # one of gi_core.mobile_light.MOBILE_LIGHT: the same of mobiles
+    light: str | None = None  # one of LIGHTS; None: see `light_chosen`
     seed: int = 0
     poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
     exposure: float | None = None  # [EV]; None: metered once
@@ -63,10 +63,14 @@ class Settings:
 
     @property
     def of_solver(self) -> dict[str, object]:
-        """What the solver is to be set to; beside another estimator each shows all of its own light."""
+        """What the solver is to be set to; beside another estimator each shows its own photons' light."""
         values = {name: getattr(self, name) for name in SOLVER_SETTINGS}
-        own = {"static_light": "all", "mobile_light": "photons"}
-        return values | own if self.compare not in ("", REFERENCE) else values
+        return values | {"light": "photons" if self.compare not in ("", REFERENCE) else self.light_chosen}
+
+    @property
+    def light_chosen(self) -> str:
+        """The light asked for; where none is, "photons" of an estimator that is asked for, else "best"."""
+        return self.light or ("best" if self.estimator is None else "photons")
 
     @property
     def beside_estimate(self) -> set[str]:
@@ -75,9 +79,8 @@ class Settings:
         return {self.compare} - {""} | ({REFERENCE} if needs_reference else set())
 
     def of_estimator(self, name: str) -> Settings:
-        """Return the settings that show an estimator's light: all of it, where it was gathered without one."""
-        light = "all" if self.static_light == "gathered" else self.static_light
-        return replace(self, estimator=name, static_light=light, mobile_light="photons")
+        """Return the settings that show an estimator's own light."""
+        return replace(self, estimator=name, light="photons")
 
 
 def open_scene(settings: Settings) -> Scene:
@@ -144,7 +147,7 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         raise SceneError(
             f'{scene.name}: [defaults]: estimator must be one of {", ".join(ESTIMATORS)}, got "{estimator}"'
         )
-    solver = Solver(
+    return Solver(
         scene,
         estimator=estimator,
         photons=settings.photons,
@@ -155,6 +158,5 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         search=settings.search,
         border_correction=settings.border_correction,
         textbook=settings.textbook,
+        light=settings.light_chosen,
     )
-    solver.configure(static_light=settings.static_light, mobile_light=settings.mobile_light)
-    return solver

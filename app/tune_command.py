@@ -22,7 +22,7 @@ def tuned_lines(settings: Settings, error: float | None, check: bool = False) ->
         bar("loading", 0.0)
         scene = open_moving_scene(settings)
         compile_kernels(bar)
-        solver = make_solver(scene, replace(settings, estimator=None))
+        solver = make_solver(scene, replace(settings, estimator=None, light=settings.light_chosen))
         solve(solver, bar)
         found = finished(tune(solver, 1e-3 * settings.budget, None if error is None else 1e-2 * error), bar)
         lines = [*_laws(found), "", *_choice(found, settings.budget, error), command_line(settings, found)]
@@ -76,8 +76,7 @@ def command_line(settings: Settings, found: Tuned) -> str:
         "estimator": chosen.estimator, "photons": found.choice.photons, "radius": f"{chosen.radius:.4g}",
         "neighbours": chosen.neighbours, "budget": f"{settings.budget:g}",
     }  # fmt: skip
-    if settings.mobile_light == "gathered":
-        values |= {"static-light": "gathered", "mobile-light": "gathered"}
+    values["light"] = settings.light_chosen
     words += [w for name, value in values.items() if value is not None for w in (f"--{name}", str(value))]
     flags = {"--allow-outside": settings.allow_outside, "--no-control": not chosen.control}
     return shlex.join([*words, *(flag for flag, given in flags.items() if given)])

@@ -15,11 +15,10 @@ from gi_core.background import Background, Photons
 from gi_core.control_variate import frame_irradiance
 from gi_core.cuts import Frame, change, current_segments
 from gi_core.light_pool import LightPool
-from gi_core.mobile_light import MobileLight
+from gi_core.light_source import LightSource
 from gi_core.model import Model
 from gi_core.near_scan import Room
 from gi_core.radiosity import irradiance
-from gi_core.static_light import StaticLight
 
 SCRATCH_CHUNK = 1 << 16
 
@@ -44,18 +43,11 @@ def changes_of(f: Frame) -> Changes:
     return Changes(f.heads.size, f.tails.size, f.heads.size + f.branches.size)
 
 
-class Lights(NamedTuple):
-    """Where frames take their light from, besides photons."""
-
-    static: StaticLight
-    mobile: MobileLight
-
-
 def frame_light(
     model: Model,
     photons: Photons,
     shown: Background,
-    lights: Lights,
+    source: LightSource,
     at: Transforms,
     size: FrameSize,
     room: Room,
@@ -75,20 +67,20 @@ def frame_light(
     clock("estimate")
     if size.photons:
         scale, resting = model.emitters.unit_flux / size.photons, shown.resting(size.photons)
-        better = lights.static.irradiance(shown, size.photons)
+        better = source.static_irradiance(shown, size.photons)
         background = estimate.background(size.photons)[0]
         E = frame_irradiance(evaluated, scale, background, resting, better, model.threads, pool)
     else:
         E = np.zeros(evaluated.sums.shape)
     clock("read out")
     if size.paths:
-        lights.mobile.put_on(E, at, size.paths)
+        source.light_mobiles(E, at, size.paths)
         clock("gather")
     return frame, E
 
 
 def light_from_scratch(
-    model: Model, seed: int, shown: Background | None, made: Background, lights: Lights, at: Transforms, paths: int
+    model: Model, seed: int, shown: Background | None, made: Background, source: LightSource, at: Transforms, paths: int
 ) -> np.ndarray:
     """Return irradiance (R, 3) [W/m2] from every photon traced anew through static part and mobiles.
 
@@ -107,8 +99,8 @@ def light_from_scratch(
     scale = model.emitters.unit_flux / n
     if shown is None:
         return irradiance(every.sums, scale, every.area)
-    background, better = estimate.background(n)[0], lights.static.irradiance(shown, n)
+    background, better = estimate.background(n)[0], source.static_irradiance(shown, n)
     E = frame_irradiance(every, scale, background, shown.resting(n), better, model.threads)
     if paths:
-        lights.mobile.put_on(E, at, paths, anew=True)
+        source.light_mobiles(E, at, paths, anew=True)
     return E

@@ -16,11 +16,11 @@ from gi_core.defaults import choose
 from gi_core.dilation import Drawn, dilated
 from gi_core.disc_search import SEARCHES
 from gi_core.estimators import ESTIMATORS
-from gi_core.frames import Changes, FrameSize, Lights, changes_of, frame_light, light_from_scratch
+from gi_core.frames import Changes, FrameSize, changes_of, frame_light, light_from_scratch
 from gi_core.gather_rounds import Gathered
 from gi_core.ladder import FrameTimes, is_rung, next_rung
 from gi_core.light_pool import LightPool
-from gi_core.mobile_light import MobileLight
+from gi_core.light_source import LightSource
 from gi_core.model import Model
 from gi_core.near_scan import Room
 from gi_core.photon_trace import Fates
@@ -32,7 +32,6 @@ from gi_core.scene.types import Pose, Scene
 from gi_core.setting import Setting, number
 from gi_core.stages import Stages
 from gi_core.static_gather import StaticGather
-from gi_core.static_light import StaticLight
 from gi_core.surfaces import Surfaces
 
 STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
@@ -66,13 +65,15 @@ class Solver:
         neighbours: int | None = None,
         seed: int = 0,
         threads: int | None = None,
+        light: str = "photons",
         **others,
     ):
         """Prepare a scene; nothing is traced yet but for a small pilot that sets the defaults.
 
         photons: how many to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map;
-        None takes the scene file's value, else the rule of `gi_core.defaults`; others: fields of
-        `gi_core.setting.Setting` that differ from what they are there. Raises SceneError.
+        None takes the scene file's value, else the rule of `gi_core.defaults`; light: "photons" or "best", see
+        `gi_core.light_source`; others: fields of `gi_core.setting.Setting` that differ from what they are there.
+        Raises SceneError.
         """
         self.scene = scene
         self.seed = int(seed)
@@ -81,7 +82,7 @@ class Solver:
         self.chosen = choose(self.model, *given)
         self.scene_size = self.chosen.scene_size
         self.photons = self.chosen.photons
-        self._static_light, self._mobile_light = StaticLight(), MobileLight(self.model, self.seed)
+        self._source = LightSource(self.model, self.seed)
         self.setting = Setting(estimator, self.chosen.radius, self.chosen.neighbours)
         self.poses: dict[str, Pose] = self.model.start_poses()
         self._photons = Photons(self.model, self.seed)
@@ -99,35 +100,30 @@ class Solver:
         self._shown: Background | None = None  # what frames are computed from
         self._next: Background | None = None  # what replaces it, being built
         self._made_of: Background | None = None  # self.irradiance is
-        self.configure(estimator=estimator, **others)
+        self.configure(estimator=estimator, light=light, **others)
 
     # -- settings ---------------------------------------------------------------------------------
 
     def configure(
-        self, photons: int | None = None, static_light: str | None = None, mobile_light: str | None = None, **changes
+        self, photons: int | None = None, light: str | None = None, prefix_only: bool | None = None, **changes
     ) -> None:
         """Change settings. Paths are kept; solve_steps() does again only what depends on the change.
 
-        static_light: whether a frame of a prefix of the photons takes the light of the static part from "all" of
-        them (see `gi_core.control_variate`) or from that "prefix" too; "gathered": from gather_steps() as soon as
-        that is better; mobile_light: whether that of mobiles is from "photons", or "gathered" by their receivers in
-        each frame (`gi_core.mobile_gather`); changes: fields of `setting`. Until solve_steps() has run, frames go on
-        with the old settings. Raises SceneError for a bad value.
+        light: "photons", the estimator's own; "best", gathered where that is better (`gi_core.light_source`);
+        prefix_only: frames of a prefix of the photons take the static part's light from that prefix too, not from all
+        photons (for measuring); changes: fields of `setting`; None keeps a value. Until solve_steps() has run,
+        frames go on with the old settings. Raises SceneError for a bad value.
         """
         photons, setting = number("photons", photons, self.photons), self.setting.changed(CHOICES, **changes)
-        if static_light is not None:
-            self._static_light.choose(static_light)
-        if mobile_light is not None:
-            self._mobile_light.choose(mobile_light)
+        source = self._source
+        source.choose(
+            source.light if light is None else light, source.prefix_only if prefix_only is None else prefix_only
+        )
         self.photons, self.setting = photons, setting
 
     @property
-    def static_light(self) -> str:
-        return self._static_light.kind
-
-    @property
-    def mobile_light(self) -> str:
-        return self._mobile_light.kind
+    def light(self) -> str:
+        return self._source.light
 
     @property
     def estimator(self) -> str:
@@ -220,14 +216,14 @@ class Solver:
         if b is not self._shown:
             self._times = FrameTimes()
         self._shown, self._next = b, None
-        self._static_light.judge(b)
+        self._source.judge(b)
         if b.added == self._goal > 0:
             yield from self._find_unreached()
         self._update()
         yield Progress("estimating", b.added / max(self._goal, 1), True)
 
     def _find_unreached(self) -> Iterator[Progress]:
-        for _ in self._static_light.find_unreached(self.model, self.scene_size, self._shown):
+        for _ in self._source.find_unreached(self.scene_size, self._shown):
             yield Progress("looking for unreached receivers", 1.0, False)
 
     def _prepare(self, b: Background) -> Iterator[Progress]:
@@ -249,11 +245,11 @@ class Solver:
         """Put several mobiles at new poses and update irradiance once.
 
         For a faster and noisier frame, photons: one of `prefixes`, None: all; paths: that a receiver of a mobile
-        gathers, where its light is gathered, one of `gi_core.mobile_light.PATHS`, None: 64. Raises SceneError as
+        gathers, where its light is gathered, one of `gi_core.light_source.PATHS`, None: 64. Raises SceneError as
         move() does, and for any other number of photons or paths. A move that any exception breaks off has not been
         made.
         """
-        self._mobile_light.paths(paths)
+        self._source.paths(paths)
         if photons is not None and photons not in self.prefixes:
             have = ", ".join(map(str, self.prefixes))
             raise SceneError(f"{self.scene.name}: a frame can use {have} photons, got {photons}")
@@ -275,21 +271,21 @@ class Solver:
 
         paths: that it gathers besides, as of move_all().
         """
-        seconds -= self._mobile_light.expected(self._mobile_light.paths(paths))
+        seconds -= self._source.expected(self._source.paths(paths))
         return self._times.largest_within(seconds, self.prefixes) if self.prefixes else 0
 
     def paths_within(self, seconds: float) -> int | None:
         """Return how many paths the receivers of mobiles can gather in that time, of those that a frame can; None
         where they gather none."""
-        return self._mobile_light.most_within(seconds)
+        return self._source.most_within(seconds)
 
     @property
     def paths_at_rest(self) -> int:
         """Paths that a receiver of a mobile gathers where nothing else is asked for; 0 where it gathers none."""
-        return self._mobile_light.paths(None)
+        return self._source.paths(None)
 
     def _size(self, photons: int, paths: int | None = None) -> FrameSize:
-        return FrameSize(photons, self._mobile_light.paths(paths) if photons else 0)
+        return FrameSize(photons, self._source.paths(paths) if photons else 0)
 
     def _update(
         self, photons: int | None = None, paths: int | None = None, poses: dict[str, Pose] | None = None
@@ -303,13 +299,13 @@ class Solver:
             self.poses = poses
             return  # nothing traced yet
         clock, size = Stages(), self._size(self._shown.estimate.photons if photons is None else photons, paths)
-        at, lights = self.model.transforms(poses), self._lights
+        at = self.model.transforms(poses)
         frame, light = frame_light(
-            self.model, self._photons, self._shown, lights, at, size, self._room, self._pool, clock
+            self.model, self._photons, self._shown, self._source, at, size, self._room, self._pool, clock
         )
         changes, facts = changes_of(frame), getattr(self._shown.estimate, "control_facts", NO_FACTS)
         gathered, gathering = self.uses_gathered, clock.seconds.get("gather", 0.0)
-        self._mobile_light.took(size.paths, gathering)
+        self._source.took(size.paths, gathering)
         self._times.add(size.photons, sum(clock.seconds.values()) - gathering)
         # From here on nothing is called, so that nothing can be raised half way.
         self.poses, self.irradiance, self._frame, self.changes, self._facts = poses, light, frame, changes, facts
@@ -317,33 +313,29 @@ class Solver:
         self.timings, self._made_of = clock.seconds, self._shown
 
     @property
-    def _lights(self) -> Lights:
-        return Lights(self._static_light, self._mobile_light)
-
-    @property
     def uses_gathered(self) -> bool:
         """Whether frames start from what has been gathered: it is asked for, and better than the photons."""
-        return self._static_light.is_gathered
+        return self._source.is_gathered
 
     @property
     def gathers_ahead(self) -> bool:
         """Whether gather_steps() had better go on now than solve_steps(): photons will stay noisy, and it has not yet
         come to its first light."""
-        return self._static_light.goes_ahead(self._shown, self._goal)
+        return self._source.goes_ahead(self._shown, self._goal)
 
     @property
     def gathered(self) -> StaticGather | None:
-        return self._static_light.gathered
+        return self._source.gathered
 
     # -- gathering --------------------------------------------------------------------------------
 
     def gather_steps(self, state: Gathered | None = None) -> Iterator[Progress]:
         """Gather the static part's light in steps of some 30 ms until it is known to 0.7 % (`gi_core.static_gather`).
 
-        Used by frames where `static_light` is "gathered". May be abandoned between steps and begun again;
+        Used by frames where `light` is "best". May be abandoned between steps and begun again;
         state: what `gathered.state` of an earlier run was, for the same scene and seed. Raises ValueError for another.
         """
-        g = self._static_light.gather(self.model, self.seed, self._photons_at_rest, state)
+        g = self._source.gather(self._photons_at_rest, state)
         yield from self._look_at_gathered(g)
         while not g.enough:
             if g.step():
@@ -359,7 +351,7 @@ class Solver:
 
     def _look_at_gathered(self, g: StaticGather) -> Iterator[Progress]:
         """Use what has been gathered if it is better than the photons; irradiance is then new."""
-        better = self._static_light.judge(self._shown)
+        better = self._source.judge(self._shown)
         if better:
             if self._shown.added == self._goal:
                 yield from (p._replace(fraction=g.fraction) for p in self._find_unreached())
@@ -375,7 +367,7 @@ class Solver:
         other = copy.copy(self)
         other.poses, other._times, other._next = dict(self.poses), FrameTimes(), None
         other._room, other._pool = Room(), LightPool()
-        other._static_light, other._mobile_light = copy.copy(self._static_light), copy.copy(self._mobile_light)
+        other._source = self._source.twin(fresh)
         if fresh:
             other._shown = other._made_of = other._frame = None
             other._facts = NO_FACTS
@@ -390,7 +382,7 @@ class Solver:
         """
         at, made = self.model.transforms({**self.poses, **(poses or {})}), self._shown or self._background()
         paths = self.paths_gathered if self.photons_traced else 0
-        return light_from_scratch(self.model, self.seed, self._shown, made, self._lights, at, paths)
+        return light_from_scratch(self.model, self.seed, self._shown, made, self._source, at, paths)
 
     @property
     def resting_irradiance(self) -> np.ndarray:
@@ -398,7 +390,7 @@ class Solver:
         first solve."""
         if self._shown is None or not self._shown.estimate.photons:
             return np.zeros((self.surfaces.receiver_range(0).stop, 3))
-        return self._static_light.irradiance(self._shown, self._shown.estimate.photons)
+        return self._source.static_irradiance(self._shown, self._shown.estimate.photons)
 
     def drawn(self, irradiance: np.ndarray, poses: Mapping[str, Pose] | None = None) -> np.ndarray:
         """Return irradiance (R, 3) as it is to be drawn: `as_drawn()` without the weights."""
@@ -410,11 +402,11 @@ class Solver:
         poses: that it belongs to, if not the current ones. The same array, and no weights, where light reaches all
         receivers (`gi_core.dilation`), and until all photons wanted have been estimated.
         """
-        light = self._static_light
-        if light.dilation is None:
+        source = self._source
+        if source.dilation is None:
             return Drawn(irradiance, None)
         at = self.model.transforms(poses or self.poses)
-        return dilated(irradiance, light.unreached, light.dilation.find_moved(irradiance, at))
+        return dilated(irradiance, source.unreached, source.dilation.find_moved(irradiance, at))
 
     @property
     def receivers(self) -> Receivers:

@@ -89,13 +89,13 @@ def trial(solver: Solver, sticks: list[Yardstick], paths: int | None = None, **s
     traced already are not traced again.
     """
     twin = solver.twin(fresh=True)
-    twin.configure(photons=min(PHOTONS, solver.photons), static_light="prefix", **setting)
+    twin.configure(photons=min(PHOTONS, solver.photons), prefix_only=True, **setting)
     for _ in twin.solve_steps():
         yield
     counts = np.array(twin.prefixes[-COUNTS:], np.int64)
     errors, seconds = np.zeros((2, len(counts))), np.zeros((len(sticks), 2, len(counts)))
-    for kind, static_light in enumerate(("prefix", "all")):
-        twin.configure(static_light=static_light)
+    for kind, prefix_only in enumerate((True, False)):
+        twin.configure(prefix_only=prefix_only)
         for n, count in enumerate(counts):
             for p, stick in enumerate(sticks):  # in the inmost loop, so that something moves in each frame
                 twin.move_all(stick.poses, int(count), paths)

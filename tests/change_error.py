@@ -40,7 +40,7 @@ def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
 
 def report(name: str) -> None:
     """Print the lines of a scene."""
-    settings = Settings(scene=name, photons=PHOTONS, static_light="all", mobile_light="gathered")
+    settings = Settings(scene=name, photons=PHOTONS, light="best")
     scene = open_moving_scene(settings)
     solver, judge = (
         make_solver(scene, replace(settings, photons=n, seed=seed)) for n, seed in ((PHOTONS, 0), (TRUTH, TRUTH_SEED))

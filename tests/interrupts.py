@@ -30,7 +30,7 @@ from app import window
 from app.settings import Settings
 from app.viewer import Viewer, interruptible
 import time, threading
-viewer = Viewer(Settings(scene={scene!r}, photons={photons}, size=(640, 480), static_light={light!r}))
+viewer = Viewer(Settings(scene={scene!r}, photons={photons}, size=(640, 480), light={light!r}))
 viewer.params.ini_disable = True
 window.prepare()
 def now():
@@ -60,7 +60,7 @@ def commands(scene: str) -> dict[str, list[str]]:
     return {
         "render": ["render", scene, "--out", "a.png", *many],
         "render --frames": ["render", scene, "--out", "b.png", "--frames", "500", *few],
-        "render gathered": ["render", scene, "--out", "c.png", "--static-light", "gathered"],
+        "render gathered": ["render", scene, "--out", "c.png", "--light", "best"],
         "bench": ["bench", scene, *many],
         "bench --sweep": ["bench", scene, "--sweep", "--out", "sweep"],
         "chart": ["chart", scene, "--quick", "--frames", "2", "--out", "chart"],
@@ -106,7 +106,7 @@ def interrupted(name: str, command: list[str], after: float, folder: str) -> boo
 def closed(scene: str, frames: int, doing: str, closes: bool, folder: str) -> bool:
     """Open a window and end it after so many frames, while it does something, by its button or by Ctrl+C."""
     gathers = doing == "gathering"
-    what = {"light": "gathered" if gathers else "all", "photons": 20_000 if gathers else 2_000_000}
+    what = {"light": "best" if gathers else "photons", "photons": 20_000 if gathers else 2_000_000}
     code = WINDOW.format(tests=str(ROOT / "tests"), scene=scene, frames=frames, doing=doing, closes=closes, **what)
     process = started([sys.executable, "-c", code], folder)
     when, _, found = process.stdout.readline().decode().strip().partition(" ")

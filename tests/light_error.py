@@ -114,7 +114,7 @@ def measure(
     other = static_solver(what, **settings | {"seed": 1})
     for estimator in estimators:
         for s in (solver, other):
-            s.configure(estimator=estimator, static_light="prefix")
+            s.configure(estimator=estimator, prefix_only=True)
             s.solve()
         for photons in solver.prefixes:
             if photons < solver.photons and (least is None or photons < least):

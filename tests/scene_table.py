@@ -59,9 +59,7 @@ def measure(what: str, picture: Path, launched: float, photons: int | None, size
     from gi_core.scene.mesh_file import read_mesh_file
 
     static, *mobiles = what.split("+")
-    settings = Settings(
-        scene=static, mobiles=tuple(mobiles), size=size, static_light="gathered", mobile_light="gathered"
-    )
+    settings = Settings(scene=static, mobiles=tuple(mobiles), size=size, light="best")
     stages, cpu, row = {}, {}, {}
 
     def passed(stage: str) -> None:

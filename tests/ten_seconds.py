@@ -45,7 +45,7 @@ def _measure(what: str, points: int, paths: int) -> str:
     from gi_core.reference import reference_irradiance
 
     static, *mobiles = what.split("+")
-    settings = Settings(scene=static, mobiles=tuple(mobiles), static_light="gathered", mobile_light="gathered")
+    settings = Settings(scene=static, mobiles=tuple(mobiles), light="best")
     solver = make_solver(open_scene(settings), settings)
     begun = time.process_time()
 
@@ -64,7 +64,7 @@ def _measure(what: str, points: int, paths: int) -> str:
         work()
         if clock() <= SECONDS:
             then = (clock(), _made_of(solver), solver.irradiance)
-    solver.configure(static_light="all")
+    solver.configure(prefix_only=True)
     solver.move_all({})
     by_photons = solver.irradiance
     rows, weights = drawn_by_area(in_view(solver), solver.receivers.areas, points, 10)

@@ -63,7 +63,7 @@ def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
     """Told by smoothing it again, for the receivers that it is of; what smoothing blurs is bias."""
     monkeypatch.setattr("gi_core.static_gather.ENOUGH", 0.03)
     s = Solver(replace(support.room(), mobiles=()), photons=20_000, radius=0.06)
-    s.configure(static_light="gathered")
+    s.configure(light="best")
     s.solve()
     for _ in s.gather_steps():
         pass

@@ -11,7 +11,7 @@ import pytest
 from scene_builders import box, coloured_room
 
 import gi_core
-from gi_core.mobile_light import MOBILE_LIGHT
+from gi_core.light_source import LIGHTS
 from gi_core.pose import axis_angle
 from gi_core.scene.types import Mobile, Pose
 from gi_core.solver import Solver
@@ -62,18 +62,18 @@ def seen(solver: Solver) -> tuple:
     return dict(solver.poses), solver.irradiance.tobytes(), fates, *numbers
 
 
-def solved(estimator: str, mobile_light: str = "photons") -> Solver:
+def solved(estimator: str, light: str = "photons") -> Solver:
     block = Mobile("block", box((-0.15, -0.15, 0), (0.15, 0.15, 0.3), 2, 0), START)
     solver = Solver(coloured_room((block,)), estimator, photons=2000, radius=0.1, neighbours=8, threads=1)
-    solver.configure(mobile_light=mobile_light)
+    solver.configure(light=light)
     solver.solve()
     solver.move("block", THERE)  # contacts at START are not those that are known last
     return solver
 
 
-@pytest.mark.parametrize("mobile_light", MOBILE_LIGHT)
-def test_a_move_that_is_broken_off_anywhere_has_not_been_made(estimator, mobile_light):
-    solver = solved(estimator, mobile_light)
+@pytest.mark.parametrize("light", LIGHTS)
+def test_a_move_that_is_broken_off_anywhere_has_not_been_made(estimator, light):
+    solver = solved(estimator, light)
     for _ in range(2):  # the first time more is called: what is made once
         solver.move("block", THERE)
         whole = watched(lambda: solver.move_all(NEXT))

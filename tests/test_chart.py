@@ -112,7 +112,7 @@ def test_the_choice_of_tune_is_a_point_beside_the_best_of_the_others(small, tmp_
     run.measure()
     rows = run.results.rows
     [row] = [r for r in rows if r["curve"] == TUNED]
-    assert row["static_light"] == "gathered" and row["paths"] >= 4 and row["photons"] <= row["traced"]
+    assert row["light"] == "best" and row["paths"] >= 4 and row["photons"] <= row["traced"]
     near = nearness(rows)
     assert set(near) == {"all", "affected", "mobile"} and all(0.2 < ratio < 20 for ratio in near.values())
     run.measure()

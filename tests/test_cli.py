@@ -15,7 +15,6 @@ from app.settings import Settings
 
 ROOT = Path(__file__).resolve().parent.parent
 HEAVY = ("numpy", "numba", "scipy", "trimesh", "embreex", "moderngl", "glfw", "imgui_bundle", "PIL", "gi_core")
-GATHERED = {"static_light": "gathered", "mobile_light": "gathered"}
 
 
 def run(*arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess:
@@ -89,8 +88,8 @@ def test_the_budget_is_the_viewers_and_may_be_off():
 
 
 def test_defaults_leave_the_choice_to_scene_and_program():
-    assert settings() == Settings(**GATHERED)
-    assert settings("render", "tree", "--size", "64x48") == Settings("tree", size=(64, 48), mobile_light="gathered")
+    assert settings() == Settings()
+    assert settings("render", "tree", "--size", "64x48") == Settings("tree", size=(64, 48))
 
 
 @pytest.mark.parametrize(
@@ -222,7 +221,7 @@ def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
     monkeypatch.setattr(window, "why_no_window", lambda: None)
     monkeypatch.setitem(sys.modules, "app.viewer", types.SimpleNamespace(run=lambda s, screenshot: seen.append(s) or 0))
     assert cli.main([*FAST, "--exposure", "2"]) == 0
-    assert seen == [Settings(photons=2000, exposure=2.0, **GATHERED)]
+    assert seen == [Settings(photons=2000, exposure=2.0)]
 
 
 @pytest.mark.parametrize(
@@ -239,28 +238,24 @@ def test_values_out_of_range_are_told_in_words(words, told, capsys):
 
 
 @pytest.mark.parametrize(
-    "words, static, mobile",
+    "words, light",
     [
-        ([], "gathered", "gathered"),
-        (["--estimator", "photon_map"], "all", "photons"),
-        (["--estimator", "photon_map", "--static-light", "gathered"], "gathered", "photons"),
-        (["--static-light", "prefix", "--mobile-light", "photons"], "prefix", "photons"),
-        (["render"], "all", "gathered"),
-        (["render", "--static-light", "gathered"], "gathered", "gathered"),
-        (["render", "--estimator", "photon_map", "--mobile-light", "gathered"], "all", "gathered"),
-        (["bench"], "all", "photons"),
+        ([], "best"),
+        (["--light", "photons"], "photons"),
+        (["--estimator", "photon_map"], "photons"),
+        (["--estimator", "photon_map", "--light", "best"], "best"),
+        (["render"], "best"),
+        (["tune"], "best"),
+        (["bench"], "photons"),
+        (["bench", "--light", "best"], "best"),
     ],
 )
-def test_light_is_gathered_unless_an_estimator_is_asked_for(words, static, mobile):
-    settings = cli.settings_of(cli.parse(words))
-    assert (settings.static_light, settings.mobile_light) == (static, mobile)
+def test_light_is_gathered_unless_an_estimator_is_asked_for(words, light):
+    assert cli.settings_of(cli.parse(words)).light_chosen == light
 
 
 def test_choosing_an_estimator_shows_its_own_light():
-    assert Settings(**GATHERED).of_estimator("photon_map") == Settings(estimator="photon_map")
-    assert Settings(static_light="prefix").of_estimator("photon_map") == Settings(
-        static_light="prefix", estimator="photon_map"
-    )
+    assert Settings(light="best").of_estimator("photon_map") == Settings(estimator="photon_map", light="photons")
 
 
 @pytest.mark.parametrize("name", ["estimator", "search"])

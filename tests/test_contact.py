@@ -127,12 +127,12 @@ def test_contact_on_a_mobile_is_looked_for_only_where_its_light_is_that_of_photo
     by_photons = solver.control_facts
     static = solver.surfaces.receiver_range(0)
     E = solver.irradiance[static]
-    solver.configure(mobile_light="gathered")
+    solver.configure(light="best")
     solver.solve()
     assert by_photons.on_mobiles > 0
     assert solver.control_facts == by_photons._replace(on_mobiles=0)
     assert np.array_equal(solver.irradiance[static], E)
-    solver.configure(mobile_light="photons")
+    solver.configure(light="photons")
     solver.solve()
     assert solver.control_facts == by_photons
 

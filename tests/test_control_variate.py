@@ -25,7 +25,7 @@ def frames() -> dict:
     solver.solve()
     out = {"solver": solver, "resting": {n: solver._shown.resting(n) for n in (LOWEST, PHOTONS)}}
     for kind in ("all", "prefix"):
-        solver.configure(static_light=kind)
+        solver.configure(prefix_only=kind == "prefix")
         solver.move_all({"box": POSE}, photons=LOWEST)
         out[kind] = solver.irradiance
         solver.move("box", POSE)
@@ -148,5 +148,5 @@ def test_a_frame_of_few_photons_is_nearer_to_the_truth_without_it(monkeypatch, e
 
 def test_another_source_is_refused():
     solver = Solver(SCENE, photons=0)
-    with pytest.raises(SceneError, match="static_light must be one of all, prefix, gathered, got 'some'"):
-        solver.configure(static_light="some")
+    with pytest.raises(SceneError, match="light must be one of best, photons, got 'some'"):
+        solver.configure(light="some")

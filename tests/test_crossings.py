@@ -20,7 +20,7 @@ PHOTONS = 2 * LOWEST + 900
 
 def solver_of(photons: int = PHOTONS, **settings) -> Solver:
     solver = Solver(SCENE, photons=photons, radius=0.15, neighbours=20, **settings)
-    solver.configure(static_light="prefix")
+    solver.configure(prefix_only=True)
     return solver
 
 

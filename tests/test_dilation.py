@@ -71,7 +71,7 @@ def test_unreached_receivers_have_next_to_no_weight_in_their_triangles():
     solver = solved(standing())
     seen = solver.as_drawn(solver.irradiance)
     covered, on_floor = inside(solver)
-    rows = solver._static_light.unreached.rows
+    rows = solver._source.unreached.rows
     assert covered[rows].all() and (seen.weights[rows] == np.float32(WEIGHT)).all()
     faces = solver.surfaces.corner_front[: 2 * 20 * 20]
     deep = faces[np.isin(faces, rows).any(axis=1)]
@@ -162,11 +162,11 @@ def test_a_scene_where_light_reaches_all_pays_nothing():
 
 def test_moving_changes_what_is_drawn_there_but_not_where():
     solver = solved(standing(mobiles=(box_mobile(size=0.3),)))
-    filled = solver._static_light.unreached
+    filled = solver._source.unreached
     at_rest = solver.drawn(solver.irradiance)
     solver.move("box", Pose((0.4, 0.0, 0.2)))  # its shadow falls beside the box
     moved = solver.drawn(solver.irradiance)
-    assert solver._static_light.unreached is filled
+    assert solver._source.unreached is filled
     assert (moved[filled.rows] != at_rest[filled.rows]).any()
     total = np.add.reduceat(solver.irradiance[filled.neighbours], filled.first[:-1])
     assert np.array_equal(moved[filled.rows], total / np.diff(filled.first)[:, None])

@@ -98,7 +98,7 @@ def test_structures_are_built_once(monkeypatch):
     solver = Solver(coloured_room((box_mobile(size=0.1),)), photons=2000, radius=0.1)
     monkeypatch.setattr(accelerator, "Triangles", None)  # one more could not be made
     solver.solve()
-    solver.configure(mobile_light="gathered", static_light="gathered")
+    solver.configure(light="best")
     for k in range(3):
         solver.move("box", Pose((0.3 + 0.1 * k, 0.5, 0.3)))
         assert np.array_equal(solver.irradiance, solver.from_scratch())

@@ -51,7 +51,7 @@ def test_noise_and_bias_told_from_a_picture_are_those_measured_against_its_limit
     few = Solver(support.room(), photons=16_384, radius=0.06, seed=1)
     few.solve()
     E = few.irradiance
-    few.configure(static_light="prefix")
+    few.configure(prefix_only=True)
     prefix = prefix_to_compare(few.prefixes)
     few.move_all({}, prefix)
     fewer = few.irradiance

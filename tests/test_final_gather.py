@@ -9,7 +9,7 @@ import pytest
 from scene_builders import box, box_mobile, coloured_room, grey, lamp, merge, quad
 
 from app.gathering import Gathering
-from gi_core import static_gather, static_light
+from gi_core import light_source, static_gather
 from gi_core.error import relative_error
 from gi_core.evaluation_points import evaluation_points
 from gi_core.final_gather import FinalGather
@@ -100,7 +100,7 @@ def test_threads_and_mobiles_change_nothing():
 def noisy(**settings) -> Solver:
     """Return a solver whose photons miss most of its tiny discs."""
     solver = Solver(SCENE, photons=PHOTONS, radius=0.004)
-    solver.configure(static_light="gathered", **settings)
+    solver.configure(light="best", **settings)
     return solver
 
 
@@ -126,7 +126,7 @@ def test_it_comes_before_most_photons_where_they_stay_noisy_and_every_frame_is_t
 def test_it_is_far_better_than_its_photons_and_whole_paths_have_the_last_word(monkeypatch):
     monkeypatch.setattr(static_gather, "ENOUGH", 0.02)
     solver = Solver(fine_room(), photons=50_000, radius=0.02)
-    solver.configure(static_light="gathered")
+    solver.configure(light="best")
     solver.solve()
     points, normals = evaluation_points(solver.surfaces, solver.receivers)
     truth, _ = reference_irradiance(solver.scene, points, normals, 700, 5)
@@ -148,7 +148,7 @@ def test_without_photons_there_is_nothing_to_gather_over(monkeypatch):
     """Whole paths need none."""
     monkeypatch.setattr(static_gather, "ENOUGH", 0.1)
     solver = Solver(SCENE, photons=0, radius=0.05)
-    solver.configure(static_light="gathered")
+    solver.configure(light="best")
     solver.solve()
     for _ in solver.gather_steps():
         assert not solver.gathered.early
@@ -160,7 +160,7 @@ def test_where_there_are_only_mobiles_there_is_nothing_to_gather():
     lights = PointLight("p", (0.5, 0.5, 0.9), (1.0,) * 3), PointLight("q", (-0.5, -0.5, -0.9), (1.0,) * 3)
     scene = Scene(nothing, (grey(0.5), grey(0.5)), (box_mobile(size=0.2),), lights, up=(0, 0, 1))
     solver = Solver(scene, photons=2000, radius=0.05)
-    solver.configure(static_light="gathered", mobile_light="gathered")
+    solver.configure(light="best")
     solver.solve()
     assert len(list(solver.gather_steps())) <= 2 and solver.gathered.enough and solver.irradiance.any()
 
@@ -171,9 +171,9 @@ def test_photons_go_first_where(why, monkeypatch):
     if why == "photons do well":
         solver.configure(radius=0.1)
     elif why == "not asked for":
-        solver.configure(static_light="all")
+        solver.configure(light="photons")
     elif why == "few photons":
-        monkeypatch.setattr(static_light, "TELLING", PHOTONS)
+        monkeypatch.setattr(light_source, "TELLING", PHOTONS)
     for progress in solver.solve_steps():
         if progress.picture and solver.photons_traced > 50_000 and why not in ("all are in", "it is there"):
             break

@@ -30,12 +30,10 @@ def quick(monkeypatch, tmp_path):
     monkeypatch.setattr(static_gather, "ENOUGH", 0.02)
 
 
-def opened(static_light: str = "gathered") -> Session:
-    settings = Settings(
-        estimator="tangent_plane", photons=3000, radius=0.06, neighbours=20, exposure=0.0, static_light=static_light
-    )
+def opened(light: str = "best") -> Session:
+    settings = Settings(estimator="tangent_plane", photons=3000, radius=0.06, neighbours=20, exposure=0.0, light=light)
     solver = Solver(SCENE, photons=3000, radius=0.06)
-    solver.configure(static_light=static_light)
+    solver.configure(light=light)
     session = Session(settings, Log(), open_with=lambda settings: None, appraise=Appraisal)
     session.adopt(Opened(settings, solver, (), None))
     return session
@@ -69,17 +67,17 @@ def test_it_reaches_the_picture_and_the_disk_and_is_there_at_once_next_time():
 
 
 def test_switched_on_and_off_in_the_panel():
-    session = opened("all")
+    session = opened("photons")
     rest_until(session, lambda: not session.refining)
     plain = session.irradiance
     assert session.gathering.next_work() is None
-    session.want(replace(session.settings, static_light="gathered"))
+    session.want(replace(session.settings, light="best"))
     rest_until(session, lambda: session.gathering.told.used and session.gathering.next_work() is None)
     session.tick(1 / 60)
     assert not np.array_equal(session.irradiance, plain)
-    session.want(replace(session.settings, static_light="all"))
+    session.want(replace(session.settings, light="photons"))
     rest_until(session, lambda: np.array_equal(session.irradiance, plain))
-    session.want(replace(session.settings, static_light="gathered"))
+    session.want(replace(session.settings, light="best"))
     rest_until(session, lambda: not np.array_equal(session.irradiance, plain))
     # Beside another estimator each shows its own light.
     session.want(replace(session.settings, compare="impact_count"))
@@ -89,7 +87,7 @@ def test_switched_on_and_off_in_the_panel():
 
 def test_what_was_gathered_is_kept_when_it_is_interrupted(monkeypatch):
     solver = Solver(SCENE, photons=100, radius=0.06)
-    solver.configure(static_light="gathered")
+    solver.configure(light="best")
     solver.solve()
     calls = []
 

@@ -19,7 +19,7 @@ POSE = Pose((0.5, 0.45, 0.4), axis_angle((0, 0, 1), 20.0))
 
 def solver_of(photons: int, estimator: str) -> Solver:
     solver = Solver(SCENE, estimator, photons=photons, radius=0.15, neighbours=20)
-    solver.configure(static_light="prefix")
+    solver.configure(prefix_only=True)
     return solver
 
 

@@ -18,15 +18,15 @@ from gi_core import first_hits, mobile_gather
 from gi_core.error import relative_error
 from gi_core.estimators import ESTIMATORS
 from gi_core.evaluation_points import evaluation_points
+from gi_core.light_source import LightSource
 from gi_core.mobile_gather import MobileGather
-from gi_core.mobile_light import MobileLight
 from gi_core.model import Model
 from gi_core.reference import reference_irradiance
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver
 
-GATHERED = {"mobile_light": "gathered"}
+GATHERED = {"light": "best"}
 
 
 def gathering(poses=None, **setting) -> Solver:
@@ -132,9 +132,9 @@ def test_a_switch_is_shown_without_a_move_and_traces_nothing():
     by_photons, segments = solver.irradiance, solver.segments_total
     solver.configure(**GATHERED)
     solver.solve()
-    assert solver.mobile_light == "gathered" and not np.array_equal(solver.irradiance, by_photons)
+    assert solver.light == "best" and not np.array_equal(solver.irradiance, by_photons)
     assert solver.segments_total == segments and np.array_equal(solver.irradiance, gathering().irradiance)
-    solver.configure(mobile_light="photons")
+    solver.configure(light="photons")
     solver.solve()
     assert np.array_equal(solver.irradiance, by_photons) and solver.paths_at_rest == 0
 
@@ -161,8 +161,8 @@ def test_without_photons_or_mobiles_there_is_nothing_to_gather():
 
 def test_what_there_is_not_is_refused():
     solver = gathering()
-    with pytest.raises(SceneError, match="mobile_light must be one of photons, gathered, got 'baked'"):
-        solver.configure(mobile_light="baked")
+    with pytest.raises(SceneError, match="light must be one of best, photons, got 'baked'"):
+        solver.configure(light="baked")
     before, poses = solver.irradiance, dict(solver.poses)
     with pytest.raises(SceneError, match="a frame can gather 4, 8, 16, 32, 64, 128, 256 paths a receiver, got 5"):
         solver.move_all({"box": AWAY}, None, 5)
@@ -252,14 +252,14 @@ def test_rays_of_a_mobile_at_rest_are_not_traced_through_the_static_part_again(m
 
 def test_a_frame_in_which_nothing_moves_does_not_tell_how_long_one_of_a_motion_takes():
     model, at = at_start(three_things())
-    light, elsewhere = MobileLight(model, 0), at._replace(position=at.position + 0.01)
+    light, elsewhere = LightSource(model, 0), at._replace(position=at.position + 0.01)
     irradiance = np.ones((len(model.object_receivers.areas), 3))
-    light.choose("gathered")
+    light.choose("best", False)
     for poses, seconds in ((at, 0.5), (at, 1e-6), (elsewhere, 0.5), (elsewhere, 1e-6)):
-        light.put_on(irradiance, poses, 8)
+        light.light_mobiles(irradiance, poses, 8)
         light.took(8, seconds)
         assert light.expected(8) == 0.5
-    light.put_on(irradiance, elsewhere, 16)
+    light.light_mobiles(irradiance, elsewhere, 16)
     light.took(16, 1.0)
     assert light.expected(16) == 1.0, "its rays were traced"
 

@@ -34,9 +34,9 @@ def folder(tmp_path, monkeypatch):
 
 def opened(scene=SCENE) -> Session:
     """Return a session whose solver works at once, but takes TASK seconds of a clock that nobody waits for."""
-    settings = Settings(photons=3000, radius=0.06, neighbours=20, exposure=0.0, static_light="gathered")
+    settings = Settings(photons=3000, radius=0.06, neighbours=20, exposure=0.0, light="best")
     solver = Solver(scene, photons=3000, radius=0.06)
-    solver.configure(static_light="gathered")
+    solver.configure(light="best")
     clock = support.Clock()
     session = Session(settings, Log(), lambda settings: None, clock, support.Behind(clock, TASK))
     session.adopt(Opened(settings, solver, (), None))

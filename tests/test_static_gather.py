@@ -22,7 +22,7 @@ POSE = Pose((0.55, 0.5, 0.35))
 
 def solved(photons: int, **settings) -> Solver:
     solver = Solver(SCENE, photons=photons, radius=0.06)
-    solver.configure(static_light="gathered", **settings)
+    solver.configure(light="best", **settings)
     solver.solve()
     return solver
 
@@ -58,10 +58,10 @@ def test_it_is_the_reference_of_the_scene_without_its_mobile(gathered):
 def test_what_the_mobile_leaves_alone_is_the_gathered_light_and_frames_are_those_from_scratch(gathered):
     gathered.move("box", POSE)
     mean, photons = gathered.gathered.mean, gathered._shown.resting(gathered.photons)
-    gathered.configure(static_light="prefix")
+    gathered.configure(prefix_only=True)
     gathered.move_all({})
     plain = gathered.irradiance[: len(mean)]
-    gathered.configure(static_light="gathered")
+    gathered.configure(prefix_only=False)
     gathered.move_all({})
     untouched = (plain == photons).all(axis=1)
     assert 0.05 < untouched.mean() < 1
@@ -104,12 +104,12 @@ def test_photons_are_kept_as_long_as_they_are_better(monkeypatch):
 def test_only_where_it_is_asked_for(gathered):
     state = kept(gathered.gathered.state)
     solver = solved(5_000)
-    solver.configure(static_light="all")
+    solver.configure(light="photons")
     before = solver.irradiance
     for progress in solver.gather_steps(state):
         assert not progress.picture
     assert solver.irradiance is before
-    solver.configure(static_light="gathered")
+    solver.configure(light="best")
     solver.move_all({})
     assert not np.array_equal(solver.irradiance, before)
 
@@ -123,7 +123,7 @@ def test_progress_goes_up_to_the_end(monkeypatch):
 def test_a_scene_without_light_needs_nothing():
     unlit = tuple(m._replace(emission=(0.0,) * 3) for m in SCENE.materials)
     dark = Solver(replace(SCENE, materials=unlit, lights=()), photons=100)
-    dark.configure(static_light="gathered")
+    dark.configure(light="best")
     dark.solve()
     assert len(list(dark.gather_steps())) <= 2
     assert not dark.irradiance.any()
@@ -136,10 +136,10 @@ def test_a_state_of_another_scene_is_refused(gathered):
 
 
 def test_what_a_twin_shows_is_its_own_affair(gathered):
-    gathered.configure(static_light="gathered")
+    gathered.configure(light="best")
     twin = gathered.twin()
-    twin.configure(static_light="prefix")
-    assert gathered.static_light == "gathered" and twin.gathered is gathered.gathered
+    twin.configure(prefix_only=True)
+    assert gathered.light == "best" and twin.gathered is gathered.gathered
 
 
 def test_where_photons_put_the_light_is_forgotten_but_not_how_much_there_is():

@@ -92,7 +92,7 @@ def test_what_is_gathered_without_a_place_to_keep_it_is_used_all_the_same(monkey
     nowhere.write_text("")
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(nowhere / "kept"))
     out = tmp_path / "a.png"
-    asked = ["furnace", "--static-light", "gathered", "--photons", "2000", "--size", "32x20", "--out", str(out)]
+    asked = ["furnace", "--light", "best", "--photons", "2000", "--size", "32x20", "--out", str(out)]
     monkeypatch.setattr("gi_core.static_gather.ENOUGH", 0.2)
     assert program.main(["render", *asked]) == 0 and out.exists()
 

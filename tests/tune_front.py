@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 
 from app.progress import Bar, compile_kernels, solve
-from app.settings import Settings, make_solver, open_moving_scene
+from app.settings import LIGHTS, Settings, make_solver, open_moving_scene
 from app.tune_command import finished
 from app.tuning import candidates, judged, tune
 from gi_core.trials import errors_of
@@ -20,9 +20,9 @@ from gi_core.trials import errors_of
 LATE = 1.1  # times the budget still keeps it: another moment of the machine
 
 
-def front(scene: str, budget: float, mobile_light: str) -> str:
+def front(scene: str, budget: float, light: str) -> str:
     """Return a line of the table; budget [ms]."""
-    settings = Settings(scene=scene, budget=budget, mobile_light=mobile_light)
+    settings = Settings(scene=scene, budget=budget, light=light)
     with Bar() as bar:
         compile_kernels(bar)
         solver = make_solver(open_moving_scene(settings), settings)
@@ -60,11 +60,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="+")
     parser.add_argument("--budget", type=float, default=16.0, help="[ms]")
-    parser.add_argument("--mobile-light", choices=["photons", "gathered"], default="gathered")
+    parser.add_argument("--light", choices=LIGHTS, default="best")
     asked = parser.parse_args()
     print("| scene | chosen | foretold in motion | found | best | ratio |\n|---|---|---|---|---|---|")
     for scene in asked.scenes:
-        print(front(scene, asked.budget, asked.mobile_light), flush=True)
+        print(front(scene, asked.budget, asked.light), flush=True)
 
 
 if __name__ == "__main__":

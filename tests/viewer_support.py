@@ -81,7 +81,7 @@ def room(n: int = 8) -> Scene:
     )
 
 
-SETTINGS = Settings(scene="room", photons=20_000, radius=0.06, neighbours=40, size=(960, 640))
+SETTINGS = Settings(scene="room", photons=20_000, radius=0.06, neighbours=40, light="photons", size=(960, 640))
 
 
 def opening(scene: Scene) -> Callable:
@@ -185,7 +185,7 @@ class CountingSolver:
         self.photon_seconds, self.wrong = photon_seconds, wrong
         self.timings, self.probe_irradiance, self.segments_total = {}, {}, 0
         self.changes, self.control_facts = Changes(0, 0, 0), ControlFacts(0.0, 0, 0)
-        self.static_light, self.gathered = "all", None
+        self.light, self.gathered = "photons", None
         self.paths_gathered = self.paths_at_rest = 0
         self.memory_full, self.fates = False, {"emitted": np.zeros(3), "truncated": np.zeros(3)}
         self.at_rest = 0  # photons of the last picture

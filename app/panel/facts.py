@@ -87,7 +87,7 @@ def facts_of(
         notes=solver.scene.notes,
         report=report if report is not None and report.version == session.light.version else None,
         points=appraisal.points.all if appraisal is not None else (),
-        gathered=session.gathering.told if solver.static_light == "gathered" else None,
+        gathered=session.gathering.told if solver.light == "best" else None,
         search_told=solver.search_told,
         coming=succession.told,
         load_problem=succession.problem,

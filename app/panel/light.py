@@ -13,8 +13,7 @@ from app.settings import Settings
 RADIUS_RANGE = (0.002, 0.2)  # of the scene size
 PHOTONS_RANGE = (1_000, 10_000_000)
 NEIGHBOURS_RANGE = (2, 1_000)
-MOBILE_LIGHT_NAMES = {"photons": "By photons", "gathered": "Gathered each frame"}
-STATIC_LIGHT_NAMES = {"all": "All photons", "prefix": "Photons in use", "gathered": "Gathered at rest"}
+LIGHT_NAMES = {"best": "Best available", "photons": "Photons only (as in the report)"}
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
@@ -57,27 +56,18 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     if changed:
         s = replace(s, neighbours=max(k, 1))
     ui.tip("How many of the nearest photon hits photon_map averages over. The other estimators do not use it.")
-    return _static_light(s, facts)
+    return _light(s, facts)
 
 
-def _static_light(s: Settings, facts: Facts) -> Settings:
-    s = ui.choice(s, "Static light", "static_light", STATIC_LIGHT_NAMES,
-                  "What walls and furniture that stay are lit from, before the mobiles change it.\n"
-                  "All photons: also while something moves and few are in use, so that walls stay clean.\n"
-                  "Photons in use: only those of the frame, as the report does.\n"
-                  "Gathered: along paths, without bias, while everything rests; used once it is better than photons, "
-                  "and kept on disk. Whoever chooses an estimator sees that one's own light on walls too.")  # fmt: skip
+def _light(s: Settings, facts: Facts) -> Settings:
+    s = ui.choice(s, "Light", "light", LIGHT_NAMES,
+                  "Best available: mobiles gather light along paths in each frame. So does the static part while "
+                  "everything rests; gathered light is shown once it is better than photons, and kept on disk.\n"
+                  "Photons only: the chosen estimator lights everything. Set by choosing an estimator.")  # fmt: skip
     if (g := facts.gathered) is not None:
         ui.label("")
         imgui.progress_bar(g.fraction, (-1, 0), "")
         use = "in use" if g.used else "photons are better still"
         ui.write_over(f"noise {100 * g.noise:.1f} %, {use}" if g.noise < 1 else "gathering, no answer yet")
-        ui.tip("How well the static light is known; it is gathered until its noise is 0.7 %.")
-    imgui.begin_disabled(facts.mobiles == 0)
-    s = ui.choice(s, "Mobile light", "mobile_light", MOBILE_LIGHT_NAMES,
-                  "What mobiles are lit from.\n"
-                  "By photons: the estimator's own light; few photons meet a small thing.\n"
-                  "Gathered: in each frame from lamps and the static part, along a few paths a vertex: as many as fit "
-                  "the budget while something moves, more at rest.")  # fmt: skip
-    imgui.end_disabled()
+        ui.tip("Noise of the gathered static light. Gathering stops at 0.7 %.")
     return s

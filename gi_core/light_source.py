@@ -1,0 +1,155 @@
+"""Light source of frames, besides their photons: gathered light of the static part and of mobiles."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Generator
+
+import numpy as np
+
+from gi_core.accelerator import Transforms
+from gi_core.background import Background
+from gi_core.dilation import NONE_UNREACHED, Dilation
+from gi_core.error_at_hand import noise_from_prefix, prefix_to_compare
+from gi_core.gather_rounds import Gathered
+from gi_core.ladder import FrameTimes
+from gi_core.mobile_gather import MobileGather
+from gi_core.model import Model
+from gi_core.scene.errors import SceneError
+from gi_core.static_gather import StaticGather
+
+LIGHTS = ("best", "photons")
+PATHS = (4, 8, 16, 32, 64, 128, 256)  # per receiver, that a frame can gather
+REST = 64  # of them, where nothing else is asked for: some 4 % of noise
+AHEAD = 0.1  # noise, relative l1, that all photons will have: one that stays is gathered for before they are in
+TELLING = 1 << 15  # photons from which on their noise foretells that
+
+
+class LightSource:
+    """`light` is one of LIGHTS. "photons": the estimator lights everything.
+
+    "best": mobiles gather their light in each frame (`mobile_gather.py`), and the static part shows gathered light
+    (`static_gather.py`) once that is better than its photons. Either way, mobiles change the static part's light as
+    the frame's photons say (`control_variate.py`). prefix_only: frames of a prefix of the photons start from the
+    static light of that prefix, as the report's do.
+    """
+
+    def __init__(self, model: Model, seed: int):
+        self.light, self.prefix_only = "photons", False
+        self.gathered: StaticGather | None = None
+        self.unreached = NONE_UNREACHED  # receivers of the static part, by the light last looked at
+        self.dilation: Dilation | None = None
+        self._model, self._seed = model, seed
+        self._better = False  # what has been gathered, than the photons shown
+        self._mobile: MobileGather | None = None
+        self._times = FrameTimes()  # by paths
+        self._poses: dict[int, bytes] = {}  # by paths, at the last frame of so many
+        self._moved = True  # something, since then
+
+    def twin(self, fresh: bool) -> LightSource:
+        """Return a light source with settings of its own and the same gathered light, or without any if `fresh`."""
+        other = copy.copy(self)
+        if fresh:
+            other.gathered, other._better = None, False
+        return other
+
+    def choose(self, light: str, prefix_only: bool) -> None:
+        """Change the settings. Raises SceneError for an unknown light."""
+        if light not in LIGHTS:
+            raise SceneError(f"light must be one of {', '.join(LIGHTS)}, got {light!r}")
+        self.light, self.prefix_only = light, prefix_only
+
+    # -- static part ------------------------------------------------------------------------------
+
+    @property
+    def is_gathered(self) -> bool:
+        """Whether frames start from gathered static light: it is asked for, and better than the photons."""
+        return self.light == "best" and not self.prefix_only and self._better
+
+    def gather(self, photons, state: Gathered | None) -> StaticGather:
+        """Return the gathering of the static light, begun with `state` or gone on with; arguments as of StaticGather.
+
+        Raises ValueError for the state of another scene.
+        """
+        if self.gathered is None or state is not None:
+            self.gathered = StaticGather(self._model, self._seed, photons, state)
+        return self.gathered
+
+    def judge(self, shown: Background | None) -> bool:
+        """Compare gathered static light with all photons; True if frames start from it."""
+        photons = shown.estimate.photons if shown is not None else 0
+        if self.gathered is not None:
+            self._better = bool(photons) and self.gathered.better_than(shown.resting(photons))
+        return self.is_gathered
+
+    def goes_ahead(self, shown: Background | None, goal: int) -> bool:
+        """Whether the first light gathered should come before more photons, of which there are to be `goal`."""
+        if self.light != "best" or shown is None or not TELLING <= shown.estimate.photons < goal:
+            return False
+        if self.gathered is not None and not self.gathered.first_due:
+            return False
+        return self._noise(shown) * math.sqrt(shown.estimate.photons / goal) > AHEAD
+
+    def _noise(self, shown: Background) -> float:
+        """Return the relative l1 noise that all photons shown tell of themselves, nan where they tell nothing."""
+        prefix = prefix_to_compare(shown.estimate.prefixes)
+        if prefix is None:
+            return math.nan
+        photons = shown.estimate.photons
+        E = shown.resting(photons)
+        return noise_from_prefix(E, shown.resting(prefix), photons, prefix, shown.weights)
+
+    def static_irradiance(self, shown: Background, photons: int) -> np.ndarray:
+        """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, for a frame of so many photons."""
+        if self.is_gathered:
+            return self.gathered.mean
+        return shown.resting(photons if self.prefix_only else shown.estimate.photons)
+
+    def find_unreached(self, size: float, shown: Background) -> Generator[None]:
+        """Find static receivers that no light reaches, in steps, by this light; `size` is that of `dilation.py`."""
+        if self.dilation is None:
+            self.dilation = Dilation(self._model, size)
+            yield
+        self.unreached = yield from self.dilation.find_static(self.static_irradiance(shown, shown.estimate.photons))
+
+    # -- mobiles ----------------------------------------------------------------------------------
+
+    def paths(self, wanted: int | None) -> int:
+        """Return the paths per receiver of a mobile and frame, 0 where none are gathered; None: REST.
+
+        Raises SceneError for a number that is not one of PATHS.
+        """
+        if wanted is not None and wanted not in PATHS:
+            raise SceneError(f"a frame can gather {', '.join(map(str, PATHS))} paths a receiver, got {wanted}")
+        if self.light == "photons" or not self._model.names:
+            return 0
+        return REST if wanted is None else wanted
+
+    def light_mobiles(self, irradiance: np.ndarray, at: Transforms, paths: int, anew: bool = False) -> None:
+        """Replace the irradiance (R, 3) of receivers on mobiles by what they gather from that of the static part.
+
+        paths: one of PATHS; anew: nothing that is kept from frames is used.
+        """
+        if anew:
+            gather = MobileGather(self._model, self._seed)
+        else:
+            gather = self._mobile = self._mobile or MobileGather(self._model, self._seed)
+            poses = at.rotation.tobytes() + at.position.tobytes()
+            self._moved, self._poses[paths] = self._poses.get(paths) != poses, poses
+        irradiance[gather.first :] = gather.irradiance(at, irradiance[: gather.first], paths.bit_length() - 1)
+
+    def took(self, paths: int, seconds: float) -> None:
+        """Take note of how long a frame's gathering took [s], unless nothing had moved: no ray was traced then."""
+        if paths and self._moved:
+            self._times.add(paths, seconds)
+
+    def expected(self, paths: int) -> float:
+        """Return how long so many paths per receiver are expected to take [s]; 0 if none have been gathered yet."""
+        return (paths and self._times.expected(paths)) or 0.0
+
+    def most_within(self, seconds: float) -> int | None:
+        """Return the most of PATHS up to REST expected to fit, else the fewest; None where none are gathered."""
+        if not self.paths(None):
+            return None
+        return max((n for n in PATHS if n <= REST and self.expected(n) <= seconds), default=PATHS[0])
