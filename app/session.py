@@ -115,7 +115,7 @@ class Session:
         if not self.ready:
             self._wait_for_opening()
             return
-        self.light.pace.budget = 1e-3 * self.settings.budget
+        self.light.budget = 1e-3 * self.settings.budget
         self.light.move_pending(0.0)
         if self._to_apply and not self.dragging and (not editing or self.clock() - self._changed_at >= SETTLE):
             self._apply()
@@ -200,7 +200,7 @@ class Session:
 
     def begin_drag(self) -> None:
         self.dragging = True
-        self.light.pace.begin()
+        self.light.begin_motion()
         self.before_drag = self.poses
 
     def end_drag(self, keep: bool = True) -> None:
@@ -245,7 +245,7 @@ class Session:
             return
         self.playing = not self.playing
         if self.playing:
-            self.light.pace.begin()
+            self.light.begin_motion()
             self.before_drag = self.poses
         else:
             self.history.push(self.before_drag, self.poses)

@@ -3,11 +3,12 @@
 What the window draws is a snapshot: poses and the light that belongs to them change together, when a picture
 or a move is complete. A frame waits for refinement as long as its budget allows, for a move as long as a
 frame may take; what is not done by then goes on behind the picture. While something moves, its light may be that
-of a prefix of the photons (app/pace.py); once it rests, that of all.
+of a prefix of the photons (gi_core/frame_budget.py); once it rests, that of all.
 """
 
 from __future__ import annotations
 
+import enum
 import functools
 from collections.abc import Callable, Mapping, Set
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,7 +18,6 @@ import numpy as np
 from app.background import PATIENCE, Job, Task, Worker
 from app.caveats import caveats
 from app.log import WARNING, Log
-from app.pace import Pace
 from app.smoothed import Smoothed
 from app.spare_memory import SpareMemory, give_back
 
@@ -27,7 +27,14 @@ if TYPE_CHECKING:  # the solver takes a second to import: that happens behind th
     from gi_core.solver import Changes, Progress, Solver
 
 GRACE = 0.040  # s that a frame waits for a move: with the drawing it stays under 50 ms
-TIMED = 3  # frames a prefix
+
+
+class Timing(enum.Enum):
+    """How far the timing of prefixes' frames is."""
+
+    DUE = enum.auto()
+    BEGUN = enum.auto()  # the solver's last frame may be of few photons
+    DONE = enum.auto()
 
 
 class Snapshot(NamedTuple):
@@ -54,7 +61,7 @@ class Solving:
         self.progress: Progress | None = None  # the last step of the refinement under way
         self.gi_seconds = Smoothed()  # new poses in, irradiance out
         self.grace = GRACE  # s that a frame waits for a move
-        self.pace = Pace()
+        self.budget = 0.0  # s that a frame may take while something moves; 0: all photons always
         self.steps_begun = 0
         self.move_failed = False  # the last one
         self._told: set[str] = set()  # caveats that the log has had
@@ -69,11 +76,10 @@ class Solving:
         self._job: Job | None = None  # what the thread is doing
         self._take: Callable[[Job], None]  # what to do with its result
         self._steps = ahead(solver.solve_steps())  # what is still to be refined, None when nothing is
-        self._to_time: list[int | None] | None = (
-            None  # prefixes whose frames are still to be timed; None: not yet known
-        )
+        self._timing = Timing.DUE
         self._moving: dict[str, Pose] = {}  # poses of the move under way
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
+        self._begins = False  # a motion, with the next of them
         self._hasty = False  # these may be shown in the light of fewer photons
         self.at_rest: Callable[[Set[str]], Task | None] | None = None  # next task at rest, of jobs not given up
         self._given_up: set[str] = set()  # jobs at rest that have failed
@@ -109,7 +115,7 @@ class Solving:
         # The solver keeps the old picture until the new one is as good.
         self.solver.configure(**changes)
         self._steps = self._ahead(self.solver.solve_steps())
-        self._to_time = None
+        self._timing = Timing.DUE
         return True
 
     def close(self, patience: float = PATIENCE) -> None:
@@ -141,30 +147,27 @@ class Solving:
         False if that has been done. Nothing of it is shown. One frame is one job: a drag that begins now waits for
         no more than that.
         """
-        if self._to_time is None:
-            few = self.solver.prefixes[:-1] if self.pace.budget > 0 and self.poses_drawn else ()
-            # Three times each: a moment in which the machine was busy does not count. Then all photons, as before.
-            self._to_time = [n for n in few for _ in range(TIMED)] + [None] * bool(few)
-        if not self._to_time:
+        if self._timing is Timing.DONE or not self.poses_drawn or self.budget <= 0:
             return False
-        photons = self._to_time.pop(0)
-        self._begin(functools.partial(self._timed, photons), self._take_time)
+        solver = self.solver
+        photons = solver.budget.next_to_time(self.budget, solver.prefixes)
+        if photons is None:  # what the solver shows is of all photons again, if it was not
+            last, self._timing = self._timing, Timing.DONE
+            if last is Timing.DUE:
+                return False
+            size = ()
+        else:
+            self._timing = Timing.BEGUN
+            size = photons, solver.size_within(0.0)[1]
+        self._begin(functools.partial(solver.move_all, {}, *size), self._take_time)
         return True
-
-    def _timed(self, photons: int | None) -> float:
-        started = self.clock()
-        self.solver.move_all({}, photons, photons and self.solver.paths_within(0.0))
-        return self.clock() - started
 
     def _take_time(self, job: Job) -> None:
         try:
-            seconds = job.result()
+            job.result()
         except Exception as problem:
-            self._to_time = []
+            self._timing = Timing.DONE
             self.log.error("timing", problem)
-            return
-        if seconds > self.pace.budget and len(self._to_time) > 1:
-            del self._to_time[:-1]  # larger ones will not fit either
 
     def _rest(self, deadline: float) -> None:
         """Do the work of one who has time, piece by piece; it shows nothing by itself."""
@@ -242,8 +245,13 @@ class Solving:
         """
         self._pending.update(poses)
         self._hasty = hasty
-        self._to_time = self._to_time and []
+        if self._timing is Timing.BEGUN:
+            self._timing = Timing.DONE
         self.move_pending(self.grace)
+
+    def begin_motion(self) -> None:
+        """Let the next hasty move choose its photons."""
+        self._begins = True
 
     def settle(self) -> None:
         """Begin to compute the light of all photons where the mobiles are, if the picture shows fewer."""
@@ -264,15 +272,20 @@ class Solving:
 
     def _begin_move(self, hasty: bool, take: Callable[[Job], None]) -> None:
         self.move_failed = False
-        self._begin(functools.partial(self._timed_move, self._moving, hasty), take)
+        begins, self._begins = self._begins and hasty, self._begins and not hasty
+        self._begin(functools.partial(self._timed_move, self._moving, hasty, begins), take)
 
-    def _timed_move(self, poses: Mapping[str, Pose], hasty: bool) -> float:
-        size = self.pace.choose(self.solver) if hasty else (None, None)
+    def _timed_move(self, poses: Mapping[str, Pose], hasty: bool, begins: bool) -> float:
+        solver, size = self.solver, (None, None)
+        if begins:
+            solver.budget.begin()
+        if hasty:
+            size = solver.budget.choose(self.budget, solver.prefixes, solver.paths_at_rest > 0)
         started = self.clock()
-        self.solver.move_all(poses, *size)
+        solver.move_all(poses, *size)
         seconds = self.clock() - started
         if hasty:
-            self.pace.took(seconds, self.solver)
+            solver.budget.moved(seconds)
         return seconds
 
     def _take_move(self, job: Job, moved: bool = True) -> None:

@@ -60,11 +60,9 @@ def candidates(solver: Solver) -> list[dict]:
 
 def _paths(solver: Solver, frames: list, budget: float) -> int | None:
     """Return how many paths mobiles will gather in frames of that time, after trying two numbers of them."""
-    from app.pace import GATHERING
-
     for k, few in enumerate((None, 4) * TRIES):
         solver.move_all(frames[k // 2 % len(frames)], None, few)  # each elsewhere than the one of as many before
-    return solver.paths_within(GATHERING * budget)
+    return solver.size_within(budget)[1]
 
 
 def measured(solver: Solver, found: Tuned) -> tuple[float, float, int, float]:

@@ -13,7 +13,6 @@ from gi_core.background import Background
 from gi_core.dilation import NONE_UNREACHED, Dilation
 from gi_core.error_at_hand import noise_from_prefix, prefix_to_compare
 from gi_core.gather_rounds import Gathered
-from gi_core.ladder import FrameTimes
 from gi_core.mobile_gather import MobileGather
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
@@ -43,9 +42,8 @@ class LightSource:
         self._model, self._seed = model, seed
         self._better = False  # what has been gathered, than the photons shown
         self._mobile: MobileGather | None = None
-        self._times = FrameTimes()  # by paths
         self._poses: dict[int, bytes] = {}  # by paths, at the last frame of so many
-        self._moved = True  # something, since then
+        self.rays_traced = False  # in the last frame: mobiles had moved
 
     def twin(self, fresh: bool) -> LightSource:
         """Return a light source with settings of its own and the same gathered light, or without any if `fresh`."""
@@ -136,20 +134,5 @@ class LightSource:
         else:
             gather = self._mobile = self._mobile or MobileGather(self._model, self._seed)
             poses = at.rotation.tobytes() + at.position.tobytes()
-            self._moved, self._poses[paths] = self._poses.get(paths) != poses, poses
+            self.rays_traced, self._poses[paths] = self._poses.get(paths) != poses, poses
         irradiance[gather.first :] = gather.irradiance(at, irradiance[: gather.first], paths.bit_length() - 1)
-
-    def took(self, paths: int, seconds: float) -> None:
-        """Take note of how long a frame's gathering took [s], unless nothing had moved: no ray was traced then."""
-        if paths and self._moved:
-            self._times.add(paths, seconds)
-
-    def expected(self, paths: int) -> float:
-        """Return how long so many paths per receiver are expected to take [s]; 0 if none have been gathered yet."""
-        return (paths and self._times.expected(paths)) or 0.0
-
-    def most_within(self, seconds: float) -> int | None:
-        """Return the most of PATHS up to REST expected to fit, else the fewest; None where none are gathered."""
-        if not self.paths(None):
-            return None
-        return max((n for n in PATHS if n <= REST and self.expected(n) <= seconds), default=PATHS[0])

@@ -16,9 +16,10 @@ from gi_core.defaults import choose
 from gi_core.dilation import Drawn, dilated
 from gi_core.disc_search import SEARCHES
 from gi_core.estimators import ESTIMATORS
+from gi_core.frame_budget import FrameBudget
 from gi_core.frames import Changes, FrameSize, changes_of, frame_light, light_from_scratch
 from gi_core.gather_rounds import Gathered
-from gi_core.ladder import FrameTimes, is_rung, next_rung
+from gi_core.ladder import is_rung, next_rung
 from gi_core.light_pool import LightPool
 from gi_core.light_source import LightSource
 from gi_core.model import Model
@@ -96,7 +97,7 @@ class Solver:
         self.paths_gathered = 0  # ... and paths a receiver of mobiles; 0: those have the photons' light
         self._from_gathered = False  # self.irradiance is
         self._frame: Frame | None = None
-        self._times = FrameTimes()
+        self.budget = FrameBudget()
         self._shown: Background | None = None  # what frames are computed from
         self._next: Background | None = None  # what replaces it, being built
         self._made_of: Background | None = None  # self.irradiance is
@@ -214,7 +215,7 @@ class Solver:
         """Prepare what has been added and let frames use it from now on."""
         yield from self._prepare(b)
         if b is not self._shown:
-            self._times = FrameTimes()
+            self.budget = FrameBudget()
         self._shown, self._next = b, None
         self._source.judge(b)
         if b.added == self._goal > 0:
@@ -266,18 +267,12 @@ class Solver:
         """Numbers of photons that a frame can be computed from, ascending; the last is all."""
         return () if self._shown is None else tuple(sorted(self._shown.estimate.prefixes))
 
-    def prefix_within(self, seconds: float, paths: int | None = None) -> int:
-        """Return the largest of `prefixes` whose frame is expected to take no longer, judged by past frames.
+    def size_within(self, seconds: float) -> tuple[int | None, int | None]:
+        """Return the photons and paths, as of move_all(), of the largest frame expected to take no longer.
 
-        paths: that it gathers besides, as of move_all().
+        Judged by past frames; where there are none, the smallest that makes a picture (`gi_core.frame_budget`).
         """
-        seconds -= self._source.expected(self._source.paths(paths))
-        return self._times.largest_within(seconds, self.prefixes) if self.prefixes else 0
-
-    def paths_within(self, seconds: float) -> int | None:
-        """Return how many paths the receivers of mobiles can gather in that time, of those that a frame can; None
-        where they gather none."""
-        return self._source.most_within(seconds)
+        return self.budget.within(seconds, self.prefixes, self.paths_at_rest > 0)
 
     @property
     def paths_at_rest(self) -> int:
@@ -305,8 +300,8 @@ class Solver:
         )
         changes, facts = changes_of(frame), getattr(self._shown.estimate, "control_facts", NO_FACTS)
         gathered, gathering = self.uses_gathered, clock.seconds.get("gather", 0.0)
-        self._source.took(size.paths, gathering)
-        self._times.add(size.photons, sum(clock.seconds.values()) - gathering)
+        rest = sum(clock.seconds.values()) - gathering
+        self.budget.took(*size, rest, gathering if self._source.rays_traced else None)
         # From here on nothing is called, so that nothing can be raised half way.
         self.poses, self.irradiance, self._frame, self.changes, self._facts = poses, light, frame, changes, facts
         (self.photons_traced, self.paths_gathered), self._from_gathered = size, gathered
@@ -365,7 +360,7 @@ class Solver:
         another estimator: nothing is traced twice. Only one of the two may be at work at a time.
         """
         other = copy.copy(self)
-        other.poses, other._times, other._next = dict(self.poses), FrameTimes(), None
+        other.poses, other.budget, other._next = dict(self.poses), FrameBudget(), None
         other._room, other._pool = Room(), LightPool()
         other._source = self._source.twin(fresh)
         if fresh:

@@ -9,9 +9,9 @@ import viewer_support as support
 
 from app.log import Log
 from app.opening import Opened
-from app.pace import IN_A_ROW, Pace
 from app.session import STILL, Session
 from app.settings import Settings
+from gi_core.frame_budget import IN_A_ROW, FrameBudget
 from gi_core.scene import Pose
 
 FRAME = 1 / 60
@@ -20,7 +20,7 @@ BUDGET_MS = 12.5
 
 @pytest.fixture(autouse=True)
 def a_hundred_photons_make_a_picture(monkeypatch):
-    monkeypatch.setattr("app.pace.LEAST", 100)
+    monkeypatch.setattr("gi_core.frame_budget.LEAST", 100)
 
 
 def make(budget=BUDGET_MS, photon_seconds=16e-6, wrong=1.0, step_seconds=0.001):
@@ -226,54 +226,27 @@ def test_settling_that_fails_is_told_once_and_the_drag_goes_on():
     assert drag(s, 2, first=3) == [500, 500]
 
 
-def test_fewer_photons_than_make_a_picture_are_never_taken():
+def test_fewer_photons_than_make_a_picture_are_never_taken(monkeypatch):
     """A machine on which nothing fits: frames are late, but no confetti."""
-
-    class Slow:
-        prefixes = (4_096, 65_536, 131_072, 1_000_000)
-
-        def paths_within(self, seconds):
-            return None
-
-        def prefix_within(self, seconds, paths=None):
-            return self.prefixes[0]
-
-    solver, pace = Slow(), Pace()
-    pace.budget = 0.01
-    for _ in range(50):
-        assert pace.choose(solver) == (65_536, None)
-        pace.took(1.0, solver)
+    monkeypatch.setattr("gi_core.frame_budget.LEAST", 1 << 14)
+    for prefixes, enough in (
+        ((4_096, 65_536, 131_072, 1_000_000), 65_536),
+        ((4_096, 8_192, 16_384, 20_000), 16_384),
+        ((4_096, 5_000), 5_000),
+        ((1000,), 1000),
+    ):
+        budget = FrameBudget()
+        for n in prefixes:
+            budget.took(n, 0, 1.0, None)
+        for _ in range(50):
+            assert budget.choose(0.01, prefixes, False) == (enough, None)
+            budget.moved(1.0)
 
 
-def test_a_machine_on_which_nothing_fits_still_uses_enough_for_a_picture(monkeypatch):
-    class Slow:
-        prefixes = (4_096, 8_192, 16_384, 20_000)
-
-        def paths_within(self, seconds):
-            return None
-
-        def prefix_within(self, seconds, paths=None):
-            return self.prefixes[0]
-
-    monkeypatch.setattr("app.pace.LEAST", 1 << 14)
-    pace = Pace()
-    pace.budget = 0.01
-    assert pace.choose(Slow()) == (16_384, None)
-    Slow.prefixes = (4_096, 5_000)
-    assert pace.choose(Slow()) == (5_000, None), "all there is"
+def test_without_photons_there_is_nothing_to_choose():
+    assert FrameBudget().choose(0.01, (), False) == (None, None)
 
 
-@pytest.mark.parametrize("prefixes", [(), (1000,)])
-def test_pace_with_nothing_to_choose_from(prefixes):
-    class Few:
-        def paths_within(self, seconds):
-            return None
-
-        def prefix_within(self, seconds, paths=None):
-            return self.prefixes[-1]
-
-    solver, pace = Few(), Pace()
-    solver.prefixes, pace.budget = prefixes, 0.01
-    for _ in range(10):
-        assert pace.choose(solver) == (prefixes[-1] if prefixes else None, None)
-        pace.took(1.0, solver)
+def test_unknown_costs_are_guessed_high(monkeypatch):
+    monkeypatch.setattr("gi_core.frame_budget.LEAST", 1 << 14)
+    assert FrameBudget().within(0.016, (16_384, 65_536, 131_072), True) == (16_384, 4)

@@ -123,8 +123,7 @@ def test_a_frame_of_fewer_photons_and_paths():
     for _ in solver.solve_steps():
         pass
     assert np.array_equal(solver.irradiance, whole), "at rest all there is"
-    assert solver.paths_within(0.0) == 4 and solver.paths_within(100.0) == 64
-    assert solver.prefix_within(100.0, 4) == 10_000
+    assert solver.size_within(0.0)[1] == 4 and solver.size_within(100.0) == (10_000, 64)
 
 
 def test_a_switch_is_shown_without_a_move_and_traces_nothing():
@@ -156,7 +155,7 @@ def test_without_photons_or_mobiles_there_is_nothing_to_gather():
     still = Solver(replace(SCENE, mobiles=()), photons=300, radius=0.2)
     still.configure(**GATHERED)
     still.solve()
-    assert still.paths_gathered == still.paths_at_rest == 0 and still.paths_within(1.0) is None
+    assert still.paths_gathered == still.paths_at_rest == 0 and still.size_within(1.0)[1] is None
 
 
 def test_what_there_is_not_is_refused():
@@ -255,13 +254,11 @@ def test_a_frame_in_which_nothing_moves_does_not_tell_how_long_one_of_a_motion_t
     light, elsewhere = LightSource(model, 0), at._replace(position=at.position + 0.01)
     irradiance = np.ones((len(model.object_receivers.areas), 3))
     light.choose("best", False)
-    for poses, seconds in ((at, 0.5), (at, 1e-6), (elsewhere, 0.5), (elsewhere, 1e-6)):
+    for poses, traced in ((at, True), (at, False), (elsewhere, True), (elsewhere, False)):
         light.light_mobiles(irradiance, poses, 8)
-        light.took(8, seconds)
-        assert light.expected(8) == 0.5
+        assert light.rays_traced is traced
     light.light_mobiles(irradiance, elsewhere, 16)
-    light.took(16, 1.0)
-    assert light.expected(16) == 1.0, "its rays were traced"
+    assert light.rays_traced, "of other paths"
 
 
 NOTHING_IS_COMPILED = """

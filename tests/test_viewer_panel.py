@@ -190,11 +190,11 @@ def test_the_budget_is_kept_while_dragging_and_the_panel_says_which_photons_are_
         ctx.set_ref("Panel")
         ctx.item_input_value("##Budget", 20)
         ctx.yield_(2)
-        assert session.settings.budget == 20 and session.light.pace.budget == 0.02
+        assert session.settings.budget == 20 and session.light.budget == 0.02
         solver = session.solver
         few = solver.prefixes[-2]
         assert few < support.SETTINGS.photons == solver.prefixes[-1]
-        solver.prefix_within = lambda seconds, paths=None: few
+        solver.budget.within = lambda *_: (few, None)
 
         at = hand.at(BLOCK_FRONT)
         hand.move(at)

@@ -162,7 +162,7 @@ class Clock:
 class CountingSolver:
     """The solver's interface around counters; a move costs 4 ms of a test's clock, a step what `Behind` says.
 
-    `photon_seconds`: what a move costs more for each photon; `wrong`: times that what prefix_within() goes by.
+    `photon_seconds`: what a move costs more for each photon; `wrong`: times that what the budget learns.
     """
 
     gathers_ahead = False
@@ -171,6 +171,7 @@ class CountingSolver:
         self, scene: Scene, clock: Clock, steps: int = 40, photon_seconds: float = 0.0, wrong: float = 1.0
     ) -> None:
         from gi_core.contact_discs import ControlFacts
+        from gi_core.frame_budget import FrameBudget
         from gi_core.solver import Changes
         from gi_core.surfaces import flatten
 
@@ -189,6 +190,7 @@ class CountingSolver:
         self.paths_gathered = self.paths_at_rest = 0
         self.memory_full, self.fates = False, {"emitted": np.zeros(3), "truncated": np.zeros(3)}
         self.at_rest = 0  # photons of the last picture
+        self.budget = FrameBudget()
         self.moved_with: list[int] = []  # photons of each move
         self.log: list[tuple] = []  # ("step", k), ("move", poses), ("configure", changes)
 
@@ -196,15 +198,14 @@ class CountingSolver:
     def prefixes(self) -> tuple[int, ...]:
         return tuple(n for n in (125, 250, 500) if n < self.at_rest) + (self.at_rest,) * (self.at_rest > 0)
 
-    def paths_within(self, seconds: float) -> None:
-        return None
-
-    def prefix_within(self, seconds: float, paths: int | None = None) -> int:
-        fit = [n for n in self.prefixes if self.wrong * self.move_seconds(n) <= seconds]
-        return fit[-1] if fit else self.prefixes[0]
+    def size_within(self, seconds: float) -> tuple[int | None, int | None]:
+        return self.budget.within(seconds, self.prefixes, False)
 
     def move_seconds(self, photons: int) -> float:
         return 0.004 + self.photon_seconds * photons
+
+    def _learn(self, photons: int) -> None:
+        self.budget.took(photons, 0, self.wrong * self.move_seconds(photons), None)
 
     def solve_steps(self):
         from gi_core.solver import Progress
@@ -215,12 +216,14 @@ class CountingSolver:
             if picture:
                 self.photons_traced = self.at_rest = self.photons * k // self.steps
                 self.irradiance = np.full_like(self.irradiance, len(self.log))
+                self._learn(self.at_rest)
             yield Progress("tracing", k / self.steps, picture)
 
     def move_all(self, poses, photons: int | None = None, paths: int | None = None) -> None:
         assert photons is None or photons in self.prefixes
         photons = self.at_rest if photons is None else photons
         self.clock.now += self.move_seconds(photons)
+        self._learn(photons)
         self.photons_traced = photons
         self.moved_with.append(photons)
         self.log.append(("move", dict(poses)) if poses else ("timed", photons))
@@ -229,6 +232,7 @@ class CountingSolver:
 
     def configure(self, **changes) -> None:
         self.log.append(("configure", changes))
+        self.budget.forget_photons()
         for name, value in changes.items():
             if value == "unknown":
                 raise ValueError("no such estimator")
