@@ -113,7 +113,7 @@ def naive_sums() -> Row:
     """Eq. 2.4 with k nearest: each part is divided by a circle of its own, so what is taken out can exceed what was."""
     place = blocked_spot()
     solver = solved(place, 20_000, **NEAREST)
-    model, estimate, frame = solver.model, solver._shown.estimate, solver._frame
+    model, estimate, frame = solver.model, solver.frame_parts().background.estimate, solver.frame_parts().change
     scale = model.emitters.unit_flux / solver.photons_traced
     static = solver.surfaces.receiver_range(0)
 

@@ -34,7 +34,7 @@ def _what(solver) -> str:
 
 def measure(solver, frames: int, bar: Bar) -> tuple[dict[bool, tuple[Series, Series]], Series, Series]:
     """Return milliseconds by the clock and of the processor, with and without; receivers in contact, static and not."""
-    estimate = solver._shown.estimate
+    estimate = solver.frame_parts().background.estimate
     lap = motion.walk(motion.paths_of(solver), STEP * solver.scene_size, min(frames, 1000))
     took, static, on_mobiles = {on: (Series(), Series()) for on in (True, False)}, Series(), Series()
     for k in range(-1, frames):  # the first one does not count

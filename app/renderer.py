@@ -38,7 +38,6 @@ class Look:
     tone_map: str = "aces"
     cull: bool = True
     outlined: int = -1  # object with a line round it
-    outline_model: np.ndarray | None = None  # where the line is, if not where the object is
     outline_width: float = 2.0  # pixels
     textured: bool = True  # colours are multiplied by textures where there are any
     as_is: bool = False  # colours are display colours: no exposure, no tone map
@@ -151,7 +150,7 @@ class Renderer:
         ctx = self.ctx
         o = self._objects[look.outlined]
         # The filter reads 25 texels a pixel: a software renderer does that only where the object is.
-        model = look.models[look.outlined] if look.outline_model is None else look.outline_model
+        model = look.models[look.outlined]
         area = o.rectangle(look.view_projection @ model, targets.size, look.outline_width)
         targets.mask.use()
         targets.mask.clear()

@@ -74,9 +74,8 @@ def command_line(settings: Settings, found: Tuned) -> str:
     values = {
         "max-edge": settings.max_edge, "up": settings.up, "seed": settings.seed or None,
         "estimator": chosen.estimator, "photons": found.choice.photons, "radius": f"{chosen.radius:.4g}",
-        "neighbours": chosen.neighbours, "budget": f"{settings.budget:g}",
+        "neighbours": chosen.neighbours, "budget": f"{settings.budget:g}", "light": settings.light_chosen,
     }  # fmt: skip
-    values["light"] = settings.light_chosen
     words += [w for name, value in values.items() if value is not None for w in (f"--{name}", str(value))]
     flags = {"--allow-outside": settings.allow_outside, "--no-control": not chosen.control}
     return shlex.join([*words, *(flag for flag, given in flags.items() if given)])

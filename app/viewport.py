@@ -9,7 +9,7 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from app import drag
-from app.camera import Bounds, Turntable, from_camera, matrix, scene_bounds
+from app.camera import Bounds, Turntable, from_camera, scene_bounds
 from app.looks import Shown
 from app.picking import Hit
 from app.renderer import Look, Renderer
@@ -216,8 +216,6 @@ class Viewport:
             s.settings.tone_map,
             s.settings.cull,
             marked,
-            # Where a move takes longer than a frame, the line shows where the object is going.
-            matrix(s.poses[s.solver.scene.mobiles[marked - 1].name]) if marked > 0 else None,
             OUTLINE_PIXELS * imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y,
             textured=s.settings.show == "radiance",
             as_is=self.shown is not None and self.shown.errors is not None,
@@ -230,8 +228,7 @@ class Viewport:
         renderer.resize(round(self.size[0] * scale.x), round(self.size[1] * scale.y), samples)
         look = self.look()
         s = self.session.settings
-        line = None if look.outline_model is None else look.outline_model.tobytes()
-        picture = (self.session.version, self.camera, s.exposure, s.tone_map, s.cull, look.outlined, line, look.split)
+        picture = (self.session.version, self.camera, s.exposure, s.tone_map, s.cull, look.outlined, look.split)
         drawn = (renderer.size, samples, picture)
         if drawn != self._drawn:
             renderer.draw(look)

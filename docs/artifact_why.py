@@ -41,8 +41,8 @@ LEAST = 0.5  # of the radius: how far a symmetric region reaches whatever is on 
 
 def reaches(solver: Solver, rows: np.ndarray) -> np.ndarray:
     """Return how far the regions of static receivers reach (n, RAYS) [m] in the solver's frame."""
-    estimate, r = solver._shown.estimate, solver.radius
-    contact = estimate._contact.met(solver._frame.at).contacts[0]
+    estimate, r = solver.frame_parts().background.estimate, solver.radius
+    contact = estimate._contact.met(solver.frame_parts().change.at).contacts[0]
     alone = estimate._searches[0].discs.regions
     out = np.full((len(rows), RAYS), r)
     for j, i in enumerate(rows):

@@ -64,7 +64,7 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
     work += [copied(stage, size, threads) for stage, size in moved if size]
     if lines:
         tests = sum(candidates(discs, *ends) for discs, ends, _ in lines)
-        crossings = sum(found for _, _, found in lines) + _looked_up(estimate, solver._frame.tails)
+        crossings = sum(found for _, _, found in lines) + _looked_up(estimate, solver.frame_parts().change.tails)
         work += [tested(tests, threads), added(crossings, threads)]
     elif getattr(estimate, "on_faces", False):
         hits = changes.old_segments + changes.new_segments
@@ -74,7 +74,7 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
 
 def estimate_of(solver: Solver):
     """Return the estimator that frames are computed with."""
-    return solver._shown.estimate
+    return solver.frame_parts().background.estimate
 
 
 def full_estimate(solver: Solver) -> Callable[[], None]:
@@ -83,7 +83,7 @@ def full_estimate(solver: Solver) -> Callable[[], None]:
     for _ in twin.build():
         pass
     photons = solver.photons_traced
-    paths = solver._photons.prefix(photons)[0]
+    paths = solver.frame_parts().photons.prefix(photons)[0]
     for first in range(0, photons, CHUNK):
         last = min(first + CHUNK, photons)
         twin.add_background(segments_of(paths, solver.model.eps, first, last), 0)
@@ -149,8 +149,8 @@ def _recorded(solver: Solver, poses):
 
 def _rays(solver: Solver) -> list[Work]:
     """Return the rays of the last frame: along what may be cut, and along branches, each also past the mobiles."""
-    model, frame = solver.model, solver._frame
-    paths, coarse = solver._photons.prefix(frame.photons)
+    model, frame = solver.model, solver.frame_parts().change
+    paths, coarse = solver.frame_parts().photons.prefix(frame.photons)
     wanted = estimate_of(solver).wanted(frame.at, mobiles=bool(frame.near))
     rows = near_mobiles(model, coarse, frame.at, wanted, Room())
     near = segments_at(paths, model.eps, *rows, model.threads)
@@ -164,7 +164,7 @@ def _rays(solver: Solver) -> list[Work]:
 
 def _as_rays(solver: Solver, o: int, segments: Segments):
     """Return origins, directions and limits of segments in object o's space, lifted off where they start."""
-    model, at = solver.model, solver._frame.at
+    model, at = solver.model, solver.frame_parts().change.at
     way = segments.end.astype(np.float64) - segments.origin
     length = np.maximum(np.sqrt((way * way).sum(axis=1)), 1e-30)
     d = way / length[:, None]

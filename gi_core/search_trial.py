@@ -39,13 +39,17 @@ def static_discs(model: Model, radius: float, materials: Iterable[str] | None = 
 
 def photon_lines(solver: Solver, photons: int, radius: float) -> Lines:
     """Return all background segments of the first photons, which the solver has traced, ready for static discs."""
-    paths = solver._photons.prefix(photons)[0]
+    paths = solver.frame_parts().photons.prefix(photons)[0]
     return _ready(solver, segments_of(paths, solver.model.eps, 0, photons), radius)
 
 
 def frame_lines(solver: Solver, radius: float) -> Lines:
     """Return the segments that the solver's current frame takes out and puts in, ready for static discs."""
-    return _ready(solver, concatenate([solver._frame.tails.segments(), solver._frame.branches]), radius)
+    return _ready(
+        solver,
+        concatenate([solver.frame_parts().change.tails.segments(), solver.frame_parts().change.branches]),
+        radius,
+    )
 
 
 def _ready(solver: Solver, segments: Segments, radius: float) -> Lines:
@@ -68,7 +72,7 @@ def few_receivers(solver: Solver, probes: Iterable[int] = PROBES) -> list[Job]:
     Receivers of each mobile, with the segments near it; static receivers in contact, with those beside them; and
     so many probes, apart from all other receivers, with all segments of the background.
     """
-    frame, estimate, model = solver._frame, solver._shown.estimate, solver.model
+    frame, estimate, model = solver.frame_parts().change, solver.frame_parts().background.estimate, solver.model
     at, jobs = frame.at, []
     for o, near in enumerate(frame.near, 1):
         over = lines(near, at.rotation[o], at.position[o], model, solver.radius)

@@ -54,6 +54,14 @@ class Progress(NamedTuple):
     picture: bool  # irradiance was refreshed
 
 
+class FrameParts(NamedTuple):
+    """Parts that the last frame was computed from, for tests and instruments: to be read, not changed."""
+
+    photons: Photons
+    background: Background | None  # None before the first solve
+    change: Frame | None  # what the mobiles change; None before the first frame
+
+
 class Solver:
     """Irradiance at the receivers of a scene, kept up to date while mobiles move."""
 
@@ -402,6 +410,10 @@ class Solver:
             return Drawn(irradiance, None)
         at = self.model.transforms(poses or self.poses)
         return dilated(irradiance, source.unreached, source.dilation.find_moved(irradiance, at))
+
+    def frame_parts(self) -> FrameParts:
+        """Return the parts that the last frame was computed from."""
+        return FrameParts(self._photons, self._shown, self._frame)
 
     @property
     def receivers(self) -> Receivers:

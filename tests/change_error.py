@@ -29,11 +29,11 @@ TOUCHED = 0.03
 
 def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
     """Return irradiance (n, 3) of the static part as the last frame's sums tell it."""
-    estimate, frame = solver._shown.estimate, solver._frame
+    estimate, frame = solver.frame_parts().background.estimate, solver.frame_parts().change
     told: Evaluated = estimate.evaluate(frame)
     if keep_all:
         told = told._replace(brought=np.full_like(told.brought, NOT_TOLD))
-    resting, better = (solver._shown.resting(n) for n in (photons, PHOTONS))
+    resting, better = (solver.frame_parts().background.resting(n) for n in (photons, PHOTONS))
     flux_unit = solver.model.emitters.unit_flux / photons
     return frame_irradiance(told, flux_unit, estimate.background(photons)[0], resting, better, 1)[: len(better)]
 
@@ -55,7 +55,7 @@ def report(name: str) -> None:
         for place in PLACES:
             judge.move_all(lap[place], paths=4)
             after = judge.irradiance[static]
-            better = solver._shown.resting(PHOTONS)
+            better = solver.frame_parts().background.resting(PHOTONS)
             share = np.divide(after, still, out=np.ones_like(after), where=still > 0)
             truth = np.where(after < still, better * share, better + after - still)
             change = np.abs(luminance(after) - luminance(still))

@@ -20,7 +20,7 @@ def test_contact_can_be_left_out_of_a_frame_and_comes_back():
     solver.solve()
     beside, _ = control_scenes.classes(case, solver.surfaces, solver.receivers)
     whole, facts = solver.irradiance, solver.control_facts
-    with solver._shown.estimate.contact_switched(False):
+    with solver.frame_parts().background.estimate.contact_switched(False):
         solver.move_all({})
         apart = solver.irradiance
         assert solver.control_facts == facts._replace(stale=0, on_mobiles=0)

@@ -122,7 +122,7 @@ def test_a_picture_of_new_settings_that_is_broken_off_is_made_the_next_time():
     wanted.solve()
     steps = solver.solve_steps(pictures=False)
     # Left behind as soon as frames go by the new settings, before there is a picture of them.
-    while solver._shown.setting.radius != 0.2:
+    while solver.frame_parts().background.setting.radius != 0.2:
         next(steps)
     steps.close()
     assert not np.array_equal(solver.irradiance, wanted.irradiance)

@@ -109,14 +109,14 @@ def test_a_mobile_in_mid_air_costs_nothing(monkeypatch):
         cast.append(given)
         return real(*given)
 
-    contact = solver._shown.estimate._contact
+    contact = solver.frame_parts().background.estimate._contact
     monkeypatch.setattr(solver.model.accelerator, "nearest", counted)
     at = solver.model.transforms({"body": Pose((0.0, 0.0, 0.4))})
     wanted = contact.wanted(at, mobiles=True)
     assert not cast and not len(wanted.boxes) and not wanted.around.any()
     solver.move("body", Pose((0.0, 0.0, 0.4)))
     assert solver.control_facts == resting._replace(stale=0, on_mobiles=0)
-    assert solver._frame.beside.size == 0 and solver.changes.photons_cut > 0
+    assert solver.frame_parts().change.beside.size == 0 and solver.changes.photons_cut > 0
 
 
 def test_contact_on_a_mobile_is_looked_for_only_where_its_light_is_that_of_photons():

@@ -23,7 +23,7 @@ def frames() -> dict:
     """Irradiance at POSE: of few photons with either static light and of all; at rest without the box: of both."""
     solver = Solver(SCENE, photons=PHOTONS, radius=0.06)
     solver.solve()
-    out = {"solver": solver, "resting": {n: solver._shown.resting(n) for n in (LOWEST, PHOTONS)}}
+    out = {"solver": solver, "resting": {n: solver.frame_parts().background.resting(n) for n in (LOWEST, PHOTONS)}}
     for kind in ("all", "prefix"):
         solver.configure(prefix_only=kind == "prefix")
         solver.move_all({"box": POSE}, photons=LOWEST)
@@ -122,10 +122,10 @@ def test_a_frame_of_few_photons_is_nearer_to_the_truth_without_it(monkeypatch, e
 
     solver = Solver(SCENE, estimator=estimator, photons=PHOTONS, radius=0.06)
     solver.solve()
-    static = slice(0, len(solver._shown.resting(PHOTONS)))
+    static = slice(0, len(solver.frame_parts().background.resting(PHOTONS)))
     weights = solver.receivers.areas[static]
     solver.move("box", POSE)
-    truth, resting = solver.irradiance[static], solver._shown.resting(PHOTONS)
+    truth, resting = solver.irradiance[static], solver.frame_parts().background.resting(PHOTONS)
     changed = np.abs(truth - resting).sum(axis=1) > 0.05 * truth.mean()
 
     def off() -> tuple[float, float]:

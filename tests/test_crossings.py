@@ -67,9 +67,13 @@ def test_searching_for_tails_gives_the_same(search, monkeypatch):
     monkeypatch.setattr(crossings, "MOST_A_PHOTON", 0)
     searched = solver_of(search=search)
     searched.solve()
-    assert looked_up._shown.estimate._crossings.kept
-    assert not searched._shown.estimate._crossings.kept
-    assert searched._shown.estimate.bytes_a_hit == 0 < looked_up._shown.estimate.bytes_a_hit
+    assert looked_up.frame_parts().background.estimate._crossings.kept
+    assert not searched.frame_parts().background.estimate._crossings.kept
+    assert (
+        searched.frame_parts().background.estimate.bytes_a_hit
+        == 0
+        < looked_up.frame_parts().background.estimate.bytes_a_hit
+    )
     for pose in walk()[::5]:
         for solver in (looked_up, searched):
             solver.move("box", pose)

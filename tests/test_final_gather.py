@@ -189,7 +189,7 @@ def test_how_far_off_it_is_is_told_by_whole_paths_at_a_few_receivers():
     """Here walls of few vertices take the single bounce's light astray, which its noise knows nothing of."""
     solver = noisy()
     until_gathered(solver)
-    g, photons = solver.gathered, solver._shown.resting(solver.photons_traced)
+    g, photons = solver.gathered, solver.frame_parts().background.resting(solver.photons_traced)
     points, normals = (a[: len(g.mean)] for a in evaluation_points(solver.surfaces, solver.receivers))
     bare = Scene(SCENE.static, SCENE.materials, (), SCENE.lights, up=SCENE.up)
     truth, _ = reference_irradiance(bare, points, normals, 2000, 5)

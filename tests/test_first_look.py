@@ -68,8 +68,8 @@ def test_small_scenes_and_other_estimators_have_none(few_are_many, monkeypatch):
     """Where nothing is slow to build, the first picture is of the setting asked for."""
     counted = opened(estimator="impact_count")
     until_picture(counted.solve_steps())
-    assert counted._shown.setting == counted.setting
+    assert counted.frame_parts().background.setting == counted.setting
     monkeypatch.setattr(solver_module, "MANY_RECEIVERS", 30_000)
     small = opened()
     until_picture(small.solve_steps())
-    assert small._shown.setting == small.setting
+    assert small.frame_parts().background.setting == small.setting

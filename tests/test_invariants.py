@@ -168,7 +168,8 @@ def test_searches_give_the_same_bits(search, control, monkeypatch):
 @given(poses)
 def test_flux_is_accounted_for(pose):
     solver = solved({"ball": pose})
-    total = [getattr(solver._photons.fates, k) + getattr(solver._frame.fates, k) for k in solver._frame.fates._fields]
+    photons, _, change = solver.frame_parts()
+    total = [getattr(photons.fates, k) + getattr(change.fates, k) for k in change.fates._fields]
     emitted, absorbed, escaped, truncated = total
     assert emitted.min() > 0
     assert np.array_equal(emitted, absorbed + escaped + truncated)

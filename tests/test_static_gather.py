@@ -57,7 +57,7 @@ def test_it_is_the_reference_of_the_scene_without_its_mobile(gathered):
 
 def test_what_the_mobile_leaves_alone_is_the_gathered_light_and_frames_are_those_from_scratch(gathered):
     gathered.move("box", POSE)
-    mean, photons = gathered.gathered.mean, gathered._shown.resting(gathered.photons)
+    mean, photons = gathered.gathered.mean, gathered.frame_parts().background.resting(gathered.photons)
     gathered.configure(prefix_only=True)
     gathered.move_all({})
     plain = gathered.irradiance[: len(mean)]
