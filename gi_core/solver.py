@@ -284,8 +284,8 @@ class Solver:
 
     @property
     def paths_at_rest(self) -> int:
-        """Paths that a receiver of a mobile gathers where nothing else is asked for; 0 where it gathers none."""
-        return self._source.paths(None)
+        """Paths per receiver of a mobile where nothing else is asked for; 0 where none are gathered."""
+        return self._size(self._goal).paths
 
     def _size(self, photons: int, paths: int | None = None) -> FrameSize:
         return FrameSize(photons, self._source.paths(paths) if photons else 0)
