@@ -326,12 +326,6 @@ class Solver:
         return self._static_light.is_gathered
 
     @property
-    def gathers_ahead(self) -> bool:
-        """Whether gather_steps() had better go on now than solve_steps(): photons will stay noisy, and it has not yet
-        come to its first light."""
-        return self._static_light.goes_ahead(self._shown, self._goal)
-
-    @property
     def gathered(self) -> StaticGather | None:
         return self._static_light.gathered
 

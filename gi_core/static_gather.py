@@ -136,11 +136,6 @@ class StaticGather:
         self.deviation = found.share * luminance(standard_error)
         self.noise, self.early = noise, early
 
-    @property
-    def first_due(self) -> bool:
-        """Whether the first answer is still to come."""
-        return not np.isfinite(self.noise)
-
     def better_than(self, photons: np.ndarray) -> bool:
         """Tell whether `mean` is clearly nearer to the truth than the photons' irradiance (n, 3)."""
         if len(self.mean) != len(photons) or not np.isfinite(self.noise):

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator
 
 import numpy as np
 
 from gi_core.background import Background
 from gi_core.dilation import NONE_UNREACHED, Dilation
-from gi_core.error_at_hand import noise_from_prefix, prefix_to_compare
 from gi_core.gather_rounds import Gathered
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from gi_core.static_gather import StaticGather
 
 STATIC_LIGHT = ("all", "prefix", "gathered")
-AHEAD = 0.1  # noise, relative l1, that all photons will have: one that stays is gathered for before they are in
-TELLING = 1 << 15  # photons from which on their noise foretells that
 
 
 class StaticLight:
@@ -56,23 +52,6 @@ class StaticLight:
         if self.gathered is not None:
             self._better = bool(photons) and self.gathered.better_than(shown.resting(photons))
         return self.is_gathered
-
-    def goes_ahead(self, shown: Background | None, goal: int) -> bool:
-        """Whether the first light gathered should come before more photons, of which there are to be `goal`."""
-        if self.kind != "gathered" or shown is None or not TELLING <= shown.estimate.photons < goal:
-            return False
-        if self.gathered is not None and not self.gathered.first_due:
-            return False
-        return self._noise(shown) * math.sqrt(shown.estimate.photons / goal) > AHEAD
-
-    def _noise(self, shown: Background) -> float:
-        """Return the relative l1 noise that all photons shown tell of themselves, nan where they tell nothing."""
-        prefix = prefix_to_compare(shown.estimate.prefixes)
-        if prefix is None:
-            return math.nan
-        photons = shown.estimate.photons
-        E = shown.resting(photons)
-        return noise_from_prefix(E, shown.resting(prefix), photons, prefix, shown.weights)
 
     def irradiance(self, shown: Background, photons: int) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, for a frame of so many photons."""
