@@ -109,8 +109,8 @@ class Solver:
         """Change settings. Paths are kept; solve_steps() does again only what depends on the change.
 
         static_light: whether a frame of a prefix of the photons takes the light of the static part from "all" of
-        them (see `gi_core.control_variate`) or from that "prefix" too; "gathered": from gather_steps() as soon as
-        that is better; mobile_light: whether that of mobiles is from "photons", or "gathered" by their receivers in
+        them (see `gi_core.control_variate`) or from that "prefix" too; "gathered": from gather_steps() once that
+        has less noise; mobile_light: whether that of mobiles is from "photons", or "gathered" by their receivers in
         each frame (`gi_core.mobile_gather`); changes: fields of `setting`. Until solve_steps() has run, frames go on
         with the old settings. Raises SceneError for a bad value.
         """
@@ -220,7 +220,7 @@ class Solver:
         if b is not self._shown:
             self._times = FrameTimes()
         self._shown, self._next = b, None
-        self._static_light.judge(b)
+        self._static_light.compare(b)
         if b.added == self._goal > 0:
             yield from self._find_unreached()
         self._update()
@@ -322,7 +322,7 @@ class Solver:
 
     @property
     def uses_gathered(self) -> bool:
-        """Whether frames start from what has been gathered: it is asked for, and better than the photons."""
+        """Whether frames start from gathered light: it is asked for, and has less noise than the photons."""
         return self._static_light.is_gathered
 
     @property
@@ -339,8 +339,8 @@ class Solver:
         """
         g = self._static_light.gather(self.model, self.seed, self._photons_at_rest, state)
         yield from self._look_at_gathered(g)
-        while not g.enough:
-            if g.step():
+        for new in g.steps():
+            if new:
                 yield from self._look_at_gathered(g)
             else:
                 yield Progress("gathering", g.fraction, False)
@@ -352,13 +352,13 @@ class Solver:
         return self._shown.resting(photons) if photons else None
 
     def _look_at_gathered(self, g: StaticGather) -> Iterator[Progress]:
-        """Use what has been gathered if it is better than the photons; irradiance is then new."""
-        better = self._static_light.judge(self._shown)
-        if better:
+        """Use gathered light if it has less noise than the photons; irradiance is then new."""
+        used = self._static_light.compare(self._shown)
+        if used:
             if self._shown.added == self._goal:
                 yield from (p._replace(fraction=g.fraction) for p in self._find_unreached())
             self._update()
-        yield Progress("gathering", g.fraction, better)
+        yield Progress("gathering", g.fraction, used)
 
     def twin(self, fresh: bool = False) -> Solver:
         """Return a solver with settings and poses of its own that shares this one's scene and photons.

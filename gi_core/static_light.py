@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 
 import numpy as np
 
 from gi_core.background import Background
 from gi_core.dilation import NONE_UNREACHED, Dilation
+from gi_core.error_at_hand import noise_from_prefix, prefix_to_compare
 from gi_core.gather_rounds import Gathered
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
@@ -23,7 +25,7 @@ class StaticLight:
         self.kind = STATIC_LIGHT[0]
         self.gathered: StaticGather | None = None
         self.unreached = NONE_UNREACHED  # receivers of the static part, by the light last looked at
-        self._better = False  # what has been gathered, than the photons shown
+        self._less_noise = False  # in gathered light than in all photons
         self.dilation: Dilation | None = None
 
     def choose(self, kind: str) -> None:
@@ -34,8 +36,8 @@ class StaticLight:
 
     @property
     def is_gathered(self) -> bool:
-        """Whether frames start from what has been gathered: it is asked for, and better than the photons."""
-        return self.kind == "gathered" and self._better
+        """Whether frames start from gathered light: it is asked for, and has less noise than the photons."""
+        return self.kind == "gathered" and self._less_noise
 
     def gather(self, model: Model, seed: int, photons, state: Gathered | None) -> StaticGather:
         """Return what is to be gathered, begun with `state` or gone on with; arguments are those of StaticGather.
@@ -46,11 +48,18 @@ class StaticLight:
             self.gathered = StaticGather(model, seed, photons, state)
         return self.gathered
 
-    def judge(self, shown: Background | None) -> bool:
-        """Find out whether what has been gathered is better than all photons; True if frames start from it."""
-        photons = shown.estimate.photons if shown is not None else 0
-        if self.gathered is not None:
-            self._better = bool(photons) and self.gathered.better_than(shown.resting(photons))
+    def compare(self, shown: Background | None) -> bool:
+        """Compare the noise of gathered light with that of all photons; returns whether frames start from it.
+
+        Photons too few to know their noise have more.
+        """
+        g, photons = self.gathered, 0 if shown is None else shown.estimate.photons
+        if photons and g is not None and math.isfinite(g.noise):
+            prefix = prefix_to_compare(shown.estimate.prefixes)
+            E, theirs = shown.resting(photons), math.inf
+            if prefix is not None:
+                theirs = noise_from_prefix(E, shown.resting(prefix), photons, prefix, shown.weights)
+            self._less_noise = g.noise < theirs
         return self.is_gathered
 
     def irradiance(self, shown: Background, photons: int) -> np.ndarray:
