@@ -2,7 +2,7 @@
 
 What a photon map is best for (final gathering, Reichert 1992; Jensen 2001): its grain is averaged over all that a
 receiver sees. A path is a shadow ray and a bounce, however often light is reflected, and scatters less than one that
-is followed to its end, so this is there long before such paths (`gather_rounds.py`) are of any use, but it keeps, a
+is followed to its end, so this is there long before such paths (`reference.py`) are of any use, but it keeps, a
 reflection later, what the light that they end in is off by.
 
 Paths come in pairs of sets, each pair of twice as many as the last, since a large set is more even than several

@@ -17,7 +17,6 @@ from gi_core.dilation import Drawn, dilated
 from gi_core.disc_search import SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.frames import Changes, FrameSize, Lights, changes_of, frame_light, light_from_scratch
-from gi_core.gather_rounds import Gathered
 from gi_core.ladder import FrameTimes, is_rung, next_rung
 from gi_core.light_pool import LightPool
 from gi_core.mobile_light import MobileLight
@@ -27,6 +26,7 @@ from gi_core.photon_trace import Fates
 from gi_core.pose import as_pose
 from gi_core.probes import probe_irradiance
 from gi_core.receivers import Receivers
+from gi_core.reference import Gathered
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
 from gi_core.setting import Setting, number

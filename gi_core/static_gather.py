@@ -2,7 +2,7 @@
 
 Phase 1 is final gathering (`final_gather.py`). Its paths have one bounce and end in the photons' light, later in the
 light that the last pair of sets found. Its noise is low within seconds, but some of the photons' error stays.
-Phase 2 traces whole paths in rounds (`gather_rounds.py`), which have no bias. They take over at the noise that
+Phase 2 traces whole paths in rounds (`reference.py`), which have no bias. They take over at the noise that
 phase 1 ends with. Both are smoothed as far as their noise asks for (`gather_filter.py`).
 """
 
@@ -16,9 +16,9 @@ from gi_core.error import luminance
 from gi_core.evaluation_points import evaluation_points
 from gi_core.final_gather import FinalGather
 from gi_core.gather_filter import smoothed
-from gi_core.gather_rounds import Gathered, gather_rounds
 from gi_core.mesh_neighbours import neighbours
 from gi_core.model import Model
+from gi_core.reference import Gathered, gather_rounds
 
 ENOUGH = 0.007  # noise, relative l1, that phase 2 ends with; with interpolation the light is within a percent
 LOW = 1.4  # times ENOUGH: noise that phase 1 ends with, and below which whole paths take over

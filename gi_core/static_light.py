@@ -10,8 +10,8 @@ import numpy as np
 from gi_core.background import Background
 from gi_core.dilation import NONE_UNREACHED, Dilation
 from gi_core.error_at_hand import noise_from_prefix, prefix_to_compare
-from gi_core.gather_rounds import Gathered
 from gi_core.model import Model
+from gi_core.reference import Gathered
 from gi_core.scene.errors import SceneError
 from gi_core.static_gather import StaticGather
 

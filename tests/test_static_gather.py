@@ -11,8 +11,7 @@ from scene_builders import box_mobile, coloured_room
 from gi_core import static_gather
 from gi_core.error import relative_error
 from gi_core.evaluation_points import evaluation_points
-from gi_core.gather_rounds import Gathered
-from gi_core.reference import reference_irradiance
+from gi_core.reference import Gathered, reference_irradiance
 from gi_core.scene import Pose
 from gi_core.solver import Solver
 
