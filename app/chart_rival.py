@@ -8,7 +8,7 @@ import numpy as np
 
 from app.chart_measure import Walk
 from gi_core.evaluation_points import evaluation_points
-from gi_core.reference import Gatherer
+from gi_core.point_gather import Gatherer
 
 RIVAL = "path gather"
 PATHS = (1, 4, 16, 64)  # a vertex

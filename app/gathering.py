@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from gi_core.solver import Progress, Solver
+    from gi_core.solver import Solver
 
 SAVE_EVERY = 20.0  # s
 
@@ -37,13 +37,6 @@ class Gathering:
             self._tell()
             return None
         return self._step
-
-    def ahead(self, steps: Iterable[Progress]) -> Iterator[Progress]:
-        """Go through steps of refinement; where photons will stay noisy, a first answer comes before most of them."""
-        for progress in steps:
-            yield progress
-            while progress.picture and self._solver.gathers_ahead:
-                yield progress._replace(stage="gathering", picture=self._step())
 
     def _step(self) -> bool:
         solver = self._solver

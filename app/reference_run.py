@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from app.reference_store import ReferenceStore
-from gi_core.gather_rounds import Gathered
+from gi_core.reference import Gathered
 
 SAVE_EVERY = 20.0  # s
 

@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 import platformdirs
 
-from gi_core.gather_rounds import Gathered, gather_rounds, nothing_gathered
+from gi_core.evaluation_points import evaluation_points
 from gi_core.model import Model
-from gi_core.reference import evaluation_points
+from gi_core.reference import Gathered, gather_rounds, nothing_gathered
 from gi_core.scene.types import Pose
 
 FORMAT = "gi-viewer reference 2"  # to be raised when paths change: old answers are then gathered anew

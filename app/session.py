@@ -159,7 +159,7 @@ class Session:
         self.settings = self._applied = replace(self.settings, **filled)
         self.meshes, self.picker = opened.meshes, opened.picker
         self.gathering = Gathering(opened.solver, self.clock)
-        self.light = Solving(opened.solver, self.log, self.clock, self._worker, self.gathering.ahead)
+        self.light = Solving(opened.solver, self.log, self.clock, self._worker)
         if self._appraise is not None:
             self.appraisal = self._appraise(opened.solver, self.clock)
         self._at_rest = AtRest(self.settings, self.light, self.gathering, self.appraisal)

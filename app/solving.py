@@ -50,11 +50,8 @@ class Snapshot(NamedTuple):
 class Solving:
     """Only this touches the solver once it is open; all its methods are the window's thread's."""
 
-    def __init__(
-        self, solver: Solver, log: Log, clock: Callable[[], float], worker: Worker, ahead: Callable = iter
-    ) -> None:
-        """`ahead` goes through the solver's steps, with others between them."""
-        self.solver, self._ahead = solver, ahead
+    def __init__(self, solver: Solver, log: Log, clock: Callable[[], float], worker: Worker) -> None:
+        self.solver = solver
         self.log = log
         self.clock = clock
         self.version = 0  # of what is to be drawn
@@ -75,7 +72,7 @@ class Solving:
         self._worker = worker
         self._job: Job | None = None  # what the thread is doing
         self._take: Callable[[Job], None]  # what to do with its result
-        self._steps = ahead(solver.solve_steps())  # what is still to be refined, None when nothing is
+        self._steps = solver.solve_steps()  # what is still to be refined, None when nothing is
         self._timing = Timing.DUE
         self._moving: dict[str, Pose] = {}  # poses of the move under way
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
@@ -114,7 +111,7 @@ class Solving:
             return False
         # The solver keeps the old picture until the new one is as good.
         self.solver.configure(**changes)
-        self._steps = self._ahead(self.solver.solve_steps())
+        self._steps = self.solver.solve_steps()
         self._timing = Timing.DUE
         return True
 
@@ -300,4 +297,4 @@ class Solving:
             self.gi_seconds.add(seconds)
         self._show(moved)
         # The iterator may have been left between two steps: begin a new one, nothing is traced twice.
-        self._steps = self._ahead(self.solver.solve_steps())
+        self._steps = self.solver.solve_steps()

@@ -12,7 +12,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from app.reference_store import ReferenceStore
-    from gi_core.gather_rounds import Gathered
+    from gi_core.reference import Gathered
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 
@@ -71,7 +71,7 @@ class Truth:
 
 def _rounds(store: ReferenceStore, found: Gathered | None, weights: np.ndarray | None) -> Iterator[Gathered]:
     """Go through what is known after every step, first what was found on disk."""
-    from gi_core.gather_rounds import gather_rounds
+    from gi_core.reference import gather_rounds
 
     if found is not None and found.sets.min(initial=2) > 1:
         yield found

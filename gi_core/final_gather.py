@@ -2,7 +2,7 @@
 
 What a photon map is best for (final gathering, Reichert 1992; Jensen 2001): its grain is averaged over all that a
 receiver sees. A path is a shadow ray and a bounce, however often light is reflected, and scatters less than one that
-is followed to its end, so this is there long before such paths (`gather_rounds.py`) are of any use, but it keeps, a
+is followed to its end, so this is there long before such paths (`reference.py`) are of any use, but it keeps, a
 reflection later, what the light that they end in is off by.
 
 Paths come in pairs of sets, each pair of twice as many as the last, since a large set is more even than several
@@ -42,6 +42,7 @@ class FinalGather:
         self._weights, self._lit = weights, np.flatnonzero((normals * normals).sum(axis=1) > 0)
         self._lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
         self._variance = np.zeros(positions.shape)
+        self._pairs = 0  # of sets
         self.paths = 0  # a receiver, behind `mean`; 0: nothing is known
         self.mean = self.last = np.zeros(positions.shape)  # (n, 3) float64 [W/m2]; that of the last pair alone
 
@@ -60,11 +61,13 @@ class FinalGather:
     def steps(self, field: Callable[[], np.ndarray]) -> Iterator[bool]:
         """Gather without end, in steps of some 20 ms; True is yielded where `mean` is new.
 
+        May be dropped between steps and begun again: the pair under way is then gathered from its start.
+
         field() returns the irradiance (n, 3) [W/m2] of these receivers by what is known now; asked once a pair.
         """
-        pair = 0
         while True:
-            m, light = min(SMALLEST + pair, LARGEST), field()
+            pair, light = self._pairs, field()
+            m = min(SMALLEST + pair, LARGEST)
             halves = np.zeros((2, *self.mean.shape))
             for half in range(2):
                 at_once = max(1, STEP >> m)
@@ -72,11 +75,11 @@ class FinalGather:
                     self._gather(self._lit[first : first + at_once], 2 * pair + half, m, light, halves[half])
                     yield False
             self._take_in(halves, 2 << m)
-            pair += 1
             yield True
 
     def _take_in(self, halves: np.ndarray, paths: int) -> None:
         before, self.paths = self.paths, self.paths + paths
+        self._pairs += 1
         a, b = before / self.paths, paths / self.paths
         self.last = 0.5 * (halves[0] + halves[1])
         self.mean = a * self.mean + b * self.last

@@ -12,25 +12,23 @@ from gi_core.accelerator import Transforms
 from gi_core.background import Background
 from gi_core.dilation import NONE_UNREACHED, Dilation
 from gi_core.error_at_hand import noise_from_prefix, prefix_to_compare
-from gi_core.gather_rounds import Gathered
 from gi_core.mobile_gather import MobileGather
 from gi_core.model import Model
+from gi_core.reference import Gathered
 from gi_core.scene.errors import SceneError
 from gi_core.static_gather import StaticGather
 
 LIGHTS = ("best", "photons")
 PATHS = (4, 8, 16, 32, 64, 128, 256)  # per receiver, that a frame can gather
 REST = 64  # of them, where nothing else is asked for: some 4 % of noise
-AHEAD = 0.1  # noise, relative l1, that all photons will have: one that stays is gathered for before they are in
-TELLING = 1 << 15  # photons from which on their noise foretells that
 
 
 class LightSource:
     """`light` is one of LIGHTS. "photons": the estimator lights everything.
 
     "best": mobiles gather their light in each frame (`mobile_gather.py`), and the static part shows gathered light
-    (`static_gather.py`) once that is better than its photons. Either way, mobiles change the static part's light as
-    the frame's photons say (`control_variate.py`). prefix_only: frames of a prefix of the photons start from the
+    (`static_gather.py`) once that has less noise than its photons. Either way, mobiles change the static part's light
+    as the frame's photons say (`control_variate.py`). prefix_only: frames of a prefix of the photons start from the
     static light of that prefix, as the report's do.
     """
 
@@ -40,7 +38,7 @@ class LightSource:
         self.unreached = NONE_UNREACHED  # receivers of the static part, by the light last looked at
         self.dilation: Dilation | None = None
         self._model, self._seed = model, seed
-        self._better = False  # what has been gathered, than the photons shown
+        self._less_noise = False  # in gathered light than in all photons
         self._mobile: MobileGather | None = None
         self._poses: dict[int, bytes] = {}  # by paths, at the last frame of so many
         self.rays_traced = False  # in the last frame: mobiles had moved
@@ -49,7 +47,7 @@ class LightSource:
         """Return a light source with settings of its own and the same gathered light, or without any if `fresh`."""
         other = copy.copy(self)
         if fresh:
-            other.gathered, other._better = None, False
+            other.gathered, other._less_noise = None, False
         return other
 
     def choose(self, light: str, prefix_only: bool) -> None:
@@ -62,8 +60,8 @@ class LightSource:
 
     @property
     def is_gathered(self) -> bool:
-        """Whether frames start from gathered static light: it is asked for, and better than the photons."""
-        return self.light == "best" and not self.prefix_only and self._better
+        """Whether frames start from gathered static light: it is asked for, and has less noise than the photons."""
+        return self.light == "best" and not self.prefix_only and self._less_noise
 
     def gather(self, photons, state: Gathered | None) -> StaticGather:
         """Return the gathering of the static light, begun with `state` or gone on with; arguments as of StaticGather.
@@ -74,29 +72,19 @@ class LightSource:
             self.gathered = StaticGather(self._model, self._seed, photons, state)
         return self.gathered
 
-    def judge(self, shown: Background | None) -> bool:
-        """Compare gathered static light with all photons; True if frames start from it."""
-        photons = shown.estimate.photons if shown is not None else 0
-        if self.gathered is not None:
-            self._better = bool(photons) and self.gathered.better_than(shown.resting(photons))
+    def compare(self, shown: Background | None) -> bool:
+        """Compare the noise of gathered light with that of all photons; returns whether frames start from it.
+
+        Photons too few to know their noise have more.
+        """
+        g, photons = self.gathered, 0 if shown is None else shown.estimate.photons
+        if photons and g is not None and math.isfinite(g.noise):
+            prefix = prefix_to_compare(shown.estimate.prefixes)
+            E, theirs = shown.resting(photons), math.inf
+            if prefix is not None:
+                theirs = noise_from_prefix(E, shown.resting(prefix), photons, prefix, shown.weights)
+            self._less_noise = g.noise < theirs
         return self.is_gathered
-
-    def goes_ahead(self, shown: Background | None, goal: int) -> bool:
-        """Whether the first light gathered should come before more photons, of which there are to be `goal`."""
-        if self.light != "best" or shown is None or not TELLING <= shown.estimate.photons < goal:
-            return False
-        if self.gathered is not None and not self.gathered.first_due:
-            return False
-        return self._noise(shown) * math.sqrt(shown.estimate.photons / goal) > AHEAD
-
-    def _noise(self, shown: Background) -> float:
-        """Return the relative l1 noise that all photons shown tell of themselves, nan where they tell nothing."""
-        prefix = prefix_to_compare(shown.estimate.prefixes)
-        if prefix is None:
-            return math.nan
-        photons = shown.estimate.photons
-        E = shown.resting(photons)
-        return noise_from_prefix(E, shown.resting(prefix), photons, prefix, shown.weights)
 
     def static_irradiance(self, shown: Background, photons: int) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, for a frame of so many photons."""

@@ -18,7 +18,6 @@ from gi_core.disc_search import SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.frame_budget import FrameBudget
 from gi_core.frames import Changes, FrameSize, changes_of, frame_light, light_from_scratch
-from gi_core.gather_rounds import Gathered
 from gi_core.ladder import is_rung, next_rung
 from gi_core.light_pool import LightPool
 from gi_core.light_source import LightSource
@@ -28,6 +27,7 @@ from gi_core.photon_trace import Fates
 from gi_core.pose import as_pose
 from gi_core.probes import probe_irradiance
 from gi_core.receivers import Receivers
+from gi_core.reference import Gathered
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Pose, Scene
 from gi_core.setting import Setting, number
@@ -225,7 +225,7 @@ class Solver:
         if b is not self._shown:
             self.budget = FrameBudget()
         self._shown, self._next = b, None
-        self._source.judge(b)
+        self._source.compare(b)
         if b.added == self._goal > 0:
             yield from self._find_unreached()
         self._update()
@@ -317,14 +317,8 @@ class Solver:
 
     @property
     def uses_gathered(self) -> bool:
-        """Whether frames start from what has been gathered: it is asked for, and better than the photons."""
+        """Whether frames start from gathered light: it is asked for, and has less noise than the photons."""
         return self._source.is_gathered
-
-    @property
-    def gathers_ahead(self) -> bool:
-        """Whether gather_steps() had better go on now than solve_steps(): photons will stay noisy, and it has not yet
-        come to its first light."""
-        return self._source.goes_ahead(self._shown, self._goal)
 
     @property
     def gathered(self) -> StaticGather | None:
@@ -340,8 +334,8 @@ class Solver:
         """
         g = self._source.gather(self._photons_at_rest, state)
         yield from self._look_at_gathered(g)
-        while not g.enough:
-            if g.step():
+        for new in g.steps():
+            if new:
                 yield from self._look_at_gathered(g)
             else:
                 yield Progress("gathering", g.fraction, False)
@@ -353,13 +347,13 @@ class Solver:
         return self._shown.resting(photons) if photons else None
 
     def _look_at_gathered(self, g: StaticGather) -> Iterator[Progress]:
-        """Use what has been gathered if it is better than the photons; irradiance is then new."""
-        better = self._source.judge(self._shown)
-        if better:
+        """Use gathered light if it has less noise than the photons; irradiance is then new."""
+        used = self._source.compare(self._shown)
+        if used:
             if self._shown.added == self._goal:
                 yield from (p._replace(fraction=g.fraction) for p in self._find_unreached())
             self._update()
-        yield Progress("gathering", g.fraction, better)
+        yield Progress("gathering", g.fraction, used)
 
     def twin(self, fresh: bool = False) -> Solver:
         """Return a solver with settings and poses of its own that shares this one's scene and photons.

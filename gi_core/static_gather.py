@@ -1,14 +1,9 @@
-"""The static part's light without photons: gathered by paths while nothing else is to be done, smoothed by its noise.
+"""Irradiance of the static part without mobiles, by path tracing, in two phases.
 
-It replaces the photons' own answer as what frames start from (`control_variate.py`) once it is the better of the
-two. How far the photons are off is judged from the two alone: the square of their distance is that of the noise of
-one, which is known, and that of the error of the other.
-
-First paths of a single bounce (`final_gather.py`), which end in the photons' light, then in what they have gathered
-themselves: each round of them is one more reflection away from what the photons are off by. Within seconds they are
-nearly as good as it gets, but for that, and what is lost between vertices. How much it is, whole paths
-at a few receivers tell (`spot_check.py`). Then whole paths everywhere in rounds, without bias (`gather_rounds.py`),
-from the moment they are the better.
+Phase 1 is final gathering (`final_gather.py`). Its paths have one bounce and end in the photons' light, later in the
+light that the last pair of sets found. Its noise is low within seconds, but some of the photons' error stays.
+Phase 2 traces whole paths in rounds (`reference.py`), which have no bias. They take over at the noise that
+phase 1 ends with. Both are smoothed as far as their noise asks for (`gather_filter.py`).
 """
 
 from __future__ import annotations
@@ -17,147 +12,121 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from gi_core.error import luminance, relative_error
+from gi_core.error import luminance
 from gi_core.evaluation_points import evaluation_points
 from gi_core.final_gather import FinalGather
 from gi_core.gather_filter import smoothed
-from gi_core.gather_rounds import Gathered, gather_rounds
 from gi_core.mesh_neighbours import neighbours
 from gi_core.model import Model
-from gi_core.spot_check import SpotCheck
+from gi_core.reference import Gathered, gather_rounds
 
-ENOUGH = 0.007  # noise, relative l1: nobody sees it; with what interpolation adds the light is within a percent
-QUICK = 1.4  # times ENOUGH: where single bounces leave off, since whole paths have no bias
-UNBIASED = 2.0  # times what single bounces are off by is the noise that whole paths may end with to have the last word
-BIASED = 0.5  # of what they are off by in all: where their noise is but that, more of them gain nothing
-ROUNDS = 24  # before 1 % is reached: the first answer that can be judged comes after two
-STEP = 1 << 13  # paths a step: some 30 ms, since a drag that begins waits for it
-CLEARLY = 2.0  # times the square of its error is the photons', where it is used: grain at single vertices is more
-# easily seen than the soft blotches of photons of the same error
+ENOUGH = 0.007  # noise, relative l1, that phase 2 ends with; with interpolation the light is within a percent
+LOW = 1.4  # times ENOUGH: noise that phase 1 ends with, and below which whole paths take over
+ROUNDS = 24  # before 1 % is reached: the first noise is known after two
+STEP = 1 << 13  # paths per step: some 30 ms, since a drag that begins waits for it
 
 
 class StaticGather:
-    """Irradiance of the static part's receivers as it is without mobiles."""
+    """Irradiance of the static part's receivers without mobiles.
+
+    mean (n, 3) float64 [W/m2], smoothed; noise: its relative l1 noise before smoothing, inf before the first answer;
+    deviation (n,) [W/m2], the standard error of its luminance; state: the whole paths so far, or None.
+    """
 
     def __init__(
         self, model: Model, seed: int, photons: Callable[[], np.ndarray | None], state: Gathered | None = None
     ):
-        """photons() returns the irradiance (n, 3) of these receivers that photons tell by now, None without any;
-        state: what an earlier run has gathered with the same scene and seed. Raises ValueError for another.
+        """photons() returns these receivers' irradiance (n, 3) by photons so far, or None.
+
+        state: of an earlier run with the same scene and seed. Raises ValueError for the state of another scene.
         """
         rows = model.surfaces.receiver_range(0)
         points, normals = evaluation_points(model.surfaces, model.object_receivers)
         self.weights = model.object_receivers.areas[rows].copy()
         if state is not None and len(state.sets) != len(self.weights):
             raise ValueError(f"the state is of {len(state.sets)} points, but there are {len(self.weights)}")
-        given = model, seed, points[rows], normals[rows]
-        paid = self.weights.copy()
-        paid[model.first_probe :] = paid.mean() if len(paid) else 0.0  # probes stand for no area, but are read
-        self._final = FinalGather(*given, paid)
-        self._check = SpotCheck(*given, paid) if len(paid) else None
-        self._photons, self._quick = photons, self._first_answers(photons) if len(paid) else None
-        self.early = 0  # paths of a single bounce that `mean` is of; 0: it is of whole rounds, or not known at all
-        self._rounds = _rounds(*given, paid, state)
-        self.state = state
-        self.mean, self.noise = np.zeros((0, 3)), float("inf")  # (n, 3) [W/m2]; of it, relative l1
-        lit = len(paid) and len(model.emitters.kind)
-        self._left = float("inf" if lit else "nan")  # noise of whole rounds
-        self._raw, self._share = self.mean, 1.0  # before it was smoothed; of its error, what that has left
-        self.deviation = np.zeros(0)  # (n,) [W/m2] standard error of its luminance
-        self._seed, self._threads = seed, model.threads
+        self._paid = self.weights.copy()
+        # Probes have no area, but are read.
+        self._paid[model.first_probe :] = self._paid.mean() if len(self._paid) else 0.0
+        self._model, self._seed, self._photons = model, seed, photons
+        self._points = points[rows], normals[rows]
+        self._final = FinalGather(model, seed, *self._points, self._paid)
         self._near = neighbours(model.corners(0), rows.stop)
-        self._smoothing: Iterator[None] | None = None
-        if state is not None and len(state.sets) and state.sets.min() == state.sets.max() > 1:
-            for _ in self._take_over(state.mean, state.standard_error, state.noise(self.weights)):
-                pass  # else the round is finished first
-            self._left = self.noise
-        self._round = 0 if state is None else _rounds_done(state)
+        self.state = state
+        self.mean, self.noise, self.deviation = np.zeros((0, 3)), float("inf"), np.zeros(0)
+        lit = len(self.weights) and len(model.emitters.kind)
+        self._left = float("inf" if lit else "nan")  # noise of whole paths that have been looked at
 
     @property
     def enough(self) -> bool:
-        return self._smoothing is None and not self._left > ENOUGH  # nan: nothing is there, or nothing is lit
+        """Whether nothing is left to do. The noise is nan without receivers and without light."""
+        return not self._left > ENOUGH
 
     @property
     def fraction(self) -> float:
-        """Share of the way to ENOUGH, 0 .. 1: noise falls with the root of the paths. 0 until there are rounds."""
+        """Share of the way to ENOUGH, 0 .. 1: noise falls with the root of the paths. 0 before the second round."""
         return min((ENOUGH / self._left) ** 2, 1.0) if self._left > 0 else 1.0
 
-    def step(self) -> bool:
-        """Gather a little more; True when `mean` is new."""
-        if self._smoothing is not None:
-            going_on = next(self._smoothing, self) is None
-            self._smoothing = self._smoothing if going_on else None
-            return not going_on
-        if self._quick is not None and self._photons() is not None:
-            self._smoothing = next(self._quick, self)
-            if self._smoothing is self:
-                self._quick = self._smoothing = None
-            return False
-        self.state = next(self._rounds)
-        done = _rounds_done(self.state)
-        if done > self._round and done > 1:
-            self._left = self.state.noise(self.weights)
-            allowed = (UNBIASED if self.enough else 1.0) * self._early_error
-            if not (self.early and self._left > allowed):
-                self._smoothing = self._take_over(self.state.mean, self.state.standard_error, self._left)
-        self._round = done
-        return False
+    def steps(self) -> Iterator[bool | None]:
+        """Gather until it is enough, in steps of some 30 ms; yields True where `mean` is new.
 
-    def _first_answers(self, photons: Callable[[], np.ndarray | None]) -> Iterator[Iterator[None] | None]:
-        """Gather single bounces, in steps; yields what is to be done next, if anything, to take them over."""
+        May be dropped between steps and begun again, with the same result.
+        """
+        if not self.enough:
+            yield from self._single_bounces()
+            yield from self._whole_paths()
+
+    def _single_bounces(self) -> Iterator[bool | None]:
         f = self._final
-        yield from self._check.steps()
-        for new in f.steps(lambda: self._known(photons())):
-            yield self._take_over(f.mean, f.standard_error, f.noise, f.paths) if new and f.noise < self.noise else None
-            if not f.noise > max(QUICK * ENOUGH, BIASED * self._early_error):
+        known = np.inf if self.state is None else self.state.noise(self.weights)
+        if self._photons() is None or not min(known, f.noise) > LOW * ENOUGH:
+            return
+        for new in f.steps(lambda: self._known(self._photons())):
+            yield False
+            if new and f.noise < self.noise:
+                yield from self._take_over(f.mean, f.standard_error, f.noise)
+            if not f.noise > LOW * ENOUGH:
                 return
 
-    def _known(self, photons: np.ndarray) -> np.ndarray:
-        """Return the light (n, 3) that single bounces end in: what the last of them told, else the photons'.
+    def _whole_paths(self) -> Iterator[bool | None]:
+        rounds, looked_at = self._rounds(), 1
+        while not self.enough:
+            if (done := _complete_rounds(self.state)) > looked_at:
+                looked_at, noise = done, self.state.noise(self.weights)
+                if noise < max(self.noise, LOW * ENOUGH):
+                    yield from self._take_over(self.state.mean, self.state.standard_error, noise)
+                self._left = noise
+            else:
+                self.state = next(rounds)
+                yield False
 
-        A receiver that sees nothing is inside something, at a corner of faces that reach out of it: there the photons'
-        discs still tell of the light beside it. How much light there is in all is the photons' to tell, without bias:
-        what interpolation between vertices loses would be lost again at every reflection.
+    def _rounds(self) -> Iterator[Gathered]:
+        given = self._model.scene, *self._points, self._seed, self._paid
+        return gather_rounds(*given, model=self._model, state=self.state, step=STEP, mobiles=False, rounds=ROUNDS)
+
+    def _known(self, photons: np.ndarray) -> np.ndarray:
+        """Return the irradiance (n, 3) at the ends of single bounces: by the last of them, else by photons.
+
+        A receiver that sees nothing lies inside another object, at a corner of faces that reach out of it. There the
+        photons' discs still know the light beside it. The sum over all receivers is the photons', which has no bias:
+        interpolation between vertices would lose light at every reflection.
         """
-        told = self._final.last
-        out = np.where(luminance(told)[:, None] > 0, told, photons)
+        last = self._final.last
+        out = np.where(luminance(last)[:, None] > 0, last, photons)
         mine, theirs = self.weights @ out, self.weights @ photons
         return out * np.divide(theirs, mine, out=np.ones(3), where=mine > 0)
 
-    @property
-    def _early_error(self) -> float:
-        """What single bounces are off by, chance and all (relative l1)."""
-        return max(self._share * self.noise, self._check.error(self.mean)) if self.early else 0.0
-
-    def _take_over(self, mean, standard_error, noise: float, early: int = 0) -> Iterator[None]:
-        """Make this the light of this, in steps; the arrays must not change between them."""
-        found = yield from smoothed(mean, standard_error, self.weights, self._near, self._seed, self._threads)
-        self.mean, self._raw, self._share = found.irradiance.copy(), mean.copy(), found.share
+    def _take_over(self, mean: np.ndarray, standard_error: np.ndarray, noise: float) -> Iterator[bool | None]:
+        """Smooth this light and make it `mean`, in steps; the arrays must not change between them."""
+        given = self.weights, self._near, self._seed, self._model.threads
+        found = yield from smoothed(mean, standard_error, *given)
+        self.mean, self.noise = found.irradiance.copy(), noise
         self.deviation = found.share * luminance(standard_error)
-        self.noise, self.early = noise, early
-
-    @property
-    def first_due(self) -> bool:
-        """Whether the first answer is still to come."""
-        return not np.isfinite(self.noise)
-
-    def better_than(self, photons: np.ndarray) -> bool:
-        """Tell whether `mean` is clearly nearer to the truth than the photons' irradiance (n, 3)."""
-        if len(self.mean) != len(photons) or not np.isfinite(self.noise):
-            return False
-        if np.isnan(apart := relative_error(photons, self._raw, self.weights).l1):
-            return False  # black
-        if self.early:
-            return self._check.error(photons) ** 2 >= CLEARLY * self._early_error**2
-        of_photons = apart**2 - self.noise**2
-        return of_photons >= CLEARLY * (self._share * self.noise) ** 2
+        yield True
 
 
-def _rounds(model: Model, seed: int, points, normals, weights, state) -> Iterator[Gathered]:
-    return gather_rounds(
-        model.scene, points, normals, seed, weights, model=model, state=state, step=STEP, mobiles=False, rounds=ROUNDS
-    )
-
-
-def _rounds_done(state: Gathered) -> int:
-    return int(state.sets.min()) if len(state.sets) else 0
+def _complete_rounds(state: Gathered | None) -> int:
+    """Return the rounds that have come to all points; 0 within a round."""
+    if state is None or not len(state.sets) or state.sets.min() < state.sets.max():
+        return 0
+    return int(state.sets.min())

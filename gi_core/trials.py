@@ -13,7 +13,7 @@ import numpy as np
 
 from gi_core.error import receiver_classes, relative_error
 from gi_core.evaluation_points import evaluation_points
-from gi_core.gather_rounds import gather_rounds
+from gi_core.reference import gather_rounds
 from gi_core.scene.types import Pose
 from gi_core.setting import Setting
 from gi_core.solver import Solver

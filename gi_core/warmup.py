@@ -26,12 +26,12 @@ import numpy as np
 from gi_core.disc_search import SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.gather_filter import smoothed
-from gi_core.gather_rounds import gather_rounds
 from gi_core.jit import cache_folder
 from gi_core.mesh_neighbours import neighbours
 from gi_core.mobile_gather import MobileGather
 from gi_core.model import Model
 from gi_core.near_points import count_within, nearest
+from gi_core.reference import gather_rounds
 from gi_core.scene.pilot import Rays, useful_box
 from gi_core.scene.refinement import refined
 from gi_core.scene.texture_filter import lookup

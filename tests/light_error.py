@@ -79,8 +79,9 @@ def gathered_light(solver, rounds: int) -> tuple[np.ndarray, np.ndarray, float]:
     from gi_core.static_gather import StaticGather
 
     g = StaticGather(solver.model, solver.seed, lambda: None)  # whole paths alone
-    while not g.step() or g.state.sets.min() < rounds:
-        pass
+    for new in g.steps():
+        if new and g.state.sets.min() >= rounds:
+            break
     return g.state.mean.copy(), g.mean, g.noise
 
 

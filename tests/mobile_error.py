@@ -21,9 +21,9 @@ import numpy as np
 from gi_core.error import luminance, relative_error
 from gi_core.error_at_hand import bias_left
 from gi_core.evaluation_points import evaluation_points
-from gi_core.gather_rounds import gather_rounds
 from gi_core.light_source import PATHS
 from gi_core.mobile_gather import MobileGather
+from gi_core.reference import gather_rounds
 from gi_core.scene import load_scene
 from gi_core.solver import Solver
 

@@ -54,7 +54,7 @@ def _measure(what: str, points: int, paths: int) -> str:
 
     first = then = None
     gathering = Gathering(solver, clock)
-    for progress in gathering.ahead(solver.solve_steps()):
+    for progress in solver.solve_steps():
         if progress.picture:
             first = first or clock()
         if clock() <= SECONDS or then is None:

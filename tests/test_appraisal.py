@@ -18,7 +18,8 @@ from app.log import Log
 from app.session import Session
 from app.settings import Settings
 from gi_core.error import luminance, relative_error
-from gi_core.reference import evaluation_points, reference_irradiance
+from gi_core.evaluation_points import evaluation_points
+from gi_core.reference import reference_irradiance
 from gi_core.solver import Solver
 
 

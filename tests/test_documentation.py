@@ -128,7 +128,7 @@ def test_every_shipped_scene_is_in_the_readme():
 # Interface --------------------------------------------------------------------------------------------
 
 API = ROOT / "docs" / "api.md"
-MODULES = ("gi_core.scene", "gi_core.solver", "gi_core.reference", "gi_core.gather_rounds", "gi_core.error",
+MODULES = ("gi_core.scene", "gi_core.solver", "gi_core.reference", "gi_core.evaluation_points", "gi_core.error",
            "gi_core.pose", "gi_core.radiosity", "gi_core.tessellation", "gi_core.surfaces", "gi_core.receivers",
            "gi_core.setting")  # fmt: skip
 

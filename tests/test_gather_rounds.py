@@ -8,11 +8,10 @@ import pytest
 import scene_builders as build
 from significance import chi_square, seeds_test, z_test
 
-from gi_core import gather_rounds as rounds
+from gi_core import reference as rounds
 from gi_core import strata
-from gi_core.gather_rounds import gather_rounds, nothing_gathered, set_sizes
 from gi_core.model import Model
-from gi_core.reference import reference_irradiance
+from gi_core.reference import gather_rounds, nothing_gathered, reference_irradiance, set_sizes
 from gi_core.scene.types import SkyLight
 
 P, N = build.ROOM_POINTS

@@ -15,7 +15,7 @@ from gi_core.evaluation_points import evaluation_points
 from gi_core.light_sampling import small_lights
 from gi_core.next_event import small_light_at
 from gi_core.pose import axis_angle
-from gi_core.reference import reference_irradiance, reference_steps
+from gi_core.reference import reference_irradiance
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import DirectionalLight, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
 from gi_core.surfaces import flatten
@@ -207,27 +207,14 @@ def test_same_seed_same_answer_and_points_do_not_depend_on_each_other():
     assert not np.array_equal(a[0], reference_irradiance(scene, P, N, 500, 14)[0])
 
 
-def test_steps_run_up_to_the_same_answer(monkeypatch):
-    monkeypatch.setattr("gi_core.reference.BATCH", 64)
-    P, N = build.ROOM_POINTS
-    steps = list(reference_steps(build.coloured_room(), P, N, 100, 15))
-    assert [s.paths for s in steps][-1] == 100 and len(steps) > 5
-    monkeypatch.undo()
-    mean, error = reference_irradiance(build.coloured_room(), P, N, 100, 15)
-    assert steps[-1].mean == pytest.approx(mean, rel=1e-12)
-    assert steps[-1].standard_error == pytest.approx(error, rel=1e-9)
-    assert reference_irradiance(build.coloured_room(), P, N, steps[0].paths, 15)[0] == pytest.approx(
-        steps[0].mean, rel=1e-12
-    )
-
-
-def test_more_points_than_a_batch(monkeypatch):
+def test_any_number_of_paths_at_once_gives_the_same_bits(monkeypatch):
     P, N = (np.tile(a, (20, 1)) for a in build.ROOM_POINTS)
-    whole = reference_irradiance(build.coloured_room(), P, N, 3, 16)
-    monkeypatch.setattr("gi_core.reference.BATCH", 7)
-    split = reference_irradiance(build.coloured_room(), P, N, 3, 16)
-    assert split[0] == pytest.approx(whole[0], rel=1e-12)
-    assert split[1] == pytest.approx(whole[1], rel=1e-9)
+    runs = []
+    for step in (1 << 16, 7, 350):
+        monkeypatch.setattr("gi_core.reference.STEP", step)
+        runs.append(reference_irradiance(build.coloured_room(), P, N, 5, 16))
+    for run in runs[1:]:
+        assert np.array_equal(run[0], runs[0][0]) and np.array_equal(run[1], runs[0][1])
 
 
 def test_no_lights_no_points_no_normal():

@@ -17,7 +17,7 @@ from app.reference_store import StateFile, StaticStore
 from app.session import Session
 from app.settings import Settings
 from gi_core import static_gather
-from gi_core.gather_rounds import nothing_gathered
+from gi_core.reference import nothing_gathered
 from gi_core.solver import Solver
 
 SCENE = coloured_room((box_mobile(size=0.2),))

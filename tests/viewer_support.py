@@ -165,8 +165,6 @@ class CountingSolver:
     `photon_seconds`: what a move costs more for each photon; `wrong`: times that what the budget learns.
     """
 
-    gathers_ahead = False
-
     def __init__(
         self, scene: Scene, clock: Clock, steps: int = 40, photon_seconds: float = 0.0, wrong: float = 1.0
     ) -> None:
