@@ -10,10 +10,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from app import options, values
-from app.parser import Parser, did_you_mean
+from app.cli import options, values
+from app.cli.parser import Parser, did_you_mean
+from app.cli.version import version
 from app.settings import LIGHTS, Settings, UsageError, check_names
-from app.version import version
 
 OK, USAGE, SCENE, NO_GL = 0, 2, 3, 4
 FALLBACK_PICTURE = "gi-viewer.png"
@@ -71,7 +71,7 @@ def parse(argv: list[str]) -> argparse.Namespace:
 
 
 def _is_scene(name: str) -> bool:
-    from gi_core.scene.find import shipped_scenes
+    from gi_core.files.find import shipped_scenes
 
     return Path(name).exists() or name in shipped_scenes()
 
@@ -180,16 +180,16 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
 
 def _view(arguments: argparse.Namespace) -> int:
     settings = settings_of(arguments)
-    from app.window import why_no_window
+    from app.window.window import why_no_window
 
     reason = why_no_window()
     if reason is None:
-        from app.viewer import run
+        from app.window.viewer import run
 
         return run(settings, screenshot=arguments.screenshot)
     if not settings.fallback:
         return _fail(reason, NO_GL)
-    from app.render_command import render
+    from app.commands.render import render
     from app.settings import open_scene
 
     open_scene(settings)  # what is wrong with the scene is told first, and alone
@@ -200,7 +200,7 @@ def _view(arguments: argparse.Namespace) -> int:
 
 
 def _render(arguments: argparse.Namespace) -> int:
-    from app.render_command import render
+    from app.commands.render import render
 
     out = arguments.out or Path(FALLBACK_PICTURE)
     replaced = arguments.out is None and arguments.frames is None and out.exists()
@@ -212,21 +212,21 @@ def _render(arguments: argparse.Namespace) -> int:
 
 
 def _bench(arguments: argparse.Namespace) -> int:
-    from app.bench_command import run
+    from app.measure.bench.command import run
 
     run(arguments, settings_of(arguments))
     return OK
 
 
 def _tune(arguments: argparse.Namespace) -> int:
-    from app.tune_command import tuned_lines
+    from app.commands.tune import tuned_lines
 
     print("\n".join(tuned_lines(settings_of(arguments), arguments.error, arguments.check)))
     return OK
 
 
 def _atlas(arguments: argparse.Namespace) -> int:
-    from app.atlas_command import atlas
+    from app.measure.atlas.command import atlas
 
     atlas(arguments.out)
     print((arguments.out / "atlas.md").read_text(encoding="utf-8"))
@@ -234,14 +234,14 @@ def _atlas(arguments: argparse.Namespace) -> int:
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    from app.info_command import info
+    from app.measure.scene_info import info
 
     print("\n".join(info(settings_of(arguments))))
     return OK
 
 
 def _reference(arguments: argparse.Namespace) -> int:
-    from app.reference_command import reference
+    from app.commands.reference import reference
 
     reference(settings_of(arguments), arguments.error / 100)
     return OK
@@ -251,7 +251,7 @@ def _chart(arguments: argparse.Namespace) -> int:
     a = arguments
     if a.atlas:
         return _atlas(a)
-    from app.chart_command import chart
+    from app.measure.chart.command import chart
 
     print(chart(settings_of(a), a.out, a.quick, a.frames, a.points))
     return OK

@@ -16,11 +16,11 @@ SOLVER_SETTINGS = (
     "estimator", "photons", "radius", "neighbours", "control", "search", "border_correction", "textbook",
     "light",
 )  # fmt: skip
-LIGHTS = ("best", "photons")  # those of gi_core.light_source
+LIGHTS = ("best", "photons")  # those of gi_core.frames.light_source
 REFERENCE = "reference"  # what a wipe may show beside estimators
 TONE_MAPS = ("aces", "reinhard", "clip")
 SHOWS = ("radiance", "irradiance")
-ERRORS = "error"  # what the window shows beside those: needs the reference, see app/appraisal.py
+ERRORS = "error"  # what the window shows beside those: needs the reference, see app/rest/live_error.py
 SIZE = (1280, 800)
 BUDGET = 16.0  # [ms]: 60 frames a second
 STEP = 0.015  # of the scene size: how far a mobile goes in a timed frame, the report's motion
@@ -32,7 +32,7 @@ class UsageError(ValueError):
 
 @dataclass(frozen=True)
 class Settings:
-    """None means: let the scene file, then `gi_core.defaults`, decide."""
+    """None means: let the scene file, then `gi_core.defaults.choose`, decide."""
 
     scene: str = "cornell"  # a built-in name, a scene file (.toml) or a mesh file
     mobiles: tuple[str, ...] = ()  # mesh files that become mobiles
@@ -43,10 +43,10 @@ class Settings:
     photons: int | None = None
     radius: float | None = None  # [m]
     neighbours: int | None = None
-    control: bool = True  # artifact control of tangent_plane, see gi_core/reachable_area.py
-    border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc, see gi_core/border_angle.py
+    control: bool = True  # artifact control of tangent_plane, see gi_core/discs/region.py
+    border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc
     textbook: bool = False  # photon_map counts the k-th hit too
-    search: str = "disc_index"  # a key of gi_core.disc_search.SEARCHES; all give the same picture
+    search: str = "disc_index"  # a key of gi_core.discs.search.SEARCHES; all give the same picture
     light: str | None = None  # one of LIGHTS; None: see `light_chosen`
     seed: int = 0
     poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
@@ -85,7 +85,7 @@ class Settings:
 
 def open_scene(settings: Settings) -> Scene:
     """Load the scene with its mobiles, at the poses asked for. Raises SceneError."""
-    from gi_core.scene import load_scene
+    from gi_core.files.load import load_scene
 
     options = {name: getattr(settings, name) for name in ("max_edge", "up") if getattr(settings, name) is not None}
     scene = load_scene(settings.scene, mobiles=settings.mobiles, allow_outside=settings.allow_outside, **options)
@@ -106,8 +106,8 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
 
     Raises SceneError for a mobile that the scene does not have and for a pose that is not rigid.
     """
-    from gi_core.pose import as_pose
     from gi_core.scene import Pose, SceneError
+    from gi_core.scene.pose import as_pose
 
     known = {m.name: m for m in scene.mobiles}
     poses = {}
@@ -127,7 +127,7 @@ def check_names(settings: Settings) -> None:
     given = [(name, getattr(settings, name)) for name in ("estimator", "search")]
     if all(value in (None, getattr(Settings, name)) for name, value in given):
         return
-    from gi_core.disc_search import SEARCHES
+    from gi_core.discs.search import SEARCHES
     from gi_core.estimators import ESTIMATORS
 
     for (name, value), known in zip(given, (ESTIMATORS, SEARCHES), strict=True):

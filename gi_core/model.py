@@ -6,20 +6,20 @@ from functools import cached_property
 
 import numpy as np
 
-from gi_core.accelerator import Accelerator, Transforms, bounding_spheres, transforms
-from gi_core.border_angle import covered_share
-from gi_core.emission import build_emitters
-from gi_core.near_scan import grid_for
-from gi_core.paths import END_EXTENSION, NONE
-from gi_core.pose import as_pose, to_world, to_world_directions
-from gi_core.receivers import Receivers
-from gi_core.rows import dot
-from gi_core.scene.check import check_scene
+from gi_core.base.threads import available_cores
+from gi_core.base.vectors import dot
+from gi_core.geometry.border_angle import covered_share
+from gi_core.geometry.receivers import Receivers
+from gi_core.geometry.sides import NONE
+from gi_core.geometry.surfaces import flatten
+from gi_core.lights.emission import build_emitters
+from gi_core.photons.paths import END_EXTENSION
+from gi_core.rays.accelerator import Accelerator, Transforms, bounding_spheres, transforms
+from gi_core.rays.two_level import build_world, enclosing_sphere
 from gi_core.scene.errors import SceneError
+from gi_core.scene.pose import as_pose, to_world, to_world_directions
 from gi_core.scene.types import Pose, Scene
-from gi_core.surfaces import flatten
-from gi_core.threads import available_cores
-from gi_core.two_level import build_world, enclosing_sphere
+from gi_core.scene.validate import check_scene
 
 BEHIND = -2  # in place of the receiver on the back of a disc: this is one, its front stands for both
 CONCAVE = 1e-3  # height over width of the faces round a receiver; float32 files are flat to 1e-5
@@ -49,7 +49,7 @@ class Model:
         # Directional and sky light must reach mobiles that stand out of the static part.
         lit = enclosing_sphere(self.surfaces.vertices[0], lights, np.array(mobiles))
         self.emitters = build_emitters(scene, self.surfaces, *lit)
-        self.grid = grid_for(self.world, *lit)
+        self.lit = lit  # centre (3,) and radius [m] of the sphere that light can reach
         self.eps = np.float32(END_EXTENSION * self.world.size)
         self.static = transforms([])
         self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)
@@ -123,7 +123,7 @@ class Model:
 
     @cached_property
     def covered_share(self) -> np.ndarray:
-        """Return alpha / 2 pi of each receiver, see `gi_core.border_angle`. (R,) float64."""
+        """Return alpha / 2 pi of each receiver, see `gi_core.geometry.border_angle`. (R,) float64."""
         return covered_share(self.surfaces, self.object_receivers)
 
     @cached_property

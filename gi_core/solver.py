@@ -1,4 +1,4 @@
-"""The solver: background once, then each frame (`frames.py`) from the background and the poses alone."""
+"""The solver: background once, then each frame (`frame.py`) from the background and the poses alone."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.background import Background, Photons, add_fates
-from gi_core.contact_discs import ControlFacts
-from gi_core.cuts import Frame
-from gi_core.defaults import choose
-from gi_core.dilation import Drawn, dilated
-from gi_core.disc_search import SEARCHES
+from gi_core.base.stage_timer import Stages
+from gi_core.defaults.choose import choose
+from gi_core.discs.contact.stale_receivers import ControlFacts
+from gi_core.discs.search import SEARCHES
+from gi_core.display.dilation import Drawn, dilated
+from gi_core.display.probes import probe_irradiance
 from gi_core.estimators import ESTIMATORS
-from gi_core.frame_budget import FrameBudget
-from gi_core.frames import Changes, FrameSize, changes_of, frame_light, light_from_scratch
-from gi_core.ladder import is_rung, next_rung
-from gi_core.light_pool import LightPool
-from gi_core.light_source import LightSource
+from gi_core.estimators.setting import Setting, number
+from gi_core.frames.background import Background, Photons, add_fates
+from gi_core.frames.frame import Changes, FrameSize, changes_of, frame_light, light_from_scratch
+from gi_core.frames.frame_budget import FrameBudget
+from gi_core.frames.light_pool import LightPool
+from gi_core.frames.light_source import LightSource
+from gi_core.gather.reference import Gathered
+from gi_core.gather.static import StaticGather
+from gi_core.geometry.receivers import Receivers
+from gi_core.geometry.surfaces import Surfaces
 from gi_core.model import Model
-from gi_core.near_scan import Room
-from gi_core.photon_trace import Fates
-from gi_core.pose import as_pose
-from gi_core.probes import probe_irradiance
-from gi_core.receivers import Receivers
-from gi_core.reference import Gathered
+from gi_core.photons.prefixes import is_rung, next_rung
+from gi_core.photons.trace import Fates
+from gi_core.retrace.broad_phase import Room
+from gi_core.retrace.cuts import Frame
 from gi_core.scene.errors import SceneError
+from gi_core.scene.pose import as_pose
 from gi_core.scene.types import Pose, Scene
-from gi_core.setting import Setting, number
-from gi_core.stages import Stages
-from gi_core.static_gather import StaticGather
-from gi_core.surfaces import Surfaces
 
 STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
 FIRST_STEP_SECONDS = 0.08  # the same before the first picture: there is nothing yet that could be dragged
@@ -80,9 +80,9 @@ class Solver:
         """Prepare a scene; nothing is traced yet but for a small pilot that sets the defaults.
 
         photons: how many to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map;
-        None takes the scene file's value, else the rule of `gi_core.defaults`; light: "photons" or "best", see
-        `gi_core.light_source`; others: fields of `gi_core.setting.Setting` that differ from what they are there.
-        Raises SceneError.
+        None takes the scene file's value, else the rule of `gi_core.defaults.choose`; light: "photons" or "best", see
+        `gi_core.frames.light_source`; others: fields of `gi_core.estimators.setting.Setting` that differ from what they
+        are there. Raises SceneError.
         """
         self.scene = scene
         self.seed = int(seed)
@@ -118,7 +118,7 @@ class Solver:
     ) -> None:
         """Change settings. Paths are kept; solve_steps() does again only what depends on the change.
 
-        light: "photons", the estimator's own; "best", gathered where that is better (`gi_core.light_source`);
+        light: "photons", the estimator's own; "best", gathered where that is better (`gi_core.frames.light_source`);
         prefix_only: frames of a prefix of the photons take the static part's light from that prefix too, not from all
         photons (for measuring); changes: fields of `setting`; None keeps a value. Until solve_steps() has run,
         frames go on with the old settings. Raises SceneError for a bad value.
@@ -254,7 +254,7 @@ class Solver:
         """Put several mobiles at new poses and update irradiance once.
 
         For a faster and noisier frame, photons: one of `prefixes`, None: all; paths: that a receiver of a mobile
-        gathers, where its light is gathered, one of `gi_core.light_source.PATHS`, None: 64. Raises SceneError as
+        gathers, where its light is gathered, one of `gi_core.frames.light_source.PATHS`, None: 64. Raises SceneError as
         move() does, and for any other number of photons or paths. A move that any exception breaks off has not been
         made.
         """
@@ -278,7 +278,7 @@ class Solver:
     def size_within(self, seconds: float) -> tuple[int | None, int | None]:
         """Return the photons and paths, as of move_all(), of the largest frame expected to take no longer.
 
-        Judged by past frames; where there are none, the smallest that makes a picture (`gi_core.frame_budget`).
+        Judged by past frames; where there are none, the smallest that makes a picture (`gi_core.frames.frame_budget`).
         """
         return self.budget.within(seconds, self.prefixes, self.paths_at_rest > 0)
 
@@ -327,7 +327,7 @@ class Solver:
     # -- gathering --------------------------------------------------------------------------------
 
     def gather_steps(self, state: Gathered | None = None) -> Iterator[Progress]:
-        """Gather the static part's light in steps of some 30 ms until it is known to 0.7 % (`gi_core.static_gather`).
+        """Gather the static part's light in steps of some 30 ms until it is known to 0.7 % (`gi_core.gather.static`).
 
         Used by frames where `light` is "best". May be abandoned between steps and begun again;
         state: what `gathered.state` of an earlier run was, for the same scene and seed. Raises ValueError for another.
@@ -397,7 +397,7 @@ class Solver:
         """Return irradiance (R, 3) as it is to be drawn: unreached receivers are filled from lit ones beside them.
 
         poses: that it belongs to, if not the current ones. The same array, and no weights, where light reaches all
-        receivers (`gi_core.dilation`), and until all photons wanted have been estimated.
+        receivers (`gi_core.display.dilation`), and until all photons wanted have been estimated.
         """
         source = self._source
         if source.dilation is None:
@@ -425,7 +425,7 @@ class Solver:
 
     @property
     def probe_irradiance(self) -> dict[str, np.ndarray]:
-        """Irradiance (3,) [W/m2] at each probe, see `gi_core.probes`."""
+        """Irradiance (3,) [W/m2] at each probe, see `gi_core.display.probes`."""
         on_faces = self._shown is not None and self._shown.estimate.on_faces
         return probe_irradiance(self.model, self.irradiance, on_faces)
 

@@ -1,6 +1,6 @@
 #version 330 core
 // Chooses the side that is seen, then exposure, tone map, sRGB: once each, in this order.
-// app/tonemap.py does the same arithmetic for pictures without a window.
+// app/draw/tonemap.py does the same arithmetic for pictures without a window.
 
 uniform float exposure;  // factor: 2^EV
 uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours

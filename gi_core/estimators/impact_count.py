@@ -11,14 +11,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gi_core.accelerator import Transforms
-from gi_core.cuts import Frame, Heads, Wanted
-from gi_core.jit import kernel
-from gi_core.ladder import Ladder
+from gi_core.base.jit import kernel
+from gi_core.estimators.setting import Setting
 from gi_core.model import Model
-from gi_core.paths import Segments
-from gi_core.setting import Setting
-from gi_core.sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums, carried
+from gi_core.photons.flux_sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums, carried
+from gi_core.photons.paths import Segments
+from gi_core.photons.prefixes import Ladder
+from gi_core.rays.accelerator import Transforms
+from gi_core.retrace.cuts import Frame, Heads, Wanted
 
 
 @kernel

@@ -21,18 +21,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.accelerator import Transforms
-from gi_core.contact_discs import ControlFacts
-from gi_core.cuts import Frame, Wanted
-from gi_core.hit_grid import HitGrid, Hits, build, build_steps, cell_of, gather, hits_of
-from gi_core.jit import allocating, kernel
-from gi_core.ladder import Ladder
+from gi_core.base.jit import allocating, kernel
+from gi_core.base.threads import run_ranges
+from gi_core.discs.contact.stale_receivers import ControlFacts
+from gi_core.estimators.setting import Setting
+from gi_core.geometry.sides import NONE
 from gi_core.model import Model
-from gi_core.paths import NONE, Segments
-from gi_core.pose import to_world_at
-from gi_core.setting import Setting
-from gi_core.sums import CHUNK_BITS, NOT_TOLD, Evaluated, chunks_of
-from gi_core.threads import run_ranges
+from gi_core.photons.flux_sums import CHUNK_BITS, NOT_TOLD, Evaluated, chunks_of
+from gi_core.photons.hit_grid import HitGrid, Hits, build, build_steps, cell_of, gather, hits_of
+from gi_core.photons.paths import Segments
+from gi_core.photons.prefixes import Ladder
+from gi_core.rays.accelerator import Transforms
+from gi_core.retrace.cuts import Frame, Wanted
+from gi_core.scene.pose import to_world_at
 
 CELL_SHARE = 0.25  # of the radius: finer cells cost more visits than they save tests
 NEVER = np.int32(1 << 30)  # bounce of the cut of a photon that is not cut

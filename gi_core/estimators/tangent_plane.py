@@ -15,21 +15,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.accelerator import Transforms
-from gi_core.contact import Met
-from gi_core.contact_discs import ContactDiscs, ControlFacts, room_for_contacts
-from gi_core.crossings import Crossings
-from gi_core.cuts import Frame, Heads, Wanted
-from gi_core.disc_search import SEARCHES
-from gi_core.disc_search.crossing import Discs, lines, share
-from gi_core.ladder import Ladder
+from gi_core.base.threads import run_ranges
+from gi_core.discs.contact.contact import Met
+from gi_core.discs.contact.stale_receivers import ContactDiscs, ControlFacts, room_for_contacts
+from gi_core.discs.crossing_cache import Crossings
+from gi_core.discs.region import regions, whole_discs
+from gi_core.discs.search import SEARCHES
+from gi_core.discs.search.predicate import Discs, lines, share
+from gi_core.estimators.setting import Setting
 from gi_core.model import Model
-from gi_core.paths import Segments
-from gi_core.reachable_area import regions, whole_discs
-from gi_core.setting import Setting
-from gi_core.sums import CHUNK_BITS, NOT_TOLD, Evaluated, FrameSums, Log, Sums, ThreadSums, carried
-from gi_core.tails import Tails
-from gi_core.threads import run_ranges
+from gi_core.photons.flux_sums import CHUNK_BITS, NOT_TOLD, Evaluated, FrameSums, Log, Sums, ThreadSums, carried
+from gi_core.photons.paths import Segments
+from gi_core.photons.prefixes import Ladder
+from gi_core.rays.accelerator import Transforms
+from gi_core.retrace.cuts import Frame, Heads, Wanted
+from gi_core.retrace.tails import Tails
 
 LINE_GRAIN = 1024  # segments a thread
 

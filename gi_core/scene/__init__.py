@@ -1,8 +1,4 @@
-"""Scenes: the types, and the files they come from.
-
-The loaders are imported at their first use: they need more of `gi_core` than the types do, which the
-rest of `gi_core` imports from here.
-"""
+"""Records of a scene: meshes, materials, lights, mobiles, poses. They import nothing of the other packages."""
 
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import (
@@ -42,19 +38,4 @@ __all__ = [
     "SkyLight",
     "SpotLight",
     "Texture",
-    "find_scene",
-    "load_scene",
-    "shipped_scenes",
 ]
-
-
-def __getattr__(name: str):
-    if name == "load_scene":
-        from gi_core.scene.load import load_scene
-
-        return load_scene
-    if name in ("find_scene", "shipped_scenes"):
-        from gi_core.scene import find
-
-        return getattr(find, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -127,7 +127,7 @@ class Camera(NamedTuple):
 
 
 class Defaults(NamedTuple):
-    """What a scene file recommends; None leaves it to `gi_core.defaults`."""
+    """What a scene file recommends; None leaves it to `gi_core.defaults.choose`."""
 
     photons: int | None = None
     radius: float | None = None  # disc radius [m]

@@ -1,0 +1,60 @@
+"""`gi-viewer reference`: the unbiased answer at every receiver, gathered once and kept."""
+
+from __future__ import annotations
+
+from app.cli.progress import Bar, compile_kernels, time_left
+from app.cli.writable import check_folder
+from app.rest.reference_run import run
+from app.rest.reference_store import FOLDER, ReferenceStore, reference_folder
+from app.settings import Settings, open_scene
+from gi_core.model import Model
+
+
+class Stopped(KeyboardInterrupt):
+    """Ctrl+C: says what is kept and how to go on."""
+
+
+def reference(settings: Settings, error: float) -> dict:
+    """Gather until the error that chance makes (l1) is at most `error`; print what it took, return it.
+
+    Raises SceneError, UsageError; Stopped when interrupted, with everything gathered so far on disk.
+    """
+    check_folder(FOLDER, reference_folder())
+    with Bar() as bar:
+        bar("loading", 0.0)
+        scene = open_scene(settings)
+        compile_kernels(bar)
+        store = ReferenceStore(Model(scene), seed=settings.seed)
+        reached = None
+        try:
+            for reached in run(store, error):
+                bar(f"gathering{time_left(reached.seconds_left)}", reached.fraction)
+        except KeyboardInterrupt:
+            raise Stopped(_kept(store)) from None
+    light = (store.weights[:, None] * reached.state.mean).sum(axis=0) / store.weights.sum()
+    numbers = {
+        "scene": settings.scene,
+        "receivers": len(store.rows),
+        "paths": int(reached.state.paths.sum()),
+        "noise": reached.noise,
+        "irradiance": light.tolist(),
+        "file": str(store.path),
+    }
+    print(f"{settings.scene}: {numbers['receivers']:,} receivers, {numbers['paths']:,} paths")
+    print(f"error that chance makes: {100 * reached.noise:.2f} % of the light (l1, luminance, by area)")
+    print("mean irradiance: " + ", ".join(f"{c:.5g}" for c in light) + f" {_unit(scene)}")
+    print(f"kept in {store.path}")
+    return numbers
+
+
+def _unit(scene) -> str:
+    return "lux" if scene.units == "photometric" else "W/m2"
+
+
+def _kept(store: ReferenceStore) -> str:
+    state = store.load()
+    if state is None:
+        return "stopped before the first path"
+    noise = state.noise(store.weights)
+    at = f", error {100 * noise:.2f} %" if noise < float("inf") else ""
+    return f"stopped; {int(state.paths.sum()):,} paths are kept{at}: the same command goes on from there"

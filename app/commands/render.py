@@ -1,0 +1,54 @@
+"""`gi-viewer render`: pictures without a window, one, or many along the path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from app.cli.progress import Bar, compile_kernels, solve
+from app.cli.writable import check_writable
+from app.draw import motion
+from app.draw.png import write_png
+from app.draw.shot import Shot
+from app.rest.static_job import gather
+from app.session.warnings import caveats
+from app.settings import Settings, UsageError, make_solver, open_scene
+
+
+def render(settings: Settings, out: Path, frames: int | None = None) -> list[Path]:
+    """Write one picture, or `frames` pictures along the mobiles' paths; return their full paths.
+
+    Raises SceneError, UsageError, OSError.
+    """
+    _check(out, frames)
+    with Bar() as bar:
+        bar("loading", 0.0)
+        scene = open_scene(settings)
+        compile_kernels(bar)
+        solver = make_solver(scene, settings)
+        solve(solver, bar)
+        if settings.light == "best":  # asked for; by default a picture does not wait
+            gather(solver, bar)
+        for text in caveats(solver).values():
+            bar.say(f"gi-viewer: {text}")
+        shot = Shot(solver, settings)
+        if frames is None:
+            return [write_png(out, shot.take(lambda f: bar("drawing", f)), shot.parameters())]
+        written = []
+        for k, poses in enumerate(motion.spread(motion.paths_of(solver), frames)):
+            bar("drawing", k / frames)
+            if poses:
+                solver.move_all(poses)
+            written.append(write_png(numbered(out, k + 1), shot.take(), shot.parameters()))
+        return written
+
+
+def numbered(out: Path, k: int) -> Path:
+    """Return a.0001.png for a.png."""
+    return out.with_name(f"{out.stem}.{k:04d}{out.suffix}")
+
+
+def _check(out: Path, frames: int | None) -> None:
+    """Refuse before the work, not after it."""
+    if out.suffix.lower() != ".png":
+        raise UsageError(f"--out must name a .png file, got {out}")
+    check_writable("--out", out if frames is None else numbered(out, 1))

@@ -1,0 +1,96 @@
+"""`gi-viewer tune`: the settings that suit a time or an error best on this scene and machine, and what they promise."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import replace
+
+from app.cli.progress import Bar, compile_kernels, solve
+from app.rest.tuning import Tuned, finished, tune
+from app.settings import Settings, UsageError, make_solver, open_moving_scene
+
+
+def tuned_lines(settings: Settings, error: float | None, check: bool = False) -> list[str]:
+    """Return the lines to print: each trial, and the choice.
+
+    error: percent wanted at rest; None: the least while something moves that settings.budget [ms] allows. check:
+    solve with what was chosen and say how close it came. Raises SceneError, UsageError.
+    """
+    if settings.budget <= 0:
+        raise UsageError("--budget must be over 0 to choose settings by")
+    with Bar() as bar:
+        bar("loading", 0.0)
+        scene = open_moving_scene(settings)
+        compile_kernels(bar)
+        solver = make_solver(scene, replace(settings, estimator=None, light=settings.light_chosen))
+        solve(solver, bar)
+        found = finished(tune(solver, 1e-3 * settings.budget, None if error is None else 1e-2 * error), bar)
+        lines = [*_laws(found), "", *_choice(found, settings.budget, error), command_line(settings, found)]
+        if check:
+            lines += ["", checked(solver, found, bar)]
+    return lines
+
+
+def _laws(found: Tuned) -> list[str]:
+    lines = [f"{'tried':<32}{'noise at 1e6':>13}{'bias':>8}{'frame: start':>14}{'a 1e5 photons':>15}"]
+    for law in found.laws:
+        lines.append(
+            f"{_name(law.setting):<32}{100 * (law.noise / 1e6) ** 0.5:>11.1f} %{100 * law.bias:>6.1f} %"
+            f"{1e3 * law.start:>11.1f} ms{1e8 * law.slope:>12.1f} ms"
+        )
+    if found.exponents:
+        powers = ", ".join(f"{letter} r^{found.exponents[letter]:.2f}" for letter in ("A", "B", "c"))
+        lines.append(f"with the radius of the disc: {powers} (A / photons: noise squared; B: bias; c: time a photon)")
+    return lines
+
+
+def _choice(found: Tuned, budget: float, error: float | None) -> list[str]:
+    """Return the choice and its expected errors and frame time, in words."""
+    c = found.choice
+    asked = f"frames of {budget:g} ms" if error is None else f"{error:g} % at rest"
+    met = "" if c.met else f" ({asked} cannot be had: this comes nearest)"
+    return [
+        f"for {asked}: {_name(c.setting)}, {c.photons:,} photons{met}",
+        f"expected where something moves: {100 * c.error:.1f} % at rest, {100 * c.moving_error:.1f} % in motion "
+        f"({c.frame:,} photons{_gathered(found)}, {1e3 * c.seconds:.1f} ms a frame)",
+    ]
+
+
+def command_line(settings: Settings, found: Tuned) -> str:
+    """Return the command that opens the window with the choice."""
+    chosen = found.choice.setting
+    words = ["gi-viewer", settings.scene, *(w for file in settings.mobiles for w in ("--mobile", file))]
+    for name, numbers in settings.poses:
+        words += ["--pose", f"{name}={','.join(map(str, numbers))}"]
+    values = {
+        "max-edge": settings.max_edge, "up": settings.up, "seed": settings.seed or None,
+        "estimator": chosen.estimator, "photons": found.choice.photons, "radius": f"{chosen.radius:.4g}",
+        "neighbours": chosen.neighbours, "budget": f"{settings.budget:g}", "light": settings.light_chosen,
+    }  # fmt: skip
+    words += [w for name, value in values.items() if value is not None for w in (f"--{name}", str(value))]
+    flags = {"--allow-outside": settings.allow_outside, "--no-control": not chosen.control}
+    return shlex.join([*words, *(flag for flag, given in flags.items() if given)])
+
+
+def _gathered(found: Tuned) -> str:
+    return f", {found.paths} paths a vertex of what moves" if found.paths else ""
+
+
+def _name(setting) -> str:
+    if setting.estimator == "tangent_plane":
+        return f"tangent_plane, radius {setting.radius:.3g} m"
+    if setting.estimator == "photon_map":
+        return f"photon_map, k {setting.neighbours}"
+    return setting.estimator
+
+
+def checked(solver, found: Tuned, bar) -> str:
+    """Return how the choice does when it is tried with all its photons."""
+    from app.rest.tuning import measured
+
+    bar("checking", 0.0)
+    at_rest, moving, frame, seconds = measured(solver, found)
+    return (
+        f"found: {100 * at_rest:.1f} % at rest, {100 * moving:.1f} % in motion "
+        f"({frame:,} photons, {1e3 * seconds:.1f} ms a frame)"
+    )

@@ -1,0 +1,157 @@
+"""One object on the graphics card: its buffers, and what of it is drawn at once."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, NamedTuple
+
+import moderngl
+import numpy as np
+
+if TYPE_CHECKING:
+    from app.draw.gl_textures import GLTextures
+    from app.draw.vertex_colours import DrawMesh
+    from gi_core.scene.types import Texture
+
+
+class Run(NamedTuple):
+    """Indices that are drawn at once."""
+
+    first: int
+    count: int
+    one_sided: bool
+    texture: Texture | None
+    emission: tuple[float, float, float]
+
+
+class Layer(NamedTuple):
+    """One set of colours of an object, and what draws them."""
+
+    colours: object  # buffer: radiance and weight of front and back
+    lit: object  # vertex array without textures
+    textured: object | None  # vertex array for textures, None where there are none
+    cut_out: object | None  # the same for textures with holes
+
+
+class DrawnObject:
+    """Buffers of one object. Two-sided faces come last, so that culling can leave them out.
+
+    There may be a second layer of colours beside the first: what is drawn right of a wipe's line.
+    """
+
+    def __init__(self, ctx, surface, textured, cut_out, mask, mesh: DrawMesh) -> None:
+        self.ctx = ctx
+        self._programs = surface, textured, cut_out
+        self._one_sided = mesh.back < 0
+        order, self._runs = _runs(mesh)
+        self.indices = 3 * len(order)
+        self._one_sided_indices = sum(r.count for r in self._runs if r.one_sided)
+        self._colours = np.ones((len(mesh.positions), 8), np.float32)
+        self._corners = np.zeros((0, 3))  # of its box, object space
+        if len(mesh.positions):
+            low_high = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)], axis=1)
+            self._corners = np.array(list(itertools.product(*low_high)), np.float64)
+        # GL has no empty buffers; a scene may have an empty object.
+        self._positions = ctx.buffer(np.ascontiguousarray(mesh.positions, np.float32).tobytes() or bytes(12))
+        self._triangles = ctx.buffer(mesh.triangles[order].astype(np.int32).tobytes() or bytes(12))
+        self._marked = ctx.vertex_array(mask, [(self._positions, "3f", "position")], self._triangles)
+        self._owned = [self._positions, self._triangles, self._marked]
+        self._places = None
+        if mesh.uv is not None:
+            self._places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
+            self._owned.append(self._places)
+        self.has_holes = any(run.texture is not None and run.texture.cover is not None for run in self._runs)
+        self._layers: dict[int, Layer] = {}
+        self._layer(0)
+
+    @property
+    def is_textured(self) -> bool:
+        return self._places is not None
+
+    def _layer(self, k: int) -> Layer:
+        """Return a layer, made where there is none yet."""
+        if k not in self._layers:
+            surface, textured, cut_out = self._programs
+            colours = self.ctx.buffer(bytes(max(self._colours.nbytes, 32)), dynamic=True)
+            attributes = [(self._positions, "3f", "position"), (colours, "4f 4f", "front", "back")]
+            lit = self.ctx.vertex_array(surface, attributes, self._triangles)
+            painted = holed = None
+            if self._places is not None:
+                attributes.append((self._places, "2f", "place"))
+                painted = self.ctx.vertex_array(textured, attributes, self._triangles)
+                holed = self.ctx.vertex_array(cut_out, attributes, self._triangles) if self.has_holes else None
+            self._layers[k] = Layer(colours, lit, painted, holed)
+            self._owned += [thing for thing in self._layers[k] if thing is not None]
+        return self._layers[k]
+
+    def upload(self, front: np.ndarray, back: np.ndarray, layer: int = 0, weights: np.ndarray | None = None) -> None:
+        self._colours[:, :3] = front
+        self._colours[:, 4:7] = back
+        self._colours[self._one_sided, 4:7] = -1.0  # see surface.frag
+        self._colours[:, 3::4] = 1.0 if weights is None else weights
+        if len(self._colours):
+            self._layer(layer).colours.write(self._colours)
+
+    def draw(self, cull: bool, layer: int = 0) -> None:
+        """Draw everything in its vertex colours."""
+        split, lit = self._one_sided_indices if cull else 0, self._layer(layer).lit
+        self._part(lit, 0, split, True)
+        self._part(lit, split, self.indices - split, False)
+
+    def draw_textured(self, textures: GLTextures, cull: bool, layer: int = 0) -> None:
+        """Draw run after run, each with its texture."""
+        of = self._layer(layer)
+        for run in self._runs:
+            vertices = of.lit
+            if run.texture is not None:
+                vertices = of.textured if run.texture.cover is None else of.cut_out
+                textures.of(run.texture).use(0)
+                vertices.program["mirrored"] = tuple(float(way == "mirror") for way in run.texture.wrap)
+                vertices.program["emission"] = run.emission
+            self._part(vertices, run.first, run.count, cull and run.one_sided)
+
+    def mark(self) -> None:
+        self._part(self._marked, 0, self.indices, False)
+
+    def _part(self, vertices, first: int, count: int, cull: bool) -> None:
+        if not count:
+            return
+        if cull:
+            self.ctx.enable(self.ctx.CULL_FACE)
+        else:
+            self.ctx.disable(self.ctx.CULL_FACE)
+        vertices.render(moderngl.TRIANGLES, vertices=count, first=first)
+
+    def rectangle(self, to_clip: np.ndarray, size: tuple[int, int], margin: float) -> tuple[int, int, int, int]:
+        """Return (x, y, width, height) in pixels that hold the object; everything where it reaches behind the eye."""
+        corners = np.c_[self._corners, np.ones(len(self._corners))] @ to_clip.T
+        w, h = size
+        if not len(corners) or corners[:, 3].min() <= 1e-6 * np.abs(corners).max():
+            return (0, 0, w, h)
+        at = (corners[:, :2] / corners[:, 3:] + 1) / 2 * size
+        low = np.clip(np.floor(at.min(axis=0) - margin - 1), 0, size).astype(int)
+        high = np.clip(np.ceil(at.max(axis=0) + margin + 1), 0, size).astype(int)
+        return (int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1]))
+
+    def release(self) -> None:
+        for thing in reversed(self._owned):
+            thing.release()
+
+
+def _runs(mesh: DrawMesh) -> tuple[np.ndarray, list[Run]]:
+    """Return an order of the triangles, and what to draw of them at once: by side, texture, and emission under it."""
+    corner = mesh.triangles[:, 0]
+    kind = (mesh.back[corner] >= 0).astype(np.int64)
+    if mesh.texture is not None:
+        under = np.where((mesh.texture >= 0)[:, None], mesh.emission, 0.0)[corner]
+        glow = np.unique(under, axis=0, return_inverse=True)[1].reshape(-1) if under.any() else 0
+        textures = len(mesh.textures) + 1
+        kind = (kind * textures + mesh.texture[corner] + 1) * (np.max(glow) + 1) + glow
+    _, ones, counts = np.unique(kind, return_index=True, return_counts=True)
+    runs, first = [], 0
+    for one, count in zip(ones, counts, strict=True):
+        v = corner[one]
+        texture = None if mesh.texture is None or mesh.texture[v] < 0 else mesh.textures[mesh.texture[v]]
+        runs.append(Run(first, 3 * int(count), bool(mesh.back[v] < 0), texture, tuple(mesh.emission[v])))
+        first += 3 * int(count)
+    return np.argsort(kind, kind="stable"), runs

@@ -1,0 +1,58 @@
+"""The exposure that suits the view, from the light on the receivers in it.
+
+The first picture is noisy, and the median of noisy values is too low: it would make every scene too bright.
+So the radiance is averaged over patches first.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.draw.camera import Turntable
+from app.draw.tonemap import meter, view_weights
+from app.draw.vertex_colours import mean_radiance
+
+if TYPE_CHECKING:
+    from app.session.session import Session
+
+PATCH = 0.1  # of the scene size
+
+
+def metered(session: Session, camera: Turntable) -> float:
+    """Return the exposure [EV] that puts the median radiance in view at mid-grey; nothing in view: of all surfaces."""
+    solver = session.solver
+    receivers = solver.receivers
+    radiance = np.zeros_like(receivers.positions)
+    drawn = np.zeros(len(radiance), bool)
+    for o, mesh in enumerate(session.meshes):
+        front, back = session.colours(o)
+        if session.settings.show == "radiance":
+            front, back = mean_radiance(mesh, front, back)
+        both = mesh.back >= 0
+        for rows, colour in ((mesh.front, front), (mesh.back[both], back[both])):
+            radiance[rows] = colour
+            drawn[rows] = True
+    eye = camera.as_camera()
+    areas = np.where(drawn, receivers.areas, 0.0)  # probes are not surfaces
+    weights = view_weights(
+        receivers.positions, receivers.normals, areas, eye.position, eye.target, eye.vertical_fov_degrees
+    )
+    weights = weights if weights.sum() > 0 else areas
+    return meter(*_patches(receivers.positions, receivers.normals, radiance, weights, PATCH * solver.scene_size))
+
+
+def _patches(positions, normals, radiance, weights, size) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean radiance (n, 3) and weight (n,) of cells of a grid, each facing one of six ways."""
+    seen = weights > 0
+    w = weights[seen]
+    if not len(w):
+        return np.zeros((0, 3)), np.zeros(0)
+    axis = np.abs(normals[seen]).argmax(axis=1)
+    facing = 2 * axis + (np.take_along_axis(normals[seen], axis[:, None], axis=1)[:, 0] > 0)
+    cell = np.floor(positions[seen] / max(size, 1e-30)).astype(np.int64)
+    patch = np.unique(np.c_[cell, facing], axis=0, return_inverse=True)[1].reshape(-1)
+    weight = np.bincount(patch, w)
+    mean = np.stack([np.bincount(patch, w * radiance[seen, k]) / weight for k in range(3)], axis=1)
+    return mean, weight

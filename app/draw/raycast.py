@@ -1,0 +1,235 @@
+"""The picture without OpenGL: camera rays against the scene, Gouraud interpolation of the same vertex colours.
+
+Textures are filtered over the whole pixel at every ray, as GL does it. Seen sides, culling, tone map and
+background follow the viewer's renderer, so that a picture from here and a screenshot from there differ only in
+their edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from app.draw.camera import Turntable
+from app.draw.tonemap import to_display
+from app.draw.vertex_colours import DrawMesh
+from gi_core.geometry.cutouts import covered
+from gi_core.geometry.texture_filter import lookup
+from gi_core.geometry.texture_footprint import footprints
+from gi_core.rays.accelerator import Accelerator, Transforms, nearest_in_world
+from gi_core.scene.types import Texture
+
+BACKGROUND = (0.145, 0.15, 0.16)  # display values, those of the renderer (a test compares them)
+UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face, where it is drawn at all
+# Where the rays of a pixel go: a rotated grid, so that edges near the axes get all four levels.
+SAMPLES = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
+RAYS = 1 << 17  # a batch: enough for embree, small enough for the cache
+LAYERS = 64  # backs that a ray may pass through
+STEP_PAST = 4e-6  # of the scene's size and the distance gone: clears a face whose back is not drawn (float32: 6e-8)
+
+
+class World(NamedTuple):
+    """All objects at their poses, faces in global order."""
+
+    corners: np.ndarray  # (F, 3, 3) float32 [m]
+    normals: np.ndarray  # (F, 3) float32, any length, towards the front
+    draw: np.ndarray  # (F, 3) int64 into the colours of all objects
+    one_sided: np.ndarray  # (F,) bool
+    size: float  # [m] longest side of the box around everything
+    textures: tuple[Texture, ...]
+    texture: np.ndarray  # (F,) int64 into textures, -1: none; or (0,): none at all
+    uv: np.ndarray  # (F, 3, 2) float32, or (0, 3, 2)
+    emission: np.ndarray  # (F, 3) float64 that a texture does not colour, or (0, 3)
+
+
+def place(meshes: Sequence[DrawMesh], at: Transforms) -> World:
+    """Carry the draw meshes (static part first) to where they are."""
+    corners, draw, one_sided, first = [], [], [], 0
+    for o, mesh in enumerate(meshes):
+        points = mesh.positions.astype(np.float64) @ at.rotation[o].T + at.position[o]
+        corners.append(points[mesh.triangles])
+        draw.append(mesh.triangles.astype(np.int64) + first)
+        one_sided.append(mesh.back[mesh.triangles[:, 0]] < 0)
+        first += len(mesh.positions)
+    p = np.concatenate(corners)
+    normals = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    box = p.reshape(-1, 3)
+    size = float(np.ptp(box, axis=0).max()) if len(box) else 1.0
+    return World(
+        p.astype(np.float32),
+        normals.astype(np.float32),
+        np.concatenate(draw),
+        np.concatenate(one_sided),
+        size,
+        *_textures(meshes),
+    )
+
+
+def _textures(meshes: Sequence[DrawMesh]):
+    """Return the textures of all objects, and the texture, corner coordinates and emission of each face."""
+    textures = tuple(t for mesh in meshes for t in mesh.textures)
+    if not textures:
+        return (), np.zeros(0, np.int64), np.zeros((0, 3, 2), np.float32), np.zeros((0, 3))
+    texture, uv, emission, first = [], [], [], 0
+    for mesh in meshes:
+        corner = mesh.triangles[:, 0]
+        plain = mesh.texture is None
+        number = np.full(len(corner), -1) if plain else mesh.texture[corner].astype(np.int64)
+        texture.append(np.where(number < 0, -1, number + first))
+        uv.append(np.zeros((len(corner), 3, 2), np.float32) if plain else mesh.uv[mesh.triangles])
+        emission.append(mesh.emission[corner])
+        first += len(mesh.textures)
+    return textures, np.concatenate(texture), np.concatenate(uv), np.concatenate(emission)
+
+
+def picture(
+    accelerator: Accelerator,
+    at: Transforms,
+    meshes: Sequence[DrawMesh],
+    colours: Sequence[tuple[np.ndarray, np.ndarray]],
+    camera: Turntable,
+    size: tuple[int, int],
+    exposure: float,
+    tone_map: str = "aces",
+    cull: bool = True,
+    progress: Callable[[float], None] = lambda fraction: None,
+    textured: bool = True,
+    weights: Sequence[np.ndarray | None] | None = None,
+) -> np.ndarray:
+    """Return the picture (height, width, 3) uint8.
+
+    `colours` has linear radiance of front and back (D, 3) an object; `size` is (width, height) pixels.
+    `textured`: multiply it by textures where there are any; `weights` has how much front and back count in their
+    triangles (D, 2) an object, None where all count the same.
+    """
+    width, height = size
+    world = place(meshes, at)
+    weights = [None] * len(meshes) if weights is None else weights
+    front, back = (
+        np.concatenate([_weighted(c[side], w, side) for c, w in zip(colours, weights, strict=True)]) for side in (0, 1)
+    )
+    out = np.empty((height, width, 3), np.uint8)
+    rows = max(1, RAYS // (width * len(SAMPLES)))
+    steps = _pixel_steps(camera, width, height) if textured and world.textures else None
+    for top in range(0, height, rows):
+        progress(top / height)
+        bottom = min(top + rows, height)
+        origins, directions = _rays(camera, width, height, top, bottom)
+        face, u, v = _first_seen(accelerator, at, world, origins, directions, cull)
+        display = _shade(world, front, back, face, u, v, directions, exposure, tone_map, steps, origins[0])
+        # Averaged after the tone map, as the samples of a GL framebuffer are: a burnt-out lamp keeps clean edges.
+        mean = display.reshape(bottom - top, width, len(SAMPLES), 3).mean(axis=2, dtype=np.float32)
+        out[top:bottom] = np.round(mean)
+    return out
+
+
+def _weighted(colours: np.ndarray, weights: np.ndarray | None, side: int) -> np.ndarray:
+    """Return colours times their weights, and the weights. (D, 4) float32."""
+    w = np.ones(len(colours), np.float32) if weights is None else weights[:, side]
+    return np.c_[colours * w[:, None], w].astype(np.float32)
+
+
+def _rays(camera: Turntable, width: int, height: int, top: int, bottom: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return origins and unit directions (n, 3) float32 of rows top..bottom: row, column, sample."""
+    right, upward, forward = camera.basis()
+    t = np.tan(camera.fov / 2)
+    x = (np.arange(width)[:, None] + SAMPLES[:, 0]) / width  # (width, samples)
+    y = (np.arange(top, bottom)[:, None] + SAMPLES[:, 1]) / height
+    across = ((2 * x - 1) * t * width / height)[None, :, :, None]
+    along = ((1 - 2 * y) * t)[:, None, :, None]
+    d = (forward + across * right + along * upward).reshape(-1, 3)
+    d /= np.sqrt((d * d).sum(axis=1))[:, None]
+    origins = np.broadcast_to(camera.eye().astype(np.float32), d.shape)
+    return np.ascontiguousarray(origins), d.astype(np.float32)
+
+
+def _first_seen(accelerator, at, world: World, origins, directions, cull: bool):
+    """Return the face (n,) int32 that each ray shows, -1 for none, and barycentrics u, v of its corners 1, 2."""
+    n = len(origins)
+    face, u, v = np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32)
+    going, o, d = np.arange(n), origins, directions
+    for _ in range(LAYERS):
+        far = np.full(len(going), np.inf, np.float32)
+        t, hit = nearest_in_world(accelerator, at, o, d, far)
+        found = hit >= 0
+        going, o, d, t, hit = going[found], o[found], d[found], t[found], hit[found]
+        hidden = np.zeros(len(hit), bool)
+        if cull:
+            hidden = world.one_sided[hit] & ((world.normals[hit] * d).sum(axis=1) >= 0)
+        hidden |= _cut_away(world, hit, o, d)
+        seen = ~hidden
+        rows = going[seen]
+        face[rows] = hit[seen]
+        u[rows], v[rows] = _barycentrics(world.corners[hit[seen]], o[seen], d[seen])
+        if not hidden.any():
+            break
+        # Go on behind the faces whose backs are not drawn, and through holes.
+        past = t[hidden] * (1 + STEP_PAST) + np.float32(STEP_PAST * world.size)
+        going, d = going[hidden], d[hidden]
+        o = o[hidden] + past[:, None] * d
+    return face, u, v
+
+
+def _cut_away(world: World, hit: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return whether the texture leaves nothing (n,) where rays meet faces."""
+    away = np.zeros(len(hit), bool)
+    for t, texture in enumerate(world.textures):
+        rows = np.flatnonzero(world.texture[hit] == t) if texture.cover is not None else ()
+        if len(rows):
+            f = hit[rows]
+            u, v = (w.astype(np.float64)[:, None] for w in _barycentrics(world.corners[f], o[rows], d[rows]))
+            uv = world.uv[f].astype(np.float64)
+            away[rows] = ~covered(texture, (1 - u - v) * uv[:, 0] + u * uv[:, 1] + v * uv[:, 2])
+    return away
+
+
+def _barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the weights of corners 1 and 2 where a ray meets a triangle, kept inside it."""
+    e1, e2, s = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], o - corners[:, 0]
+    h, q = np.cross(d, e2), np.cross(s, e1)
+    det = (e1 * h).sum(axis=1)
+    inverse = np.where(det != 0, 1 / np.where(det != 0, det, 1), 0)
+    u = np.clip((s * h).sum(axis=1) * inverse, 0, 1)
+    return u, np.clip((d * q).sum(axis=1) * inverse, 0, 1 - u)
+
+
+def _shade(world: World, front, back, face, u, v, directions, exposure, tone_map, steps, eye) -> np.ndarray:
+    """Return display values (n, 3) uint8."""
+    out = np.empty((len(face), 3), np.uint8)
+    out[:] = np.round(np.array(BACKGROUND) * 255)
+    hit = np.flatnonzero(face >= 0)
+    if not len(hit):
+        return out
+    f, u, v = face[hit], u[hit][:, None], v[hit][:, None]
+    facing = (world.normals[f] * directions[hit]).sum(axis=1) < 0  # gl_FrontFacing
+    a, b, c = (np.where(facing[:, None], front[k], back[k]) for k in world.draw[f].T)
+    radiance = (1 - u - v) * a + u * b + v * c
+    radiance = radiance[:, :3] / radiance[:, 3:]
+    if steps is not None:
+        _colour(world, radiance, f, u, v, facing, eye, directions[hit], steps)
+    out[hit] = to_display(radiance, exposure, tone_map)
+    out[hit[~facing & world.one_sided[f]]] = np.round(np.array(UNLIT) * 255)
+    return out
+
+
+def _pixel_steps(camera: Turntable, width: int, height: int) -> np.ndarray:
+    """Return how far a ray at unit distance along the view goes sideways from one pixel to the next, (3, 3) float64.
+
+    The rows: a pixel to the right, a pixel down, the view direction.
+    """
+    right, upward, forward = camera.basis()
+    step = 2 * np.tan(camera.fov / 2) / height  # pixels are square
+    return np.stack([right * step, -upward * step, forward])
+
+
+def _colour(world: World, radiance, face, u, v, facing, eye, directions, steps) -> None:
+    """Multiply radiance (n, 3) by the textures of the faces seen, in place."""
+    number = world.texture[face]
+    for t in np.unique(number[number >= 0]):
+        rows = np.flatnonzero(number == t)
+        f = face[rows]
+        seen = footprints(world.corners, world.uv, f, u[rows], v[rows], eye, directions[rows], steps)
+        glow = np.where(facing[rows, None], world.emission[f], 0.0)
+        radiance[rows] = radiance[rows] * lookup(world.textures[t], *seen) + glow

@@ -1,0 +1,245 @@
+"""Draws the scene with OpenGL 3.3 into a texture. Knows no window and no GUI: any context will do.
+
+Positions and textures go up once; colours go up when the light changes, linear and unconverted (float32:
+packing them smaller costs more than it saves). Texture, exposure, tone map and sRGB are applied per fragment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import moderngl
+import numpy as np
+
+from app.draw.gl_objects import DrawnObject
+from app.draw.gl_textures import GLTextures
+from gi_core.geometry.texture_filter import MOST_REFLECTANCE
+
+if TYPE_CHECKING:
+    from app.draw.vertex_colours import DrawMesh
+    from gi_core.scene.types import Texture
+
+BACKGROUND = (0.145, 0.15, 0.16)  # display values: dark and neutral, yet lighter than an unlit black patch
+UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face
+OUTLINE = (1.0, 0.78, 0.32, 0.95)
+TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
+AS_IS = 3  # there: colours are ready for the display
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """How to draw a frame."""
+
+    view_projection: np.ndarray  # (4, 4) float64 world to clip
+    models: tuple[np.ndarray, ...]  # one (4, 4) float64 object to world an object, the static part's included
+    exposure: float = 0.0  # [EV]
+    tone_map: str = "aces"
+    cull: bool = True
+    outlined: int = -1  # object with a line round it
+    outline_width: float = 2.0  # pixels
+    textured: bool = True  # colours are multiplied by textures where there are any
+    as_is: bool = False  # colours are display colours: no exposure, no tone map
+    split: float | None = None  # of the width: right of it the second layer of colours is drawn
+
+
+class Renderer:
+    """Owns the GL objects of one scene and one picture; `release` gives them back."""
+
+    def __init__(self, ctx: moderngl.Context, samples: int = 4) -> None:
+        self.ctx = ctx
+        self._surface = _program(ctx, "surface.vert", "surface.frag")
+        self._textured = _program(ctx, "surface.vert", "surface.frag", "TEXTURED")
+        # Apart, because a program that may discard a pixel cannot test its depth first.
+        self._cut_out = _program(ctx, "surface.vert", "surface.frag", "TEXTURED", "CUT_OUT")
+        self._textures = GLTextures(ctx)
+        self._mask = _program(ctx, "surface.vert", "mask.frag")
+        self._outline = _program(ctx, "screen.vert", "outline.frag")
+        self._screen = ctx.vertex_array(self._outline, [])
+        self._objects: list[DrawnObject] = []
+        self._worn: list[Texture] = []  # by them
+        self._targets: _Targets | None = None
+        # Bound again after each picture: the GUI draws next and expects the window, and moderngl must not
+        # be left with a framebuffer bound that `resize` releases.
+        self._default = ctx.detect_framebuffer(0)
+        self.samples = samples
+        self.uploads = 0  # colour uploads so far
+        self.draws = 0  # pictures so far
+
+    def set_scene(self, meshes: tuple[DrawMesh, ...]) -> None:
+        """Take over the geometry: one DrawMesh an object. What was there before stays if that fails."""
+        programs = self._surface, self._textured, self._cut_out, self._mask
+        textures, made = [t for mesh in meshes for t in mesh.textures], []
+        try:
+            self._textures.keep([*self._worn, *textures])
+            for mesh in meshes:
+                made.append(DrawnObject(self.ctx, *programs, mesh))
+        except Exception:
+            self._give_back(made)
+            raise
+        before, self._objects, self._worn = self._objects, made, textures
+        self._give_back(before)
+
+    def _give_back(self, objects: list[DrawnObject]) -> None:
+        """Release objects, and the textures that nothing wears that is still there."""
+        for o in objects:
+            o.release()
+        self._textures.keep(self._worn)
+
+    def set_colours(
+        self, o: int, front: np.ndarray, back: np.ndarray, layer: int = 0, weights: np.ndarray | None = None
+    ) -> None:
+        """Take over linear radiance (D, 3) of both sides of an object's draw vertices; layer 1: right of the split.
+
+        weights (D, 2): how much they count in their triangles, front and back; None: all the same.
+        """
+        self._objects[o].upload(front, back, layer, weights)
+        self.uploads += 1
+
+    def resize(self, width: int, height: int, samples: int | None = None) -> None:
+        """Make the picture this many pixels; the old one is released (moderngl frees nothing by itself)."""
+        samples = min(self.samples if samples is None else samples, self.ctx.max_samples)
+        size = (max(int(width), 1), max(int(height), 1))
+        if self._targets is None or (self._targets.size, self._targets.samples) != (size, samples):
+            if self._targets is not None:
+                self._targets.release()
+            self._targets = _Targets(self.ctx, size, samples)
+
+    def draw(self, look: Look) -> None:
+        """Draw a picture of the size asked for by `resize`."""
+        targets, ctx = self._targets, self.ctx
+        assert targets is not None, "resize first"
+        targets.drawn.use()
+        targets.drawn.clear(*BACKGROUND, 1.0)
+        ctx.enable_only(ctx.DEPTH_TEST)
+        ctx.depth_func = "<"
+        ctx.front_face = "ccw"
+        ctx.cull_face = "back"
+        for program in (self._surface, self._textured, self._cut_out):
+            program["exposure"] = 2.0**look.exposure
+            program["tone_map"] = AS_IS if look.as_is else TONE_MAP_CODES[look.tone_map]
+            program["unlit"] = UNLIT
+        for program in (self._textured, self._cut_out):
+            program["image"] = 0
+            program["brightest"] = MOST_REFLECTANCE
+            program["painted"] = float(look.textured)
+        for layer, area in _parts(targets.size, look.split):
+            targets.drawn.scissor = area
+            self._draw_layer(look, layer)
+        targets.drawn.scissor = None  # it would cut the copy too
+        if targets.drawn is not targets.picture:
+            ctx.copy_framebuffer(targets.picture, targets.drawn)
+        if look.outlined >= 0:
+            self._draw_outline(targets, look)
+        ctx.enable_only(ctx.NOTHING)
+        self._default.use()
+        self.draws += 1
+
+    def _draw_layer(self, look: Look, layer: int) -> None:
+        for o, model in zip(self._objects, look.models, strict=True):
+            _place(self._surface, look.view_projection, model)
+            if not o.is_textured or not (look.textured or o.has_holes):
+                o.draw(look.cull, layer)
+            else:
+                for program in (self._textured, self._cut_out) if o.has_holes else (self._textured,):
+                    _place(program, look.view_projection, model)
+                o.draw_textured(self._textures, look.cull, layer)
+
+    def _draw_outline(self, targets: _Targets, look: Look) -> None:
+        ctx = self.ctx
+        o = self._objects[look.outlined]
+        # The filter reads 25 texels a pixel: a software renderer does that only where the object is.
+        model = look.models[look.outlined]
+        area = o.rectangle(look.view_projection @ model, targets.size, look.outline_width)
+        targets.mask.use()
+        targets.mask.clear()
+        ctx.enable_only(ctx.NOTHING)
+        targets.picture.scissor = area
+        _place(self._mask, look.view_projection, model)
+        o.mark()
+        targets.picture.use()
+        ctx.enable_only(ctx.BLEND)
+        ctx.blend_func = ctx.SRC_ALPHA, ctx.ONE_MINUS_SRC_ALPHA, ctx.ZERO, ctx.ONE
+        targets.mask.color_attachments[0].use(0)
+        self._outline["mask"] = 0
+        self._outline["line"] = OUTLINE
+        self._outline["width"] = look.outline_width
+        self._screen.render(moderngl.TRIANGLES, vertices=3)
+        targets.picture.scissor = None
+
+    @property
+    def texture(self) -> int:
+        """The GL name of the picture; its first row is the bottom one."""
+        return self._targets.picture.color_attachments[0].glo
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self._targets.size
+
+    @property
+    def samples_now(self) -> int:
+        return self._targets.samples
+
+    def pixels(self) -> np.ndarray:
+        """Read the picture back: (h, w, 3) uint8, top row first."""
+        w, h = self._targets.size
+        data = self._targets.picture.read(components=3, alignment=1)
+        return np.frombuffer(data, np.uint8).reshape(h, w, 3)[::-1]
+
+    def release(self) -> None:
+        for o in self._objects:
+            o.release()
+        if self._targets is not None:
+            self._targets.release()
+        self._textures.keep(())
+        for thing in (self._screen, self._surface, self._textured, self._cut_out, self._mask, self._outline):
+            thing.release()
+
+
+class _Targets:
+    """Framebuffers of one size: many samples to draw into, one sample to show, a mask for the outline."""
+
+    def __init__(self, ctx, size: tuple[int, int], samples: int) -> None:
+        self.size, self.samples = size, samples
+        shown = ctx.texture(size, 4)
+        shown.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        marks = ctx.texture(size, 1)
+        self._owned = [shown, marks]
+        if samples > 1:
+            colour, depth = ctx.renderbuffer(size, 4, samples=samples), ctx.depth_renderbuffer(size, samples=samples)
+            self._owned += [colour, depth]
+            self.picture = ctx.framebuffer([shown])
+            self.drawn = ctx.framebuffer([colour], depth)
+        else:
+            depth = ctx.depth_renderbuffer(size)
+            self._owned.append(depth)
+            self.picture = self.drawn = ctx.framebuffer([shown], depth)
+        self.mask = ctx.framebuffer([marks])
+
+    def release(self) -> None:
+        if self.drawn is not self.picture:
+            self.drawn.release()
+        for thing in (self.picture, self.mask, *self._owned):
+            thing.release()
+
+
+def _parts(size: tuple[int, int], split: float | None) -> list[tuple[int, tuple[int, int, int, int] | None]]:
+    """Return (layer, (x, y, width, height) in pixels) of each part of the picture; None is all of it."""
+    if split is None:
+        return [(0, None)]
+    w, h = size
+    at = min(max(round(split * w), 0), w)
+    return [(layer, area) for layer, area in ((0, (0, 0, at, h)), (1, (at, 0, w - at, h))) if area[2] > 0]
+
+
+def _place(program, view_projection: np.ndarray, model: np.ndarray) -> None:
+    program["view_projection"].write(view_projection.T.astype(np.float32).tobytes())
+    program["model"].write(model.T.astype(np.float32).tobytes())
+
+
+def _program(ctx, vertex: str, fragment: str, *defines: str):
+    read = [resources.files("shaders").joinpath(name).read_text("utf-8") for name in (vertex, fragment)]
+    for define in defines:
+        read = [text.replace("\n", f"\n#define {define}\n", 1) for text in read]  # #version must stay first
+    return ctx.program(vertex_shader=read[0], fragment_shader=read[1])

@@ -1,0 +1,90 @@
+"""One solved scene in front of a camera: its picture and what is needed to make it again."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from app.draw import raycast
+from app.draw.camera import Bounds, Turntable, from_camera
+from app.draw.metering import metered
+from app.draw.vertex_colours import colours, draw_meshes, weights
+from app.settings import Settings
+
+
+class Shot:
+    """A solved scene that is looked at: what a picture and the light meter need."""
+
+    def __init__(self, solver, settings: Settings) -> None:
+        self.solver, self.settings = solver, settings
+        self.meshes = draw_meshes(solver.surfaces)
+        self.camera = home_camera(solver)
+        self.exposure = settings.exposure
+        if self.exposure is None:
+            self.exposure = solver.scene.defaults.exposure
+
+    def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return linear radiance of front and back (D, 3) of object o."""
+        drawn = self.solver.drawn(self.solver.irradiance)
+        return colours(self.meshes[o], drawn, self.settings.show == "radiance")
+
+    def weights(self, o: int) -> np.ndarray | None:
+        """Return how much front and back count in their triangles (D, 2), None: all the same."""
+        return weights(self.meshes[o], self.solver.as_drawn(self.solver.irradiance).weights)
+
+    def take(self, progress=lambda fraction: None) -> np.ndarray:
+        """Return the picture (h, w, 3) uint8; the first one sets the exposure if nobody else does."""
+        if self.exposure is None:
+            self.exposure = metered(self, self.camera)
+        model, s = self.solver.model, self.settings
+        return raycast.picture(
+            model.accelerator,
+            model.transforms(self.solver.poses),
+            self.meshes,
+            [self.colours(o) for o in range(len(self.meshes))],
+            self.camera,
+            s.size,
+            self.exposure,
+            s.tone_map,
+            s.cull,
+            progress,
+            s.show == "radiance",
+            [self.weights(o) for o in range(len(self.meshes))],
+        )
+
+    def parameters(self) -> dict[str, object]:
+        """Return what is needed to make the same picture again."""
+        s, solver, view = self.settings, self.solver, self.camera.as_camera()
+        entries = {
+            "software": "gi-viewer render",
+            "scene": s.scene,
+            "mobiles": " ".join(s.mobiles) or "-",
+            "estimator": solver.estimator,
+            "photons": solver.photons_traced,
+            "radius": f"{solver.radius:.6g} m",
+            "neighbours": solver.neighbours,
+            "static_light": "gathered" if solver.uses_gathered else "photons",
+            "mobile_light": f"gathered, {solver.paths_gathered} paths" if solver.paths_gathered else "photons",
+            "seed": solver.seed,
+            "exposure": f"{self.exposure:.4f} EV",
+            "tone_map": s.tone_map,
+            "show": s.show,
+            "cull": s.cull,
+            "camera": f"position {_numbers(view.position)} target {_numbers(view.target)} "
+            f"vertical_fov_degrees {view.vertical_fov_degrees:.6g}",
+        }
+        poses = {f"pose {name}": _numbers((*p.position, *p.quaternion)) for name, p in solver.poses.items()}
+        return entries | poses
+
+
+def home_camera(solver) -> Turntable:
+    """Return the scene's camera as the viewer opens with it."""
+    receivers = solver.receivers
+    p = receivers.positions[receivers.areas > 0]
+    low, high = (p.min(axis=0), p.max(axis=0)) if len(p) else (-np.ones(3), np.ones(3))
+    everything = Bounds(tuple(low), tuple(high))
+    lit = Bounds(tuple(solver.chosen.low), tuple(solver.chosen.high))
+    return from_camera(solver.scene.camera, solver.scene.up, everything, lit)
+
+
+def _numbers(values) -> str:
+    return ",".join(f"{v:.9g}" for v in values)

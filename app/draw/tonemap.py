@@ -1,0 +1,91 @@
+"""From linear radiance to display values: exposure, tone map, sRGB; and the meter that chooses the exposure.
+
+The fragment shader does the same arithmetic in the same order (exposure, tone map, sRGB encode, once each);
+`tests/unit/draw/test_tonemap.py` pins the numbers that both must give.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
+MID_GREY = 0.25  # linear, before the tone map: where the metered median lands; rooms look dim at 0.18
+BRIGHTEST = 2.0  # linear: the 95th percentile stays below it, so that a spot-lit stage is not burnt out
+ACES_EXPOSURE = 0.6
+LIT = 1e-4  # of the mean luminance: darker points are not lit and do not count
+
+
+def luminance(colour: np.ndarray) -> np.ndarray:
+    """Return Rec. 709 luminance (...,) of linear RGB (..., 3)."""
+    return colour[..., 0] * LUMINANCE[0] + colour[..., 1] * LUMINANCE[1] + colour[..., 2] * LUMINANCE[2]
+
+
+def clip(c: np.ndarray) -> np.ndarray:
+    """Cut at 1, channel by channel: exact below white, flat above."""
+    return np.clip(c, 0.0, 1.0)
+
+
+def reinhard(c: np.ndarray) -> np.ndarray:
+    """Return c / (1 + luminance): keeps hue, then cuts what is still over 1 (Reinhard et al. 2002, Eq. 3)."""
+    return np.clip(c / (1.0 + luminance(c)[..., None]), 0.0, 1.0)
+
+
+def aces(c: np.ndarray) -> np.ndarray:
+    """Return the filmic curve of the ACES reference rendering as fitted by Narkowicz 2015, channel by channel.
+
+    The fit wants 0.6 of the exposure: without it mid-grey comes out at twice its brightness.
+    """
+    c = ACES_EXPOSURE * c
+    return np.clip(c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14), 0.0, 1.0)
+
+
+TONE_MAPS = {"aces": aces, "reinhard": reinhard, "clip": clip}
+
+
+def srgb_encode(c: np.ndarray) -> np.ndarray:
+    """Return sRGB values in [0, 1] of linear values in [0, 1] (IEC 61966-2-1)."""
+    return np.where(c <= 0.0031308, 12.92 * c, 1.055 * np.maximum(c, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def to_display(radiance: np.ndarray, exposure: float, tone_map: str = "aces") -> np.ndarray:
+    """Return sRGB bytes (..., 3) uint8 of linear radiance (..., 3) at an exposure [EV]: a stop doubles."""
+    c = TONE_MAPS[tone_map](np.maximum(radiance, 0.0) * 2.0**exposure)
+    return np.round(srgb_encode(c) * 255).astype(np.uint8)
+
+
+def meter(radiance: np.ndarray, weights: np.ndarray | None = None) -> float:
+    """Return the exposure [EV] that puts the weighted median of lit luminance at mid-grey.
+
+    `radiance` (n, 3) linear, `weights` (n,) >= 0 (area or solid angle). The lamp may burn out: it is a
+    small share of the weight. Nothing lit: 0.
+    """
+    L = luminance(np.asarray(radiance, np.float64))
+    w = np.ones(len(L)) if weights is None else np.asarray(weights, np.float64)
+    total = w.sum()
+    if not total > 0 or not (L * w).sum() > 0:
+        return 0.0
+    lit = (L > LIT * (L * w).sum() / total) & (w > 0)
+    order = np.argsort(L[lit])
+    L, share = L[lit][order], np.cumsum(w[lit][order])
+    median, high = (L[np.searchsorted(share, q * share[-1])] for q in (0.5, 0.95))
+    return float(min(np.log2(MID_GREY / median), np.log2(BRIGHTEST / high)))
+
+
+def view_weights(
+    positions: np.ndarray, normals: np.ndarray, areas: np.ndarray, eye, target, vertical_fov_degrees: float
+) -> np.ndarray:
+    """Return the solid angle (n,) [sr] that each receiver fills in a camera's view, what hides it ignored.
+
+    A receiver counts inside the cone around the view axis through the picture's corners, if it faces the eye.
+    """
+    to_eye = np.asarray(eye, np.float64) - positions
+    distance2 = np.maximum((to_eye * to_eye).sum(axis=1), 1e-12)
+    axis = np.asarray(target, np.float64) - np.asarray(eye, np.float64)
+    axis = axis / np.linalg.norm(axis)
+    along = -(to_eye * axis).sum(axis=1) / np.sqrt(distance2)
+    facing = np.maximum((to_eye * normals).sum(axis=1), 0) / np.sqrt(distance2)
+    corner = 1.6 * np.tan(np.radians(vertical_fov_degrees) / 2)  # half diagonal of a picture a little wider than high
+    inside = along > 1 / np.sqrt(1 + corner * corner)
+    # Nearer than a tenth of the mean distance, area / distance^2 explodes: one receiver must not meter alone.
+    floor = 0.01 * float(distance2.mean())
+    return np.where(inside, areas * facing / np.maximum(distance2, floor), 0.0)

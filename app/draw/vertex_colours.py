@@ -1,0 +1,143 @@
+"""What is drawn: each object's vertices split where their light or paint differs, and their colours.
+
+One mesh vertex is drawn once for every combination of front receiver, back receiver, reflectance, emission
+and place in a texture that meets there; colours are linear radiance, one for each side. Where there is a
+texture they are the radiance before it: E / pi times what multiplies the texture, without emission.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.grouping import group_of
+from gi_core.geometry.radiosity import exitant_radiance
+from gi_core.geometry.surfaces import Surfaces
+from gi_core.scene.types import Paint, Texture
+
+
+class DrawMesh(NamedTuple):
+    """One object, ready for a vertex buffer; positions are in object space."""
+
+    positions: np.ndarray  # (D, 3) float32 [m]
+    triangles: np.ndarray  # (F, 3) int32, into positions
+    front: np.ndarray  # (D,) int32 receiver on the front
+    back: np.ndarray  # (D,) int32 receiver on the back, -1 where one-sided
+    reflectance: np.ndarray  # (D, 3) float64 rho, or what multiplies the texture
+    emission: np.ndarray  # (D, 3) float64 Le [W/m2/sr]
+    textures: tuple[Texture, ...] = ()  # none: the three below are None
+    texture: np.ndarray | None = None  # (D,) int32 into textures, -1: none; a triangle's vertices agree
+    uv: np.ndarray | None = None  # (D, 2) float32
+    texel: np.ndarray | None = None  # (D, 3) float64, mean of the texture round the vertex, 1 where none
+
+
+def draw_meshes(surfaces: Surfaces) -> tuple[DrawMesh, ...]:
+    """Return one DrawMesh an object: the static part, then the mobiles in their order."""
+    return tuple(_draw_mesh(surfaces, o) for o in range(len(surfaces.vertices)))
+
+
+def _draw_mesh(surfaces: Surfaces, o: int) -> DrawMesh:
+    faces = surfaces.faces[o]
+    of = slice(int(surfaces.first_face[o]), int(surfaces.first_face[o + 1]))
+    front, back = surfaces.corner_front[of].reshape(-1), surfaces.corner_back[of].reshape(-1)
+    corner = faces.reshape(-1)
+    if not len(corner):
+        none = np.zeros(0, np.int32)
+        return DrawMesh(np.zeros((0, 3), np.float32), faces, none, none, np.zeros((0, 3)), np.zeros((0, 3)))
+
+    paint, emission = surfaces.paint[o], surfaces.emission[of]
+    if paint is None:
+        plain = np.concatenate([surfaces.reflectance[of], emission], axis=1)
+        kind = np.repeat(_alike(plain), 3)
+    else:
+        kind = _painted_kind(paint, _alike(emission))
+    # Two by two: all four together do not fit into one number to be sorted.
+    draw = group_of((group_of((corner, front)), group_of((back, kind))))
+    first = np.empty(int(draw.max()) + 1, np.int64)
+    first[draw[::-1]] = np.arange(len(draw))[::-1]
+    reflectance = surfaces.reflectance[of]
+    mesh = DrawMesh(
+        positions=surfaces.vertices[o][corner[first]].astype(np.float32),
+        triangles=draw.reshape(-1, 3).astype(np.int32),
+        front=front[first].astype(np.int32),
+        back=back[first].astype(np.int32),
+        reflectance=reflectance[first // 3] if paint is None else _tints(paint)[first],
+        emission=emission[first // 3],
+    )
+    if paint is None or not (paint.face_texture >= 0).any():
+        return mesh
+    count = np.bincount(draw.reshape(-1), minlength=len(first))
+    # Of the product of colour and texture that light sees, what the texture brings.
+    under = np.maximum(paint.corner_colour.mean(axis=1), 1e-6)
+    texels = np.where((paint.face_texture < 0)[:, None], 1.0, np.minimum(reflectance / under, 1.0)).repeat(3, axis=0)
+    return mesh._replace(
+        textures=paint.textures,
+        texture=paint.face_texture[first // 3].astype(np.int32),
+        uv=np.ascontiguousarray(paint.corner_uv.reshape(-1, 2)[first], np.float32),
+        texel=np.stack([np.bincount(draw.reshape(-1), texels[:, k]) / count for k in range(3)], axis=1),
+    )
+
+
+def _tints(paint: Paint) -> np.ndarray:
+    """Return what multiplies the texture at each corner (3 F, 3) float64."""
+    return paint.corner_colour.reshape(-1, 3).astype(np.float64)
+
+
+def _painted_kind(paint: Paint, emission: np.ndarray) -> np.ndarray:
+    """Number the corners (3 F,) so that equal ones look equal; emission is numbered by face (F,)."""
+    kind = np.repeat(group_of((emission, paint.face_texture)), 3)
+    colour, uv = (np.ascontiguousarray(c, np.float32) for c in (paint.corner_colour, paint.corner_uv))
+    bits = [*colour.reshape(-1, 3).view(np.int32).T, uv.reshape(-1, 2).view(np.int64)[:, 0]]
+    for column in bits:
+        kind = group_of((kind, np.unique(column, return_inverse=True)[1].reshape(-1)))
+    return kind
+
+
+def _alike(rows: np.ndarray) -> np.ndarray:
+    """Number the rows (n, c) so that equal ones have equal numbers."""
+    return group_of([np.unique(column, return_inverse=True)[1].reshape(-1) for column in rows.T])
+
+
+def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """Return linear radiance (D, 3) float32 of the front and of the back of each draw vertex.
+
+    `irradiance` (R, 3) [W/m2]. The front shows rho E / pi + Le, the back rho E / pi and nothing where the
+    face is one-sided; under a texture both lack the texture's factor, and Le. Without reflectance both show
+    E / pi: every surface as if it were perfectly white.
+    """
+    E_front = irradiance[draw.front]
+    one_sided = draw.back < 0
+    E_back = irradiance[draw.back]  # -1 reads the last receiver: blanked below
+    E_back[one_sided] = 0.0
+    if with_reflectance:
+        emission = draw.emission
+        if draw.texture is not None:
+            emission = np.where((draw.texture < 0)[:, None], emission, 0.0)
+        front = exitant_radiance(E_front, draw.reflectance, emission)
+        back = exitant_radiance(E_back, draw.reflectance, 0.0)
+    else:
+        front, back = exitant_radiance(E_front, 1.0, 0.0), exitant_radiance(E_back, 1.0, 0.0)
+    return front.astype(np.float32), back.astype(np.float32)
+
+
+def weights(draw: DrawMesh, of_receivers: np.ndarray | None) -> np.ndarray | None:
+    """Return how much the front and the back of each draw vertex count in their triangles. (D, 2) float32; None: all 1.
+
+    of_receivers (R,): what `gi_core.display.dilation.Drawn` says.
+    """
+    if of_receivers is None:
+        return None
+    out = np.ones((len(draw.front), 2), np.float32)
+    out[:, 0] = of_receivers[draw.front]
+    both = draw.back >= 0
+    out[both, 1] = of_receivers[draw.back[both]]
+    return out
+
+
+def mean_radiance(draw: DrawMesh, front: np.ndarray, back: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return `colours` (with reflectance) as seen from afar: times the mean of the texture, emission included."""
+    if draw.texture is None:
+        return front, back
+    glow = np.where((draw.texture < 0)[:, None], 0.0, draw.emission)
+    return front * draw.texel + glow, back * draw.texel

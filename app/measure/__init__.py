@@ -1,0 +1,1 @@
+"""Measurements of the program: benchmarks, charts of error against time, the failure atlas."""

@@ -1,0 +1,1 @@
+"""Where each method fails: theory, measurement, remedy, one chapter per file."""

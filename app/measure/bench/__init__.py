@@ -1,0 +1,1 @@
+"""Frame times, their bounds, and the report's tables."""

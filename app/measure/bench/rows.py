@@ -1,0 +1,67 @@
+"""The rows of `bench --sweep`: which settings and which variants of the scene are measured, in which order."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from typing import NamedTuple
+
+from app.settings import Settings
+
+ESTIMATORS = ("tangent_plane", "impact_count", "photon_map")
+PHOTONS = (10_000, 100_000, 1_000_000)
+LARGE = 10_000_000  # only on demand: minutes, and gigabytes
+LARGE_ESTIMATORS = ("tangent_plane", "impact_count")  # photon_map keeps every hit: twice the memory
+TRIANGLES = (20_000, 72_000, 300_000, 1_000_000)
+GROWTH_PHOTONS = 100_000  # of the rows that vary something else
+NEIGHBOURS = 50
+TREE = "tree"
+SLOW, SLOW_STEP = f"{PHOTONS[-1]} photons, tangent_plane, slow drag", 0.003  # of the scene size: 3 mm in a room of 1 m
+
+
+class Row(NamedTuple):
+    """One measurement. `variant` has keys that app/measure/bench/row.py knows."""
+
+    key: str
+    settings: Settings
+    frames: int
+    variant: dict
+
+    def spec(self) -> dict:
+        """Return what a process of its own is given, as JSON gives it back: lists for tuples."""
+        return json.loads(
+            json.dumps({"settings": asdict(self.settings), "frames": self.frames, "variant": self.variant})
+        )
+
+
+def rows(settings: Settings, frames: int, large: bool) -> list[Row]:
+    """Return all rows, cheap ones first; artifact control is off but where it is measured itself."""
+    base = replace(settings, control=False, neighbours=settings.neighbours or NEIGHBOURS)
+    out = []
+
+    def add(key: str, photons: int, estimator: str = "tangent_plane", control: bool = False, **variant) -> None:
+        wanted = replace(base, photons=photons, estimator=estimator, control=control)
+        out.append(Row(key, wanted, frames, variant))
+
+    for photons in PHOTONS:
+        for estimator in ESTIMATORS:
+            add(photons_key(photons, estimator), photons, estimator)
+        add(photons_key(photons, "tangent_plane", control=True), photons, control=True)
+    add(SLOW, PHOTONS[-1], step=SLOW_STEP)
+    for sides in ("one-sided", "two-sided"):
+        add(sides, GROWTH_PHOTONS, two_sided=sides == "two-sided")
+    for triangles in TRIANGLES:
+        for radius in ("scaled", "fixed"):
+            add(triangles_key(triangles, radius), GROWTH_PHOTONS, triangles=triangles, radius=radius)
+    if large:
+        for estimator in LARGE_ESTIMATORS:
+            add(photons_key(LARGE, estimator), LARGE, estimator)
+    return out
+
+
+def photons_key(photons: int, estimator: str, control: bool = False) -> str:
+    return f"{photons} photons, {estimator}" + (", artifact control" if control else "")
+
+
+def triangles_key(triangles: int, radius: str) -> str:
+    return f"{triangles} triangles, radius {radius}"

@@ -1,0 +1,182 @@
+"""A sweep as tables for people, in Markdown. Rows that were not measured are left out."""
+
+from __future__ import annotations
+
+from app.measure.bench.rows import ESTIMATORS, LARGE, PHOTONS, SLOW, TREE, TRIANGLES, photons_key, triangles_key
+from app.settings import STEP
+
+# Of the tree scene under tangent_plane without artifact control: median and 95 % of a GI frame [ms].
+TARGETS = {10_000: (1.5, None), 100_000: (4.0, None), 1_000_000: (16.0, 25.0), 10_000_000: (50.0, None)}
+
+
+def markdown(sweep: dict) -> str:
+    """Return the whole report."""
+    have = sweep["rows"]
+    parts = [_head(sweep), _photons(have), _targets(sweep), _growth_with_photons(have), _growth_with_triangles(have),
+             _comparisons(have), _queries(have), _stages(have), _failed(sweep)]  # fmt: skip
+    return "\n\n".join(p for p in parts if p) + "\n"
+
+
+def table(head: list[str], lines: list[list[str]]) -> str:
+    """Return a Markdown table, "" without lines."""
+    if not lines:
+        return ""
+    rule = ["---"] + ["---:"] * (len(head) - 1)
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in (head, rule, *lines))
+
+
+def _head(sweep: dict) -> str:
+    rows = sweep["rows"].values()
+    threads = ", ".join(sorted({str(r["threads"]) for r in rows})) or "unknown"
+    wrong = [key for key, r in sweep["rows"].items() if not r["bits_equal"]]
+    bits = "Every row's last frame has the same bits as from scratch." if rows and not wrong else ""
+    if wrong:
+        bits = f"**The last frame differs from scratch in: {'; '.join(wrong)}.**"
+    loads = [r["load"] for r in rows if r.get("load") is not None]
+    busy = f" Up to {max(loads):.1f} threads wanted a core in the minute before a row." if loads else ""
+    machine = f"{sweep['processor']}, {threads} threads, commit {sweep['commit'] or 'unknown'}. Times in ms, medians"
+    return f"# Sweep of {sweep['scene']}\n\n{machine}; artifact control off unless stated.{busy} {bits}".rstrip()
+
+
+def _section(title: str, body: str) -> str:
+    return f"## {title}\n\n{body}" if body else ""
+
+
+def _all_photons(have: dict) -> list[tuple[int, str, bool]]:
+    keys = [(n, e, c) for e in ESTIMATORS for c in (False, True) for n in (*PHOTONS, LARGE)]
+    return [k for k in keys if photons_key(*k) in have]
+
+
+def _photons(have: dict) -> str:
+    head = ["estimator", "photons", "cut", "frame", "95 %", "CPU", "us a cut photon", "of its bound", "by CPU",
+            "from scratch", "ratio", "first frame", "peak MB"]  # fmt: skip
+    lines = []
+    for n, estimator, control in _all_photons(have):
+        r = have[photons_key(n, estimator, control)]
+        name = estimator + (", artifact control" if control else "")
+        lines.append([
+            name, f"{n:,}", f"{100 * r['share_cut']:.2f} %", _ms(r["frame_ms"]["median"]), _ms(r["frame_ms"]["p95"]),
+            _ms(r["frame_ms"]["cpu"]), _number(r["us_per_cut_photon"]), _times(r["bounds"]["frame_ratio"]),
+            _times(r["bounds"]["frame_cpu_ratio"]), _ms(r["from_scratch_ms"]), _times(r["from_scratch_ratio"]),
+            _ms(r["first_frame_ms"]), _number(r["rss_mb"]["peak"], 0),
+        ])  # fmt: skip
+    return _section("Photons and estimators", table(head, lines))
+
+
+def _targets(sweep: dict) -> str:
+    if sweep["scene"] != TREE:
+        return ""
+    lines = []
+    for n, (median, p95) in TARGETS.items():
+        r = sweep["rows"].get(photons_key(n, "tangent_plane"))
+        if r is None:
+            continue
+        f = r["frame_ms"]
+        met = f["median"] <= median and (p95 is None or f["p95"] <= p95)
+        wanted = f"{median:g}" + (f", 95 % {p95:g}" if p95 else "")
+        lines.append([f"{n:,}", wanted, f"{_ms(f['median'])}, 95 % {_ms(f['p95'])}", "yes" if met else "no"])
+    return _section("Targets", table(["photons", "wanted", "measured", "met"], lines))
+
+
+def _growth_with_photons(have: dict) -> str:
+    """Frames should grow with the photons cut, plus a scan of all of them, told apart here."""
+    lines = []
+    for n, estimator, control in _all_photons(have):
+        if estimator != "tangent_plane" or control:
+            continue
+        r = have[photons_key(n, estimator)]
+        scan = sum(ms for name, ms in r["stages_ms"].items() if "scan" in name)
+        cut, rest = r["share_cut"] * r["photons"], r["frame_ms"]["median"] - scan
+        lines.append([f"{n:,}", f"{cut:,.0f}", _ms(scan), _ms(rest), _number(1e3 * rest / cut if cut else None)])
+    head = ["photons", "cut", "scan", "all else", "all else, us a cut photon"]
+    return _section("Growth with photons (tangent_plane)", table(head, lines))
+
+
+def _growth_with_triangles(have: dict) -> str:
+    parts = []
+    for radius in ("scaled", "fixed"):
+        measured = [have[key] for n in TRIANGLES if (key := triangles_key(n, radius)) in have]
+        lines = []
+        for r in measured:
+            first = measured[0]
+            crossings, of_first = _crossings(r), _crossings(first)
+            lines.append([
+                f"{r['triangles']:,}", f"{r['receivers']:,}", f"{r['radius']:.4g}", _ms(r["frame_ms"]["median"]),
+                _times(r["frame_ms"]["median"] / first["frame_ms"]["median"]), f"{crossings:,.0f}",
+                _times(crossings / of_first if of_first else None),
+                _number(crossings / r["segments_changed"] if r["segments_changed"] else None),
+            ])  # fmt: skip
+        head = ["triangles", "receivers", "radius m", "frame", "of the first", "crossings", "of the first", "a segment"]
+        made = table(head, lines)
+        if made:
+            parts.append(f"Radius {radius}:\n\n{made}")
+    return _section("Growth with static triangles (the same surfaces cut finer)", "\n\n".join(parts))
+
+
+def _crossings(r: dict) -> float:
+    return r["bounds"]["stages"].get("estimate", {"work": {}})["work"].get("crossings", {"count": 0})["count"]
+
+
+def _comparisons(have: dict) -> str:
+    pairs = [(f"impact_count against tangent_plane, {n:,} photons", photons_key(n, "impact_count"),
+              photons_key(n, "tangent_plane")) for n in (*PHOTONS, LARGE)]  # fmt: skip
+    pairs += [(f"artifact control on against off, {n:,} photons", photons_key(n, "tangent_plane", control=True),
+               photons_key(n, "tangent_plane")) for n in PHOTONS]  # fmt: skip
+    pairs.append((f"a slow drag against {100 * STEP:g} % a frame, {PHOTONS[-1]:,} photons", SLOW,
+                  photons_key(PHOTONS[-1], "tangent_plane")))  # fmt: skip
+    pairs.append(("everything two-sided against one-sided", "two-sided", "one-sided"))
+    lines = []
+    for title, a, b in pairs:
+        if a in have and b in have:
+            x, y = have[a]["frame_ms"]["median"], have[b]["frame_ms"]["median"]
+            lines.append([title, _ms(x), _ms(y), _times(x / y)])
+    return _section("One against the other", table(["", "frame", "against", "ratio"], lines))
+
+
+def _queries(have: dict) -> str:
+    lines = []
+    for n in (*PHOTONS, LARGE):
+        r = have.get(photons_key(n, "photon_map"))
+        if r is None or r["photon_map"] is None:
+            continue
+        q = r["photon_map"]
+        share = f"{100 * q['stale_share']:.2f} %"
+        frame = r["frame_ms"]["median"]
+        lines.append([
+            f"{n:,}", _ms(frame), share, f"{q['queries']:,.0f}", _number(q["us_a_query"]), _ms(q["full_estimate_ms"]),
+            _ms(q["allowed_ms"]), _times(frame / q["allowed_ms"] if q["allowed_ms"] else None),
+        ])  # fmt: skip
+    head = ["photons", "frame", "stale", "queries", "us a query", "full estimate", "x stale share", "frame / that"]
+    return _section("photon_map", table(head, lines))
+
+
+def _stages(have: dict) -> str:
+    """The bound of each stage at the largest number of photons measured."""
+    counts = [n for n, estimator, control in _all_photons(have) if estimator == "tangent_plane" and not control]
+    if not counts:
+        return ""
+    r = have[photons_key(max(counts), "tangent_plane")]
+    lines = []
+    for name, ms in r["stages_ms"].items():
+        known = r["bounds"]["stages"].get(name, {"bound_ms": None, "ratio": None})
+        lines.append([name, _ms(ms), _ms(known["bound_ms"]), _times(known["ratio"])])
+    lines.append(["whole frame", _ms(r["frame_ms"]["median"]), _ms(r["bounds"]["frame_bound_ms"]),
+                  _times(r["bounds"]["frame_ratio"])])  # fmt: skip
+    title = f"Stages of a frame at {max(counts):,} photons (tangent_plane), and what each must take at least"
+    return _section(title, table(["stage", "took", "bound", "ratio"], lines))
+
+
+def _failed(sweep: dict) -> str:
+    return _section("Failed", "\n".join(f"- {key}: {why}" for key, why in sweep["failed"].items()))
+
+
+def _ms(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}" if value < 100 else f"{value:,.0f}"
+
+
+def _number(value: float | None, digits: int = 2) -> str:
+    return "" if value is None else f"{value:,.{digits}f}"
+
+
+def _times(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g} x"

@@ -1,0 +1,1 @@
+"""Error against frame time of many settings: table, chart and page."""

@@ -1,0 +1,48 @@
+"""`gi-viewer chart SCENE --out DIR`: speed against accuracy of many settings, as a table, a chart and a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from app.cli.progress import Bar, compile_kernels
+from app.settings import Settings, open_moving_scene
+
+
+def chart(
+    settings: Settings, out: Path, quick: bool = False, frames: int | None = None, points: int | None = None
+) -> str:
+    """Measure what is missing in `out`/results.csv, draw all of it; return where to look, in words.
+
+    Raises SceneError, UsageError (a scene without mobiles, no matplotlib), OSError.
+    """
+    from app.measure.chart.figure import draw, need_matplotlib
+    from app.measure.chart.page import write_page
+    from app.measure.chart.pictures import SOON_ENOUGH
+    from app.measure.chart.run import Run
+    from app.measure.chart.tuned import told
+
+    need_matplotlib()
+    out.mkdir(parents=True, exist_ok=True)
+    with Bar() as bar:
+        bar("loading", 0.0)
+        scene = open_moving_scene(settings)
+        compile_kernels(bar)
+        run = Run(scene, settings, quick, frames, points, out, bar)
+        try:
+            run.measure()
+        except KeyboardInterrupt:
+            kept = f"stopped; {len(run.results.rows)} settings are in {run.results.file}"
+            raise KeyboardInterrupt(f"{kept}: the same command goes on from there") from None
+        bar("drawing", 0.0)
+        rows, about = run.results.rows, run.about()
+        draw(rows, about, out)
+        write_page(run, rows, about, out)
+    soon = [r for r in rows if r["frame_ms"] <= SOON_ENOUGH]
+    said = f"{len(rows)} settings"
+    if soon:
+        least = min(soon, key=lambda r: r["total all"])
+        said += f"; within {SOON_ENOUGH:g} ms the least error is {100 * least['total all']:.1f} %, of {least['curve']}"
+    near = [words] if (words := told(rows)) else []
+    return "\n".join(
+        [said, *near, *(str((out / name).resolve()) for name in ("index.html", "chart.svg", "results.csv"))]
+    )

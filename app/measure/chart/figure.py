@@ -1,0 +1,185 @@
+"""The chart: error against frame time, both by powers of ten, a panel a class of receivers."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from app.measure.chart.report import REPORT, SCENES
+from app.measure.chart.rival import RIVAL
+from app.measure.chart.settings import TUNED
+from app.measure.chart.tuned import BUDGET
+from app.settings import UsageError
+
+PANELS = {
+    "all": "All receivers",
+    "untouched": "Untouched by the mobile",
+    "affected": "Changed by the mobile",
+    "mobile": "On the mobile",
+    "border": "At borders and corners",
+}
+# Okabe and Ito's colours, told apart by the colour-blind too; shapes say the same once more.
+STYLES = {
+    "tangent_plane": ("#0072B2", "o"),
+    "tangent_plane, while dragged": ("#56B4E9", "s"),
+    "tangent_plane, gathered light": ("#7A5195", "P"),
+    "tangent_plane, no control": ("#009E73", "v"),
+    "impact_count": ("#D55E00", "^"),
+    "photon_map": ("#CC79A7", "D"),
+    TUNED: ("#000000", "*"),
+    RIVAL: ("#555555", "X"),
+}
+RATES = {1000 / 60: "16.7 ms", 40.0: "40 ms"}
+NOTE = {
+    "of": "error: sum of area x |E - truth| over sum of area x truth, luminance,\nat {points:,} receivers a pose, "
+    "{poses} in all; truth: unbiased path gather,\nof which chance is {truth:.0%}",
+    "on": "{processor}, {threads} threads\n{triangles:,} triangles, {receivers:,} receivers, seed {seed}\n"
+    "commit {commit}",
+    "report": "Hollow: the report's tables 2.1, 2.6 to 2.8, a machine of 2003. Their error is\nthe difference of "
+    "pictures from one by tangent_plane, not from the truth.",
+}
+INK, FAINT, BEST = "#222222", "#DDDDDD", "#E6C200"
+
+
+def need_matplotlib() -> None:
+    """Raise UsageError where matplotlib is missing."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        raise UsageError("matplotlib, which draws the chart, is not installed: pip install matplotlib") from None
+
+
+def draw(rows: list[dict], about: dict, out: Path) -> None:
+    """Write chart.svg and chart.png. Raises OSError."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    look = {"font.size": 11, "axes.titlesize": 12, "axes.titleweight": "bold", "axes.titlelocation": "left",
+            "axes.edgecolor": INK, "text.color": INK, "svg.hashsalt": "gi-viewer"}  # fmt: skip
+    with matplotlib.rc_context(look):
+        figure, axes = pyplot.subplots(2, 3, figsize=(15, 9.4), layout="constrained")
+        figure.suptitle(f"{about['scene']}: error against frame time", x=0.012, ha="left", size=17, weight="bold")
+        span = _span(rows)
+        for axis, (name, title) in zip(axes.flat, PANELS.items(), strict=False):
+            _panel(axis, rows, name, title, span, about)
+        _legend(axes.flat[-1], rows, about)
+        figure.savefig(out / "chart.svg", metadata={"Date": None})
+        figure.savefig(out / "chart.png", dpi=110)
+        pyplot.close(figure)
+
+
+def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the points that no other beats in both time and error, by time."""
+    out: list[tuple[float, float]] = []
+    for x, y in sorted(points):
+        if not out or y < out[-1][1]:
+            out.append((x, y))
+    return out
+
+
+def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, float], about: dict) -> None:
+    points = {curve: _points(rows, curve, name) for curve in STYLES}
+    every = [p for curve, own in points.items() if curve not in (RIVAL, TUNED) for p in own]
+    best = front(every)
+    if best:
+        axis.plot(*_columns(best), color=BEST, linewidth=8, alpha=0.45, solid_capstyle="round", zorder=1)
+    for curve, own in points.items():
+        colour, shape = STYLES[curve]
+        if own and curve == TUNED:
+            axis.plot(*_columns(own), shape, color=colour, markersize=15, markeredgecolor="white", zorder=5)
+        elif own:
+            axis.plot(*_columns(own), shape, color=colour, markersize=4.5, alpha=0.35, markeredgewidth=0, zorder=2)
+            axis.plot(*_columns(front(own)), "-" + shape, color=colour, linewidth=1.8, markersize=6, zorder=3)
+    report = about["scene"] in SCENES and name == "all"
+    if report:
+        for told in REPORT:
+            y = told.total if told.total is not None else told.noise
+            axis.plot(1e3 * told.seconds, 100 * y, STYLES[told.estimator][1], color=STYLES[told.estimator][0],
+                      markerfacecolor="none", markersize=8, markeredgewidth=1.4, zorder=4)  # fmt: skip
+    axis.set(xscale="log", yscale="log", xlim=span, title=title)
+    axis.set_xlabel("GI frame, median [ms]")
+    axis.set_ylabel("error [% of the light]")
+    _ticks(axis)
+    for ms, label in RATES.items():
+        axis.axvline(ms, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=0)
+        axis.text(ms, 0.01, label, transform=axis.get_xaxis_transform(), ha="right", va="bottom", size=9, rotation=90)
+    shown = [y for own in points.values() for _, y in own]
+    if shown:
+        axis.set_ylim(min(shown) / 1.35, max(shown) * 1.25)
+    if name == "all":
+        _name_curves(axis, {curve: front(own)[-1] for curve, own in points.items() if own and curve != TUNED})
+
+
+def _name_curves(axis, ends: dict[str, tuple[float, float]]) -> None:
+    """Write each curve's name beside its end; names that would lie over one another are moved apart."""
+    from matplotlib.patheffects import withStroke
+
+    low, high = (math.log(y) for y in axis.get_ylim())
+    middle = math.sqrt(math.prod(axis.get_xlim()))
+    last = 0.0  # height of the name before, as a share of the panel
+    for curve, (x, y) in sorted(ends.items(), key=lambda end: end[1][1]):
+        last = max((math.log(y) - low) / (high - low), last + 0.045)
+        at = x / 1.15 if x > middle else x * 1.15
+        side = "right" if x > middle else "left"
+        name = axis.text(at, math.exp(low + last * (high - low)), curve, ha=side, va="center", size=9)
+        name.set(color=STYLES[curve][0], path_effects=[withStroke(linewidth=3, foreground="white")])
+
+
+def _legend(axis, rows: list[dict], about: dict) -> None:
+    """The last panel says what is what."""
+    axis.axis("off")
+    there = [curve for curve in STYLES if any(r["curve"] == curve for r in rows)]
+    y = 0.97
+    for curve in there:
+        colour, shape = STYLES[curve]
+        axis.plot([0.02, 0.10], [y, y], "-" + shape, color=colour, linewidth=2, markersize=7, transform=axis.transAxes)
+        axis.text(0.14, y, _named(curve), color=colour, weight="bold", va="center", transform=axis.transAxes)
+        y -= 0.075
+    axis.plot([0.02, 0.10], [y, y], color=BEST, linewidth=8, alpha=0.45, transform=axis.transAxes)
+    axis.text(0.14, y, "nothing is both faster and better", va="center", transform=axis.transAxes)
+    notes = [NOTE["of"], NOTE["on"]] + ([NOTE["report"]] if about["scene"] in SCENES else [])
+    axis.text(0.0, y - 0.09, "\n\n".join(n.format(**_plain(about)) for n in notes), size=9, va="top",
+              linespacing=1.35, transform=axis.transAxes)  # fmt: skip
+    axis.set(xlim=(0, 1), ylim=(0, 1))
+
+
+def _named(curve: str) -> str:
+    return curve + {RIVAL: ", nothing kept between frames", TUNED: f" for {BUDGET:g} ms"}.get(curve, "")
+
+
+def _plain(about: dict) -> dict:
+    poses = "1 pose" if about["poses"] == 1 else f"{about['poses']} poses"
+    return {**about, "points": about["asked_points"], "poses": poses}
+
+
+def _points(rows: list[dict], curve: str, name: str) -> list[tuple[float, float]]:
+    """Return (ms, %) of a curve's settings, by time; those without error or receivers are left out."""
+    found = [(r["frame_ms"], 100 * r[f"total {name}"]) for r in rows if r["curve"] == curve]
+    return sorted((x, y) for x, y in found if isinstance(y, float) and math.isfinite(y) and y > 0 and x > 0)
+
+
+def _span(rows: list[dict]) -> tuple[float, float]:
+    times = [r["frame_ms"] for r in rows] or [1.0, 100.0]
+    return min(*times, 10.0) / 1.5, max(*times, 60.0) * 1.5
+
+
+def _columns(points: list[tuple[float, float]]) -> tuple[list[float], list[float]]:
+    return [x for x, _ in points], [y for _, y in points]
+
+
+def _ticks(axis) -> None:
+    """Plain numbers: 1, 2, 5, 10 ..."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    low, high = axis.get_xlim()
+    every_third = (1.0, 3.0) if high < 3e3 * low else (1.0,)
+    for side, steps in ((axis.xaxis, every_third), (axis.yaxis, (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))):
+        side.set_major_locator(LogLocator(10, subs=steps))
+        side.set_minor_locator(NullLocator())
+        side.set_major_formatter(FuncFormatter(lambda v, _: f"{v:,.10g}"))
+    axis.grid(color=FAINT, linewidth=0.5, zorder=0)
+    for edge in ("top", "right"):
+        axis.spines[edge].set_visible(False)
+    axis.tick_params(length=3)

@@ -1,0 +1,117 @@
+"""One setting of the chart: its frame time along the path, its error in each class, how steady it is."""
+
+from __future__ import annotations
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from app.measure.chart.settings import Choice
+from app.measure.chart.truth import Case, background_of, light_of, steady_and_moved
+from gi_core.geometry.error import CLASSES, noise_of_truth, relative_error
+
+WATCHED = 3000  # static receivers whose light is followed from frame to frame
+
+
+class Walk(NamedTuple):
+    """The frames that every setting is taken through."""
+
+    lap: list  # poses of each frame
+    cases: list[Case]
+    watched: np.ndarray  # (n,) static receivers
+    areas: np.ndarray  # (n,) float64 [m2]
+    steady: np.ndarray  # (n,) bool, of the watched: the mobiles leave them alone
+    moved: np.ndarray  # (n,) bool: they change them
+    change: float  # sum over frames and moved receivers of area x change from frame to frame, by the most photons
+
+
+class Seen(NamedTuple):
+    """What one setting showed."""
+
+    ms: np.ndarray  # (frames,) time of each GI frame
+    at_cases: list[np.ndarray]  # irradiance (n, 3) at each case's receivers
+    light: np.ndarray  # (frames, watched) luminance
+
+
+def make_walk(finest, lap: list, cases: list[Case], seed: int) -> Walk:
+    """Watch the walk with the solver that has the most photons: what changes, and by how much."""
+    static = finest.surfaces.receiver_range(0).stop
+    areas = finest.receivers.areas[:static]
+    count = min(WATCHED, int((areas > 0).sum()))
+    some = np.random.default_rng(seed).choice(static, count, replace=False, p=areas / areas.sum())
+    watched = np.sort(some)
+    background = light_of(background_of(finest), watched)
+    ones = np.ones(len(watched))  # drawn by area: each stands for as much
+    blank = Walk(lap, [], watched, ones, np.zeros(len(watched), bool), np.zeros(len(watched), bool), 0.0)
+    light = go(finest, blank).light
+    steady, moved = steady_and_moved(light, background, ones)
+    return Walk(lap, cases, watched, ones, steady, moved, _jump(light[:, moved], ones[moved]))
+
+
+def go(solver, walk: Walk, photons: int | None = None, paths: int | None = None) -> Seen:
+    """Take a solved solver along the walk; only the frame itself is timed."""
+    ms, light, by_frame = [], [], {}
+    solver.move_all(walk.lap[-1], photons, paths)
+    for k, poses in enumerate(walk.lap):
+        started = time.perf_counter()
+        solver.move_all(poses, photons, paths)
+        ms.append(1e3 * (time.perf_counter() - started))
+        light.append(light_of(solver.irradiance, walk.watched))
+        for case in walk.cases:
+            if case.frame == k:
+                by_frame[k] = solver.irradiance[case.rows]
+    return Seen(np.array(ms), [by_frame[c.frame] for c in walk.cases], np.array(light))
+
+
+def at_cases(solver, walk: Walk) -> list[np.ndarray]:
+    """Return irradiance (n, 3) at the receivers of each case."""
+    out = []
+    for case in walk.cases:
+        solver.move_all(walk.lap[case.frame])
+        out.append(solver.irradiance[case.rows])
+    return out
+
+
+def row(choice: Choice, seen: Seen, limit: list[np.ndarray] | None, walk: Walk, first_frame: float) -> dict:
+    """Return the columns of a setting: milliseconds, and errors as error.py defines them, relative."""
+    numbers = {
+        **choice._asdict(),
+        "curve": choice.curve,
+        "frame_ms": float(np.median(seen.ms)),
+        "frame_p95_ms": float(np.quantile(seen.ms, 0.95)),
+        "first_frame_ms": 1e3 * first_frame,
+        "flicker": flicker(seen.light, walk),
+        "jump": _jump(seen.light[:, walk.moved], walk.areas[walk.moved]) / walk.change if walk.change else float("nan"),
+    }
+    return numbers | errors(seen.at_cases, limit, walk.cases)
+
+
+def errors(E: list[np.ndarray], limit: list[np.ndarray] | None, cases: list[Case]) -> dict[str, float]:
+    """Return noise, bias and total (l1), total (l2) and the truth's own noise of all receivers and of each class."""
+    E, T, s, w, kind = (
+        np.concatenate(a) for a in (E, *zip(*(c[4:6] + (c.weights, c.kind) for c in cases), strict=True))
+    )
+    end = None if limit is None else np.concatenate(limit)
+    out = {}
+    for name in ("all", *CLASSES):
+        of = slice(None) if name == "all" else kind == CLASSES.index(name)
+        out[f"noise {name}"] = float("nan") if end is None else relative_error(E, end, w, of).l1
+        out[f"bias {name}"] = float("nan") if end is None else relative_error(end, T, w, of).l1
+        total = relative_error(E, T, w, of)
+        out[f"total {name}"], out[f"total l2 {name}"] = total.l1, total.l2
+        out[f"truth {name}"] = noise_of_truth(s, T, w, of)
+        out[f"points {name}"] = len(kind[of])
+    return out
+
+
+def flicker(light: np.ndarray, walk: Walk) -> float:
+    """Return how much receivers that the mobiles leave alone vary over the frames, relative to their light."""
+    still, w = light[:, walk.steady], walk.areas[walk.steady]
+    mean = float((w * still.mean(axis=0)).sum())
+    return float((w * still.std(axis=0)).sum()) / mean if mean > 0 else float("nan")
+
+
+def _jump(light: np.ndarray, areas: np.ndarray) -> float:
+    """Return the sum of area x change over all steps from frame to frame."""
+    return float((areas * np.abs(np.diff(light, axis=0))).sum())

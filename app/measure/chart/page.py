@@ -1,0 +1,127 @@
+"""index.html: chart, the report's tables beside ours, pictures and every number, in one file that needs no other."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+from pathlib import Path
+
+from app.measure.chart import pictures
+from app.measure.chart.report import SCENES, beside
+from app.measure.chart.rival import RIVAL
+from app.measure.chart.run import Run
+from app.measure.chart.tuned import told as tuned_words
+from app.measure.html_page import document, image, table, write
+
+ALL_COLUMNS = ("noise", "bias", "total", "total l2")
+
+
+def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
+    """Write index.html, whole or not at all. Raises OSError."""
+    parts = [
+        f"<p>{escape(_summary(rows, about))}</p>",
+        *(f"<p>{escape(words[0].upper() + words[1:])}.</p>" for words in [tuned_words(rows)] if words),
+        _inline((out / "chart.svg").read_text(encoding="utf-8")),
+        "<h2>The best of each estimator</h2>",
+        f"<p>The least error of all receivers within {pictures.SOON_ENOUGH:g} ms a frame. Maps: blue too dark, "
+        f"orange too bright, full colour at {pictures.SCALE:.0%} of the light there.</p>",
+        _pictures(pictures.pictures(run, rows)),
+        *_report(rows, about),
+        "<h2>Every setting</h2>",
+        _everything(rows),
+        f"<p>{escape(_notes(about))}</p>",
+    ]
+    write(out / "index.html", document(f"{about['scene']}: speed against accuracy", parts))
+
+
+def _summary(rows: list[dict], about: dict) -> str:
+    return (
+        f"{len(rows)} settings, {about['frames']} frames each, the mobiles moving 1.5 % of the scene a frame; "
+        f"{about['triangles']:,} triangles, {about['receivers']:,} receivers; {about['processor']}, "
+        f"{about['threads']} threads, commit {about['commit']}, seed {about['seed']}."
+    )
+
+
+def _notes(about: dict) -> str:
+    return (
+        f"A GI frame is everything from new poses to irradiance. Errors are relative, at {about['asked_points']:,} "
+        f"receivers a pose ({about['poses']} in all), drawn by area, class by class; truth is an unbiased path gather "
+        f"with {about['truth']:.0%} of chance in it. Noise is against the same estimator at {about['limit']:,} other "
+        "photons, bias is that against the truth (the noise of either is in it). Flicker: how much receivers that no "
+        "frame changes by a thousandth of the mean vary over frames. Jump: change from frame to frame of those that "
+        f"the mobile changes, relative to the change by {about['limit']:,} photons; 1 is right, more is flicker. First "
+        "frame: scene prepared, photons traced, estimated. The rival's time at over 4 paths is that of 4, scaled."
+    )
+
+
+def _inline(svg: str) -> str:
+    return f"<div class='wide'>{svg[svg.index('<svg') :]}</div>"
+
+
+def _pictures(found) -> str:
+    out = []
+    for p in found:
+        shown = [(p.image, f"picture: {p.title}"), (p.error_map, f"map of errors: {p.title}")]
+        images = "".join(image(picture, told) for picture, told in shown if picture is not None)
+        out.append(f"<figure>{images}<figcaption><b>{escape(p.title)}</b>: {escape(p.text)}</figcaption></figure>")
+    return f"<div class='row'>{''.join(out)}</div>"
+
+
+def _report(rows: list[dict], about: dict) -> list[str]:
+    """Return the report's tables 2.1, 2.6, 2.7 and 2.8 redone."""
+    if about["scene"] not in SCENES:
+        return []
+    head = ["table", "estimator", "photons", "frame, 2003", "frame now", "times faster", "noise, 2003", "noise now",
+            "bias, 2003", "bias now", "total, 2003", "total now"]  # fmt: skip
+    lines = []
+    for told, now in beside(rows, about["scene_size"]):
+        ms = now and now["frame_ms"]
+        lines.append([
+            told.table, told.estimator, f"{told.photons:,}", f"{1e3 * told.seconds:,.0f} ms", _ms(ms),
+            f"{1e3 * told.seconds / ms:,.0f}" if ms else "", _percent(told.noise), _percent(now and now["noise all"]),
+            _percent(told.bias), _percent(now and now["bias all"]), _percent(told.total),
+            _percent(now and now["total all"]),
+        ])  # fmt: skip
+    note = (
+        "Discs of 1 % of the scene, no artifact control. The report's errors are differences between pictures, from "
+        "tangent_plane with 5 or 100 million photons (noise of photon_map: from itself); ours are of irradiance over "
+        "all receivers, from the truth, so only times compare directly. The k of its photon maps is not told."
+    )
+    return ["<h2>The report's tables, redone</h2>", table(head, lines), f"<p>{note}</p>"]
+
+
+def _everything(rows: list[dict]) -> str:
+    over = [("", 1), ("GI frame", 3), ("error, all receivers", 4), ("total error", 3), ("over frames", 2)]
+    head = ["setting", "median", "95 %", "first", *ALL_COLUMNS, "changed", "mobile", "borders", "flicker", "jump"]
+    lines = []
+    for r in sorted(rows, key=lambda r: (r["curve"], r["radius"], r["neighbours"], r["photons"])):
+        words = f"{r['photons']} paths a vertex" if r["curve"] == RIVAL else _told(r)
+        lines.append([
+            f"{r['curve']}: {words}", _ms(r["frame_ms"]), _ms(r["frame_p95_ms"]), f"{1e-3 * r['first_frame_ms']:.2f} s",
+            *(_percent(r[f"{name} all"]) for name in ALL_COLUMNS),
+            *(_percent(r[f"total {name}"]) for name in ("affected", "mobile", "border")),
+            _percent(r["flicker"], 2), _number(r["jump"]),
+        ])  # fmt: skip
+    return table(head, lines, over)
+
+
+def _told(r: dict) -> str:
+    from app.measure.chart.settings import Choice
+
+    return Choice(*(r[name] for name in Choice._fields)).told()
+
+
+def _there(value) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
+
+
+def _percent(value, digits: int = 1) -> str:
+    return f"{100 * value:.{digits}f} %" if _there(value) else ""
+
+
+def _ms(value) -> str:
+    return f"{value:.3g} ms" if _there(value) and value < 1000 else f"{value:,.0f} ms" if _there(value) else ""
+
+
+def _number(value) -> str:
+    return f"{value:.2f}" if _there(value) else ""

@@ -1,0 +1,85 @@
+"""Small pictures for the page: the truth, and the best setting of each estimator with a map of its error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from app.draw import raycast
+from app.draw.shot import Shot
+from app.measure.chart.run import Run
+from app.measure.chart.settings import Choice
+from app.rest.reference_run import run as gather
+from app.rest.reference_store import ReferenceStore
+from gi_core.estimators import ESTIMATORS
+from gi_core.geometry.error import relative_error
+from gi_core.geometry.error_at_hand import signed_error
+
+SIZE = (480, 320)  # pixels
+SOON_ENOUGH = 40.0  # ms: the longest frame of which pictures are shown
+TRUTH, QUICK_TRUTH = 0.02, 0.1  # l1 error that chance makes in the truth of these pictures
+SCALE = 0.5  # of the light: the end of the map's colours
+TOO_DARK, RIGHT, TOO_BRIGHT = (0.13, 0.40, 0.67), (0.97, 0.97, 0.97), (0.84, 0.38, 0.05)
+
+
+class Picture(NamedTuple):
+    """A picture and what stands under it."""
+
+    title: str
+    text: str
+    image: np.ndarray  # (h, w, 3) uint8
+    error_map: np.ndarray | None
+
+
+def best_rows(rows: list[dict]) -> list[dict]:
+    """Return of each estimator the row of least error that is soon enough, else its fastest one."""
+    out = []
+    for estimator in ESTIMATORS:
+        own = [r for r in rows if r["estimator"] == estimator]
+        soon = [r for r in own if r["frame_ms"] <= SOON_ENOUGH]
+        if own:
+            out.append(min(soon, key=lambda r: r["total all"]) if soon else min(own, key=lambda r: r["frame_ms"]))
+    return out
+
+
+def pictures(run: Run, rows: list[dict]) -> list[Picture]:
+    """Return the truth and the best of each estimator, at the first pose where errors were taken."""
+    poses = run.lap[run.truth_frames[0]]
+    solver = run.base.twin()
+    solver.move_all(poses)
+    store = ReferenceStore(solver.model, solver.poses, seed=run.settings.seed)
+    for reached in gather(store, QUICK_TRUTH if run.quick else TRUTH):
+        run.bar("truth of the pictures", reached.fraction)
+    truth, areas = reached.state.mean, store.weights
+    solver.irradiance = truth
+    shot = Shot(solver, replace(run.settings, size=SIZE))
+    out = [Picture("truth", f"unbiased path gather, {100 * reached.noise:.1f} % of chance", shot.take(), None)]
+    settings = replace(run.settings, size=SIZE, exposure=shot.exposure)
+    for row in best_rows(rows):
+        run.bar(f"picture of {row['estimator']}", 0.0)
+        choice = Choice(*(row[name] for name in Choice._fields))
+        solver, _ = run.solved(choice)
+        solver.move_all(poses, *choice.frame)
+        shot = Shot(solver, settings)
+        off = signed_error(solver.irradiance, truth, areas)
+        total = relative_error(solver.irradiance, truth, areas)
+        text = f"{choice.told()}: {row['frame_ms']:.3g} ms a frame; {100 * total.l1:.1f} % off here"
+        out.append(Picture(choice.curve, text, shot.take(), _map(shot, off)))
+    return out
+
+
+def _map(shot: Shot, error: np.ndarray) -> np.ndarray:
+    """Return the picture (h, w, 3) uint8 of errors (R,): blue too dark, orange too bright, white right."""
+    x = np.clip(np.nan_to_num(error) / SCALE, -1, 1)[:, None]
+    display = np.where(
+        x < 0, np.array(RIGHT) + x * (np.array(RIGHT) - TOO_DARK), RIGHT + x * (np.array(TOO_BRIGHT) - RIGHT)
+    )
+    linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)  # of sRGB
+    colours = [(linear[m.front], linear[np.maximum(m.back, 0)]) for m in shot.meshes]
+    model, solver = shot.solver.model, shot.solver
+    at = model.transforms(solver.poses)
+    return raycast.picture(
+        model.accelerator, at, shot.meshes, colours, shot.camera, SIZE, 0.0, "clip", shot.settings.cull, textured=False
+    )

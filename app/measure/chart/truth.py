@@ -1,0 +1,94 @@
+"""The truth that settings are judged by: at some poses of the path, at a random choice of receivers of each class."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from app.rest.reference_run import run
+from app.rest.reference_store import ReferenceStore
+from gi_core.geometry.error import CLASSES, luminance, receiver_classes
+
+SHARES = {"untouched": 0.4, "affected": 0.2, "mobile": 0.2, "border": 0.2}  # of the receivers looked at
+FAR_AWAY = 1e3  # of the scene size: where a mobile changes nothing
+
+
+class Case(NamedTuple):
+    """One pose of the path, and the truth there at n receivers."""
+
+    frame: int  # of the walk
+    rows: np.ndarray  # (n,) receivers
+    weights: np.ndarray  # (n,) area that each stands for [m2]
+    kind: np.ndarray  # (n,) int, of CLASSES
+    truth: np.ndarray  # (n, 3) float64 [W/m2]
+    standard_error: np.ndarray  # (n, 3) float64 [W/m2]
+
+
+def background_of(solver) -> np.ndarray:
+    """Return the irradiance (R, 3) of the static part without mobiles; the poses are put back."""
+    poses = dict(solver.poses)
+    away = np.asarray(solver.scene.up, float) * FAR_AWAY * solver.scene_size
+    solver.move_all({name: p._replace(position=tuple(away * (k + 1))) for k, (name, p) in enumerate(poses.items())})
+    irradiance = solver.irradiance.copy()
+    solver.move_all(poses)
+    return irradiance
+
+
+def cases(solver, lap: list[dict], frames: list[int], points: int, error: float, seed: int, progress) -> list[Case]:
+    """Return the truth at some frames of a walk, as far as `error` (l1) of it; kept on disk from run to run.
+
+    `solver` is solved: what its photons say tells the classes, whose shares of `points` are stated above.
+    `progress(stage, fraction)` is called on the way.
+    """
+    background, start, out = background_of(solver), dict(solver.poses), []
+    for k, frame in enumerate(frames):
+        solver.move_all(lap[frame])
+        areas = solver.receivers.areas
+        sides = receiver_classes(solver.surfaces, solver.receivers, solver.irradiance, background)
+        rows, weights, kind = choose(sides, areas, points, np.random.default_rng([seed, frame]))
+        store = ReferenceStore(solver.model, solver.poses, rows, seed, weights=weights)
+        for reached in run(store, error):
+            progress(f"truth {k + 1} of {len(frames)}", (k + reached.fraction) / len(frames))
+        out.append(Case(frame, rows, weights, kind, reached.state.mean, reached.state.standard_error))
+    solver.move_all(start)
+    return out
+
+
+def choose(sides: dict[str, np.ndarray], areas: np.ndarray, points: int, random) -> tuple[np.ndarray, ...]:
+    """Return rows, weights and class of about `points` receivers, each class's with a chance that grows with area.
+
+    Weights are areas over chances, so that sums over the choice have the mean of sums over all.
+    """
+    rows, weights, kind = [], [], []
+    for number, name in enumerate(CLASSES):
+        mine = np.flatnonzero(sides[name] & (areas > 0))
+        if not len(mine):
+            continue
+        count = max(1, round(SHARES[name] * points))
+        if count >= len(mine):
+            rows.append(mine), weights.append(areas[mine])
+        else:
+            # Evenly spaced marks along the running area: neighbours in the mesh are not both taken.
+            running = np.cumsum(areas[mine])
+            marks = (np.arange(count) + random.random()) * running[-1] / count
+            hit, times = np.unique(np.searchsorted(running, marks).clip(max=len(mine) - 1), return_counts=True)
+            rows.append(mine[hit]), weights.append(times * running[-1] / count)
+        kind.append(np.full(len(rows[-1]), number))
+    return np.concatenate(rows), np.concatenate(weights), np.concatenate(kind)
+
+
+def steady_and_moved(light: np.ndarray, background: np.ndarray, areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return which receivers a walk leaves alone and which it changes, both (n,) bool.
+
+    `light` (frames, n) is their luminance by many photons, `background` (n,) that without mobiles. Alone: never
+    changed by more than a thousandth of the mean; changed: at some time by more than the hundredth of error.py.
+    """
+    mean = float((areas * background).sum() / areas.sum())
+    change = np.abs(light - background).max(axis=0)
+    return change <= 1e-3 * mean, change > 1e-2 * mean
+
+
+def light_of(irradiance: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return the luminance (n,) of some receivers."""
+    return luminance(irradiance[rows])

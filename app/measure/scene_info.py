@@ -1,0 +1,193 @@
+"""`gi-viewer info`: what is in a scene, which settings it gets and why, and what the program runs on."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from importlib import metadata
+
+import numpy as np
+
+from app.cli.progress import Bar, compile_kernels
+from app.cli.version import version
+from app.draw.tonemap import luminance
+from app.measure.material_lines import material_lines, triple
+from app.session.warnings import caveats
+from app.settings import Settings, make_solver, open_scene
+
+PILOT = 20_000  # photons: the escaped share to a third of a percent
+ESCAPES = 0.8  # of the photons, at their first flight: beyond it most of the work is for nothing
+LIBRARIES = ("numpy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-bundle")
+
+
+def info(settings: Settings) -> list[str]:
+    """Return the lines to print. Raises SceneError, UsageError."""
+    with Bar() as bar:
+        bar("loading", 0.0)
+        scene = open_scene(settings)
+        compile_kernels(bar)
+        solver = make_solver(scene, settings)
+        chosen = replace(settings, photons=solver.photons, radius=solver.radius, neighbours=solver.neighbours)
+        bar("tracing", 0.5)
+        control = _control(solver, settings)
+        # Impact counts need no search structure: the fastest way to every photon's fate.
+        solver.configure(estimator="impact_count", photons=min(PILOT, chosen.photons))
+        solver.solve()
+        estimator = settings.estimator or scene.defaults.estimator or "tangent_plane"
+        rows = [*_contents(scene, solver), *_lights(scene, solver), *_choices(settings, chosen, estimator, solver)]
+        rows += [control, ("disc search", _search(solver))]
+        cut_off = caveats(solver).get("truncated")
+    notes = [*_notes(scene, solver), *[f"warning: {cut_off}"] * bool(cut_off)]
+    materials = material_lines(scene, solver.surfaces)
+    return [*_aligned(rows), "", *materials, "", *notes, *[""] * bool(notes), *_aligned(_machine(solver))]
+
+
+def _control(solver, settings: Settings) -> tuple[str, str]:
+    """Say whom artifact control of tangent_plane concerns; without photons that takes no more than its geometry."""
+    if not settings.control:
+        return "artifact control", "off"
+    solver.configure(estimator="tangent_plane", photons=0)
+    solver.solve()
+    told = solver.control_facts
+    text = f"{100 * told.share:.1f} % of the receivers"
+    if solver.scene.mobiles:
+        text += f"; {told.stale:,} near mobiles and {told.on_mobiles:,} on them are in contact"
+    return "artifact control", text
+
+
+def _search(solver) -> str:
+    """Return what the disc search builds; without regions, which take no part in it."""
+    from gi_core.discs.search import SEARCHES
+
+    solver.configure(estimator="tangent_plane", control=False, photons=0)
+    solver.solve()
+    there = ", ".join(name for name in SEARCHES if name != solver.setting.search)
+    return f"{solver.search_told}; there are also {there}"
+
+
+def _contents(scene, solver) -> list[tuple[str, str]]:
+    s = solver.surfaces
+    low, high = solver.chosen.low, solver.chosen.high
+    rows = [
+        ("scene", scene.name),
+        ("triangles", f"{int(s.first_face[-1]):,}"),
+        ("receivers", f"{len(solver.irradiance):,} (two-sided surfaces have two, probes one)"),
+        ("scene size", _size(solver)),
+        ("  box", f"{triple(np.round(low, 6))} to {triple(np.round(high, 6))}"),
+        ("up", triple(scene.up)),
+    ]
+    for o, m in enumerate(scene.mobiles, 1):
+        faces, path = s.first_face[o + 1] - s.first_face[o], "follows a path" if m.path is not None else "no path"
+        rows.append((f'mobile "{m.name}"', f"{faces:,} triangles at {triple(m.pose.position)}, {path}"))
+    if not scene.mobiles:
+        rows.append(("mobiles", "none: add one with --mobile FILE"))
+    if scene.probes:
+        rows.append(("probes", ", ".join(p.name for p in scene.probes)))
+    return rows
+
+
+def _size(solver) -> str:
+    if solver.scene.defaults.scene_size is not None:
+        return f"{solver.scene_size:.4g} m (the scene file's)"
+    return f"{solver.scene_size:.4g} m (longest side of the box of 98 % of the light's hits)"
+
+
+def _lights(scene, solver) -> list[tuple[str, str]]:
+    """Group emissive faces by material; other lights have a line each."""
+    unit = "lm" if scene.units == "photometric" else "W"
+    emitters = solver.model.emitters
+    area = emitters.face >= 0
+    material = scene.static.face_material[emitters.face[area]]
+    rows = []
+    for k in np.unique(material):
+        faces = material == k
+        flux = emitters.flux[area][faces].sum(axis=0)
+        text = f"{triple(flux)} {unit} from {int(faces.sum()):,} triangles"
+        rows.append((f'light "{scene.materials[k].name}"', text))
+    named = [light for light in scene.lights if max(_strength(light)) > 0]
+    for light, flux in zip(named, emitters.flux[~area], strict=True):
+        kind = type(light).__name__.removesuffix("Light").lower()
+        rows.append((f'light "{light.name}"', f"{triple(flux)} {unit}, {kind}"))
+    if not rows:
+        rows.append(("lights", "none: the picture is black; give a material emission, or add a light"))
+    fates = {name: float(luminance(flux)) for name, flux in solver.fates.items()}
+    if fates["emitted"] > 0:
+        shares = (f"{100 * fates[name] / fates['emitted']:.1f} % {name}" for name in fates if name != "emitted")
+        rows.append(("of that flux", ", ".join(shares)))
+    return rows
+
+
+def _strength(light) -> tuple[float, float, float]:
+    for name in ("flux", "intensity", "irradiance", "radiance"):
+        if hasattr(light, name):
+            return getattr(light, name)
+    raise TypeError(light)
+
+
+def _choices(asked: Settings, chosen: Settings, estimator: str, solver) -> list[tuple[str, str]]:
+    from gi_core.defaults import choose
+    from gi_core.estimators import ESTIMATORS
+
+    file = solver.scene.defaults
+    rules = {
+        "photons": f"so many that noise is {100 * choose.LEAST_NOISE:g} %, at most {choose.MOST_PHOTONS:,}"
+        f" or what {choose.MOST_SECONDS:g} s on two cores allow",
+        "radius": f"at most {100 * choose.RADIUS_SHARE:g} % of the scene size, less where ground is uneven",
+        "neighbours": "enough to smooth, few enough to stay local (photon_map alone uses it)",
+    }
+    texts = {
+        "photons": f"{chosen.photons:,}",
+        "radius": f"{chosen.radius:.4g} m",
+        "neighbours": f"{chosen.neighbours}",
+    }
+
+    def reason(name: str, rule: str) -> str:
+        if getattr(asked, name) is not None:
+            return "as asked"
+        return "the scene file's" if getattr(file, name) is not None else rule
+
+    others = ", ".join(name for name in ESTIMATORS if name != estimator)
+    rows = [("estimator", f"{estimator}: {reason('estimator', 'the default')}; there are also {others}")]
+    rows += [(name, f"{texts[name]}: {reason(name, rule)}") for name, rule in rules.items()]
+    exposure = file.exposure if asked.exposure is None else asked.exposure
+    value = "metered" if exposure is None else f"{exposure:+.2f} EV"
+    rows.append(("exposure", f"{value}: {reason('exposure', 'the median in view becomes mid-grey')}"))
+    return rows
+
+
+def _notes(scene, solver) -> list[str]:
+    from gi_core.files.completion.default_lights import lit_by_stand_ins
+
+    lines = [f"note: {note}" for note in scene.notes]
+    if solver.chosen.escaped_first > ESCAPES and not lit_by_stand_ins(scene):  # those are nobody's to turn
+        lines.append(
+            f"warning: {100 * solver.chosen.escaped_first:.0f} % of the light leaves the scene at its first flight; "
+            "close it, or turn its lights inwards: most photons are wasted and the picture is noisier than it need be"
+        )
+    return lines
+
+
+def _machine(solver) -> list[tuple[str, str]]:
+    from gi_core.base.jit import cache_folder
+    from gi_core.files.find import shipped_scenes
+
+    versions = ", ".join(f"{name} {_version_of(name)}" for name in LIBRARIES)
+    return [
+        ("gi-viewer", f"{version()}, Python {sys.version.split()[0]} on {sys.platform}"),
+        ("threads", f"{solver.model.threads}: Python threads over kernels that release the GIL, not numba's own"),
+        ("libraries", versions),
+        ("kernel cache", str(cache_folder())),
+        ("shipped scenes", ", ".join(shipped_scenes())),
+    ]
+
+
+def _version_of(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "missing"
+
+
+def _aligned(rows: list[tuple[str, str]]) -> list[str]:
+    width = max(len(name) for name, _ in rows) + 2
+    return [name.ljust(width) + text for name, text in rows]

@@ -1,0 +1,1 @@
+"""Work while nothing moves: errors measured, light gathered, references kept."""

@@ -1,0 +1,232 @@
+"""What is worth computing when everything rests: how far off the picture is, and what to compare it with.
+
+`next_task` returns one short task at a time, which runs in the solver's thread while nobody else uses the solver;
+a drag waits for the piece under way and no longer. Results belong to a version of the light and go with it; the
+reference belongs to the poses, and is kept for the last few.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import statistics
+from collections.abc import Callable, Iterator, Mapping, Set
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from app.rest.comparison import OtherLook
+from app.rest.measured_points import MeasuredPoint, MeasuredPoints
+from app.rest.reference_job import Truth
+from app.worker import Task
+
+if TYPE_CHECKING:
+    from gi_core.estimators.setting import Setting
+    from gi_core.scene import Pose
+    from gi_core.solver import Solver
+
+SOME = 1000  # receivers that the error is measured at, where there are more than ...
+ALL = 4000  # ... so many
+SHARE = 0.15  # of the error: a truth whose noise is less is good enough ...
+GOOD = 0.003  # ... and this is good enough for anything
+GOOD_PICTURE = 0.01  # of the reference as a picture
+ROUGH = 0.04  # noise that is good enough to look after other work first
+TIMED = 3  # frames that the time of a frame is the median of
+REMEMBERED = 3  # poses whose reference is kept
+
+
+class Wants(NamedTuple):
+    """What the window shows."""
+
+    numbers: bool = True
+    picture: bool = False  # the reference, or errors, at every receiver
+    other: str = ""  # an estimator to compare with
+
+
+class Report(NamedTuple):
+    """The error of the light of a version; relative, l1; nan where not known."""
+
+    version: object
+    total: float
+    noise: float
+    bias: float
+    truth_noise: float  # of the reference
+    receivers: int  # that it was measured at
+    of: int
+    paths: float  # of the reference, a receiver
+    done: bool  # the reference is good enough
+
+
+@dataclass
+class Measured:
+    """What can be told of the light of a version without a reference."""
+
+    version: object
+    setting: Setting
+    twin: Solver | None  # None when everything has been measured
+    seconds: list[float]  # of frames of all photons
+    photons: int = 0
+    prefix: int = 0  # that noise was told from; 0: none
+    fewer: np.ndarray | None = None  # (R, 3) irradiance of the prefix
+
+
+class Appraisal:
+    """One a solver; `wants` is the window's, everything else is done in the solver's thread."""
+
+    def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
+        self.wants = Wants()
+        self.points = MeasuredPoints()
+        self.other = OtherLook(solver)
+        self.report: Report | None = None
+        self._solver, self._clock = solver, clock
+        self._measured: Measured | None = None
+        self._truths: dict[tuple, Truth] = {}  # newest last
+        self._areas = solver.model.object_receivers.areas
+
+    # The window's side ------------------------------------------------------------------------------
+
+    def truth(self, poses: Mapping[str, Pose], everywhere: bool) -> Truth | None:
+        """Return the reference for these poses, at all receivers or at those that the error is told from."""
+        return self._truths.get(self._key(poses, everywhere))
+
+    def picture(self, poses: Mapping[str, Pose]) -> np.ndarray | None:
+        """Return the reference at all receivers (R, 3), nan where nothing is known; None before the first step."""
+        truth = self.truth(poses, True)
+        if truth is None or truth.state is None:
+            return None
+        E = np.full((len(self._areas), 3), np.nan)
+        E[truth.rows] = truth.irradiance
+        return E
+
+    def progress(self, version: object, poses: Mapping[str, Pose]) -> tuple:
+        """Return something that changes when there is something new to see; rounds count double."""
+        truth = self.truth(poses, True) if self.wants.picture else None
+        other = self.wants.other and self.other.is_done(version, self.wants.other)
+        return bool(other), None if truth is None else (truth.rounds.bit_length(), int(16 * truth.seen))
+
+    def next_task(self, version: object, irradiance: np.ndarray, given_up: Set[str] = frozenset()) -> Task | None:
+        """Return the next task for the light of a version, of jobs not given up; None if nothing is left to do."""
+        if not self.wants.other and self.other.seen is not None:
+            self.other.drop()
+        due = (task for task in self._due(version, irradiance) if task.name not in given_up)
+        return next(due, None)
+
+    def _due(self, version: object, irradiance: np.ndarray) -> Iterator[Task]:
+        """Iterate over the next task of each job that is due, the most urgent first."""
+        wants, poses = self.wants, self._solver.poses
+        m = self._measured
+        if wants.numbers and (not self._measures(version) or m.twin is not None):
+            yield Task("timing frames", functools.partial(self._measure, version))
+        if wants.other and not self.other.is_done(version, wants.other):
+            name = f"computing {wants.other.replace('_', ' ')}"
+            yield Task(name, functools.partial(self.other.step, version, wants.other))
+        some, everywhere = self.truth(poses, False), self.truth(poses, True)
+        told = self.report is not None and self.report.version == version
+        picture_due = wants.picture and (everywhere is None or everywhere.noise > GOOD_PICTURE)
+        numbers_due = wants.numbers and not (told and self.report.done)
+        at_some, at_all = (functools.partial(self._gather, version, irradiance, every) for every in (False, True))
+        of_numbers = Task("gathering the reference" if self._few else "gathering the reference for the error", at_some)
+        if numbers_due and (not told or some is None or some.noise > ROUGH):
+            yield of_numbers
+        if picture_due:
+            yield Task("gathering the reference", at_all)
+        if numbers_due:
+            yield of_numbers
+
+    # The solver's thread ----------------------------------------------------------------------------
+
+    def _key(self, poses: Mapping[str, Pose], everywhere: bool) -> tuple:
+        return tuple(sorted(poses.items())), everywhere or self._few
+
+    @property
+    def _few(self) -> bool:
+        return int((self._areas > 0).sum()) <= ALL
+
+    def _measure(self, version: object) -> None:
+        """Time a frame of all photons, a few times over; then compute one of fewer."""
+        from gi_core.geometry.error_at_hand import prefix_to_compare
+
+        m = self._measured
+        if not self._measures(version):
+            m = self._measured = Measured(version, self._solver.setting, self._solver.twin(), [])
+            if not m.twin.uses_gathered:  # else what mobiles change is the photons' alone
+                m.twin.configure(prefix_only=True)
+        if len(m.seconds) < TIMED:
+            started = self._clock()
+            m.twin.move_all({})
+            m.seconds.append(self._clock() - started)
+            m.photons = m.twin.photons_traced
+            return
+        m.prefix = prefix_to_compare(m.twin.prefixes) or 0
+        if m.prefix:
+            m.fewer = self._of_fewer(m)
+        m.twin = None
+
+    def _of_fewer(self, m: Measured) -> np.ndarray:
+        """Return the irradiance (R, 3) of a prefix; where mobiles gather, as far off as if they did so with photons."""
+        twin = m.twin
+        if not twin.paths_gathered:
+            twin.move_all({}, m.prefix)
+            return twin.irradiance
+        E = twin.irradiance
+        twin.move_all({}, m.prefix, twin.paths_at_rest // 2)
+        fewer, mobile = twin.irradiance, slice(twin.surfaces.receiver_range(0).stop, None)
+        # Half as many paths are other paths: variances v and 2 v add up. A prefix's difference has v (N / n - 1).
+        fewer[mobile] = E[mobile] + (fewer[mobile] - E[mobile]) * math.sqrt((m.photons / m.prefix - 1) / 3)
+        return fewer
+
+    def _gather(self, version: object, irradiance: np.ndarray, everywhere: bool) -> None:
+        """Bring the reference on by a step, and tell the error anew."""
+        from gi_core.geometry.error_at_hand import some_receivers
+
+        key = self._key(self._solver.poses, everywhere)
+        truth = self._truths.pop(key, None)
+        if truth is None:
+            rows = some_receivers(self._areas, len(self._areas) if key[1] else SOME, 0)
+            truth = Truth(self._solver, self._solver.poses, rows, even=everywhere and not self._few)
+        self._truths[key] = truth
+        while len(self._truths) > REMEMBERED:
+            del self._truths[next(iter(self._truths))]
+        truth.step()
+        if truth.rounds.bit_count() == 1 and truth.seen == 1:  # 1, 2, 4, ... rounds
+            truth.keep()
+        if truth.noise != float("inf") and (self._few or not everywhere):  # nan: there is no light
+            self._tell(version, irradiance, truth)
+
+    def _tell(self, version: object, irradiance: np.ndarray, truth: Truth) -> None:
+        from gi_core.geometry.error import relative_error
+        from gi_core.geometry.error_at_hand import bias_left, noise_from_prefix
+
+        m, rows, w = self._measured, truth.rows, truth.weights
+        total = relative_error(irradiance[rows], truth.irradiance, w).l1
+        noise = float("nan")
+        if m is not None and m.version == version and m.prefix:
+            others = self._noise_of_gathered(rows)
+            noise = noise_from_prefix(irradiance[rows], m.fewer[rows], m.photons, m.prefix, w, others)
+        done = not truth.noise > max(GOOD, SHARE * total)
+        if done:
+            truth.keep()
+        of = int((self._areas > 0).sum())
+        bias = bias_left(total, noise, truth.noise)
+        self.report = Report(version, total, noise, bias, truth.noise, len(rows), of, truth.paths, done)
+        if m is not None and m.version == version and m.seconds and total == total:
+            self._note()
+
+    def _measures(self, version: object) -> bool:
+        m = self._measured
+        return m is not None and m.version == version
+
+    def _note(self) -> None:
+        """Keep what is known of the light under this setting among the points."""
+        m, r = self._measured, self.report
+        self.points.add(MeasuredPoint(m.setting, m.photons, statistics.median(m.seconds), r.total, r.truth_noise))
+
+    def _noise_of_gathered(self, rows: np.ndarray) -> np.ndarray:
+        """Return the standard error of the luminance (n,) of receivers whose light was gathered, 0 of others."""
+        out = np.zeros(len(rows))
+        if self._solver.uses_gathered:
+            known = self._solver.gathered.deviation
+            static = rows < len(known)
+            out[static] = known[rows[static]]
+        return out

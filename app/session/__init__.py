@@ -1,0 +1,1 @@
+"""One open scene: the solver's thread, settings, poses, history, warnings."""

@@ -1,0 +1,137 @@
+"""From a command line to a lit scene, beside a window that stays alive.
+
+Kernels that were never compiled on this machine are compiled in a process of their own (a compiler holds
+the interpreter lock for seconds); the rest runs in a thread up to the first picture, so that every kernel
+has been loaded when the window's own thread takes over. Only one thread at a time uses the solver.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from app.settings import Settings, make_solver, open_scene
+from app.worker import without_frames
+
+if TYPE_CHECKING:
+    from gi_core.scene import Scene
+
+IMPORTING, COMPILING, LOADING, TRACING = "importing", "compiling kernels", "loading scene", "tracing"
+
+
+class Opened(NamedTuple):
+    """A scene that has its first picture."""
+
+    settings: Settings  # with every None filled in
+    solver: object
+    meshes: tuple  # DrawMesh an object
+    picker: object
+
+
+class Opening:
+    """Runs in the background; look at `phase`, `detail`, `fraction`, then at `result` or `problem`."""
+
+    def __init__(self, settings: Settings, load: Callable[[Settings], Scene] = open_scene) -> None:
+        self.settings = settings
+        self._load = load
+        self.phase, self.detail = IMPORTING, ""
+        self.fraction: float | None = None  # None: unknown
+        self.result: Opened | None = None
+        self.problem: BaseException | None = None
+        self.warnings: list[str] = []
+        self._cancelled = False
+        self._compiler: subprocess.Popen | None = None
+        self._thread = threading.Thread(target=self._run, name="opening", daemon=True)
+        self._thread.start()
+
+    @property
+    def told(self) -> tuple[str, float | None]:
+        """What is being done, in words, and how much of it is; None: nobody knows."""
+        return self.phase + (f": {self.detail}" if self.detail else ""), self.fraction
+
+    @property
+    def done(self) -> bool:
+        return not self._thread.is_alive()
+
+    def cancel(self, patience: float = 1.0) -> None:
+        """Give up; returns when nothing of it runs any more, after so many seconds at most."""
+        self._cancelled = True
+        if self._compiler is not None:
+            self._compiler.kill()
+        self._thread.join(timeout=patience)
+
+    def _run(self) -> None:
+        try:
+            self._compile()
+            self.result = self._open()
+        except BaseException as problem:  # shown in the window, or raised by the caller
+            self.problem = without_frames(problem)
+
+    def _compile(self) -> None:
+        import gi_core
+        from gi_core.base.jit import CACHE_PROBLEM
+        from gi_core.instruments import compile_ahead
+
+        if CACHE_PROBLEM:
+            self.warnings.append(CACHE_PROBLEM)
+        if compile_ahead.is_warm():
+            return
+        self.phase, self.fraction = COMPILING, 0.0
+        with tempfile.TemporaryFile("w+") as errors:
+            self._compiler = subprocess.Popen(
+                [sys.executable, "-m", "gi_core.instruments.compile_ahead"],
+                cwd=Path(gi_core.__file__).parent.parent,  # found there, installed or not
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                text=True,
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+            for line in self._compiler.stdout:
+                count, _, self.detail = line.strip().partition(" ")
+                done, _, total = count.partition("/")
+                if done.isdigit() and total.isdigit() and int(total):
+                    self.fraction = int(done) / int(total)
+            if self._compiler.wait() and not self._cancelled:
+                # Not fatal: the kernels are then compiled at their first use, with a pause.
+                errors.seek(0)
+                last = (errors.read().strip().splitlines() or [f"exit code {self._compiler.returncode}"])[-1]
+                self.warnings.append(f"compiling ahead failed: {last}")
+        self._compiler = None
+
+    def _open(self) -> Opened:
+        from app.draw.picking import Picker
+        from app.draw.vertex_colours import draw_meshes
+
+        self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
+        scene = self._load(self.settings)
+        self._stop_if_cancelled()
+        solver = make_solver(scene, self.settings)
+        meshes, picker = draw_meshes(solver.surfaces), Picker(solver.surfaces)
+        self.phase, self.detail = TRACING, ""
+        for progress in solver.solve_steps():
+            self._stop_if_cancelled()
+            self.detail = "" if progress.stage == TRACING else progress.stage
+            self.fraction = progress.fraction
+            if progress.picture:
+                break
+        if solver.poses:
+            solver.move_all(solver.poses)  # the first frame of a drag then finds its kernels loaded
+        settings = replace(
+            self.settings,
+            estimator=solver.estimator,
+            photons=solver.photons,
+            radius=solver.radius,
+            neighbours=solver.neighbours,
+            light=solver.light,
+        )
+        return Opened(settings, solver, meshes, picker)
+
+    def _stop_if_cancelled(self) -> None:
+        if self._cancelled:
+            raise RuntimeError("cancelled")

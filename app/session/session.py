@@ -1,0 +1,278 @@
+"""One scene while it is looked at: its opening, its settings, moves, undo, playing. No window, no GL.
+
+The window calls `tick` once a frame and draws `irradiance` when `version` has changed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.draw.camera import matrix
+from app.rest.live_error import Appraisal
+from app.rest.scheduler import AtRest
+from app.rest.static_job import Gathering
+from app.session.log import WARNING, Log
+from app.session.opening import Opened, Opening
+from app.session.solver_thread import Solving
+from app.session.undo import History
+from app.settings import Settings
+from app.worker import PATIENCE, Worker
+from gi_core.scene import Pose
+from gi_core.scene.pose import pose_at
+
+if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
+    from gi_core.solver import Solver
+
+BUDGET = 0.008  # s that a frame waits for refinement
+STILL = 0.25  # s that an object is held still, after which all photons are shown although it may go on
+SETTLE = 0.15  # s: a slider's value counts once it has rested so long, or is let go
+
+
+class Session:
+    """`ready` turns True when there is a solver; before that only `opening` is worth a look."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        log: Log,
+        open_with: Callable = Opening,
+        clock: Callable[[], float] = time.perf_counter,
+        worker: Worker | None = None,
+        appraise: Callable | None = Appraisal,
+    ) -> None:
+        self.settings = settings  # as the user wants them
+        self.log = log
+        self.clock = clock
+        self.opening: Opening | None = open_with(settings)
+        self.problem: BaseException | None = None  # why there is no scene
+        self.meshes: tuple = ()
+        self.picker = None
+        self.dragging = False
+        self.before_drag: dict[str, Pose] = {}  # poses when the drag, or playing, began
+        self.playing = False
+        self.history = History()
+        self.light: Solving | None = None
+        self.appraisal: Appraisal | None = None
+        self.gathering: Gathering | None = None
+        self._appraise = appraise
+        self._refreshed = 0  # times that the same light is to be drawn anew
+        self._worker = worker or Worker()
+        self._applied = settings
+        self.filled: dict[str, object] = {}  # settings that were left open, and what they became
+        self._changed_at = 0.0
+        self._moved_at = 0.0
+        self._path_time = 0.0
+        self._paths: dict = {}
+
+    @property
+    def ready(self) -> bool:
+        return self.light is not None
+
+    @property
+    def solver(self) -> Solver:
+        return self.light.solver
+
+    @property
+    def refining(self) -> bool:
+        return self.light.busy or self._to_apply
+
+    @property
+    def version(self) -> int:
+        """Grows whenever there is something new to draw."""
+        return self.light.version + self._refreshed
+
+    @property
+    def poses(self) -> dict[str, Pose]:
+        """Where the mobiles are, or will be as soon as their light is there."""
+        return self.light.poses
+
+    @property
+    def moved(self) -> dict[str, Pose]:
+        """Where mobiles are that are no longer where the scene's file puts them."""
+        asked = dict(self.settings.poses)
+        return {name: p for name, p in self.poses.items() if name in asked or p != self._start[name]}
+
+    @property
+    def pose_list(self) -> list[Pose]:
+        """Poses as drawn, in the scene's order: those that the light belongs to."""
+        return [self.light.poses_drawn[m.name] for m in self.solver.scene.mobiles]
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """Irradiance (R, 3) at the poses as drawn."""
+        return self.light.irradiance
+
+    # Once a frame -----------------------------------------------------------------------------------
+
+    def tick(self, seconds: float, editing: bool = False, budget: float = BUDGET, still: bool = True) -> None:
+        """Do the work of one frame; `seconds` since the last, `editing` while a slider is held, `still`: so is the
+        camera."""
+        if not self.ready:
+            self._wait_for_opening()
+            return
+        self.light.budget = 1e-3 * self.settings.budget
+        self.light.move_pending(0.0)
+        if self._to_apply and not self.dragging and (not editing or self.clock() - self._changed_at >= SETTLE):
+            self._apply()
+        self.playing &= not self.light.move_failed
+        if self.playing and not self.dragging:
+            self._play(seconds)
+            self.playing &= not self.light.move_failed
+        elif not self.dragging:
+            self.light.settle()
+            self._at_rest.settings = self.settings
+            self.light.refine(budget, still and not editing)
+            self._refreshed += self._at_rest.has_news()
+        elif self.clock() - self._moved_at >= STILL:
+            self.light.settle()
+
+    def want(self, settings: Settings) -> None:
+        """Ask for other settings; they are taken over once they rest."""
+        if settings != self.settings:
+            self.settings = settings
+            self._changed_at = self.clock()
+
+    def _wait_for_opening(self) -> None:
+        if self.opening is None or not self.opening.done:
+            return
+        opening, self.opening = self.opening, None
+        for warning in opening.warnings:
+            self.log(warning, WARNING)
+        if opening.problem is not None:
+            self.problem = opening.problem
+            self.log.error("opening", opening.problem)
+            return
+        self.adopt(opening.result)
+
+    def adopt(self, opened: Opened) -> None:
+        """Take over a scene that has its first picture."""
+        from app.draw.motion import paths_of
+
+        # What the panel changed meanwhile stays; what was open is filled in.
+        filled = {k: v for k, v in vars(opened.settings).items() if getattr(self.settings, k) is None}
+        self.filled = {name: value for name, value in filled.items() if value is not None}
+        self.settings = self._applied = replace(self.settings, **filled)
+        self.meshes, self.picker = opened.meshes, opened.picker
+        self.gathering = Gathering(opened.solver, self.clock)
+        self.light = Solving(opened.solver, self.log, self.clock, self._worker)
+        if self._appraise is not None:
+            self.appraisal = self._appraise(opened.solver, self.clock)
+        self._at_rest = AtRest(self.settings, self.light, self.gathering, self.appraisal)
+        self.light.at_rest = self._at_rest.next_task
+        self._start = dict(self.solver.poses)
+        self._paths = {name: path for name, path in paths_of(self.solver).items() if len(path.times) > 1}
+        for note in self.solver.scene.notes:
+            self.log(note)
+
+    @property
+    def _to_apply(self) -> bool:
+        return self.settings != self._applied
+
+    def _apply(self) -> None:
+        """Take over what the panel asks for, going back no further than needed."""
+        old, new = self._applied, self.settings
+        was = old.of_solver
+        changed = {name: value for name, value in new.of_solver.items() if value != was[name]}
+        try:
+            if changed and not self.light.configure(changed, BUDGET):
+                return  # in the next frame, then
+        except Exception as problem:
+            self.settings = new = replace(new, **{name: getattr(old, name) for name in changed})
+            self.log.error("settings", problem)
+        if (new.show, new.reference, new.compare) != (old.show, old.reference, old.compare):
+            self._refreshed += 1
+        self._applied = new
+
+    # Motion -----------------------------------------------------------------------------------------
+
+    def move(self, poses: Mapping[str, Pose]) -> None:
+        """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light.
+
+        While something is dragged or played it is the light of as many photons as fit the budget.
+        """
+        self._moved_at = self.clock()
+        self.light.move(poses, hasty=self.dragging or self.playing)
+
+    def begin_drag(self) -> None:
+        self.dragging = True
+        self.light.begin_motion()
+        self.before_drag = self.poses
+
+    def end_drag(self, keep: bool = True) -> None:
+        """Finish a drag: one step of undo; or, not kept, the poses as they were at the press."""
+        self.dragging = False
+        if keep:
+            self.history.push(self.before_drag, self.poses)
+        elif self.before_drag != self.poses:
+            self.move(self.before_drag)
+
+    def undo(self) -> None:
+        self._go_back(self.history.undo(), "nothing to undo")
+
+    def redo(self) -> None:
+        self._go_back(self.history.redo(), "nothing to redo")
+
+    def _go_back(self, poses: Mapping[str, Pose], otherwise: str) -> None:
+        self.playing = False
+        if poses:
+            self.move(poses)
+        else:
+            self.log(otherwise)
+
+    def reset_poses(self) -> None:
+        self.playing = False
+        self._path_time = 0.0
+        before = self.poses
+        if before != self._start:
+            self.move(self._start)
+            self.history.push(before, self._start)
+
+    # Playing ----------------------------------------------------------------------------------------
+
+    @property
+    def paths(self) -> dict:
+        """The paths that mobiles follow: the scene's, else a circle for the first mobile."""
+        return self._paths
+
+    def toggle_play(self) -> None:
+        if not self.playing and not self.paths:
+            self.log("this scene has no mobile to play", WARNING)
+            return
+        self.playing = not self.playing
+        if self.playing:
+            self.light.begin_motion()
+            self.before_drag = self.poses
+        else:
+            self.history.push(self.before_drag, self.poses)
+
+    def _play(self, seconds: float) -> None:
+        """Go on by the time that has passed, so the speed does not depend on the frame rate."""
+        from app.draw.motion import play_head
+
+        self._path_time += seconds
+        self.move({name: pose_at(path, play_head(path, self._path_time)) for name, path in self.paths.items()})
+
+    # To be drawn ------------------------------------------------------------------------------------
+
+    def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return linear radiance (D, 3) float32 of both sides of an object's draw vertices."""
+        from app.draw.vertex_colours import colours
+
+        drawn = self.solver.drawn(self.irradiance, self.light.poses_drawn)
+        return colours(self.meshes[o], drawn, self.settings.show == "radiance")
+
+    def models(self) -> tuple[np.ndarray, ...]:
+        """Return one (4, 4) object-to-world matrix an object; the static part's is 1."""
+        return (np.eye(4), *(matrix(pose) for pose in self.pose_list))
+
+    def close(self, patience: float = PATIENCE) -> None:
+        """Stop all work; returns when nothing runs any more, or after so many seconds. It is of no use afterwards."""
+        if self.opening is not None:
+            self.opening.cancel(patience)
+        if self.light is not None:
+            self.light.close(patience)

@@ -1,0 +1,1 @@
+"""The window: viewport, drags, keys, overlays."""

@@ -1,0 +1,145 @@
+"""What a drag on a mobile means: rays through the cursor in, poses out. Pure functions, no window.
+
+The mode and the point grabbed are latched at the press. Each frame the cursor's ray gives a target for
+that point, computed from the press alone, so going back to where one started gives back the pose exactly.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from app.draw.camera import Bounds, Turntable, frame_of
+from gi_core.scene import Pose
+from gi_core.scene.pose import axis_angle, multiply_quaternions
+
+SLIDE, LIFT, FACE, TURN = "slide", "lift", "face", "turn"
+MODES = {
+    SLIDE: "slides at this height",
+    LIFT: "moves up and down",
+    FACE: "moves in the plane of the picture",
+    TURN: "turns about the vertical",
+}
+TURN_SPEED = 360.0  # degrees for a drag across the picture's height
+HEADROOM = 0.5  # of the scene's diagonal: how high mobiles can at least be lifted
+GRAZING = 1e-4  # |cos| of ray and plane: below it the hit is farther than any scene
+STEEP = 0.25  # sine of view and vertical: below it a vertical drag is read in the picture instead
+
+
+class Grab(NamedTuple):
+    """A drag as it was when the button went down."""
+
+    mobile: str
+    mode: str
+    point: np.ndarray  # (3,) where the cursor's ray met the mobile [m]
+    pose: Pose  # of the mobile
+    camera: Turntable
+    u: float  # the cursor in the picture, (0, 0) top left, (1, 1) bottom right
+    v: float
+    low: np.ndarray  # (3,) the mobile's box in the world, at the press
+    high: np.ndarray
+
+
+def room_for(bounds: Bounds, up) -> Bounds:
+    """Return where mobiles may be dragged: the scene's box, made half as high as it is long where it is flat."""
+    up = frame_of(up)[2]
+    low, high = np.array(bounds.low), np.array(bounds.high)
+    missing = max(HEADROOM * float(np.linalg.norm(high - low)) - float(np.abs(up) @ (high - low)), 0.0)
+    low, high = low + np.minimum(up, 0) * missing, high + np.maximum(up, 0) * missing
+    return Bounds(tuple(map(float, low)), tuple(map(float, high)))
+
+
+def mode_of(shift: bool, alt: bool, ctrl: bool) -> str:
+    """Return the mode that the modifier keys choose."""
+    return LIFT if shift else FACE if alt else TURN if ctrl else SLIDE
+
+
+def dragged(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> Pose:
+    """Return the pose for the cursor at (u, v); the mobile stays inside the bounds."""
+    if grab.mode == TURN:
+        q = axis_angle(grab.camera.up, (u - grab.u) * aspect * TURN_SPEED)
+        turned = np.array(multiply_quaternions(q, grab.pose.quaternion))
+        return grab.pose._replace(quaternion=tuple(map(float, turned / np.linalg.norm(turned))))
+    if (u, v) == (grab.u, grab.v):
+        return grab.pose
+    target = _TARGETS[grab.mode](grab, u, v, aspect, bounds)
+    shift = np.clip(target, *_room(grab, bounds)) - grab.point
+    return grab.pose._replace(position=tuple(float(c) for c in np.array(grab.pose.position) + shift))
+
+
+def on_plane(origin, direction, point, normal) -> np.ndarray | None:
+    """Return where a ray meets a plane, None where it grazes it or meets it behind the origin."""
+    cosine = float(direction @ normal)
+    if abs(cosine) < GRAZING:
+        return None
+    t = float((point - origin) @ normal) / cosine
+    return origin + t * direction if t > 0 else None
+
+
+def _slide(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.ndarray:
+    """Keep the height; above the horizon the ray never comes down: go as far as the scene goes that way."""
+    origin, direction = grab.camera.ray(u, v, aspect)
+    up = frame_of(grab.camera.up)[2]
+    level = direction - (direction @ up) * up
+    foot = origin + float((grab.point - origin) @ up) * up  # below or above the eye, at the point's height
+    length = float(np.linalg.norm(level))
+    if length < GRAZING:
+        return foot
+    level = level / length
+    low, high = _room(grab, bounds)
+    hit = on_plane(origin, direction, grab.point, up)
+    s = float((hit - foot) @ level) if hit is not None else np.inf
+    # Clip on the track itself: clipping a far point axis by axis would slide it along a wall into a corner.
+    entry, leave = _track_in_box(foot, level, low, high)
+    if leave is None:
+        s = min(s, 2 * bounds.radius + float(np.linalg.norm(grab.point - foot)))
+    else:
+        s = min(max(s, entry), leave)
+    target = foot + s * level
+    return target + float((grab.point - target) @ up) * up  # the height exactly as it was
+
+
+def _lift(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.ndarray:
+    """Move along the vertical through the point: the cursor's ray meets the upright plane that faces the eye."""
+    up = frame_of(grab.camera.up)[2]
+    _, upward, forward = grab.camera.basis()
+    normal = forward - (forward @ up) * up
+    steep = float(np.linalg.norm(normal))
+    if steep >= STEEP:
+        hit = on_plane(*grab.camera.ray(u, v, aspect), grab.point, normal / steep)
+        if hit is not None:
+            return grab.point + float((hit - grab.point) @ up) * up
+        return grab.point + np.sign(grab.v - v) * 2 * bounds.radius * up
+    # Looking straight down no ray tells a height: one picture height is one picture height at that depth.
+    depth = float((grab.point - grab.camera.eye()) @ forward)
+    return grab.point + (grab.v - v) * 2 * depth * np.tan(grab.camera.fov / 2) * up
+
+
+def _face(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.ndarray:
+    forward = grab.camera.basis()[2]
+    hit = on_plane(*grab.camera.ray(u, v, aspect), grab.point, forward)
+    return grab.point if hit is None else hit
+
+
+_TARGETS = {SLIDE: _slide, LIFT: _lift, FACE: _face}
+
+
+def _room(grab: Grab, bounds: Bounds) -> tuple[np.ndarray, np.ndarray]:
+    """Return the box where the point may go so that the mobile stays inside; grown where it was outside already."""
+    low = np.array(bounds.low) + (grab.point - grab.low)
+    high = np.array(bounds.high) - (grab.high - grab.point)
+    return np.minimum(low, grab.point), np.maximum(high, grab.point)
+
+
+def _track_in_box(origin, direction, low, high) -> tuple[float, float | None]:
+    """Return where a line enters and leaves a box, (0, None) where it misses it."""
+    entry, leave = 0.0, np.inf
+    for k in range(3):
+        if abs(direction[k]) < 1e-12:
+            if not low[k] - 1e-9 <= origin[k] <= high[k] + 1e-9:
+                return 0.0, None
+            continue
+        a, b = sorted(((low[k] - origin[k]) / direction[k], (high[k] - origin[k]) / direction[k]))
+        entry, leave = max(entry, a), min(leave, b)
+    return (entry, leave) if entry <= leave else (0.0, None)

@@ -1,0 +1,66 @@
+"""The legend of the error map, drawn into the viewport: colours, numbers, and what they are numbers of."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from imgui_bundle import imgui
+
+from app.draw.colour_map import UNKNOWN, signed_colours
+from app.draw.view_content import Errors
+from app.window import plate, theme
+
+WIDTH_EM, HEIGHT_EM = 1.1, 11.0  # of the bar
+STEPS = 64
+NOTHING = "not known yet"
+TICKS = (1.0, 0.5, 0.0, -0.5, -1.0)  # of the scale
+
+
+def draw(errors: Errors, right: float, bottom: float) -> None:
+    """Draw it with its lower right corner there."""
+    em = imgui.get_font_size()
+    lines = texts(errors)
+    pad, line = 0.7 * em, 1.25 * em
+    beside = (WIDTH_EM + 0.6) * em
+    ticks = [tick_text(tick, errors.scale) for tick in TICKS]
+    widest = max(imgui.calc_text_size(text).x for text in (*ticks, NOTHING)) + beside
+    width = max(widest, *(imgui.calc_text_size(text).x for text in lines)) + 2 * pad
+    height = HEIGHT_EM * em + (len(lines) + 2.2) * line + 2 * pad
+    x, y = right - width, bottom - height
+    drawing = imgui.get_window_draw_list()
+    text, dim = imgui.get_color_u32((*theme.TEXT, 1.0)), imgui.get_color_u32((*theme.DIM, 1.0))
+    drawing.add_rect_filled((x, y), (right, bottom), imgui.get_color_u32(plate.COLOUR), 0.35 * em)
+    for k, what in enumerate(lines):
+        drawing.add_text((x + pad, y + pad + k * line), text if k == 0 else dim, what)
+    top = y + pad + (len(lines) + 0.5) * line
+    left = x + pad
+    colours = signed_colours(np.linspace(1, -1, STEPS + 1))
+    for k in range(STEPS):
+        a, b = (imgui.get_color_u32((*map(float, colours[i]), 1.0)) for i in (k, k + 1))
+        low, high = (top + HEIGHT_EM * em * i / STEPS for i in (k, k + 1))
+        drawing.add_rect_filled_multi_color((left, low), (left + WIDTH_EM * em, high), a, a, b, b)
+    for tick, words in zip(TICKS, ticks, strict=True):
+        at = top + HEIGHT_EM * em * (1 - tick) / 2
+        drawing.add_line((left + WIDTH_EM * em, at), (left + (WIDTH_EM + 0.3) * em, at), dim, 1.0)
+        drawing.add_text((left + beside, at - 0.5 * em), text, words)
+    swatch = top + HEIGHT_EM * em + 0.5 * line
+    drawing.add_rect_filled(
+        (left, swatch), (left + WIDTH_EM * em, swatch + em), imgui.get_color_u32((*UNKNOWN, 1.0)), 0.2 * em
+    )
+    drawing.add_rect((left, swatch), (left + WIDTH_EM * em, swatch + em), dim, 0.2 * em)
+    drawing.add_text((left + beside, swatch), dim, NOTHING)
+
+
+def texts(errors: Errors) -> list[str]:
+    """Return what the numbers are, a line each."""
+    noise = f"the reference itself: ±{100 * errors.noise:.2g} %" if math.isfinite(errors.noise) else "a first look"
+    return ["Error of irradiance", "relative to the reference", noise]
+
+
+def tick_text(tick: float, scale: float) -> str:
+    """Return the words at a tick: the ends of the scale hold all that is beyond."""
+    if tick == 0:
+        return "right"
+    number = f"{100 * tick * scale:+.3g} %".replace("-", "\N{MINUS SIGN}")
+    return number + {1.0: " and more: too bright", -1.0: " and more: too dark"}.get(tick, "")

@@ -1,0 +1,84 @@
+"""What is written over the picture and below it: progress, hints, the log line."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from app.draw.view_content import Shown
+from app.session.log import ERROR, WARNING, Log
+from app.session.reload import Succession
+from app.session.session import Session
+from app.window import legend, plate, theme
+from app.window.viewport import Viewport
+from app.window.wipe import Wipe
+
+KEYS = "H: help    Tab: panel"
+TOLD = 12  # messages in the log line's tooltip
+
+
+def draw(viewport: Viewport, session: Session, succession: Succession, ready: bool) -> None:
+    """Write over the picture: while opening what is done, then what a drag does, else how far another scene or
+    refinement is."""
+    em = imgui.get_font_size()
+    (x, y), (w, h) = viewport.origin, viewport.size
+    if not ready:
+        _draw_opening(session, x + w / 2, y + h / 2, em)
+        return
+    corner = x + em, y + h - 2.6 * em
+    _draw_shown(viewport.shown, viewport.wipe, (x, y, w, h), em)
+    hint = viewport.hint()
+    if hint:
+        plate.write(hint, *corner)
+    elif succession.told is not None:
+        what, fraction = succession.told
+        plate.write(what if fraction is None else f"{what} {100 * fraction:.0f} %", *corner, theme.DIM)
+    elif session.refining:
+        progress = session.light.progress
+        if progress is not None and progress.fraction < 1:  # what comes after is not worth a word
+            plate.write(f"refining {100 * progress.fraction:.0f} %", *corner, theme.DIM)
+
+
+def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float, float], em: float) -> None:
+    """Say what the picture is, where that is not plain: a wipe's sides, the reference, errors, what is to come."""
+    if shown is None:
+        return
+    x, y, w, h = area
+    if len(shown.sides) == 2:
+        wipe.draw(area, (shown.sides[0].label, shown.sides[1].label))
+    elif shown.named:
+        plate.write(shown.sides[0].label, x + em, y + em)
+    if shown.coming:
+        plate.write(shown.coming, x + w - em, y + em, theme.DIM, right=True)
+    if shown.errors is not None:
+        legend.draw(shown.errors, x + w - em, y + h - em)
+
+
+def _draw_opening(session: Session, x: float, y: float, em: float) -> None:
+    opening = session.opening
+    if opening is None:
+        problem = session.problem or "see the line below"
+        plate.write(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
+        return
+    text, known = opening.told
+    plate.write(text, x, y - 1.4 * em, centred=True)
+    width = 18 * em
+    imgui.set_cursor_screen_pos((x - width / 2, y + 0.4 * em))
+    # A negative fraction makes ImGui's bar run to and fro: something is going on, nobody knows how long.
+    fraction = -imgui.get_time() if known is None else known
+    imgui.progress_bar(fraction, (width, 0.35 * em), "")
+
+
+def draw_status(log: Log) -> None:
+    """Write the log line: the last message, at the right how to get help."""
+    start = imgui.get_cursor_pos()
+    room = imgui.get_content_region_avail().x - imgui.calc_text_size(KEYS).x
+    imgui.set_cursor_pos((start.x + room, start.y))
+    imgui.text_disabled(KEYS)
+    entry = log.last
+    if entry is None:
+        return
+    imgui.set_cursor_pos(start)
+    colour = {ERROR: theme.ERROR, WARNING: theme.WARNING}.get(entry.level, theme.DIM)
+    imgui.text_colored((*colour, 1.0), entry.text)
+    if imgui.is_item_hovered():
+        imgui.set_tooltip("\n".join(e.text for e in list(log.entries)[-TOLD:]))

@@ -1,0 +1,116 @@
+"""The settings tried so far, in a chart of error against the time of a GI frame: lower left is better."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from imgui_bundle import ImVec4, imgui, implot
+
+from app.rest.measured_points import MeasuredPoint
+from app.settings import Settings
+from app.window import theme
+from app.window.panel import widgets as ui
+from app.window.panel.facts import Facts
+
+HEIGHT_EM = 15.0
+FRAME_MS = 1000 / 60  # what a frame of a smooth drag may take
+COLOURS = ((0.918, 0.655, 0.298), (0.400, 0.700, 0.950), (0.560, 0.800, 0.450), (0.850, 0.550, 0.850))
+MARKERS = (implot.Marker_.circle, implot.Marker_.square, implot.Marker_.diamond, implot.Marker_.up)
+MARGIN = 2.0  # times: room round the points
+NEAR_EM = 0.8  # of the cursor to a point that is then named
+TIMES_MS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 50, 100, 200, 500, 1000, 2000, 5000, 10000)  # 20 would lie under 16.7
+PERCENTS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
+
+
+def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+    if not facts.points:
+        imgui.text_wrapped("Every setting that you try adds a point here, once its error has been measured at rest.")
+        return s
+    em = imgui.get_font_size()
+    flags = implot.Flags_.no_menus | implot.Flags_.no_mouse_text | implot.Flags_.no_box_select
+    if implot.begin_plot("##Error against time", (-1, HEIGHT_EM * em), flags):
+        _axes(facts.points)
+        _draw_budget()
+        for k, estimator in enumerate(facts.estimators):
+            _draw_points(k, estimator, [p for p in facts.points if p.setting.estimator == estimator])
+        _draw_latest(facts.points[-1])
+        near = _under_mouse(facts.points, NEAR_EM * em) if implot.is_plot_hovered() else None
+        implot.end_plot()
+        if near is not None:
+            imgui.set_tooltip(told(near))
+    imgui.text_disabled("Lower left is better. The line: 60 frames a second.")
+    if imgui.button("Clear chart", (-1, 0)):
+        actions.add("clear chart")
+    ui.tip("Take all points away; settings tried from now on add theirs.")
+    return s
+
+
+def told(point: MeasuredPoint) -> str:
+    """Return what a point stands for."""
+    error = f"error {100 * point.error:.2g} % (the reference itself ±{100 * point.truth_noise:.1g} %)"
+    return f"{point.label}\n{error}\nGI frame {ui.ms(point.seconds)}"
+
+
+def limits(values: list[float]) -> tuple[float, float]:
+    """Return the ends of a logarithmic axis that holds all values with room to spare."""
+    low, high = min(values) / MARGIN, max(values) * MARGIN
+    return low, high
+
+
+def _axes(points: tuple[MeasuredPoint, ...]) -> None:
+    x, y = (int(axis) for axis in (implot.ImAxis_.x1, implot.ImAxis_.y1))
+    implot.setup_axis(x, "GI frame of all photons [ms]")
+    implot.setup_axis(y, "error [%]")
+    for axis, ticks, values in (
+        (x, TIMES_MS, [*(1e3 * p.seconds for p in points), FRAME_MS]),
+        (y, PERCENTS, [100 * p.error for p in points]),
+    ):
+        implot.setup_axis_scale(axis, int(implot.Scale_.log10))
+        implot.setup_axis_limits(axis, *limits(values), int(implot.Cond_.always))
+        implot.setup_axis_ticks(axis, list(map(float, ticks)), [f"{t:g}" for t in ticks])
+    implot.setup_legend(int(implot.Location_.north_east), int(implot.LegendFlags_.none))
+
+
+def _draw_budget() -> None:
+    spec = implot.Spec()
+    spec.line_color = ImVec4(*theme.WARNING, 0.6)
+    implot.plot_inf_lines("##16.7 ms", np.array([FRAME_MS]), spec)
+    implot.tag_x(FRAME_MS, ImVec4(*theme.FRAME_ACTIVE, 1.0), "16.7")
+
+
+def _draw_points(k: int, estimator: str, points: list[MeasuredPoint]) -> None:
+    if not points:
+        return
+    colour = ImVec4(*COLOURS[k % len(COLOURS)], 1.0)
+    spec = implot.Spec()
+    spec.marker = int(MARKERS[k % len(MARKERS)])
+    spec.marker_size = 0.3 * imgui.get_font_size()
+    spec.marker_fill_color = spec.marker_line_color = spec.line_color = colour
+    xs, ys = (np.array(column) for column in zip(*((1e3 * p.seconds, 100 * p.error) for p in points), strict=True))
+    implot.plot_scatter(ui.title(estimator), xs, ys, spec)
+
+
+def _draw_latest(point: MeasuredPoint) -> None:
+    """Put a ring round the setting in force."""
+    at = pixel_of(point)
+    implot.push_plot_clip_rect()
+    em = imgui.get_font_size()
+    implot.get_plot_draw_list().add_circle(at, 0.55 * em, imgui.get_color_u32((*theme.TEXT, 0.9)), 0, 0.1 * em)
+    implot.pop_plot_clip_rect()
+
+
+def pixel_of(point: MeasuredPoint):
+    """Return where a point of the chart that is being drawn is on the screen."""
+    return implot.plot_to_pixels(1e3 * point.seconds, 100 * point.error)
+
+
+def _under_mouse(points: tuple[MeasuredPoint, ...], reach: float) -> MeasuredPoint | None:
+    mouse = imgui.get_mouse_pos()
+
+    def distance(point: MeasuredPoint) -> float:
+        at = pixel_of(point)
+        return math.hypot(at.x - mouse.x, at.y - mouse.y)
+
+    nearest = min(points, key=distance)
+    return nearest if distance(nearest) <= reach else None

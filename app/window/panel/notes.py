@@ -1,0 +1,17 @@
+"""What was added where the scene's files were silent."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from app.settings import Settings
+from app.window import theme
+from app.window.panel.facts import Facts
+
+
+def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+    imgui.push_style_color(imgui.Col_.text, (*theme.DIM, 1.0))
+    for note in facts.notes:
+        imgui.text_wrapped(note)
+    imgui.pop_style_color()
+    return s

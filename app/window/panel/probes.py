@@ -1,0 +1,17 @@
+"""Irradiance at the points that the scene file names."""
+
+from __future__ import annotations
+
+from app.draw.tonemap import luminance
+from app.settings import Settings
+from app.window.panel import widgets as ui
+from app.window.panel.facts import Facts
+
+
+def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+    unit = "lx" if facts.photometric else "W/m²"
+    for name, E in facts.probes.items():
+        red, green, blue = (f"{float(c):.4g}" for c in E)
+        tip = f"Irradiance at the probe: red {red}, green {green}, blue {blue}."
+        ui.number(name, f"{float(luminance(E)):.4g} {unit}", tip)
+    return s

@@ -1,0 +1,76 @@
+"""What the sections are made of: label, choice, number, tooltip, and how numbers are written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from imgui_bundle import imgui
+
+from app.settings import Settings
+from app.window import theme
+
+LABEL_EM = 6.2  # width of the column of labels
+
+
+def choice(s: Settings, name: str, field: str, choices: Mapping[str, str], about: str) -> Settings:
+    """Choose a value of a settings' field by the names that the values have here."""
+    keys = list(choices)
+    label(name)
+    changed, k = imgui.combo(f"##{name}", keys.index(getattr(s, field)), list(choices.values()))
+    tip(about)
+    return replace(s, **{field: keys[k]}) if changed else s
+
+
+def label(text: str) -> None:
+    """Write a label and put the next widget beside it, as wide as there is room."""
+    imgui.align_text_to_frame_padding()
+    imgui.text(text)
+    imgui.same_line(LABEL_EM * imgui.get_font_size())
+    imgui.set_next_item_width(-1)
+
+
+def write_over(text: str) -> None:
+    """Write in the middle of the last widget; ImGui's own text on a progress bar runs along with it."""
+    low, high, size = imgui.get_item_rect_min(), imgui.get_item_rect_max(), imgui.calc_text_size(text)
+    at = ((low.x + high.x - size.x) / 2, (low.y + high.y - size.y) / 2)
+    imgui.get_window_draw_list().add_text(at, imgui.get_color_u32(imgui.Col_.text), text)
+
+
+def number(name: str, value: str, about: str) -> None:
+    """Write a number at the right end of its line."""
+    right = imgui.get_content_region_avail().x
+    imgui.begin_group()  # positions on a line count from the group's left end
+    imgui.text_colored((*theme.DIM, 1.0), name)
+    imgui.same_line(right - imgui.calc_text_size(value).x)
+    imgui.text(value)
+    imgui.end_group()
+    tip(about)
+
+
+def tip(text: str) -> None:
+    if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled):
+        imgui.begin_tooltip()
+        imgui.push_text_wrap_pos(24 * imgui.get_font_size())
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
+
+
+def title(key: str) -> str:
+    return key.replace("_", " ").capitalize()
+
+
+def thousands(n: int) -> str:
+    return f"{int(n):,}".replace(",", " ")  # thin spaces would need another font
+
+
+def ms(seconds: float) -> str:
+    return f"{1e3 * seconds:.1f} ms" if seconds < 9.9995e-2 else f"{1e3 * seconds:.0f} ms"
+
+
+def rounded(n: int) -> int:
+    """Two digits are enough on a slider."""
+    unit = 10 ** max(int(math.log10(n)) - 1, 0)
+    return round(n / unit) * unit

@@ -1,0 +1,300 @@
+"""The interactive viewer: one window, one loop: input, light, draw.
+
+run(settings)                       until the window is closed
+run(settings, frames=N)             N frames after the first picture
+run(settings, screenshot=path)      the whole window, once the light has been refined
+"""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from imgui_bundle import hello_imgui, imgui, immapp, implot
+
+from app.draw import metering, view_content
+from app.draw.renderer import Renderer
+from app.draw.vertex_colours import weights
+from app.session import spare_memory
+from app.session.log import Log
+from app.session.moving_average import Smoothed
+from app.session.opening import Opening
+from app.session.reload import Succession
+from app.session.session import BUDGET, Session
+from app.settings import Settings, UsageError
+from app.window import keys, overlay, panel, window
+from app.window.actions import act
+from app.window.viewport import Viewport
+
+SAMPLES = 4  # a pixel
+QUIET_FRAMES = 20  # with nothing new, after which a software renderer draws with all samples: that takes it 50 ms
+SWITCH_SECONDS = 0.001  # how soon other threads let the window have the interpreter; Python's own 5 ms stutter
+LONGEST_WAIT = 0.02  # s that a frame waits for refinement where drawing itself is slow
+SOFTWARE_GRACE = 0.2  # s that a frame waits for a move where drawing meanwhile would only take its cores away
+LONGEST_STEP = 0.1  # s: after a pause of the whole program, animations go on, they do not jump
+
+
+class Viewer:
+    """Everything behind the window. `frame` parts are called by HelloImGui, in this order: viewport, panel, status."""
+
+    def __init__(self, settings: Settings, open_with: Callable | None = None) -> None:
+        spare_memory.limit_arenas()
+        self.log = Log()
+        self.session = Session(settings, self.log, open_with or Opening)
+        self.succession = Succession(open_with or Opening)
+        self._dropped: list[str] = []  # files, on the window
+        self.viewport = Viewport(self.session)
+        self.ctx = None  # moderngl's, of the window
+        self.renderer: Renderer | None = None
+        self.params = window.runner_params(settings, self.draw_viewport, self.draw_panel, self.draw_status)
+        self.params.callbacks.show_gui = self._begin_frame
+        self.params.callbacks.after_swap = self._end_frame
+        self.folds = panel.Folds()
+        self.params.callbacks.post_init = self._begin
+        self.params.callbacks.before_exit = self._close
+        self.frame_seconds = Smoothed()
+        self.frames = 0
+        self.frames_left: int | None = None
+        self.exit_when_refined = False
+        self.keyboard = keys.Keyboard()
+        self.help_open = False
+        self.metered = 0.0
+        self._uploaded = 0  # session.version that the colour buffers hold
+        self.estimators: dict[str, str] = {}
+        self._before = time.perf_counter()
+        self._seconds = 0.0
+        self._light_seconds = 0.0  # of the last frame: refinement or a move
+        self._quiet = 0
+        self._software = False
+        self._ready = False
+
+    # HelloImGui's callbacks -------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        implot.create_context()
+        self.folds.load()
+        window.on_drop(self._dropped.extend)
+
+    def _begin_frame(self) -> None:
+        now = time.perf_counter()
+        self._seconds, self._before = min(now - self._before, LONGEST_STEP), now
+        if self.frames == 0:
+            self.ctx = window.current_context()
+            self._software = window.is_software(self.ctx)
+        self.frames += 1
+        self.frame_seconds.add(self._seconds)
+        for action in self.keyboard.pressed():
+            self._do(action)
+        if self.help_open:
+            (x, y), (w, h) = self.viewport.origin, self.viewport.size
+            self.help_open = keys.draw_help(list(self.estimators), (x, y, w, h), self.help_open)
+        self._guard("opening", self._succeed)
+        if is_users(self.session.problem) and self.succession.coming is None:  # told on the terminal, see `run`
+            self.params.app_shall_exit = True
+        if self._ready and self.frames_left is not None:
+            self.frames_left -= 1
+            if self.frames_left <= 0:
+                self.params.app_shall_exit = True
+        if self._ready and self.exit_when_refined and not self.session.refining and self._quiet > QUIET_FRAMES:
+            self.params.app_shall_exit = True
+
+    def _end_frame(self) -> None:
+        if self._software:
+            # It queues frames where no screen slows it down; the next upload would then wait for all of them.
+            self.ctx.finish()
+
+    def draw_viewport(self) -> None:
+        """Input, then light, then the picture: what is drawn belongs to the pose of this very frame."""
+        flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (0, 0))
+        imgui.begin("Viewport", None, flags)
+        imgui.pop_style_var()
+        self.viewport.handle_input(self._seconds)
+        editing = imgui.is_any_item_active()
+        still = not (self.viewport.is_moving or self.viewport.wipe.held)
+        started = time.perf_counter()
+        self._guard("light", lambda: self.session.tick(self._seconds, editing, self._budget(), still))
+        self._light_seconds = time.perf_counter() - started
+        if self.session.ready and not self._ready:
+            self._ready = True  # tried once, even if it fails
+            self._guard("starting", lambda: self._adopt(self.session))
+        if self._ready:
+            self._guard("drawing", self._draw_scene)
+        overlay.draw(self.viewport, self.session, self.succession, self._ready)
+        imgui.end()
+
+    def draw_panel(self) -> None:
+        if not self._ready:
+            imgui.text_disabled("The controls appear with the scene.")
+            return
+        facts = panel.facts_of(self.session, self.succession, self.estimators, self.frame_seconds.value, self.metered)
+        wanted, actions = panel.draw(self.session.settings, facts, self.folds)
+        self.session.want(wanted)
+        for action in actions:
+            self._do(action)
+
+    def draw_status(self) -> None:
+        overlay.draw_status(self.log)
+
+    def _close(self) -> None:
+        self.folds.save()
+        implot.destroy_context()
+        self.succession.close()
+        self.session.close()
+        if self.renderer is not None:
+            self.renderer.release()
+
+    # A frame ----------------------------------------------------------------------------------------
+
+    def _budget(self) -> float:
+        """Return how long to wait for refinement [s]: as long as the rest of a frame takes, within bounds.
+
+        Where drawing is slow it is done on the same cores: half of them for light then, as long as nothing moves.
+        """
+        if self.viewport.is_moving:
+            return BUDGET
+        return min(max(self._seconds - self._light_seconds, BUDGET), LONGEST_WAIT)
+
+    def _succeed(self) -> None:
+        """Open what has been dropped; let a scene that is ready take the place of the one on show."""
+        if self._dropped:
+            files, self._dropped[:] = list(self._dropped), []
+            self.succession.other(self.session, files)
+        new = self.succession.tick(self.session)
+        if new is None:
+            return
+        try:
+            self._adopt(new)
+        except Exception as problem:
+            self.succession.problem = f"{problem}"
+            new.close(0.0)
+            raise
+        self._ready = True
+        self.log(f"{'loaded again' if self.succession.same else 'opened'}: {new.settings.scene}")
+
+    def _adopt(self, new: Session) -> None:
+        """Show a session that has just become ready: geometry, camera and exposure are its own."""
+        from gi_core.estimators import ESTIMATORS
+
+        if self.renderer is None:
+            self.renderer = Renderer(self.ctx, SAMPLES)
+        self.renderer.set_scene(new.meshes)
+        old, self.session, self._uploaded = self.session, new, 0
+        self.viewport.adopt(new, keep_view=old is not new and self.succession.same)
+        if old is not new:
+            old.close(0.0)
+            window.rename(new.settings.scene)
+        if self._software:
+            new.light.grace = SOFTWARE_GRACE
+        self.estimators = {key: _about(kind) for key, kind in ESTIMATORS.items()}
+        if new.settings.exposure is None:
+            given = new.solver.scene.defaults.exposure
+            exposure = metering.metered(new, self.viewport.camera) if given is None else given
+            new.want(replace(new.settings, exposure=exposure))
+        self.metered = new.settings.exposure
+
+    def _draw_scene(self) -> None:
+        session = self.session
+        changed = self._uploaded != session.version
+        busy = changed or session.refining or session.dragging or session.playing or self.viewport.is_moving
+        self._quiet = 0 if busy else self._quiet + 1
+        if changed:
+            self._upload()
+            self._uploaded = session.version
+        samples = 1 if self._software and self._quiet < QUIET_FRAMES else SAMPLES
+        self.viewport.draw(self.renderer, samples)
+
+    def _upload(self) -> None:
+        """Bring what is to be shown to the graphics card: one layer of colours a side."""
+        session = self.session
+        self.viewport.shown = what = view_content.shown(session)
+        for layer, side in enumerate(what.sides):
+            for o, mesh in enumerate(session.meshes):
+                painted = view_content.paint(mesh, side, what.errors, session.settings.show == "radiance")
+                self.renderer.set_colours(o, *painted, layer, weights(mesh, side.weights))
+
+    def _guard(self, doing: str, work: Callable[[], None]) -> None:
+        """Run a stage of the frame; what goes wrong is told in the log line and the window survives."""
+        try:
+            work()
+        except Exception as problem:
+            self.log.error(doing, problem)
+
+    # Actions ----------------------------------------------------------------------------------------
+
+    def _do(self, action: str) -> None:
+        self._guard(action, lambda: act(self, action))
+
+
+def _about(estimator: type) -> str:
+    """Return the first sentence that an estimator's module says of itself."""
+    text = sys.modules[estimator.__module__].__doc__ or estimator.__doc__ or ""
+    return " ".join(text.strip().split("\n\n")[0].split())
+
+
+def run(settings: Settings, *, frames: int | None = None, screenshot: str | Path | None = None) -> int:
+    """Open the window and stay in it. Return 0, or 1 if the scene could not be opened for a reason of our own.
+
+    Raises SceneError, UsageError or OSError, after closing the window, for a scene that cannot be used: the
+    command line prints its sentence and exits with its code.
+    """
+    viewer = Viewer(settings)
+    viewer.frames_left = frames
+    viewer.exit_when_refined = screenshot is not None and frames is None
+    window.prepare()
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_SECONDS)
+    try:
+        with interruptible(viewer):
+            immapp.run(viewer.params)
+    finally:
+        sys.setswitchinterval(interval)
+    if screenshot is not None:
+        _write_window(Path(screenshot))
+    return finish(viewer)
+
+
+@contextlib.contextmanager
+def interruptible(viewer: Viewer):
+    """Let Ctrl+C on the terminal close the window, as its own button does: no exception may cross the GUI's code."""
+
+    def close(*_) -> None:
+        viewer.params.app_shall_exit = True
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only that one may
+        return
+    before = signal.signal(signal.SIGINT, close)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def finish(viewer: Viewer) -> int:
+    """Return the exit code of a viewer whose window has closed, or raise what closed it."""
+    problem = viewer.session.problem
+    if is_users(problem):
+        raise problem
+    return 0 if problem is None else 1
+
+
+def is_users(problem: BaseException | None) -> bool:
+    """Tell whether a problem lies in what was asked for; any other is ours, and shown in the window."""
+    if problem is None:
+        return False
+    from gi_core.scene import SceneError
+
+    return isinstance(problem, (SceneError, UsageError, OSError))
+
+
+def _write_window(path: Path) -> None:
+    from app.draw.png import write_png
+
+    write_png(path, hello_imgui.final_app_window_screenshot(), {"software": "gi-viewer"})

@@ -1,0 +1,265 @@
+"""The picture and the hands on it: orbit, pan, dolly, pivot, and dragging mobiles.
+
+Shown with `imgui.image` and asked with the window's hover, not with a button over it: inside a window
+`io.want_capture_mouse` is always true. A drag is latched at the press and survives leaving the viewport.
+"""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
+from app.draw.picking import Hit
+from app.draw.renderer import Look, Renderer
+from app.draw.view_content import Shown
+from app.session.session import Session
+from app.window import drag
+from app.window.wipe import Wipe
+from gi_core.scene.pose import to_world
+
+FLIGHT_SECONDS = 0.35  # of the way home and to a new pivot
+THRESHOLD_PIXELS = 2.0  # a click that trembles is not a drag
+OUTLINE_PIXELS = 2.0  # at 96 dots an inch
+BUTTONS = {"left": 0, "right": 1, "middle": 2}
+
+
+class Viewport:
+    """Owns the camera and what the mouse is doing."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.camera: Turntable | None = None
+        self.home: Turntable | None = None
+        self.bounds: Bounds | None = None  # of everything
+        self.room: Bounds | None = None  # where mobiles may be dragged
+        self.hover: Hit | None = None  # mobile under the cursor
+        self.grab: drag.Grab | None = None
+        self.wipe = Wipe()
+        self.shown: Shown | None = None  # what the colours are of
+        self.size = (1, 1)  # points
+        self.origin = (0.0, 0.0)
+        self._steering: tuple[str, int] | None = None  # ("orbit" or "pan", button)
+        self._flight: tuple[Turntable, Turntable, float] | None = None
+        self._asked = None  # what the last picking was asked
+        self._drawn = None  # what the picture was drawn from
+
+    def adopt(self, session: Session, keep_view: bool = False) -> None:
+        """Look at a session that has become ready, through the scene's camera or, `keep_view`, as the user looks."""
+        stays = keep_view and self.camera != self.home
+        self.session, solver = session, session.solver
+        self.hover = self.grab = self._steering = self._flight = self.shown = self._asked = self._drawn = None
+        self.bounds = scene_bounds(solver, self.session.poses)
+        self.room = drag.room_for(self.bounds, solver.scene.up)
+        lit = Bounds(tuple(solver.chosen.low), tuple(solver.chosen.high))
+        self.home = from_camera(solver.scene.camera, solver.scene.up, self.bounds, lit)
+        self.camera = self.camera if stays else self.home
+
+    @property
+    def aspect(self) -> float:
+        return self.size[0] / max(self.size[1], 1)
+
+    @property
+    def is_moving(self) -> bool:
+        return self._flight is not None or self._steering is not None
+
+    def redraw(self) -> None:
+        """Draw again even if nothing seems to have changed: someone else has used the renderer."""
+        self._drawn = None
+
+    def go_home(self) -> None:
+        self.fly_to(self.home)
+
+    def fly_to(self, camera: Turntable) -> None:
+        self._flight = (self.camera, camera, 0.0)
+
+    # Input ------------------------------------------------------------------------------------------
+
+    def handle_input(self, seconds: float) -> None:
+        """Read mouse and modifiers for this frame; drags move mobiles at once."""
+        self.origin = tuple(imgui.get_cursor_screen_pos())
+        space = imgui.get_content_region_avail()
+        self.size = (max(space.x, 1.0), max(space.y, 1.0))
+        if self.camera is None:
+            return
+        io = imgui.get_io()
+        hovered = imgui.is_window_hovered() and self._inside(io.mouse_pos)
+        self._fly(seconds)
+        if self._may_wipe and self.wipe.handle(io, self.origin[0], self.size[0], hovered):
+            self.hover = None
+        elif self.grab is not None:
+            self._go_on_dragging(io)
+        elif self._steering is not None:
+            self._go_on_steering(io)
+        elif hovered:
+            self._look_under_cursor(io)
+            self._press(io)
+        else:
+            self.hover = None
+        if hovered and io.mouse_wheel:
+            self._flight = None
+            self.camera = self.camera.dolly(io.mouse_wheel)
+        self._show_cursor(hovered, io)
+
+    @property
+    def _may_wipe(self) -> bool:
+        two = self.shown is not None and len(self.shown.sides) == 2
+        return two and self.grab is None and self._steering is None
+
+    def cancel_drag(self) -> bool:
+        """Put the mobile back where it was at the press; False if nothing was being dragged."""
+        if self.grab is None:
+            return False
+        self.grab = None
+        self.session.end_drag(keep=False)
+        return True
+
+    def _press(self, io) -> None:
+        if imgui.is_mouse_double_clicked(0):
+            hit = self._pick(io)
+            if hit is not None:
+                self.fly_to(self.camera.centred(hit.point))
+            return
+        shift, alt, ctrl = io.key_shift, io.key_alt, io.key_ctrl
+        if imgui.is_mouse_clicked(BUTTONS["left"]):
+            if self.hover is not None:
+                self._take_hold(drag.mode_of(shift, alt, ctrl), io)
+            else:
+                self._steering = ("pan" if shift else "orbit", BUTTONS["left"])
+        elif imgui.is_mouse_clicked(BUTTONS["right"]):
+            # Many window managers keep Alt+drag for themselves: the right button does the same.
+            if self.hover is not None:
+                self._take_hold(drag.FACE, io)
+            else:
+                self._steering = ("orbit", BUTTONS["right"])
+        elif imgui.is_mouse_clicked(BUTTONS["middle"]):
+            self._steering = ("pan", BUTTONS["middle"])
+        if self._steering is not None:
+            self._flight = None
+
+    def _take_hold(self, mode: str, io) -> None:
+        mobile = self.session.solver.scene.mobiles[self.hover.object - 1].name
+        u, v = self._uv(io.mouse_pos)
+        self._flight = None
+        self.session.playing = False
+        self.session.begin_drag()
+        pose = self.session.poses[mobile]
+        box = to_world(pose, self.session.solver.surfaces.vertices[self.hover.object])
+        self.grab = drag.Grab(mobile, mode, self.hover.point, pose, self.camera, u, v, box.min(axis=0), box.max(axis=0))
+
+    def _go_on_dragging(self, io) -> None:
+        button = BUTTONS["left"] if imgui.is_mouse_down(BUTTONS["left"]) else BUTTONS["right"]
+        if imgui.is_mouse_down(button):
+            moved = imgui.is_mouse_dragging(button, THRESHOLD_PIXELS) or self.session.poses != self.session.before_drag
+            if moved:
+                # The camera may have dollied since the press: the grab keeps the point, the ray is today's.
+                grab = self.grab._replace(camera=self.camera)
+                pose = drag.dragged(grab, *self._uv(io.mouse_pos), self.aspect, self.room)
+                if pose != self.session.poses[grab.mobile]:
+                    self.session.move({grab.mobile: pose})
+        else:
+            self.grab = None
+            self.session.end_drag()
+
+    def _go_on_steering(self, io) -> None:
+        what, button = self._steering
+        if not imgui.is_mouse_down(button):
+            self._steering = None
+            return
+        dx, dy = io.mouse_delta.x / self.size[1], io.mouse_delta.y / self.size[1]
+        if dx or dy:
+            self.camera = getattr(self.camera, what)(dx, dy)
+
+    def _fly(self, seconds: float) -> None:
+        if self._flight is None:
+            return
+        start, end, t = self._flight
+        t += seconds / FLIGHT_SECONDS
+        self.camera = start.towards(end, t)
+        self._flight = (start, end, t) if t < 1 else None
+
+    # Picking ----------------------------------------------------------------------------------------
+
+    def _look_under_cursor(self, io) -> None:
+        asked = (tuple(io.mouse_pos), self.camera, self.session.version, self.session.settings.cull)
+        if asked == self._asked:
+            return
+        self._asked = asked
+        hit = self._pick(io)
+        self.hover = hit if hit is not None and hit.object > 0 else None
+
+    def _pick(self, io) -> Hit | None:
+        origin, direction = self.camera.ray(*self._uv(io.mouse_pos), self.aspect)
+        s = self.session
+        return s.picker.pick(origin, direction, s.pose_list, s.settings.cull)
+
+    def _uv(self, mouse) -> tuple[float, float]:
+        return (mouse.x - self.origin[0]) / self.size[0], (mouse.y - self.origin[1]) / self.size[1]
+
+    def _inside(self, mouse) -> bool:
+        u, v = self._uv(mouse)
+        return 0 <= u < 1 and 0 <= v < 1
+
+    # Drawing ----------------------------------------------------------------------------------------
+
+    def look(self, outlined: bool = True) -> Look:
+        """Return what to draw now."""
+        s = self.session
+        marked = -1
+        if outlined and self.grab is not None:
+            marked = 1 + [m.name for m in s.solver.scene.mobiles].index(self.grab.mobile)
+        elif outlined and self.hover is not None:
+            marked = self.hover.object
+        return Look(
+            self.camera.projection(self.aspect) @ self.camera.view(),
+            s.models(),
+            s.settings.exposure or 0.0,
+            s.settings.tone_map,
+            s.settings.cull,
+            marked,
+            OUTLINE_PIXELS * imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y,
+            textured=s.settings.show == "radiance",
+            as_is=self.shown is not None and self.shown.errors is not None,
+            split=self.wipe.at if self.shown is not None and len(self.shown.sides) == 2 else None,
+        )
+
+    def draw(self, renderer: Renderer, samples: int) -> None:
+        """Draw the scene if anything has changed, and show it."""
+        scale = imgui.get_io().display_framebuffer_scale
+        renderer.resize(round(self.size[0] * scale.x), round(self.size[1] * scale.y), samples)
+        look = self.look()
+        s = self.session.settings
+        picture = (self.session.version, self.camera, s.exposure, s.tone_map, s.cull, look.outlined, look.split)
+        drawn = (renderer.size, samples, picture)
+        if drawn != self._drawn:
+            renderer.draw(look)
+            self._drawn = drawn
+        imgui.image(imgui.ImTextureRef(renderer.texture), self.size, (0, 1), (1, 0))
+
+    def _show_cursor(self, hovered: bool, io) -> None:
+        C = imgui.MouseCursor_
+        if self.grab is not None:
+            imgui.set_mouse_cursor(_CURSORS[self.grab.mode])
+        elif self._steering is not None:
+            imgui.set_mouse_cursor(C.resize_all)
+        elif hovered and self.hover is not None:
+            imgui.set_mouse_cursor(_CURSORS[drag.mode_of(io.key_shift, io.key_alt, io.key_ctrl)])
+
+    def hint(self) -> str:
+        """Return one line: what a drag does now, or would do."""
+        io = imgui.get_io()
+        if self.grab is not None:
+            return f"{self.grab.mobile} {drag.MODES[self.grab.mode]}  ·  Esc puts it back"
+        if self.hover is not None:
+            name = self.session.solver.scene.mobiles[self.hover.object - 1].name
+            mode = drag.mode_of(io.key_shift, io.key_alt, io.key_ctrl)
+            others = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the picture  ·  Ctrl: turn"
+            return f"Drag {name}: {drag.MODES[mode]}{others}"
+        return ""
+
+
+_CURSORS = {
+    drag.SLIDE: imgui.MouseCursor_.resize_all,
+    drag.LIFT: imgui.MouseCursor_.resize_ns,
+    drag.FACE: imgui.MouseCursor_.hand,
+    drag.TURN: imgui.MouseCursor_.resize_ew,
+}

@@ -1,0 +1,230 @@
+"""Whether a window can be had, and what it is like: size, OpenGL version, docking, ini file, look.
+
+Importing this module imports no GUI: `why_no_window` must be able to answer where the GUI's shared
+libraries are missing.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+from app.settings import Settings
+
+TITLE = "gi-viewer"
+GL_VERSION = (3, 3)  # macOS stops at 4.1; nothing here needs more than 3.3
+PANEL_EM = 22
+RENDER_HINT = "`gi-viewer render SCENE --out a.png` needs no window"
+
+
+def why_no_window() -> str | None:
+    """Return None if a window with OpenGL 3.3 opens, else one sentence: what is missing, and what helps.
+
+    Tried for real, with an invisible window: variables like DISPLAY prove nothing either way.
+    """
+    try:
+        # imgui_bundle before glfw: it makes both use one and the same libglfw.
+        import_module("imgui_bundle")
+        import glfw
+    except (ImportError, OSError) as problem:
+        return _sentence(*_missing_library(str(problem)))
+    messages: list[str] = []
+    glfw.set_error_callback(lambda code, text: messages.append(f"{text.decode(errors='replace')} ({code})"))
+    window = None
+    try:
+        if not glfw.init():
+            return _sentence("no display can be opened" + _said(messages), "start it in a desktop session")
+        glfw.default_window_hints()
+        hint_opengl()
+        glfw.window_hint(glfw.VISIBLE, glfw.FALSE)
+        window = glfw.create_window(64, 64, TITLE, None, None)
+        if not window:
+            return _sentence(f"OpenGL {GL_VERSION[0]}.{GL_VERSION[1]} is not to be had{_said(messages)}", *_drivers())
+        glfw.make_context_current(window)
+        try:
+            current_context()
+        except Exception as problem:  # moderngl raises plain Exception for anything GL
+            return _sentence(f"OpenGL {GL_VERSION[0]}.{GL_VERSION[1]} does not start ({problem})", *_drivers())
+        return None
+    except Exception as problem:  # glfw's wrapper may be told to raise its errors
+        return _sentence(f"no window opens ({problem})", *_drivers())
+    finally:
+        if window:
+            glfw.make_context_current(None)
+            glfw.destroy_window(window)
+        glfw.terminate()
+        glfw.set_error_callback(None)
+
+
+def prepare() -> None:
+    """Start glfw with our hints before HelloImGui does: the window that it makes then has them."""
+    import_module("imgui_bundle")
+    import glfw
+
+    if glfw.init():
+        glfw.default_window_hints()
+        hint_opengl()
+
+
+def hint_opengl() -> None:
+    """Ask the next window for our OpenGL; glfw must be initialised."""
+    import glfw
+
+    glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, GL_VERSION[0])
+    glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, GL_VERSION[1])
+    glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
+    glfw.window_hint(glfw.OPENGL_FORWARD_COMPAT, glfw.TRUE)
+    if hasattr(glfw, "get_platform") and glfw.get_platform() == getattr(glfw, "PLATFORM_NULL", None):
+        # glfw's screenless platform would take OSMesa for its own; EGL is what is installed.
+        glfw.window_hint(glfw.CONTEXT_CREATION_API, glfw.EGL_CONTEXT_API)
+
+
+def current_context():
+    """Return a moderngl context on the GL context that glfw has made current, whatever made it (GLX, EGL, WGL)."""
+    import glfw
+    import moderngl
+
+    class Loader:
+        def load_opengl_function(self, name: str) -> int:
+            address = glfw.get_proc_address(name)
+            return ctypes.cast(address, ctypes.c_void_p).value or 0 if address else 0
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_) -> None:
+            pass
+
+        def release(self) -> None:
+            pass
+
+    return moderngl.create_context(require=100 * GL_VERSION[0] + 10 * GL_VERSION[1], context=Loader())
+
+
+def is_software(ctx) -> bool:
+    """Tell whether this OpenGL draws on the processor: many samples a pixel are then too dear while moving."""
+    name = ctx.info["GL_RENDERER"].lower()
+    return any(word in name for word in ("llvmpipe", "softpipe", "swiftshader", "software"))
+
+
+def runner_params(
+    settings: Settings,
+    viewport: Callable[[], None],
+    panel: Callable[[], None],
+    status: Callable[[], None],
+):
+    """Return HelloImGui's parameters for our window: the viewport, the panel at its right, the status line."""
+    from imgui_bundle import hello_imgui, imgui
+
+    from app.window import theme
+
+    params = hello_imgui.RunnerParams()
+    window = params.app_window_params
+    window.window_title = title_of(settings.scene)
+    window.window_geometry.size = settings.size
+    window.restore_previous_geometry = settings.size == Settings().size
+
+    gl = hello_imgui.OpenGlOptions()
+    gl.major_version, gl.minor_version = GL_VERSION
+    gl.glsl_version, gl.use_core_profile, gl.use_forward_compat = "330", True, True
+    gl.anti_aliasing_samples = 0  # the scene has its own samples, text needs none
+    params.renderer_backend_options.open_gl_options = gl
+
+    params.ini_folder_type = hello_imgui.IniFolderType.absolute_path
+    folder = config_folder()
+    params.ini_disable = folder is None
+    params.ini_filename = str((folder or Path()) / ini_name(screen_scale()))
+    params.fps_idling.enable_idling = False  # light is refined while nobody touches anything
+    params.fps_idling.remember_enable_idling = False
+    params.callbacks.load_additional_fonts = theme.load_fonts
+    params.callbacks.setup_imgui_style = theme.set_style
+    params.callbacks.setup_imgui_config = theme.set_config
+    params.callbacks.show_status = status
+
+    gui = params.imgui_window_params
+    gui.default_imgui_window_type = hello_imgui.DefaultImGuiWindowType.provide_full_screen_dock_space
+    gui.show_menu_bar, gui.show_status_bar, gui.show_status_fps = False, True, False
+    gui.remember_status_bar_settings = gui.remember_theme = False
+    gui.config_windows_move_from_title_bar_only = True  # else a drag in the viewport drags the window
+    gui.background_color = (*theme.WINDOW, 1.0)
+
+    split = hello_imgui.DockingSplit()
+    split.initial_dock, split.new_dock = "MainDockSpace", "Side"
+    split.direction = imgui.Dir.right
+    split.ratio = min(PANEL_EM * theme.FONT_PIXELS / settings.size[0], 0.5)
+    params.docking_params.docking_splits = [split]
+    no_tabs = int(imgui.internal.DockNodeFlagsPrivate_.no_tab_bar)
+    split.node_flags = params.docking_params.main_dock_space_node_flags = no_tabs
+
+    shown = hello_imgui.DockableWindow("Viewport", "MainDockSpace", viewport, can_be_closed_=False)
+    shown.call_begin_end = False  # it has no padding, which must be said before `begin`
+    beside = hello_imgui.DockableWindow("Panel", "Side", panel, can_be_closed_=False)
+    beside.remember_is_visible = False
+    params.docking_params.dockable_windows = [shown, beside]
+    return params
+
+
+def title_of(scene: str) -> str:
+    return f"{Path(scene).stem} - {TITLE}"
+
+
+def on_drop(take: Callable[[list[str]], None]) -> None:
+    """Have the names of files that are dropped on the window, which must be the current one, handed over."""
+    import glfw
+
+    if window := glfw.get_current_context():
+        glfw.set_drop_callback(window, lambda _, files: take(list(files)))
+
+
+def rename(scene: str) -> None:
+    """Give the window the title of another scene."""
+    import glfw
+
+    if window := glfw.get_current_context():
+        glfw.set_window_title(window, title_of(scene))
+
+
+def screen_scale() -> float:
+    """Return by how much the desktop wants things larger than at 96 dots an inch; 1 where there is no screen."""
+    import glfw
+
+    monitor = glfw.get_primary_monitor() if glfw.init() else None
+    return glfw.get_monitor_content_scale(monitor)[0] if monitor else 1.0
+
+
+def ini_name(scale: float) -> str:
+    """Return the ini file's name: it holds the panel's width in pixels, too narrow to read at twice the scale."""
+    return "window.ini" if scale == 1 else f"window-{scale:g}x.ini"
+
+
+def config_folder() -> Path | None:
+    """Return the folder of the window's ini file, made if need be; None where that cannot be: nothing is remembered."""
+    import platformdirs
+
+    try:
+        return Path(platformdirs.user_config_dir(TITLE, appauthor=False, ensure_exists=True))
+    except OSError:
+        return None
+
+
+def _sentence(what: str, remedy: str) -> str:
+    return f"{what}; {remedy}; {RENDER_HINT}"
+
+
+def _said(messages: list[str]) -> str:
+    return f" ({messages[-1]})" if messages else ""
+
+
+def _drivers() -> tuple[str]:
+    return ("install an OpenGL driver (Debian, Ubuntu: `apt install libgl1 libegl1 libgl1-mesa-dri`)",)
+
+
+def _missing_library(problem: str) -> tuple[str, str]:
+    packages = {"libX11": "libx11-6", "libGL.": "libgl1", "libEGL": "libegl1", "libGLX": "libglx0"}
+    for library, package in packages.items():
+        if library in problem:
+            name = library.rstrip(".")
+            return f"the library {name} is missing", f"install it (Debian, Ubuntu: `apt install {package}`)"
+    return f"the GUI does not load ({problem})", "reinstall gi-viewer (`pip install --force-reinstall gi-viewer`)"

@@ -1,0 +1,48 @@
+"""A line down the picture that can be dragged: left of it one side, right of it the other, each with its name."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from app.window import plate, theme
+
+NEAR_EM = 0.5  # from the line: there it is taken hold of
+MARGIN = 0.02  # of the width: it never leaves the picture
+LINE = (1.0, 1.0, 1.0, 0.85)
+
+
+class Wipe:
+    """`at` is where the line is, as a share of the width; `held` while it is dragged."""
+
+    def __init__(self) -> None:
+        self.at = 0.5
+        self.held = False
+
+    def is_near(self, x: float, left: float, width: float) -> bool:
+        return abs(x - (left + self.at * width)) <= NEAR_EM * imgui.get_font_size()
+
+    def handle(self, io, left: float, width: float, hovered: bool) -> bool:
+        """Read the mouse for this frame; True if it is the line's."""
+        near = hovered and self.is_near(io.mouse_pos.x, left, width)
+        if near and imgui.is_mouse_clicked(0):
+            self.held = True
+        self.held &= imgui.is_mouse_down(0)
+        if self.held:
+            self.at = min(max((io.mouse_pos.x - left) / max(width, 1.0), MARGIN), 1 - MARGIN)
+        if near or self.held:
+            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+        return near or self.held
+
+    def draw(self, area: tuple[float, float, float, float], names: tuple[str, str]) -> None:
+        """Draw the line and the names beside it into an area (x, y, width, height)."""
+        em = imgui.get_font_size()
+        x, y, w, h = area
+        line = x + self.at * w
+        draw = imgui.get_window_draw_list()
+        draw.add_line((line, y), (line, y + h), imgui.get_color_u32(LINE), 0.1 * em)
+        middle = y + h / 2
+        draw.add_circle_filled((line, middle), 0.55 * em, imgui.get_color_u32((*theme.FRAME, 0.95)))
+        draw.add_circle((line, middle), 0.55 * em, imgui.get_color_u32(LINE), 0, 0.1 * em)
+        gap = 0.6 * em
+        plate.write(names[0], line - gap, y + em, right=True)
+        plate.write(names[1], line + gap, y + em)

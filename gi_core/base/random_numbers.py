@@ -1,0 +1,120 @@
+"""Random numbers as a pure function, and the warps that turn them into points and directions.
+
+No generator state anywhere: photon i bends the same way whatever was traced before it. Emission and first bounce of
+photon i are point i of an Owen-scrambled Sobol sequence in six dimensions; later bounces are hashes. Nets of their own
+for later bounces, or 16 dimensions of one sequence, were measured to gain next to nothing (docs/measurements.md).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gi_core.base import owen_sobol
+from gi_core.base.jit import kernel
+
+_DIRECTION, _POSITION, _FIRST_BOUNCE = 0, 2, 4  # Sobol dimensions, two each; the first two are the most even pair
+
+_A = np.uint64(0xBF58476D1CE4E5B9)
+_B = np.uint64(0x94D049BB133111EB)
+_C = np.uint64(0xD6E8FEB86659FD93)
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_TO_UNIT = 2.0**-53
+
+
+@kernel
+def _mix(z):
+    """Finaliser of splitmix64 (Steele, Lea, Flood 2014)."""
+    z = (z ^ (z >> np.uint64(30))) * _A
+    z = (z ^ (z >> np.uint64(27))) * _B
+    return z ^ (z >> np.uint64(31))
+
+
+@kernel
+def hashed(seed, photon, bounce, dimension):
+    """Return 64 bits that depend on four integers."""
+    z = _mix(np.uint64(photon) * _GOLDEN + _mix(np.uint64(seed) + _C))
+    return _mix(z ^ (np.uint64(bounce) * _C + np.uint64(dimension) * _A + _GOLDEN))
+
+
+@kernel
+def independent(seed, photon, bounce, dimension):
+    """Return a float64 in [0, 1) that is independent of every other number."""
+    return float(hashed(seed, photon, bounce, dimension) >> np.uint64(11)) * _TO_UNIT
+
+
+@kernel
+def _even(seed, photon, dimension):
+    """Return two float64 in [0, 1): Sobol dimensions `dimension` and the next of point `photon` < 2^32."""
+    key, i = _mix(np.uint64(seed) + _B), np.uint64(photon)
+    u = owen_sobol.unit(owen_sobol.coordinate(i, dimension), _mix(key + np.uint64(dimension) * _GOLDEN))
+    v = owen_sobol.unit(owen_sobol.coordinate(i, dimension + 1), _mix(key + np.uint64(dimension + 1) * _GOLDEN))
+    return u, v
+
+
+@kernel
+def position_numbers(seed, photon):
+    """Return the two float64 in [0, 1) that choose a photon's light and its place there."""
+    return _even(seed, photon, _POSITION)
+
+
+@kernel
+def direction_numbers(seed, photon):
+    """Return the two float64 in [0, 1) that choose the direction in which a photon leaves its light."""
+    return _even(seed, photon, _DIRECTION)
+
+
+@kernel
+def bounce_numbers(seed, photon, bounce):
+    """Return the two float64 in [0, 1) that choose survival and direction at bounce 1, 2, ... of a photon."""
+    if bounce == 1:
+        return _even(seed, photon, _FIRST_BOUNCE)
+    return independent(seed, photon, bounce, 0), independent(seed, photon, bounce, 1)
+
+
+@kernel
+def basis(nx, ny, nz):
+    """Return two unit vectors that complete a unit normal (Duff et al. 2017)."""
+    sign = math.copysign(1.0, nz)
+    a = -1.0 / (sign + nz)
+    b = nx * ny * a
+    return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
+
+
+@kernel
+def from_frame(x, y, z, nx, ny, nz):
+    """Carry (x, y, z) from the frame whose third axis is the normal to the world."""
+    ax, ay, az, bx, by, bz = basis(nx, ny, nz)
+    return x * ax + y * bx + z * nx, x * ay + y * by + z * ny, x * az + y * bz + z * nz
+
+
+@kernel
+def disc(u, v):
+    """Return a point uniform on the unit disc; pdf 1 / pi."""
+    r = math.sqrt(u)
+    angle = 2.0 * math.pi * v
+    return r * math.cos(angle), r * math.sin(angle)
+
+
+@kernel
+def cosine_hemisphere(u, v):
+    """Return a direction about +z with pdf cos(theta) / pi."""
+    x, y = disc(u, v)
+    return x, y, math.sqrt(max(0.0, 1.0 - u))
+
+
+@kernel
+def cone(u, v, cos_limit):
+    """Return a direction about +z, uniform over cos(theta) in [cos_limit, 1]; pdf 1 / (2 pi (1 - cos_limit))."""
+    z = 1.0 - u * (1.0 - cos_limit)
+    r = math.sqrt(max(0.0, 1.0 - z * z))
+    angle = 2.0 * math.pi * v
+    return r * math.cos(angle), r * math.sin(angle), z
+
+
+@kernel
+def triangle(u, v):
+    """Return barycentric weights of two corners for a point uniform on a triangle; pdf 1 / area."""
+    s = math.sqrt(u)
+    return s * (1.0 - v), s * v

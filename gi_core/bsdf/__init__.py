@@ -1,1 +1,0 @@
-"""Surface models, one a file, of identical shape: eval, sample, pdf."""

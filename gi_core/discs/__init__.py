@@ -1,0 +1,1 @@
+"""Discs of receivers: their visible region, and the segments that cross them."""

@@ -1,0 +1,1 @@
+"""Dynamic occluders: regions of discs that other objects shorten at a pose."""

@@ -1,0 +1,239 @@
+"""Regions at a pose: discs that another object enters (report 1.2.1, with mobiles).
+
+`reachable_area` measures a region against the receiver's own object, once. Here the rest is added, for the
+poses of a frame: a mobile that stands on a floor shortens the regions of the floor's receivers, the floor
+those of the mobile's, and mobiles each other's. Along each direction the nearest counts, so both layers
+of a region are the smaller of what they were and the way to the other object.
+
+Few receivers are concerned, and which ones is found cheaply: boxes of mobiles against discs, and a coarse
+grid of the static part against a mobile's receivers. All of it is a function of the poses alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.jit import kernel
+from gi_core.base.random_numbers import basis
+from gi_core.discs.contact.surface_cells import box_is_near, points_near, surface_cells
+from gi_core.discs.region import COS, PROBES, RAYS, SIN, Regions, levels, look_from, polygon_areas
+from gi_core.model import Model
+from gi_core.photons.hit_grid import HitGrid, Hits, build, cell_of
+from gi_core.rays.accelerator import Transforms, passes_box, to_local
+from gi_core.rays.two_level import CUT_PAD
+
+ALL, PROBED, REST = 0, 1, 2  # which of a receiver's directions to try
+_STRIDE = RAYS // PROBES
+
+
+class Contact(NamedTuple):
+    """Receivers of one object whose regions the others shorten, and what their regions are."""
+
+    rows: np.ndarray  # (n,) int64, counted within the object, ascending
+    reach: np.ndarray  # (n, RAYS, 2) uint8, as in Regions
+    area: np.ndarray  # (n,) float64 [m2]
+
+
+NOTHING = Contact(np.empty(0, np.int64), np.empty((0, RAYS, 2), np.uint8), np.empty(0))
+
+
+class Met(NamedTuple):
+    """What objects do to each other's regions at some poses."""
+
+    contacts: tuple[Contact, ...]  # an object
+    floor: tuple[np.ndarray, ...]  # a mobile: (n,) int64, the static receivers that it shortens
+
+
+class Contacts:
+    """Finds contacts at any poses; `regions`: those of each object alone."""
+
+    def __init__(self, model: Model, radius: float, regions: list[Regions]):
+        self._model, self._radius, self._regions = model, radius, regions
+        self._accelerator = model.accelerator
+
+    def build(self) -> Generator[None, None, None]:
+        """Index static receivers and surfaces, in steps of a few ms."""
+        m, s = self._model, self._model.surfaces
+        self._origins, self._normals = [], []
+        for o in range(s.objects):
+            points, normals = look_from(m, o, self._radius)
+            self._origins.append(np.ascontiguousarray(points, np.float32))
+            self._normals.append(np.ascontiguousarray(normals))
+            yield
+        n = len(self._origins[0])
+        nothing = np.zeros((n, 3), np.int32), np.arange(n), *(np.zeros(n, np.int32) for _ in range(2))
+        self._grid: HitGrid = build(Hits(self._origins[0], self._origins[0], *nothing), 2 * self._radius)
+        yield
+        self._cells = yield from surface_cells(s.vertices[0], s.faces[0], 1.001 * self._radius)
+
+    def at(self, at: Transforms, mobiles: bool) -> Met:
+        """Return the contacts at some poses, on the receivers of mobiles or on the static part's alone."""
+        objects = self._model.surfaces.objects
+        contacts, floor = [NOTHING] * objects, ()
+        for o in range(objects if mobiles else 1):
+            found = [self._shortened(o, b, at) for b in range(objects) if b != o]
+            if o == 0:
+                floor = tuple(rows for rows, _ in found)
+            contacts[o] = self._contact(o, found)
+        return Met(tuple(contacts), floor)
+
+    def _contact(self, o: int, found) -> Contact:
+        """Return the regions of object o's receivers from pairs of rows and distances (n, RAYS) float32 [m]."""
+        found = [(rows, distances) for rows, distances in found if len(rows)]
+        if not found:
+            return NOTHING
+        rows, where = np.unique(np.concatenate([rows for rows, _ in found]), return_inverse=True)
+        shortest = np.full((len(rows), RAYS), np.float32(self._radius))
+        first = 0
+        for part, distances in found:
+            here = where[first : first + len(part)]
+            shortest[here] = np.minimum(shortest[here], distances)
+            first += len(part)
+        alone = self._regions[o]
+        before = np.full((len(rows), RAYS, 2), 255, np.uint8)
+        has = alone.row[rows] >= 0
+        before[has] = alone.reach[alone.row[rows[has]]]
+        reach = np.minimum(before, levels(shortest, self._radius)[:, :, None])
+        keep = (reach < before).any(axis=(1, 2)) & (alone.area[rows] > 0)
+        return Contact(rows[keep], reach[keep], polygon_areas(reach[keep], self._radius))
+
+    def _shortened(self, o: int, b: int, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
+        """Return receivers of object o whose discs object b enters, and the distances (n, RAYS) to it."""
+        rows = self._candidates(o, b, at)
+        distances = np.full((len(rows), RAYS), np.float32(self._radius))
+        if len(rows) and b == 0:
+            # A receiver of a mobile may look round in vain, near a wall: a few directions first.
+            self._look(o, b, at, rows, PROBED, distances)
+            met = (distances < np.float32(self._radius)).any(axis=1)
+            rows, distances = rows[met], distances[met]
+            self._look(o, b, at, rows, REST, distances)
+        elif len(rows):
+            self._look(o, b, at, rows, ALL, distances)
+        met = (distances < np.float32(self._radius)).any(axis=1)
+        return rows[met], distances[met]
+
+    def _candidates(self, o: int, b: int, at: Transforms) -> np.ndarray:
+        """Return the receivers (n,) int64 of object o whose discs may come near object b, in any order."""
+        world, R, p, origins = self._model.world, at.rotation, at.position, self._origins[o]
+        if not len(self._model.surfaces.faces[b]) or not len(origins):
+            return np.empty(0, np.int64)
+        out = np.empty(len(origins), np.int64)
+        if b == 0:
+            low, high = _box_in_world(R[o], p[o], world.box_low[o], world.box_high[o], 0.02 * self._radius)
+            if not box_is_near(*self._cells, low, high):
+                return out[:0]
+            return out[: points_near(*self._cells, origins, R[o], p[o], out)]
+        pad = self._radius + CUT_PAD * world.size
+        box = world.box_low[b], world.box_high[b]
+        if o == 0:
+            (_, _, _, index, *_), corner, cell, shape, first = self._grid
+            low, high = _box_in_world(R[b], p[b], *box, pad)
+            listed = out[: _in_cells(index, corner, cell, shape, first, low, high, out)]
+        else:
+            off = _to_world(R[o], p[o], world.sphere_centre[o]) - _to_world(R[b], p[b], world.sphere_centre[b])
+            if np.sqrt((off * off).sum()) > world.sphere_radius[o] + world.sphere_radius[b] + 1.1 * pad:
+                return out[:0]
+            listed = np.arange(len(origins))
+        given = origins, self._normals[o], R, p, o, b, *box
+        return listed[: _discs_near(listed, *given, self._radius, CUT_PAD * world.size)]
+
+    def _look(self, o: int, b: int, at: Transforms, rows: np.ndarray, which: int, distances: np.ndarray) -> None:
+        """Shorten distances (n, RAYS) float32 [m] to where object b is met, along some of the directions."""
+        world, most = self._model.world, len(rows) * RAYS
+        origins, directions = np.empty((most, 3), np.float32), np.empty((most, 3), np.float32)
+        place = np.empty(most, np.int64)
+        n = _rays(
+            rows, which, self._origins[o], self._normals[o], at.rotation, at.position, o, b, world.box_low[b],
+            world.box_high[b], CUT_PAD * world.size, self._radius, origins, directions, place,
+        )  # fmt: skip
+        limits = np.full(n, self._radius, np.float32)
+        found, face = self._accelerator.nearest(b, origins[:n], directions[:n], limits)
+        hit = face >= 0
+        distances.reshape(-1)[place[:n][hit]] = found[hit]
+
+
+def _to_world(R: np.ndarray, p: np.ndarray, x: np.ndarray) -> np.ndarray:
+    return (R * x).sum(axis=1) + p
+
+
+def _box_in_world(R: np.ndarray, p: np.ndarray, low: np.ndarray, high: np.ndarray, pad: float):
+    """Return low and high (3,) of the box around a box that is turned and moved."""
+    centre, half = _to_world(R, p, (low + high) / 2), (np.abs(R) * (high - low) / 2).sum(axis=1) + pad
+    return centre - half, centre + half
+
+
+@kernel
+def _in_cells(index, corner, cell, shape, first, low, high, out):
+    """List the receivers in the cells that a box covers; returns how many."""
+    n = 0
+    x0, x1 = max(cell_of(low[0], corner[0], cell), 0), min(cell_of(high[0], corner[0], cell), shape[0] - 1)
+    y0, y1 = max(cell_of(low[1], corner[1], cell), 0), min(cell_of(high[1], corner[1], cell), shape[1] - 1)
+    z0, z1 = max(cell_of(low[2], corner[2], cell), 0), min(cell_of(high[2], corner[2], cell), shape[2] - 1)
+    for x in range(x0, x1 + 1):
+        for y in range(y0, y1 + 1):
+            for z in range(z0, z1 + 1):
+                c = (x * shape[1] + y) * shape[2] + z
+                for h in range(first[c], first[c + 1]):
+                    out[n] = index[h]
+                    n += 1
+    return n
+
+
+@kernel
+def _discs_near(rows, origins, normals, rotation, position, o, b, low, high, radius, pad):
+    """Keep, at the head of `rows`, those whose discs' boxes meet object b's box; returns how many."""
+    Ra, pa, Rb, pb = rotation[o], position[o], rotation[b], position[b]
+    n = 0
+    for j in range(len(rows)):
+        i = rows[j]
+        x, y, z = _across(Ra, pa, Rb, pb, origins[i, 0], origins[i, 1], origins[i, 2], 1.0)
+        u, v, w = _across(Ra, pa, Rb, pb, normals[i, 0], normals[i, 1], normals[i, 2], 0.0)
+        hx = radius * np.sqrt(max(1.0 - u * u, 0.0)) + pad
+        hy = radius * np.sqrt(max(1.0 - v * v, 0.0)) + pad
+        hz = radius * np.sqrt(max(1.0 - w * w, 0.0)) + pad
+        meets_x = x - hx <= high[0] and x + hx >= low[0]
+        if meets_x and y - hy <= high[1] and y + hy >= low[1] and z - hz <= high[2] and z + hz >= low[2]:
+            rows[n] = i
+            n += 1
+    return n
+
+
+@kernel
+def _across(Ra, pa, Rb, pb, x, y, z, moved):
+    """Carry a point (moved 1) or a direction (0) from one object's space to another's, by way of float32 in the world.
+
+    What a ray is must not depend on how many others are cast with it, nor on which were left out.
+    """
+    u = np.float32(Ra[0, 0] * x + Ra[0, 1] * y + Ra[0, 2] * z + moved * pa[0])
+    v = np.float32(Ra[1, 0] * x + Ra[1, 1] * y + Ra[1, 2] * z + moved * pa[1])
+    w = np.float32(Ra[2, 0] * x + Ra[2, 1] * y + Ra[2, 2] * z + moved * pa[2])
+    return to_local(Rb, u - moved * pb[0], v - moved * pb[1], w - moved * pb[2])
+
+
+@kernel
+def _rays(
+    rows, which, origins, normals, rotation, position, o, b, low, high, pad, radius, ray_origins, ray_directions, place
+):
+    """Write the rays in the tangent planes of some receivers that pass object b's box; returns how many."""
+    Ra, pa, Rb, pb = rotation[o], position[o], rotation[b], position[b]
+    n = 0
+    for j in range(len(rows)):
+        i = rows[j]
+        m = normals[i]
+        ax, ay, az, bx, by, bz = basis(m[0], m[1], m[2])
+        x, y, z = _across(Ra, pa, Rb, pb, origins[i, 0], origins[i, 1], origins[i, 2], 1.0)
+        for k in range(RAYS):
+            if which != ALL and (k % _STRIDE == 0) != (which == PROBED):
+                continue
+            c, s = COS[k], SIN[k]
+            dx, dy, dz = _across(Ra, pa, Rb, pb, c * ax + s * bx, c * ay + s * by, c * az + s * bz, 0.0)
+            ex, ey, ez = x + radius * dx, y + radius * dy, z + radius * dz
+            if passes_box(x, y, z, ex, ey, ez, low, high, pad):
+                ray_origins[n, 0], ray_origins[n, 1], ray_origins[n, 2] = x, y, z
+                ray_directions[n, 0], ray_directions[n, 1], ray_directions[n, 2] = dx, dy, dz
+                place[n] = j * RAYS + k
+                n += 1
+    return n

@@ -1,0 +1,103 @@
+"""A coarse grid of where the static surfaces are: which receivers of a mobile may be near one.
+
+A mobile in mid-air must cost nothing: a look at the cells that its box covers tells it from one that touches.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.jit import kernel
+from gi_core.photons.hit_grid import cell_of
+
+MOST_CELLS = 1 << 22  # 4 MB; cells grow instead
+FACES_A_STEP = 4096
+
+
+class SurfaceCells(NamedTuple):
+    """Cells, marked where a surface comes within a given distance of any of their points."""
+
+    near: np.ndarray  # (cells,) bool
+    low: np.ndarray  # (3,) float64, corner of the grid [m]
+    cell: float  # [m]
+    shape: np.ndarray  # (3,) int64
+
+
+def surface_cells(vertices: np.ndarray, faces: np.ndarray, reach: float) -> Generator[None, None, SurfaceCells]:
+    """Mark the cells within `reach` [m] of faces (F, 3) of vertices (V, 3), in steps; the generator returns them."""
+    if not len(faces):
+        return SurfaceCells(np.zeros(1, bool), np.full(3, np.inf), 1.0, np.ones(3, np.int64))
+    low, high = vertices.min(axis=0) - reach, vertices.max(axis=0) + reach
+    cell = max(reach, float((high - low).max()) / 1024)
+    while float(np.prod(np.floor((high - low) / cell) + 1)) > MOST_CELLS:
+        cell *= 1.26
+    shape = np.floor((high - low) / cell).astype(np.int64) + 1
+    near = np.zeros(int(shape.prod()), bool)
+    for first in range(0, len(faces), FACES_A_STEP):
+        _mark(vertices, faces[first : first + FACES_A_STEP], reach, low, cell, shape, near)
+        yield
+    return SurfaceCells(near, low, cell, shape)
+
+
+@kernel
+def _range(a, b, low, cell, n):
+    """Return the first and last cell along an axis that [a, b] covers; none where the last comes first."""
+    first, last = (a - low) / cell, (b - low) / cell
+    if not (last >= 0.0 and first < n):
+        return 0, -1
+    return max(int(math.floor(max(first, 0.0))), 0), min(int(math.floor(min(last, float(n)))), n - 1)
+
+
+@kernel
+def _mark(vertices, faces, reach, low, cell, shape, near):
+    """A cell is near a triangle if it is near its box and near its plane: floors of two triangles lie askew too."""
+    half = reach + 0.8661 * cell  # half the diagonal of a cell, rounded up
+    for f in range(len(faces)):
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        nx = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
+        ny = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
+        nz = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        limit = half * math.sqrt(nx * nx + ny * ny + nz * nz)
+        x0, x1 = _range(min(a[0], b[0], c[0]) - reach, max(a[0], b[0], c[0]) + reach, low[0], cell, shape[0])
+        y0, y1 = _range(min(a[1], b[1], c[1]) - reach, max(a[1], b[1], c[1]) + reach, low[1], cell, shape[1])
+        z0, z1 = _range(min(a[2], b[2], c[2]) - reach, max(a[2], b[2], c[2]) + reach, low[2], cell, shape[2])
+        for x in range(x0, x1 + 1):
+            dx = nx * (low[0] + (x + 0.5) * cell - a[0])
+            for y in range(y0, y1 + 1):
+                dy = dx + ny * (low[1] + (y + 0.5) * cell - a[1])
+                for z in range(z0, z1 + 1):
+                    if abs(dy + nz * (low[2] + (z + 0.5) * cell - a[2])) <= limit:
+                        near[(x * shape[1] + y) * shape[2] + z] = True
+
+
+@kernel
+def box_is_near(near, low, cell, shape, box_low, box_high):
+    """Tell whether any cell that a box covers is marked."""
+    x0, x1 = _range(box_low[0], box_high[0], low[0], cell, shape[0])
+    y0, y1 = _range(box_low[1], box_high[1], low[1], cell, shape[1])
+    z0, z1 = _range(box_low[2], box_high[2], low[2], cell, shape[2])
+    for x in range(x0, x1 + 1):
+        for y in range(y0, y1 + 1):
+            for z in range(z0, z1 + 1):
+                if near[(x * shape[1] + y) * shape[2] + z]:
+                    return True
+    return False
+
+
+@kernel
+def points_near(near, low, cell, shape, points, R, p, out):
+    """List the points (n, 3), carried to the world by R and p, that lie in marked cells; returns how many."""
+    n = 0
+    for k in range(len(points)):
+        a, b, c = float(points[k, 0]), float(points[k, 1]), float(points[k, 2])
+        i = cell_of(R[0, 0] * a + R[0, 1] * b + R[0, 2] * c + p[0], low[0], cell)
+        j = cell_of(R[1, 0] * a + R[1, 1] * b + R[1, 2] * c + p[1], low[1], cell)
+        m = cell_of(R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + p[2], low[2], cell)
+        if 0 <= i < shape[0] and 0 <= j < shape[1] and 0 <= m < shape[2] and near[(i * shape[1] + j) * shape[2] + m]:
+            out[n] = k
+            n += 1
+    return n

@@ -1,0 +1,155 @@
+"""Ray cache (Lastra et al. 2002; report 1.2.1, 2.6): a stack of spheres, each with the segments that cross it.
+
+Receivers are visited in an order that keeps neighbours together. Whatever lies in the smallest sphere is tried on
+the few segments that are in its list; a sphere is filled from the list of the one around it. Where a list is
+empty all receivers of its sphere are passed over at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.base.hilbert_curve import hilbert_order
+from gi_core.base.jit import allocating
+from gi_core.discs.search.accumulate import ROOM, add_found
+from gi_core.discs.search.line_list import load, push
+from gi_core.discs.search.predicate import (
+    DISC_FIELDS,
+    LANES,
+    LINE_FIELDS,
+    Discs,
+    Lines,
+    blocks,
+    crossing,
+    lane_of,
+    to_list,
+)
+from gi_core.discs.search.pretest import lines_left, triangles
+from gi_core.discs.search.sphere_stack import LEAST_RADII, stack_spheres
+from gi_core.photons.flux_sums import Sums
+
+BATCH = 1 << 15  # lines that go through all spheres together: a list of them is 1 MB
+BLOCKS_A_PART = 8  # blocks of receivers that a thread takes, every so many: light falls on some places more than others
+DISC_BLOCK = DISC_FIELDS * LANES
+ROUNDING = 4e-6  # of the distances in a line's arithmetic, with room
+
+
+class RayCache:
+    """Spheres over discs in Hilbert order; each part of the work is some blocks of neighbours."""
+
+    parts_share_lines = True  # a part is some of the discs, with every line
+
+    def __init__(self, discs: Discs, pretest: str = "none", ordered: bool = True, least_radii: float = LEAST_RADII):
+        """ordered: visit the discs along a Hilbert curve, not in the order of the mesh."""
+        self.discs = discs
+        rows = np.flatnonzero(to_list(discs))
+        if ordered:
+            rows = rows[hilbert_order(discs.positions[rows])]
+        self.spheres = stack_spheres(discs.positions[rows], float(discs.radius), least_radii)
+        filled = np.full(-(-len(rows) // LANES) * LANES, -1)
+        filled[: len(rows)] = rows
+        self.blocks, self.pretest = blocks(discs, filled), triangles(pretest, discs, filled)
+        self._far = float(np.abs(discs.positions[rows]).max(initial=0.0))
+
+    def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+        """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
+        s, d = self.spheres, self.discs
+        if not len(s.first):
+            return 0
+        count = BLOCKS_A_PART * parts if parts > 1 else 1
+        bounds = np.searchsorted(s.first, np.arange(count + 1) * s.last[0] // count)
+        bounds[0], bounds[-1] = 0, len(s.first)
+        return _splat(
+            s, bounds, part, parts, self._far, tuple(self.blocks), d.own, *d.regions[:2], d.radius, *lines, sign, *sums,
+            self.pretest,
+        )  # fmt: skip
+
+    def told(self) -> str:
+        """Return in words what was built."""
+        deep = int(self.spheres.depth.max(initial=-1)) + 1
+        return f"ray_cache: {len(self.spheres.first):,} spheres, stacked {deep} deep"
+
+
+@allocating
+def _splat(
+    spheres, bounds, part, parts, far, discs, own, row, reach, radius,
+    origin, direction, low, stop, high, flux, patches, touches, sign, sums, touched, base, log, pretest,
+):  # fmt: skip
+    lines = origin, direction, stop, flux, patches, touches
+    adding = *discs, own, row, reach, radius * radius, *lines, sign, sums, touched, base, log
+    depths = spheres.depth.max() + 2
+    start, count = np.zeros(depths + 1, np.int64), np.zeros(depths + 1, np.int64)  # list 0 holds every line
+    stack, found = np.zeros(depths, np.int64), np.empty((ROOM, 2), np.int64)
+    room = 4 * (min(BATCH, len(low)) // LANES + 1)
+    lists, who = np.empty(room * LINE_FIELDS * LANES, np.float32), np.empty(room * LANES, np.int32)
+    total = 0
+    for batch in range(0, len(low), BATCH):
+        count[0] = min(BATCH, len(low) - batch)
+        pad = np.float32(ROUNDING) * (load(origin, direction, low, high, batch, batch + count[0], lists, who) + far)
+        for block in range(part, len(bounds) - 1, parts):
+            more, lists, who = _visit(
+                spheres, bounds[block], bounds[block + 1], pad, lists, who, start, count, stack, found, adding, pretest
+            )
+            total += more
+    return total
+
+
+@allocating
+def _visit(spheres, k, last, pad, lists, who, start, count, stack, found, adding, pretest):
+    """Visit the receivers from sphere k's first to that of sphere `last`."""
+    first_of, last_of, behind_of, parent, depth, centre, radius = spheres
+    data, r2 = adding[0], adding[6]
+    at = first_of[k] if k < len(first_of) else last_of[0]
+    end = first_of[last] if last < len(first_of) else last_of[0]
+    n = total = height = 0
+    # Push the spheres around the first one.
+    while k < last and height < depth[k]:
+        around = k
+        for _ in range(depth[k] - height):
+            around = parent[around]
+        c, reaches = centre[around], radius[around] + pad
+        lists, who = push(lists, who, start, count, np.int64(height), c[0], c[1], c[2], reaches * reaches)
+        if count[height + 1] == 0:
+            at, k = last_of[around], behind_of[around]
+            break
+        stack[height] = around
+        height += 1
+    while at < end:
+        begins = end if k >= last else first_of[k]
+        if height > 0:
+            # Try the receivers up to where the next sphere begins or the smallest one ends.
+            upto = min(last_of[stack[height - 1]], begins)
+            for e in range(at, upto):
+                j = (e // LANES) * DISC_BLOCK + e % LANES
+                x, y, z = data[j], data[j + LANES], data[j + 2 * LANES]
+                nx, ny, nz, limit = data[j + 3 * LANES], data[j + 4 * LANES], data[j + 5 * LANES], data[j + 6 * LANES]
+                for b in range(start[height], start[height] + (count[height] + LANES - 1) // LANES):
+                    if pretest is not None:
+                        left = lines_left(pretest, lists, b, e, x, y, z, nx, ny, nz)
+                        if left == 0:
+                            continue
+                    bits = crossing(lists, b, x, y, z, nx, ny, nz, limit, r2)
+                    if pretest is not None:
+                        bits &= left
+                    while bits != 0:
+                        found[n, 0], found[n, 1] = who[b * LANES + lane_of(bits)], e
+                        bits &= bits - np.uint32(1)
+                        n += 1
+                    if n > ROOM - LANES:
+                        total += add_found(n, found, *adding)
+                        n = 0
+            at = max(at, upto)
+            if at >= last_of[stack[height - 1]]:
+                height -= 1
+                continue
+        if k >= last:
+            break
+        # Push the next sphere; where nothing passes through it, pass over all that it holds.
+        c, reaches = centre[k], radius[k] + pad
+        lists, who = push(lists, who, start, count, np.int64(height), c[0], c[1], c[2], reaches * reaches)
+        if count[height + 1] == 0:
+            at, k = max(at, last_of[k]), behind_of[k]
+        else:
+            stack[height] = k
+            height, k = height + 1, k + 1
+    return total + add_found(n, found, *adding), lists, who

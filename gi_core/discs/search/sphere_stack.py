@@ -1,0 +1,120 @@
+"""Spheres of decreasing radius round receivers taken in some order: what a ray cache pushes and pops (report 2.6).
+
+A sphere is pushed round the first receiver that its parent holds and popped at the first one whose disc it does
+not hold whole. Receivers do not move, so this is found out once an object and every frame goes by it;
+each sphere can then be drawn tight round the discs it turned out to hold.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.jit import allocating
+
+SHRINK = 0.5  # radius of a sphere over its parent's: see docs/measurements.md
+LEAST_RADII = 2.0  # disc radii, of the smallest sphere
+FEW = 4  # receivers: a smaller sphere costs more than it saves
+PAD = 1e-3  # of a sphere's radius: rounding
+
+
+class Spheres(NamedTuple):
+    """What is pushed, in this order. The spheres inside sphere k are k + 1 .. behind[k] - 1."""
+
+    first: np.ndarray  # (K,) int32, receivers first .. last - 1 of the order are inside
+    last: np.ndarray  # (K,) int32
+    behind: np.ndarray  # (K,) int32
+    parent: np.ndarray  # (K,) int32, -1 of the root
+    depth: np.ndarray  # (K,) int32, 0 of the root
+    centre: np.ndarray  # (K, 3) float32 [m]
+    radius: np.ndarray  # (K,) float32 [m]
+
+
+def stack_spheres(points: np.ndarray, reach: float, least_radii: float = LEAST_RADII) -> Spheres:
+    """Return the spheres over discs of radius `reach` [m] round points (n, 3), visited in the order given."""
+    points = np.ascontiguousarray(points, np.float64)
+    whole = 0.5 * float(np.sqrt((np.ptp(points, axis=0) ** 2).sum())) + 2 * reach if len(points) else 0.0
+    count = max(0, int(np.ceil(np.log(max(whole / (least_radii * reach), 1.0)) / -np.log(SHRINK))))
+    radii = least_radii * reach * SHRINK ** -np.arange(count - 1.0, -1.0, -1.0)
+    room = len(points) * (count + 1) + 1
+    first, last, parent = (np.empty(room, np.int32) for _ in range(3))
+    n = _push_and_pop(points, reach, radii, first, last, parent)
+    first, last, parent = first[:n].copy(), last[:n].copy(), parent[:n].copy()
+    behind, depth = np.empty(n, np.int32), np.zeros(n, np.int32)
+    centre, radius = np.empty((n, 3), np.float32), np.empty(n, np.float32)
+    _tighten(points, reach, first, last, parent, behind, depth, centre, radius)
+    return Spheres(first, last, behind, parent, depth, centre, radius)
+
+
+@allocating
+def _push_and_pop(points, reach, radii, first, last, parent):
+    """Write the spheres in the order in which they are pushed; returns how many.
+
+    One that holds the same receivers as its parent is left out, and so is one of few receivers.
+    """
+    n, depth = len(points), 0
+    begun, centre = np.zeros(len(radii), np.int64), np.zeros((len(radii), 3))
+    if n == 0:
+        return 0
+    first[0], last[0], parent[0] = 0, n, -1
+    spheres = 1
+    # Where a sphere that is pushed at a receiver ends is known only when it is popped: two passes.
+    ends = np.zeros((len(radii), n), np.int32)
+    for i in range(n + 1):
+        keep = 0
+        while i < n and keep < depth:
+            x = points[i, 0] - centre[keep, 0]
+            y = points[i, 1] - centre[keep, 1]
+            z = points[i, 2] - centre[keep, 2]
+            room = radii[keep] - reach
+            if x * x + y * y + z * z > room * room:
+                break
+            keep += 1
+        for level in range(keep, depth):
+            ends[level, begun[level]] = i
+        for level in range(keep, len(radii)):
+            if i < n:
+                begun[level] = i
+                centre[level, 0], centre[level, 1], centre[level, 2] = points[i, 0], points[i, 1], points[i, 2]
+        depth = len(radii)
+    on_stack = np.zeros(len(radii) + 1, np.int64)
+    height = 1
+    for i in range(n):
+        while last[on_stack[height - 1]] <= i:
+            height -= 1
+        for level in range(len(radii)):
+            end = ends[level, i]
+            above = on_stack[height - 1]
+            if end - i < FEW or (first[above] == i and last[above] == end):
+                continue
+            first[spheres], last[spheres], parent[spheres] = i, end, above
+            on_stack[height] = spheres
+            height += 1
+            spheres += 1
+    return spheres
+
+
+@allocating
+def _tighten(points, reach, first, last, parent, behind, depth, centre, radius):
+    for k in range(len(first)):
+        if parent[k] >= 0:
+            depth[k] = depth[parent[k]] + 1
+        low, high = points[first[k]].copy(), points[first[k]].copy()
+        for i in range(first[k], last[k]):
+            for c in range(3):
+                low[c], high[c] = min(low[c], points[i, c]), max(high[c], points[i, c])
+        most = 0.0
+        middle = 0.5 * (low + high)
+        for i in range(first[k], last[k]):
+            x, y, z = points[i, 0] - middle[0], points[i, 1] - middle[1], points[i, 2] - middle[2]
+            most = max(most, x * x + y * y + z * z)
+        for c in range(3):
+            centre[k, c] = middle[c]
+        radius[k] = (np.sqrt(most) + reach) * (1.0 + PAD)
+    # Pushed one after the other: a sphere's own end where the next one at its depth or above begins.
+    for k in range(len(first) - 1, -1, -1):
+        j = k + 1
+        while j < len(first) and depth[j] > depth[k]:
+            j = behind[j]
+        behind[k] = j

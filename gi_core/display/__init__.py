@@ -1,0 +1,1 @@
+"""Light as it is drawn where receivers have none of their own, and at probes."""

@@ -1,0 +1,1 @@
+"""Camera, lights, mobiles and mesh density for files that name none."""

@@ -1,0 +1,55 @@
+"""What a camera sees: where points land in its picture, and the rays through it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.base.vectors import cross, dot, length
+from gi_core.scene.types import Camera
+
+ASPECT = 1.6  # width over height of the window as it opens
+
+
+def axes(position, target, up) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return unit vectors forward, right and upwards in the picture, (..., 3) each, of cameras (..., 3)."""
+    forward = np.subtract(target, position)
+    forward = forward / length(forward)[..., None]
+    right = cross(forward, np.asarray(up, np.float64))
+    # Straight up or down: any direction may be right.
+    other = cross(forward, np.eye(3)[np.argmin(np.abs(forward), axis=-1)])
+    right = np.where((length(right) < 1e-6)[..., None], other, right)
+    right = right / length(right)[..., None]
+    return forward, right, cross(right, forward)
+
+
+def in_frame(camera: Camera, up, points) -> np.ndarray:
+    """Return where points land in the picture, (n, 2) each within -1 .. 1; inf behind the camera."""
+    return in_frames([camera], up, points)[0]
+
+
+def in_frames(cameras: list[Camera], up, points) -> np.ndarray:
+    """Return the same for several cameras, (cameras, n, 2)."""
+    position, (forward, right, above), half = _several(cameras, up)
+    off = np.asarray(points, np.float64) - position
+    depth = dot(off, forward)
+    ahead = depth > 1e-9
+    d = np.where(ahead, depth * half, 1.0)
+    at = np.stack([dot(off, right) / (d * ASPECT), dot(off, above) / d], axis=-1)
+    return np.where(ahead[..., None], at, np.inf)
+
+
+def picture_rays(cameras: list[Camera], up, columns: int, rows: int) -> np.ndarray:
+    """Return unit directions (cameras, columns * rows, 3) through the middles of a grid over each picture."""
+    _, (forward, right, above), half = _several(cameras, up)
+    x, y = np.meshgrid((2 * np.arange(columns) + 1) / columns - 1, (2 * np.arange(rows) + 1) / rows - 1)
+    x, y = x.reshape(-1) * half * ASPECT, y.reshape(-1) * half
+    d = forward + x[..., None] * right + y[..., None] * above
+    return d / length(d)[..., None]
+
+
+def _several(cameras: list[Camera], up):
+    """Return positions, axes, (cameras, 1, 3) each, and the tangents of half their vertical angles (cameras, 1)."""
+    position = np.array([c.position for c in cameras], np.float64)[:, None]
+    target = np.array([c.target for c in cameras], np.float64)[:, None]
+    half = np.tan(np.radians([c.vertical_fov_degrees for c in cameras]) / 2)[:, None]
+    return position, axes(position, target, up), half

@@ -1,0 +1,112 @@
+"""Sides that light never gets to: receivers there would be so much work for black.
+
+Formats without a word about sides make everything two-sided, and exporters like to. The inside of a closed body
+is dark unless a lamp is in there; so is the outside of a shell that has all the light within.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gi_core.base.grouping import group_of
+from gi_core.base.vectors import box, cross, dot, every, length
+from gi_core.files.completion.pilot import Box
+from gi_core.files.formats.winding import consistent_winding, turned_mesh
+from gi_core.geometry.receivers import weld
+from gi_core.geometry.surfaces import face_normals
+from gi_core.scene.pose import to_world
+from gi_core.scene.types import DirectionalLight, Mesh, Scene, SkyLight
+
+PLENTY = 300  # hits on one side of a body and none on the other: the other gets less than a third of a percent
+
+
+def one_sided_where_dark(scene: Scene, box: Box) -> Scene:
+    """Return the scene with bodies one-sided, front outwards or inwards, whose other side gets no light.
+
+    box: from the pilot, whose side_hits say which face of the static part was hit on which side.
+    """
+    mesh = scene.static
+    two_sided = np.array([m.two_sided and not any(m.emission) for m in scene.materials])[mesh.face_material]
+    rows = np.flatnonzero(two_sided)
+    if not len(rows):
+        return scene
+    _, areas = face_normals(mesh)
+    places = weld(mesh.vertices)[mesh.faces[rows]]
+    found = consistent_winding(places, areas[rows])
+    body, bodies = found.body, len(found.orientable)
+    hits = np.zeros((len(mesh.faces), 2), np.int64)
+    hits[: len(box.side_hits)] = box.side_hits[: len(mesh.faces)]
+    hits = hits[rows]
+    hits[found.turned] = hits[found.turned][:, ::-1]
+    front, back = (np.bincount(body, hits[:, k], bodies) for k in (0, 1))
+
+    closed = found.orientable & _closed(places, body, bodies)
+    volume = _volumes(mesh, rows, found.turned, body, bodies)
+    # Fronts of a closed body of negative volume look inwards.
+    empty = closed & (np.where(volume > 0, back, front) == 0)
+    inside = _must_be_seen(mesh, scene)
+    for b in np.flatnonzero(empty):
+        own = np.flatnonzero(body == b)
+        empty[b] = not _holds_any(mesh.vertices[mesh.faces[rows[own]]], found.turned[own], inside)
+    # The pilot starts sunlight where it lands: it does not count there.
+    traced = found.orientable & (not any(isinstance(light, DirectionalLight | SkyLight) for light in scene.lights))
+    keep_front = (empty & (volume > 0)) | (traced & (front >= PLENTY) & (back == 0))
+    keep_back = (empty & (volume < 0)) | (traced & (back >= PLENTY) & (front == 0))
+    keep_back &= ~keep_front
+    if not (keep_front | keep_back).any():
+        return scene
+    # Turn faces so that the side to keep is the front, and let them wear one-sided copies of their materials.
+    turn, changed = np.zeros(len(mesh.faces), bool), np.zeros(len(mesh.faces), bool)
+    turn[rows] = np.where(keep_back[body], ~found.turned, found.turned & keep_front[body])
+    changed[rows] = (keep_front | keep_back)[body]
+    materials, face_material = list(scene.materials), mesh.face_material.copy()
+    for i in np.unique(face_material[changed]):
+        face_material[changed & (mesh.face_material == i)] = len(materials)
+        materials.append(materials[i]._replace(two_sided=False))
+    static = turned_mesh(mesh, turn)._replace(face_material=face_material.astype(np.int32))
+    note = f"{int(changed.sum()):,} of {len(mesh.faces):,} triangles are one-sided: no light gets to their other side"
+    return replace(scene, static=static, materials=tuple(materials), notes=(*scene.notes, note))
+
+
+def _closed(places: np.ndarray, body: np.ndarray, bodies: int) -> np.ndarray:
+    """Return which bodies (B,) have two faces at every edge."""
+    start, end = places.reshape(-1), places[:, [1, 2, 0]].reshape(-1)
+    edge = group_of((np.minimum(start, end), np.maximum(start, end)))
+    shut = every((np.bincount(edge)[edge] == 2).reshape(-1, 3))
+    return np.bincount(body, ~shut, bodies) == 0
+
+
+def _volumes(mesh: Mesh, rows, turned, body, bodies: int) -> np.ndarray:
+    """Return six times the volume (B,) inside each body, negative where fronts look inwards."""
+    p = mesh.vertices[mesh.faces[rows]] - mesh.vertices.mean(axis=0)
+    v = dot(cross(p[:, 0], p[:, 1]), p[:, 2])
+    return np.bincount(body, np.where(turned, -v, v), bodies)
+
+
+def _must_be_seen(mesh: Mesh, scene: Scene) -> np.ndarray:
+    """Return where lamps, mobiles and the camera are, (n, 3): a body that one of them is in is not dark inside."""
+    inside = [np.array(light.position) for light in scene.lights if hasattr(light, "position")]
+    inside += [to_world(m.pose, m.mesh.vertices).mean(axis=0) for m in scene.mobiles]
+    inside += [np.array(scene.camera.position)] if scene.camera is not None else []
+    emits = np.array([any(m.emission) for m in scene.materials])[mesh.face_material]
+    inside += list(mesh.vertices[mesh.faces[emits]].mean(axis=1))
+    return np.array(inside).reshape(-1, 3)
+
+
+def _holds_any(p: np.ndarray, turned: np.ndarray, inside: np.ndarray) -> bool:
+    """Tell whether any of the points `inside` is in a closed body of triangles p (F, 3, 3)."""
+    low, high = box(p)
+    within = every((inside > low) & (inside < high))
+    return any(abs(_turns_round(x, p, turned)) > 0.5 for x in inside[within])
+
+
+def _turns_round(x: np.ndarray, p: np.ndarray, turned: np.ndarray) -> float:
+    """Return how often a closed surface of triangles p (F, 3, 3) goes round the point x: 0 outside."""
+    a, b, c = (p[:, k] - x for k in range(3))
+    la, lb, lc = length(a), length(b), length(c)
+    over = dot(cross(a, b), c)
+    under = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
+    angle = 2 * np.arctan2(over, under)
+    return float(np.where(turned, -angle, angle).sum() / (4 * np.pi))

@@ -1,0 +1,126 @@
+"""A light for scenes that bring none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gi_core.files.completion.pilot import Box, Rays, bottom_centre, horizontal
+from gi_core.geometry.paint import join_paints
+from gi_core.scene.pose import to_world
+from gi_core.scene.types import Material, Mesh, Scene, SkyLight
+
+RADIANCE = 10.0  # [W/m2/sr]; exposure is metered, so only its colour matters
+SKY = 0.05 * RADIANCE  # in the open: nothing else brings light to the sides that the lamp does not see
+LAMP_DROP = 0.03  # of the headroom: the lamp hangs that far below the ceiling
+LAMP_SIDE = 0.3  # of the headroom
+LEAST_SIDE = 0.08  # the same, where beams or furniture leave little room
+LOOK_UP = 0.3  # of the headroom: from there ceilings are sought, and the lamp must see it
+ASIDE, MUCH = (0.25, 0.5, 0.8), 1.3  # of the headroom: where else it may hang; and how much more room that must give
+OPEN_HEIGHT, OPEN_SIDE = 0.5, 0.8  # of the scene's size, above its highest point where there is no ceiling
+TOWARDS_CAMERA = 0.5  # of the scene's size: what is looked at is lit from where one looks
+SAID = "no light in the file: "  # the note about it begins so
+
+
+def lit_by_stand_ins(scene: Scene) -> bool:
+    """Tell whether the scene's light is of this file, and none its own."""
+    return any(note.startswith(SAID) for note in scene.notes)
+
+
+def headroom(scene: Scene, rays: Rays, box: Box, stand: np.ndarray) -> float:
+    """Return the height [m] above `stand` (3,) of the first thing over the first mobile; inf under the sky."""
+    up = np.array(scene.up)
+    top = float((to_world(scene.mobiles[0].pose, scene.mobiles[0].mesh.vertices) @ up).max() - stand @ up)
+    start = max(top * 1.02, 1e-3 * box.size)
+    t, _ = rays.hits((stand + up * start)[None], up[None])
+    return float(t[0]) + start
+
+
+def lamp_below_ceiling(scene: Scene, rays: Rays, stand: np.ndarray, height: float) -> Scene:
+    """Return the scene with a square lamp over `stand` (3,), just below the ceiling at `height` [m], facing down.
+
+    Where a beam or a cupboard leaves it no room there, it hangs beside, in sight of what is below.
+    """
+    up = np.array(scene.up)
+    east, north = horizontal(up)
+    around = np.array([np.cos(a) * east + np.sin(a) * north for a in np.arange(8) * np.pi / 4])
+    low = stand + up * LOOK_UP * height
+    best, side = stand + up * height * (1 - LAMP_DROP), 0.0
+    for offset in (np.zeros(3), *(share * height * d for share in ASIDE for d in around)):
+        above, _ = rays.hits((low + offset)[None], up[None])
+        top = float(above[0]) + LOOK_UP * height
+        if not (top <= height * 1.5 and _sees(rays, low, low + offset)):
+            continue  # under the sky, or behind a wall
+        centre = stand + offset + up * top * (1 - LAMP_DROP)
+        if not _sees(rays, centre, low):
+            continue
+        t, _ = rays.hits(np.broadcast_to(centre, around.shape), around)
+        free = min(LAMP_SIDE * height, 1.5 * float(t.min()))
+        if free > side * MUCH:
+            best, side = centre, free
+    where = "below what is above the mobile" if scene.mobiles else "below the ceiling"
+    return _with_lamp(scene, best, max(side, LEAST_SIDE * height), -up, east, where)
+
+
+def _sees(rays: Rays, a: np.ndarray, b: np.ndarray) -> bool:
+    """Tell whether nothing is between two places."""
+    d = b - a
+    length = float(np.sqrt((d * d).sum()))
+    return length == 0 or float(rays.hits(a[None], d[None] / length)[0][0]) > length
+
+
+def lamp_in_the_open(scene: Scene, rays: Rays, box: Box) -> Scene:
+    """Return the scene with a square lamp above everything, towards the camera, facing the middle; and a dim sky."""
+    up = np.array(scene.up)
+    east, north = horizontal(up)
+    middle = (box.low + box.high) / 2
+    corners = np.array([[(rays.low, rays.high)[(k >> a) & 1][a] for a in range(3)] for k in range(8)])
+    centre = middle + up * (float((corners @ up).max()) - float(middle @ up) + OPEN_HEIGHT * box.size)
+    if scene.camera is not None:
+        towards = np.subtract(scene.camera.position, middle)
+        towards -= (towards @ up) * up
+        length = np.sqrt((towards * towards).sum())
+        centre = centre + TOWARDS_CAMERA * box.size * towards / max(length, 1e-9 * box.size)
+    normal = middle - centre
+    normal /= np.sqrt((normal * normal).sum())
+    across = np.cross(normal, north)
+    across /= np.sqrt((across * across).sum())
+    sky = SkyLight("default sky", (SKY,) * 3)
+    lit = _with_lamp(scene, centre, OPEN_SIDE * box.size, normal, across, "above the scene, under a dim sky")
+    return replace(lit, lights=(*lit.lights, sky))
+
+
+def _with_lamp(scene: Scene, centre, side: float, normal, across, where: str) -> Scene:
+    along = np.cross(normal, across)
+    signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    corners = np.array([centre + side / 2 * (a * across + b * along) for a, b in signs])
+    material = Material("default light", (0.0, 0.0, 0.0), (RADIANCE,) * 3)
+    note = f"{SAID}a lamp of {side:.3g} x {side:.3g} m hangs {where}"
+    return replace(
+        scene,
+        static=_with_quad(scene, corners, normal),
+        materials=(*scene.materials, material),
+        notes=(*scene.notes, note),
+    )
+
+
+def _with_quad(scene: Scene, corners: np.ndarray, normal: np.ndarray) -> Mesh:
+    m = scene.static
+    faces = np.array([[0, 1, 2], [0, 2, 3]]) + len(m.vertices)
+    normals, colours = m.corner_normals, m.face_reflectance
+    quad = Mesh(corners, faces, np.zeros(2, np.int32), None, np.zeros((2, 3)))
+    return m._replace(
+        vertices=np.concatenate([m.vertices, corners]),
+        faces=np.concatenate([m.faces, faces]).astype(np.int32),
+        face_material=np.concatenate([m.face_material, [len(scene.materials)] * 2]).astype(np.int32),
+        corner_normals=None if normals is None else np.concatenate([normals, np.broadcast_to(normal, (2, 3, 3))]),
+        face_reflectance=None if colours is None else np.concatenate([colours, np.zeros((2, 3))]),
+        paint=join_paints([m, quad], scene.materials),
+    )
+
+
+def stand_of(scene: Scene) -> np.ndarray:
+    """Return the middle of the bottom of the first mobile's box. (3,) [m]."""
+    mobile = scene.mobiles[0]
+    return bottom_centre(to_world(mobile.pose, mobile.mesh.vertices), np.array(scene.up))

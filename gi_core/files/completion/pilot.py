@@ -1,0 +1,184 @@
+"""Where light goes in a scene, from a small trace: the box that matters. And the geometry of looking about.
+
+The bounding box misleads: a ground slab may be five times the room that stands on it. Real photons mislead too: most of
+those of a sun stay outside the windows, and dark walls end the others. Their box is 9.9 m in LuxCore's kitchen, where
+that of these paths is the 7.6 m of the room: they survive every bounce, and start from all kinds of lights alike.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.threads import available_cores
+from gi_core.base.vectors import box, central_box
+from gi_core.geometry.surfaces import face_normals, flatten
+from gi_core.rays.accelerator import Accelerator
+from gi_core.scene.types import DirectionalLight, Scene, SkyLight
+
+RAYS = 6000  # paths; with BOUNCES segments each some 20,000 hits
+BOUNCES = 4
+SEED = 0x5EED
+LANDINGS = 4  # places tried for each that sun or sky shall reach
+LIFT = 1e-5  # of the extent: clears the face that a ray starts on, in float32
+
+
+class Box(NamedTuple):
+    """The box that holds the central hits, and what was found on the way."""
+
+    low: np.ndarray  # (3,) [m]
+    high: np.ndarray  # (3,) [m]
+    size: float  # longest side [m]
+    hits: np.ndarray  # (n, 3) the central hits [m]
+    normals: np.ndarray  # (n, 3) unit, on the side that the light came to
+    side_hits: np.ndarray  # (F, 2) int64, how many hits each face of the static part had on its front and back
+
+
+class Rays:
+    """Rays against the static part of a scene."""
+
+    def __init__(self, scene: Scene):
+        statics = Scene(scene.static, scene.materials)
+        self.surfaces, _ = flatten(statics, with_receivers=False)
+        self.accelerator = Accelerator(self.surfaces, available_cores())
+        v = scene.static.vertices[scene.static.faces.reshape(-1)]
+        self.low, self.high = box(v)
+        self.extent = float((self.high - self.low).max())
+
+    def hits(self, origins, directions):
+        """Return distance (n,), inf where nothing is hit, and face (n,), -1 there."""
+        o = np.ascontiguousarray(origins, np.float32)
+        d = np.ascontiguousarray(directions, np.float32)
+        t, face = self.accelerator.nearest(0, o, d, np.full(len(o), 8 * max(self.extent, 1e-9), np.float32))
+        return np.where(face >= 0, t.astype(np.float64), np.inf), face
+
+
+def useful_box(scene: Scene, rays: Rays) -> Box:
+    """Return the box of the central 98 % of hits of paths from the lights, or from the surfaces if it is dark."""
+    rng = np.random.default_rng(SEED)
+    origins, directions, normals = _starts(scene, rays, rng)
+    # In the dark a place counts that light could reach from another, and any that light could start from.
+    hits, sides = ([], []) if is_lit(scene) else ([origins], [normals])
+    side_hits = np.zeros((len(scene.static.faces), 2), np.int64)
+    for _ in range(BOUNCES):
+        t, face = rays.hits(origins, directions)
+        landed = face >= 0
+        if not landed.any():
+            break
+        points = origins[landed] + directions[landed] * t[landed, None]
+        hits.append(points)
+        n = rays.surfaces.normals[face[landed]]
+        facing = -np.sign((n * directions[landed]).sum(axis=1))
+        go_on = (facing > 0) | rays.surfaces.two_sided[face[landed]]  # the back of a one-sided face absorbs
+        sides.append(n * facing[:, None])
+        np.add.at(side_hits, (face[landed], (facing < 0).astype(int)), 1)
+        n = (n * facing[:, None])[go_on]
+        origins = points[go_on] + n * LIFT * rays.extent
+        directions = cosine(n, rng)
+    found, facing = (np.concatenate(a) if a else np.zeros((0, 3)) for a in (hits, sides))
+    low, high = rays.low, rays.high
+    if len(found) >= 100:
+        low, high = central_box(found)
+    central = ((found >= low) & (found <= high)).all(axis=1)
+    return Box(low, high, max(float((high - low).max()), 1e-9), found[central], facing[central], side_hits)
+
+
+def is_lit(scene: Scene) -> bool:
+    """Tell whether anything in the scene emits light."""
+    emits = np.array([any(m.emission) for m in scene.materials])
+    return bool(scene.lights) or bool(emits[scene.static.face_material].any())
+
+
+def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return up to `most` hits (n, 3), one a cell, their normals (n, 3), and their weights (n,), which sum to 1.
+
+    The weight is the square root of the cell's hits: light caught in a narrow gap must not outvote the room.
+    """
+    if not len(box.hits):
+        return ((box.low + box.high) / 2)[None], np.zeros((1, 3)), np.ones(1)
+    cell = np.floor(box.hits / (box.size / 14)).astype(np.int64)
+    _, one, count = np.unique(cell, axis=0, return_index=True, return_counts=True)
+    chosen = np.random.default_rng(SEED).permutation(len(one))[:most]
+    weight = np.sqrt(count[chosen])
+    rows = one[chosen]
+    return box.hits[rows], box.normals[rows], weight / weight.sum()
+
+
+def horizontal(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return two unit vectors that are horizontal and at right angles."""
+    axis = np.eye(3)[int(np.argmin(np.abs(up)))]
+    east = np.cross(up, axis)
+    east /= np.sqrt((east * east).sum())
+    return east, np.cross(up, east)
+
+
+def bottom_centre(vertices: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Return the centre of the bottom of a box, upright along `up`, around the vertices."""
+    east, north = horizontal(up)
+    middle = [(vertices @ d).min() / 2 + (vertices @ d).max() / 2 for d in (east, north)]
+    return middle[0] * east + middle[1] * north + (vertices @ up).min() * up
+
+
+def sphere_directions(n: int) -> np.ndarray:
+    """Return n directions (n, 3) spread evenly (a Fibonacci spiral)."""
+    k = np.arange(n)
+    z = 1 - (2 * k + 1) / n
+    r, a = np.sqrt(1 - z * z), k * np.pi * (3 - np.sqrt(5))
+    return np.stack([r * np.cos(a), r * np.sin(a), z], axis=1)
+
+
+def cosine(normals: np.ndarray, rng) -> np.ndarray:
+    """Return a cosine-distributed direction about each unit normal."""
+    ball = rng.normal(size=normals.shape)
+    ball /= np.maximum(np.sqrt((ball * ball).sum(axis=1, keepdims=True)), 1e-12)
+    d = normals * (1 + 1e-6) + ball
+    return d / np.sqrt((d * d).sum(axis=1, keepdims=True))
+
+
+def _starts(scene: Scene, rays: Rays, rng):
+    """Return origins, directions, normals: shared out among emissive faces, lamps with a place and the sky.
+
+    In the dark they start on all faces.
+    """
+    mesh = scene.static
+    normals, areas = face_normals(mesh)
+    emission = np.array([max(m.emission) for m in scene.materials])[mesh.face_material] * areas
+    placed = [np.array(light.position) for light in scene.lights if hasattr(light, "position")]
+    distant = [light for light in scene.lights if isinstance(light, DirectionalLight | SkyLight)]
+    kinds = [emission.any(), bool(placed), bool(distant)]
+    n = RAYS // max(sum(kinds), 1)
+    parts = []
+    if emission.any():
+        parts.append(_from_faces(mesh, rays, normals, emission, rng, n))
+    if placed:
+        d = rng.normal(size=(n, 3))
+        d /= np.sqrt((d * d).sum(axis=1, keepdims=True))
+        parts.append((np.stack(placed)[rng.integers(len(placed), size=n)], d, np.zeros((n, 3))))
+    if distant:
+        sun = distant[0]
+        toward = np.array(scene.up) if isinstance(sun, SkyLight) else -np.array(sun.direction)
+        sides = np.where((normals * toward).sum(axis=1) < 0, -1.0, 1.0)
+        landed = _from_faces(mesh, rays, normals * sides[:, None], areas, rng, n * LANDINGS)
+        # Where it lands, not where it would land through walls.
+        d = np.broadcast_to(toward, landed[0].shape)
+        d = cosine(d, rng) if isinstance(sun, SkyLight) else d / np.sqrt((toward * toward).sum())
+        free = np.flatnonzero((rays.hits(landed[0], d)[1] < 0) & ((d * landed[2]).sum(axis=1) > 0))
+        rows = free[:n] if len(free) else slice(n)
+        parts.append(tuple(column[rows] for column in landed))
+    if not parts:
+        two_sided = np.array([m.two_sided for m in scene.materials])[mesh.face_material]
+        sides = np.where(two_sided & (rng.random(len(areas)) < 0.5), -1.0, 1.0)
+        parts.append(_from_faces(mesh, rays, normals * sides[:, None], areas, rng, n))
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+
+
+def _from_faces(mesh, rays: Rays, normals, weight, rng, n: int):
+    """Return n origins on faces picked by weight (F,), cosine-distributed directions about their normals, and these."""
+    face = np.searchsorted(np.cumsum(weight) / weight.sum(), rng.random(n), side="right").clip(0, len(weight) - 1)
+    u, v = rng.random((2, n, 1))
+    flip = u + v > 1
+    u, v = np.where(flip, 1 - u, u), np.where(flip, 1 - v, v)
+    a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
+    up = normals[face]
+    return a + u * (b - a) + v * (c - a) + up * LIFT * rays.extent, cosine(up, rng), up

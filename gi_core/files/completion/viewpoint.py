@@ -1,0 +1,170 @@
+"""A camera for scenes that bring none: of many tried, outside and inside, the one that shows most."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.base.grouping import group_of
+from gi_core.base.vectors import dot, length
+from gi_core.files.completion.camera_view import ASPECT, axes, in_frames, picture_rays
+from gi_core.files.completion.pilot import Box, Rays, horizontal, spread
+from gi_core.scene.pose import to_world
+from gi_core.scene.types import Camera, Scene
+
+OUTSIDE_FOV, INSIDE_FOV = 40.0, 62.0  # degrees
+OUTSIDE = {
+    8.0: 0.0,
+    22.0: 0.1,
+    40.0: 0.05,
+}  # elevations [degrees] and what they are worth where there is no room: tables are seen from above
+FRONTAL = 0.35  # what looking straight into an open room is worth
+ENDS = 0.12  # of the size: what reaches farther out of the box that light falls in, as the ground does, may be cut off
+MARGIN = 0.96  # of the frame that a scene seen from outside fills
+SAMPLE = 240  # points of the scene whose visibility is counted for each camera tried
+SHOWN = 24  # and of the mobile
+GRID = (20, 12)  # rays through the picture
+SEE_THROUGH = 4  # back faces of one-sided surfaces that a sight line may pass
+CLOSE = 0.07  # of the scene's size: what is nearer fills the picture without showing anything
+FILL, SHARE = 1.0, 2.0  # weight of the picture's share that shows the scene, and of the scene's share that it shows
+LIT_CELL = 1 / 14  # of the scene's size: a place is lit if the pilot hit so near
+SHIFT = 0.3819
+
+
+def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | None, indoors: bool) -> Camera:
+    """Return the camera that sees most of where light goes, filling its picture, with the mobile in view.
+
+    subject: (3,) a place on the floor to look at where there is no mobile, None for the middle of the scene.
+    """
+    up = np.array(scene.up)
+    east, north = horizontal(up)
+    middle = (box.low + box.high) / 2
+    shown = (middle if subject is None else subject + up * 0.04 * box.size)[None]
+    if scene.mobiles:
+        mesh, pose = scene.mobiles[0].mesh, scene.mobiles[0].pose
+        shown = to_world(pose, mesh.vertices[:: max(len(mesh.vertices) // SHOWN, 1)])
+    centre = (shown.min(axis=0) + shown.max(axis=0)) / 2
+    seen = spread(box, SAMPLE)
+
+    tries = []
+    low, high = (box.low, box.high) if indoors else _with_its_ends(box, rays)
+    whole = (low + high) / 2
+    for elevation, bonus in OUTSIDE.items():
+        for azimuth in np.arange(0, 360, 15.0) + 30.0:
+            d = _direction(azimuth, elevation, up, east, north)
+            far = _distance(low, high, d, up)
+            # Nearer, a room fills the picture; a lone object would be cut off.
+            shares = (1.0, 0.85) if indoors else (1.0,)
+            worth = (FRONTAL if azimuth % 90 == 0 else 0.0) if indoors else bonus
+            tries += [(whole + share * far * d, whole, OUTSIDE_FOV, worth) for share in shares]
+    if scene.mobiles or indoors:
+        heart = seen[2] @ seen[0]
+        for elevation in (5.0, 15.0, 28.0):
+            for azimuth in np.arange(0, 360, 15.0):
+                d = _direction(azimuth, elevation, up, east, north)
+                t, _ = rays.hits(centre[None], d[None])
+                for share in (0.6, 0.92):
+                    at = centre + min(share * float(t[0]), 1.2 * box.size) * d
+                    tries += [(at, target, INSIDE_FOV, 0.0) for target in (centre, 0.5 * (centre + heart))]
+    far_enough = [t for t in tries if np.sqrt(((t[1] - t[0]) ** 2).sum()) >= 0.15 * box.size]
+    cameras = [Camera(tuple(map(float, at)), tuple(map(float, target)), fov) for at, target, fov, _ in far_enough]
+    if not cameras:
+        return None
+    scores = _scores(cameras, up, seen, shown, _Lit(box), rays, box) + np.array([t[3] for t in far_enough])
+    return cameras[int(np.argmax(scores))]
+
+
+class _Lit:
+    """Which cells of the scene the pilot's light reached, on which side of a surface."""
+
+    def __init__(self, box: Box):
+        self.cell = LIT_CELL * box.size
+        self.cells = self._cells(box.hits, box.normals)
+
+    def holds(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return which points (n,) bool are lit."""
+        n = len(self.cells)
+        group = group_of(np.concatenate([self.cells, self._cells(points, normals)]).T)
+        lit = np.zeros(int(group.max(initial=-1)) + 1, bool)
+        lit[group[:n]] = True
+        return lit[group[n:]]
+
+    def _cells(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        # Off the surface: the outside of a wall that is lit inside is dark. Shifted: walls and floors love
+        # round numbers, and would flicker between two cells.
+        return np.floor(points / self.cell + 0.5 * normals + SHIFT).astype(np.int64)
+
+
+def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: Box) -> np.ndarray:
+    """Return what each camera's view is worth; the rays of all are cast at once."""
+    eyes = np.array([c.position for c in cameras]).reshape(-1, 3)
+    # The part of each picture that shows something lit, not too near to tell anything.
+    d = picture_rays(cameras, up, *GRID)
+    through = d.shape[1]
+    eye, d = np.repeat(eyes, through, axis=0), d.reshape(-1, 3)
+    t, normal = first_seen(rays, eye, d)
+    far = np.flatnonzero(np.isfinite(t) & (t > CLOSE * box.size))
+    shows = np.zeros(len(d), bool)
+    shows[far] = lit.holds(eye[far] + d[far] * t[far, None], normal[far])
+    fill = shows.reshape(-1, through).sum(axis=1) / through
+    # The part of the scene, and of the mobile, that is in the picture.
+    points, normals, weight = seen
+    every, n = np.concatenate([points, shown]), len(points)
+    to = every - eyes[:, None]
+    distance = length(to)
+    at = np.abs(in_frames(cameras, up, every))
+    visible = np.maximum(at[..., 0], at[..., 1]) < 1
+    of, row = np.nonzero(visible)
+    reached, _ = first_seen(rays, eyes[of], to[of, row] / np.maximum(distance[of, row], 1e-12)[:, None])
+    visible[of, row] = reached > distance[of, row] - 2e-3 * box.size
+    visible[:, :n] &= dot(to[:, :n], normals) <= 0
+    extent = float(np.sqrt((np.ptp(shown, axis=0) ** 2).sum()))
+    reach = extent / np.maximum(np.median(distance[:, n:], axis=1), 1e-12)
+    mobile = (1.2 + np.minimum(reach, 0.4)) * visible[:, n:].mean(axis=1)
+    return FILL * fill + SHARE * (visible[:, :n] * weight).sum(axis=1) + mobile
+
+
+def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
+    """Return distance (n,) and normal (n, 3) of what is seen from eyes (n, 3) along d (n, 3).
+
+    Back faces of one-sided surfaces are not drawn.
+    """
+    at, result, normals = np.zeros(len(d)), np.full(len(d), np.inf), np.zeros((len(d), 3))
+    going = np.arange(len(d))
+    for _ in range(SEE_THROUGH):
+        t, face = rays.hits(eye[going] + d[going] * at[going, None], d[going])
+        at[going] += t
+        hit = face >= 0
+        turned = dot(rays.surfaces.normals[face], d[going]) > 0
+        back = hit & turned & ~rays.surfaces.two_sided[face]
+        seen = hit & ~back
+        result[going[seen]] = at[going[seen]]
+        normals[going[seen]] = rays.surfaces.normals[face[seen]] * np.where(turned[seen], -1.0, 1.0)[:, None]
+        going = going[back]
+        if not len(going):
+            break
+        at[going] += 1e-5 * rays.extent
+    result[going] = at[going]  # behind so many backs: taken as hidden there
+    return result, normals
+
+
+def _with_its_ends(box: Box, rays: Rays) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners (3,), (3,) of the box with what reaches out of it a little, as horns do."""
+    reach = ENDS * box.size
+    low = np.where(box.low - rays.low < reach, np.minimum(box.low, rays.low), box.low)
+    high = np.where(rays.high - box.high < reach, np.maximum(box.high, rays.high), box.high)
+    return low, high
+
+
+def _distance(low: np.ndarray, high: np.ndarray, d, up) -> float:
+    """Return how far from the middle along d [m] a camera must be to have the whole box in its frame."""
+    corners = np.array([[(low, high)[(k >> a) & 1][a] for a in range(3)] for k in range(8)])
+    off = corners - (low + high) / 2
+    forward, right, above = axes(d, np.zeros(3), up)
+    half = np.tan(np.radians(OUTSIDE_FOV) / 2) * MARGIN
+    wanted = np.maximum(np.abs(off @ right) / ASPECT, np.abs(off @ above)) / half - off @ forward
+    return max(float(wanted.max()), 0.3 * float((high - low).max()))
+
+
+def _direction(azimuth, elevation, up, east, north) -> np.ndarray:
+    a, e = np.radians(azimuth), np.radians(elevation)
+    return np.cos(e) * (np.cos(a) * east + np.sin(a) * north) + np.sin(e) * up

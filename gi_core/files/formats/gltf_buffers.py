@@ -1,0 +1,153 @@
+"""The bytes of a glTF: container, buffers, accessors."""
+
+from __future__ import annotations
+
+import base64
+import errno
+import json
+import os
+import struct
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+
+from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.texture_images import ImageError, find
+from gi_core.scene.errors import SceneError
+
+COMPONENT = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"}
+MOST_ZEROS = 10_000_000  # elements of an accessor that names no bytes: they cost the file nothing
+JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
+
+
+class Document:
+    """A glTF as JSON and bytes; `notes` collects what reading left out."""
+
+    def __init__(self, path: Path, where: str, boundary: Boundary):
+        self.path, self.where, self.boundary, self.notes = path, where, boundary, []
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise SceneError(f"{where}: the mesh file cannot be read: {error.strerror or error}") from None
+        self.binary = b""
+        text = self._chunks(data) if data[:4] == b"glTF" else data
+        try:
+            self.json = json.loads(text)
+        except ValueError as error:
+            raise SceneError(
+                f"{where}: a .gltf or .glb file must hold glTF JSON, which this does not: {error}"
+            ) from None
+        if not isinstance(self.json, dict) or not str(self.json.get("asset", {}).get("version", "")).startswith("2"):
+            raise SceneError(f'{where}: glTF must be of version 2, with asset.version "2.0"; export it again')
+        compressed = COMPRESSED & set(self.json.get("extensionsUsed", []) + self.json.get("extensionsRequired", []))
+        if compressed:
+            found = ", ".join(sorted(compressed))
+            raise SceneError(f"{where}: compressed meshes are not read, got {found}; export it without compression")
+        self._buffers = {}
+
+    def accessor(self, index: int) -> np.ndarray:
+        """Return an accessor's values (count, width): float64 where stored as float or normalised, else int64."""
+        a = self.json["accessors"][index]
+        dtype, width, count = np.dtype(COMPONENT[a["componentType"]]), WIDTH[a["type"]], a["count"]
+        if "bufferView" in a:
+            values = self._strided(a["bufferView"], a.get("byteOffset", 0), dtype, width, count)
+        elif not 0 <= count <= MOST_ZEROS:
+            raise SceneError(
+                f"{self.where}: an accessor without data must have up to {MOST_ZEROS:,} elements, got {count}"
+            )
+        else:
+            values = np.zeros((count, width), dtype)
+        if "sparse" in a:
+            s = a["sparse"]
+            at = s["indices"]
+            itype = np.dtype(COMPONENT[at["componentType"]])
+            rows = self._strided(at["bufferView"], at.get("byteOffset", 0), itype, 1, s["count"])[:, 0]
+            values = values.copy()
+            v = s["values"]
+            values[rows] = self._strided(v["bufferView"], v.get("byteOffset", 0), dtype, width, s["count"])
+        if dtype.kind == "f":
+            return values.astype(np.float64)
+        if a.get("normalized"):
+            return np.maximum(values / np.iinfo(dtype).max, -1.0)
+        return values.astype(np.int64)
+
+    def image(self, index: int) -> bytes:
+        """Return the encoded bytes of an image. Raises ImageError, OSError."""
+        image = self.json["images"][index]
+        if "bufferView" in image:
+            return bytes(self._view(image["bufferView"])[0])
+        uri = image.get("uri", "")
+        if uri.startswith("data:"):
+            try:
+                return self._uri(uri)
+            except ValueError:
+                raise ImageError("is not a readable image") from None
+        folder = self.path.parent
+        return find([folder], self.boundary, unquote(uri)).read_bytes()
+
+    def image_name(self, index: int) -> str:
+        """Return what an image is called in notes."""
+        image = self.json["images"][index]
+        uri = image.get("uri", "data:")
+        if not uri.startswith("data:"):
+            return unquote(uri)
+        return f"image {index}" + (f' "{image["name"]}"' if image.get("name") else "")
+
+    def no_image(self) -> bytes:
+        raise ImageError("names no image")
+
+    def _strided(self, view: int, offset: int, dtype, width: int, count: int) -> np.ndarray:
+        data, stride = self._view(view)
+        size = dtype.itemsize * width
+        stride = stride or size
+        if count and offset + stride * (count - 1) + size > len(data):
+            raise SceneError(f"{self.where}: an accessor runs past the end of its {len(data)} bytes; export it again")
+        return (
+            np.ndarray((count, width), dtype, data, offset, (stride, dtype.itemsize)) if count else np.zeros((0, width))
+        )
+
+    def _view(self, index: int):
+        view = self.json["bufferViews"][index]
+        start = view.get("byteOffset", 0)
+        return self._buffer(view["buffer"])[start : start + view["byteLength"]], view.get("byteStride", 0)
+
+    def _buffer(self, index: int):
+        if index not in self._buffers:
+            uri = self.json["buffers"][index].get("uri")
+            try:
+                self._buffers[index] = memoryview(self.binary if uri is None else self._uri(uri))
+            except OSError as error:
+                raise SceneError(
+                    f"{self.where}: its buffer {uri} cannot be read: {error.strerror or error}; keep it beside the file"
+                ) from None
+        return self._buffers[index]
+
+    def _uri(self, uri: str) -> bytes:
+        if uri.startswith("data:"):
+            return base64.b64decode(uri.partition(",")[2])
+        file = self.path.parent / unquote(uri)
+        if not self.boundary.holds(file):
+            raise SceneError(
+                f"{self.where}: its buffer {uri} lies outside the folder of the scene; move it there, "
+                "or give --allow-outside"
+            )
+        if not os.path.isfile(file):  # nor is a device read, which may have no end
+            raise FileNotFoundError(errno.ENOENT, "there is no such file")
+        return file.read_bytes()
+
+    def _chunks(self, data: bytes) -> bytes:
+        text, at = b"", 12
+        while at + 8 <= len(data):
+            length, kind = struct.unpack_from("<II", data, at)
+            chunk = data[at + 8 : at + 8 + length]
+            if len(chunk) < length:
+                raise SceneError(f"{self.where}: the file ends early, {length - len(chunk)} bytes are missing")
+            if kind == JSON_CHUNK:
+                text = chunk
+            elif kind == BIN_CHUNK:
+                self.binary = chunk
+            at += 8 + length
+        return text

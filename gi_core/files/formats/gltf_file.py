@@ -1,0 +1,255 @@
+"""glTF 2.0 and GLB: the node tree, materials, lights and cameras.
+
+Read here and not by trimesh 5.2, which drops emissive strength, lights, cameras and texture transforms,
+and rounds colours to 8 bit. Light units are the format's: candela, lux, nits.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.file_parts import FileParts, Part
+from gi_core.files.formats.gltf_buffers import Document
+from gi_core.files.formats.gltf_lights import node_camera, node_light
+from gi_core.files.formats.texture_images import MISSING, Images
+from gi_core.geometry.mipmap import mean_linear
+from gi_core.scene.errors import SceneError
+from gi_core.scene.types import Material
+
+TRIANGLES, STRIP, FAN = 4, 5, 6
+MOST_TRIANGLES = 20_000_000
+NEAREST = 9728
+WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
+
+
+def read_gltf(path, where: str, boundary: Boundary) -> FileParts:
+    """Read every triangle primitive of the default scene, with its world transform applied."""
+    try:
+        # What overflows on the way is refused with the vertices, or falls under a light's own rules.
+        with np.errstate(all="ignore"):
+            return _Reader(Document(path, where, boundary)).read()
+    except SceneError:
+        raise
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError) as error:
+        raise SceneError(f"{where}: the glTF is damaged ({type(error).__name__}: {error}); export it again") from None
+
+
+class _Reader:
+    def __init__(self, document: Document):
+        self.document = document
+        self.json = document.json
+        self.notes = document.notes
+        self.images = Images()
+        self.materials = [self._material(i, m) for i, m in enumerate(self.json.get("materials", []))]
+        self.plain = None  # index of the material for primitives without one
+        self.parts, self.triangles, self.lights, self.camera = [], 0, [], None
+        self.world = {}  # node -> (4, 4)
+
+    def read(self) -> FileParts:
+        nodes = self.json.get("nodes", [])
+        scenes = self.json.get("scenes", [])
+        if scenes:
+            roots = scenes[self.json.get("scene", 0)].get("nodes", [])
+        else:
+            children = {c for n in nodes for c in n.get("children", [])}
+            roots = [i for i in range(len(nodes)) if i not in children]
+        stack = [(i, np.eye(4)) for i in reversed(roots)]
+        while stack:
+            i, parent = stack.pop()
+            if i in self.world:
+                raise SceneError(f"{self.document.where}: node {i} has two parents; a glTF scene must be a tree")
+            self.world[i] = parent @ _local(nodes[i])
+            stack += [(c, self.world[i]) for c in reversed(nodes[i].get("children", []))]
+        for i, matrix in self.world.items():
+            node = nodes[i]
+            if "mesh" in node:
+                for k, primitive in enumerate(self.json["meshes"][node["mesh"]]["primitives"]):
+                    self._primitive(node, matrix, primitive, f"mesh {node['mesh']} primitive {k}")
+            light = node_light(self.json, node, matrix, len(self.lights))
+            if light is not None:
+                self.lights.append(light)
+            if self.camera is None:
+                self.camera = node_camera(self.json, node, matrix)
+        self.notes += self.images.notes()
+        textures = tuple(self.images.textures)
+        return FileParts(self.parts, self.materials, self.lights, self.camera, "y", self.notes, textures)
+
+    def _primitive(self, node, matrix, primitive, what):
+        mode = primitive.get("mode", TRIANGLES)
+        attributes = primitive["attributes"]
+        if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
+            self.notes.append(f"{what} holds points or lines: left out")
+            return
+        p = self.document.accessor(attributes["POSITION"])
+        n = self.document.accessor(attributes["NORMAL"]) if "NORMAL" in attributes else None
+        if "skin" in node and "JOINTS_0" in attributes:
+            p, n = self._skinned(node["skin"], attributes, p, n)
+        else:
+            p = p @ matrix[:3, :3].T + matrix[:3, 3]
+            # Normals go with the cofactors; the sign keeps them outside under a mirroring transform.
+            n = None if n is None else n @ _cofactor(matrix[:3, :3]).T
+        order = (
+            self.document.accessor(primitive["indices"]).reshape(-1) if "indices" in primitive else np.arange(len(p))
+        )
+        faces = _triangles(order.astype(np.int64), mode)
+        self.triangles += len(faces)  # a mesh may hang on thousands of nodes
+        if self.triangles > MOST_TRIANGLES:
+            raise SceneError(f"{self.document.where}: a file must have no more than {MOST_TRIANGLES:,} triangles")
+        if len(faces) and not (0 <= faces.min() and faces.max() < len(p)):
+            raise SceneError(f"{self.document.where}: {what} has vertex indices outside its {len(p)} vertices")
+        if np.linalg.det(matrix[:3, :3]) < 0:
+            faces = faces[:, ::-1]
+        index = primitive.get("material")
+        if index is None:
+            if self.plain is None:
+                self.plain = len(self.materials)
+                self.materials.append(Material("default"))
+            index = self.plain
+        faces = faces[self._there(index, attributes, faces)]
+        normals = None if n is None else n[faces]
+        paint = self._paint(index, attributes, faces)
+        self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, *paint))
+
+    def _there(self, index, attributes, faces) -> np.ndarray:
+        """Return the faces (n,) bool of which the alpha of their vertices leaves something."""
+        described = self.json["materials"][index] if index < len(self.json.get("materials", [])) else {}
+        colours = self.document.accessor(attributes["COLOR_0"]) if "COLOR_0" in attributes else np.zeros((0, 3))
+        if _cut(described) is None or colours.shape[1] < 4:
+            return np.ones(len(faces), bool)
+        factor, cutoff = _cut(described)
+        return (factor * colours[faces, 3] >= cutoff).any(axis=1)
+
+    def _paint(self, index, attributes, faces):
+        """Return corner colours, face textures and corner coordinates of a part, None each where there are none."""
+        described = self.json["materials"][index] if index < len(self.json.get("materials", [])) else {}
+        reference = described.get("pbrMetallicRoughness", {}).get("baseColorTexture")
+        factor = np.array(self.materials[index].reflectance)
+        colour = texture = uv = None
+        if reference is not None:
+            transform = reference.get("extensions", {}).get("KHR_texture_transform", {})
+            name = f"TEXCOORD_{transform.get('texCoord', reference.get('texCoord', 0))}"
+            found = self._texture(reference["index"], _cut(described))
+            if found is None:
+                factor = factor * MISSING
+                colour = np.broadcast_to(factor, (*faces.shape, 3))
+            elif name in attributes:
+                colour = np.broadcast_to(factor, (*faces.shape, 3))
+                texture = np.full(len(faces), found)
+                uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
+            else:
+                factor = factor * mean_linear(self.images.textures[found].pixels)
+                colour = np.broadcast_to(factor, (*faces.shape, 3))
+                note = "its mesh has no texture coordinates, it shows the mean colour of its texture"
+                note = f'material "{self.materials[index].name}": {note}'
+                if note not in self.notes:
+                    self.notes.append(note)
+        if "COLOR_0" in attributes:
+            vertex = self.document.accessor(attributes["COLOR_0"])[:, :3]
+            if np.abs(vertex - 1).max(initial=0) > 1e-3:
+                colour = factor * np.clip(vertex[faces], 0, 1)
+        return colour, texture, uv
+
+    def _material(self, i: int, m: dict) -> Material:
+        pbr = m.get("pbrMetallicRoughness", {})
+        extensions = m.get("extensions", {})
+        name = str(m.get("name") or f"material {i}")
+        emission = np.array(m.get("emissiveFactor", [0, 0, 0]), np.float64).reshape(3)
+        emission = emission * extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        if "emissiveTexture" in m and emission.any():
+            otherwise = "lamps emit evenly where an emissive texture is missing"
+            image = self.images.pixels(*self._image(m["emissiveTexture"]["index"]), otherwise)
+            if image is not None:
+                emission = emission * mean_linear(image)
+                self.notes.append(f'material "{name}": emits the mean colour of its emissive texture')
+        if m.get("alphaMode") == "BLEND" or "KHR_materials_transmission" in extensions:
+            holes = " but where its texture is more than half transparent" if "baseColorTexture" in pbr else ""
+            self.notes.append(f'material "{name}" is transparent in the file: taken as opaque{holes}')
+        base = np.array(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], np.float64).reshape(3)
+        return Material(
+            name, tuple(float(c) for c in base), tuple(float(e) for e in emission), bool(m.get("doubleSided", False))
+        )
+
+    def _texture(self, index: int, cut) -> int | None:
+        """Return the index of a texture among those read, None if it cannot be."""
+        sampler = self.json["textures"][index].get("sampler")
+        described = {} if sampler is None else self.json["samplers"][sampler]
+        wrap = tuple(WRAPS.get(described.get(axis), "repeat") for axis in ("wrapS", "wrapT"))
+        return self.images.texture(*self._image(index), wrap, described.get("magFilter") == NEAREST, cut)
+
+    def _image(self, texture: int):
+        """Return the name of a texture's image and what reads its bytes."""
+        described = self.json["textures"][texture]
+        # Some files name the image by an extension for its format alone: Pillow reads most of them.
+        extended = (e["source"] for e in described.get("extensions", {}).values() if "source" in e)
+        source = described.get("source", next(extended, None))
+        if source is None:
+            return f"texture {texture}", self.document.no_image
+        return self.document.image_name(source), lambda: self.document.image(source)
+
+    def _skinned(self, skin: int, attributes, p, n):
+        """Return positions and normals in the pose that the file's nodes hold: the rest pose."""
+        described = self.json["skins"][skin]
+        joints = described["joints"]
+        world = np.stack([self.world.get(j, np.eye(4)) for j in joints])
+        if "inverseBindMatrices" in described:
+            world = world @ self.document.accessor(described["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
+        ids = self.document.accessor(attributes["JOINTS_0"]).astype(np.int64)
+        weights = self.document.accessor(attributes["WEIGHTS_0"])
+        weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
+        blend = np.einsum("vj,vjab->vab", weights, world[ids])
+        moved = np.einsum("vab,vb->va", blend[:, :3, :3], p) + blend[:, :3, 3]
+        return moved, None if n is None else np.einsum("vab,vb->va", blend[:, :3, :3], n)
+
+
+def _cut(material: dict) -> tuple[float, float] | None:
+    """Return what multiplies the texture's alpha and the value below which a material is cut away; None if it is not.
+
+    What blends is cut at half: leaves and hair are often exported so. Its factor is the thinness of glass, no hole.
+    """
+    mode = material.get("alphaMode", "OPAQUE")
+    if mode == "MASK":
+        factor = material.get("pbrMetallicRoughness", {}).get("baseColorFactor", [1, 1, 1, 1])
+        return float(factor[3]), float(material.get("alphaCutoff", 0.5))
+    return (1.0, 0.5) if mode == "BLEND" else None
+
+
+def _local(node: dict) -> np.ndarray:
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T  # stored by columns
+    x, y, z, w = node.get("rotation", [0, 0, 0, 1])
+    length = np.sqrt(x * x + y * y + z * z + w * w) or 1.0
+    x, y, z, w = x / length, y / length, z / length, w / length
+    M = np.eye(4)
+    M[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    M[:3, :3] *= np.array(node.get("scale", [1, 1, 1]), np.float64)
+    M[:3, 3] = node.get("translation", [0, 0, 0])
+    return M
+
+
+def _cofactor(A: np.ndarray) -> np.ndarray:
+    rows = [np.cross(A[1], A[2]), np.cross(A[2], A[0]), np.cross(A[0], A[1])]
+    return np.stack(rows) * (1 if np.linalg.det(A) >= 0 else -1)
+
+
+def _triangles(order: np.ndarray, mode: int) -> np.ndarray:
+    if mode == TRIANGLES:
+        return order[: len(order) // 3 * 3].reshape(-1, 3)
+    k = np.arange(max(len(order) - 2, 0))
+    if mode == FAN:
+        return np.stack([np.broadcast_to(order[:1], k.shape), order[k + 1], order[k + 2]], axis=1)
+    odd = k % 2  # every other triangle of a strip runs the other way round
+    return np.stack([order[k], order[k + 1 + odd], order[k + 2 - odd]], axis=1)
+
+
+def _transform_uv(uv: np.ndarray, transform: dict) -> np.ndarray:
+    if not transform:
+        return uv
+    r = transform.get("rotation", 0.0)
+    u, v = (uv * transform.get("scale", [1, 1])).T
+    rotated = np.stack([np.cos(r) * u + np.sin(r) * v, -np.sin(r) * u + np.cos(r) * v], axis=1)
+    return rotated + transform.get("offset", [0, 0])

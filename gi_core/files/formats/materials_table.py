@@ -1,0 +1,73 @@
+"""[materials.NAME] of a scene file: override what the mesh files say, or add a material for a mobile."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.files.formats.toml_fields import Table, nearest
+from gi_core.scene.errors import SceneError
+from gi_core.scene.types import Material, Mesh
+
+KEYS = ("reflectance", "emission", "two_sided")
+
+
+def read_materials(root: Table) -> dict[str, Table]:
+    """Return the checked tables by material name."""
+    tables = root.values.get("materials", {})
+    if not isinstance(tables, dict):
+        raise SceneError(f"{root.where}: materials are written as [materials.NAME], got {tables!r}")
+    result = {}
+    for name, values in tables.items():
+        table = Table(values, f'{root.where}: material "{name}"', KEYS)
+        table.vector("reflectance", 3, None, least=0, below=1)
+        table.vector("emission", 3, None, least=0)
+        table.flag("two_sided", False)
+        result[name] = table
+    return result
+
+
+def overridden(material: Material, table: Table | None) -> Material:
+    """Return the material with the fields that its table gives."""
+    if table is None:
+        return material
+    return material._replace(
+        reflectance=table.vector("reflectance", 3, material.reflectance),
+        emission=table.vector("emission", 3, material.emission),
+        two_sided=table.flag("two_sided", material.two_sided),
+    )
+
+
+def override(mesh: Mesh, materials: list[Material], tables: dict[str, Table]) -> tuple[Mesh, list[Material]]:
+    """Apply the tables to a mesh and its materials: a reflectance written there replaces textures."""
+    if mesh.face_reflectance is not None:
+        colours = mesh.face_reflectance.copy()
+        for i, m in enumerate(materials):
+            if m.name in tables and "reflectance" in tables[m.name]:
+                colours[mesh.face_material == i] = tables[m.name].vector("reflectance")
+        mesh = mesh._replace(face_reflectance=colours)
+    if mesh.paint is not None:
+        texture, colour = mesh.paint.face_texture.copy(), mesh.paint.corner_colour.copy()
+        for i, m in enumerate(materials):
+            if m.name in tables and "reflectance" in tables[m.name]:
+                texture[mesh.face_material == i] = -1
+                colour[mesh.face_material == i] = tables[m.name].vector("reflectance")
+        mesh = mesh._replace(paint=mesh.paint._replace(face_texture=texture, corner_colour=colour))
+    return mesh, [overridden(m, tables.get(m.name)) for m in materials]
+
+
+def single(mesh: Mesh, name: str, materials: list[Material], tables: dict[str, Table], where: str):
+    """Return the mesh with every face of one material, named in the scene file or in the mesh file."""
+    found = next((m for m in materials if m.name == name), None)
+    if found is None and name not in tables:
+        known = sorted({*tables, *(m.name for m in materials)})
+        raise SceneError(f'{where}: there is no material "{name}"; {nearest(name, known)}')
+    material = overridden(found or Material(name), tables.get(name))
+    plain = mesh._replace(face_material=np.zeros(len(mesh.faces), np.int32), face_reflectance=None, paint=None)
+    return plain, [material]
+
+
+def check_used(tables: dict[str, Table], used: set[str]) -> None:
+    """Raise SceneError for a material that nothing wears: a misspelt name must not pass in silence."""
+    for name, table in tables.items():
+        if name not in used:
+            raise SceneError(f"{table.where}: no mesh has a material of that name; {nearest(name, used)}")

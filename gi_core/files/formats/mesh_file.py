@@ -1,0 +1,261 @@
+"""Mesh files as clean triangles: read by format, then repaired, with a note for every repair.
+
+Each format has a reader of its own beside this file.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.grouping import order_of
+from gi_core.base.vectors import box, cross, dot, every, greatest, length
+from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.file_parts import FileParts, Part
+from gi_core.files.formats.gltf_file import read_gltf
+from gi_core.files.formats.obj_file import read_obj
+from gi_core.files.formats.trimesh_file import read_with_trimesh
+from gi_core.files.formats.winding import faces_to_turn, with_turned
+from gi_core.geometry.paint import rows_of
+from gi_core.geometry.receivers import build_receivers, weld
+from gi_core.geometry.surfaces import face_normals
+from gi_core.geometry.texture_filter import MOST_REFLECTANCE
+from gi_core.scene.errors import SceneError, one_line
+from gi_core.scene.types import Camera, Light, Material, Mesh, Paint
+
+SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+DEGENERATE = 1e-7  # of the mesh's extent: a face lower than that is a line (float32 files cannot say it better)
+BRIGHTEST = FARTHEST = 1e15  # radiance, coordinates: as in scene files, see toml_fields.py
+FARTHEST_UV = 1e6  # texture coordinates beyond have no digits left for a place in the texture
+OPPOSED = 0.1  # cosine to the geometric normal below which a file's normal is not believed
+MOST_WRONG = 0.1  # share of such faces beyond which no normal of the part is believed
+
+
+class MeshFile(NamedTuple):
+    """A mesh file, cleaned. Face materials index `materials`."""
+
+    mesh: Mesh
+    materials: list[Material]
+    lights: list[Light]
+    camera: Camera | None
+    up: str  # "y" or "z", by the format's custom
+    notes: list[str]
+
+
+def read_mesh_file(path: Path, where: str | None = None, boundary: Boundary | None = None) -> MeshFile:
+    """Read a mesh file and clean it; the files that it names lie within the boundary, its own folder if None.
+
+    Raises SceneError if the file is missing, of another format, damaged, or holds no triangle.
+    """
+    path = Path(path)
+    where = where or str(path)
+    boundary = boundary or Boundary(path.parent)
+    suffix = path.suffix.lower()
+    if os.path.isdir(path):
+        raise SceneError(f"{where}: a mesh is a file, this is a folder")
+    if suffix not in SUFFIXES:
+        raise SceneError(f"{where}: a mesh file must be one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}")
+    if not os.path.isfile(path):  # Path.is_file raises where a name is too long
+        raise SceneError(f"{where}: there is no such mesh file")
+    if not os.path.getsize(path):
+        raise SceneError(f"{where}: the file is empty, 0 bytes long; export it again")
+    if suffix in (".glb", ".gltf"):
+        parts = read_gltf(path, where, boundary)
+    elif suffix == ".obj":
+        parts = read_obj(path, where, boundary)
+    else:
+        parts = read_with_trimesh(path, where)
+    return _clean(parts, where)
+
+
+def _clean(read: FileParts, where: str) -> MeshFile:
+    notes = list(read.notes)
+    parts = [_tamed(p) for p in read.parts if len(p.faces)]
+    painted = [np.ones(len(p.faces), bool) if p.corner_colour is not None else _textured(p) for p in parts]
+    plain = {int(i) for p, rows in zip(parts, painted, strict=True) for i in np.unique(p.material[~rows])}
+    materials = _clamped(read.materials, plain, notes, where)
+    if not parts:
+        raise SceneError(f"{where}: the mesh has no triangles; a scene needs at least one")
+    for p in parts:
+        farthest = np.abs(p.vertices[p.faces]).max()
+        if not np.isfinite(farthest):
+            raise SceneError(f"{where}: vertices must be finite numbers, got NaN or infinity; repair the mesh")
+        if farthest > FARTHEST:
+            raise SceneError(
+                f"{where}: vertices must be numbers up to {FARTHEST:g}, got {farthest:.3g}; repair the mesh"
+            )
+    first = np.cumsum([0, *(len(p.vertices) for p in parts)])
+    vertices = np.concatenate([p.vertices for p in parts])
+    faces = np.concatenate([p.faces + o for p, o in zip(parts, first, strict=False)])
+    material = np.concatenate([p.material for p in parts])
+    part_of = np.repeat(np.arange(len(parts)), [len(p.faces) for p in parts])
+
+    turn, torn = faces_to_turn(parts, vertices, faces)
+    parts = [with_turned(p, turn[part_of == i]) for i, p in enumerate(parts)]
+    faces[turn] = faces[turn][:, ::-1]
+    keep, sided = _repair(vertices, faces, material, materials, notes)
+    if turn[keep].any():
+        notes.append(f"{int(turn[keep].sum()):,} triangles were wound against their neighbours or normals: turned")
+    sided |= torn
+    if not len(keep):
+        raise SceneError(f"{where}: every triangle of the mesh has zero area; is it compressed or flattened?")
+    material = _two_sided_copies(material, sided, materials)
+    mesh = Mesh(vertices, faces[keep].astype(np.int32), material[keep].astype(np.int32))
+    mesh = mesh._replace(
+        corner_normals=_corner_normals(mesh, parts, part_of[keep], keep, notes),
+        paint=rows_of(_paint(read, parts, materials), keep),
+    )
+    return MeshFile(compact(mesh), materials, list(read.lights), read.camera, read.up, [one_line(n) for n in notes])
+
+
+def _tamed(part: Part) -> Part:
+    """Return a part whose normals and texture coordinates can be reckoned with; vertices must be good as they are.
+
+    A vertex that no face uses may be anything, infinite too: it is put where it does no harm.
+    """
+    normals, uv = part.corner_normals, part.corner_uv
+    used = np.zeros(len(part.vertices), bool)
+    used[part.faces] = True
+    return part._replace(
+        vertices=np.where(used[:, None], part.vertices, part.vertices[part.faces[0, 0]]),
+        corner_normals=None if normals is None else np.clip(np.nan_to_num(normals), -FARTHEST, FARTHEST),
+        corner_uv=None if uv is None else np.clip(np.nan_to_num(uv), -FARTHEST_UV, FARTHEST_UV),
+    )
+
+
+def compact(mesh: Mesh) -> Mesh:
+    """Drop vertices that no face uses."""
+    used, faces = np.unique(mesh.faces, return_inverse=True)
+    return mesh._replace(
+        vertices=np.ascontiguousarray(mesh.vertices[used]), faces=faces.reshape(-1, 3).astype(np.int32)
+    )
+
+
+def _clamped(materials: list[Material], plain: set[int], notes: list[str], where: str) -> list[Material]:
+    """Return materials below the largest reflectance; where a texture says the colour that is no news."""
+    result, bright = [], []
+    for i, m in enumerate(materials):
+        colours = [*m.reflectance, *m.emission]
+        if not all(0 <= c <= BRIGHTEST for c in colours):
+            raise SceneError(
+                f'{where}: material "{m.name}" must have colours from 0 to {BRIGHTEST:g}, '
+                f"got {m.reflectance}, {m.emission}"
+            )
+        if max(m.reflectance) > MOST_REFLECTANCE:
+            if i in plain:
+                bright.append(m.name)
+            m = m._replace(reflectance=tuple(min(c, MOST_REFLECTANCE) for c in m.reflectance))
+        result.append(m)
+    if bright:
+        names = ", ".join(bright[:4]) + (f" and {len(bright) - 4} more" if len(bright) > 4 else "")
+        notes.append(f"reflectance limited to {MOST_REFLECTANCE}: {names}")
+    return result
+
+
+def _repair(vertices, faces, material, materials, notes):
+    """Return the faces to keep, and which of them must become two-sided."""
+    p = vertices[faces]
+    double = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    longest = greatest(length(p - p[:, [2, 0, 1]]))
+    extent = float(np.subtract(*box(p)[::-1]).max())
+    height = length(double) / np.where(longest > 0, longest, 1)
+    solid = np.flatnonzero(height > DEGENERATE * extent)
+
+    # Faces on the same three places: keep the emissive one, else the first.
+    ids = weld(vertices)[faces[solid]]
+    key = np.sort(ids, axis=1)
+    emissive = np.array([any(m.emission) for m in materials])[material[solid]]
+    order = order_of((*key.T, ~emissive))
+    k = key[order]
+    first = np.ones(len(k), bool)
+    first[1:] = (k[1:] != k[:-1]).any(axis=1)
+    leader = order[np.maximum.accumulate(np.where(first, np.arange(len(k)), 0))]
+    # A one-sided pair back to back stands for a sheet that is seen from both sides.
+    turned = dot(double[solid[order]], double[solid[leader]]) < 0
+    sided = np.zeros(len(faces), bool)
+    sided[solid[leader[turned]]] = True
+    keep = np.sort(solid[order[first]])
+    zero, double = len(faces) - len(solid), len(solid) - len(keep)
+    if zero or double:
+        notes.append(f"left out {zero:,} triangles of zero area and {double:,} duplicates of {len(faces):,}")
+    return keep, sided
+
+
+def _two_sided_copies(material, sided, materials):
+    material = material.copy()
+    for i in range(len(materials)):
+        rows = sided & (material == i)
+        if rows.any() and not materials[i].two_sided:
+            material[rows] = len(materials)
+            materials.append(materials[i]._replace(two_sided=True))
+    return material
+
+
+def _corner_normals(mesh, parts, part_of, keep, notes):
+    """Return (F, 3, 3) unit normals, or None if no part has any that can be believed."""
+    starts = np.cumsum([0, *(len(p.faces) for p in parts)])
+    geometric, _ = face_normals(mesh)
+    result = np.repeat(geometric[:, None], 3, axis=1)
+    believed = np.zeros(len(parts), bool)
+    disbelieved = 0
+    for i, part in enumerate(parts):
+        if part.corner_normals is None:
+            continue
+        rows = np.flatnonzero(part_of == i)
+        n = part.corner_normals[keep[rows] - starts[i]]
+        size = length(n)[..., None]
+        good = np.isfinite(size) & (size > 1e-12)
+        n = np.where(good, n / np.where(good, size, 1), result[rows])
+        wrong = ~every(dot(n, result[rows]) >= OPPOSED)
+        if wrong.sum() > MOST_WRONG * len(rows):
+            disbelieved += 1
+            continue
+        result[rows[~wrong]] = n[~wrong]  # the odd wrong face stays flat
+        believed[i] = True
+    if disbelieved:
+        notes.append(f"normals of {disbelieved} of {len(parts)} parts oppose their faces: taken from crease angles")
+    if not believed.any():
+        return None
+    rest = np.flatnonzero(~believed[part_of])
+    if len(rest):
+        result[rest] = crease_corner_normals(Mesh(mesh.vertices, mesh.faces[rest], mesh.face_material[rest]))
+    return result
+
+
+def crease_corner_normals(mesh: Mesh) -> np.ndarray:
+    """Return corner normals (F, 3, 3) smoothed across edges that turn by less than the crease angle."""
+    built = build_receivers(mesh, *face_normals(mesh), np.zeros(len(mesh.faces), bool))
+    return built.receivers.normals[built.corner_front]
+
+
+def _textured(part: Part) -> np.ndarray:
+    return np.zeros(len(part.faces), bool) if part.face_texture is None else part.face_texture >= 0
+
+
+def _paint(read: FileParts, parts: list[Part], materials: list[Material]) -> Paint | None:
+    """Return the colours of all faces of all parts, None if the materials say them all."""
+    if all(p.corner_colour is None and not _textured(p).any() for p in parts):
+        return None
+    rho = np.array([m.reflectance for m in materials], np.float32)
+    texture, uv, colour = [], [], []
+    for p in parts:
+        n, textured = len(p.faces), _textured(p)
+        texture.append(np.where(textured, p.face_texture, -1) if textured.any() else np.full(n, -1))
+        placed = np.zeros((n, 3, 2), np.float32)
+        if p.corner_uv is not None:
+            placed[textured] = p.corner_uv[textured]
+        uv.append(placed)
+        plain = np.repeat(rho[p.material][:, None], 3, axis=1)
+        plain[textured] = 1.0
+        given = plain if p.corner_colour is None else np.nan_to_num(p.corner_colour)
+        # The texture brings a limit of its own.
+        colour.append(np.clip(given, 0, np.where(textured, 1.0, MOST_REFLECTANCE)[:, None, None]))
+    return Paint(
+        read.textures,
+        np.concatenate(texture).astype(np.int32),
+        np.concatenate(uv),
+        np.concatenate(colour).astype(np.float32),
+    )

@@ -1,0 +1,226 @@
+"""Wavefront OBJ with its MTL.
+
+Read here and not by trimesh: both classic Cornell boxes use relative indices between the vertices,
+which trimesh 5.2 turns into wrong geometry without a word, and it keeps `Ke` as text.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.file_parts import FileParts, Part
+from gi_core.files.formats.texture_images import MISSING, Images, find
+from gi_core.geometry.mipmap import mean_linear
+from gi_core.scene.errors import SceneError
+from gi_core.scene.types import Material
+
+NO_MATERIAL = "default"
+
+
+def read_obj(path: Path, where: str, boundary: Boundary) -> FileParts:
+    """Read triangles and polygons (cut into fans), normals, materials and colour textures."""
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise SceneError(f"{where}: the mesh file cannot be read: {error.strerror or error}") from None
+    v, vt, vn = [], [], []
+    corners, normal_corners, uv_corners, face_material = [], [], [], []
+    library, names, current, notes, images = {}, {}, None, [], Images()
+    for number, line in enumerate(text.replace("\\\n", " ").split("\n"), 1):
+        word, rest = [*line.split(None, 1), "", ""][:2]
+        try:
+            if word == "v":
+                v.append(_numbers(rest, 3))
+            elif word == "vn":
+                vn.append(_numbers(rest, 3))
+            elif word == "vt":
+                vt.append(_numbers(rest + " 0", 2))
+            elif word == "f":
+                polygon = [_corner(c, len(v), len(vt), len(vn)) for c in rest.partition("#")[0].split()]
+                if current is None:
+                    current = names.setdefault(NO_MATERIAL, len(names))
+                for k in range(1, len(polygon) - 1):
+                    triangle = polygon[0], polygon[k], polygon[k + 1]
+                    corners.append([c[0] for c in triangle])
+                    uv_corners.append([c[1] for c in triangle])
+                    normal_corners.append([c[2] for c in triangle])
+                    face_material.append(current)
+            elif word == "usemtl":
+                current = names.setdefault(rest.strip() or NO_MATERIAL, len(names))
+            elif word == "mtllib":
+                library.update(_read_library(path, rest.strip(), notes, images, boundary))
+        except (ValueError, IndexError) as error:
+            raise SceneError(f"{where}: line {number} is not OBJ ({error}): {line.strip()[:60]!r}") from None
+    vertices = np.array(v, np.float64).reshape(-1, 3)
+    faces = np.array(corners, np.int64).reshape(-1, 3)
+    material = np.array(face_material, np.int64)
+    uv_ids = np.array(uv_corners, np.int64).reshape(-1, 3)
+    _average_unplaced(names, library, material, uv_ids, images, notes)
+    materials = [library[n].material if n in library else Material(n, two_sided=True) for n in names]
+    missing = [n for n in names if n not in library and n != NO_MATERIAL]
+    if missing:
+        notes.append(f"no definition of material {', '.join(missing)}: taken as grey 0.7")
+    ids = np.array(normal_corners, np.int64).reshape(-1, 3)
+    normals = np.array(vn, np.float64)[ids] if len(vn) and len(ids) and ids.min() >= 0 else None
+    texture, uv = _texture_coordinates(names, library, material, np.array(vt, np.float64).reshape(-1, 2), uv_ids)
+    part = Part(vertices, faces, material, normals, None, texture, uv)
+    return FileParts([part], materials, [], None, "y", notes + images.notes(), tuple(images.textures))
+
+
+class _Entry:
+    """A material of an MTL file."""
+
+    def __init__(self, name: str):
+        self.name, self.kd, self.ke = name, (0.7, 0.7, 0.7), (0.0, 0.0, 0.0)
+        self.picture: tuple | None = None  # name, what loads it, and wrapping of map_Kd
+        self.mask: tuple | None = None  # name and what loads it of map_d: where the surface is
+        self.dissolved = False  # the file says that it is transparent all over
+        self.texture: int | None = None  # into Images.textures
+        self.missing = False  # the texture
+        self.scale, self.offset = (1.0, 1.0), (0.0, 0.0)  # of texture coordinates, v upwards
+
+    @property
+    def material(self) -> Material:
+        return Material(self.name, (MISSING,) * 3 if self.missing else self.kd, self.ke, two_sided=True)
+
+
+def _numbers(text: str, n: int) -> list[float]:
+    values = [float(x) for x in text.split()[:n]]
+    if len(values) < n:
+        raise ValueError(f"{n} numbers wanted")
+    return values
+
+
+def _corner(text: str, v: int, vt: int, vn: int) -> tuple[int, int, int]:
+    """Return 0-based position, texture and normal index of `7`, `7/1`, `7//3`, `-1/-1/-1`; -1 for none."""
+    fields = (text.split("/") + ["", ""])[:3]
+    result = []
+    for field, count in zip(fields, (v, vt, vn), strict=True):
+        if not field:
+            result.append(-1)
+            continue
+        # A negative index counts back from the last element read so far, not from the end of the file.
+        i = int(field)
+        i = i - 1 if i > 0 else i + count
+        if i < 0 or (i >= count):
+            raise ValueError(f"index {field} of {count}")
+        result.append(i)
+    return tuple(result)
+
+
+def _read_library(obj: Path, name: str, notes: list[str], images: Images, boundary: Boundary) -> dict[str, _Entry]:
+    # Exporters write the path of their own machine: the file's bare name beside the OBJ comes next.
+    tries = [obj.parent / name, obj.parent / name.replace("\\", "/").rpartition("/")[2], obj.with_suffix(".mtl")]
+    found = next((p for p in tries if boundary.file(p)), None)
+    if found is None:
+        why = "lies outside the folder of the scene" if os.path.isfile(tries[0]) else "not found"
+        notes.append(f"material file {name} {why}: materials taken as grey 0.7")
+        return {}
+    entries, entry = {}, None
+    for line in found.read_text(encoding="utf-8", errors="replace").split("\n"):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        if words[0] == "newmtl":
+            entry = entries.setdefault(" ".join(words[1:]), _Entry(" ".join(words[1:])))
+        elif entry is not None and words[0] in ("Kd", "Ke") and len(words) > 1 and words[1] not in ("spectral", "xyz"):
+            colour = tuple(max(0.0, float(x)) for x in (words[1:] * 3)[:3])
+            setattr(entry, words[0].lower(), colour)
+        elif entry is not None and words[0] in ("d", "Tr") and len(words) > 1 and _is_number(words[-1]):
+            entry.dissolved = 0 < float(words[-1]) < 1  # exporters do not agree on what 0 and 1 mean in Tr
+        elif entry is not None and words[0] in ("map_Kd", "map_Ke", "map_d", "map_D") and len(words) > 1:
+            _read_map(entry, words, images, [found.parent, obj.parent], boundary, notes)
+    for entry in entries.values():
+        _make_texture(entry, images)
+    dissolved = [f'"{e.name}"' for e in entries.values() if e.dissolved]
+    if dissolved:
+        notes.append(f"transparent in the file, taken as opaque: {', '.join(dissolved)}")
+    return entries
+
+
+def _make_texture(entry: _Entry, images: Images) -> None:
+    """Give a material its texture: its picture, or its colour where there is a mask alone."""
+    if entry.picture is not None:
+        name, load, wrap = entry.picture
+        entry.texture = images.texture(name, load, wrap, mask=entry.mask)
+        entry.missing = entry.texture is None
+    elif entry.mask is not None:
+        name, load = entry.mask
+        entry.texture = images.plain(entry.kd, name, load)
+
+
+MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-mm": 2, "-boost": 1, "-texres": 1, "-imfchan": 1, "-type": 1}
+
+
+def _read_map(entry: _Entry, words, images: Images, folders: list[Path], boundary: Boundary, notes: list[str]) -> None:
+    """Read the texture of a line `map_Kd -s 2 2 -clamp on wood.png`, options in any order, spaces in the name."""
+    rest, wrap = list(words[1:]), "repeat"
+    while rest and rest[0].startswith("-") and len(rest) > 1:
+        option = rest.pop(0)
+        if option in ("-s", "-o", "-t"):
+            numbers = []
+            while len(rest) > 1 and len(numbers) < 3 and _is_number(rest[0]):
+                numbers.append(float(rest.pop(0)))
+            pair = tuple((numbers + [1.0 if option == "-s" else 0.0] * 2)[:2])
+            if words[0] == "map_Kd" and option != "-t":
+                setattr(entry, "scale" if option == "-s" else "offset", pair)
+        elif option == "-clamp":
+            wrap = "clamp" if rest.pop(0) == "on" else "repeat"
+        else:
+            del rest[: min(MAP_OPTIONS.get(option, 0), len(rest) - 1)]
+    name = " ".join(rest)
+
+    def load() -> bytes:
+        return find(folders, boundary, name).read_bytes()
+
+    if words[0] == "map_Kd":
+        entry.picture = (name, load, (wrap, wrap))
+        return
+    if words[0] in ("map_d", "map_D"):
+        entry.mask = (name, load)
+        return
+    image = images.pixels(name, load, "lamps emit evenly where an emissive texture is missing")
+    if image is not None:
+        strength = np.array(entry.ke if any(entry.ke) else (1.0, 1.0, 1.0))
+        entry.ke = tuple(float(c) for c in strength * mean_linear(image))
+        notes.append(f'material "{entry.name}": emits the mean colour of its emissive texture')
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return np.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def _average_unplaced(names, library, material, uv_ids, images: Images, notes: list[str]) -> None:
+    """Give materials whose faces have no texture coordinates at all the mean colour of their texture instead."""
+    for name, i in names.items():
+        entry = library.get(name)
+        rows = material == i
+        if entry is None or entry.texture is None or not rows.any() or (uv_ids[rows] >= 0).any():
+            continue
+        entry.kd = tuple(float(c) for c in mean_linear(images.textures[entry.texture].pixels))
+        entry.texture = None
+        notes.append(f'material "{name}": its mesh has no texture coordinates, it shows the mean colour of its texture')
+
+
+def _texture_coordinates(names, library, material, vt, uv_ids):
+    """Return the texture (F,) and the corner coordinates (F, 3, 2), v downwards, of each face; None for no texture.
+
+    The texture replaces Kd: exporters leave Kd at anything, black included, where a map is given.
+    """
+    textured = [(i, library[n]) for n, i in names.items() if n in library and library[n].texture is not None]
+    if not textured or not len(vt):
+        return None, None
+    texture, uv = np.full(len(material), -1), np.zeros((len(material), 3, 2))
+    for i, entry in textured:
+        rows = np.flatnonzero((material == i) & (uv_ids.min(axis=1) >= 0))
+        texture[rows] = entry.texture
+        with np.errstate(over="ignore", invalid="ignore"):  # cleaned with the rest of the mesh
+            uv[rows] = (vt[uv_ids[rows]] * entry.scale + entry.offset) * [1, -1] + [0, 1]  # OBJ counts v upwards
+    return texture, uv

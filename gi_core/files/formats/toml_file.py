@@ -1,0 +1,247 @@
+"""Scene files: TOML, read into descriptions with every value checked. Meshes are loaded by `load.py`.
+
+`scenes/cornell.toml` shows every table with comments.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.files.formats.materials_table import read_materials
+from gi_core.files.formats.toml_fields import Table, read_toml, shown
+from gi_core.scene.errors import SceneError
+from gi_core.scene.pose import as_pose, axis_angle, multiply_quaternions
+from gi_core.scene.types import (
+    Camera,
+    Defaults,
+    DirectionalLight,
+    KeyFrames,
+    Light,
+    PointLight,
+    Pose,
+    Probe,
+    SkyLight,
+    SpotLight,
+)
+
+UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+ROOT = (
+    "title",
+    "up",
+    "units",
+    "static",
+    "mobile",
+    "light",
+    "materials",
+    "camera",
+    "probe",
+    "defaults",
+)
+LIGHTS = {
+    "point": ("position", "flux"),
+    "spot": ("position", "direction", "intensity", "inner_degrees", "outer_degrees"),
+    "directional": ("direction", "irradiance"),
+    "sky": ("radiance",),
+}
+MOST_KEYS = 100_000  # that a spin is turned into
+SPIN_STEP = 90.0  # degrees between keys at most: slerp takes the shorter way round, 180 would be ambiguous
+
+
+class StaticEntry(NamedTuple):
+    meshes: list[Path]
+    scale: float
+    max_edge: float | None  # [m], after scaling
+
+
+class MobileEntry(NamedTuple):
+    name: str
+    where: str
+    mesh: Path
+    scale: float
+    max_edge: float | None
+    material: str | None
+    pose: Pose | None  # None: resting on the floor, chosen by placement
+    path: KeyFrames | None
+
+
+class SceneFile(NamedTuple):
+    """A scene file as written, checked; mesh paths are resolved, not read."""
+
+    title: str
+    up: tuple[float, float, float] | None  # None: the custom of the first mesh's format
+    units: str
+    static: StaticEntry
+    mobiles: list[MobileEntry]
+    lights: list[Light]
+    materials: dict[str, Table]
+    camera: Camera | None
+    probes: list[Probe]
+    defaults: Defaults
+
+
+def read_scene_file(path: Path, where: str) -> SceneFile:
+    """Read and check a scene file.
+
+    Raises SceneError for anything that is missing, misspelt or out of range.
+    """
+    root = Table(read_toml(path, where), where, ROOT)
+    up = read_up(root)
+    if "static" not in root:
+        raise SceneError(f'{where}: [static] is missing; write [static] and below it mesh = "room.glb"')
+    static = Table(root.values["static"], f"{where}: [static]", ("mesh", "scale", "max_edge"))
+    entry = StaticEntry(
+        [path.parent / m for m in static.texts("mesh")],
+        static.number("scale", 1.0, above=0),
+        static.number("max_edge", None, above=0),
+    )
+    mobiles = [_mobile(path.parent, t, i, where, up) for i, t in enumerate(root.tables("mobile", "mobile"))]
+    lights = [_light(t, i, where) for i, t in enumerate(root.tables("light", "light"))]
+    probes = [_probe(t, i, where) for i, t in enumerate(root.tables("probe", "probe"))]
+    for what, named in (("mobile", mobiles), ("light", lights), ("probe", probes)):
+        names = [n.name for n in named]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise SceneError(f'{where}: {what} "{name}": names must differ, this one is used twice; rename one')
+    return SceneFile(
+        root.text("title", path.stem),
+        up,
+        root.text("units", "radiometric", ("radiometric", "photometric")),
+        entry,
+        mobiles,
+        lights,
+        read_materials(root),
+        _camera(root, where),
+        probes,
+        _defaults(root, where),
+    )
+
+
+def read_up(root: Table) -> tuple[float, float, float] | None:
+    """Return the unit up vector, None if the file does not say."""
+    value = root.values.get("up")
+    if value is None:
+        return None
+    if isinstance(value, str) and value in UP:
+        return UP[value]
+    if not isinstance(value, list):
+        raise SceneError(f'{root.where}: up must be "x", "y", "z" or three numbers in brackets, got {shown(value)}')
+    v = np.array(root.direction("up"))
+    return tuple(float(x) for x in v / np.sqrt((v * v).sum()))
+
+
+def _mobile(folder, values, i, scene, up) -> MobileEntry:
+    keys = ("name", "mesh", "scale", "max_edge", "material", "position", "rotation", "axis", "angle", "path")
+    where = f'{scene}: mobile "{values.get("name", i)}"'
+    t = Table(values, where, keys)
+    position = t.vector("position", 3, None)
+    turn = _rotation(t)
+    path = None
+    if "path" in t:
+        path = _path(Table(t.values["path"], f"{where}: path", PATH), turn or (1.0, 0.0, 0.0, 0.0), up)
+    pose = None
+    if position is not None or turn is not None or path is not None:
+        at = position if position is not None else (path.positions[0] if path is not None else (0.0, 0.0, 0.0))
+        first = tuple(path.quaternions[0]) if path is not None and turn is None else turn or (1.0, 0.0, 0.0, 0.0)
+        pose = as_pose(Pose(tuple(at), first), where)
+    return MobileEntry(
+        t.text("name"),
+        where,
+        folder / t.text("mesh"),
+        t.number("scale", 1.0, above=0),
+        t.number("max_edge", None, above=0),
+        t.text("material", None),
+        pose,
+        path,
+    )
+
+
+PATH = ("times", "positions", "rotations", "spin", "spin_axis")
+
+
+def _rotation(t: Table):
+    """Return a quaternion from `rotation`, or from `axis` and `angle` in degrees; None for neither."""
+    if "rotation" in t:
+        if "axis" in t or "angle" in t:
+            raise SceneError(f"{t.where}: rotation and axis/angle exclude each other; keep one of them")
+        return as_pose(Pose((0.0, 0.0, 0.0), t.vector("rotation", 4)), f"{t.where}: rotation").quaternion
+    if "axis" in t or "angle" in t:
+        return axis_angle(t.direction("axis"), t.number("angle"))
+    return None
+
+
+def _path(t: Table, rest, up) -> KeyFrames:
+    times = np.array(t.numbers("times"))
+    if (np.diff(times) <= 0).any():
+        raise SceneError(f"{t.where}: times must increase, got {times.tolist()}")
+    positions = np.array(t.vectors("positions", 3, len(times)))
+    if "rotations" in t:
+        if "spin" in t:
+            raise SceneError(f"{t.where}: rotations and spin exclude each other; keep one of them")
+        q = t.vectors("rotations", 4, len(times))
+        q = [as_pose(Pose(quaternion=r), f"{t.where}: rotations[{i}]").quaternion for i, r in enumerate(q)]
+        return KeyFrames(times, positions, np.array(q))
+    spin = t.number("spin", 0.0)  # degrees a second
+    axis = t.direction("spin_axis", up or UP["y"])
+    if spin:
+        spans = np.diff(times)
+        parts = np.maximum(np.ceil(np.abs(spin) * spans / SPIN_STEP), 1)
+        if parts.sum() > MOST_KEYS:
+            turns = abs(spin) * spans.sum() / 360
+            raise SceneError(f"{t.where}: spin must make fewer than {MOST_KEYS // 4:,} turns in all, got {turns:.3g}")
+        parts = parts.astype(int)
+        dense = [a + d * np.arange(n) / n for a, d, n in zip(times, spans, parts, strict=False)]
+        dense = np.concatenate([*dense, times[-1:]])
+        positions = np.stack([np.interp(dense, times, positions[:, k]) for k in range(3)], axis=1)
+        times = dense
+    q = [multiply_quaternions(axis_angle(axis, spin * (s - times[0])), rest) for s in times]
+    return KeyFrames(times, positions, np.array(q))
+
+
+def _light(values, i, scene) -> Light:
+    where = f'{scene}: light "{values.get("name", i)}"'
+    kind = Table({k: v for k, v in values.items() if k == "type"}, where, ("type",)).text("type", choices=tuple(LIGHTS))
+    t = Table(values, where, ("type", "name", *LIGHTS[kind]))
+    name = t.text("name", f"light {i}")
+    if kind == "point":
+        return PointLight(name, t.vector("position"), t.vector("flux", least=0))
+    if kind == "directional":
+        return DirectionalLight(name, t.direction("direction"), t.vector("irradiance", least=0))
+    if kind == "sky":
+        return SkyLight(name, t.vector("radiance", least=0))
+    outer = t.number("outer_degrees", above=0, below=90.0001)
+    inner = t.number("inner_degrees", 0.0, least=0)
+    if inner > outer:
+        raise SceneError(f"{where}: inner_degrees must be at most outer_degrees {outer:g}, got {inner:g}")
+    return SpotLight(name, t.vector("position"), t.direction("direction"), t.vector("intensity", least=0), inner, outer)
+
+
+def _probe(values, i, scene) -> Probe:
+    t = Table(values, f'{scene}: probe "{values.get("name", i)}"', ("name", "position", "normal"))
+    n = np.array(t.direction("normal"))
+    return Probe(t.text("name"), t.vector("position"), tuple(float(x) for x in n / np.sqrt((n * n).sum())))
+
+
+def _camera(root: Table, where: str) -> Camera | None:
+    if "camera" not in root:
+        return None
+    t = Table(root.values["camera"], f"{where}: [camera]", ("position", "target", "fov"))
+    position, target = t.vector("position"), t.vector("target")
+    if position == target:
+        raise SceneError(f"{where}: [camera]: target must differ from position, got {list(target)} for both")
+    return Camera(position, target, t.number("fov", 45.0, above=0, below=180))
+
+
+def _defaults(root: Table, where: str) -> Defaults:
+    keys = ("photons", "radius", "neighbours", "estimator", "exposure", "scene_size")
+    t = Table(root.values.get("defaults", {}), f"{where}: [defaults]", keys)
+    return Defaults(
+        t.count("photons"),
+        t.number("radius", None, above=0),
+        t.count("neighbours"),
+        t.text("estimator", None),
+        t.number("exposure", None, above=-65, below=65),
+        t.number("scene_size", None, above=0),
+    )

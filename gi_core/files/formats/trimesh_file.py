@@ -1,0 +1,49 @@
+"""PLY and STL, through trimesh."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gi_core.files.formats.file_parts import FileParts, Part
+from gi_core.geometry.mipmap import srgb_to_linear
+from gi_core.scene.errors import SceneError
+from gi_core.scene.types import Material
+
+if TYPE_CHECKING:
+    import trimesh
+
+# What trimesh thinks of a file would stand on the terminal beside our own sentence.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
+
+
+def read_with_trimesh(path: Path, where: str) -> FileParts:
+    """Read triangles and colours; a file has one material, called like the file. Raises SceneError."""
+    import trimesh
+
+    try:
+        # As a scene: to make one mesh of it trimesh copies it, which takes scipy where faces have colours.
+        found = trimesh.load(path, process=False, force="scene").geometry.values()
+    except Exception as error:  # trimesh raises whatever its parsers stumble over
+        # Of a file that is neither text nor binary trimesh wants to guess the encoding, with what may be missing.
+        why = "damaged" if isinstance(error, ImportError) else error
+        raise SceneError(f"{where}: not a readable {path.suffix[1:].upper()} file: {why}") from None
+    parts = [_part(mesh, where) for mesh in found if isinstance(mesh, trimesh.Trimesh)]
+    return FileParts(parts, [Material(path.stem, two_sided=True)], [], None, "z", [])
+
+
+def _part(mesh: trimesh.Trimesh, where: str) -> Part:
+    faces, vertices = np.asarray(mesh.faces, np.int64), np.asarray(mesh.vertices, np.float64)
+    if len(faces) and not (0 <= faces.min() and faces.max() < len(vertices)):
+        raise SceneError(
+            f"{where}: faces must name vertices 0 to {len(vertices) - 1}, got {faces.min()} to {faces.max()}"
+        )
+    colours = None
+    if len(faces) and mesh.visual.kind == "face":
+        colours = srgb_to_linear(np.asarray(mesh.visual.face_colors)[:, None, :3] / 255.0).repeat(3, axis=1)
+    elif len(faces) and mesh.visual.kind == "vertex":
+        colours = srgb_to_linear(np.asarray(mesh.visual.vertex_colors)[:, :3] / 255.0)[faces]
+    return Part(vertices, faces, np.zeros(len(faces), np.int64), None, colours)

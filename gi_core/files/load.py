@@ -1,0 +1,255 @@
+"""load_scene: a scene file, or a mesh file alone, with any mobiles named beside it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from gi_core.files.completion.completion import complete
+from gi_core.files.completion.dark_sides import one_sided_where_dark
+from gi_core.files.completion.lamp_orientation import facing_the_scene
+from gi_core.files.completion.refinement import refined
+from gi_core.files.find import find_scene
+from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.materials_table import check_used, override, single
+from gi_core.files.formats.mesh_file import SUFFIXES, MeshFile, read_mesh_file
+from gi_core.files.formats.toml_file import UP, SceneFile, StaticEntry, read_scene_file
+from gi_core.files.scaling import scaled
+from gi_core.geometry.cutouts import without_holes
+from gi_core.geometry.paint import join_paints
+from gi_core.geometry.tessellation import tessellate
+from gi_core.scene.errors import SceneError
+from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Scene
+
+MOST_RECEIVERS = 150_000  # a bare mesh is refined until it has about as many, both sides counted, or is fine enough
+
+SIZES = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
+MOBILE_EDGE = 1 / 12  # of its longest side: the longest edge of a mobile that no scene file describes
+
+
+def load_scene(
+    path: str | Path,
+    *,
+    mobiles: Sequence[str | Path] = (),
+    max_edge: float | None = None,
+    up=None,
+    allow_outside: bool = False,
+) -> Scene:
+    """Load a scene file (TOML), a mesh file (.glb .gltf .obj .ply .stl), or a shipped scene by name.
+
+    mobiles: mesh files added as mobiles, resting on the floor; max_edge [m]: the longest edge of the
+    static part, instead of what the scene file says or, for a bare mesh, of what fits MOST_RECEIVERS;
+    up: "x", "y", "z" or three numbers, instead of what the file says;
+    allow_outside: files that the scene names may lie outside its folder.
+
+    Raises SceneError, one sentence naming the file, the rule, what was found, what to write.
+    """
+    file = find_scene(path)
+    where = str(path) if os.path.isfile(path) else f"scenes/{file.name}"
+    if max_edge is not None and not max_edge > 0:
+        raise SceneError(f"{where}: max_edge must be a length > 0 in metres, got {max_edge}")
+    suffix = file.suffix.lower()
+    if suffix == ".toml":
+        described = read_scene_file(file, where)
+    elif suffix in SUFFIXES:
+        entry = StaticEntry([file], 1.0, None)
+        described = SceneFile(file.stem, None, "radiometric", entry, [], [], {}, None, [], Defaults())
+    else:
+        raise SceneError(
+            f"{where}: a scene is a .toml file or one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}"
+        )
+    up = _checked_up(up, where)
+    builder = _Builder(described, where, file.stem, up, suffix != ".toml", Boundary(file.parent, allow_outside))
+    try:
+        return builder.build(mobiles, max_edge)
+    except MemoryError:
+        raise SceneError(f"{where}: the scene does not fit into memory; simplify its meshes") from None
+
+
+class _Builder:
+    """Collects materials while meshes are read; one scene each."""
+
+    def __init__(self, described: SceneFile, where: str, name: str, up, bare: bool, boundary: Boundary):
+        self.file, self.where, self.name, self.up, self.bare = described, where, name, up or described.up, bare
+        self.boundary = boundary
+        self.materials: list[Material] = []
+        self.notes: list[str] = []
+
+    def build(self, extra: Sequence[str | Path], max_edge: float | None) -> Scene:
+        scale = self.file.static.scale
+        read = [scaled(self._read(p, self._shown(p)), scale) for p in self.file.static.meshes]
+        self.up = self.up or UP[read[0].up]
+        static = self._static(read)
+        self._check_size(static)
+        lights = [*self.file.lights, *(light for r in read for light in r.lights)]
+        punctual = any(r.lights for r in read)  # glTF lights are photometric
+        camera = self.file.camera or next((r.camera for r in read if r.camera), None)
+        mobiles = [self._described(m) for m in self.file.mobiles]
+        check_used(self.file.materials, {m.name for m in self.materials})
+        scene = Scene(
+            static,
+            tuple(self.materials),
+            tuple(mobiles),
+            tuple(lights),
+            tuple(self.file.probes),
+            camera,
+            self.up,
+            "photometric" if punctual else self.file.units,
+            self.file.title if not self.bare else self.name,
+            self.file.defaults,
+            tuple(self.notes),
+        )
+        unplaced = [(i, None) for i, m in enumerate(self.file.mobiles) if m.pose is None]
+        for path in extra:
+            scene, up = self._extra(scene, Path(path))
+            unplaced.append((len(scene.mobiles) - 1, up))
+        scene, rays = facing_the_scene(scene)
+        scene, rays, box = complete(scene, unplaced, self.bare, rays)
+        described = len(self.file.mobiles)
+        finer = tuple(m._replace(mesh=_fine(m.mesh)) for m in scene.mobiles[described:])
+        scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
+        scene = self._refined(scene, max_edge, rays, box)
+        solid = tuple(m._replace(mesh=without_holes(m.mesh)) for m in scene.mobiles)
+        return replace(scene, static=without_holes(scene.static), mobiles=solid)
+
+    def _check_size(self, static: Mesh) -> None:
+        low, high = SIZES
+        extent = float(np.ptp(static.vertices[static.faces.reshape(-1)], axis=0).max())
+        if not low <= extent <= high:
+            raise SceneError(
+                f"{self.where}: a scene must be {low:g} to {high:g} m large, got {extent:.3g}; write a scale"
+            )
+
+    def _shown(self, path: Path) -> str:
+        return self.where if self.bare else f"{self.where}: {path.name}"
+
+    def _read(self, path: Path, where: str) -> MeshFile:
+        """Read a mesh file that the scene file names."""
+        if not self.boundary.holds(path):
+            raise SceneError(f"{where}: lies outside the folder of the scene; move it there, or give --allow-outside")
+        return read_mesh_file(path, where, self.boundary)
+
+    def _static(self, read: list[MeshFile]) -> Mesh:
+        meshes = []
+        for r in read:
+            mesh, materials = override(r.mesh, r.materials, self.file.materials)
+            meshes.append(self._adopt(mesh, materials))
+            self.notes += r.notes
+        return join(meshes, self.materials)
+
+    def _described(self, entry) -> Mobile:
+        r = self._read(entry.mesh, f"{entry.where}: {entry.mesh.name}")
+        mesh, materials = override(r.mesh, r.materials, self.file.materials)
+        if entry.material is not None:
+            mesh, materials = single(mesh, entry.material, r.materials, self.file.materials, entry.where)
+        mesh = mesh._replace(vertices=mesh.vertices * entry.scale)
+        self._check_dark(mesh, materials, entry.where)
+        mesh = self._adopt(mesh, materials)
+        if entry.max_edge is not None:
+            mesh = self._cut(mesh, entry.max_edge, entry.where)
+        self.notes += [f'mobile "{entry.name}": {n}' for n in r.notes]
+        mobile = Mobile(entry.name, mesh, path=entry.path)
+        return mobile._replace(pose=entry.pose) if entry.pose is not None else mobile
+
+    def _extra(self, scene: Scene, path: Path):
+        """Return the scene with a mobile more, not yet placed, and the up axis of its file."""
+        r = read_mesh_file(path, str(path), Boundary(path.parent, self.boundary.open))
+        names = {m.name for m in scene.mobiles}
+        name, k = path.stem, 2
+        while name in names:
+            name, k = f"{path.stem} {k}", k + 1
+        self._check_dark(r.mesh, r.materials, str(path))
+        self.materials = list(scene.materials)
+        mesh = self._adopt(r.mesh, r.materials)
+        notes = [f'mobile "{name}": {n}' for n in r.notes]
+        scene = replace(
+            scene,
+            materials=tuple(self.materials),
+            mobiles=(*scene.mobiles, Mobile(name, mesh)),
+            notes=(*scene.notes, *notes),
+        )
+        return scene, UP[r.up]
+
+    def _adopt(self, mesh: Mesh, materials: list[Material]) -> Mesh:
+        """Append a mesh's materials to the scene's, and number its faces' materials accordingly."""
+        mesh = mesh._replace(face_material=(mesh.face_material + len(self.materials)).astype(np.int32))
+        self.materials += materials
+        return mesh
+
+    def _check_dark(self, mesh: Mesh, materials: list[Material], where: str) -> None:
+        for i in np.unique(mesh.face_material):
+            if any(materials[i].emission):
+                raise SceneError(
+                    f'{where}: a mobile cannot emit light, its material "{materials[i].name}" has emission '
+                    f"{list(materials[i].emission)}; give it emission = [0, 0, 0] under [materials] of a scene file"
+                )
+
+    def _cut(self, mesh: Mesh, max_edge: float, where: str) -> Mesh:
+        try:
+            return tessellate(mesh, max_edge)
+        except SceneError as error:
+            raise SceneError(f"{where}: {error}") from None
+
+    def _refined(self, scene: Scene, max_edge: float | None, rays, box) -> Scene:
+        if self.bare:
+            scene = one_sided_where_dark(scene, box)
+        wanted = max_edge or self.file.static.max_edge
+        if wanted is not None:
+            return scene if wanted == np.inf else replace(scene, static=self._cut(scene.static, wanted, self.where))
+        if not self.bare:
+            return scene
+        before = len(scene.static.faces)
+        mesh, edge = refined(scene, rays, box, MOST_RECEIVERS)
+        if len(mesh.faces) == before:
+            return scene
+        note = f"edges split to {edge:.3g} m where light goes: {before:,} triangles became {len(mesh.faces):,}"
+        return replace(scene, static=mesh, notes=(*scene.notes, note))
+
+
+def _fine(mesh: Mesh) -> Mesh:
+    """Return a mobile's mesh with flat sides split: one light value a corner would not show its shading."""
+    return tessellate(mesh, MOBILE_EDGE * float((mesh.vertices.max(axis=0) - mesh.vertices.min(axis=0)).max()))
+
+
+def join(meshes: list[Mesh], materials) -> Mesh:
+    """Return several meshes as one; face materials already index the same list."""
+    if len(meshes) == 1:
+        return meshes[0]
+    first = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    normals = colours = None
+    if any(m.corner_normals is not None for m in meshes):
+        from gi_core.files.formats.mesh_file import crease_corner_normals
+
+        normals = np.concatenate(
+            [m.corner_normals if m.corner_normals is not None else crease_corner_normals(m) for m in meshes]
+        )
+    if any(m.face_reflectance is not None for m in meshes):
+        rho = np.array([m.reflectance for m in materials])
+        colours = np.concatenate(
+            [m.face_reflectance if m.face_reflectance is not None else rho[m.face_material] for m in meshes]
+        )
+    return Mesh(
+        np.concatenate([m.vertices for m in meshes]),
+        np.concatenate([m.faces + o for m, o in zip(meshes, first, strict=False)]).astype(np.int32),
+        np.concatenate([m.face_material for m in meshes]).astype(np.int32),
+        normals,
+        colours,
+        join_paints(meshes, materials),
+    )
+
+
+def _checked_up(up, where: str):
+    if up is None:
+        return None
+    if isinstance(up, str):
+        if up not in UP:
+            raise SceneError(f'{where}: up must be "x", "y", "z" or three numbers, got {up!r}')
+        return UP[up]
+    v = np.asarray(up, np.float64)
+    if v.shape != (3,) or not np.isfinite(v).all() or not v.any():
+        raise SceneError(f'{where}: up must be "x", "y", "z" or three numbers, got {up!r}')
+    return tuple(float(x) for x in v / np.sqrt((v * v).sum()))

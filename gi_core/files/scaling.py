@@ -1,0 +1,36 @@
+"""A mesh file at another size, with the lights and the camera that it holds."""
+
+from __future__ import annotations
+
+from gi_core.files.formats.mesh_file import MeshFile
+from gi_core.scene.types import Camera, Light, PointLight, SpotLight
+
+
+def scaled(read: MeshFile, factor: float) -> MeshFile:
+    """Return the file with every length in it times `factor`, looking as before.
+
+    Irradiance falls with the square of the distance: lamps with a place get the square of the factor, so that
+    surfaces receive what they did. Radiance and sunlight know no distance and stay.
+    """
+    if factor == 1.0:
+        return read
+    camera = read.camera
+    if camera is not None:
+        camera = Camera(_times(camera.position, factor), _times(camera.target, factor), camera.vertical_fov_degrees)
+    return read._replace(
+        mesh=read.mesh._replace(vertices=read.mesh.vertices * factor),
+        lights=[_light(light, factor) for light in read.lights],
+        camera=camera,
+    )
+
+
+def _light(light: Light, factor: float) -> Light:
+    if isinstance(light, PointLight):
+        return light._replace(position=_times(light.position, factor), flux=_times(light.flux, factor**2))
+    if isinstance(light, SpotLight):
+        return light._replace(position=_times(light.position, factor), intensity=_times(light.intensity, factor**2))
+    return light
+
+
+def _times(values, factor: float) -> tuple[float, float, float]:
+    return tuple(v * factor for v in values)

@@ -1,0 +1,159 @@
+"""The background: photons traced through the static part alone, and an estimate of their light."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from gi_core.base import memory
+from gi_core.base.threads import run_ranges
+from gi_core.estimators import ESTIMATORS
+from gi_core.estimators.setting import Setting
+from gi_core.geometry.radiosity import irradiance
+from gi_core.model import Model
+from gi_core.photons.paths import PathStore, PathVertices, segments_of
+from gi_core.photons.prefixes import Ladder
+from gi_core.photons.trace import Fates, no_flux, trace_background
+from gi_core.retrace.broad_phase import Coarse, CoarseStore, grid_for
+
+PART = 4096  # photons that a thread traces, or splats, in one go: their rays and segments stay in its cache
+PART_GRAIN = 256  # photons a thread
+FIRST_SECONDS = 1e-5  # of a photon, before any are known
+LEAST_CHUNK, LARGEST_CHUNK = 64, 1 << 16  # photons a step
+BYTES_A_VERTEX = 40  # of a path as it is stored, twice: whole and coarse
+SPARE_MEMORY = 1 << 30  # bytes that are left to others, and to what frames need
+
+
+class Background:
+    """An estimate of the background under one setting."""
+
+    def __init__(self, model: Model, setting: Setting):
+        self.setting, self._model = setting, model
+        self.estimate = ESTIMATORS[setting.estimator](model, setting)
+        self.added = 0  # photons
+        self.built = False
+        self.pace = Pace()
+        self._resting = Ladder()
+
+    def build(self) -> Iterator[None]:
+        """Build what does not depend on photons, unless that has been done, in steps."""
+        if not self.built:
+            yield from self.estimate.build()
+            self.built = True
+
+    @property
+    def weights(self) -> np.ndarray:
+        """The areas (n,) [m2] that static receivers stand for."""
+        return self._model.object_receivers.areas[self._model.surfaces.receiver_range(0)]
+
+    def resting(self, photons: int) -> np.ndarray:
+        """Return irradiance (n, 3) of static receivers without mobiles, of a prefix; computed once."""
+        if photons not in self._resting:
+            sums, area = self.estimate.background(photons)
+            self._resting[photons] = irradiance(sums, self._model.emitters.unit_flux / photons, area)
+        return self._resting[photons]
+
+
+class Photons:
+    """All photons traced so far; none is traced twice."""
+
+    def __init__(self, model: Model, seed: int):
+        self.model, self.seed = model, seed
+        self.fates = no_flux()
+        self._pace = Pace()
+        self._store = PathStore()
+        self._coarse = CoarseStore(grid_for(model.world, *model.lit))  # the same paths, for the scan
+
+    @property
+    def count(self) -> int:
+        return self._store.photons
+
+    def prefix(self, photons: int) -> tuple[PathVertices, Coarse]:
+        """Return views of the paths of the first photons, whole and coarse."""
+        paths = self._store.prefix(photons)
+        return paths, self._coarse.prefix(len(paths.side))
+
+    def affordable(self, wanted: int, bytes_a_hit: int) -> int:
+        """Return how many of the photons wanted memory holds; an estimator keeps bytes_a_hit more a path vertex."""
+        left = memory.available()
+        if not self.count or left is None or wanted <= self.count:
+            return wanted
+        vertices = len(self._store.prefix(self.count).side) / self.count
+        more = max(left - SPARE_MEMORY, 0) / (vertices * (BYTES_A_VERTEX + bytes_a_hit))
+        return min(wanted, self.count + int(more))
+
+    def bring_in(self, b: Background, until: int, wanted: int, seconds: float) -> str:
+        """Do one step [s] towards a background of the first `until` photons; returns what it was.
+
+        Photons are traced some steps ahead of what is estimated, so that each step keeps to one kind of work and its
+        data. wanted: photons that there is going to be room for.
+        """
+        started = time.perf_counter()
+        if b.added == self.count:
+            pace, left = self._pace, wanted - self.count
+        else:
+            pace, left = b.pace, min(until, self.count) - b.added
+        count = pace.share_of(left, seconds)
+        if b.added == self.count:
+            self._trace(count, wanted)
+        else:
+            self._estimate(b, count)
+        pace.took(count, time.perf_counter() - started)
+        return "tracing" if pace is self._pace else "estimating"
+
+    def _trace(self, count: int, wanted: int) -> None:
+        """Trace the next photons, a share of them a thread."""
+        m, stored = self.model, self.count
+
+        def work(_, first, last):
+            parts = [(stored + at, min(PART, last - at)) for at in range(first, last, PART)]
+            return [trace_background(m.accelerator, m.world, m.static, m.emitters, self.seed, *part) for part in parts]
+
+        traced = itertools.chain.from_iterable(run_ranges(work, count, m.threads, PART_GRAIN))
+        paths, fates = zip(*traced, strict=True)
+        self._store.reserve(wanted)
+        self._store.append(paths, m.threads)
+        self._coarse.append(paths, stored, self._store.room, m.threads)
+        self.fates = functools.reduce(add_fates, fates, self.fates)
+
+    def _estimate(self, b: Background, count: int) -> None:
+        """Bring the next photons, which have been traced, into a background, a share of them a thread."""
+        m, added = self.model, b.added
+        known = self._store.prefix(added + count)
+
+        def work(thread, first, last):
+            for at in range(added + first, added + last, PART):
+                segments = segments_of(known, m.eps, at, min(at + PART, added + last))
+                b.estimate.add_background(segments, thread)
+
+        try:
+            run_ranges(work, count, m.threads, PART_GRAIN)
+        except BaseException:
+            b.setting = None  # it holds a part of these photons: never go on with it
+            raise
+        b.added += count
+
+
+class Pace:
+    """How many photons fit into a step, as the last ones went."""
+
+    def __init__(self):
+        self._each = FIRST_SECONDS
+
+    def share_of(self, left: int, seconds: float) -> int:
+        """Return how many to do next of those that are left, so that no step is short."""
+        fit = min(max(seconds / self._each, LEAST_CHUNK), LARGEST_CHUNK)
+        return -(-left // math.ceil(left / fit))
+
+    def took(self, count: int, seconds: float) -> None:
+        """Learn from a step; what went faster than thought counts in full, what went slower may have been disturbed."""
+        self._each = min(seconds / count, 0.5 * (self._each + seconds / count))
+
+
+def add_fates(a: Fates, b: Fates) -> Fates:
+    return Fates(*(x + y for x, y in zip(a, b, strict=True)))

@@ -1,0 +1,106 @@
+"""One frame's irradiance, from the background and the poses alone; and the same from scratch, to check against.
+
+E = E_bg - E~(tails) + E~(branches) on static receivers (report Eq. 2.4, kept from drifting by
+computing it afresh from integers each frame); receivers on mobiles from all segments near them, or by gathering.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.frames.background import Background, Photons
+from gi_core.frames.control_variate import frame_irradiance
+from gi_core.frames.light_pool import LightPool
+from gi_core.frames.light_source import LightSource
+from gi_core.geometry.radiosity import irradiance
+from gi_core.model import Model
+from gi_core.rays.accelerator import Transforms
+from gi_core.retrace.broad_phase import Room
+from gi_core.retrace.cuts import Frame, change, current_segments
+
+SCRATCH_CHUNK = 1 << 16
+
+
+class FrameSize(NamedTuple):
+    """What a frame is made of."""
+
+    photons: int
+    paths: int  # that each receiver of a mobile gathers; 0: its light is that of the photons
+
+
+class Changes(NamedTuple):
+    """What the mobiles change of the background."""
+
+    photons_cut: int
+    old_segments: int  # taken out
+    new_segments: int  # put in, heads included
+
+
+def changes_of(f: Frame) -> Changes:
+    """Count what a frame changes."""
+    return Changes(f.heads.size, f.tails.size, f.heads.size + f.branches.size)
+
+
+def frame_light(
+    model: Model,
+    photons: Photons,
+    shown: Background,
+    source: LightSource,
+    at: Transforms,
+    size: FrameSize,
+    room: Room,
+    pool: LightPool,
+    clock,
+) -> tuple[Frame, np.ndarray]:
+    """Return what the mobiles at `at` change, and irradiance (R, 3) [W/m2].
+
+    shown: the background of all photons; `clock(stage)` is called as each stage ends.
+    """
+    estimate = shown.estimate
+    paths, coarse = photons.prefix(size.photons)
+    wanted = estimate.wanted(at, mobiles=not size.paths)
+    clock("contact")
+    frame = change(model, paths, coarse, at, photons.seed, wanted, room, clock)
+    evaluated = estimate.evaluate(frame)
+    clock("estimate")
+    if size.photons:
+        scale, resting = model.emitters.unit_flux / size.photons, shown.resting(size.photons)
+        better = source.static_irradiance(shown, size.photons)
+        background = estimate.background(size.photons)[0]
+        E = frame_irradiance(evaluated, scale, background, resting, better, model.threads, pool)
+    else:
+        E = np.zeros(evaluated.sums.shape)
+    clock("read out")
+    if size.paths:
+        source.light_mobiles(E, at, size.paths)
+        clock("gather")
+    return frame, E
+
+
+def light_from_scratch(
+    model: Model, seed: int, shown: Background | None, made: Background, source: LightSource, at: Transforms, paths: int
+) -> np.ndarray:
+    """Return irradiance (R, 3) [W/m2] from every photon traced anew through static part and mobiles.
+
+    What a frame must equal bit for bit; structures are prebuilt, nothing of the background's light is used but as
+    the better light that frames start from. made: what is prebuilt; shown: the same, or None before the first solve.
+    """
+    estimate = made.estimate
+    n = estimate.photons
+    parts = (
+        current_segments(model, at, seed, first, min(SCRATCH_CHUNK, n - first))[0]
+        for first in range(0, n, SCRATCH_CHUNK)
+    )
+    every = estimate.from_scratch(parts, at)
+    if not n:
+        return np.zeros(every.sums.shape)
+    scale = model.emitters.unit_flux / n
+    if shown is None:
+        return irradiance(every.sums, scale, every.area)
+    background, better = estimate.background(n)[0], source.static_irradiance(shown, n)
+    E = frame_irradiance(every, scale, background, shown.resting(n), better, model.threads)
+    if paths:
+        source.light_mobiles(E, at, paths, anew=True)
+    return E

@@ -1,0 +1,135 @@
+"""Frame budget: predicts the cost of frames, and chooses the photons and paths that fit a time.
+
+A prefix of the photons is a valid smaller solution with more noise. Another prefix has other noise, which the eye takes
+for flicker. So one size is chosen when a motion begins, and a smaller one only after several late frames in a row; a
+larger one waits for the next motion. Where mobiles gather their light, a share of the budget is theirs.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from statistics import median
+
+from gi_core.frames.light_source import PATHS, REST
+
+REMEMBERED = 9  # frames per size, whose median counts
+TIMED = 3  # frames per prefix that are timed at rest: the machine may be busy for one of them
+GATHERING = 0.5  # of the budget, where mobiles gather their light
+FEWEST = 16  # times fewer photons than at rest have four times the noise; beyond that pictures are confetti ...
+LEAST = 1 << 14  # ... and so are those of fewer than this: each photon that is cut leaves a dark blot
+FAR = 1.5  # times the budget: such a frame is late
+IN_A_ROW = 4  # late frames before fewer photons are taken: one or two are the machine's own hiccups
+
+
+class FrameTimes:
+    """Seconds that frames took, by their number of photons or paths, and what others would take."""
+
+    def __init__(self):
+        self._seconds: dict[int, deque[float]] = {}
+
+    def add(self, size: int, seconds: float) -> None:
+        self._seconds.setdefault(size, deque(maxlen=REMEMBERED)).append(seconds)
+
+    def of(self, size: int) -> Sequence[float]:
+        """Return the times of the last frames of a size [s]."""
+        return self._seconds.get(size, ())
+
+    def expected(self, size: int) -> float | None:
+        """Return the time expected of a size [s]; None where nothing is known.
+
+        The median of those measured, else a line through the two measured sizes nearest to it, else proportional to
+        the one measured.
+        """
+        times = {n: median(t) for n, t in self._seconds.items() if n}
+        if not times or size in times:
+            return times.get(size)
+        near = sorted(times, key=lambda n: abs(n - size))[:2]
+        if len(near) == 1 or times[max(near)] <= times[min(near)]:
+            return times[near[0]] * size / near[0]
+        a, b = sorted(near)
+        slope = (times[b] - times[a]) / (b - a)
+        return max(times[a] + slope * (size - a), 0.0)
+
+    def largest_within(self, seconds: float, sizes: Sequence[int]) -> int:
+        """Return the largest of ascending sizes expected to fit; the smallest if none does or nothing is known."""
+        known = [(n, self.expected(n)) for n in sizes]
+        return max((n for n, t in known if t is not None and t <= seconds), default=sizes[0])
+
+
+class FrameBudget:
+    """Sizes of frames: photons and paths per receiver of a mobile, as Solver.move_all() takes them. One per solver."""
+
+    def __init__(self):
+        self._photon_times, self._path_times = FrameTimes(), FrameTimes()
+        self._size: tuple[int | None, int | None] = (None, None)  # of the motion
+        self._chosen_for: float | None = None  # budget [s]; None: the next frame chooses
+        self._late = 0  # frames in a row
+
+    # -- costs ------------------------------------------------------------------------------------
+
+    def forget_photons(self) -> None:
+        """Forget the costs of photons: another estimator lights the frames from now on."""
+        self._photon_times = FrameTimes()
+
+    def took(self, photons: int, paths: int, seconds: float, gathering: float | None) -> None:
+        """Learn the cost of a frame [s] without its gathering, and of that; None where no ray was traced for it."""
+        self._photon_times.add(photons, seconds)
+        if paths and gathering is not None:
+            self._path_times.add(paths, gathering)
+
+    def next_to_time(self, seconds: float, prefixes: Sequence[int]) -> int | None:
+        """Return the next prefix below all photons whose frame is to be timed, smallest first; None if all are.
+
+        seconds: the budget, over which larger prefixes are of no use.
+        """
+        for photons in prefixes[:-1]:
+            times = self._photon_times.of(photons)
+            if times and times[-1] > seconds:
+                return None
+            if len(times) < TIMED:
+                return photons
+        return None
+
+    # -- choices ----------------------------------------------------------------------------------
+
+    def within(self, seconds: float, prefixes: Sequence[int], gathers: bool) -> tuple[int | None, int | None]:
+        """Return the most photons and paths whose frame is expected to take no longer; unknown costs count as too much.
+
+        prefixes: ascending numbers of photons to choose from; gathers: whether mobiles gather their light.
+        """
+        paths = None
+        if gathers:
+            paths = self._path_times.largest_within(GATHERING * seconds, [n for n in PATHS if n <= REST])
+            seconds -= self._path_times.expected(paths) or 0.0
+        if not prefixes:
+            return None, paths
+        return self._photon_times.largest_within(seconds, good_enough(prefixes)), paths
+
+    def begin(self) -> None:
+        """Let the next frame choose: a motion begins."""
+        self._chosen_for = None
+
+    def choose(self, seconds: float, prefixes: Sequence[int], gathers: bool) -> tuple[int | None, int | None]:
+        """Return the size of a motion's next frame: that of its first one, or a smaller one after late frames.
+
+        seconds: the budget of a frame; 0: all photons and paths always.
+        """
+        if seconds <= 0 or not prefixes:
+            self._size = None, None
+        elif self._chosen_for != seconds or self._size[0] not in prefixes:
+            self._size, self._late = self.within(seconds, prefixes, gathers), 0
+        elif self._late >= IN_A_ROW and (smaller := [n for n in good_enough(prefixes) if n < self._size[0]]):
+            self._size, self._late = (smaller[-1], self._size[1]), 0
+        self._chosen_for = seconds
+        return self._size
+
+    def moved(self, seconds: float) -> None:
+        """Learn how long a motion's frame took in all [s]."""
+        late = self._size[0] is not None and seconds > FAR * self._chosen_for
+        self._late = self._late + 1 if late else 0
+
+
+def good_enough(prefixes: Sequence[int]) -> list[int]:
+    """Return the prefixes that make a picture rather than confetti."""
+    return [n for n in prefixes if FEWEST * n >= prefixes[-1] and n >= min(LEAST, prefixes[-1])]

@@ -1,0 +1,126 @@
+"""Light source of frames, besides their photons: gathered light of the static part and of mobiles."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Generator
+
+import numpy as np
+
+from gi_core.display.dilation import NONE_UNREACHED, Dilation
+from gi_core.frames.background import Background
+from gi_core.gather.mobile import MobileGather
+from gi_core.gather.reference import Gathered
+from gi_core.gather.static import StaticGather
+from gi_core.geometry.error_at_hand import noise_from_prefix, prefix_to_compare
+from gi_core.model import Model
+from gi_core.rays.accelerator import Transforms
+from gi_core.scene.errors import SceneError
+
+LIGHTS = ("best", "photons")
+PATHS = (4, 8, 16, 32, 64, 128, 256)  # per receiver, that a frame can gather
+REST = 64  # of them, where nothing else is asked for: some 4 % of noise
+
+
+class LightSource:
+    """`light` is one of LIGHTS. "photons": the estimator lights everything.
+
+    "best": mobiles gather their light in each frame (`mobile.py`), and the static part shows gathered light
+    (`static.py`) once that has less noise than its photons. Either way, mobiles change the static part's light
+    as the frame's photons say (`control_variate.py`). prefix_only: frames of a prefix of the photons start from the
+    static light of that prefix, as the report's do.
+    """
+
+    def __init__(self, model: Model, seed: int):
+        self.light, self.prefix_only = "photons", False
+        self.gathered: StaticGather | None = None
+        self.unreached = NONE_UNREACHED  # receivers of the static part, by the light last looked at
+        self.dilation: Dilation | None = None
+        self._model, self._seed = model, seed
+        self._less_noise = False  # in gathered light than in all photons
+        self._mobile: MobileGather | None = None
+        self._poses: dict[int, bytes] = {}  # by paths, at the last frame of so many
+        self.rays_traced = False  # in the last frame: mobiles had moved
+
+    def twin(self, fresh: bool) -> LightSource:
+        """Return a light source with settings of its own and the same gathered light, or without any if `fresh`."""
+        other = copy.copy(self)
+        if fresh:
+            other.gathered, other._less_noise = None, False
+        return other
+
+    def choose(self, light: str, prefix_only: bool) -> None:
+        """Change the settings. Raises SceneError for an unknown light."""
+        if light not in LIGHTS:
+            raise SceneError(f"light must be one of {', '.join(LIGHTS)}, got {light!r}")
+        self.light, self.prefix_only = light, prefix_only
+
+    # -- static part ------------------------------------------------------------------------------
+
+    @property
+    def is_gathered(self) -> bool:
+        """Whether frames start from gathered static light: it is asked for, and has less noise than the photons."""
+        return self.light == "best" and not self.prefix_only and self._less_noise
+
+    def gather(self, photons, state: Gathered | None) -> StaticGather:
+        """Return the gathering of the static light, begun with `state` or gone on with; arguments as of StaticGather.
+
+        Raises ValueError for the state of another scene.
+        """
+        if self.gathered is None or state is not None:
+            self.gathered = StaticGather(self._model, self._seed, photons, state)
+        return self.gathered
+
+    def compare(self, shown: Background | None) -> bool:
+        """Compare the noise of gathered light with that of all photons; returns whether frames start from it.
+
+        Photons too few to know their noise have more.
+        """
+        g, photons = self.gathered, 0 if shown is None else shown.estimate.photons
+        if photons and g is not None and math.isfinite(g.noise):
+            prefix = prefix_to_compare(shown.estimate.prefixes)
+            E, theirs = shown.resting(photons), math.inf
+            if prefix is not None:
+                theirs = noise_from_prefix(E, shown.resting(prefix), photons, prefix, shown.weights)
+            self._less_noise = g.noise < theirs
+        return self.is_gathered
+
+    def static_irradiance(self, shown: Background, photons: int) -> np.ndarray:
+        """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, for a frame of so many photons."""
+        if self.is_gathered:
+            return self.gathered.mean
+        return shown.resting(photons if self.prefix_only else shown.estimate.photons)
+
+    def find_unreached(self, size: float, shown: Background) -> Generator[None]:
+        """Find static receivers that no light reaches, in steps, by this light; `size` is that of `dilation.py`."""
+        if self.dilation is None:
+            self.dilation = Dilation(self._model, size)
+            yield
+        self.unreached = yield from self.dilation.find_static(self.static_irradiance(shown, shown.estimate.photons))
+
+    # -- mobiles ----------------------------------------------------------------------------------
+
+    def paths(self, wanted: int | None) -> int:
+        """Return the paths per receiver of a mobile and frame, 0 where none are gathered; None: REST.
+
+        Raises SceneError for a number that is not one of PATHS.
+        """
+        if wanted is not None and wanted not in PATHS:
+            raise SceneError(f"a frame can gather {', '.join(map(str, PATHS))} paths a receiver, got {wanted}")
+        if self.light == "photons" or not self._model.names:
+            return 0
+        return REST if wanted is None else wanted
+
+    def light_mobiles(self, irradiance: np.ndarray, at: Transforms, paths: int, anew: bool = False) -> None:
+        """Replace the irradiance (R, 3) of receivers on mobiles by what they gather from that of the static part.
+
+        paths: one of PATHS; anew: nothing that is kept from frames is used.
+        """
+        if anew:
+            gather = MobileGather(self._model, self._seed)
+        else:
+            gather = self._mobile = self._mobile or MobileGather(self._model, self._seed)
+            poses = at.rotation.tobytes() + at.position.tobytes()
+            self.rays_traced, self._poses[paths] = self._poses.get(paths) != poses, poses
+        irradiance[gather.first :] = gather.irradiance(at, irradiance[: gather.first], paths.bit_length() - 1)

@@ -1,0 +1,118 @@
+"""The static part's light by a single bounce: each receiver looks at the light that photons have left on all others.
+
+What a photon map is best for (final gathering, Reichert 1992; Jensen 2001): its grain is averaged over all that a
+receiver sees. A path is a shadow ray and a bounce, however often light is reflected, and scatters less than one that
+is followed to its end, so this is there long before such paths (`reference.py`) are of any use, but it keeps, a
+reflection later, what the light that they end in is off by.
+
+Paths come in pairs of sets, each pair of twice as many as the last, since a large set is more even than several
+small ones; what the two halves of pairs differ by tells the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from gi_core.base.threads import run_ranges
+from gi_core.gather.one_bounce import Exchange, meet
+from gi_core.gather.path_tracer import BLOCK, PathEnds, join_lights, scatter
+from gi_core.geometry.error import falls_short, noise_of_truth
+from gi_core.lights.light_sampling import Lights, area_lights, sky_of, small_lights
+from gi_core.lights.next_event import room_for_shadows
+from gi_core.model import Model
+from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, nearest_in_world
+
+STREAM = 0x51D3  # keeps these random numbers apart from those of photons and reference with the same seed
+SMALLEST, LARGEST = 3, 10  # logarithm of the paths of the first sets, and of the last
+STEP = 1 << 15  # paths between two looks at what there is: some 20 ms
+SET = 1 << 40  # sets' numbers of a round are apart by more than there are receivers
+
+
+class FinalGather:
+    """Irradiance at receivers (n, 3) of the static part, as it is without mobiles.
+
+    positions (n, 3) [m], normals (n, 3), 0: black; weights (n,), areas.
+    """
+
+    def __init__(self, model: Model, seed: int, positions: np.ndarray, normals: np.ndarray, weights: np.ndarray):
+        self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+        self._positions, self._normals = positions + ORIGIN_LIFT * model.world.size * normals, normals
+        self._weights, self._lit = weights, np.flatnonzero((normals * normals).sum(axis=1) > 0)
+        self._lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
+        self._variance = np.zeros(positions.shape)
+        self._pairs = 0  # of sets
+        self.paths = 0  # a receiver, behind `mean`; 0: nothing is known
+        self.mean = self.last = np.zeros(positions.shape)  # (n, 3) float64 [W/m2]; that of the last pair alone
+
+    @property
+    def standard_error(self) -> np.ndarray:
+        """Of the mean, (n, 3) [W/m2]: rough at a single receiver, as few differences are behind it."""
+        return np.sqrt(self._variance)
+
+    @property
+    def noise(self) -> float:
+        """The l1 error that chance makes, as error.noise_of_truth(); inf while nothing is known."""
+        if not self.paths:
+            return float("inf")
+        return noise_of_truth(self.standard_error / falls_short(2), self.mean, self._weights)
+
+    def steps(self, field: Callable[[], np.ndarray]) -> Iterator[bool]:
+        """Gather without end, in steps of some 20 ms; True is yielded where `mean` is new.
+
+        May be dropped between steps and begun again: the pair under way is then gathered from its start.
+
+        field() returns the irradiance (n, 3) [W/m2] of these receivers by what is known now; asked once a pair.
+        """
+        while True:
+            pair, light = self._pairs, field()
+            m = min(SMALLEST + pair, LARGEST)
+            halves = np.zeros((2, *self.mean.shape))
+            for half in range(2):
+                at_once = max(1, STEP >> m)
+                for first in range(0, len(self._lit), at_once):
+                    self._gather(self._lit[first : first + at_once], 2 * pair + half, m, light, halves[half])
+                    yield False
+            self._take_in(halves, 2 << m)
+            yield True
+
+    def _take_in(self, halves: np.ndarray, paths: int) -> None:
+        before, self.paths = self.paths, self.paths + paths
+        self._pairs += 1
+        a, b = before / self.paths, paths / self.paths
+        self.last = 0.5 * (halves[0] + halves[1])
+        self.mean = a * self.mean + b * self.last
+        self._variance = a * a * self._variance + b * b * 0.25 * (halves[0] - halves[1]) ** 2
+
+    def _gather(self, rows: np.ndarray, number: int, m: int, field: np.ndarray, out: np.ndarray) -> None:
+        """Write what set `number` of 2^m paths brings to receivers."""
+
+        def work(_, first, last):
+            at_once = max(1, BLOCK >> m)
+            for a in range(first, last, at_once):
+                part = rows[a : min(a + at_once, last)]
+                out[part] = self._block(part, number, m, field) / (1 << m)
+
+        run_ranges(work, len(rows), self._model.threads, max(1, BLOCK >> (m + 2)))
+
+    def _block(self, rows: np.ndarray, number: int, m: int, field: np.ndarray) -> np.ndarray:
+        model, lights, s, world = self._model, self._lights, self._model.surfaces, self._model.world
+        n, count, at = len(rows), len(rows) << m, model.static
+        positions, normals = self._positions[rows], self._normals[rows]
+        path = ((number * SET + rows[:, None] << m) + np.arange(1 << m)).reshape(-1)
+        start = np.repeat(positions, 1 << m, axis=0), np.repeat(normals, 1 << m, axis=0)
+        ends = PathEnds(path, np.repeat(np.arange(n), 1 << m), *start, np.ones((count, 3)))
+        total, rays = np.zeros((n, 3)), room_for_shadows(count)
+        join_lights(model, at, lights, self._seed, m, 0, ends, rays, total)
+        scatter(self._seed, m, 0, ends, rays.origin, rays.direction)
+        far = np.full(count, FAR * world.size, np.float32)
+        distance, face = nearest_in_world(model.accelerator, at, rays.origin, rays.direction, far)
+        none = Exchange(np.empty(0, np.int64), np.empty((0, 3), np.int64), *np.empty((2, 0, 3)))  # no mobile is met
+        meet(
+            1 << m, positions, normals, at.rotation[0], rays.direction, distance, face, world.normals,
+            world.reflectance, world.two_sided, at.rotation, at.position, world.face_object, lights.area.lamp,
+            lights.area.radiance, lights.area.density, lights.sky, model.object_receivers.positions, s.corner_front,
+            s.corner_back, field, 0, 0, total, none,
+        )  # fmt: skip
+        return total

@@ -1,0 +1,179 @@
+"""Following gathering paths: join each vertex to the lights, bounce, see what is met.
+
+The estimate at a vertex is what the joined lights bring plus what its bounce meets; emissive faces are
+found both ways, with shares that add up to 1 (balance heuristic, Veach 1997).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base import random_numbers, strata
+from gi_core.base.jit import inlined, kernel
+from gi_core.base.threads import run_ranges
+from gi_core.lights.bsdf import lambertian
+from gi_core.lights.light_sampling import Lights
+from gi_core.lights.next_event import (
+    Shadows,
+    add_lit,
+    join_area,
+    join_small,
+    light_samples,
+    room_for_shadows,
+    share_of_bounce,
+)
+from gi_core.model import Model
+from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world, occluded_in_world
+
+BLOCK = 1 << 14  # paths at once: their arrays fit into a core's cache, and embree wants 10k rays or more
+SHADOW_GAP = 4 * ORIGIN_LIFT  # of the world's size: a shadow ray stops short of the light it is aimed at
+ROULETTE_FROM = 2  # bounces that always survive: the first two carry most of the light
+MOST_SURVIVAL = 0.99  # survival above it would keep paths in a white room for ever; still unbiased
+
+SURVIVAL, SCATTER_U, SCATTER_V = 4, 6, 7  # dimensions beside those of light_sampling; scattering wants a pair
+
+
+class PathEnds(NamedTuple):
+    """Where unfinished paths are."""
+
+    path: np.ndarray  # (n,) int64, number of the path
+    row: np.ndarray  # (n,) int64, where its sum is
+    position: np.ndarray  # (n, 3) float64, lifted off the surface [m]
+    normal: np.ndarray  # (n, 3) float64, of the side it is on
+    throughput: np.ndarray  # (n, 3) float64, share of irradiance here that counts
+
+
+def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, position, normal, light_sampling=True, m=0):
+    """Follow paths to their ends; return what each brings, (n, 3) float64 [W/m2].
+
+    path (n,) int64: their numbers, in sets of 2^m (see strata); position and normal (n, 3) float64: where they
+    start, lifted off the surface; `light_sampling` False finds emissive faces by hitting them only. What a path
+    brings depends on nothing but itself.
+    """
+    total = np.zeros((len(path), 3))
+    if not light_sampling:
+        none = np.zeros(0)
+        lights = lights._replace(area=lights.area._replace(cdf=none, density=np.zeros_like(lights.area.density)))
+
+    def work(_, a, b):
+        for first in range(a, b, BLOCK):
+            s = slice(first, min(first + BLOCK, b))
+            ends = PathEnds(
+                path[s].copy(), np.arange(s.stop - first), position[s].copy(), normal[s].copy(),
+                np.ones((s.stop - first, 3)),
+            )  # fmt: skip
+            _follow(model, at, lights, seed, m, ends, total[s])
+
+    run_ranges(work, len(path), model.threads, BLOCK // 2)
+    return total
+
+
+def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnds, total) -> None:
+    """Follow a block of paths; `ends` is used up."""
+    world, n = model.world, len(ends.path)
+    far = float(np.float32(FAR * world.size))
+    rays = room_for_shadows(n)
+    vertex = 0
+    while n:
+        join_lights(model, at, lights, seed, m, vertex, ends, rays, total)
+        origin, direction = rays.origin[:n], rays.direction[:n]
+        scatter(seed, m, vertex, ends, origin, direction)
+        limits = np.full(n, far, np.float32)
+        distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
+        n = _arrive(
+            seed, m, vertex, ends, direction, distance, face, world.normals, world.reflectance, world.two_sided,
+            at.rotation, world.face_object, lights.area.lamp, lights.area.radiance, lights.area.density, lights.sky,
+            ORIGIN_LIFT * world.size, total,
+        )  # fmt: skip
+        ends = PathEnds(*(a[:n] for a in ends))
+        vertex += 1
+
+
+def join_lights(model: Model, at: Transforms, lights: Lights, seed, m, vertex, ends, rays, total) -> None:
+    """Join path vertices to a point on a lamp and to a light without size.
+
+    Adds to `total` (rows, 3) what arrives there; `rays` is room for as many as there are `ends`, overwritten.
+    """
+    size = model.world.size
+    far, gap = float(np.float32(FAR * size)), SHADOW_GAP * size
+    samples = light_samples(seed, m, vertex, ends.path[:, None], lights)
+    if len(lights.small.kind):
+        _join(model, at, rays, join_small(samples, 1, ends, lights.small, far, gap, 0, rays), total)
+    _join(model, at, rays, join_area(samples, ends, lights.area, gap, rays), total)
+
+
+def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
+    """Add what the first n rays bring, where nothing is in between."""
+    if n:
+        blocked = occluded_in_world(model.accelerator, at, rays.origin[:n], rays.direction[:n], rays.limit[:n])
+        add_lit(rays.row, rays.value, blocked, total)
+
+
+@kernel
+def scatter(seed, m, vertex, ends, origin, direction):
+    """Choose cosine-distributed directions for rays from path vertices: writes origin and direction (n, 3)."""
+    for k in range(len(ends.path)):
+        u = strata.uniform(seed, ends.path[k], vertex, SCATTER_U, m)
+        v = strata.uniform(seed, ends.path[k], vertex, SCATTER_V, m)
+        x, y, z = lambertian.sample(u, v)
+        x, y, z = random_numbers.from_frame(x, y, z, ends.normal[k, 0], ends.normal[k, 1], ends.normal[k, 2])
+        direction[k, 0], direction[k, 1], direction[k, 2] = x, y, z
+        for c in range(3):
+            origin[k, c] = ends.position[k, c]
+
+
+@inlined
+def turned(R, n):
+    """Return a face's normal in the world."""
+    x = R[0, 0] * n[0] + R[0, 1] * n[1] + R[0, 2] * n[2]
+    y = R[1, 0] * n[0] + R[1, 1] * n[1] + R[1, 2] * n[2]
+    z = R[2, 0] * n[0] + R[2, 1] * n[1] + R[2, 2] * n[2]
+    return x, y, z
+
+
+@kernel
+def _arrive(
+    seed, m, vertex, ends, direction, distance, face,
+    normals, reflectance, two_sided, rotation, face_object, lamp, radiance, density, sky, lift, total,
+):  # fmt: skip
+    """Add the emission and the sky that bounced paths meet; move those that live to the front, return how many.
+
+    With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho times
+    the irradiance there: so throughput is multiplied by rho alone.
+    """
+    n = 0
+    for k in range(len(face)):
+        path, row = ends.path[k], ends.row[k]
+        d, f = direction[k], face[k]
+        if f < 0:
+            if d[0] * sky.up[0] + d[1] * sky.up[1] + d[2] * sky.up[2] > 0.0:
+                for c in range(3):
+                    total[row, c] += ends.throughput[k, c] * math.pi * sky.radiance[c]
+            continue
+        nx, ny, nz = turned(rotation[face_object[f]], normals[f])
+        facing = -(d[0] * nx + d[1] * ny + d[2] * nz)
+        if facing > 0.0:  # emission leaves the front
+            e = lamp[f]
+            if e >= 0:
+                share = share_of_bounce(d, ends.normal[k], facing, distance[k], density[e])
+                for c in range(3):
+                    total[row, c] += ends.throughput[k, c] * math.pi * radiance[e, c] * share
+        elif not two_sided[f]:
+            continue  # the back of a one-sided face is black
+        rho = reflectance[f]
+        largest = max(rho[0], max(rho[1], rho[2]))
+        survival = 1.0 if vertex < ROULETTE_FROM and largest > 0.0 else min(largest, MOST_SURVIVAL)
+        if survival < 1.0 and not (strata.uniform(seed, path, vertex, SURVIVAL, m) < survival):
+            continue
+        s = 1.0 if facing > 0.0 else -1.0
+        t = float(distance[k])
+        ends.path[n], ends.row[n] = path, row  # n <= k: what is overwritten has been read
+        ends.normal[n, 0], ends.normal[n, 1], ends.normal[n, 2] = s * nx, s * ny, s * nz
+        for c in range(3):
+            ends.position[n, c] = ends.position[k, c] + t * d[c] + lift * ends.normal[n, c]
+            ends.throughput[n, c] = ends.throughput[k, c] * (rho[c] / survival)
+        n += 1
+    return n

@@ -1,0 +1,77 @@
+"""Paths of the reference: the irradiance that random paths bring to points, without bias.
+
+From each point a path bounces by the cosine until it leaves the scene or dies. At each vertex, point,
+spot and directional lights are joined to it directly; emissive faces are found in two ways whose shares
+add up to 1 (balance heuristic, Veach 1997): by joining a point sampled on them, and by hitting them. A
+path that leaves sees the sky. Nothing here is shared with the photons but the surfaces, the accelerator
+and the reflection model, and there is no bias: no radius, no limit to the number of bounces.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.gather.path_tracer import gather
+from gi_core.lights.light_sampling import Lights, area_lights, sky_of, small_lights
+from gi_core.model import Model
+from gi_core.rays.accelerator import ORIGIN_LIFT
+from gi_core.scene.errors import SceneError
+from gi_core.scene.pose import as_pose
+from gi_core.scene.types import Pose, Scene
+
+STREAM = 0x9E1E  # keeps the reference's random numbers apart from those of photons with the same seed
+PATHS_A_POINT = 1 << 32  # path k of point i is number i * this + k: it does not depend on how many there are
+
+
+class Gatherer:
+    """Points of a scene, ready to be gathered at: what the paths of any of them bring."""
+
+    def __init__(
+        self, scene: Scene, positions, normals, seed: int, poses=None, light_sampling=True, model=None, mobiles=True
+    ):
+        """Arguments are those of gather_rounds(); `mobiles` False leaves those out. Raises as it does."""
+        positions, normals = _checked(positions, normals)
+        self.model = model or Model(scene)
+        self._at = self.model.transforms(_poses(self.model, poses)) if mobiles else self.model.static
+        self._lights = Lights(area_lights(self.model.surfaces), small_lights(scene), sky_of(scene))
+        self._seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+        self._light_sampling = light_sampling
+        length = np.sqrt((normals * normals).sum(axis=1))
+        self.lit = np.flatnonzero(length > 0)  # points that have a normal
+        self._normals = normals / np.where(length > 0, length, 1)[:, None]
+        self.positions = positions + ORIGIN_LIFT * self.model.world.size * self._normals
+
+    def paths(self, rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0) -> np.ndarray:
+        """Return what paths first .. first + count - 1 of some points bring, (rows, count, 3) float64 [W/m2].
+
+        In sets of 2^m, see strata.py; `stream` picks other paths of the same numbers.
+        """
+        path = (rows[:, None] * PATHS_A_POINT + first + np.arange(count)).reshape(-1)
+        start = (np.repeat(a[rows], count, axis=0) for a in (self.positions, self._normals))
+        seed = self._seed ^ (stream << 24)
+        values = gather(self.model, self._at, self._lights, seed, path, *start, self._light_sampling, m)
+        values = values.reshape(len(rows), count, 3)
+        if len(self.lit) < len(self.positions):
+            values[~np.isin(rows, self.lit)] = 0.0
+        return values
+
+
+def _checked(positions, normals) -> tuple[np.ndarray, np.ndarray]:
+    positions, normals = np.asarray(positions, np.float64), np.asarray(normals, np.float64)
+    if positions.ndim != 2 or positions.shape[1] != 3 or normals.shape != positions.shape:
+        raise ValueError(
+            f"positions and normals must both have shape (n, 3), got {positions.shape} and {normals.shape}"
+        )
+    if not (np.isfinite(positions).all() and np.isfinite(normals).all()):
+        raise ValueError("positions and normals must be finite")
+    return positions, normals
+
+
+def _poses(model: Model, poses) -> dict[str, Pose]:
+    out = model.start_poses()
+    for name, pose in (poses or {}).items():
+        if name not in out:
+            have = ", ".join(f'"{n}"' for n in out) or "none"
+            raise SceneError(f'{model.scene.name}: no mobile is called "{name}"; there is {have}')
+        out[name] = as_pose(pose, f'{model.scene.name}: mobile "{name}"')
+    return out

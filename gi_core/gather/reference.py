@@ -1,0 +1,191 @@
+"""The unbiased reference: irradiance at points by path tracing.
+
+reference_irradiance() traces independent paths, as many per point. gather_rounds() gives each point the paths that it
+needs, can be stopped at any time, and goes on from its state. A pilot of a few paths per point predicts how each
+scatters. From the pilot alone follows how many paths the point gets in every round, as many as make the error of the
+whole least; the pilot itself then counts for nothing. So no mean knows how many paths it is of, and there is no bias.
+The paths of a point in one round are one set of strata.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base import strata
+from gi_core.base.jit import kernel
+from gi_core.gather.point_gather import PATHS_A_POINT, Gatherer
+from gi_core.geometry.error import falls_short, luminance, noise_of_truth
+from gi_core.model import Model
+from gi_core.scene.types import Pose, Scene
+
+PILOT = 8  # paths a point, independent ones
+PILOT_STREAM = 0x9107  # keeps their random numbers apart
+AIM = 0.01  # error (l1) for which the sets are sized, with independent paths ...
+ROUNDS = 8  # ... to be reached in so many rounds; as sets are even, about half of them do
+FLOOR = 0.1  # of the mean scatter: what a point is taken to have at least, since eight paths may all miss
+EVEN_SET = 4  # without weights every point gets 2^4 paths a round
+STEP = 1 << 16  # paths between two looks at the state: some 0.2 s
+
+
+class Gathered(NamedTuple):
+    """What has been gathered at n points."""
+
+    pilot: np.ndarray  # (n, 2) float64, luminance [W/m2]: mean and deviation of a path; nan: not yet seen
+    log2_set: np.ndarray  # (n,) int8, a round brings a point 2^m paths; -1: not yet known
+    sets: np.ndarray  # (n,) int32, rounds that have come to the point
+    mean: np.ndarray  # (n, 3) float64 irradiance [W/m2], 0 before the first set
+    squares: np.ndarray  # (n, 3) float64, sum of squared differences of sets from the mean
+
+    @property
+    def standard_error(self) -> np.ndarray:
+        """Of the mean, (n, 3) float64 [W/m2]; inf before the second set."""
+        sets = np.maximum(self.sets, 2)[:, None].astype(np.float64)
+        return np.where(self.sets[:, None] < 2, np.inf, np.sqrt(self.squares / (sets * (sets - 1))))
+
+    @property
+    def paths(self) -> np.ndarray:
+        """Paths behind the mean of each point, (n,) int64; the pilot's do not count."""
+        return self.sets.astype(np.int64) << np.maximum(self.log2_set, 0).astype(np.int64)
+
+    def noise(self, weights: np.ndarray, rows=slice(None)) -> float:
+        """Return the l1 error that chance makes, as error.noise_of_truth(); inf before the second round is over."""
+        if not len(self.sets) or self.sets.min() < 2:
+            return float("inf")
+        return noise_of_truth(self.standard_error / falls_short(self.sets[:, None]), self.mean, weights, rows)
+
+
+def nothing_gathered(n: int) -> Gathered:
+    """Return the state of n points before the first path."""
+    return Gathered(
+        np.full((n, 2), np.nan), np.full(n, -1, np.int8), np.zeros(n, np.int32), np.zeros((n, 3)), np.zeros((n, 3))
+    )
+
+
+def reference_irradiance(
+    scene: Scene,
+    positions: np.ndarray,
+    normals: np.ndarray,
+    paths: int,
+    seed: int,
+    poses: Mapping[str, Pose | np.ndarray] | None = None,
+    light_sampling: bool = True,
+    model: Model | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return irradiance at points and its standard error, both (n, 3) float64 [W/m2], by independent paths.
+
+    positions (n, 3) [m] and normals (n, 3) in the world; `paths` >= 1 per point; `poses` of mobiles, by
+    name, that differ from the scene's own; `light_sampling` False finds emissive faces by hitting them
+    only: the same answer, with more noise. `model` saves preparing the scene again. The result depends
+    on seed and arguments alone. Points without a normal get 0. The standard error of one path is inf.
+    Raises SceneError for a bad pose, ValueError for bad points or paths.
+    """
+    if not 1 <= int(paths) < PATHS_A_POINT:
+        raise ValueError(f"paths must be a whole number >= 1, got {paths}")
+    gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model)
+    s = nothing_gathered(len(gatherer.positions))
+    s.log2_set[:] = 0
+    for _ in _rounds(gatherer, s, STEP, int(paths)):
+        pass
+    return s.mean, s.standard_error
+
+
+def gather_rounds(
+    scene: Scene,
+    positions: np.ndarray,
+    normals: np.ndarray,
+    seed: int,
+    weights: np.ndarray | None = None,
+    poses: Mapping[str, Pose | np.ndarray] | None = None,
+    light_sampling: bool = True,
+    model: Model | None = None,
+    state: Gathered | None = None,
+    step: int = STEP,
+    mobiles: bool = True,
+    rounds: int = ROUNDS,
+) -> Iterator[Gathered]:
+    """Gather without end; yields the state after every `step` paths or so. Stop when it is good enough.
+
+    Points, poses and the rest are those of reference_irradiance(); without `mobiles`, of the static part alone.
+    `weights` (n,) >= 0, areas as a rule: paths go where they lower the weighted error (l1) most; None: as many
+    everywhere. `state`: go on from there, to the same bits as without a break; it is copied. The state yielded is
+    always the same arrays: copy what you keep. Raises SceneError for a bad pose, ValueError for bad points,
+    weights, or a state of other points. `rounds`: of independent paths that AIM would take; more rounds say
+    something sooner, fewer are more even.
+    """
+    gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles)
+    n = len(gatherer.positions)
+    if weights is not None:
+        weights = np.asarray(weights, np.float64)
+        if weights.shape != (n,) or not (np.isfinite(weights).all() and (weights >= 0).all()):
+            raise ValueError(f"weights must be {n} finite numbers >= 0, one a point")
+    if state is not None and len(state.sets) != n:
+        raise ValueError(f"the state is of {len(state.sets)} points, but there are {n}")
+    s = nothing_gathered(n) if state is None else Gathered(*(a.copy() for a in state))
+    if n == 0:
+        while True:
+            yield s
+    if weights is not None:
+        yield from _pilot(gatherer, s, step)
+    if s.log2_set.min() < 0:
+        s.log2_set[:] = EVEN_SET if weights is None else set_sizes(s.pilot, weights, rounds)
+    while True:
+        yield from _rounds(gatherer, s, step, int(s.sets.min()) + 1)
+
+
+def _rounds(gatherer: Gatherer, s: Gathered, step: int, end: int) -> Iterator[Gathered]:
+    """Bring every point to `end` sets, in steps of some `step` paths."""
+    while len(s.sets) and (now := int(s.sets.min())) < end:
+        sets = min(end - now, max(1, step // int((1 << s.log2_set.astype(np.int64)).sum())))
+        for m in map(int, np.unique(s.log2_set)):
+            due = np.flatnonzero((s.sets == now) & (s.log2_set == m))
+            at_once = max(1, step // (sets << m))
+            for first in range(0, len(due), at_once):
+                rows = due[first : first + at_once]
+                values = gatherer.paths(rows, now << m, sets << m, m)
+                _take_in(values, 1 << m, rows, s.sets, s.mean, s.squares)
+                yield s
+
+
+def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> np.ndarray:
+    """Return m of each point, (n,) int8, from its pilot (n, 2) and weight.
+
+    The sum of w s / sqrt(paths) is least, for a given number of paths, where paths go as (w s)^(2/3).
+    """
+    mean, deviation = pilot.T
+    light = float((weights * mean).sum())
+    if light <= 0:
+        return np.zeros(len(pilot), np.int8)
+    scatter = np.maximum(deviation, FLOOR * (weights * deviation).sum() / weights.sum())
+    share = np.maximum(weights * scatter, 1e-300) ** (2 / 3)
+    needed = (np.sqrt(2 / np.pi) * (weights * scatter / np.sqrt(share)).sum() / (AIM * light)) ** 2 * share
+    m = np.round(np.log2(np.maximum(needed / rounds, 1)))
+    return np.minimum(m, strata.LARGEST).astype(np.int8)
+
+
+def _pilot(gatherer: Gatherer, s: Gathered, step: int) -> Iterator[Gathered]:
+    todo = np.flatnonzero(np.isnan(s.pilot[:, 0]))
+    at_once = max(1, step // PILOT)
+    for first in range(0, len(todo), at_once):
+        rows = todo[first : first + at_once]
+        light = luminance(gatherer.paths(rows, 0, PILOT, stream=PILOT_STREAM))
+        s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
+        yield s
+
+
+@kernel
+def _take_in(values, size, rows, sets, mean, squares):
+    """Add sets of `size` paths, values (rows, paths, 3), to the running means and squares (Welford 1962)."""
+    for k in range(len(rows)):
+        i = rows[k]
+        for first in range(0, values.shape[1], size):
+            sets[i] += 1
+            for c in range(3):
+                total = 0.0
+                for j in range(first, first + size):
+                    total += values[k, j, c]
+                off = total / size - mean[i, c]
+                mean[i, c] += off / sets[i]
+                squares[i, c] += off * (total / size - mean[i, c])

@@ -1,0 +1,50 @@
+"""Directions of bounces that many receivers share: drawn once for all of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gi_core.base import random_numbers
+from gi_core.base.jit import kernel
+from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V
+from gi_core.lights.bsdf import lambertian
+
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of a turn, from one direction to the next
+
+
+def shared_directions(seed: int, m: int, kinds: int) -> np.ndarray:
+    """Return unit directions (kinds, 2^m, 3) float64, cosine-distributed about the third axis.
+
+    Each kind is stratified over the hemisphere, and so are all kinds together.
+    """
+    out = np.empty((kinds, 1 << m, 3))
+    _draw(seed, out)
+    return out
+
+
+@kernel
+def _draw(seed, out):
+    kinds, n = out.shape[:2]
+    # Fibonacci's spiral, turned and shifted by chance: of such few directions the most even (Marques et al. 2013).
+    # Each kind is such a spiral, and they are turned against each other so that all together are even too. Every
+    # fourth direction of one spiral is not: four golden steps are nearly half a turn.
+    shift, turn = random_numbers.independent(seed, 0, 0, SCATTER_U), random_numbers.independent(seed, 0, 0, SCATTER_V)
+    for j in range(n):
+        for c in range(kinds):
+            u, v = (kinds * j + c + shift) / (kinds * n), ((j + c / kinds) * GOLDEN + turn) % 1.0
+            out[c, j, 0], out[c, j, 1], out[c, j, 2] = lambertian.sample(u, v)
+
+
+@kernel
+def bounces(directions, kinds, normals, out):
+    """Turn the directions (kinds, P, 3) of one kind per normal to n normals: writes (n P, 3)."""
+    k = 0
+    for row in range(len(normals)):
+        ax, ay, az, bx, by, bz = random_numbers.basis(normals[row, 0], normals[row, 1], normals[row, 2])
+        for d in directions[kinds[row]]:
+            out[k, 0] = d[0] * ax + d[1] * bx + d[2] * normals[row, 0]
+            out[k, 1] = d[0] * ay + d[1] * by + d[2] * normals[row, 1]
+            out[k, 2] = d[0] * az + d[1] * bz + d[2] * normals[row, 2]
+            k += 1

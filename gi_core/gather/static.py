@@ -1,0 +1,132 @@
+"""Irradiance of the static part without mobiles, by path tracing, in two phases.
+
+Phase 1 is final gathering (`final_gather.py`). Its paths have one bounce and end in the photons' light, later in the
+light that the last pair of sets found. Its noise is low within seconds, but some of the photons' error stays.
+Phase 2 traces whole paths in rounds (`reference.py`), which have no bias. They take over at the noise that
+phase 1 ends with. Both are smoothed as far as their noise asks for (`denoise.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from gi_core.gather.denoise import smoothed
+from gi_core.gather.final_gather import FinalGather
+from gi_core.gather.reference import Gathered, gather_rounds
+from gi_core.geometry.error import luminance
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.mesh_neighbours import neighbours
+from gi_core.model import Model
+
+ENOUGH = 0.007  # noise, relative l1, that phase 2 ends with; with interpolation the light is within a percent
+LOW = 1.4  # times ENOUGH: noise that phase 1 ends with, and below which whole paths take over
+ROUNDS = 24  # before 1 % is reached: the first noise is known after two
+STEP = 1 << 13  # paths per step: some 30 ms, since a drag that begins waits for it
+
+
+class StaticGather:
+    """Irradiance of the static part's receivers without mobiles.
+
+    mean (n, 3) float64 [W/m2], smoothed; noise: its relative l1 noise before smoothing, inf before the first answer;
+    deviation (n,) [W/m2], the standard error of its luminance; state: the whole paths so far, or None.
+    """
+
+    def __init__(
+        self, model: Model, seed: int, photons: Callable[[], np.ndarray | None], state: Gathered | None = None
+    ):
+        """photons() returns these receivers' irradiance (n, 3) by photons so far, or None.
+
+        state: of an earlier run with the same scene and seed. Raises ValueError for the state of another scene.
+        """
+        rows = model.surfaces.receiver_range(0)
+        points, normals = evaluation_points(model.surfaces, model.object_receivers)
+        self.weights = model.object_receivers.areas[rows].copy()
+        if state is not None and len(state.sets) != len(self.weights):
+            raise ValueError(f"the state is of {len(state.sets)} points, but there are {len(self.weights)}")
+        self._paid = self.weights.copy()
+        # Probes have no area, but are read.
+        self._paid[model.first_probe :] = self._paid.mean() if len(self._paid) else 0.0
+        self._model, self._seed, self._photons = model, seed, photons
+        self._points = points[rows], normals[rows]
+        self._final = FinalGather(model, seed, *self._points, self._paid)
+        self._near = neighbours(model.corners(0), rows.stop)
+        self.state = state
+        self.mean, self.noise, self.deviation = np.zeros((0, 3)), float("inf"), np.zeros(0)
+        lit = len(self.weights) and len(model.emitters.kind)
+        self._left = float("inf" if lit else "nan")  # noise of whole paths that have been looked at
+
+    @property
+    def enough(self) -> bool:
+        """Whether nothing is left to do. The noise is nan without receivers and without light."""
+        return not self._left > ENOUGH
+
+    @property
+    def fraction(self) -> float:
+        """Share of the way to ENOUGH, 0 .. 1: noise falls with the root of the paths. 0 before the second round."""
+        return min((ENOUGH / self._left) ** 2, 1.0) if self._left > 0 else 1.0
+
+    def steps(self) -> Iterator[bool | None]:
+        """Gather until it is enough, in steps of some 30 ms; yields True where `mean` is new.
+
+        May be dropped between steps and begun again, with the same result.
+        """
+        if not self.enough:
+            yield from self._single_bounces()
+            yield from self._whole_paths()
+
+    def _single_bounces(self) -> Iterator[bool | None]:
+        f = self._final
+        known = np.inf if self.state is None else self.state.noise(self.weights)
+        if self._photons() is None or not min(known, f.noise) > LOW * ENOUGH:
+            return
+        for new in f.steps(lambda: self._known(self._photons())):
+            yield False
+            if new and f.noise < self.noise:
+                yield from self._take_over(f.mean, f.standard_error, f.noise)
+            if not f.noise > LOW * ENOUGH:
+                return
+
+    def _whole_paths(self) -> Iterator[bool | None]:
+        rounds, looked_at = self._rounds(), 1
+        while not self.enough:
+            if (done := _complete_rounds(self.state)) > looked_at:
+                looked_at, noise = done, self.state.noise(self.weights)
+                if noise < max(self.noise, LOW * ENOUGH):
+                    yield from self._take_over(self.state.mean, self.state.standard_error, noise)
+                self._left = noise
+            else:
+                self.state = next(rounds)
+                yield False
+
+    def _rounds(self) -> Iterator[Gathered]:
+        given = self._model.scene, *self._points, self._seed, self._paid
+        return gather_rounds(*given, model=self._model, state=self.state, step=STEP, mobiles=False, rounds=ROUNDS)
+
+    def _known(self, photons: np.ndarray) -> np.ndarray:
+        """Return the irradiance (n, 3) at the ends of single bounces: by the last of them, else by photons.
+
+        A receiver that sees nothing lies inside another object, at a corner of faces that reach out of it. There the
+        photons' discs still know the light beside it. The sum over all receivers is the photons', which has no bias:
+        interpolation between vertices would lose light at every reflection.
+        """
+        last = self._final.last
+        out = np.where(luminance(last)[:, None] > 0, last, photons)
+        mine, theirs = self.weights @ out, self.weights @ photons
+        return out * np.divide(theirs, mine, out=np.ones(3), where=mine > 0)
+
+    def _take_over(self, mean: np.ndarray, standard_error: np.ndarray, noise: float) -> Iterator[bool | None]:
+        """Smooth this light and make it `mean`, in steps; the arrays must not change between them."""
+        given = self.weights, self._near, self._seed, self._model.threads
+        found = yield from smoothed(mean, standard_error, *given)
+        self.mean, self.noise = found.irradiance.copy(), noise
+        self.deviation = found.share * luminance(standard_error)
+        yield True
+
+
+def _complete_rounds(state: Gathered | None) -> int:
+    """Return the rounds that have come to all points; 0 within a round."""
+    if state is None or not len(state.sets) or state.sets.min() < state.sets.max():
+        return 0
+    return int(state.sets.min())

@@ -1,0 +1,1 @@
+"""Surfaces as flat arrays: receivers, textures, tessellation, measures of error over them."""

@@ -1,0 +1,95 @@
+"""Surfaces cut out by their texture's transparency: leaves on cards, fences, grilles.
+
+Pictures show the holes texel by texel. Light knows triangles only: those of which nothing is left are taken away, the
+others block it whole, so that the finer the mesh the truer the shadow.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.geometry.paint import rows_of
+from gi_core.scene.types import Mesh, Texture
+
+HALF = 128  # of a byte of `Texture.cover`: from there on the surface is there
+
+
+def cover_of(alpha: np.ndarray, factor: float, cutoff: float) -> np.ndarray:
+    """Return alpha (h, w) uint8 times `factor`, stretched so that `cutoff` becomes HALF: one threshold for all."""
+    if cutoff <= 0:
+        return np.full(alpha.shape, 255, np.uint8)
+    return np.round(np.clip(alpha * (0.5 * factor / cutoff), 0, 255)).astype(np.uint8)
+
+
+def bled(pixels: np.ndarray, cover: np.ndarray) -> np.ndarray:
+    """Return pixels (h, w, 3) with those cut away in the mean colour of the rest: it runs into what is seen."""
+    there = cover >= HALF
+    if there.all() or not there.any():
+        return pixels
+    filled = pixels.copy()
+    filled[~there] = np.round(pixels[there].mean(axis=0)).astype(np.uint8)
+    return filled
+
+
+def covered(texture: Texture, uv: np.ndarray) -> np.ndarray:
+    """Return whether the surface is there (n,) at places uv (n, 2) of a texture that has a cover."""
+    h, w = texture.cover.shape
+    at = np.clip(np.nan_to_num(uv), -1e6, 1e6) * [w, h]
+    if texture.nearest:
+        corners = [(np.floor(at).astype(np.int64), np.ones(len(at)))]
+    else:
+        first = np.floor(at - 0.5)
+        f = at - 0.5 - first
+        first = first.astype(np.int64)
+        corners = [(first + (i, j), np.abs(1 - i - f[:, 0]) * np.abs(1 - j - f[:, 1])) for i in (0, 1) for j in (0, 1)]
+    total = np.zeros(len(at))
+    for texel, weight in corners:
+        column, row = (_wrapped(texel[:, k], n, texture.wrap[k]) for k, n in enumerate((w, h)))
+        total += weight * texture.cover[row, column]
+    return total >= HALF - 0.5
+
+
+def without_holes(mesh: Mesh) -> Mesh:
+    """Return the mesh without the triangles of which the cover of their texture leaves nothing."""
+    if mesh.paint is None or all(t.cover is None for t in mesh.paint.textures):
+        return mesh
+    keep = np.ones(len(mesh.faces), bool)
+    for t, texture in enumerate(mesh.paint.textures):
+        rows = np.flatnonzero(mesh.paint.face_texture == t)
+        if texture.cover is not None and len(rows):
+            keep[rows] = _anything(texture, mesh.paint.corner_uv[rows])
+    if keep.all() or not keep.any():
+        return mesh
+    rows = np.flatnonzero(keep)
+    corner = {k: v if v is None else v[rows] for k, v in mesh._asdict().items() if k not in ("vertices", "paint")}
+    return mesh._replace(paint=rows_of(mesh.paint, rows), **corner)
+
+
+def _anything(texture: Texture, uv: np.ndarray) -> np.ndarray:
+    """Return whether anything is there within the box (n,) round each triangle uv (n, 3, 2)."""
+    h, w = texture.cover.shape
+    uv = np.clip(np.nan_to_num(uv.astype(np.float64)), -1e6, 1e6)
+    # Counts of what is there left of and above each texel, over two periods: a box begins in the first of them.
+    there = np.tile(texture.cover >= HALF, (2, 2))
+    count = np.zeros((2 * h + 1, 2 * w + 1), np.int64)
+    count[1:, 1:] = there.cumsum(axis=0).cumsum(axis=1)
+    size = np.array([w, h])
+    # Half a texel more all round, for interpolation.
+    low = np.floor(uv.min(axis=1) * size - 0.5).astype(np.int64)
+    high = np.floor(uv.max(axis=1) * size + 0.5).astype(np.int64) + 1
+    inside = (low >= 0) & (high <= size)
+    repeats = np.array([way == "repeat" for way in texture.wrap])
+    high = np.minimum(high - low, size) + low % size
+    low = low % size
+    (x, y), (u, v) = low.T, high.T
+    found = count[v, u] - count[y, u] - count[v, x] + count[y, x] > 0
+    return found | ~(inside | repeats).all(axis=1)  # beyond an edge that does not repeat: kept
+
+
+def _wrapped(i: np.ndarray, n: int, way: str) -> np.ndarray:
+    if way == "repeat":
+        return i % n
+    if way == "mirror":
+        i = i % (2 * n)
+        return np.where(i < n, i, 2 * n - 1 - i)
+    return np.clip(i, 0, n - 1)

@@ -1,0 +1,36 @@
+"""Where truth is evaluated for each receiver (design: "Error, defined once")."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.geometry.receivers import Receivers
+from gi_core.geometry.surfaces import Surfaces
+
+INWARD = 1e-2  # of the way to the mean centroid of a receiver's faces: well inside a cell, far from the wall
+LIFT = 1e-3  # of the mean distance to those centroids: a tenth of INWARD, so an edge point stays beside the wall
+
+
+def evaluation_points(surfaces: Surfaces, receivers: Receivers) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions and normals, both (R, 3) float64.
+
+    A vertex at an edge lies in its neighbour's plane, where every ray hits that wall at once. So each
+    receiver moves by INWARD of the way to the mean centroid of its faces and is then lifted along its
+    normal. On a convex surface the centroids lie below the tangent plane: there only the part of the
+    way in that plane is taken. Centroids are those of receivers, so `receivers` may be at any poses.
+    Receivers without faces (probes) stay where they are.
+    """
+    P, N = receivers.positions, receivers.normals
+    way, distance, count = np.zeros_like(P), np.zeros(len(P)), np.zeros(len(P))
+    for corners in (surfaces.corner_front, surfaces.corner_back[(surfaces.corner_back >= 0).all(axis=1)]):
+        centroid = P[corners].mean(axis=1) if len(corners) else np.zeros((0, 3))
+        for k in range(3):
+            step = centroid - P[corners[:, k]]
+            np.add.at(way, corners[:, k], step)
+            np.add.at(distance, corners[:, k], np.sqrt((step * step).sum(axis=1)))
+            np.add.at(count, corners[:, k], 1)
+    way /= np.maximum(count, 1)[:, None]
+    distance /= np.maximum(count, 1)
+    below = np.minimum((way * N).sum(axis=1), 0)
+    way -= below[:, None] * N
+    return P + INWARD * way + (LIFT * distance)[:, None] * N, N.copy()

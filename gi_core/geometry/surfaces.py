@@ -1,0 +1,108 @@
+"""Every object of a scene flattened into arrays with one global numbering of faces and receivers.
+
+Object 0 is the static part, object i + 1 is `scene.mobiles[i]`. Geometry stays in object space.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.vectors import cross, length
+from gi_core.geometry.receivers import Receivers, build_receivers, no_receivers
+from gi_core.geometry.texture_filter import mean_colours
+from gi_core.scene.types import Mesh, Paint, Scene
+
+
+class Surfaces(NamedTuple):
+    """Faces of all objects; per-face arrays are in global face order."""
+
+    vertices: tuple[np.ndarray, ...]  # an object: (V, 3) float64, object space [m]
+    faces: tuple[np.ndarray, ...]  # an object: (F, 3) int32 into that object's vertices
+    first_face: np.ndarray  # (objects + 1,) int64
+    normals: np.ndarray  # (F, 3) float64 unit, object space
+    areas: np.ndarray  # (F,) float64 [m2]
+    reflectance: np.ndarray  # (F, 3) float64
+    emission: np.ndarray  # (F, 3) float64 Le [W/m2/sr]
+    two_sided: np.ndarray  # (F,) bool
+    corner_front: np.ndarray  # (F, 3) int32, receiver of each corner on the front
+    corner_back: np.ndarray  # (F, 3) int32, on the back; -1 where the face is one-sided
+    patch: np.ndarray  # (F,) int32, connected smooth patch
+    first_receiver: np.ndarray  # (objects + 1,) int64
+    paint: tuple[Paint | None, ...]  # an object: what `reflectance` is the mean of; None: nothing finer
+
+    @property
+    def objects(self) -> int:
+        return len(self.vertices)
+
+    def face_range(self, o: int) -> slice:
+        return slice(int(self.first_face[o]), int(self.first_face[o + 1]))
+
+    def receiver_range(self, o: int) -> slice:
+        return slice(int(self.first_receiver[o]), int(self.first_receiver[o + 1]))
+
+
+def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receivers]:
+    """Flatten a scene; the receivers come back in object space, in global order; or there are none."""
+    meshes = [scene.static, *(m.mesh for m in scene.mobiles)]
+    rho = np.array([m.reflectance for m in scene.materials], np.float64).reshape(-1, 3)
+    Le = np.array([m.emission for m in scene.materials], np.float64).reshape(-1, 3)
+    sided = np.array([m.two_sided for m in scene.materials], bool)
+    parts, receivers = [], []
+    receiver_count = patch_count = 0
+    for mesh in meshes:
+        two_sided = sided[mesh.face_material]
+        normals, areas = face_normals(mesh)
+        built = build_receivers(mesh, normals, areas, two_sided) if with_receivers else no_receivers(mesh)
+        front = built.corner_front + receiver_count
+        back = np.where(built.corner_back >= 0, built.corner_back + receiver_count, -1)
+        reflectance = mesh.face_reflectance
+        if reflectance is None:
+            reflectance = rho[mesh.face_material] if mesh.paint is None else mean_colours(mesh.paint)
+        parts.append(
+            (normals, areas, reflectance, Le[mesh.face_material], two_sided, front, back, built.patch + patch_count)
+        )
+        # Probes are receivers too, without faces: the last ones of the static part.
+        receivers.append(_with_probes(built.receivers, scene) if mesh is scene.static else built.receivers)
+        receiver_count += len(receivers[-1].positions)
+        patch_count += int(built.patch.max(initial=-1)) + 1
+    normals, areas, reflectance, emission, two_sided, front, back, patch = (
+        np.concatenate(c) for c in zip(*parts, strict=True)
+    )
+    surfaces = Surfaces(
+        vertices=tuple(np.ascontiguousarray(m.vertices, np.float64) for m in meshes),
+        faces=tuple(np.ascontiguousarray(m.faces, np.int32) for m in meshes),
+        first_face=_offsets([len(m.faces) for m in meshes]),
+        normals=normals,
+        areas=areas,
+        reflectance=np.ascontiguousarray(reflectance, np.float64),
+        emission=emission,
+        two_sided=two_sided,
+        corner_front=front.astype(np.int32),
+        corner_back=back.astype(np.int32),
+        patch=patch.astype(np.int32),
+        first_receiver=_offsets([len(r.positions) for r in receivers]),
+        paint=tuple(m.paint for m in meshes),
+    )
+    return surfaces, Receivers(*(np.concatenate(c) for c in zip(*receivers, strict=True)))
+
+
+def _with_probes(receivers: Receivers, scene: Scene) -> Receivers:
+    positions = np.array([p.position for p in scene.probes], np.float64).reshape(-1, 3)
+    normals = np.array([p.normal for p in scene.probes], np.float64).reshape(-1, 3)
+    normals = normals / np.sqrt((normals * normals).sum(axis=1))[:, None]
+    more = Receivers(positions, normals, np.zeros(len(positions)))
+    return Receivers(*(np.concatenate(pair) for pair in zip(receivers, more, strict=True)))
+
+
+def face_normals(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return unit normals (F, 3) and areas (F,); a zero-area face has normal 0."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    double = cross(b - a, c - a)
+    size = length(double)
+    return double / np.where(size > 0, size, 1)[:, None], size / 2
+
+
+def _offsets(counts: list[int]) -> np.ndarray:
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -1,0 +1,1 @@
+"""Instruments around the solver: lower bounds, search timing, compilation ahead of use."""

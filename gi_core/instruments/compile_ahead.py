@@ -1,0 +1,192 @@
+"""Compiling every kernel before it is needed, so that nothing compiles while a user waits.
+
+`python -m gi_core.instruments.compile_ahead` does it in a process of its own and prints a line "done/total name" a
+step: the viewer's window stays live meanwhile, and finds the kernels in the disk cache. A stamp in
+the cache folder says that it has been done for these sources.
+
+Where there is a second core, another process takes the same steps from the last one backwards; whichever comes to a
+kernel first compiles it, the other finds it in the cache.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.jit import cache_folder
+from gi_core.base.nearest_points import count_within, nearest
+from gi_core.base.threads import available_cores
+from gi_core.discs.search import SEARCHES
+from gi_core.estimators import ESTIMATORS
+from gi_core.files.completion.pilot import Rays, useful_box
+from gi_core.files.completion.refinement import refined
+from gi_core.gather.denoise import smoothed
+from gi_core.gather.mobile import MobileGather
+from gi_core.gather.reference import gather_rounds
+from gi_core.geometry.mesh_neighbours import neighbours
+from gi_core.geometry.texture_filter import lookup
+from gi_core.geometry.texture_footprint import footprints
+from gi_core.model import Model
+from gi_core.scene.types import Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
+from gi_core.solver import Solver
+
+FROM_BEHIND = "--from-behind"
+STAMP = "complete"
+# Seconds of one core that each step takes, so that a bar moves evenly; 1 for those that are not named.
+COSTS = {"photon tracing": 13, "tangent_plane": 12, "photon_map": 5, "ray_cache": 8, "reference": 6}
+# Upright at a corner of the floor: each is in a disc of the other.
+TOUCHING = Pose((1.0, 0.95, 0.45), (0.5**0.5, 0.5**0.5, 0.0, 0.0))
+
+
+class Step(NamedTuple):
+    """A compilation step that is about to run."""
+
+    done: int
+    total: int
+    name: str
+
+
+def is_warm() -> bool:
+    """Tell whether all kernels of these sources are in the disk cache."""
+    return (cache_folder() / STAMP).is_file()
+
+
+def compile_kernels() -> Iterator[Step]:
+    """Run a tiny scene through everything; yields before each step, and once at the end."""
+    parts = _parts()
+    total, done = sum(COSTS.get(name, 1) for name, _ in parts), 0
+    with _from_behind():
+        for name, run in parts:
+            yield Step(done, total, name.replace("_", " "))
+            run()
+            done += COSTS.get(name, 1)
+    cache_folder().mkdir(parents=True, exist_ok=True)
+    (cache_folder() / STAMP).touch()
+    yield Step(total, total, "ready")
+
+
+def _parts() -> list[tuple[str, Callable[[], None]]]:
+    """Return the steps, which may be taken in any order."""
+    tiny = functools.cache(_trace)  # a solver compiles as soon as it is made
+    parts: list[tuple[str, Callable[[], None]]] = [("photon tracing", tiny)]
+    parts += [(name, lambda name=name: _estimate(tiny(), name)) for name in ESTIMATORS]
+    parts += [(name, lambda name=name: _search(tiny(), name)) for name in SEARCHES]
+    return [*parts, ("loading", _prepare), ("reference", _gather)]
+
+
+@contextmanager
+def _from_behind() -> Iterator[None]:
+    """Let another process take the steps from the last one backwards, if a core is free for it."""
+    if available_cores() == 1:
+        yield
+        return
+    process = subprocess.Popen(
+        [sys.executable, "-m", "gi_core.instruments.compile_ahead", FROM_BEHIND],
+        cwd=Path(__file__).parents[2],  # found there, installed or not
+        stdin=subprocess.PIPE,  # which closes when this process ends, however it does
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+    )
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+        process.stdin.close()
+
+
+def _compile_backwards() -> None:
+    """Take the steps from the last one backwards, until standard input ends."""
+    threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
+    for _, run in reversed(_parts()):
+        run()
+
+
+def _trace() -> Solver:
+    solver = Solver(_tiny_scene(), "impact_count", photons=64, radius=0.1, neighbours=4)
+    solver.solve()
+    _see_texture()
+    return solver
+
+
+def _prepare() -> None:
+    """Do what loading a stranger's file does, and choosing settings."""
+    scene = _tiny_scene()
+    rays = Rays(scene)
+    refined(scene, rays, useful_box(scene, rays), 1000)
+    points = scene.static.vertices
+    nearest(points, points, 2)
+    count_within(points, points, 1.0)
+
+
+def _estimate(solver: Solver, name: str) -> None:
+    solver.configure(estimator=name)
+    solver.solve()
+    solver.move("mobile", Pose((0.0, 0.0, 0.4)))
+    solver.move("mobile", TOUCHING)
+    solver.from_scratch()
+
+
+def _search(solver: Solver, name: str) -> None:
+    solver.configure(estimator="tangent_plane", search=name)
+    solver.solve()
+
+
+def _tiny_scene() -> Scene:
+    """A floor, a ceiling, a lamp of each kind that kernels tell apart, and a mobile that cuts light."""
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float64)
+    quad = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    vertices = np.concatenate([corners, corners + [0, 0, 1]])
+    faces = np.concatenate([quad, quad[:, ::-1] + 4]).astype(np.int32)
+    uv = np.broadcast_to(np.array([[0, 0], [1, 0], [1, 1]], np.float32), (4, 3, 2))
+    image = Texture(np.full((3, 3, 3), 128, np.uint8))
+    paint = Paint((image,), np.zeros(4, np.int32), uv, np.ones((4, 3, 3), np.float32))
+    static = Mesh(vertices, faces, np.array([0, 0, 1, 1], np.int32), paint=paint)
+    mobile = Mobile("mobile", Mesh(0.5 * corners, quad, np.array([2, 2], np.int32)), Pose((0.0, 0.0, 0.5)))
+    materials = (
+        Material("floor"),
+        Material("lamp", emission=(1.0, 1.0, 1.0)),
+        Material("leaf", two_sided=True),
+    )
+    return Scene(static, materials, (mobile,), (PointLight("bulb", (0.0, 0.0, 0.9), (1.0, 1.0, 1.0)),), up=(0, 0, 1))
+
+
+def _gather() -> None:
+    """Gather a few unbiased paths."""
+    up = np.array([[0.0, 0.0, 1.0]])
+    for state in gather_rounds(_tiny_scene(), 0.1 * up, up, 0):
+        if state.sets[0] == 2:
+            break
+    scene = _tiny_scene()
+    (mobile,) = scene.mobiles
+    model = Model(replace(scene, mobiles=(mobile, mobile._replace(name="above it", pose=Pose((0.0, 0.0, 0.7))))))
+    MobileGather(model, 0).irradiance(model.transforms(model.start_poses()), np.zeros((model.first_probe, 3)), 1)
+    # Smooth three receivers of one face.
+    for _ in smoothed(*np.ones((2, 3, 3)), np.ones(3), neighbours(np.array([[0, 1, 2]]), 3), 0, 1):
+        pass
+
+
+def _see_texture() -> None:
+    """Look at one pixel of a texture: pictures without a window do."""
+    corners, uv = np.eye(3, dtype=np.float32)[None], np.zeros((1, 3, 2), np.float32)
+    one, ray = np.zeros(1), np.full((1, 3), 0.5, np.float32)
+    seen = footprints(corners, uv, np.zeros(1, np.int64), one, one, np.zeros(3), ray, np.eye(3))
+    lookup(Texture(np.full((3, 3, 3), 128, np.uint8)), *seen)
+
+
+if __name__ == "__main__" and FROM_BEHIND in sys.argv:
+    _compile_backwards()
+elif __name__ == "__main__":
+    for step in compile_kernels():
+        print(f"{step.done}/{step.total} {step.name}", flush=True)

@@ -1,0 +1,103 @@
+"""Disc searches apart from a solver's frames: some of the static discs, some photons' segments, one call to time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.discs.region import WHOLE, Regions, whole_discs
+from gi_core.discs.search import SEARCHES
+from gi_core.discs.search.predicate import Discs, Lines, lines, to_list
+from gi_core.geometry.sides import NONE
+from gi_core.model import Model
+from gi_core.photons.flux_sums import Sums
+from gi_core.photons.paths import Segments, concatenate, segments_of
+from gi_core.solver import Solver
+
+PROBES = (1, 8, 64)
+
+
+def static_discs(model: Model, radius: float, materials: Iterable[str] | None = None) -> Discs:
+    """Return the discs of the static part's receivers, whole; those on other materials than the named ones see nothing.
+
+    Receivers between two materials belong to both.
+    """
+    rows, s = model.surfaces.receiver_range(0), model.surfaces
+    region = whole_discs(model, 0, radius)
+    if materials is not None:
+        named = [k for k, m in enumerate(model.scene.materials) if m.name in set(materials)]
+        faces = np.flatnonzero(np.isin(model.scene.static.face_material, named))
+        meant = np.zeros(rows.stop - rows.start, bool)
+        for corners in (s.corner_front[faces].reshape(-1), s.corner_back[faces].reshape(-1)):
+            meant[corners[corners >= 0]] = True
+        region.area[~meant] = 0.0
+    r = model.object_receivers
+    positions, normals = (np.ascontiguousarray(a[rows], np.float32) for a in (r.positions, r.normals))
+    return Discs(positions, normals, model.receiver_sides[rows], model.backs(0), np.float32(radius), region)
+
+
+def photon_lines(solver: Solver, photons: int, radius: float) -> Lines:
+    """Return all background segments of the first photons, which the solver has traced, ready for static discs."""
+    paths = solver.frame_parts().photons.prefix(photons)[0]
+    return _ready(solver, segments_of(paths, solver.model.eps, 0, photons), radius)
+
+
+def frame_lines(solver: Solver, radius: float) -> Lines:
+    """Return the segments that the solver's current frame takes out and puts in, ready for static discs."""
+    return _ready(
+        solver,
+        concatenate([solver.frame_parts().change.tails.segments(), solver.frame_parts().change.branches]),
+        radius,
+    )
+
+
+def _ready(solver: Solver, segments: Segments, radius: float) -> Lines:
+    at = solver.model.static
+    return lines(segments, at.rotation[0], at.position[0], solver.model, radius)
+
+
+class Job(NamedTuple):
+    """A search that a frame does, or could."""
+
+    name: str
+    discs: Discs
+    lines: Lines
+    anew: bool  # the discs are others in each frame: a search over them has to be made, too
+
+
+def few_receivers(solver: Solver, probes: Iterable[int] = PROBES) -> list[Job]:
+    """Return searches over few discs, from the last frame of a solver whose estimator is tangent_plane.
+
+    Receivers of each mobile, with the segments near it; static receivers in contact, with those beside them; and
+    so many probes, apart from all other receivers, with all segments of the background.
+    """
+    frame, estimate, model = solver.frame_parts().change, solver.frame_parts().background.estimate, solver.model
+    at, jobs = frame.at, []
+    for o, near in enumerate(frame.near, 1):
+        over = lines(near, at.rotation[o], at.position[o], model, solver.radius)
+        jobs.append(Job(model.names[o - 1], estimate._searches[o].discs, over, False))
+    contact = estimate._contact
+    beside = contact.static_discs(contact.met(at, mobiles=bool(frame.near)))
+    jobs.append(Job("in contact", beside, _ready(solver, frame.beside, solver.radius), True))
+    d, rng = estimate._searches[0].discs, np.random.default_rng(solver.seed)
+    over, listed = photon_lines(solver, frame.photons, solver.radius), np.flatnonzero(to_list(d))
+    for n in probes:
+        rows, alone = rng.choice(listed, n, replace=False), np.full(n, NONE, np.int32)
+        region = Regions(np.full(n, WHOLE, np.int32), d.regions.reach[:0], d.regions.area[rows])
+        few = Discs(d.positions[rows], d.normals[rows], np.full(n, NONE, np.int32), alone, d.radius, region)
+        jobs.append(Job("a probe" if n == 1 else f"{n} probes", few, over, False))
+    return [job for job in jobs if len(job.discs.positions) and len(job.lines.low)]
+
+
+class SearchTrial:
+    """One search over some discs."""
+
+    def __init__(self, search: str, discs: Discs, pretest: str = "none"):
+        self.search = SEARCHES[search](discs, pretest)
+        self._sums = Sums.zeros(len(discs.positions))
+
+    def run(self, over: Lines) -> Callable[[], int]:
+        """Return a call that adds the lines to sums nobody reads, on one thread; it returns the crossings found."""
+        return lambda: self.search.splat(over, 1, self._sums)

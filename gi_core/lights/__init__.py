@@ -1,0 +1,1 @@
+"""Lights: how each one emits photons, and how shadow rays sample it."""

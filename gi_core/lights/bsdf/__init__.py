@@ -1,0 +1,1 @@
+"""Surface models, one per file."""

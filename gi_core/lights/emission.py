@@ -1,0 +1,188 @@
+"""Photon i: its light, origin, direction and flux (report Alg. 2.3.1).
+
+The report deals photons out to lights in proportion to their flux, so photon i depends on N. Here a
+number of a low-discrepancy sequence picks the light, which depends on (seed, i) alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base import random_numbers
+from gi_core.base.fixed_point import UNITS
+from gi_core.base.jit import kernel
+from gi_core.geometry.surfaces import Surfaces
+from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
+
+AREA, POINT, SPOT, DIRECTIONAL, SKY = range(5)
+NO_FACE = -1  # a path starts in free space, or ends there
+
+
+class Emitters(NamedTuple):
+    """All that emits: each emissive face is one emitter, each other light one.
+
+    `parameters` by kind: AREA three corners (9) and unit normal (3); POINT position (3); SPOT
+    position (3), axis (3), cos inner, cos outer; DIRECTIONAL direction (3), disc centre (3), disc
+    radius; SKY up (3), centre (3), radius.
+    """
+
+    kind: np.ndarray  # (E,) int64
+    parameters: np.ndarray  # (E, 12) float64
+    face: np.ndarray  # (E,) int64, global face of an area emitter, else NO_FACE
+    flux: np.ndarray  # (E, 3) float64 [W]
+    cdf: np.ndarray  # (E,) float64, running share of the largest channel of flux, ends at 1
+    units: np.ndarray  # (E, 3) int64, flux of one photon of this emitter in fixed-point units
+    unit_flux: float  # watts per fixed-point unit, times the number of photons
+
+    @property
+    def total_flux(self) -> np.ndarray:
+        return self.flux.sum(axis=0)
+
+
+def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius: float) -> Emitters:
+    """Collect the emitters; directional and sky light start on a disc that covers the sphere given."""
+    kinds, parameters, faces, flux = [], [], [], []
+
+    def add(kind, values, emitted, face=NO_FACE):
+        kinds.append(kind)
+        parameters.append(np.concatenate([values, np.zeros(12 - len(values))]))
+        faces.append(face)
+        flux.append(emitted)
+
+    static = surfaces.face_range(0)
+    for f in np.flatnonzero(surfaces.emission[static].max(axis=1, initial=0) > 0):
+        if surfaces.areas[f] > 0:
+            corners = surfaces.vertices[0][surfaces.faces[0][f]].reshape(9)
+            # A diffuse emitter sends pi Le per area: the cosine over the hemisphere.
+            emitted = math.pi * surfaces.areas[f] * surfaces.emission[f]
+            add(AREA, np.concatenate([corners, surfaces.normals[f]]), emitted, f)
+    for light in scene.lights:
+        if isinstance(light, PointLight):
+            add(POINT, np.array(light.position, float), np.array(light.flux, float))
+        elif isinstance(light, SpotLight):
+            ci, co = (math.cos(math.radians(a)) for a in (light.inner_degrees, light.outer_degrees))
+            values = np.concatenate([light.position, unit(light.direction), [ci, co]])
+            add(SPOT, values, np.array(light.intensity, float) * spot_solid_angle(ci, co))
+        elif isinstance(light, DirectionalLight):
+            d = unit(light.direction)
+            values = np.concatenate([d, centre - d * radius, [radius]])
+            add(DIRECTIONAL, values, np.array(light.irradiance, float) * math.pi * radius * radius)
+        elif isinstance(light, SkyLight):
+            values = np.concatenate([unit(scene.up), centre, [radius]])
+            add(SKY, values, np.array(light.radiance, float) * 2 * math.pi * math.pi * radius * radius)
+    return _distribution(kinds, parameters, faces, flux)
+
+
+def _distribution(kinds, parameters, faces, flux) -> Emitters:
+    flux = np.array(flux, np.float64).reshape(-1, 3)
+    largest = flux.max(axis=1, initial=0)
+    lit = largest > 0
+    flux, largest = flux[lit], largest[lit]
+    total = float(largest.sum())
+    cdf = np.cumsum(largest) / total if total > 0 else np.zeros(0)
+    if len(cdf):
+        cdf[-1] = 1.0
+    # Picked with probability largest / total, every photon's largest channel is `total`.
+    units = np.rint(flux / largest[:, None] * UNITS).astype(np.int64)
+    return Emitters(
+        kind=np.array(kinds, np.int64)[lit],
+        parameters=np.array(parameters, np.float64).reshape(-1, 12)[lit],
+        face=np.array(faces, np.int64)[lit],
+        flux=flux,
+        cdf=cdf,
+        units=units,
+        unit_flux=total / UNITS,
+    )
+
+
+def unit(v) -> np.ndarray:
+    v = np.asarray(v, np.float64)
+    return v / np.sqrt((v * v).sum())
+
+
+def spot_falloff(cosine, cos_inner: float, cos_outer: float):
+    """Return intensity relative to the axis: 1 inside `inner`, the square of a ramp in cos, 0 outside."""
+    ramp = np.clip((cosine - cos_outer) / max(cos_inner - cos_outer, 1e-12), 0, 1)
+    return ramp * ramp
+
+
+def spot_solid_angle(cos_inner: float, cos_outer: float) -> float:
+    """Return the integral of spot_falloff over directions [sr]: 2 pi (1 - ci + (ci - co) / 3)."""
+    return 2 * math.pi * ((1 - cos_inner) + (cos_inner - cos_outer) / 3)
+
+
+@kernel
+def _emit(seed, i, kind, parameters, face, cdf, units, origin, direction, flux, start, k):
+    """Write photon i into row k."""
+    u, v = random_numbers.position_numbers(seed, i)
+    s, t = random_numbers.direction_numbers(seed, i)
+    e = min(np.searchsorted(cdf, u, side="right"), len(cdf) - 1)
+    before = cdf[e - 1] if e > 0 else 0.0
+    # What the choice of the emitter leaves of the number is uniform again.
+    u = min((u - before) / (cdf[e] - before), 1.0)
+    p = parameters[e]
+    ox, oy, oz = p[0], p[1], p[2]
+    dx, dy, dz = 0.0, 0.0, 0.0
+    if kind[e] == AREA:
+        b, c = random_numbers.triangle(u, v)
+        a = 1.0 - b - c
+        ox = a * p[0] + b * p[3] + c * p[6]
+        oy = a * p[1] + b * p[4] + c * p[7]
+        oz = a * p[2] + b * p[5] + c * p[8]
+        x, y, z = random_numbers.cosine_hemisphere(s, t)
+        dx, dy, dz = random_numbers.from_frame(x, y, z, p[9], p[10], p[11])
+    elif kind[e] == POINT:
+        x, y, z = random_numbers.cone(s, t, -1.0)
+        dx, dy, dz = x, y, z
+    elif kind[e] == SPOT:
+        # The flux inside `inner` is 1 - ci, in the ramp (ci - co) / 3; there cos has density ~ ramp^2.
+        inner, ramp = 1.0 - p[6], (p[6] - p[7]) / 3.0
+        outwards = s * (inner + ramp)  # flux nearer the axis
+        z = 1.0 - outwards
+        if outwards > inner:
+            z = p[7] + (p[6] - p[7]) * max(0.0, 1.0 - (outwards - inner) / ramp) ** (1.0 / 3.0)
+        r = math.sqrt(max(0.0, 1.0 - z * z))
+        dx, dy, dz = random_numbers.from_frame(
+            r * math.cos(2.0 * math.pi * t), r * math.sin(2.0 * math.pi * t), z, p[3], p[4], p[5]
+        )
+    elif kind[e] == DIRECTIONAL:
+        x, y = random_numbers.disc(u, v)
+        dx, dy, dz = p[0], p[1], p[2]
+        ax, ay, az = random_numbers.from_frame(x * p[6], y * p[6], 0.0, dx, dy, dz)
+        ox, oy, oz = p[3] + ax, p[4] + ay, p[5] + az
+    else:
+        x, y, z = random_numbers.cone(s, t, 0.0)
+        dx, dy, dz = random_numbers.from_frame(-x, -y, -z, p[0], p[1], p[2])
+        x, y = random_numbers.disc(u, v)
+        ax, ay, az = random_numbers.from_frame(x * p[6], y * p[6], 0.0, dx, dy, dz)
+        ox, oy, oz = p[3] - dx * p[6] + ax, p[4] - dy * p[6] + ay, p[5] - dz * p[6] + az
+    origin[k, 0], origin[k, 1], origin[k, 2] = ox, oy, oz
+    direction[k, 0], direction[k, 1], direction[k, 2] = dx, dy, dz
+    for c in range(3):
+        flux[k, c] = units[e, c]
+    start[k] = face[e] * 2 if face[e] >= 0 else NO_FACE
+
+
+@kernel
+def _emit_range(seed, first, kind, parameters, face, cdf, units, origin, direction, flux, start):
+    for k in range(len(start)):
+        _emit(seed, first + k, kind, parameters, face, cdf, units, origin, direction, flux, start, k)
+
+
+def emit(emitters: Emitters, seed: int, first: int, count: int):
+    """Emit photons first .. first + count - 1.
+
+    Returns origin (n, 3) float32 [m], direction (n, 3) float32 unit, flux (n, 3) int32 in fixed-point
+    units, start (n,) int32 the side they leave (2 face + side, NO_FACE in free space).
+    """
+    origin = np.empty((count, 3), np.float32)
+    direction = np.empty((count, 3), np.float32)
+    flux = np.empty((count, 3), np.int32)
+    start = np.empty(count, np.int32)
+    if count:
+        e = emitters
+        _emit_range(seed, first, e.kind, e.parameters, e.face, e.cdf, e.units, origin, direction, flux, start)
+    return origin, direction, flux, start

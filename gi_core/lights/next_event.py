@@ -1,0 +1,248 @@
+"""Next-event estimation: points on lights, and what arrives from them where nothing blocks the way.
+
+One sampler for the reference, the static part's gathered light and mobiles. A point on an emissive face is weighted
+by the balance heuristic (Veach 1997) against cosine-sampled bounces, which find the same faces.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base import random_numbers, strata
+from gi_core.base.jit import allocating, inlined, kernel
+from gi_core.lights.light_sampling import DIRECTIONAL, SPOT, Lights
+
+LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each path vertex
+
+
+class LightSamples(NamedTuple):
+    """The choices of P paths from each of n starts, s = n; or of P paths that all starts share, s = 1."""
+
+    lamp: np.ndarray  # (s, P) int64, emissive face; (s, 0) where there are none
+    point: np.ndarray  # (s, P, 3) float64 on it [m]
+    density: np.ndarray  # (s, P) float64 [1/m2], of that choice
+    pick: np.ndarray  # (s, P) float64 in [0, 1), among lights without size; (s, 0) where all of them are joined
+
+
+class Shadows(NamedTuple):
+    """Rays from path vertices to lights, and what they bring if nothing is in between. Room for n of them."""
+
+    row: np.ndarray  # (n,) int64, where the sum of the path is
+    origin: np.ndarray  # (n, 3) float32 [m]
+    direction: np.ndarray  # (n, 3) float32 unit
+    limit: np.ndarray  # (n,) float32 [m], a little short of the light
+    value: np.ndarray  # (n, 3) float64 irradiance where the path starts [W/m2]
+
+
+def room_for_shadows(n: int) -> Shadows:
+    """Return room for n rays."""
+    return Shadows(
+        np.empty(n, np.int64),
+        np.empty((n, 3), np.float32),
+        np.empty((n, 3), np.float32),
+        np.empty(n, np.float32),
+        np.empty((n, 3)),
+    )
+
+
+def light_samples(seed: int, m: int, vertex: int, path: np.ndarray, lights: Lights) -> LightSamples:
+    """Choose points on lights for paths (s, P) int64, in sets of 2^m (see strata), at a path vertex."""
+    s, paths = path.shape
+    lamps = paths if len(lights.area.cdf) else 0
+    picks = paths if len(lights.small.kind) > paths else 0
+    out = LightSamples(
+        np.empty((s, lamps), np.int64), np.empty((s, lamps, 3)), np.empty((s, lamps)), np.empty((s, picks))
+    )
+    _sample(seed, m, vertex, path, lights.area, out)
+    return out
+
+
+@kernel
+def _sample(seed, m, vertex, path, lights, out):
+    for k in range(path.shape[0]):
+        for j in range(out.lamp.shape[1]):
+            u = strata.uniform(seed, path[k, j], vertex, LIGHT_U, m)
+            e, p_light, x, y, z = _point_on_lamp(lights, u, strata.uniform(seed, path[k, j], vertex, LIGHT_V, m))
+            out.lamp[k, j], out.density[k, j] = e, p_light
+            out.point[k, j, 0], out.point[k, j, 1], out.point[k, j, 2] = x, y, z
+        for j in range(out.pick.shape[1]):
+            out.pick[k, j] = strata.uniform(seed, path[k, j], vertex, SMALL_PICK, m)
+
+
+@kernel
+def join_area(samples, ends, lights, gap, out):
+    """Join n path ends to points on lamps; return how many could be lit, written to `out`.
+
+    Values [W/m2] sum to P times what the row of an end gets; rays end `gap` [m] before the lamp.
+    """
+    count, own = 0, len(samples.lamp) > 1
+    for k in range(len(ends.row)):
+        position, normal, s = ends.position[k], ends.normal[k], k if own else 0
+        for j in range(samples.lamp.shape[1]):
+            e, p = samples.lamp[s, j], samples.point[s, j]
+            x, y, z = p[0] - position[0], p[1] - position[1], p[2] - position[2]
+            geometry, x, y, z, d = _arriving(x, y, z, normal, lights.normal[e], samples.density[s, j])
+            if geometry <= 0.0:
+                continue
+            for c in range(3):
+                out.value[count, c] = ends.throughput[k, c] * lights.radiance[e, c] * geometry
+            _aim_ray(ends.row[k], position, x, y, z, max(d - gap, 0.0), out, count)
+            count += 1
+    return count
+
+
+@allocating
+def join_small(samples, paths, ends, lights, far, gap, first, out):
+    """Join n path ends to lights without size; as join_area(), written from `first` on; returns where it ends.
+
+    Each end is joined to all of them where they are no more than paths: unoccluded light is then exact. Otherwise each
+    path chooses one, in proportion to the light that it brings if unoccluded.
+    """
+    lamps, count, own = len(lights.kind), first, len(samples.pick) > 1
+    reached, weight = np.empty((lamps, 5)), np.empty(lamps)
+    for k in range(len(ends.row)):
+        position, normal, throughput = ends.position[k], ends.normal[k], ends.throughput[k]
+        total = 0.0
+        for e in range(lamps):
+            reached[e, 0], reached[e, 1], reached[e, 2], reached[e, 3], reached[e, 4] = small_light_at(
+                lights.kind[e], lights.parameters[e], position[0], position[1], position[2],
+                normal[0], normal[1], normal[2], far,
+            )  # fmt: skip
+            weight[e] = reached[e, 0] * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))
+            total += weight[e]
+        if total <= 0.0:
+            continue
+        if lamps <= paths:
+            for e in range(lamps):
+                if weight[e] > 0.0:
+                    _reach(
+                        ends.row[k],
+                        position,
+                        throughput,
+                        reached[e],
+                        paths * reached[e, 0],
+                        lights.value[e],
+                        gap,
+                        out,
+                        count,
+                    )
+                    count += 1
+            continue
+        for j in range(paths):
+            left, chosen = samples.pick[k if own else 0, j] * total, -1
+            for e in range(lamps):
+                if weight[e] > 0.0:
+                    chosen = e  # rounding at the end leaves the last one
+                    left -= weight[e]
+                    if left < 0.0:
+                        break
+            strength = reached[chosen, 0] * (total / weight[chosen])
+            _reach(ends.row[k], position, throughput, reached[chosen], strength, lights.value[chosen], gap, out, count)
+            count += 1
+    return count
+
+
+@kernel
+def _reach(row, position, throughput, reached, strength, value, gap, out, count):
+    for c in range(3):
+        out.value[count, c] = throughput[c] * value[c] * strength
+    _aim_ray(row, position, reached[1], reached[2], reached[3], max(reached[4] - gap, 0.0), out, count)
+
+
+@kernel
+def add_lit(row, value, blocked, total):
+    """Add what rays bring that nothing blocks."""
+    for j in range(len(blocked)):
+        if not blocked[j]:
+            for c in range(3):
+                total[row[j], c] += value[j, c]
+
+
+@inlined
+def _point_on_lamp(lights, u, v):
+    """Return the emissive face that u in [0, 1) chooses, the density [1/m2] of the choice, and a point on it [m]."""
+    e = min(np.searchsorted(lights.cdf, u, side="right"), len(lights.cdf) - 1)
+    before = lights.cdf[e - 1] if e > 0 else 0.0
+    share = lights.cdf[e] - before
+    # What the choice of the face leaves of the number is uniform again.
+    b, c = random_numbers.triangle(min(max((u - before) / share, 0.0), 1.0), v)
+    a = 1.0 - b - c
+    p = lights.corners[e]
+    x, y, z = a * p[0] + b * p[3] + c * p[6], a * p[1] + b * p[4] + c * p[7], a * p[2] + b * p[5] + c * p[8]
+    return e, share / _area(p), x, y, z
+
+
+@inlined
+def _arriving(x, y, z, normal, light_normal, p_light):
+    """Return E / Le of a point on a lamp at (x, y, z) from here, 0 where none can be, the unit direction to it and
+    its distance.
+
+    Weighted by the balance heuristic against cosine-sampled bounces: E = Le cos cos' / d^2 / (p_light + p_bounce),
+    both densities per area. A plain E / p_light has no finite variance where a lamp meets a wall: 1 / d^2 has no
+    bound there.
+    """
+    d2 = x * x + y * y + z * z
+    d = math.sqrt(d2)
+    geometry = 0.0
+    if d2 > 0.0:
+        x, y, z = x / d, y / d, z / d
+        cosine = x * normal[0] + y * normal[1] + z * normal[2]
+        at_light = -(x * light_normal[0] + y * light_normal[1] + z * light_normal[2])
+        if cosine > 0.0 and at_light > 0.0:
+            geometry = cosine * at_light / d2 / (p_light + _bounce_density(cosine, at_light, d2))
+    return geometry, x, y, z, d
+
+
+@inlined
+def share_of_bounce(d, normal, facing, distance, density):
+    """Return what of a lamp's light counts where a bounce along d meets it: p_bounce / (p_light + p_bounce)."""
+    cosine = d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]
+    p_bounce = _bounce_density(max(cosine, 0.0), facing, max(distance * distance, 1e-30))
+    return p_bounce / (p_bounce + density) if p_bounce > 0.0 else 0.0
+
+
+@kernel
+def _bounce_density(cosine, at_light, d2):
+    """Return the density per area [1/m2] with which a cosine-sampled bounce reaches a point."""
+    return cosine / math.pi * at_light / d2
+
+
+@kernel
+def _aim_ray(row, position, x, y, z, limit, out, j):
+    """Write ray j, from a position."""
+    out.row[j], out.limit[j] = row, limit
+    for c in range(3):
+        out.origin[j, c] = position[c]
+    out.direction[j, 0], out.direction[j, 1], out.direction[j, 2] = x, y, z
+
+
+@kernel
+def _area(p):
+    ux, uy, uz = p[3] - p[0], p[4] - p[1], p[5] - p[2]
+    vx, vy, vz = p[6] - p[0], p[7] - p[1], p[8] - p[2]
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return 0.5 * math.sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def small_light_at(kind, p, x, y, z, nx, ny, nz, far):
+    """Return E / value of one light at a point, the unit direction to it and its distance."""
+    if kind == DIRECTIONAL:
+        dx, dy, dz, d = -p[3], -p[4], -p[5], far
+        return max(0.0, dx * nx + dy * ny + dz * nz), dx, dy, dz, d
+    dx, dy, dz = p[0] - x, p[1] - y, p[2] - z
+    d2 = dx * dx + dy * dy + dz * dz
+    if d2 <= 0.0:
+        return 0.0, 0.0, 0.0, 1.0, 0.0
+    d = math.sqrt(d2)
+    dx, dy, dz = dx / d, dy / d, dz / d
+    strength = max(0.0, dx * nx + dy * ny + dz * nz) / d2
+    if kind == SPOT:
+        cosine = -(dx * p[3] + dy * p[4] + dz * p[5])
+        ramp = (cosine - p[7]) / max(p[6] - p[7], 1e-12)
+        ramp = min(1.0, max(0.0, ramp))
+        strength *= ramp * ramp
+    return strength, dx, dy, dz, d

@@ -1,0 +1,208 @@
+"""Background paths as they are stored, and segments as the estimators read them.
+
+Positions are float32: 2^-24 of a room of 10 m is 0.6 um. Flux is int32 fixed-point units. A path
+vertex takes 28 bytes; photons are in index order, so a prefix of photons is a prefix of every array.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.jit import kernel
+from gi_core.base.threads import run_ranges
+from gi_core.geometry.sides import NONE
+from gi_core.rays.accelerator import line
+
+WRITE_GRAIN = 4096  # segments a thread
+END_EXTENSION = 1e-4  # of the world's size: discs of coplanar neighbours are crossed at the hit itself
+
+
+class PathVertices(NamedTuple):
+    """Vertices of the paths of some photons, photon-major."""
+
+    offsets: np.ndarray  # (N + 1,) int64, photon i owns vertices offsets[i] .. offsets[i + 1] - 1
+    position: np.ndarray  # (n, 3) float32 [m]
+    side: np.ndarray  # (n,) int32, 2 face + (1 on the back), NONE in free space
+    flux: np.ndarray  # (n, 3) int32, of the segment that leaves this vertex; 0 at a path's last one
+
+
+class Segments(NamedTuple):
+    """Segments, or parts of them: an interval [low, high) of distance along a line.
+
+    The line runs from `origin` to `end` (its static end) and stays whole when a mobile cuts it.
+    """
+
+    origin: np.ndarray  # (S, 3) float32 [m]
+    end: np.ndarray  # (S, 3) float32 [m]
+    low: np.ndarray  # (S,) float32 [m]
+    high: np.ndarray  # (S,) float32 [m]
+    flux: np.ndarray  # (S, 3) int32, fixed-point units
+    start_side: np.ndarray  # (S,) int32, side at the origin or NONE
+    end_side: np.ndarray  # (S,) int32, side at the line's static end or NONE
+    cut_side: np.ndarray  # (S,) int32, side of a mobile where the part ends, or NONE
+    hit: np.ndarray  # (S, 3) float32 [m], where the part ends
+    photon: np.ndarray  # (S,) int64
+    bounce: np.ndarray  # (S,) int32, 0 for the segment that leaves the light
+
+    @property
+    def size(self) -> int:
+        """How many segments there are."""
+        return len(self.low)
+
+    @property
+    def hit_side(self) -> np.ndarray:
+        """The side that receives the flux: a mobile's where cut, else the static end's. (S,) int32."""
+        return np.where(self.cut_side != NONE, self.cut_side, self.end_side)
+
+
+class PathStore:
+    """Background paths of photons 0 .. N - 1, growing as photons are added; never edited."""
+
+    def __init__(self):
+        self._offsets = np.zeros(1, np.int64)
+        self._position = np.empty((0, 3), np.float32)
+        self._side = np.empty(0, np.int32)
+        self._flux = np.empty((0, 3), np.int32)
+        self.photons = 0
+
+    def append(self, parts: Sequence[PathVertices], threads: int) -> None:
+        """Add the paths of the next photons, part after part; new memory is slow to write to, so all threads do."""
+        photons = np.cumsum([self.photons, *(len(p.offsets) - 1 for p in parts)])
+        starts = np.cumsum([int(self._offsets[self.photons]), *(len(p.side) for p in parts)])
+        self._offsets = grown(self._offsets, int(photons[-1]) + 1)
+        self._position, self._side, self._flux = (
+            grown(a, int(starts[-1])) for a in (self._position, self._side, self._flux)
+        )
+
+        def work(_, first, last):
+            for k in range(first, last):
+                self._offsets[photons[k] + 1 : photons[k + 1] + 1] = parts[k].offsets[1:] + starts[k]
+                rows = slice(starts[k], starts[k + 1])
+                self._position[rows], self._side[rows], self._flux[rows] = parts[k][1:]
+
+        run_ranges(work, len(parts), threads, 1)
+        self.photons = int(photons[-1])
+
+    def reserve(self, photons: int) -> None:
+        """Make room for so many photons at once; memory that is never written to costs nothing."""
+        if self.photons and photons >= len(self._offsets):
+            n = int(1.05 * photons * int(self._offsets[self.photons]) / self.photons)
+            self._offsets = grown(self._offsets, photons + 1)
+            self._position, self._side, self._flux = (grown(a, n) for a in (self._position, self._side, self._flux))
+
+    def prefix(self, photons: int) -> PathVertices:
+        """Return views of the paths of the first photons."""
+        n = int(self._offsets[photons])
+        return PathVertices(self._offsets[: photons + 1], self._position[:n], self._side[:n], self._flux[:n])
+
+    @property
+    def room(self) -> int:
+        """Vertices that there is room for."""
+        return len(self._side)
+
+
+def grown(array: np.ndarray, n: int) -> np.ndarray:
+    """Return the array, moved to more room if it holds fewer than n rows."""
+    if n <= len(array):
+        return array
+    grown = np.empty((max(n, len(array) * 5 // 4), *array.shape[1:]), array.dtype)
+    grown[: len(array)] = array
+    return grown
+
+
+def empty_segments(n: int) -> Segments:
+    """Return room for n segments."""
+    return Segments(
+        origin=np.empty((n, 3), np.float32),
+        end=np.empty((n, 3), np.float32),
+        low=np.empty(n, np.float32),
+        high=np.empty(n, np.float32),
+        flux=np.empty((n, 3), np.int32),
+        start_side=np.empty(n, np.int32),
+        end_side=np.empty(n, np.int32),
+        cut_side=np.full(n, NONE, np.int32),
+        hit=np.empty((n, 3), np.float32),
+        photon=np.empty(n, np.int64),
+        bounce=np.empty(n, np.int32),
+    )
+
+
+def take(segments: Segments, rows) -> Segments:
+    """Return some of the segments."""
+    return Segments(*(a[rows] for a in segments))
+
+
+def concatenate(parts: list[Segments]) -> Segments:
+    """Return the segments of all parts, in order."""
+    if not parts:
+        return empty_segments(0)
+    return Segments(*(np.concatenate(a) for a in zip(*parts, strict=True)))
+
+
+@kernel
+def interval(length, hits, eps):
+    """Return [low, high) of a whole segment.
+
+    Starts eps away from its surface, in thinner gaps half way; ends eps behind its hit: a disc in the plane of the
+    surface is crossed by the segment that arrives, not by the one that leaves. Half-open, so that head + tail
+    of a segment cut at t (head up to t + eps, tail from t + eps) are the whole, exactly.
+    """
+    return min(eps, np.float32(0.5) * length), length + eps if hits else length
+
+
+@kernel
+def _write(offsets, position, side, flux, eps, base, photon, k, row, out):
+    """Write the whole background segment that leaves vertex k of a photon into a row."""
+    origin, end, low, high, q, start_side, end_side, cut_side, hit, photons, bounce = out
+    for c in range(3):
+        origin[row, c] = position[k, c]
+        end[row, c] = position[k + 1, c]
+        hit[row, c] = position[k + 1, c]
+        q[row, c] = flux[k, c]
+    _, _, _, length = line(
+        position[k, 0], position[k, 1], position[k, 2], position[k + 1, 0], position[k + 1, 1], position[k + 1, 2]
+    )
+    low[row], high[row] = interval(length, side[k + 1] != NONE, eps)
+    start_side[row] = side[k]
+    end_side[row] = side[k + 1]
+    cut_side[row] = NONE
+    photons[row] = base + photon
+    bounce[row] = k - offsets[photon]
+
+
+@kernel
+def _write_photons(offsets, position, side, flux, eps, base, first, last, out):
+    row = 0
+    for i in range(first, last):
+        for k in range(offsets[i], offsets[i + 1] - 1):
+            _write(offsets, position, side, flux, eps, base, i, k, row, out)
+            row += 1
+
+
+@kernel
+def _write_rows(offsets, position, side, flux, eps, photons, rows, first, last, out):
+    for j in range(first, last):
+        _write(offsets, position, side, flux, eps, 0, photons[j], rows[j], j, out)
+
+
+def segments_of(paths: PathVertices, eps: np.float32, first: int, last: int, base: int = 0) -> Segments:
+    """Return the whole segments of photons first .. last - 1 of some paths, whose first is photon `base`."""
+    out = empty_segments(int(paths.offsets[last] - paths.offsets[first]) - (last - first))
+    _write_photons(*paths, eps, base, first, last, tuple(out))
+    return out
+
+
+def segments_at(
+    paths: PathVertices, eps: np.float32, photons: np.ndarray, vertices: np.ndarray, threads: int
+) -> Segments:
+    """Return the whole segments that leave the given vertices (n,) of the given photons (n,)."""
+    out = empty_segments(len(vertices))
+
+    def work(_, first, last):
+        _write_rows(*paths, eps, photons, vertices, first, last, tuple(out))
+
+    run_ranges(work, len(vertices), threads, WRITE_GRAIN)
+    return out

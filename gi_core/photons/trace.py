@@ -1,0 +1,245 @@
+"""Tracing photons: the background through the static scene (report fig. 2.1), and any path onwards.
+
+Each photon is followed to its end before the next one starts: what it carries stays in registers, and a bounce costs
+no Python. The background is traced without mobiles, branches with them; nothing else bends a photon.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base import random_numbers
+from gi_core.base.fixed_point import MAX_SEGMENTS, attenuate
+from gi_core.base.jit import inlined, kernel
+from gi_core.geometry.sides import NONE
+from gi_core.lights.bsdf import lambertian
+from gi_core.lights.emission import Emitters, emit
+from gi_core.photons.paths import PathVertices, Segments, empty_segments, grown, interval
+from gi_core.rays.accelerator import Accelerator, Transforms, line, point_on_line
+from gi_core.rays.embree import new_ray
+from gi_core.rays.two_level import World, mobile_cut, static_end, turned_normal
+
+USUAL = 4  # segments of a path that there is room for at first; more is made when they turn out longer
+
+
+class Fates(NamedTuple):
+    """Where flux went, (3,) int64 fixed-point units; emitted = absorbed + escaped + truncated, exactly."""
+
+    emitted: np.ndarray
+    absorbed: np.ndarray
+    escaped: np.ndarray
+    truncated: np.ndarray
+
+
+_ABSORBED, _ESCAPED, _TRUNCATED = range(3)  # rows of the kernels' sums
+
+
+def no_flux() -> Fates:
+    return Fates(*(np.zeros(3, np.int64) for _ in range(4)))
+
+
+def add_to(fates: Fates, sums: np.ndarray, sign: int = 1) -> None:
+    """Add a kernel's sums (3, 3) int64 of flux absorbed, escaped and truncated."""
+    for total, part in zip((fates.absorbed, fates.escaped, fates.truncated), sums, strict=True):
+        total += sign * part
+
+
+class Rays(NamedTuple):
+    """Photons on their way: where each leaves from, and what it carries."""
+
+    photon: np.ndarray  # (n,) int64
+    bounce: np.ndarray  # (n,) int32, of the segment about to be made
+    origin: np.ndarray  # (n, 3) float32
+    direction: np.ndarray  # (n, 3) float32
+    side: np.ndarray  # (n,) int32, side that it leaves, NONE in free space
+    flux: np.ndarray  # (n, 3) int32
+
+
+@inlined
+def _scatter(seed, world, at, photon, vertex, side, flux, fates):
+    """Scatter a photon that has come to a side at a vertex of its path: return whether it goes on, and where to.
+
+    Its flux, three int32, becomes what is left of it; `fates` (3, 3) gets the rest. Survival probability is the largest
+    channel of rho, so no channel grows.
+    """
+    goes_on, dx, dy, dz = False, np.float32(0.0), np.float32(0.0), np.float32(0.0)
+    fate, a, b, c = _ABSORBED, np.int32(0), np.int32(0), np.int32(0)
+    if side < 0:
+        fate = _ESCAPED
+    elif vertex >= MAX_SEGMENTS:
+        fate = _TRUNCATED
+    else:
+        f, rho = side >> 1, world.reflectance
+        survival = max(rho[f, 0], max(rho[f, 1], rho[f, 2]))
+        u, v = random_numbers.bounce_numbers(seed, photon, vertex)
+        # The back of a one-sided face absorbs. The comparison is strict: rho = 0 never survives.
+        goes_on = u < survival and (side & 1 == 0 or world.two_sided[f])
+        if goes_on:
+            a = np.int32(attenuate(flux[0], rho[f, 0], survival))
+            b = np.int32(attenuate(flux[1], rho[f, 1], survival))
+            c = np.int32(attenuate(flux[2], rho[f, 2], survival))
+            # What survival leaves of the number is uniform again.
+            x, y, z = lambertian.sample(u / survival, v)
+            nx, ny, nz = turned_normal(world, at, f)
+            s = 1.0 if side & 1 == 0 else -1.0
+            x, y, z = random_numbers.from_frame(x, y, z, s * nx, s * ny, s * nz)
+            dx, dy, dz = np.float32(x), np.float32(y), np.float32(z)
+    fates[fate, 0] += flux[0] - a
+    fates[fate, 1] += flux[1] - b
+    fates[fate, 2] += flux[2] - c
+    return goes_on, dx, dy, dz, (a, b, c)
+
+
+# The background ---------------------------------------------------------------------------------------------
+
+
+def emitted_rays(emitters: Emitters, seed: int, first: int, count: int, fates: Fates) -> Rays:
+    """Return photons first .. first + count - 1 as they leave their lights."""
+    origin, direction, flux, side = emit(emitters, seed, first, count)
+    for c in range(3):
+        fates.emitted[c] += int(flux[:, c].astype(np.int64).sum())
+    photon = np.arange(first, first + count, dtype=np.int64)
+    return Rays(photon, np.zeros(count, np.int32), origin, direction, side, flux)
+
+
+def trace_background(
+    accelerator: Accelerator, world: World, static: Transforms, emitters: Emitters, seed: int, first: int, count: int
+) -> tuple[PathVertices, Fates]:
+    """Trace photons first .. first + count - 1 through the static scene alone, in this thread."""
+    fates, offsets = no_flux(), np.zeros(count + 1, np.int64)
+    room = USUAL * count + MAX_SEGMENTS + 1
+    vertices = np.empty((room, 3), np.float32), np.empty(room, np.int32), np.empty((room, 3), np.int32)
+    if not len(emitters.kind):
+        return PathVertices(offsets, *(a[:0] for a in vertices)), fates
+    rays, done = emitted_rays(emitters, seed, first, count, fates), 0
+    ray, sums = new_ray(), np.zeros((3, 3), np.int64)
+    while done < count:
+        done = _trace_paths(accelerator.scenes, ray, world, static, seed, rays, done, offsets, *vertices, sums)
+        if done < count:
+            vertices = tuple(grown(a, 2 * len(a)) for a in vertices)
+    add_to(fates, sums)
+    return PathVertices(offsets, *(a[: offsets[count]] for a in vertices)), fates
+
+
+@kernel
+def _trace_paths(scenes, ray, world, at, seed, rays, done, offsets, position, side, flux, fates):
+    """Trace rays `done` .. through the static part, photon-major, until there is no room for one more path.
+
+    Returns how many are done then.
+    """
+    row = offsets[done]
+    for k in range(done, len(rays.photon)):
+        if row + MAX_SEGMENTS + 1 > len(side):
+            return k
+        photon, vertex, own = rays.photon[k], np.int64(0), rays.side[k]
+        x, y, z = rays.origin[k, 0], rays.origin[k, 1], rays.origin[k, 2]
+        dx, dy, dz = rays.direction[k, 0], rays.direction[k, 1], rays.direction[k, 2]
+        q = rays.flux[k, 0], rays.flux[k, 1], rays.flux[k, 2]
+        goes_on = True
+        while True:
+            position[row, 0], position[row, 1], position[row, 2] = x, y, z
+            side[row] = own
+            flux[row, 0], flux[row, 1], flux[row, 2] = q[0], q[1], q[2]
+            row += 1
+            if not goes_on:
+                break
+            x, y, z, own = static_end(scenes, ray, world, at, x, y, z, dx, dy, dz, own)
+            vertex += 1
+            goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, own, q, fates)
+        offsets[k + 1] = row
+    return len(rays.photon)
+
+
+# Among mobiles ----------------------------------------------------------------------------------------------
+
+
+def reflected(
+    world: World, at: Transforms, seed: int, heads: Segments, cut: np.ndarray, fates: Fates
+) -> tuple[np.ndarray, Rays]:
+    """Scatter photons where mobiles cut their segments, at distances cut (n,) float32; adds to `fates`.
+
+    Returns where that is, (n, 3) float32, and those that go on, in order.
+    """
+    n, sums = heads.size, np.zeros((3, 3), np.int64)
+    hit = np.empty((n, 3), np.float32)
+    on = Rays(
+        np.empty(n, np.int64), np.empty(n, np.int32), *np.empty((2, n, 3), np.float32), np.empty(n, np.int32),
+        np.empty((n, 3), np.int32),
+    )  # fmt: skip
+    count = _reflect(world, at, seed, heads, cut, hit, on, sums)
+    add_to(fates, sums)
+    return hit, Rays(*(a[:count] for a in on))
+
+
+@kernel
+def _reflect(world, at, seed, heads, cut, hit, on, fates):
+    n = 0
+    for k in range(len(cut)):
+        x, y, z = heads.origin[k, 0], heads.origin[k, 1], heads.origin[k, 2]
+        dx, dy, dz, _ = line(x, y, z, heads.end[k, 0], heads.end[k, 1], heads.end[k, 2])
+        x, y, z = point_on_line(x, y, z, dx, dy, dz, cut[k])
+        hit[k, 0], hit[k, 1], hit[k, 2] = x, y, z
+        q = heads.flux[k, 0], heads.flux[k, 1], heads.flux[k, 2]
+        vertex, side = np.int64(heads.bounce[k] + 1), heads.cut_side[k]
+        goes_on, dx, dy, dz, q = _scatter(seed, world, at, heads.photon[k], vertex, side, q, fates)
+        if goes_on:
+            on.photon[n], on.bounce[n], on.side[n] = heads.photon[k], vertex, side
+            on.origin[n, 0], on.origin[n, 1], on.origin[n, 2] = x, y, z
+            on.direction[n, 0], on.direction[n, 1], on.direction[n, 2] = dx, dy, dz
+            on.flux[n, 0], on.flux[n, 1], on.flux[n, 2] = q[0], q[1], q[2]
+            n += 1
+    return n
+
+
+def follow(
+    accelerator: Accelerator, world: World, at: Transforms, seed: int, eps: np.float32, rays: Rays, fates: Fates
+) -> Segments:
+    """Trace rays against static part and mobiles until all have ended, in this thread.
+
+    Returns their segments, photon by photon, eps longer than to where they hit; adds to `fates`.
+    """
+    ray, sums, out = new_ray(), np.zeros((3, 3), np.int64), empty_segments(USUAL * len(rays.photon) + MAX_SEGMENTS)
+    done = row = 0
+    while done < len(rays.photon):
+        done, row = _follow(accelerator.scenes, ray, world, at, seed, eps, rays, done, out, row, sums)
+        if done < len(rays.photon):
+            out = Segments(*(grown(a, 2 * len(a)) for a in out))
+    add_to(fates, sums)
+    return Segments(*(a[:row] for a in out))
+
+
+@kernel
+def _follow(scenes, ray, world, at, seed, eps, rays, done, out, row, fates):
+    """Trace rays `done` .., written from `row` on, until there is no room for one more path; returns both then."""
+    for k in range(done, len(rays.photon)):
+        if row + MAX_SEGMENTS > len(out.low):
+            return k, row
+        photon, vertex, side = rays.photon[k], np.int64(rays.bounce[k]), rays.side[k]
+        ox, oy, oz = rays.origin[k, 0], rays.origin[k, 1], rays.origin[k, 2]
+        dx, dy, dz = rays.direction[k, 0], rays.direction[k, 1], rays.direction[k, 2]
+        q = rays.flux[k, 0], rays.flux[k, 1], rays.flux[k, 2]
+        goes_on = True
+        while goes_on:
+            x, y, z, end_side = static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side)
+            cut, cut_side = mobile_cut(scenes, ray, world, at, ox, oy, oz, x, y, z, side)
+            out.photon[row], out.bounce[row] = photon, vertex
+            out.origin[row, 0], out.origin[row, 1], out.origin[row, 2] = ox, oy, oz
+            out.end[row, 0], out.end[row, 1], out.end[row, 2] = x, y, z
+            out.flux[row, 0], out.flux[row, 1], out.flux[row, 2] = q[0], q[1], q[2]
+            out.start_side[row], out.end_side[row], out.cut_side[row] = side, end_side, cut_side
+            dx, dy, dz, length = line(ox, oy, oz, x, y, z)
+            low, high = interval(length, end_side != NONE, eps)
+            side = end_side
+            if cut_side != NONE:
+                x, y, z = point_on_line(ox, oy, oz, dx, dy, dz, cut)
+                high = cut + eps
+                side = cut_side
+            out.low[row], out.high[row] = low, high
+            out.hit[row, 0], out.hit[row, 1], out.hit[row, 2] = x, y, z
+            row += 1
+            vertex += 1
+            ox, oy, oz = x, y, z
+            goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, side, q, fates)
+    return len(rays.photon), row

@@ -1,0 +1,211 @@
+"""Ray-intersection structures: the static scene built once, each mobile once in its object space.
+
+A mobile's structure never changes: rays are carried to it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.jit import kernel
+from gi_core.base.threads import run_ranges
+from gi_core.base.vectors import box, dot
+from gi_core.geometry.surfaces import Surfaces
+from gi_core.rays.embree import Triangles, any_hit, nearest_hit, new_ray
+from gi_core.scene.pose import rotation
+from gi_core.scene.types import Pose
+
+RAY_GRAIN = 2048  # rays a thread: below that handing over costs more than it saves
+ORIGIN_LIFT = 2e-6  # of the world's size: clears the face a ray starts on (float32 rounding is 6e-8)
+FAR = 4.0  # of the world's size: where a segment that hits nothing ends
+
+
+class Transforms(NamedTuple):
+    """Object-to-world transforms of all objects, the static part (identity) first."""
+
+    rotation: np.ndarray  # (objects, 3, 3) float64
+    position: np.ndarray  # (objects, 3) float64
+
+
+def transforms(poses: list[Pose]) -> Transforms:
+    """Stack the poses of the mobiles behind the identity of the static part."""
+    return Transforms(
+        np.stack([np.eye(3), *(rotation(p) for p in poses)]),
+        np.array([(0.0, 0.0, 0.0), *(p.position for p in poses)], np.float64),
+    )
+
+
+class Accelerator:
+    """Nearest hit and any hit against a scene's objects."""
+
+    def __init__(self, surfaces: Surfaces, threads: int = 1):
+        self.first_face = surfaces.first_face
+        self.threads = threads
+        meshes = zip(surfaces.vertices, surfaces.faces, strict=True)
+        self._structures = [Triangles(v, f) if len(f) else None for v, f in meshes]
+        self.scenes = np.array(
+            [s.address if s else 0 for s in self._structures], np.int64
+        )  # for kernels: one an object
+        self.face_object = np.repeat(np.arange(surfaces.objects), np.diff(surfaces.first_face)).astype(np.int16)
+        self.world_low, self.world_high = _box(surfaces.vertices[0])
+
+    def nearest(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray):
+        """Return distance (n,) float32 and global face (n,) int32, -1 for none, in object o's space.
+
+        origins, directions: (n, 3) float32, directions unit; limits: (n,) float32, not changed.
+        """
+        n, scene, first = len(origins), self.scenes[o], self.first_face[o]
+        origins, directions, limits = _as_rays(origins, directions, limits)
+        distances, faces = np.empty(n, np.float32), np.empty(n, np.int32)
+
+        def work(_, a, b):
+            _nearest(scene, first, new_ray(), origins[a:b], directions[a:b], limits[a:b], distances[a:b], faces[a:b])
+
+        run_ranges(work, n, self.threads, RAY_GRAIN)
+        return distances, faces
+
+    def occluded(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
+        """Return (n,) bool: something of object o lies within the limit; arguments as nearest()."""
+        blocked, scene = np.empty(len(origins), bool), self.scenes[o]
+        origins, directions, limits = _as_rays(origins, directions, limits)
+
+        def work(_, a, b):
+            _occluded(scene, new_ray(), origins[a:b], directions[a:b], limits[a:b], blocked[a:b])
+
+        run_ranges(work, len(origins), self.threads, RAY_GRAIN)
+        return blocked
+
+
+def _as_rays(*arrays: np.ndarray) -> list[np.ndarray]:
+    """Return arrays as the kernels are compiled for."""
+    return [np.ascontiguousarray(a, np.float32) for a in arrays]
+
+
+@kernel
+def _nearest(scene, first_face, ray, origins, directions, limits, distances, faces):
+    for k in range(len(origins)):
+        ox, oy, oz = origins[k, 0], origins[k, 1], origins[k, 2]
+        dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
+        distances[k], face = nearest_hit(scene, ray, ox, oy, oz, dx, dy, dz, limits[k])
+        faces[k] = face + first_face if face >= 0 else -1
+
+
+@kernel
+def _occluded(scene, ray, origins, directions, limits, blocked):
+    for k in range(len(origins)):
+        ox, oy, oz = origins[k, 0], origins[k, 1], origins[k, 2]
+        dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
+        blocked[k] = any_hit(scene, ray, ox, oy, oz, dx, dy, dz, limits[k])
+
+
+def nearest_in_world(accelerator: Accelerator, at: Transforms, origins, directions, limits):
+    """Return distance (n,) float32 and global face (n,) int32 over all objects, for any rays.
+
+    For pictures and for the reference: no line is formed, nothing is compared bit for bit.
+    """
+    origins = np.ascontiguousarray(origins, np.float32)
+    directions = np.ascontiguousarray(directions, np.float32)
+    distances, faces = accelerator.nearest(0, origins, directions, limits)
+    for o in range(1, len(at.position)):
+        local_o, local_d = rays_to_object(at, o, origins, directions)
+        d, f = accelerator.nearest(o, local_o, local_d, distances)
+        hit = f >= 0
+        distances[hit], faces[hit] = d[hit], f[hit]
+    return distances, faces
+
+
+def occluded_in_world(accelerator: Accelerator, at: Transforms, origins, directions, limits) -> np.ndarray:
+    """Return (n,) bool: any object lies within the limit along the ray."""
+    origins = np.ascontiguousarray(origins, np.float32)
+    directions = np.ascontiguousarray(directions, np.float32)
+    blocked = accelerator.occluded(0, origins, directions, limits)
+    for o in range(1, len(at.position)):
+        blocked |= accelerator.occluded(o, *rays_to_object(at, o, origins, directions), limits)
+    return blocked
+
+
+def rays_to_object(at: Transforms, o: int, origins: np.ndarray, directions: np.ndarray):
+    """Carry rays (n, 3) float32 into object o's space, float32."""
+    local_o, local_d = np.empty_like(origins), np.empty_like(directions)
+    _carry(at.rotation[o], at.position[o], origins, local_o)
+    _carry(at.rotation[o], np.zeros(3), directions, local_d)
+    return local_o, local_d
+
+
+@kernel
+def to_local(R, x, y, z):
+    """Return R^T (x, y, z), element by element."""
+    return (
+        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
+        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
+        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
+    )
+
+
+@kernel
+def _carry(R, p, points, out):
+    """out = R^T (points - p), element by element."""
+    for k in range(len(points)):
+        x, y, z = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 2] - p[2]
+        out[k, 0], out[k, 1], out[k, 2] = to_local(R, x, y, z)
+
+
+@kernel
+def line(ox, oy, oz, ex, ey, ez):
+    """Return the float32 unit direction and length of the line between two float32 points.
+
+    The one place that turns a stored segment into a ray: cuts and disc crossings use these bits.
+    """
+    dx, dy, dz = np.float64(ex) - ox, np.float64(ey) - oy, np.float64(ez) - oz
+    length = np.sqrt(dx * dx + dy * dy + dz * dz)
+    s = 1.0 / length if length > 0.0 else 0.0
+    return np.float32(dx * s), np.float32(dy * s), np.float32(dz * s), np.float32(length)
+
+
+@kernel
+def point_on_line(ox, oy, oz, dx, dy, dz, t):
+    """Return origin + t direction as float32, computed in float64."""
+    s = np.float64(t)
+    return np.float32(ox + s * dx), np.float32(oy + s * dy), np.float32(oz + s * dz)
+
+
+def _box(vertices: np.ndarray):
+    if not len(vertices):
+        return np.zeros(3), np.zeros(3)
+    return box(vertices)
+
+
+def bounding_spheres(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
+    """Return centre (objects, 3) in object space and radius (objects,) of a sphere around each object."""
+    low, high = bounding_boxes(surfaces)
+    centres, radii = (low + high) / 2, np.zeros(surfaces.objects)
+    for o, vertices in enumerate(surfaces.vertices):
+        if len(vertices):
+            off = vertices - centres[o]
+            radii[o] = np.sqrt(dot(off, off).max())
+    return centres, radii
+
+
+def bounding_boxes(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
+    """Return corners low and high (objects, 3) of the box around each object, in object space."""
+    low, high = zip(*(_box(v) for v in surfaces.vertices), strict=True)
+    return np.array(low), np.array(high)
+
+
+@kernel
+def passes_box(ox, oy, oz, ex, ey, ez, low, high, pad):
+    """Tell whether the segment o-e meets the box low - pad .. high + pad."""
+    t0, t1 = _slab(ox, ex - ox, low[0] - pad, high[0] + pad, 0.0, 1.0)
+    t0, t1 = _slab(oy, ey - oy, low[1] - pad, high[1] + pad, t0, t1)
+    t0, t1 = _slab(oz, ez - oz, low[2] - pad, high[2] + pad, t0, t1)
+    return t0 <= t1
+
+
+@kernel
+def _slab(o, d, low, high, t0, t1):
+    if d == 0.0:
+        return (t0, t1) if low <= o <= high else (1.0, 0.0)
+    a, b = (low - o) / d, (high - o) / d
+    return max(t0, min(a, b)), min(t1, max(a, b))

@@ -1,0 +1,137 @@
+"""Embree's ray queries as functions that kernels call: one ray at a time, with no Python between them.
+
+embreex brings the library, and its own loop over arrays of rays. Called from a kernel, a ray costs the same, but what
+belongs to it need not be written to memory and read again, nor does every bounce cost a turn of Python.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from pathlib import Path
+
+import llvmlite.binding
+import numpy as np
+from embreex import rtcore_scene
+from numba import types
+
+from gi_core.base.jit import inlined
+
+_ROBUST = 1 << 2  # scene flag: no ray slips through between two triangles
+_TRIANGLES, _INDEX, _VERTEX, _UINT3, _FLOAT3 = 0, 0, 1, 0x5003, 0x9003
+_MAJOR = 4  # of the library: the calls of versions before took other arguments
+_QUERIES = ("rtcIntersect1", "rtcOccluded1")
+
+
+def _library() -> ctypes.CDLL:
+    """Return Embree, which embreex has loaded already.
+
+    An extension module answers for the libraries that it is linked to; on Windows, each only for itself.
+    """
+    module = Path(rtcore_scene.__file__)
+    for path in [module, *sorted((module.parent.parent / "embreex.libs").glob("embree*.dll"))]:
+        library = ctypes.CDLL(str(path))
+        if hasattr(library, "rtcGetDeviceProperty"):
+            return library
+    raise ImportError("the package embreex has no Embree that can be called; install embreex 4.4 or later")
+
+
+def _declared(name: str, result, *arguments):
+    function = getattr(_EMBREE, name)
+    function.restype, function.argtypes = result, arguments
+    return function
+
+
+_EMBREE = _library()
+_P, _I, _U, _N = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint, ctypes.c_size_t
+_new_device = _declared("rtcNewDevice", _P, ctypes.c_char_p)
+_property = _declared("rtcGetDeviceProperty", ctypes.c_ssize_t, _P, _I)
+_error = _declared("rtcGetDeviceError", _I, _P)
+_new_scene = _declared("rtcNewScene", _P, _P)
+_set_flags = _declared("rtcSetSceneFlags", None, _P, _I)
+_new_geometry = _declared("rtcNewGeometry", _P, _P, _I)
+_new_buffer = _declared("rtcSetNewGeometryBuffer", _P, _P, _I, _U, _I, _N, _N)
+_commit_geometry = _declared("rtcCommitGeometry", None, _P)
+_attach = _declared("rtcAttachGeometry", _U, _P, _P)
+_release_geometry = _declared("rtcReleaseGeometry", None, _P)
+_commit_scene = _declared("rtcCommitScene", None, _P)
+_release_scene = _declared("rtcReleaseScene", None, _P)
+
+_DEVICE = _new_device(None)
+VERSION = int(_property(_DEVICE, 0))  # 10000 major + 100 minor + patch
+if VERSION // 10_000 != _MAJOR:
+    raise ImportError(f"embreex brings Embree {VERSION // 10_000}, not {_MAJOR}; install embreex 4.4 or later")
+for _name in _QUERIES:  # the linker of kernels finds them by these names, in those from the disk cache too
+    llvmlite.binding.add_symbol(_name, ctypes.cast(getattr(_EMBREE, _name), _P).value)
+_intersect, _occluded = (types.ExternalFunction(n, types.void(*(types.intp,) * 3)) for n in _QUERIES)
+
+
+class Triangles:
+    """A structure for rays against triangles: vertices (V, 3) and faces (F, 3) are copied, as float32 and uint32.
+
+    Raises MemoryError where Embree cannot build it.
+    """
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray):
+        self.address = _new_scene(_DEVICE)  # of the structure, for kernels
+        # Not as Python ends: a thread that is left behind may still be asking for rays.
+        weakref.finalize(self, _release_scene, self.address).atexit = False
+        _set_flags(self.address, _ROBUST)
+        geometry = _new_geometry(_DEVICE, _TRIANGLES)
+        for kind, layout, rows in (
+            (_VERTEX, _FLOAT3, np.ascontiguousarray(vertices, np.float32)),
+            (_INDEX, _UINT3, np.ascontiguousarray(faces, np.uint32)),
+        ):
+            room = _new_buffer(geometry, kind, 0, layout, rows.strides[0], len(rows))
+            if not room:
+                raise MemoryError(f"no memory for {len(faces):,} triangles to be met by rays")
+            ctypes.memmove(room, rows.ctypes.data, rows.nbytes)
+        _commit_geometry(geometry)
+        _attach(self.address, geometry)
+        _release_geometry(geometry)
+        _commit_scene(self.address)
+        if _error(_DEVICE):
+            raise MemoryError(f"Embree could not build its structure over {len(faces):,} triangles")
+
+
+# The layout of RTCRayHit, in words of 4 bytes.
+_TNEAR, _TIME, _TFAR, _MASK, _ID, _FLAGS, _PRIMITIVE, _GEOMETRY, _INSTANCE, _WORDS = 3, 7, 8, 9, 10, 11, 17, 18, 19, 24
+
+
+def new_ray() -> np.ndarray:
+    """Return room for one ray, which a kernel uses again and again: no two threads the same."""
+    room = np.zeros(_WORDS + 3, np.float32)
+    first = -(room.ctypes.data // 4) % 4  # Embree wants addresses that 16 divides
+    ray = room[first : first + _WORDS]
+    ray.view(np.int32)[_MASK] = -1
+    return ray
+
+
+@inlined
+def _aim(ray, ox, oy, oz, dx, dy, dz, limit):
+    ray[0], ray[1], ray[2] = ox, oy, oz
+    ray[4], ray[5], ray[6] = dx, dy, dz
+    ray[_TFAR] = limit
+
+
+@inlined
+def nearest_hit(scene, ray, ox, oy, oz, dx, dy, dz, limit):
+    """Return distance (limit for none) and triangle (-1 for none) of the nearest hit of a ray of unit direction.
+
+    scene: address of Triangles, 0 for none; ray: new_ray().
+    """
+    _aim(ray, ox, oy, oz, dx, dy, dz, limit)
+    numbers = ray.view(np.int32)
+    numbers[_PRIMITIVE] = numbers[_GEOMETRY] = numbers[_INSTANCE] = -1
+    if scene != 0:
+        _intersect(scene, ray.ctypes.data, 0)
+    return ray[_TFAR], numbers[_PRIMITIVE]
+
+
+@inlined
+def any_hit(scene, ray, ox, oy, oz, dx, dy, dz, limit):
+    """Tell whether a ray hits anything before its limit; arguments as nearest_hit()."""
+    _aim(ray, ox, oy, oz, dx, dy, dz, limit)
+    if scene != 0:
+        _occluded(scene, ray.ctypes.data, 0)
+    return ray[_TFAR] < 0.0

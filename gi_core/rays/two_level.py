@@ -1,0 +1,165 @@
+"""The two-level nearest hit: the static scene along a ray, then the mobiles along the line it gives.
+
+One definition serves the background, branches and from-scratch solutions alike. The *line* runs from
+the start to the static end, both stored as float32; mobiles are tested along the line, not along the
+sampled ray. So a line means the same whether or not a mobile was there when it was traced.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.jit import inlined, kernel
+from gi_core.geometry.sides import NONE
+from gi_core.geometry.surfaces import Surfaces
+from gi_core.rays.accelerator import (
+    FAR,
+    ORIGIN_LIFT,
+    Accelerator,
+    bounding_boxes,
+    bounding_spheres,
+    line,
+    passes_box,
+    point_on_line,
+    to_local,
+)
+from gi_core.rays.embree import nearest_hit
+
+CUT_PAD = 1e-5  # of the world's size: bounding boxes grow by it, so that culling never loses a hit
+
+
+class World(NamedTuple):
+    """What every kernel needs to know of the scene, in arrays."""
+
+    normals: np.ndarray  # (F, 3) float64, object space
+    reflectance: np.ndarray  # (F, 3) float64
+    two_sided: np.ndarray  # (F,) bool
+    face_object: np.ndarray  # (F,) int16
+    first_face: np.ndarray  # (objects + 1,) int64
+    size: float  # diameter of a sphere round the static part and lights [m]: what epsilons are scaled by
+    sphere_centre: np.ndarray  # (objects, 3) float64, bounding spheres in object space
+    sphere_radius: np.ndarray  # (objects,) float64
+    box_low: np.ndarray  # (objects, 3) float64, bounding boxes in object space
+    box_high: np.ndarray  # (objects, 3) float64
+
+
+@kernel
+def turned_normal(world, at, f):
+    """Return the normal of face f in the world."""
+    o, x, y, z = world.face_object[f], world.normals[f, 0], world.normals[f, 1], world.normals[f, 2]
+    R = at.rotation
+    return (
+        R[o, 0, 0] * x + R[o, 0, 1] * y + R[o, 0, 2] * z,
+        R[o, 1, 0] * x + R[o, 1, 1] * y + R[o, 1, 2] * z,
+        R[o, 2, 0] * x + R[o, 2, 1] * y + R[o, 2, 2] * z,
+    )
+
+
+@inlined
+def static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side):
+    """Return the static end (x, y, z) of a ray that leaves a side, and the side there: NONE far away in free space.
+
+    Origin and direction float32; lifted off the face that it leaves.
+    """
+    lx, ly, lz = ox, oy, oz
+    if side >= 0:
+        f = side >> 1
+        lift = ORIGIN_LIFT * world.size if side & 1 == 0 else -ORIGIN_LIFT * world.size
+        x, y, z = turned_normal(world, at, f)
+        lx, ly, lz = np.float32(ox + lift * x), np.float32(oy + lift * y), np.float32(oz + lift * z)
+    far = np.float32(FAR * world.size)
+    distance, face = nearest_hit(scenes[0], ray, lx, ly, lz, dx, dy, dz, far)
+    if face < 0:
+        x, y, z = point_on_line(ox, oy, oz, dx, dy, dz, far)
+        end_side = NONE
+    else:
+        x, y, z = point_on_line(lx, ly, lz, dx, dy, dz, distance)
+        n = world.normals  # of the static part first
+        behind = dx * n[face, 0] + dy * n[face, 1] + dz * n[face, 2] > 0.0
+        end_side = 2 * face + (1 if behind else 0)
+    return x, y, z, np.int32(end_side)
+
+
+@inlined
+def mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side):
+    """Return where mobiles first cut a line: distance float32 (inf: nowhere) and side.
+
+    Ties go to the static end, then to the mobile that comes first in the scene. A line that starts on a mobile itself
+    is lifted off its face.
+    """
+    cut, cut_side = np.float32(np.inf), np.int32(NONE)
+    for o in range(1, len(scenes)):
+        R, px, py, pz = at.rotation[o], at.position[o, 0], at.position[o, 1], at.position[o, 2]
+        lx, ly, lz = to_local(R, ox - px, oy - py, oz - pz)
+        mx, my, mz = to_local(R, ex - px, ey - py, ez - pz)
+        if not passes_box(lx, ly, lz, mx, my, mz, world.box_low[o], world.box_high[o], CUT_PAD * world.size):
+            continue
+        fx, fy, fz = np.float32(lx), np.float32(ly), np.float32(lz)
+        dx, dy, dz, length = line(fx, fy, fz, np.float32(mx), np.float32(my), np.float32(mz))
+        if side >= 0 and world.face_object[side >> 1] == o:
+            lift = ORIGIN_LIFT * world.size if side & 1 == 0 else -ORIGIN_LIFT * world.size
+            n, f = world.normals, side >> 1
+            fx, fy, fz = (
+                np.float32(lx + lift * n[f, 0]),
+                np.float32(ly + lift * n[f, 1]),
+                np.float32(lz + lift * n[f, 2]),
+            )
+        distance, face = nearest_hit(scenes[o], ray, fx, fy, fz, dx, dy, dz, length)
+        if face >= 0 and distance < length and distance < cut:
+            f = world.first_face[o] + face
+            towards = dx * world.normals[f, 0] + dy * world.normals[f, 1] + dz * world.normals[f, 2]
+            cut, cut_side = distance, np.int32(2 * f + (1 if towards > 0.0 else 0))
+    return cut, cut_side
+
+
+@kernel
+def nearest_static(scenes, ray, world, at, origin, direction, side, end, end_side):
+    """Write the static ends of n rays: end (n, 3) float32 and side (n,) int32, NONE far away in free space.
+
+    scenes: of an Accelerator; origin, direction (n, 3) float32, unit; side (n,) int32 that each ray leaves.
+    """
+    for k in range(len(origin)):
+        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
+        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
+        x, y, z, end_side[k] = static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side[k])
+        end[k, 0], end[k, 1], end[k, 2] = x, y, z
+
+
+@kernel
+def nearest_mobile(scenes, ray, world, at, origin, end, side, cut, cut_side):
+    """Write where mobiles first cut n lines: distance (n,) float32 (inf: nowhere) and side (n,) int32."""
+    for k in range(len(origin)):
+        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
+        ex, ey, ez = end[k, 0], end[k, 1], end[k, 2]
+        cut[k], cut_side[k] = mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side[k])
+
+
+def build_world(surfaces: Surfaces, accelerator: Accelerator, lights: np.ndarray) -> World:
+    """Flatten what the kernels need.
+
+    Its size is that of the static part and of the positions of `lights` (n, 3): mobiles play no
+    part, so that the static solution is the same with and without them.
+    """
+    return World(
+        surfaces.normals,
+        surfaces.reflectance,
+        surfaces.two_sided,
+        accelerator.face_object,
+        surfaces.first_face,
+        max(2 * enclosing_sphere(surfaces.vertices[0], lights)[1], 1e-9),
+        *bounding_spheres(surfaces),
+        *bounding_boxes(surfaces),
+    )
+
+
+def enclosing_sphere(*points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return centre (3,) and radius of the sphere round the box of all points (n, 3)."""
+    every = np.concatenate([np.asarray(p, np.float64).reshape(-1, 3) for p in points])
+    if not len(every):
+        return np.zeros(3), 0.0
+    low, high = every.min(axis=0), every.max(axis=0)
+    diagonal = high - low
+    return (low + high) / 2, 0.5 * math.sqrt(float((diagonal * diagonal).sum()))

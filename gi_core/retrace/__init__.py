@@ -1,0 +1,1 @@
+"""A pose: the photons whose paths mobiles cut, the parts removed, the parts added."""

@@ -1,0 +1,218 @@
+"""Which background segments pass near a mobile: every one is looked at, but only 6 bytes a vertex.
+
+Path vertices lie on a grid of 65,536 cells over all that light can reach; a test against a mobile's bounding
+sphere, with room for the rounding, takes vectors of them. At a million photons this is bound by memory:
+half the bytes are half the time. (Bundling segments that run together into bounded blocks, and looking
+only into blocks near the mobile, was tried: sorting takes a second a million photons, and a third of
+the blocks of cornell are near the pawn, a sixth of those of tree near the ring.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.jit import inlined, kernel
+from gi_core.base.threads import run_ranges
+from gi_core.photons.paths import PathVertices
+from gi_core.rays.accelerator import FAR, Transforms
+from gi_core.rays.two_level import World
+
+SCAN_GRAIN = 1 << 16  # vertices a thread
+LANES = 16  # segments tested at a time
+PAD = 1e-3  # of the world's size: rounding of the test, with room; that of the grid is one level
+LEVELS = 65_535
+
+
+class Grid(NamedTuple):
+    """How positions are rounded: level = (x - low) * per_metre."""
+
+    low: np.ndarray  # (3,) float64 [m]
+    per_metre: float
+
+
+class Coarse(NamedTuple):
+    """Path vertices on the grid, photon-major, with LANES more that belong to nobody."""
+
+    x: np.ndarray  # (n + LANES,) uint16
+    y: np.ndarray
+    z: np.ndarray
+    photon: np.ndarray  # (n + LANES,) int32, -1 behind the last
+    grid: Grid
+
+
+def grid_for(world: World, centre: np.ndarray, radius: float) -> Grid:
+    """Return the grid that holds all path vertices of a scene.
+
+    Paths start on the static part or within 1.5 radius of `centre`, and end FAR from there at most.
+    """
+    reach = 1.5 * max(radius, 0.5 * world.size) + 1.01 * FAR * world.size
+    return Grid(np.asarray(centre, np.float64) - reach, LEVELS / (2 * reach))
+
+
+class CoarseStore:
+    """Coarse vertices of photons 0 .. N - 1, growing as photons are added."""
+
+    def __init__(self, grid: Grid):
+        self.grid = grid
+        self._levels = [np.zeros(LANES, np.uint16) for _ in range(3)]
+        self._photon = np.full(LANES, -1, np.int32)
+        self._count = 0
+
+    def append(self, parts: Sequence[PathVertices], first: int, room: int, threads: int) -> None:
+        """Add the paths of photons first .., part after part; `room`: vertices that there is going to be room for."""
+        photons = np.cumsum([first, *(len(p.offsets) - 1 for p in parts)])
+        starts = np.cumsum([self._count, *(len(p.side) for p in parts)])
+        n = int(starts[-1])
+        room = max(room, n) + LANES
+        if room > len(self._photon):
+            self._levels = [_grown(a, self._count, room) for a in self._levels]
+            self._photon = _grown(self._photon, self._count, room)
+
+        def work(_, a, b):
+            for p, photon, start in zip(parts[a:b], photons[a:b], starts[a:b], strict=True):
+                _round(p.offsets, p.position, *self.grid, photon, start, *self._levels, self._photon)
+
+        run_ranges(work, len(parts), threads, 1)
+        self._photon[n : n + LANES] = -1
+        self._count = n
+
+    def prefix(self, vertices: int) -> Coarse:
+        """Return views that begin with the first vertices, and how many there are."""
+        n = vertices + LANES
+        return Coarse(*(a[:n] for a in self._levels), self._photon[:n], self.grid)
+
+
+def _grown(array: np.ndarray, used: int, room: int) -> np.ndarray:
+    out = np.empty(room, array.dtype)
+    out[:used] = array[:used]
+    return out
+
+
+@kernel
+def _round(offsets, position, low, per_metre, first, row, x, y, z, photon):
+    for i in range(len(offsets) - 1):
+        for k in range(offsets[i], offsets[i + 1]):
+            x[row] = np.uint16(min(max((position[k, 0] - low[0]) * per_metre + 0.5, 0.0), float(LEVELS)))
+            y[row] = np.uint16(min(max((position[k, 1] - low[1]) * per_metre + 0.5, 0.0), float(LEVELS)))
+            z[row] = np.uint16(min(max((position[k, 2] - low[2]) * per_metre + 0.5, 0.0), float(LEVELS)))
+            photon[row] = first + i
+            row += 1
+
+
+@inlined
+def _near(x, y, z, first, cx, cy, cz, r2):
+    """Return which of LANES segments from vertex `first` on pass within a sphere: a bit a lane.
+
+    The nearest point of each, with no branch, no division and a fixed length, so that LLVM makes vectors.
+    """
+    bits = np.uint32(0)
+    for lane in range(np.uint64(LANES)):
+        k = np.uint64(first) + lane
+        ox, oy, oz = np.float32(x[k]), np.float32(y[k]), np.float32(z[k])
+        dx, dy, dz = (
+            np.float32(x[k + np.uint64(1)]) - ox,
+            np.float32(y[k + np.uint64(1)]) - oy,
+            np.float32(z[k + np.uint64(1)]) - oz,
+        )
+        ax, ay, az = cx - ox, cy - oy, cz - oz
+        length2 = dx * dx + dy * dy + dz * dz
+        along = min(max(ax * dx + ay * dy + az * dz, np.float32(0.0)), length2)
+        # Everything times length2, which saves a division.
+        px, py, pz = along * dx - length2 * ax, along * dy - length2 * ay, along * dz - length2 * az
+        yes = px * px + py * py + pz * pz <= r2 * length2 * length2
+        bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
+    return bits
+
+
+@kernel
+def _scan(x, y, z, first, last, centres, radii, lane_of_bit, out):
+    """List vertices first .. last - 1 from where to the next vertex the way leads near any mobile.
+
+    Returns how many, which may exceed the room.
+    """
+    n = 0
+    for block in range(first, last, LANES):
+        bits = np.uint32(0)
+        for m in range(len(radii)):
+            bits = np.uint32(
+                bits | _near(x, y, z, block, centres[m, 0], centres[m, 1], centres[m, 2], radii[m] * radii[m])
+            )
+        while bits != 0:
+            lowest = bits ^ (bits & (bits - np.uint32(1)))
+            bits = np.uint32(bits ^ lowest)
+            k = block + lane_of_bit[lowest % np.uint32(37)]
+            if k < last:
+                if n < len(out):
+                    out[n] = k
+                n += 1
+    return n
+
+
+@kernel
+def _segments_only(photon, rows, photons):
+    """Drop the last vertices of paths, which start no segment, and note photons; returns how many rows are left.
+
+    A loop of its own: its accesses to memory do not depend on each other and overlap.
+    """
+    n = 0
+    for j in range(len(rows)):
+        k = rows[j]
+        rows[n], photons[n] = k, photon[k]
+        n += photon[k] == photon[k + 1]
+    return n
+
+
+_LANE_OF_BIT = np.zeros(37, np.int64)
+_LANE_OF_BIT[[2**k % 37 for k in range(32)]] = np.arange(32)  # 2 is a primitive root of 37
+
+
+class Room:
+    """Output buffers of the scan, a thread each, kept from frame to frame and grown when too small."""
+
+    def __init__(self):
+        self._rows: list[np.ndarray] = []
+
+    def part(self, k: int, n: int) -> np.ndarray:
+        if len(self._rows[k]) < n:
+            self._rows[k] = np.empty(n, np.int64)
+        return self._rows[k]
+
+    def for_threads(self, threads: int) -> None:
+        while len(self._rows) < threads:
+            self._rows.append(np.empty(4096, np.int64))
+
+
+def find_near(
+    world: World, coarse: Coarse, at: Transforms, margin, room: Room, threads: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return photon and vertex (n,) int64 of background segments within a margin of a mobile's sphere, in order.
+
+    margin: [m], a number or one a mobile.
+    """
+    grid = coarse.grid
+    centres = np.empty((len(at.position) - 1, 3), np.float32)
+    for o in range(1, len(at.position)):
+        c, R = world.sphere_centre[o], at.rotation[o]
+        for i in range(3):
+            x = R[i, 0] * c[0] + R[i, 1] * c[1] + R[i, 2] * c[2] + at.position[o, i]
+            centres[o - 1, i] = (x - grid.low[i]) * grid.per_metre
+    radii = ((world.sphere_radius[1:] + margin + PAD * world.size) * grid.per_metre + 2).astype(np.float32)
+    room.for_threads(threads)
+    vertices, levels = len(coarse.photon) - LANES, (coarse.x, coarse.y, coarse.z)
+
+    def work(part, first, last):
+        rows = room.part(part, 4096)
+        while True:
+            n = _scan(*levels, first, last, centres, radii, _LANE_OF_BIT, rows)
+            if n <= len(rows):
+                break
+            rows = room.part(part, n * 3 // 2)
+        photons = np.empty(n, np.int64)
+        n = _segments_only(coarse.photon, rows[:n], photons)
+        return photons[:n], rows[:n]
+
+    photons, rows = zip(*run_ranges(work, vertices, threads, SCAN_GRAIN), strict=True)
+    return np.concatenate(photons), np.concatenate(rows)

@@ -1,0 +1,72 @@
+"""Which segments pass which boxes: those of the mobiles, padded by the reach of a disc, and others that are wanted.
+
+So many lie near a mobile that looking at them and copying those that pass is worth a share for each thread.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.base.jit import kernel
+from gi_core.base.threads import run_ranges
+from gi_core.model import Model
+from gi_core.photons.paths import Segments, empty_segments
+from gi_core.rays.accelerator import Transforms, passes_box, to_local
+from gi_core.rays.two_level import CUT_PAD
+from gi_core.retrace.broad_phase import PAD
+
+GRAIN = 2048  # segments a thread
+
+
+def passing(model: Model, at: Transforms, segments: Segments, reach: float | None, boxes: np.ndarray) -> np.ndarray:
+    """Return (1 + mobiles, n) bool: which lines of segments pass one of the boxes, and which pass each mobile's box.
+
+    reach: [m], by which mobiles' boxes grow, None: nobody asks for those; boxes: (b, 2, 3) float64 [m], corners low and
+    high.
+    """
+    size = model.world.size
+    out = np.zeros((len(at.position), segments.size), bool)
+    seen = [(0, low, high, CUT_PAD * size) for low, high in boxes]
+    if reach is not None:
+        low, high, pad = model.world.box_low, model.world.box_high, reach + (PAD + CUT_PAD) * size
+        seen += [(o, low[o], high[o], pad) for o in range(1, len(at.position))]
+
+    def work(_, first, last):
+        for o, low, high, pad in seen:
+            _pass(segments.origin, segments.end, at.rotation[o], at.position[o], low, high, pad, first, last, out[o])
+
+    run_ranges(work, segments.size, model.threads, GRAIN)
+    return out
+
+
+@kernel
+def _pass(origin, end, R, p, low, high, pad, first, last, out):
+    for k in range(first, last):
+        ox, oy, oz = to_local(R, origin[k, 0] - p[0], origin[k, 1] - p[1], origin[k, 2] - p[2])
+        ex, ey, ez = to_local(R, end[k, 0] - p[0], end[k, 1] - p[1], end[k, 2] - p[2])
+        out[k] |= passes_box(ox, oy, oz, ex, ey, ez, low, high, pad)
+
+
+def picked(parts: list[tuple[Segments, np.ndarray]], threads: int) -> Segments:
+    """Return some segments of each part, one part after the other; `parts`: segments and the rows (n,) int64 wanted."""
+    out, at = empty_segments(sum(len(rows) for _, rows in parts)), 0
+    for segments, rows in parts:
+
+        def work(_, first, last, segments=segments, rows=rows, at=at):
+            _copy(tuple(segments), rows, first, last, tuple(a[at:] for a in out))
+
+        run_ranges(work, len(rows), threads, GRAIN)
+        at += len(rows)
+    return out
+
+
+@kernel
+def _copy(segments, rows, first, last, out):
+    origin, end, low, high, flux, start_side, end_side, cut_side, hit, photon, bounce = segments
+    origin_, end_, low_, high_, flux_, start_side_, end_side_, cut_side_, hit_, photon_, bounce_ = out
+    for j in range(first, last):
+        k = rows[j]
+        for c in range(3):
+            origin_[j, c], end_[j, c], hit_[j, c], flux_[j, c] = origin[k, c], end[k, c], hit[k, c], flux[k, c]
+        low_[j], high_[j], photon_[j], bounce_[j] = low[k], high[k], photon[k], bounce[k]
+        start_side_[j], end_side_[j], cut_side_[j] = start_side[k], end_side[k], cut_side[k]

@@ -1,0 +1,1 @@
+"""Settings tried on a scene, and the error model fitted to the trials."""

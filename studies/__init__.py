@@ -1,0 +1,1 @@
+"""Programs that measure for minutes or hours: `python -m studies.NAME --help`."""

@@ -1,0 +1,106 @@
+"""Whether memory is kept: `python -m studies.memory_levels [--cycles 20] [--scene cornell]`.
+
+A session without a window is dragged about, set to other estimators, radii and photons, and every fourth time loaded
+again; then it goes back to where it began, and memory is told there. What malloc holds must be what it was after
+WARM cycles (kernels load at their first use, the reference of a few poses is kept); exit code 1 where it is not.
+What is resident beyond it is malloc's own: told before and after it is asked to give that back. Linux alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import random
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import replace
+
+from tests.support.memory_use import memory_use, trim
+
+WARM = 5  # cycles
+ALLOWED = 0.1  # of what is held then
+FRAME = 1 / 60
+
+
+def rest(session, seconds: float = 0.0) -> None:
+    """Let light be completed, and what is done at rest go on for a while."""
+    end = time.monotonic() + seconds
+    while session.refining or time.monotonic() < end:
+        session.tick(FRAME)
+        time.sleep(0.001)
+
+
+def use(session, rng: random.Random, base) -> None:
+    """Drag everything about and set something else, a few times over."""
+    from gi_core.scene import Pose
+
+    for _ in range(6):
+        session.begin_drag()
+        chosen = session.solver.chosen
+        for _ in range(5):
+            where = tuple(rng.uniform(a, b) for a, b in zip(chosen.low, chosen.high, strict=True))
+            session.move({name: Pose(where) for name in session.poses})
+            session.tick(FRAME)
+        session.end_drag()
+        estimator = rng.choice(["tangent_plane", "photon_map", "impact_count"])
+        radius = session.solver.scene_size * rng.choice([0.005, 0.01, 0.02, 0.04])
+        photons = rng.choice([20_000, 50_000, 100_000])
+        session.want(replace(base, estimator=estimator, radius=radius, photons=photons))
+        rest(session, 0.5)
+
+
+def loaded_again(session, succession):
+    """Return the session that takes the place of this one."""
+    succession.again(session)
+    while (new := succession.tick(session)) is None:
+        assert not succession.problem, succession.problem
+        session.tick(FRAME)
+        time.sleep(0.005)
+    session.close(0.0)
+    return new
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scene", default="cornell")
+    parser.add_argument("--cycles", type=int, default=20)
+    options = parser.parse_args()
+    from app.session.log import Log
+    from app.session.opening import Opening
+    from app.session.reload import Succession
+    from app.session.session import Session
+    from app.settings import Settings
+
+    rng, held, begun = random.Random(0), [], time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["GI_VIEWER_REFERENCE_DIR"] = folder
+        session, succession = Session(Settings(options.scene, photons=20_000, exposure=0.0), Log()), Succession(Opening)
+        while not session.ready:
+            session.tick(FRAME)
+            time.sleep(0.01)
+        rest(session)
+        base = session.settings
+        for cycle in range(1, options.cycles + 1):
+            use(session, rng, base)
+            if cycle % 4 == 0:
+                session = loaded_again(session, succession)
+            session.reset_poses()
+            session.want(base)
+            rest(session, 1.0)
+            gc.collect()
+            before = memory_use()
+            trim()
+            held.append(before.held)
+            text = f"cycle {cycle}, {time.monotonic() - begun:.0f} s: {before}; trimmed {memory_use().resident:.1f} MB"
+            print(f"{text}; {threading.active_count()} threads", flush=True)
+        session.close()
+    late, warm = sum(held[-WARM:]) / WARM, sum(held[WARM : 2 * WARM]) / WARM
+    print(f"held: {warm:.1f} MB in cycles {WARM + 1} to {2 * WARM}, {late:.1f} in the last {WARM}")
+    return int(late > (1 + ALLOWED) * warm)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

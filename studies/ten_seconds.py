@@ -1,0 +1,107 @@
+"""How far off the picture is ten seconds after launch.
+
+    python -m studies.ten_seconds living_room gallery room.glb+chair.glb
+
+CPU seconds stand for the clock: one core up to the first step, then two that together count GAIN times. That forgives
+other programs a share of the time, not that they slow down cores and caches: on a busy machine it foretells too long.
+Photons are taken in and static light is gathered, as the window does without --estimator, until the ten seconds are
+over (it also times frames and measures errors meanwhile, which is left out); then luminance error (l1) at receivers
+that the first view shows, drawn by area, against the unbiased reference, whose own noise is taken out in squares; and
+the same of all photons alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+
+from studies.startup import as_installed
+from tests.support.receiver_samples import drawn_by_area, in_view
+
+GAIN = 1.8  # CPU seconds that two threads use up in a second: they wait for each other now and then
+SECONDS = 10.0
+
+
+def measure(what: str, points: int, paths: int) -> str:
+    """Return a line of the table."""
+    from gi_core.instruments import compile_ahead
+
+    assert compile_ahead.is_warm()
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["GI_VIEWER_REFERENCE_DIR"] = folder  # nothing is known from before
+        return _measure(what, points, paths)
+
+
+def _measure(what: str, points: int, paths: int) -> str:
+    from app.rest.static_job import Gathering
+    from app.settings import Settings, make_solver, open_scene
+    from gi_core.gather.reference import reference_irradiance
+    from gi_core.geometry.error import noise_of_truth, relative_error
+    from gi_core.geometry.error_at_hand import bias_left
+    from gi_core.geometry.evaluation_points import evaluation_points
+
+    static, *mobiles = what.split("+")
+    settings = Settings(scene=static, mobiles=tuple(mobiles), light="best")
+    solver = make_solver(open_scene(settings), settings)
+    begun = time.process_time()
+
+    def clock() -> float:
+        return begun + (time.process_time() - begun) / GAIN
+
+    first = then = None
+    gathering = Gathering(solver, clock)
+    for progress in solver.solve_steps():
+        if progress.picture:
+            first = first or clock()
+        if clock() <= SECONDS or then is None:
+            then = (clock(), _made_of(solver), solver.irradiance)
+    ready, all_photons = clock(), solver.photons_traced
+    while clock() <= SECONDS and (work := gathering.next_work()) is not None:
+        work()
+        if clock() <= SECONDS:
+            then = (clock(), _made_of(solver), solver.irradiance)
+    solver.configure(prefix_only=True)
+    solver.move_all({})
+    by_photons = solver.irradiance
+    rows, weights = drawn_by_area(in_view(solver), solver.receivers.areas, points, 10)
+    positions, normals = (a[rows] for a in evaluation_points(solver.surfaces, solver.receivers))
+    truth, error = reference_irradiance(solver.scene, positions, normals, paths, 1, solver.poses, model=solver.model)
+    noise = noise_of_truth(error, truth, weights)
+    told = [relative_error(E[rows], truth, weights).l1 for E in (then[2], by_photons)]
+    at_ten, at_rest = (100 * bias_left(total, noise) for total in told)
+    name = "+".join(part.rpartition("/")[2] for part in what.split("+"))
+    return (
+        f"| {name} | {first:.1f} s | {then[1]} | {at_ten:.1f} % | {all_photons:,} | {ready:.1f} s "
+        f"| {at_rest:.1f} % | {100 * noise:.1f} % |"
+    )
+
+
+def _made_of(solver) -> str:
+    """Return what the picture is made of."""
+    g = solver.gathered
+    return f"{solver.photons_traced:,}" + (f", gathered to {100 * g.noise:.1f} %" if solver.uses_gathered else "")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="+")
+    parser.add_argument("--points", type=int, default=400)
+    parser.add_argument("--paths", type=int, default=4000)
+    parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.one:
+        print(measure(asked.scenes[0], asked.points, asked.paths), flush=True)
+        return
+    as_installed()
+    print("| scene | first picture | photons shown at 10 s | error | photons | ready | error | noise of truth |")
+    for what in asked.scenes:
+        options = ["--one", "--points", str(asked.points), "--paths", str(asked.paths)]
+        subprocess.run([sys.executable, "-m", "studies.ten_seconds", what, *options], check=True)
+
+
+if __name__ == "__main__":
+    main()

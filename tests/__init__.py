@@ -1,0 +1,1 @@
+"""The tests: unit/ mirrors the packages, physics/ holds the solver against theory."""

@@ -1,0 +1,1 @@
+"""The command line, its commands, the package and the documentation."""

@@ -1,0 +1,211 @@
+"""`bench --sweep`: which rows, resumed where it was stopped, whole files, tables; the variants of a scene."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app import __main__ as cli
+from app.measure.bench import rows as bench_rows
+from app.measure.bench import scenes
+from app.measure.bench import sweep as bench_sweep
+from app.measure.bench.row import Failed, measure_row, run_apart, vary
+from app.measure.bench.rows import photons_key, rows, triangles_key
+from app.measure.bench.tables import markdown
+from app.settings import Settings, UsageError, make_solver, open_scene
+from gi_core.files.load import load_scene
+
+TREE = Settings("tree")
+
+
+def numbers(spec: dict, ms: float = 2.0) -> dict:
+    """Return what a row's process would, made up but of the right shape."""
+    s, v = spec["settings"], spec["variant"]
+    triangles = v.get("triangles", 72_000)
+    work = {
+        "disc tests": {"count": 10, "ms": 0.1, "per_second": 1e5},
+        "crossings": {"count": triangles // 100, "ms": 0.1},
+    }
+    stale = {"stale_share": 0.1, "queries": 70, "us_a_query": 3.0, "full_estimate_ms": 50.0, "allowed_ms": 5.0}
+    return {
+        "format": "gi-viewer bench 2", "scene": s["scene"], "triangles": triangles, "receivers": triangles,
+        "photons": s["photons"], "estimator": s["estimator"], "control": s["control"], "radius": 0.01, "threads": 2,
+        "frame_ms": {"median": ms, "p95": 2 * ms, "cpu": 1.5 * ms}, "load": 0.3,
+        "stages_ms": {"scan": 0.5, "estimate": 1.5},
+        "bounds": {"stages": {"estimate": {"bound_ms": 0.2, "ratio": 7.5, "work": work}}, "frame_bound_ms": 0.2,
+                   "frame_ratio": 10.0, "frame_cpu_ratio": 7.0},
+        "share_cut": 0.01, "segments_changed": 100.0, "us_per_cut_photon": 1.2, "from_scratch_ms": 50.0,
+        "from_scratch_ratio": 25.0, "first_frame_ms": 400.0, "rss_mb": {"peak": 900.0}, "bits_equal": True,
+        "photon_map": stale if s["estimator"] == "photon_map" else None,
+    }  # fmt: skip
+
+
+def test_the_rows_are_those_of_the_table():
+    keys = [row.key for row in rows(TREE, 100, large=False)]
+    assert len(set(keys)) == len(keys)
+    for photons in (10_000, 100_000, 1_000_000):
+        assert {photons_key(photons, e) for e in ("tangent_plane", "photon_map", "impact_count")} <= set(keys)
+    for triangles in (20_000, 72_000, 300_000, 1_000_000):
+        assert {triangles_key(triangles, r) for r in ("scaled", "fixed")} <= set(keys)
+    assert {"one-sided", "two-sided", bench_rows.SLOW} <= set(keys)
+    more = [row.key for row in rows(TREE, 100, large=True)]
+    assert photons_key(10_000_000, "tangent_plane") in set(more) - set(keys)
+    for row in rows(TREE, 100, large=True):
+        assert row.settings.control is row.key.endswith("artifact control") and row.settings.neighbours == 50
+        assert json.loads(json.dumps(row.spec())) == row.spec(), "or every row would be measured again on resuming"
+
+
+def test_every_estimator_there_is_has_its_rows(estimator):
+    assert estimator in bench_rows.ESTIMATORS
+
+
+def test_a_sweep_that_was_stopped_goes_on_with_what_is_missing(tmp_path):
+    """Stopped in the fifth row, which is not there then; files are whole; the second run measures only the rest."""
+    asked = []
+
+    def stopped(spec):
+        if len(asked) == 4:
+            raise KeyboardInterrupt
+        asked.append(spec)
+        return numbers(spec)
+
+    with pytest.raises(KeyboardInterrupt):
+        bench_sweep.sweep(TREE, 10, tmp_path, run=stopped)
+    have = json.loads((tmp_path / "sweep.json").read_text())
+    assert len(have["rows"]) == 4 and "# Sweep of tree" in (tmp_path / "sweep.md").read_text()
+
+    later = []
+    done = bench_sweep.sweep(TREE, 10, tmp_path, run=lambda spec: later.append(spec) or numbers(spec))
+    every = [row.spec() for row in rows(TREE, 10, False)]
+    assert [s for s in every if s not in later] == asked and len(later) == len(every) - 4
+    assert list(done["rows"]) == [row.key for row in rows(TREE, 10, False)]
+    assert bench_sweep.sweep(TREE, 10, tmp_path, run=None) == json.loads((tmp_path / "sweep.json").read_text())
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["sweep.json", "sweep.md"], "nothing left aside"
+
+
+def test_rows_are_measured_again_when_something_else_is_asked(tmp_path):
+    bench_sweep.sweep(TREE, 10, tmp_path, run=numbers)
+    asked = []
+    bench_sweep.sweep(TREE, 20, tmp_path, run=lambda spec: asked.append(spec) or numbers(spec))
+    assert len(asked) == len(rows(TREE, 20, False))
+
+
+def test_a_row_that_fails_is_told_and_tried_again(tmp_path):
+    bad = photons_key(100_000, "photon_map")
+
+    def run(spec):
+        if spec["settings"]["estimator"] == "photon_map" and spec["settings"]["photons"] == 100_000:
+            raise Failed("no memory left")
+        return numbers(spec)
+
+    done = bench_sweep.sweep(TREE, 10, tmp_path, run=run)
+    assert done["failed"] == {bad: "no memory left"} and bad not in done["rows"]
+    assert f"{bad}: no memory left" in (tmp_path / "sweep.md").read_text()
+    done = bench_sweep.sweep(TREE, 10, tmp_path, run=numbers)
+    assert done["failed"] == {} and bad in done["rows"]
+
+
+def test_a_folder_with_a_sweep_of_something_else_is_refused(tmp_path):
+    bench_sweep.sweep(TREE, 10, tmp_path, run=numbers)
+    with pytest.raises(UsageError, match="scene tree, now it is cornell"):
+        bench_sweep.sweep(Settings("cornell"), 10, tmp_path, run=numbers)
+    (tmp_path / "sweep.json").write_text("{}")
+    with pytest.raises(UsageError, match="is not a sweep"):
+        bench_sweep.sweep(TREE, 10, tmp_path, run=numbers)
+
+
+@pytest.mark.parametrize("bad", [["--sweep"], ["--out", "x"]])
+def test_sweep_and_out_go_together(bad, capsys):
+    assert cli.main(["bench", *bad]) == 2
+    assert "--sweep and --out DIR go together" in capsys.readouterr().err
+
+
+def test_the_command_writes_and_prints_the_tables(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(bench_sweep.sweep, "__defaults__", (False, numbers))
+    assert cli.main(["bench", "tree", "--sweep", "--out", str(tmp_path / "new"), "--frames", "3"]) == 0
+    text = capsys.readouterr().out
+    assert text.strip() == (tmp_path / "new" / "sweep.md").read_text().strip()
+    assert cli.main(["bench", "--compare", *[str(tmp_path / "new" / "sweep.json")] * 2]) == 0
+    assert "rows.two-sided.frame_ms.median" in capsys.readouterr().out
+
+
+def test_tables_hold_what_was_measured_and_say_when_bits_differ():
+    every = {row.key: numbers(row.spec(), ms=20.0) for row in rows(TREE, 10, large=True)}
+    every["two-sided"]["frame_ms"]["median"] = 24.0
+    sweep = {"scene": "tree", "commit": "abc", "processor": "chip", "rows": every, "failed": {}}
+    text = markdown(sweep)
+    assert "| everything two-sided against one-sided | 24 | 20 | 1.2 x |" in text
+    assert "| 10,000,000 | 50, 95 % " not in text and "| 10,000,000 | 50 | 20, 95 % 40 | yes |" in text
+    assert "| 1,000,000 | 16, 95 % 25 | 20, 95 % 40 | no |" in text
+    assert "| 1,000,000 | 20 | 10.00 % | 70 | 3.00 | 50 | 5 | 4 x |" in text
+    assert "| 10,000 | 100 | 0.5 | 19.5 | 195.00 |" in text, "scan apart, the rest a cut photon"
+    assert "| 1,000,000 | 1,000,000 | 0.01 | 20 | 1 x | 10,000 | 50 x | 100.00 |" in text
+    assert "same bits" in text
+    every["one-sided"]["bits_equal"] = False
+    assert "differs from scratch in: one-sided" in markdown(sweep)
+
+
+def test_a_row_in_a_process_of_its_own_has_the_numbers_of_a_run_here():
+    spec = rows(Settings("cornell"), 3, False)[0].spec()
+    spec["settings"].update(photons=500, estimator="impact_count")
+    here, apart = measure_row(spec), run_apart(spec)
+    same = ("triangles", "receivers", "photons", "radius", "control", "share_cut", "segments", "segments_changed")
+    assert [here[k] for k in same] == [apart[k] for k in same] and apart["bits_equal"] and apart["control"] is False
+
+
+def test_a_process_that_fails_says_why():
+    spec = rows(Settings("nowhere.toml"), 3, False)[0].spec()
+    with pytest.raises(Failed, match="nowhere.toml"):
+        run_apart(spec)
+
+
+# Variants of a scene ----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def tree():
+    return load_scene("tree")
+
+
+def area(mesh) -> float:
+    p = mesh.vertices[mesh.faces]
+    return float(np.sqrt((np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) ** 2).sum(axis=1)).sum()) / 2
+
+
+def test_the_tree_is_cut_finer_without_changing_its_surfaces(tree):
+    coarse = scenes.coarse_tree(tree)
+    assert len(coarse.faces) == pytest.approx(20_000, rel=0.03)
+    areas = []
+    for n in (20_000, 72_000):
+        scene = scenes.with_triangles(tree, n, coarse=True)
+        assert len(scene.static.faces) == pytest.approx(n, rel=0.05)
+        assert scene.mobiles == tree.mobiles
+        areas.append(area(scene.static))
+    assert areas[0] == pytest.approx(areas[1], rel=1e-9)
+    up = np.cross(*(coarse.vertices[coarse.faces[:2, k]] - coarse.vertices[coarse.faces[:2, 0]] for k in (1, 2)))
+    assert (up[:, 2] > 0).all(), "the ground faces up"
+
+
+def test_a_scene_without_a_coarse_twin_is_cut_too_and_never_made_coarser(tree):
+    room = load_scene("cornell")
+    assert scenes.with_triangles(room, 100, coarse=False).static is room.static
+    finer = scenes.with_triangles(room, 4 * len(room.static.faces), coarse=False)
+    assert len(finer.static.faces) == pytest.approx(4 * len(room.static.faces), rel=0.15)
+
+
+def test_sides_and_radius_of_a_row(tree):
+    settings = replace(TREE, photons=1000, control=False)
+    two, _ = vary(tree, settings, {"two_sided": True})
+    one, _ = vary(tree, settings, {"two_sided": False})
+    receivers = [len(make_solver(s, settings).irradiance) for s in (one, two)]
+    assert receivers[1] == 2 * receivers[0]
+    own = open_scene(settings).defaults.radius
+    _, fixed = vary(tree, settings, {"triangles": 20_000, "radius": "fixed"})
+    finer, scaled = vary(tree, settings, {"triangles": 20_000, "radius": "scaled"})
+    assert fixed.radius == own
+    counts = [make_solver(x, settings).surfaces.receiver_range(0).stop for x in (tree, finer)]
+    assert counts[1] < 0.5 * counts[0]
+    assert counts[0] * own**2 == pytest.approx(counts[1] * scaled.radius**2), "as many discs on a line"

@@ -1,0 +1,285 @@
+"""The chart: what is measured, resumed where it was stopped, drawn; errors and shares are those that it says."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app import __main__ as cli
+from app.measure.chart import measure, pictures, tuned
+from app.measure.chart import run as chart_run
+from app.measure.chart import settings as chart_settings
+from app.measure.chart.figure import STYLES, draw, front
+from app.measure.chart.measure import Walk, errors, flicker, make_walk
+from app.measure.chart.report import REPORT, beside, choice_like
+from app.measure.chart.results import KEY, Results
+from app.measure.chart.run import rival_choices
+from app.measure.chart.settings import TUNED, Choice, choices
+from app.measure.chart.truth import Case, choose, steady_and_moved
+from app.measure.chart.tuned import nearness
+from app.settings import Settings, make_solver, open_scene
+from gi_core.geometry.error import CLASSES, relative_error
+
+SMALL = Settings("cornell", max_edge=0.2, photons=8192)
+UNDER = dict(zip(KEY, ("room", "abc", "cpu", 0, 3, 40), strict=True))
+
+
+@pytest.fixture
+def small(monkeypatch, tmp_path):
+    """Make every part small, and keep truths out of the user's cache."""
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "reference"))
+    monkeypatch.setattr(chart_run, "QUICK_LIMIT_PHOTONS", 32_768)
+    monkeypatch.setattr(chart_run, "QUICK_TRUTH", 0.1)
+    monkeypatch.setattr(chart_settings, "QUICK_PHOTONS", (4096, 8192))
+    monkeypatch.setattr(pictures, "QUICK_TRUTH", 0.3)
+    monkeypatch.setattr(pictures, "SIZE", (60, 40))
+
+
+def command(out, *more) -> int:
+    return cli.main(["chart", "cornell", "--max-edge", "0.2", "--quick", "--frames", "3", "--points", "60", "--out",
+                     str(out), *more])  # fmt: skip
+
+
+def table(out) -> list[dict]:
+    with open(out / "results.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+# -- the command --------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_run_is_measured_once_resumed_and_drawn(small, tmp_path, capsys, monkeypatch):
+    pytest.importorskip("matplotlib")
+    out = tmp_path / "chart"
+    measured = []
+    row = chart_run.Run._row
+    monkeypatch.setattr(chart_run.Run, "_row", lambda self, c, *a: measured.append(c) or row(self, c, *a))
+    assert command(out) == 0
+    first = table(out)
+    assert {r["curve"] for r in first} == set(STYLES) - {TUNED} and len(measured) == 12 and len(first) == 12 + 2
+    for r in first:
+        assert 0 < float(r["total all"]) < 2 and float(r["frame_ms"]) > 0 and float(r["truth all"]) < 0.2
+    said = capsys.readouterr().out
+    assert "14 settings" in said and str(out.resolve() / "index.html") in said
+
+    page = (out / "index.html").read_text()
+    assert page.count("data:image/png;base64,") == 1 + 2 * 3 and "<svg" in page
+    assert 'src="http' not in page and "href=" not in page.replace("xlink:href=", "")  # nothing from elsewhere
+    assert (out / "chart.png").read_bytes()[:4] == b"\x89PNG" and "</svg>" in (out / "chart.svg").read_text()
+
+    # The last row is cut off, as by a crash: it alone is measured again.
+    text = (out / "results.csv").read_text()
+    lines = text.splitlines(keepends=True)
+    dropped = lines.pop(3)
+    (out / "results.csv").write_text("".join(lines) + dropped[:-20])
+    measured.clear()
+    assert command(out) == 0
+    assert len(measured) == 1 and len(table(out)) == len(first)
+
+
+def test_more_photons_and_paths_are_nearer_the_truth(small, tmp_path):
+    out = tmp_path / "chart"
+    out.mkdir()
+    run = run_of(out)
+    run.measure()
+    by = {(r["curve"], r["photons"]): r for r in run.results.rows}  # of two numbers of paths the larger
+    for curve, few, many in (("impact_count", 4096, 8192), ("path gather", 1, 4)):
+        assert by[curve, many]["total all"] < by[curve, few]["total all"]
+    gathered = "tangent_plane, gathered light"
+    assert all(0 < r["noise all"] < 1 for r in by.values() if r["curve"] not in ("path gather", gathered))
+    assert by[gathered, 4096]["total untouched"] < 0.5 * by["tangent_plane, while dragged", 4096]["total untouched"]
+    assert by[gathered, 4096]["total mobile"] < 0.7 * by["tangent_plane", 4096]["total mobile"]
+    dragged, all_photons = by["tangent_plane, while dragged", 4096], by["tangent_plane", 4096]
+    assert dragged["total untouched"] < all_photons["total untouched"]  # walls keep the light of all photons
+
+
+@pytest.mark.slow
+def test_the_choice_of_tune_is_a_point_beside_the_best_of_the_others(small, tmp_path, monkeypatch):
+    """Measured once, as the other rows are; told and drawn as a star."""
+    monkeypatch.setattr("app.rest.tuning.RADII", (1.0,))
+    out = tmp_path / "chart"
+    out.mkdir()
+    run = run_of(out)
+    run.measure()
+    assert not nearness(run.results.rows), "not by a quick run"
+    walk = run._walk()
+    run.quick = False
+    monkeypatch.setattr(run, "_walk", lambda: walk)
+    monkeypatch.setattr(chart_run, "rival_choices", lambda quick: iter(()))
+    run.measure()
+    rows = run.results.rows
+    [row] = [r for r in rows if r["curve"] == TUNED]
+    assert row["light"] == "best" and row["paths"] >= 4 and row["photons"] <= row["traced"]
+    near = nearness(rows)
+    assert set(near) == {"all", "affected", "mobile"} and all(0.2 < ratio < 20 for ratio in near.values())
+    run.measure()
+    assert len(run.results.rows) == len(rows), "it is there"
+    pytest.importorskip("matplotlib")
+    draw(rows, run.about(), out)
+    assert "tune's choice for 16 ms" in tuned.told(rows)
+
+
+def test_how_near_is_told_by_what_is_no_slower():
+    def row(curve, ms, all_, affected, mobile) -> dict:
+        return {"curve": curve, "frame_ms": ms, "total all": all_, "total affected": affected, "total mobile": mobile}
+
+    others = [row("a", 5.0, 0.2, 0.3, 0.4), row("a", 15.0, 0.1, 0.2, 0.2), row("b", 40.0, 0.01, 0.01, float("nan"))]
+    assert nearness(others) == {}
+    near = nearness([*others, row(TUNED, 14.0, 0.11, 0.2, 0.1)])
+    assert near == pytest.approx({"all": 1.1, "affected": 1.0, "mobile": 0.5})
+    slow = nearness([*others, row(TUNED, 50.0, 0.02, 0.02, 0.1)])
+    assert slow == pytest.approx({"all": 2.0, "affected": 2.0, "mobile": 0.5}), "who is slow is judged by the slow"
+
+
+def run_of(out) -> chart_run.Run:
+    class Silent:
+        def __call__(self, *_):
+            pass
+
+    settings = replace(SMALL, photons=None)
+    return chart_run.Run(open_scene(settings), settings, True, 3, 60, out, Silent())
+
+
+def test_without_matplotlib_one_sentence_says_what_to_install(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert command(tmp_path / "chart") == 2
+    assert "pip install matplotlib" in capsys.readouterr().err
+
+
+def test_an_interrupt_says_how_to_go_on(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("matplotlib")
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(chart_run.Run, "measure", interrupted)
+    assert command(tmp_path) == 130
+    assert "stopped; 0 settings are in" in (said := capsys.readouterr().err) and "goes on from there" in said
+
+
+def test_a_scene_without_mobiles_is_refused(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("matplotlib")
+    monkeypatch.setattr("app.settings.open_scene", lambda s: replace(open_scene(s), mobiles=()))
+    assert command(tmp_path) == 2
+    assert "cornell has no mobile to move: add one with --mobile FILE" in capsys.readouterr().err
+
+
+# -- what is measured ---------------------------------------------------------------------------------
+
+
+def test_settings_that_are_given_are_not_varied():
+    solver = make_solver(open_scene(SMALL), SMALL)
+    every = choices(replace(SMALL, photons=None), solver, quick=False)
+    assert len({c.radius for c in every}) == 3 and len({c.photons for c in every}) == 4
+    assert len(every) == len(set(every))
+    given = choices(replace(SMALL, radius=0.02, estimator="tangent_plane"), solver, quick=False)
+    assert {(c.estimator, c.photons) for c in given} == {("tangent_plane", 8192)}
+    assert not any(c.control for c in choices(replace(SMALL, control=False), solver, quick=False))
+    assert {c.curve for c in every} | {c.curve for c in rival_choices(False)} == set(STYLES) - {TUNED}
+
+
+def test_receivers_without_area_are_not_watched(tmp_path):
+    """Probes have none, and the furnace has some."""
+    settings = Settings("furnace", photons=500, estimator="impact_count")
+    solver = make_solver(open_scene(settings), settings)
+    solver.solve()
+    walk = make_walk(solver, [solver.poses, solver.poses], [], 0)
+    assert len(solver.scene.probes) and (solver.receivers.areas[walk.watched] > 0).all()
+    assert walk.steady.sum() + walk.moved.sum() <= len(walk.watched) and walk.change == 0
+
+
+def test_the_choice_of_receivers_stands_for_all():
+    """Sums of weights are the areas of the classes; over many choices, so is the mean of any function."""
+    random = np.random.default_rng(1)
+    areas, side = random.exponential(size=400), random.integers(0, 4, 400)
+    f = random.random(400) * (1 + side)
+    sides = {name: side == k for k, name in enumerate(CLASSES)}
+    sums = []
+    for _ in range(300):
+        rows, weights, kind = choose(sides, areas, 60, random)
+        assert (side[rows] == kind).all()
+        for k in range(4):
+            assert weights[kind == k].sum() == pytest.approx(areas[side == k].sum())
+        sums.append((weights * f[rows]).sum())
+    error = np.std(sums, ddof=1) / np.sqrt(len(sums))
+    assert abs(np.mean(sums) - (areas * f).sum()) < 4 * error and error < 0.01 * (areas * f).sum()
+    rows, weights, _ = choose(sides, areas, 10_000, random)  # more than there are: all of them
+    assert sorted(rows) == list(range(400)) and weights == pytest.approx(areas[rows])
+
+
+def test_errors_are_those_of_error_py():
+    random = np.random.default_rng(2)
+    E, T, end = random.random((3, 30, 3))
+    kind, w = np.repeat([0, 1, 2], 10), random.random(30)
+    cases = [Case(k, None, w[s], kind[s], T[s], 0.1 * T[s]) for k, s in enumerate((slice(0, 15), slice(15, 30)))]
+    found = errors([E[:15], E[15:]], [end[:15], end[15:]], cases)
+    assert found["total all"] == pytest.approx(relative_error(E, T, w).l1)
+    assert found["total l2 mobile"] == pytest.approx(relative_error(E, T, w, kind == 2).l2)
+    assert found["noise affected"] == pytest.approx(relative_error(E, end, w, kind == 1).l1)
+    assert found["bias untouched"] == pytest.approx(relative_error(end, T, w, kind == 0).l1)
+    assert np.isnan(found["total border"]) and found["points border"] == 0
+    assert found["truth all"] == pytest.approx(0.1 * np.sqrt(2 / np.pi))
+
+
+def test_flicker_and_jump():
+    frames, areas = 5, np.array([1.0, 2.0, 1.0])
+    walk = Walk([], [], np.arange(3), areas, np.array([True, True, False]), np.array([False, False, True]), 8.0)
+    light = np.tile([3.0, 1.0, 0.0], (frames, 1))
+    light[:, 2] = [0, 2, 4, 6, 8]  # rises by 2 a frame
+    assert flicker(light, walk) == 0
+    assert measure._jump(light[:, walk.moved], areas[walk.moved]) == walk.change
+    light[:, 1] = [0, 2, 0, 2, 1]
+    assert flicker(light, walk) == pytest.approx(2 * np.std([0, 2, 0, 2, 1]) / (3 + 2))
+    steady, moved = steady_and_moved(light, np.array([3.0, 1.0, 0.0]), areas)
+    assert steady.tolist() == [True, False, False] and moved.tolist() == [False, True, True]
+
+
+def test_the_front_is_what_nothing_beats():
+    points = [(1, 9), (2, 9.5), (3, 4), (3, 5), (4, 4), (5, 1)]
+    assert front(points) == [(1, 9), (3, 4), (5, 1)] and front([]) == []
+
+
+def test_rows_of_the_report_find_theirs():
+    for told in (REPORT[3], REPORT[4]):
+        like = choice_like(told, 2.0, 50)
+        assert (like.photons, like.radius, like.control) == (10_000, 0.02, False)
+        assert like.textbook == (told.estimator == "photon_map")
+        right = {**like._asdict(), "mark": 1}
+        rows = [{**right, "mark": 2, **wrong} for wrong in ({"control": True}, {"radius": 0.04}, {"traced": 5})]
+        found = dict((t, r) for t, r in beside([*rows, right], 2.0))
+        assert found[told]["mark"] == 1 and sum(r is not None for r in found.values()) == 1
+
+
+# -- results.csv --------------------------------------------------------------------------------------
+
+
+def test_rows_of_other_machines_and_commits_stay_and_do_not_count(tmp_path):
+    setting = Choice("tangent_plane", 100, 100, 0.1, 5, True, "prefix")._asdict()
+    a = Results(tmp_path, UNDER, Choice._fields)
+    a.add({**setting, "frame_ms": 1.25})
+    b = Results(tmp_path, {**UNDER, "commit": "def"}, Choice._fields)
+    assert a.has(setting) and not b.has(setting) and b.rows == []
+    b.add({**setting, "frame_ms": 2.0, "new": 7})  # a newer program knows more
+    again = Results(tmp_path, UNDER, Choice._fields)
+    assert [r["frame_ms"] for r in again.rows] == [1.25] and len(again.every) == 2
+    assert not again.has({**setting, "radius": 0.2}) and again.rows[0]["control"] is True
+    assert Results(tmp_path, {**UNDER, "commit": "def"}, Choice._fields).rows[0]["new"] == 7
+
+
+def test_a_row_whose_end_is_missing_is_taken_out(tmp_path):
+    """Even where only a digit of the last number is: it would pass for a whole row."""
+    first, second = (Choice("tangent_plane", n, n, 0.1, 5, True, "prefix")._asdict() for n in (100, 200))
+    results = Results(tmp_path, UNDER, Choice._fields)
+    results.add({**first, "frame_ms": 1.25})
+    results.add({**second, "frame_ms": 7.75})
+    whole = results.file.read_bytes()
+    results.file.write_bytes(whole.rstrip()[:-1])
+    again = Results(tmp_path, UNDER, Choice._fields)
+    assert again.has(first) and not again.has(second)
+    again.add({**second, "frame_ms": 7.75})
+    assert results.file.read_bytes() == whole

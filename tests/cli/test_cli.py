@@ -1,0 +1,276 @@
+"""The command line: codes, one-line errors, nothing heavy before it is needed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from app import __main__ as cli
+from app.settings import Settings
+from tests.support.cli_support import FAST, one_line
+
+ROOT = Path(__file__).resolve().parents[2]
+HEAVY = ("numpy", "numba", "scipy", "trimesh", "embreex", "moderngl", "glfw", "imgui_bundle", "PIL", "gi_core")
+
+
+def run(*arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess:
+    """Run the program in a process of its own."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "app", *arguments]
+    return subprocess.run(command, cwd=cwd, env=environment, text=True, capture_output=True, timeout=300)
+
+
+def settings(*arguments: str) -> Settings:
+    return cli.settings_of(cli.parse(list(arguments)))
+
+
+@pytest.fixture
+def no_window(monkeypatch):
+    from app.window import window
+
+    monkeypatch.setattr(window, "why_no_window", lambda: "no GL 3.3: install libgl1.")
+
+
+# Nothing heavy --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["--version"], *([c, "--help"] for c in cli.COMMANDS), ["--size", "0"]]
+)
+def test_help_and_version_import_nothing_heavy(arguments):
+    code = f"""
+import sys
+from app.__main__ import main
+code = main({arguments!r})
+loaded = [name for name in {HEAVY!r} if name in sys.modules]
+print(code, loaded, file=sys.stderr)
+"""
+    ran = subprocess.run([sys.executable, "-c", code], cwd=ROOT, text=True, capture_output=True, timeout=60)
+    assert ran.stderr.splitlines()[-1] == f"{2 if '--size' in arguments else 0} []"
+
+
+def test_version_is_that_of_the_project():
+    import tomllib
+
+    wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert run("--version").stdout == f"gi-viewer {wanted}\n"
+
+
+def test_help_names_every_command():
+    text = run("--help").stdout
+    assert all(f"gi-viewer {name}" in text for name in cli.COMMANDS)
+
+
+# Arguments ------------------------------------------------------------------------------------------
+
+
+def test_every_command_takes_the_common_options():
+    common = "x.toml --mobile a.glb --mobile b.glb --estimator impact_count --photons 1e5 --radius 0.02 --neighbours 30"
+    common += (
+        " --seed 7 --exposure -1.5 --pose chair=-1,2,3 --pose lamp=a=0,0,0,1,0,0,0 --max-edge 0.1 --up z --no-control"
+    )
+    common += " --no-border-correction --textbook"
+    for command in ([], *([c] for c in cli.COMMANDS)):
+        s = settings(*command, *common.split())
+        assert (s.scene, s.mobiles, s.estimator) == ("x.toml", ("a.glb", "b.glb"), "impact_count")
+        assert (s.photons, s.radius, s.neighbours, s.seed, s.exposure) == (100_000, 0.02, 30, 7, -1.5)
+        assert s.poses == (("chair", (-1, 2, 3)), ("lamp=a", (0, 0, 0, 1, 0, 0, 0)))
+        assert (s.max_edge, s.up, s.control) == (0.1, "z", False)
+        assert (s.border_correction, s.textbook) == (False, True)
+
+
+def test_the_budget_is_the_viewers_and_may_be_off():
+    assert (settings().budget, settings("--budget", "0").budget, settings("--budget", "33.3").budget) == (16, 0, 33.3)
+
+
+def test_defaults_leave_the_choice_to_scene_and_program():
+    assert settings() == Settings()
+    assert settings("render", "tree", "--size", "64x48") == Settings("tree", size=(64, 48))
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        "--photons 0",
+        "--photons 1.5",
+        "--photons many",
+        "--photons nan",
+        "--radius -1",
+        "--radius inf",
+        "--neighbours 0",
+        "--seed -1",
+        "--exposure nan",
+        "--pose x=1,2",
+        "--pose 1,2,3",
+        "--pose x=1,2,nan",
+        "--size 100",
+        "--size 0x5",
+        "--size -3x5",
+        "--tone-map sepia",
+        "--up w",
+        "--budget -1",
+        "--budget nan",
+        "render --budget 16",
+        "bench --budget 16",
+        "--screenshot a.jpg",
+        "--screenshot no/such/folder/a.png",
+        "--nonsense",
+        "a b",
+    ],
+)
+def test_bad_usage_is_code_2(bad, capsys):
+    assert cli.main(bad.split()) == 2
+    assert one_line(capsys.readouterr().err).startswith("gi-viewer")
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [("--photon 10 --radios 2", "--radius"), ("rendr tree", "render"), ("bench --jsn a.json", "--json")],
+)
+def test_a_mistyped_word_is_told_with_the_one_meant(typed, meant, capsys):
+    assert cli.main(typed.split()) == 2
+    said = one_line(capsys.readouterr().err)
+    assert f"did you mean {meant}?" in said and "--help" in said
+
+
+def test_a_mistyped_scene_is_told_with_the_one_meant(capsys):
+    assert cli.main(["info", "cornel"]) == 3
+    assert "did you mean cornell?" in one_line(capsys.readouterr().err)
+    assert cli.main(["info", "zzz"]) == 3
+    assert "did you mean" not in one_line(capsys.readouterr().err)
+
+
+def test_a_picture_that_is_replaced_is_told_unless_it_was_named(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command = ["render", *FAST, "--size", "32x24"]
+    assert cli.main(command) == 0 and capsys.readouterr().err == ""
+    assert cli.main(command) == 0 and "is replaced; --out" in one_line(capsys.readouterr().err)
+    assert cli.main([*command, "--out", "gi-viewer.png"]) == 0 and capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("bad", ["render cornell --out a.jpg", "render cornell --out no/such/folder/a.png"])
+def test_an_output_that_cannot_be_written_is_refused_before_the_work(bad, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(bad.split()) == 2
+    assert one_line(capsys.readouterr().err).startswith("gi-viewer: --out must name")
+
+
+def test_an_unknown_estimator_is_refused_with_the_names_there_are(capsys, estimator):
+    assert cli.main(["info", *FAST, "--estimator", "guess"]) == 2
+    assert estimator in one_line(capsys.readouterr().err)
+
+
+# Scenes that cannot be used -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", [[], *([c] for c in cli.COMMANDS)])
+def test_a_scene_that_is_not_there_is_code_3_in_one_line(command, capsys, tmp_path, monkeypatch, no_window):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main([*command, "nowhere.glb"]) == 3
+    captured = capsys.readouterr()
+    assert "nowhere.glb" in one_line(captured.err) and captured.out == ""
+
+
+def test_no_traceback_in_a_process_of_its_own(tmp_path):
+    (tmp_path / "bad.toml").write_text("static = 3\n")
+    for scene in ("bad.toml", "missing.toml"):
+        ran = run("render", scene, cwd=tmp_path)
+        assert ran.returncode == 3 and scene in one_line(ran.stderr)
+
+
+def test_an_unknown_mobile_and_a_pose_that_is_not_rigid_are_code_3(capsys):
+    assert cli.main(["info", *FAST, "--pose", "nobody=0,0,0"]) == 3
+    assert '"nobody"' in one_line(capsys.readouterr().err)
+    assert cli.main(["info", *FAST, "--pose", "pawn=0,0,0,2,0,0,0"]) == 3
+    assert "length 1" in one_line(capsys.readouterr().err)
+
+
+# No window ------------------------------------------------------------------------------------------
+
+
+def test_without_a_window_the_picture_goes_to_a_file(capsys, tmp_path, monkeypatch, no_window):
+    monkeypatch.chdir(tmp_path)
+    from app.commands import render as render_command
+
+    said = []  # by the time the work begins
+    render = render_command.render
+    monkeypatch.setattr(render_command, "render", lambda *a: (said.append(capsys.readouterr()), render(*a))[1])
+    assert cli.main([*FAST, "--size", "64x48"]) == 0
+    out = capsys.readouterr().out
+    picture = tmp_path / "gi-viewer.png"
+    assert picture.is_file() and str(picture.resolve()) in out
+    assert "install libgl1" in one_line(said[0].err) and said[0].out == ""
+
+
+def test_without_a_window_and_without_fallback_it_is_code_4(capsys, tmp_path, monkeypatch, no_window):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main([*FAST, "--no-fallback"]) == 4
+    assert "install libgl1" in one_line(capsys.readouterr().err) and not list(tmp_path.iterdir())
+
+
+def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
+    import types
+
+    from app.window import window
+
+    seen = []
+    monkeypatch.setattr(window, "why_no_window", lambda: None)
+    monkeypatch.setitem(
+        sys.modules, "app.window.viewer", types.SimpleNamespace(run=lambda s, screenshot: seen.append(s) or 0)
+    )
+    assert cli.main([*FAST, "--exposure", "2"]) == 0
+    assert seen == [Settings(photons=2000, exposure=2.0)]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--exposure", "1e9"], "argument --exposure: must be -64 .. 64 stops, got 1e9"),
+        (["--exposure", "bright"], "argument --exposure: must be a number, got bright"),
+        (["--photons", "many"], "argument --photons: must be a number, got many"),
+    ],
+)
+def test_values_out_of_range_are_told_in_words(words, told, capsys):
+    assert cli.main(["render", "cornell", *words]) == 2
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words, light",
+    [
+        ([], "best"),
+        (["--light", "photons"], "photons"),
+        (["--estimator", "photon_map"], "photons"),
+        (["--estimator", "photon_map", "--light", "best"], "best"),
+        (["render"], "best"),
+        (["tune"], "best"),
+        (["bench"], "photons"),
+        (["bench", "--light", "best"], "best"),
+    ],
+)
+def test_light_is_gathered_unless_an_estimator_is_asked_for(words, light):
+    assert cli.settings_of(cli.parse(words)).light_chosen == light
+
+
+def test_choosing_an_estimator_shows_its_own_light():
+    assert Settings(light="best").of_estimator("photon_map") == Settings(estimator="photon_map", light="photons")
+
+
+@pytest.mark.parametrize("name", ["estimator", "search"])
+@pytest.mark.parametrize("command", [[], ["render"], ["chart"], ["tune"]])
+def test_unknown_names_are_refused_before_anything_is_compiled_loaded_or_opened(monkeypatch, capsys, command, name):
+    from app.window import viewer, window
+    from gi_core.instruments import compile_ahead
+
+    def too_late(*_, **__):
+        raise AssertionError("this comes after the names have been looked at")
+
+    monkeypatch.setattr(compile_ahead, "compile_kernels", too_late)
+    monkeypatch.setattr(window, "why_no_window", too_late)
+    monkeypatch.setattr(viewer, "run", too_late)
+    assert cli.main([*command, "no such file.glb", f"--{name}", "guess"]) == 2
+    assert f"--{name} must be one of " in (line := one_line(capsys.readouterr().err)) and 'got "guess"' in line

@@ -1,0 +1,144 @@
+"""What commands print: paths, what info tells, Ctrl+C, the progress bar, names of any alphabet."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+
+from app import __main__ as cli
+from app.cli.progress import Bar
+from tests.support.cli_support import FAST, one_line
+from tests.support.mesh_writers import BOX, write_obj, write_room
+
+# Commands -------------------------------------------------------------------------------------------
+
+
+def test_render_prints_the_full_path(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["render", *FAST, "--out", "a.png", "--size", "64x48", "--pose", "pawn=0.3,0.05,0.2"]) == 0
+    assert capsys.readouterr().out == f"{(tmp_path / 'a.png').resolve()}\n"
+    from app.draw.png import read_parameters
+
+    assert read_parameters(tmp_path / "a.png")["pose pawn"].startswith("0.3,0.05,0.2,")
+
+
+def test_info_says_what_is_there_and_why(capsys, estimator):
+    assert cli.main(["info", *FAST, "--radius", "0.02"]) == 0
+    text = capsys.readouterr().out
+    assert "Python threads over kernels that release the GIL" in text
+    for part in ("triangles", 'mobile "pawn"', 'light "lamp"', "absorbed", "kernel cache", "threads", estimator):
+        assert part in text
+    assert "0.02 m: as asked" in text and "2,000: as asked" in text and "warning" not in text
+
+
+def test_info_lists_materials_by_area_and_counts_the_rest(capsys, tmp_path):
+    """Sixteen squares, each larger than the one before and of its own material; the largest two share a name."""
+    lines, library = ["mtllib sheets.mtl"], []
+    for k in range(16):
+        side, name = 1.0 + k, f"m{min(k, 14)}"
+        corners = [(0, 0), (side, 0), (side, side), (0, side)]
+        lines += [*(f"v {x + 40 * k} 0 {-z}" for x, z in corners), f"usemtl {name}", "f -4 -3 -2 -1"]
+        library.append(f"newmtl {name}\nKd 0.{k + 10} 0.2 0.3\n" + ("Ke 5 6 7\n" if k == 10 else ""))
+    (tmp_path / "sheets.obj").write_text("\n".join(lines))
+    (tmp_path / "sheets.mtl").write_text("".join(library))
+    (tmp_path / "sheets.toml").write_text('[static]\nmesh = "sheets.obj"\n[materials.m3]\ntwo_sided = false\n')
+    assert cli.main(["info", str(tmp_path / "sheets.toml"), "--photons", "2000", "--radius", "1"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("materials "))
+    table = lines[first + 1 : first + 14]
+    assert [line.split('"')[1] for line in table[:12]] == [f"m{k}" for k in range(14, 2, -1)]
+    assert table[0].split()[1:] == ["(0.25,", "0.2,", "0.3)", "4", "32.2", "%", "two-sided"]  # (15^2 + 16^2) / 1496
+    assert "emits (5, 6, 7)" in table[4] and sum("emits" in line for line in table) == 1
+    assert table[11].endswith("one-sided") and "0.13" in table[11]
+    assert table[12] == 'and 3 more on 0.936 % of the area: "m2", "m1", "m0"'
+
+
+def test_info_warns_when_most_light_escapes(capsys, monkeypatch):
+    from dataclasses import replace
+
+    from app.measure import scene_info
+    from gi_core.scene import PointLight, Scene
+    from tests.support.scene_builders import grey, quad
+
+    floor = quad((-1, 0, -1), (0, 0, 2), (2, 0, 0), (4, 4))
+    scene = Scene(floor, (grey(0.5),), lights=(PointLight("bulb", (0, 5, 0), (1, 1, 1)),))
+    monkeypatch.setattr(scene_info, "open_scene", lambda s: replace(scene, name="desert"))
+    assert cli.main(["info", "--photons", "20000"]) == 0
+    text = capsys.readouterr().out
+    assert "% of the light leaves the scene" in text and 'light "bulb"' in text and "(1, 1, 1) W, point" in text
+
+
+def test_info_gives_no_advice_about_lights_that_are_the_programs_own(capsys, tmp_path):
+    """A peg in the open, without a light: the stand-ins' light misses it mostly, and nobody can turn them."""
+    write_obj(tmp_path / "peg.obj", BOX * (0.1, 1.0, 0.1))
+    assert cli.main(["info", str(tmp_path / "peg.obj"), "--photons", "2000"]) == 0
+    text = capsys.readouterr().out
+    assert "note: no light in the file: a lamp" in text and "warning" not in text
+    assert float(text.partition("truncated")[0].rpartition("absorbed, ")[2].split(" %")[0]) > 80  # and yet escaped
+
+
+def test_a_word_too_many_and_a_name_mistyped_are_told_with_what_was_meant(capsys, tmp_path):
+    write_obj(tmp_path / "kitchen.obj")
+    for words, told in (
+        (["bake", "room.glb"], "there is no command bake; there are render, bench"),
+        (["render", "room.glb", "chair.glb"], "one scene at a time: a thing to move is given by --mobile FILE"),
+        (["cornell", "chair.glb"], "one scene at a time: a thing to move is given by --mobile FILE"),
+    ):
+        assert cli.main(words) == 2
+        assert told in one_line(capsys.readouterr().err)
+    assert cli.main(["info", str(tmp_path / "kichen.obj")]) == 3
+    assert "there is no such scene file; did you mean kitchen.obj? shipped" in one_line(capsys.readouterr().err)
+
+
+def test_ctrl_c_ends_quietly(capsys, monkeypatch):
+    from app.measure import scene_info
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(scene_info, "open_scene", interrupted)
+    assert cli.main(["info"]) == 130
+    assert one_line(capsys.readouterr().err) == "gi-viewer: stopped\n"
+
+
+class _Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_the_progress_bar_draws_on_terminals_only_and_cleans_up():
+    for stream, drawn in ((_Terminal(), True), (io.StringIO(), False)):
+        with Bar(stream) as bar:
+            bar("tracing", 0.5)
+        text = stream.getvalue()
+        assert ("tracing" in text and " 50 %" in text and text.endswith("\r")) is drawn and (drawn or text == "")
+
+
+def test_names_with_spaces_and_letters_of_any_alphabet(tmp_path, capsys):
+    """Of folder, scene, library of materials, mobile and picture."""
+    folder = tmp_path / "Räume & Möbel"
+    folder.mkdir()
+    write_room(folder)
+    room, pot = folder / "Zimmer №1 – größer.obj", folder / "чайник 壶.obj"
+    (folder / "room.obj").rename(room)
+    (folder / "cube.obj").rename(pot)
+    small = ["--photons", "500", "--max-edge", "0.5"]
+    assert cli.main(["info", str(room), "--mobile", str(pot), *small]) == 0
+    said = capsys.readouterr().out
+    assert "Zimmer №1 – größer" in said and 'mobile "чайник 壶"' in said
+    picture = folder / "Bild ä.png"
+    moved = ["--pose", "чайник 壶=0.5,0.2,0.5"]
+    assert cli.main(["render", str(room), "--mobile", str(pot), *moved, *small, "--out", str(picture)]) == 0
+    assert picture.stat().st_size > 1000
+
+
+@pytest.mark.parametrize("words", ["atlas", "chart --atlas"])
+def test_the_atlas_is_written_where_asked(words, capsys, tmp_path, monkeypatch):
+    from app.measure.atlas import command
+
+    asked = []
+    monkeypatch.setattr(command, "atlas", lambda out: asked.append(out))
+    (tmp_path / "atlas.md").write_text("# What was found: 3 α\n", encoding="utf-8")
+    assert cli.main([*words.split(), "--out", str(tmp_path)]) == 0
+    assert asked == [tmp_path] and "3 α" in capsys.readouterr().out

@@ -1,0 +1,247 @@
+"""Everything that the documentation shows is true: examples run, tables are complete, sentences are the program's."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gi_core.files.find import shipped_scenes
+from gi_core.files.load import load_scene
+from gi_core.scene import SceneError
+from tests.support.document_examples import ROOT, blocks, bring, work_through
+
+DOCUMENTS = ["docs/your-own-room.md", "docs/scene-format.md", "docs/api.md", "docs/chart.md", "README.md"]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_every_example_runs(document, monkeypatch, tmp_path):
+    assert work_through(document, monkeypatch, tmp_path) >= 1
+
+
+def test_every_file_in_the_readme_s_table_is_there():
+    rows = re.findall(r"^\| (`[^|]*`) \|", section(ROOT / "README.md", "How it works"), re.MULTILINE)
+    assert len(rows) > 25
+    for row in rows:
+        folder = None
+        for name in re.findall(r"`([^`]+)`", row):  # `gi_core/a.py`, `b.py`: the same folder; `c/`: a subfolder
+            tried = [ROOT / name, *([folder / name] if folder else [])]
+            found = [path for pattern in tried for path in pattern.parent.glob(pattern.name)]
+            assert found, f"README.md: {name} of {row}"
+            folder = folder or (ROOT / name).parent
+
+
+# Scene format -----------------------------------------------------------------------------------------
+
+FORMAT = ROOT / "docs" / "scene-format.md"
+UNKNOWN = {  # section: a scene with a key in that table that is like no other, so that all known ones are listed
+    "At the top of the file": "____ = 1",
+    "[static]": "static = { ____ = 1 }",
+    "[[mobile]]": "mobile = [{ ____ = 1 }]",
+    "[mobile.path]": 'mobile = [{ name = "m", mesh = "room.obj", path = { ____ = 1 } }]',
+    'type = "point"': 'light = [{ type = "point", ____ = 1 }]',
+    'type = "spot"': 'light = [{ type = "spot", ____ = 1 }]',
+    'type = "directional"': 'light = [{ type = "directional", ____ = 1 }]',
+    'type = "sky"': 'light = [{ type = "sky", ____ = 1 }]',
+    "[materials.NAME]": "materials.wall = { ____ = 1 }",
+    "[camera]": "camera = { ____ = 1 }",
+    "[[probe]]": "probe = [{ ____ = 1 }]",
+    "[defaults]": "defaults = { ____ = 1 }",
+}
+
+
+def section(path: Path, title: str) -> str:
+    """Return the text under a heading, up to the next one."""
+    found = re.search(rf"^##+ {re.escape(title)}$(.*?)(?=^#|\Z)", path.read_text(encoding="utf-8"), re.M | re.S)
+    assert found, f"{path.name} has no section {title!r}"
+    return found[1]
+
+
+def complaint(line: str) -> str:
+    """Return what loading room.toml, one line of TOML and a mesh, complains about."""
+    mesh = "" if line.startswith("static") else 'static.mesh = "room.obj"\n'
+    Path("room.toml").write_text(f"{line}\n{mesh}")
+    with pytest.raises(SceneError) as caught:
+        load_scene("room.toml")
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("title", UNKNOWN)
+def test_every_key_that_the_program_knows_is_in_the_table_and_no_other(title, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    bring("room.obj")
+    sentence = complaint(UNKNOWN[title])
+    known = re.search(r"unknown key '____'; known here are (.*)", sentence)
+    assert known, sentence
+    rows = re.findall(r"^\| `(\w+)` \|", section(FORMAT, title), re.MULTILINE)
+    assert sorted(rows) == known[1].split(", ")
+
+
+def test_every_sentence_about_a_mistake_is_the_programs(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    bring("room.obj")
+    text = section(FORMAT, "When something is wrong")
+    mistakes = re.findall(r"^\| `([^`]+)` \| `(.+)` \|$", text, re.MULTILINE)
+    meshes = re.findall(r"^\| `([\w.]+)`, [^|]+ \| `(.+)` \|$", text, re.MULTILINE)
+    assert len(mistakes) > 20 and len(meshes) > 4
+    assert len(mistakes) + len(meshes) == text.count("\n| `")
+    for name, sentence in meshes:
+        bring(name)
+        mistakes.append((f'static = {{ mesh = "{name}" }}', sentence))
+    for line, sentence in mistakes:
+        said = complaint(line)
+        if sentence.endswith("..."):  # the rest is the words of a library
+            said = said[: len(sentence) - 3] + "..."
+        assert said == sentence, line
+
+
+def test_numbers_in_the_text_are_those_of_the_program():
+    from gi_core.defaults import choose
+    from gi_core.files import load
+    from gi_core.files.completion import placement
+    from gi_core.files.formats import mesh_file
+    from gi_core.geometry import receivers
+
+    text = " ".join(FORMAT.read_text(encoding="utf-8").split())
+    for sentence in (
+        f"some {load.MOST_RECEIVERS:,} receivers",
+        f"reflectances above {mesh_file.MOST_REFLECTANCE:g} ",
+        f"at less than {receivers.CREASE_DEGREES:g} degrees",
+        f"noise is {100 * choose.LEAST_NOISE:g} %, at most {choose.MOST_PHOTONS:,} or what",
+        f"what {choose.MOST_SECONDS:g} s on two cores allow",
+        f"| at most {100 * choose.RADIUS_SHARE:g} % of the scene size, less where ground is uneven |",
+        f"| whole number | {choose.NEIGHBOURS} |",
+        f"longer than {one_over(placement.LARGEST)} of the scene or shorter than {one_over(placement.SMALLEST)} of it",
+        f"split to {one_over(load.MOBILE_EDGE)} of their length",
+    ):
+        assert sentence in text
+
+
+def one_over(share: float) -> str:
+    return f"1/{1 / share:g}"
+
+
+def test_every_shipped_scene_is_in_the_readme():
+    text = section(ROOT / "README.md", "Commands")
+    assert [name for name in shipped_scenes() if f"`{name}`" not in text] == []
+
+
+# Interface --------------------------------------------------------------------------------------------
+
+API = ROOT / "docs" / "api.md"
+MODULES = (
+    "gi_core.scene",
+    "gi_core.files.load",
+    "gi_core.files.find",
+    "gi_core.solver",
+    "gi_core.gather.reference",
+    "gi_core.geometry.evaluation_points",
+    "gi_core.geometry.error",
+    "gi_core.scene.pose",
+    "gi_core.geometry.radiosity",
+    "gi_core.geometry.tessellation",
+    "gi_core.geometry.surfaces",
+    "gi_core.geometry.receivers",
+    "gi_core.estimators.setting",
+)
+
+
+def described() -> dict[str, tuple[str | None, str]]:
+    """Return of each name that has a heading its arguments (None without parentheses) and the text below it."""
+    pattern = r"^###+ `([\w.]+)(?:\((.*)\))?`$((?:\n(?!#).*)*)"
+    found = re.finditer(pattern, API.read_text(encoding="utf-8"), re.MULTILINE)
+    return {match[1]: (match[2], match[3]) for match in found}
+
+
+def look_up(name: str):
+    """Return what a name in the document stands for."""
+    first, *rest = name.split(".")
+    for module in MODULES:
+        thing = getattr(importlib.import_module(module), first, None)
+        if thing is not None:
+            for part in rest:
+                thing = getattr(thing, part)
+            return thing
+    raise AssertionError(f"api.md describes {name}, which is in none of {MODULES}")
+
+
+def test_signatures_are_those_of_the_program():
+    headings = described()
+    assert len(headings) > 30
+    for name, (arguments, _) in headings.items():
+        thing = look_up(name)
+        if not callable(thing) or (isinstance(thing, type) and issubclass(thing, Exception)):
+            assert arguments is None, f"{name} takes no arguments"
+        elif arguments.endswith(", ..."):  # the rest is for the program's own use
+            assert signature(thing).startswith(arguments[: -len(", ...")] + ","), name
+        else:
+            assert arguments == signature(thing), name
+
+
+def signature(thing) -> str:
+    """Return the arguments of a callable as the document writes them: names and defaults."""
+    parameters = [p for p in inspect.signature(thing).parameters.values() if p.name != "self"]
+    return ", ".join(
+        "**" * (p.kind is p.VAR_KEYWORD) + p.name + ("" if p.default is p.empty else f"={short(p.default)}")
+        for p in parameters
+    )
+
+
+def short(value) -> str:
+    """Return a default as one would write it: `Pose()`, not all its fields."""
+    return f"{type(value).__name__}()" if hasattr(value, "_fields") and value == type(value)() else repr(value)
+
+
+def test_nothing_public_is_left_out():
+    from gi_core import scene
+    from gi_core.solver import Solver
+
+    described_names = set(described())
+    wanted = {*scene.__all__, "load_scene", "find_scene", "shipped_scenes"}
+    wanted |= {f"Solver.{name}" for name, _ in inspect.getmembers(Solver) if not name.startswith("_")}
+    text = API.read_text(encoding="utf-8")
+    assert wanted - described_names == set()
+    attributes = vars(Solver(load_scene_for_attributes(), photons=0))
+    assert [a for a in attributes if not a.startswith("_") and f"`{a}`" not in text] == []
+
+
+def load_scene_for_attributes():
+    from tests.support.scene_builders import plane_scene
+
+    return plane_scene()
+
+
+def test_fields_of_records_are_named():
+    for name, (_, text) in described().items():
+        thing = look_up(name)
+        for field in getattr(thing, "_fields", ()):
+            assert f"`{field}`" in text, f"api.md: {name} does not say what {field} is"
+
+
+# The test itself --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "```python\nx = undefined\n```\n",
+        '```toml\n# a.toml\n[static]\nmesh = "nowhere.obj"\n```\n',
+        '```toml\n[static]\nmesh = "room.obj"\n```\n',
+        "```sh\ngi-viewer info nowhere.toml\n```\n",
+        "```sh\ngi-viewer --nonsense\n```\n",
+        "<!-- files: a.xyz -->\n",
+    ],
+)
+def test_a_broken_example_is_noticed(text, monkeypatch, tmp_path):
+    (tmp_path / "a.md").write_text(text)
+    monkeypatch.setattr("tests.cli.test_documentation.ROOT", tmp_path)
+    with pytest.raises((Exception, pytest.fail.Exception)):
+        work_through("a.md", monkeypatch, tmp_path)
+
+
+def test_blocks_are_found():
+    assert np.isin(["python", "toml", "sh"], [b.language for d in DOCUMENTS for b in blocks(ROOT / d)]).all()

@@ -1,0 +1,110 @@
+"""The wheel is whole: a picture is rendered from it in an empty folder, and the README's commands are CI's."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+DATA = {"scenes": (".toml", ".glb"), "shaders": (".vert", ".frag", ".glsl")}
+MOST_MB = 5  # of generated meshes
+
+
+@pytest.fixture(scope="module")
+def unpacked(tmp_path_factory) -> Path:
+    """Build the wheel from a copy (a build leaves folders behind) and unpack it."""
+    source = tmp_path_factory.mktemp("source")
+    out = tmp_path_factory.mktemp("wheel")
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    for name in ("app", "gi_core", "scenes", "shaders"):
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(out), str(source)]
+    if int(metadata.version("setuptools").split(".")[0]) >= 77:
+        command.insert(4, "--no-build-isolation")  # nothing to fetch
+    built = subprocess.run(command, text=True, capture_output=True, timeout=600)
+    assert built.returncode == 0, built.stdout + built.stderr
+    (wheel,) = out.glob("gi_viewer-*.whl")
+    site = tmp_path_factory.mktemp("site")
+    zipfile.ZipFile(wheel).extractall(site)
+    return site
+
+
+def test_every_module_scene_and_shader_is_in_the_wheel(unpacked):
+    def shipped(root: Path) -> set[str]:
+        found = set()
+        for package in ("app", "gi_core", "scenes", "shaders"):
+            for path in (root / package).rglob("*"):
+                if path.suffix in (".py", *DATA.get(package, ())):
+                    found.add(path.relative_to(root).as_posix())
+        return found
+
+    assert shipped(unpacked) == shipped(ROOT)
+    assert {"scenes/cornell.toml", "shaders/surface.frag"} <= shipped(unpacked)
+
+
+def test_the_wheel_installs_the_command_and_the_licence(unpacked):
+    (info,) = unpacked.glob("*.dist-info")
+    assert "gi-viewer = app.__main__:main" in (info / "entry_points.txt").read_text()
+    text = (info / "METADATA").read_text(encoding="utf-8")
+    assert "Requires-Python: >=3.11" in text and "License-Expression: MIT" in text
+    assert "The gi-viewer authors" in next(info.rglob("LICENSE")).read_text()
+
+
+def test_cornell_renders_from_the_wheel_in_an_empty_folder(unpacked, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": str(unpacked)}
+    where = "import app, gi_core, scenes; print(app.__file__, gi_core.__file__, scenes.__file__)"
+    run = {"cwd": tmp_path, "env": environment, "text": True, "capture_output": True, "timeout": 600}
+    assert subprocess.run([sys.executable, "-c", where], **run).stdout.count(str(unpacked)) == 3
+    command = "render cornell --photons 2000 --size 64x48 --out a.png".split()
+    ran = subprocess.run([sys.executable, "-m", "app", *command], **run)
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.strip() == str((tmp_path / "a.png").resolve()) and (tmp_path / "a.png").stat().st_size > 500
+
+
+def test_generated_meshes_stay_small():
+    assert sum(p.stat().st_size for p in (ROOT / "scenes").glob("*.glb")) < MOST_MB * 1e6
+
+
+def test_no_posix_only_module_is_imported_at_the_top():
+    """`resource` and its like exist on one platform: import them inside a function, behind a fallback."""
+    pattern = re.compile(r"^(?:import|from) (resource|fcntl|termios|pwd|grp|pty|winreg|msvcrt)\b", re.MULTILINE)
+    for package in ("app", "gi_core", "scenes"):
+        for path in (ROOT / package).rglob("*.py"):
+            assert not pattern.search(path.read_text(encoding="utf-8")), path
+
+
+def test_the_readme_has_two_set_up_commands_and_ci_runs_the_second():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    commands = re.findall(r"^python3 -m venv .*$", readme, re.MULTILINE)
+    assert commands == [
+        "python3 -m venv .venv && .venv/bin/pip install . && .venv/bin/gi-viewer",
+        'python3 -m venv .venv && .venv/bin/pip install ".[test]" && .venv/bin/python -m pytest',
+    ]
+    assert "python3 -m venv .venv && .*pytest" in (ROOT / ".ci" / "run").read_text()
+    for package in ("libgl1", "libegl1", "libx11-6", "python3-venv"):
+        assert package in readme
+
+
+def test_every_file_that_the_readme_shows_is_there():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    linked = [*re.findall(r"!?\[[^\]]*\]\(([^)#:]+)\)", readme), *re.findall(r'src="([^":]+)"', readme)]
+    assert linked and not [name for name in linked if not (ROOT / name).exists()]
+
+
+def test_nothing_of_this_machine_is_written_down():
+    for pattern in ("*.py", "*.toml", "*.md"):
+        for path in (p for folder in ("app", "gi_core", "scenes", "docs") for p in (ROOT / folder).rglob(pattern)):
+            text = path.read_text(encoding="utf-8")
+            assert not re.search(r"/(?:work|opt|home|root)/", text), path
+    assert PROJECT["project"]["requires-python"] == ">=3.11"

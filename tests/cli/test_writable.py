@@ -1,0 +1,111 @@
+"""A place that cannot be written is refused before the work, in one sentence; kernels do without their folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app import __main__ as program
+from app.cli.writable import check_writable
+from app.settings import UsageError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_a_place_that_can_be_written_is_left_as_it_was(tmp_path):
+    check_writable("--out", tmp_path / "a.png")
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "a.png").write_text("old")
+    check_writable("--out", tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_text() == "old"
+
+
+def test_folders_and_missing_folders_are_refused(tmp_path):
+    (tmp_path / "pictures.png").mkdir()
+    with pytest.raises(UsageError, match="must name a file, and .*pictures.png is a folder"):
+        check_writable("--out", tmp_path / "pictures.png")
+    with pytest.raises(UsageError, match="in a folder that exists"):
+        check_writable("--out", tmp_path / "gone" / "a.png")
+
+
+@pytest.fixture
+def sealed(monkeypatch):
+    """No file can be made, as on a read-only file system: permissions do not stop everybody."""
+
+    def touch(self, *_, **__):
+        raise OSError(30, "Read-only file system", str(self))
+
+    monkeypatch.setattr(Path, "touch", touch)
+
+
+@pytest.mark.parametrize("command", [["render", "furnace", "--out"], ["bench", "cornell", "--json"]])
+def test_commands_refuse_before_the_work(tmp_path, sealed, command, capsys, monkeypatch):
+    def work(*_, **__):
+        raise AssertionError("it has begun to work")
+
+    monkeypatch.setattr("gi_core.files.load.load_scene", work)
+    file = tmp_path / ("a.png" if command[0] == "render" else "a.json")
+    assert program.main([*command, str(file)]) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert (
+        said[-1] == f"gi-viewer: {command[-1]} {file} cannot be written (Read-only file system); name a file elsewhere"
+    )
+
+
+@pytest.mark.slow
+def test_without_a_folder_for_kernels_it_says_so_and_works(tmp_path):
+    """The folder above is a file; what is compiled goes where it ends with the process."""
+    (tmp_path / "cache").write_text("")
+    code = (
+        "import json, os, numpy as np\n"
+        "from gi_core import jit\n"
+        "from gi_core.base.grouping import components\n"
+        "components(np.zeros((1, 2), np.int64), 2)\n"
+        "print(json.dumps([jit.CACHE_PROBLEM, os.environ['NUMBA_CACHE_DIR'], len(os.listdir(jit.cache_folder()))]))\n"
+    )
+    kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=kept | {"XDG_CACHE_HOME": str(tmp_path / "cache")},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    problem, folder, files = json.loads(done.stdout)
+    if sys.platform == "linux":
+        assert "cannot be written (Not a directory)" in problem and files
+        assert not os.path.exists(folder)
+
+
+def test_what_is_gathered_without_a_place_to_keep_it_is_used_all_the_same(monkeypatch, capsys, tmp_path):
+    """The folder is a file: nothing can be made in it, whoever asks."""
+    from app.rest.reference_job import Truth
+    from app.rest.reference_store import ReferenceStore
+    from gi_core.solver import Solver
+    from tests.support.scene_builders import coloured_room
+
+    nowhere = tmp_path / "file"
+    nowhere.write_text("")
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(nowhere / "kept"))
+    out = tmp_path / "a.png"
+    asked = ["furnace", "--light", "best", "--photons", "2000", "--size", "32x20", "--out", str(out)]
+    monkeypatch.setattr("gi_core.gather.static.ENOUGH", 0.2)
+    assert program.main(["render", *asked]) == 0 and out.exists()
+
+    solver = Solver(coloured_room(), photons=100)
+    truth = Truth(solver, solver.poses, np.arange(3))
+    while truth.rounds < 2:
+        truth.step()
+    truth.keep()
+    assert truth.irradiance.any() and ReferenceStore(solver.model, solver.poses, np.arange(3)).load() is None
+    capsys.readouterr()
+
+    monkeypatch.setattr("gi_core.files.load.load_scene", None)  # refused before the work
+    assert program.main(["reference", "furnace"]) == 2
+    said = capsys.readouterr().err
+    assert (
+        f"the folder {nowhere / 'kept'} cannot be written" in said and "GI_VIEWER_REFERENCE_DIR names another" in said
+    )

@@ -1,0 +1,1 @@
+"""Files and scenes: formats, completion, shipped scenes, hostile input."""

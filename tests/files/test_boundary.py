@@ -1,0 +1,130 @@
+"""What a scene may read: its own folder and below; nothing outside, no device, unless the user allows it."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import pytest
+
+from app import __main__ as cli
+from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.mesh_file import read_mesh_file
+from gi_core.files.load import load_scene
+from gi_core.scene import SceneError
+from tests.support.mesh_writers import QUAD, QUAD_FACES, SCENE, write_obj, write_room, write_scene
+
+OUTSIDE = "lies outside the folder of the scene"
+
+
+@pytest.fixture
+def inner(tmp_path):
+    """A folder inside a folder that holds a room."""
+    write_room(tmp_path)
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    return folder
+
+
+def spellings(folder, name):
+    """Ways to name a file in the folder above: relative, absolute, through a link."""
+    link = folder / f"link{os.path.splitext(name)[1]}"
+    link.symlink_to(folder.parent / name)
+    (folder / "x").mkdir(exist_ok=True)
+    return [f"../{name}", str(folder.parent / name), f"./x/../../{name}", link.name]
+
+
+def test_boundary(tmp_path):
+    inside = Boundary(tmp_path)
+    assert inside.holds(tmp_path / "a") and inside.holds(tmp_path / "b" / ".." / "a") and inside.holds(tmp_path)
+    for path in (tmp_path / "..", tmp_path.parent, f"{tmp_path}x", tmp_path / "a" / ".." / ".." / "b", "/etc/passwd"):
+        assert not inside.holds(path), path
+        assert Boundary(tmp_path, open=True).holds(path)
+    assert not inside.holds(tmp_path / "zero\0byte")
+    assert not inside.file(tmp_path) and not inside.file(tmp_path / ("x" * 5000))
+
+
+def test_meshes_of_a_scene_file(inner):
+    for mesh in spellings(inner, "room.obj"):
+        file = inner / "s.toml"
+        file.write_text(f"[static]\nmesh = {json.dumps(mesh)}\n")
+        with pytest.raises(SceneError, match=OUTSIDE):
+            load_scene(file)
+        assert len(load_scene(file, allow_outside=True).static.faces) >= 14
+    write_scene(inner, SCENE.replace('mesh = "cube.obj"', 'mesh = "../cube.obj"'))
+    with pytest.raises(SceneError, match=f'mobile "cube": cube.obj: {OUTSIDE}'):
+        load_scene(inner / "scene.toml")
+
+
+def test_the_folder_is_that_of_the_file_that_the_user_named(inner):
+    """A mesh in a folder below may name what lies anywhere in the scene's folder; alone, only what lies in its own."""
+    (inner.parent / "s.toml").write_text('[static]\nmesh = "scene/room.obj"\n')
+    (inner / "room.obj").write_text((inner.parent / "room.obj").read_text().replace("room.mtl", "../room.mtl"))
+    assert any(max(m.emission) > 0 for m in load_scene(inner.parent / "s.toml").materials)
+    alone = read_mesh_file(inner / "room.obj")
+    assert not any(max(m.emission) > 0 for m in alone.materials)
+    assert [n for n in alone.notes if OUTSIDE in n and "../room.mtl" in n]
+    # A mobile on the command line has been named by the user: its own folder counts.
+    cube = inner.parent / "cube.obj"
+    cube.write_text("mtllib cube.mtl\n" + cube.read_text().replace("f ", "usemtl red\nf ", 1))
+    (inner.parent / "cube.mtl").write_text("newmtl red\nKd 0.5 0 0\n")
+    write_room(inner)
+    scene = load_scene(inner / "room.obj", mobiles=[cube], max_edge=1.0)
+    assert (0.5, 0.0, 0.0) in [m.reflectance for m in scene.materials]
+
+
+def test_material_libraries(inner):
+    for name in spellings(inner, "room.mtl"):
+        file = inner / "a.obj"
+        file.write_text((inner.parent / "room.obj").read_text().replace("room.mtl", name))
+        assert not any(max(m.emission) > 0 for m in read_mesh_file(file).materials), name
+        opened = read_mesh_file(file, boundary=Boundary(inner, open=True))
+        assert any(max(m.emission) > 0 for m in opened.materials), name
+
+
+def test_buffers(inner):
+    (inner.parent / "q.bin").write_bytes(QUAD.astype("<f4").tobytes() + QUAD_FACES.astype("<u4").tobytes())
+    for uri in spellings(inner, "q.bin"):
+        file = write_gltf(inner / "a.gltf", uri)
+        with pytest.raises(SceneError, match=f"its buffer .* {OUTSIDE}"):
+            read_mesh_file(file)
+        assert len(read_mesh_file(file, boundary=Boundary(inner, open=True)).mesh.faces) == 2
+
+
+def write_gltf(path, uri):
+    document = {
+        "asset": {"version": "2.0"},
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 6, "type": "SCALAR"},
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 24}],
+        "buffers": [{"byteLength": 72, "uri": uri}],
+    }
+    path.write_text(json.dumps(document))
+    return path
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_or_a_device_is_not_read(tmp_path):
+    """Reading one may never end."""
+    for name in ("q.bin", "room.mtl", "pipe.obj"):
+        os.mkfifo(tmp_path / name)
+    with pytest.raises(SceneError, match="there is no such file"):
+        read_mesh_file(write_gltf(tmp_path / "a.gltf", "q.bin"))
+    with pytest.raises(SceneError, match="there is no such file"):
+        read_mesh_file(write_gltf(tmp_path / "a.gltf", "/dev/zero"), boundary=Boundary(tmp_path, open=True))
+    with pytest.raises(SceneError, match="no such mesh file"):
+        read_mesh_file(tmp_path / "pipe.obj")
+    write_obj(tmp_path / "a.obj", before="mtllib room.mtl")
+    assert any("room.mtl not found" in n for n in read_mesh_file(tmp_path / "a.obj").notes)
+
+
+def test_command_line(inner, capsys):
+    (inner / "s.toml").write_text('[static]\nmesh = "../room.obj"\n')
+    quick = ["info", str(inner / "s.toml"), "--photons", "100", "--radius", "0.1"]
+    assert cli.main(quick) == cli.SCENE
+    assert capsys.readouterr().err.count("\n") == 1
+    assert cli.main([*quick, "--allow-outside"]) == 0

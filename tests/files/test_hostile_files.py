@@ -1,0 +1,248 @@
+"""Damaged and malicious files: each ends in a scene or in one sentence. What fuzzing found stays here for ever.
+
+`studies/fuzz.py` looks for more; here its mutations run for some hundred cases, and each crasher by name.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gi_core.files.formats.gltf_buffers import MOST_ZEROS
+from gi_core.files.formats.gltf_file import MOST_TRIANGLES
+from gi_core.files.formats.mesh_file import read_mesh_file
+from gi_core.files.formats.toml_file import read_scene_file
+from gi_core.files.load import load_scene
+from gi_core.scene import SceneError
+from gi_core.scene.errors import LONGEST, one_line
+from tests.support.fuzz_mutations import FULL_OBJ, mutate, seeds, surroundings
+from tests.support.mesh_writers import BOX, BOX_FACES, QUAD, QUAD_FACES, SCENE, write_glb, write_obj, write_scene
+
+SEEDS = seeds()
+
+
+def read(path):
+    """Read a file without completing it to a scene; return what is wrong with it, or None."""
+    try:
+        read_scene_file(path, str(path)) if path.suffix == ".toml" else read_mesh_file(path)
+    except SceneError as error:
+        assert path.name in str(error) and str(error).isprintable() and len(str(error)) <= LONGEST
+        return str(error)
+    return None
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("fuzz")
+    surroundings(path)
+    return path
+
+
+@settings(max_examples=150)
+@given(kind=st.sampled_from([k for k in SEEDS if k != "mtl"]), seed=st.integers(0, 1 << 30))
+def test_mutated_files_end_in_a_mesh_or_a_sentence(folder, kind, seed):
+    rng = random.Random(seed)
+    path = folder / f"case.{kind}"
+    path.write_bytes(mutate(rng, kind, rng.choice(SEEDS[kind]), rng.choice(SEEDS[kind])))
+    read(path)
+
+
+@settings(max_examples=150)
+@given(kind=st.sampled_from(["toml", "obj", "glb", "gltf", "ply", "stl"]), data=st.binary(max_size=300))
+def test_any_bytes_at_all(folder, kind, data):
+    path = folder / f"bytes.{kind}"
+    path.write_bytes(data)
+    read(path)
+
+
+@settings(max_examples=100)
+@given(data=st.data())
+def test_a_file_cut_short_anywhere(folder, data):
+    kind = data.draw(st.sampled_from([k for k in SEEDS if k != "mtl"]))
+    whole = data.draw(st.sampled_from(SEEDS[kind]))
+    path = folder / f"short.{kind}"
+    path.write_bytes(whole[: data.draw(st.integers(0, len(whole)))])
+    read(path)
+
+
+# -- found by fuzzing -----------------------------------------------------------------------------
+
+
+def test_brackets_nested_thousands_deep(tmp_path):
+    toml, gltf = tmp_path / "a.toml", tmp_path / "a.gltf"
+    toml.write_text("x = " + "[" * 5000)
+    gltf.write_text("[" * 100_000)
+    assert "must not nest brackets hundreds deep" in read(toml)
+    assert "the glTF is damaged (RecursionError" in read(gltf)
+
+
+def test_a_number_of_thousands_of_digits(tmp_path):
+    (tmp_path / "a.toml").write_text(f"title = {'9' * 5000}")
+    assert "must be TOML" in read(tmp_path / "a.toml")
+    (tmp_path / "a.obj").write_text(f"v {'9' * 5000} 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 {'9' * 5000}\n")
+    assert "is not OBJ" in read(tmp_path / "a.obj")
+
+
+@pytest.mark.parametrize("document", [[], {"asset": []}, {"asset": {"version": "2.0"}, "extensionsUsed": 3}])
+def test_gltf_whose_top_is_of_another_shape(tmp_path, document):
+    (tmp_path / "a.gltf").write_text(json.dumps(document))
+    assert read(tmp_path / "a.gltf")
+
+
+@pytest.mark.parametrize("material", [{"emissiveFactor": [1, 1]}, {"pbrMetallicRoughness": {"baseColorFactor": [1]}}])
+def test_colours_of_too_few_numbers(tmp_path, material):
+    assert "damaged" in read(write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, material=material))
+
+
+def test_colours_out_of_reach(tmp_path):
+    write_obj(tmp_path / "a.obj", before="mtllib a.mtl\nusemtl m", library="newmtl m\nKe 1e999 1 1\n")
+    assert 'a.obj: material "m" must have colours from 0 to 1e+15' in read(tmp_path / "a.obj")
+
+
+@pytest.mark.parametrize("far", ["1e200", "1e30", "-1e16"])
+def test_vertices_out_of_reach(tmp_path, far):
+    (tmp_path / "a.obj").write_text(f"v {far} 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert "vertices must be numbers up to 1e+15" in read(tmp_path / "a.obj")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("stray", ["inf", "nan", "1e300"])
+def test_a_vertex_that_no_face_uses_may_be_anything(tmp_path, stray):
+    """The cells in which vertices are welded were as large as what the stray one spanned: all became one."""
+    write_obj(tmp_path / "a.obj")
+    plain = read_mesh_file(tmp_path / "a.obj").mesh
+    write_obj(tmp_path / "a.obj", before=f"v 5 {stray} 5", faces=BOX_FACES + 1)
+    mesh = read_mesh_file(tmp_path / "a.obj").mesh
+    assert np.array_equal(mesh.vertices, plain.vertices) and np.array_equal(mesh.faces, plain.faces)
+
+
+@pytest.mark.filterwarnings("error")
+def test_normals_and_texture_coordinates_out_of_reach(tmp_path):
+    surroundings(tmp_path)
+    text = FULL_OBJ.replace("vt 1 0", "vt 1e308 -1e308").replace("vn 0 0 1", "vn 1e200 1e300 nan")
+    (tmp_path / "a.obj").write_text(text)
+    mesh = read_mesh_file(tmp_path / "a.obj").mesh
+    assert np.isfinite(mesh.paint.corner_uv).all()
+    assert mesh.corner_normals is None or np.isfinite(mesh.corner_normals).all()
+
+
+def test_a_library_of_a_name_too_long(tmp_path):
+    write_obj(tmp_path / "a.obj", before="mtllib " + "x" * 5000)
+    assert read(tmp_path / "a.obj") is None
+
+
+def test_faces_that_name_vertices_that_are_not_there(tmp_path):
+    head = (
+        "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    )
+    head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    for wrong in (3, -(1 << 31), (1 << 31) - 1):
+        body = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0) + struct.pack("<B3i", 3, 0, 1, wrong)
+        (tmp_path / "a.ply").write_bytes(head.encode() + body)
+        assert read(tmp_path / "a.ply")
+
+
+def test_trimesh_stays_silent(tmp_path, capfd):
+    """What it thinks of a file must not stand beside our sentence."""
+    (tmp_path / "a.stl").write_bytes(b"solid x\n facet normal nonsense\n" + b"\xff" * 200)
+    assert read(tmp_path / "a.stl")
+    assert capfd.readouterr().err == ""
+
+
+# -- counts that cost the file nothing ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [MOST_ZEROS + 1, 1 << 40, 1 << 63, 10**30])
+def test_an_accessor_without_data_is_refused_before_it_is_allocated(tmp_path, count):
+    document = {
+        "asset": {"version": "2.0"},
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"componentType": 5126, "count": count, "type": "VEC3"}],
+    }
+    (tmp_path / "a.gltf").write_text(json.dumps(document))
+    assert "an accessor without data" in read(tmp_path / "a.gltf")
+
+
+def test_an_accessor_that_claims_more_than_its_bytes(tmp_path):
+    whole = json.loads(SEEDS["gltf"][0])
+    surroundings(tmp_path)
+    for key, value in (("count", 1 << 50), ("byteOffset", 1 << 50), ("byteOffset", -4)):
+        whole["accessors"][0] = {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", key: value}
+        (tmp_path / "a.gltf").write_text(json.dumps(whole))
+        assert read(tmp_path / "a.gltf")
+
+
+@pytest.mark.parametrize("kind", ["ply", "stl"])
+def test_a_header_that_promises_billions(tmp_path, kind):
+    """Refused with no more memory than the file has."""
+    import tracemalloc
+
+    if kind == "ply":
+        data = (
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n"
+            + bytes(12)
+        )
+    else:
+        data = bytes(80) + struct.pack("<I", 4_000_000_000) + bytes(50)
+    (tmp_path / f"a.{kind}").write_bytes(data)
+    tracemalloc.start()
+    assert read(tmp_path / f"a.{kind}")
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 50e6
+
+
+def test_a_mesh_that_hangs_on_more_nodes_than_memory_holds(tmp_path, monkeypatch):
+    """A few kilobytes of JSON may stand for any number of triangles."""
+    monkeypatch.setattr("gi_core.files.formats.gltf_file.MOST_TRIANGLES", 100)
+    nodes = [{"mesh": 0} for _ in range(9)]
+    write_glb(tmp_path / "a.glb", BOX, BOX_FACES, nodes=nodes)
+    assert "no more than 100 triangles" in read(tmp_path / "a.glb")
+    assert MOST_TRIANGLES >= 10_000_000
+
+
+def test_memory_that_is_full_is_told_in_one_sentence(tmp_path, monkeypatch):
+    def full(*_):
+        raise MemoryError
+
+    monkeypatch.setattr("gi_core.files.load.complete", full)
+    with pytest.raises(SceneError, match="scene.toml: the scene does not fit into memory"):
+        load_scene(write_scene(tmp_path))
+
+
+# -- what is shown of a file ----------------------------------------------------------------------
+
+
+def test_sentences_and_notes_are_printable_lines(tmp_path):
+    """A name in a file may hold commands to the terminal, or a megabyte."""
+    assert one_line("a\x1b[2Jb\nc") == "a?[2Jb c"
+    long = one_line("front " + "x" * 10_000 + " back")
+    assert len(long) <= LONGEST and long.startswith("front") and long.endswith("back")
+    file = tmp_path / "scene.toml"
+    file.write_text(SCENE.replace('"cube"', r'"\u001b[2J"').replace("position = [0.3, 0.0, 0.3]", "position = 3"))
+    assert "\x1b" not in read(file)
+    write_obj(tmp_path / "a.obj", before="usemtl \x1b[2Jred\n")
+    assert all(n.isprintable() for n in read_mesh_file(tmp_path / "a.obj").notes)
+
+
+def test_nothing_in_a_file_is_executed(tmp_path, monkeypatch):
+    """A name that looks like a command stays a name."""
+    import os
+    import subprocess
+
+    def never(*arguments, **_):
+        raise AssertionError(arguments)
+
+    for module, name in ((os, "system"), (subprocess, "Popen"), (os, "popen")):
+        monkeypatch.setattr(module, name, never)
+    monkeypatch.setattr("builtins.eval", never)
+    write_obj(tmp_path / "a.obj", before="mtllib $(touch x).mtl\nusemtl `touch x`\n")
+    assert read(tmp_path / "a.obj") is None
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.obj"]

@@ -1,0 +1,55 @@
+"""A mesh of a million triangles: it loads, nothing of it is lost, and its light is right."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.files.load import load_scene
+from gi_core.geometry.error import luminance
+from gi_core.solver import Solver
+from tests.support.mesh_writers import write_glb
+
+SIDE, ROWS = 10.0, 708  # [m], vertices a row: 2 x 707^2 triangles
+SUN = {"type": "directional", "intensity": 100.0}
+
+
+@pytest.mark.slow
+def test_a_million_triangles_load_and_light(tmp_path):
+    """Hills that reflect nothing under an upright sun: what they absorb is the sun's 100 lx on 100 m2, closed form.
+
+    No hill shades another from straight above, so each vertex gets 100 lx times the cosine of its slope.
+    """
+    ticks = np.linspace(-SIDE / 2, SIDE / 2, ROWS)
+    x, z = np.meshgrid(ticks, ticks, indexing="ij")
+    vertices = np.stack([x, 0.3 * np.sin(2 * x) * np.cos(3 * z), z], axis=-1).reshape(-1, 3)
+    a, b, c, d = (k.reshape(-1) for k in _corners(np.arange(ROWS * ROWS).reshape(ROWS, ROWS)))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    half = np.sqrt(0.5)
+    sun = {"rotation": [-half, 0, 0, half], "extensions": {"KHR_lights_punctual": {"light": 0}}}  # -z turned down
+    write_glb(
+        tmp_path / "hills.glb",
+        vertices,
+        faces,
+        material={"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}},
+        nodes=[sun],
+        extensions={"KHR_lights_punctual": {"lights": [SUN]}},
+    )
+
+    scene = load_scene(str(tmp_path / "hills.glb"))
+    assert len(scene.static.faces) == len(faces) == 2 * 707**2
+    solver = Solver(scene, photons=16_384, radius=0.4, control=False)
+    solver.solve()
+
+    assert luminance(solver.fates["absorbed"]) == pytest.approx(100.0 * SIDE**2, rel=0.02)
+    r = solver.receivers
+    assert len(r.areas) == ROWS * ROWS and np.isfinite(solver.irradiance).all()
+    inside = np.abs(r.positions[:, [0, 2]]).max(axis=1) < SIDE / 2 - 0.5
+    found = luminance(solver.irradiance)[inside]
+    expected = 100.0 * r.normals[inside, 1]
+    assert np.average(np.abs(found - expected)) < 0.1 * expected.mean()
+
+
+def _corners(rows: np.ndarray):
+    """Return the vertices of each cell, anticlockwise from above. Four of (n, n)."""
+    return rows[:-1, :-1], rows[:-1, 1:], rows[1:, 1:], rows[1:, :-1]

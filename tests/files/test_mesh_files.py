@@ -1,0 +1,214 @@
+"""Mesh files: the right geometry, materials and normals out of files that others get wrong."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gi_core.files.formats.mesh_file import read_mesh_file
+from gi_core.geometry.surfaces import face_normals
+from gi_core.geometry.texture_filter import mean_colours
+from gi_core.scene import SceneError
+from tests.support.mesh_writers import BOX, BOX_FACES, QUAD, QUAD_FACES, write_glb, write_obj
+
+RELATIVE = """mtllib elsewhere/room.mtl
+v 0 0 0
+v\t1 0 0
+v 1 1 0
+v 0 1 0
+usemtl red
+f -4 -3 -2 -1
+v 0 0 2
+v 2 0 2
+v 2 2 2
+usemtl lamp
+f -3 -2 -1   # counted back from here
+v 9 9 9
+f 1/1/1 \\
+  2/2/2 7//3
+vt 0 0
+"""
+
+
+def area(mesh) -> float:
+    return float(face_normals(mesh)[1].sum())
+
+
+def test_relative_indices_count_back_from_their_line(tmp_path):
+    """Two triangles of a unit square, one of area 2, and one that names vertices 1, 2, 7."""
+    text = RELATIVE.replace("f 1/1/1 \\\n  2/2/2 7//3\nvt 0 0\n", "f 1 \\\n 2 7\n")
+    (tmp_path / "a.obj").write_text(text)
+    (tmp_path / "room.mtl").write_text("newmtl red\nKd 0.6 0.1 0.1\nnewmtl lamp\nKd 1 1 1\nKe 17 12 4\n")
+    read = read_mesh_file(tmp_path / "a.obj")
+    last = np.sqrt((np.cross([1, 0, 0], [2.0, 2, 2]) ** 2).sum()) / 2
+    assert area(read.mesh) == pytest.approx(1 + 2 + last)
+    materials = {m.name: m for m in read.materials}
+    assert materials["red"].reflectance == (0.6, 0.1, 0.1) and materials["red"].two_sided
+    assert materials["lamp"].emission == (17, 12, 4) and materials["lamp"].reflectance == (0.98,) * 3
+    assert "reflectance limited to 0.98: lamp" in read.notes
+
+
+@pytest.mark.parametrize("line", ["f 1 2 9", "f -9 1 2", "f 0 1 2", "f a b c", "v 1 2"])
+def test_bad_line_is_named(tmp_path, line):
+    write_obj(tmp_path / "a.obj", before="")
+    with open(tmp_path / "a.obj", "a") as f:
+        f.write(line + "\n")
+    with pytest.raises(SceneError, match=r"a.obj: line \d+ is not OBJ") as caught:
+        read_mesh_file(tmp_path / "a.obj")
+    assert str(caught.value).startswith(str(tmp_path / "a.obj"))
+
+
+def test_obj_texture_replaces_kd(tmp_path):
+    """Left half red, right half blue; v upwards: the lower triangle of the quad lies over the lower row."""
+    pixels = np.array([[[0, 255, 0], [0, 255, 0]], [[255, 0, 0], [0, 0, 255]]], np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "t.png")
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\n"
+        "vt 0.249 0.249\nvt 0.251 0.249\nvt 0.25 0.252\nusemtl m\nf 1/1 2/2 3/3\n"
+    )
+    (tmp_path / "a.mtl").write_text("newmtl m\nKd 0 0 0\nmap_Kd t.png\n")
+    np.testing.assert_allclose(mean_colours(read_mesh_file(tmp_path / "a.obj").mesh.paint), [[0.98, 0, 0]], atol=5e-3)
+
+
+def test_gltf_material(tmp_path):
+    material = {
+        "name": "m",
+        "doubleSided": True,
+        "pbrMetallicRoughness": {"baseColorFactor": [0.123456789, 0.5, 1.0, 1.0]},
+        "emissiveFactor": [1, 0.5, 0],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 100}},
+    }
+    read = read_mesh_file(write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, material=material))
+    (m,) = read.materials
+    assert m.reflectance == (0.123456789, 0.5, 0.98) and m.emission == (100, 50, 0) and m.two_sided
+    plain = read_mesh_file(write_glb(tmp_path / "b.glb", QUAD, QUAD_FACES))
+    assert plain.materials[0].two_sided is False
+
+
+def test_gltf_texture_is_averaged_a_face(tmp_path):
+    """A flat sRGB 188 decodes to 0.503; times the factor 0.5."""
+    data = io.BytesIO()
+    Image.fromarray(np.full((4, 4, 3), 188, np.uint8)).save(data, "png")
+    material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [0.5, 1, 1, 1]}}
+    file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, uv=QUAD[:, :2], material=material, image=data.getvalue())
+    np.testing.assert_allclose(mean_colours(read_mesh_file(file).mesh.paint), [[0.2515, 0.503, 0.503]] * 2, atol=1e-3)
+
+
+def test_node_transform_moves_points_and_normals(tmp_path):
+    """Scaled 2, 1, 1 along a slope: normals go with the inverse transpose; a mirror keeps them outside."""
+    slope = np.array([[0.0, 0, 0], [1, 0, 1], [1, 1, 1], [0, 1, 0]])
+    n = np.array([[-(0.5**0.5), 0, 0.5**0.5]] * 4)
+    for sx in (2, -2):
+        file = write_glb(tmp_path / "a.glb", slope, QUAD_FACES, n, node={"scale": [sx, 1, 1], "translation": [5, 0, 0]})
+        mesh = read_mesh_file(file).mesh
+        geometric, _ = face_normals(mesh)
+        np.testing.assert_allclose(geometric[0], np.array([-np.sign(sx), 0, 2]) / 5**0.5, atol=1e-6)
+        np.testing.assert_allclose(mesh.corner_normals[0, 0], geometric[0], atol=1e-6)
+        assert mesh.vertices[:, 0].min() == min(5, 5 + sx)
+
+
+def test_normals_are_made_unit_or_disbelieved(tmp_path):
+    up = np.array([[0.0, 0, 6.28]] * 4)
+    mesh = read_mesh_file(write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, up)).mesh
+    np.testing.assert_allclose(mesh.corner_normals, np.broadcast_to([0, 0, 1.0], (2, 3, 3)))
+    read = read_mesh_file(write_glb(tmp_path / "b.glb", QUAD, QUAD_FACES, -up))
+    assert read.mesh.corner_normals is None
+    assert "normals of 1 of 1 parts oppose their faces: taken from crease angles" in read.notes
+    zero = np.array([[0.0, 0, 0]] * 4)
+    assert read_mesh_file(write_glb(tmp_path / "c.glb", QUAD, QUAD_FACES, zero)).mesh.corner_normals is not None
+    assert read_mesh_file(write_glb(tmp_path / "d.glb", QUAD, QUAD_FACES)).mesh.corner_normals is None
+
+
+def test_zero_area_and_duplicates_go_with_a_note(tmp_path):
+    faces = np.concatenate([BOX_FACES, [[0, 0, 1], [0, 1, 1]], BOX_FACES[:3, [1, 2, 0]]])
+    read = read_mesh_file(write_obj(tmp_path / "a.obj", BOX, faces))
+    assert len(read.mesh.faces) == 12
+    assert "left out 2 triangles of zero area and 3 duplicates of 17" in read.notes
+
+
+def test_sheets_back_to_back_become_two_sided(tmp_path):
+    faces = np.concatenate([QUAD_FACES, QUAD_FACES[:, ::-1]])
+    read = read_mesh_file(write_glb(tmp_path / "a.glb", QUAD, faces))
+    assert len(read.mesh.faces) == 2
+    assert all(read.materials[i].two_sided for i in read.mesh.face_material)
+
+
+def test_external_buffer_and_strip(tmp_path):
+    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0]], "<f4")
+    (tmp_path / "my data.bin").write_bytes(positions.tobytes())
+    document = {
+        "asset": {"version": "2.0"},
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 5}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 5, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 60}],
+        "buffers": [{"byteLength": 60, "uri": "my%20data.bin"}],
+    }
+    (tmp_path / "a.gltf").write_text(json.dumps(document))
+    mesh = read_mesh_file(tmp_path / "a.gltf").mesh
+    assert area(mesh) == pytest.approx(1.5)
+    assert (face_normals(mesh)[0][:, 2] > 0).all()
+    (tmp_path / "my data.bin").unlink()
+    with pytest.raises(SceneError, match="its buffer my%20data.bin cannot be read.*keep it beside the file"):
+        read_mesh_file(tmp_path / "a.gltf")
+
+
+@pytest.mark.parametrize("suffix", ["stl", "ply"])
+def test_stl_and_ply(tmp_path, suffix):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.Trimesh(BOX, BOX_FACES, process=False).export(tmp_path / f"a.{suffix}")
+    read = read_mesh_file(tmp_path / f"a.{suffix}")
+    assert area(read.mesh) == pytest.approx(6) and read.materials[0].two_sided and read.up == "z"
+    assert read.mesh.corner_normals is None
+
+
+BROKEN = {
+    "empty.obj": (b"v 0 0 0\n", "the mesh has no triangles"),
+    "no bytes.glb": (b"", "the file is empty, 0 bytes long"),
+    "no bytes.ply": (b"", "the file is empty, 0 bytes long"),
+    "nan.obj": (b"v 0 0 0\nv 1 nan 0\nv 1 1 0\nf 1 2 3\n", "vertices must be finite numbers, got NaN or infinity"),
+    "flat.obj": (b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "every triangle of the mesh has zero area"),
+    "text.glb": (b"glTFnonsense", "must hold glTF JSON, which this does not"),
+    "text.gltf": (b"hello", "must hold glTF JSON, which this does not"),
+    "one.gltf": (b'{"asset": {"version": "1.0"}}', "glTF must be of version 2"),
+    "nothing.gltf": (b'{"asset": {"version": "2.0"}}', "the mesh has no triangles"),
+    "dangling.gltf": (b'{"asset": {"version": "2.0"}, "nodes": [{"mesh": 7}]}', "the glTF is damaged"),
+    "draco.gltf": (
+        b'{"asset": {"version": "2.0"}, "extensionsUsed": ["KHR_draco_mesh_compression"]}',
+        "compressed meshes are not read, got KHR_draco_mesh_compression",
+    ),
+    "meshopt.gltf": (
+        b'{"asset": {"version": "2.0"}, "extensionsRequired": ["EXT_meshopt_compression"]}',
+        "compressed meshes are not read, got EXT_meshopt_compression; export it without compression",
+    ),
+    "noise.stl": (bytes(range(256)) * 3, "not a readable STL file"),
+    "cut.ply": (b"ply\nformat ascii 1.0\nelement vertex 3\n", "not a readable PLY file"),
+    "empty.stl": (b"x" * 80 + b"\0" * 4, "the mesh has no triangles"),
+    "text.ply": (b"hello", "not a readable PLY file|the mesh has no triangles"),
+    "mesh.fbx": (b"", "a mesh file must be one of .glb .gltf .obj .ply .stl, got .fbx"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_unreadable_files_say_so(tmp_path, name):
+    content, sentence = BROKEN[name]
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(SceneError, match=sentence) as caught:
+        read_mesh_file(tmp_path / name)
+    assert str(caught.value).startswith(str(tmp_path / name))
+
+
+def test_a_folder_is_no_mesh(tmp_path):
+    with pytest.raises(SceneError, match="a mesh is a file, this is a folder"):
+        read_mesh_file(tmp_path)
+
+
+def test_truncated_glb(tmp_path):
+    file = write_glb(tmp_path / "a.glb", BOX, BOX_FACES)
+    file.write_bytes(file.read_bytes()[:-40])
+    with pytest.raises(SceneError, match="the file ends early, 40 bytes are missing"):
+        read_mesh_file(file)

@@ -1,0 +1,173 @@
+"""Bare meshes: a budget of receivers spent where light lands and the camera looks, none on sides without light."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.files.completion.dark_sides import one_sided_where_dark
+from gi_core.files.completion.pilot import Rays, useful_box
+from gi_core.files.completion.refinement import FINEST, UNSEEN, refined
+from gi_core.files.load import load_scene
+from gi_core.geometry.receivers import weld
+from gi_core.geometry.surfaces import face_normals, flatten
+from gi_core.scene import Camera, Mobile, PointLight, Pose, Scene
+from tests.support.mesh_writers import BOX, BOX_FACES, write_obj, write_room
+from tests.support.scene_builders import box, grey, lamp, merge, quad
+
+TWO_SIDED, LAMP = grey(0.5, two_sided=True), lamp(10.0)
+BULB = PointLight("bulb", (1.5, 2.5, 1.5), (10.0, 10.0, 10.0))
+
+
+def spent(scene: Scene, budget: int):
+    rays = Rays(scene)
+    mesh, edge = refined(scene, rays, useful_box(scene, rays), budget)
+    _, receivers = flatten(Scene(mesh, scene.materials))
+    return mesh, edge, len(receivers.positions)
+
+
+def edges(mesh, rows) -> np.ndarray:
+    p = mesh.vertices[mesh.faces[rows]]
+    d = p - np.roll(p, 1, axis=1)
+    return np.sqrt((d * d).sum(axis=2)).max(axis=1)
+
+
+@pytest.mark.parametrize("two_sided", [False, True])
+@pytest.mark.parametrize("budget", [2000, 6000])
+def test_both_sides_count_in_the_budget(budget, two_sided):
+    """A room of 3 m: at most the budget, and at least half of it is used."""
+    room = box((0, 0, 0), (3, 3, 3), inward=True)
+    _, edge, receivers = spent(Scene(room, (grey(0.5, two_sided),), (), (BULB,)), budget)
+    assert 0.5 * budget < receivers < 1.1 * budget and edge > FINEST * 3
+
+
+def test_no_finer_than_light_can_tell():
+    mesh, edge, receivers = spent(Scene(box((0, 0, 0), (3, 3, 3), inward=True), (grey(0.5),), (), (BULB,)), 10**6)
+    assert edge == pytest.approx(FINEST * 3, rel=0.05) and receivers < 60_000
+
+
+def test_refined_room_is_closed():
+    """Edges of very different lengths meet, and still each has two faces."""
+    room = box((0, 0, 0), (3, 3, 3), inward=True)
+    camera = Camera((0.2, 1.5, 0.2), (3.0, 1.5, 3.0), 40.0)
+    mesh, *_ = spent(Scene(room, (grey(0.5),), (), (BULB,), camera=camera), 4000)
+    faces = weld(mesh.vertices)[mesh.faces]
+    ends = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    assert (np.unique(ends, axis=0, return_counts=True)[1] == 2).all()
+    assert face_normals(mesh)[1].sum() == pytest.approx(54)
+
+
+def test_finest_where_light_lands_and_the_camera_looks():
+    """Two rooms: a lamp in the one, the other closed and dark. The camera sees one half of the lit one."""
+    two = merge(box((0, 0, 0), (3, 3, 3), inward=True), box((4, 0, 0), (7, 3, 3), inward=True))
+    camera = Camera((1.5, 1.5, 1.6), (1.5, 1.5, 0.0), 60.0)
+    mesh, edge, _ = spent(Scene(two, (grey(0.5),), (), (BULB,), camera=camera), 20_000)
+    middle = mesh.vertices[mesh.faces].mean(axis=1)
+    dark = middle[:, 0] > 4.5
+    seen = (middle[:, 2] < 0.01) & (np.abs(middle[:, :2] - 1.5) < 0.6).all(axis=1)
+    behind = (middle[:, 2] > 2.99) & (np.abs(middle[:, :2] - 1.5) < 0.6).all(axis=1)
+    assert edges(mesh, seen).mean() < 0.9 * edges(mesh, behind).mean()
+    assert edges(mesh, dark).mean() > 2 * edges(mesh, seen).mean()
+    assert edges(mesh, behind).max() <= UNSEEN * edge * 1.01
+
+
+def test_files_small_parts_do_not_cost_the_large_ones_their_share():
+    """A grid of 20,000 triangles on one wall of a room: over the budget already, and the floor is cut all the same."""
+    fine = quad((0, 0, 0), (0, 3, 0), (0, 0, 3), (100, 100))
+    room = merge(fine, box((0, 0, 0), (3, 3, 3), inward=True))
+    mesh, _, _ = spent(Scene(room, (TWO_SIDED,), (), (BULB,)), 9000)
+    floor = (mesh.vertices[mesh.faces][..., 1] == 0).all(axis=1)
+    assert floor.sum() > 100
+
+
+def sides(static, lights=(BULB,), mobiles=(), camera=None):
+    scene = Scene(static, (TWO_SIDED, LAMP), mobiles, lights, camera=camera)
+    return one_sided_where_dark(scene, useful_box(scene, Rays(scene)))
+
+
+def two_sided(scene: Scene, rows=slice(None)) -> np.ndarray:
+    return np.array([m.two_sided for m in scene.materials])[scene.static.face_material[rows]]
+
+
+ROOM = box((0, 0, 0), (3, 3, 3), inward=True)
+
+
+@pytest.mark.parametrize("inside_out", [False, True])
+def test_the_inside_of_a_crate_is_left_out(inside_out):
+    """A crate in an open hall, wound either way, and one face of it turned: all fronts look outwards afterwards."""
+    crate = box((1, 0.1, 1), (2, 1.1, 2), inward=inside_out)
+    crate.faces[3] = crate.faces[3][::-1]
+    scene = sides(merge(quad((0, 0, 0), (0, 0, 3), (3, 0, 0)), crate))
+    rows = slice(2, 14)
+    assert not two_sided(scene, rows).any()
+    outwards = scene.static.vertices[scene.static.faces[rows]].mean(axis=1) - (1.5, 0.6, 1.5)
+    assert ((face_normals(scene.static)[0][rows] * outwards).sum(axis=1) > 0).all()
+    assert any("one-sided: no light gets to their other side" in n for n in scene.notes)
+    assert face_normals(scene.static)[1].sum() == pytest.approx(9 + 6)
+
+
+def test_the_outside_of_a_lit_room_is_left_out():
+    for room in (ROOM, box((0, 0, 0), (3, 3, 3))):
+        scene = sides(room)
+        inwards = (1.5, 1.5, 1.5) - scene.static.vertices[scene.static.faces].mean(axis=1)
+        assert not two_sided(scene).any()
+        assert ((face_normals(scene.static)[0] * inwards).sum(axis=1) > 0).all()
+
+
+CRATE = box((1, 0.1, 1), (2, 1.1, 2))
+
+
+@pytest.mark.parametrize("what", ["lamp", "point", "mobile", "camera"])
+def test_a_crate_with_something_in_it_keeps_its_inside(what):
+    bulb = quad((1.4, 0.5, 1.4), (0.1, 0, 0), (0, 0, 0.1), material=1)
+    mobile = Mobile("m", box((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1)), Pose((1.5, 0.6, 1.5)))
+    parts = [quad((0, 0, 0), (0, 0, 3), (3, 0, 0)), CRATE, *([bulb] if what == "lamp" else [])]
+    scene = sides(
+        merge(*parts),
+        (BULB, PointLight("p", (1.5, 0.6, 1.5), (1.0,) * 3)) if what == "point" else (BULB,),
+        (mobile,) if what == "mobile" else (),
+        Camera((1.5, 0.6, 1.5), (3.0, 1.0, 3.0)) if what == "camera" else None,
+    )
+    assert two_sided(scene, slice(2, 14)).all()
+
+
+def test_an_open_sheet_that_is_lit_on_both_sides_keeps_them():
+    sheet = quad((1, 1, 1), (1, 0, 0), (0, 0, 1))
+    scene = sides(merge(ROOM, sheet), (BULB, PointLight("q", (1.5, 0.5, 1.5), (10.0,) * 3)))
+    assert two_sided(scene, slice(12, 14)).all()
+
+
+def test_light_stays_the_same_on_the_side_that_is_kept():
+    """Irradiance on the fronts, with the dark sides and without, photon by photon."""
+    from gi_core.solver import Solver
+
+    room = merge(ROOM, box((1, 0, 1), (2, 1, 2)))
+    before = Scene(room, (TWO_SIDED,), (), (BULB,))
+    after = one_sided_where_dark(before, useful_box(before, Rays(before)))
+    assert np.array_equal(after.static.faces, room.faces)  # nothing had to be turned
+    with_backs, without = (Solver(s, photons=2000, radius=0.3, seed=1) for s in (before, after))
+    with_backs.solve()
+    without.solve()
+    n = len(without.irradiance)
+    assert n == len(with_backs.irradiance) / 2
+    np.testing.assert_array_equal(without.irradiance, with_backs.irradiance[:n])
+
+
+def test_a_bare_file_keeps_to_its_budget(tmp_path, monkeypatch):
+    from gi_core.files import load
+
+    write_room(tmp_path)
+    monkeypatch.setattr(load, "MOST_RECEIVERS", 3000)
+    scene = load_scene(tmp_path / "room.obj")
+    _, receivers = flatten(scene)
+    assert 1500 < len(receivers.positions) < 3300
+    assert any(n.startswith("edges split to ") for n in scene.notes)
+    whole = load_scene(tmp_path / "room.obj", max_edge=np.inf)
+    assert len(whole.static.faces) == 14
+    asked = load_scene(tmp_path / "room.obj", max_edge=0.2)
+    assert edges(asked.static, slice(None)).max() <= 0.2
+
+
+def test_a_closed_file_without_light_is_one_sided(tmp_path):
+    scene = load_scene(write_obj(tmp_path / "crate.obj", BOX, BOX_FACES), max_edge=np.inf)
+    assert not two_sided(scene).any()

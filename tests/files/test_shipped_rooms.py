@@ -1,0 +1,169 @@
+"""living_room, gallery and second_tree are what their comments say: their light, their mobiles' ways, their images."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from gi_core.files.load import load_scene
+from gi_core.geometry.surfaces import face_normals
+from gi_core.geometry.texture_filter import mean_colours
+from gi_core.model import Model
+from gi_core.photons.trace import trace_background
+from gi_core.scene.pose import pose_at, to_world
+from gi_core.scene.types import PointLight, SpotLight
+from scenes import make_gallery, make_living_room, make_second_tree
+
+FLUX = {
+    "living_room": {
+        "glass": make_living_room.WINDOW_FLUX,
+        "diffuser": make_living_room.DIFFUSER_FLUX,
+        "shade": make_living_room.SHADE_FLUX,
+        "ball": make_living_room.BALL_FLUX,
+    },
+    "gallery": {
+        "ceiling light": make_gallery.CEILING_FLUX,
+        "ring": make_gallery.RING_FLUX,
+        "bulb": make_gallery.BULB_FLUX,
+    },
+    "second_tree": {"sky": make_second_tree.SKY_FLUX, "lamp": make_second_tree.LAMP_FLUX},
+}
+
+
+@pytest.fixture(scope="module", params=FLUX)
+def shipped(request):
+    return request.param, load_scene(request.param)
+
+
+def test_luminous_faces_give_the_flux_that_is_stated(shipped):
+    """pi L A of each material, and no other material emits. Radiance is rounded to 1e-4."""
+    name, scene = shipped
+    _, areas = face_normals(scene.static)
+    assert {m.name for m in scene.materials if any(m.emission)} == set(FLUX[name])
+    for i, m in enumerate(scene.materials):
+        if any(m.emission):
+            area = areas[scene.static.face_material == i].sum()
+            np.testing.assert_allclose(np.pi * np.array(m.emission) * area, FLUX[name][m.name], rtol=2e-3)
+
+
+def test_no_photon_leaves(shipped):
+    """Rooms are closed, the sky stands on the meadow: any gap, any lamp outside, would show as escaped flux."""
+    _, scene = shipped
+    m = Model(scene)
+    _, fates = trace_background(m.accelerator, m.world, m.static, m.emitters, 3, 0, 20_000)
+    assert fates.emitted.sum() > 0 and fates.escaped.sum() == 0 and fates.truncated.sum() == 0
+
+
+def test_walls_of_the_rooms_face_inwards():
+    """Seen from the camera, the wall in front of it shows its back; from within it shows its front."""
+    for name in ("living_room", "gallery"):
+        scene = load_scene(name)
+        normals, _ = face_normals(scene.static)
+        middle = scene.static.vertices[scene.static.faces].mean(axis=1)
+        front = middle[:, 2] > middle[:, 2].max() - 1e-6
+        assert front.any() and (normals[front][:, 2] < -0.999).all()
+        assert scene.camera.position[2] > middle[:, 2].max() + 1
+
+
+def test_images_are_small_and_used():
+    for name in ("living_room.glb", "cat.glb", "living_chair.glb", "gallery.glb", "stone.glb"):
+        data = (resources.files("scenes") / name).read_bytes()
+        assert len(data) < 1.5e6
+        said = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+        textured = {
+            i for i, m in enumerate(said["materials"]) if "baseColorTexture" in m["pbrMetallicRoughness"]
+        }  # fmt: skip
+        assert len(textured) == len(said["images"]) > 0
+        primitives = said["meshes"][0]["primitives"]
+        assert all("TEXCOORD_0" in p["attributes"] for p in primitives)
+        assert textured <= {p["material"] for p in primitives}
+
+
+def test_textures_drive_transport():
+    """The rug is red, cream and blue by turns; the cat's belly is paler than its back."""
+    scene = load_scene("living_room")
+    names = [m.name for m in scene.materials]
+    rug = mean_colours(scene.static.paint)[scene.static.face_material == names.index("rug")]
+    assert len(rug) > 200 and np.ptp(rug[:, 2]) > 0.15
+    cat = scene.mobiles[1].mesh
+    y = cat.vertices[cat.faces].mean(axis=1)[:, 1]
+    rho = mean_colours(cat.paint)
+    belly, back = rho[y < 0.12].mean(axis=0), rho[(y > 0.22) & (y < 0.3)].mean(axis=0)
+    assert (belly > 1.3 * back).all() and back[0] > 2 * back[2]
+
+
+def test_cat_looks_where_it_goes_and_touches_nothing():
+    scene = load_scene("living_room")
+    cat = scene.mobiles[1]
+    assert cat.mesh.vertices[:, 1].min() == pytest.approx(0, abs=1e-6)
+    size = cat.mesh.vertices.max(axis=0) - cat.mesh.vertices.min(axis=0)
+    assert 0.35 < size[2] < 0.7 and size[1] < 0.6  # a cat
+    x0, z0 = make_living_room.TABLE
+    times = np.linspace(0, cat.path.times[-1], 73)
+    for t in times[:-1]:
+        pose = pose_at(cat.path, t)
+        ahead = np.array(pose_at(cat.path, t + 0.01).position) - pose.position
+        facing = to_world(pose, np.array([[0, 0, 1.0]]))[0] - pose.position
+        assert facing @ ahead / np.sqrt(ahead @ ahead) > 0.97
+        v = to_world(pose, cat.mesh.vertices)
+        assert v[:, 1].min() == pytest.approx(make_living_room.RUG_THICKNESS, abs=1e-6)
+        assert np.hypot(v[:, 0] - x0, v[:, 2] - z0).min() > 0.44  # the table's radius
+        assert v[:, 2].min() > -1.24  # the front of the sofa
+        assert v[:, 0].max() < 0.9  # the chair's legs where it stands first
+
+
+def test_chair_stands_on_the_floor_and_keeps_off_the_walls():
+    scene = load_scene("living_room")
+    chair = scene.mobiles[0]
+    assert chair.mesh.vertices[:, 1].min() == pytest.approx(0, abs=2e-3)
+    assert 0.8 < chair.mesh.vertices[:, 1].max() < 0.9
+    for t in np.linspace(0, chair.path.times[-1], 41):
+        v = to_world(pose_at(chair.path, t), chair.mesh.vertices)
+        assert v[:, 0].max() < make_living_room.RIGHT - 0.02 and v[:, 2].min() > -1.8
+
+
+def test_gallery_has_luminaires_of_every_kind_where_their_bodies_are():
+    scene = load_scene("gallery")
+    spots = [light for light in scene.lights if isinstance(light, SpotLight)]
+    points = [light for light in scene.lights if isinstance(light, PointLight)]
+    assert len(spots) == 3 and len(points) == 1 and len(scene.lights) == 4
+    np.testing.assert_allclose([s.position for s in spots], make_gallery.SPOTS)
+    np.testing.assert_allclose(points[0].position, make_gallery.BULB)
+    for spot, (x, *_) in zip(spots, make_gallery.PICTURES, strict=True):
+        reach = (make_gallery.BACK - spot.position[2]) / spot.direction[2]
+        aim = np.array(spot.position) + reach * np.array(spot.direction)
+        np.testing.assert_allclose(aim, [x, make_gallery.PICTURE_HEIGHT, make_gallery.BACK], atol=1e-6)
+
+
+def test_stone_stays_in_the_hall_and_touches_nothing():
+    scene = load_scene("gallery")
+    names = [m.name for m in scene.materials]
+    oak = scene.static.vertices[scene.static.faces[scene.static.face_material == names.index("oak")]].reshape(-1, 3)
+    end, front = oak[:, 0].max(), oak[:, 2].min()  # of the bench
+    (stone,) = scene.mobiles
+    assert stone.mesh.vertices[:, 1].min() == pytest.approx(0, abs=1e-6)
+    for t in np.linspace(0, stone.path.times[-1], 60):
+        v = to_world(pose_at(stone.path, t), stone.mesh.vertices)
+        assert v[:, 0].max() < make_gallery.RIGHT - 0.3 and v[:, 2].min() > make_gallery.BACK + 0.6
+        assert (v[v[:, 2] > front][:, 0] > end).all()
+        assert np.hypot(v[:, 0] - 3.35, v[:, 2] + 2.35).min() > 0.4  # the plinth on the right
+
+
+def test_second_tree_has_a_tenth_of_the_triangles():
+    """Section 2.7: another sort of tree, another ground, bigger triangles; discs of 0.03 as in table 2.4."""
+    scene, first = load_scene("second_tree"), load_scene("tree")
+    assert 0.05 < len(scene.static.faces) / len(first.static.faces) < 0.12
+    assert scene.defaults.radius == 0.03 and scene.defaults.scene_size == 1.0
+    names = [m.name for m in scene.materials]
+    p = scene.static.vertices[scene.static.faces]
+    edge = np.sqrt(((p - np.roll(p, 1, axis=1)) ** 2).sum(axis=2)).max(axis=1)
+    for name in ("needles", "meadow"):
+        assert 0.03 < np.median(edge[scene.static.face_material == names.index(name)]) < 0.12
+    (bauble,) = scene.mobiles
+    assert 300 < len(bauble.mesh.faces) < 700
+    for t in np.linspace(0, bauble.path.times[-1], 60):
+        x, y, z = (to_world(pose_at(bauble.path, t), bauble.mesh.vertices)).T
+        assert (y > make_second_tree.height(np.hypot(x, z))).all()  # above the hill

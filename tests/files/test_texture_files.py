@@ -1,0 +1,216 @@
+"""What files say about textures: coordinates, samplers, images that cannot be read, what scenes keep."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gi_core.files.formats.mesh_file import read_mesh_file
+from gi_core.files.formats.texture_images import MOST_PIXELS, decode
+from gi_core.files.load import load_scene
+from gi_core.geometry.mipmap import srgb_to_linear
+from gi_core.geometry.surfaces import flatten
+from gi_core.geometry.texture_filter import mean_colours
+from gi_core.scene import Scene
+from tests.support.mesh_writers import QUAD, QUAD_FACES, write_glb, write_obj
+
+# Files ----------------------------------------------------------------------------------------------
+
+
+def png(pixels: np.ndarray) -> bytes:
+    data = io.BytesIO()
+    Image.fromarray(pixels).save(data, "png")
+    return data.getvalue()
+
+
+def huge_png(width=60_000, height=50_000) -> bytes:
+    """A few bytes that declare 3,000 million pixels."""
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return (
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(bytes(100))) + chunk(b"IEND", b"")
+    )
+
+
+def textured(**texture) -> dict:
+    return {"name": "oak", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0, **texture}}}
+
+
+UV = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+PIXELS = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
+
+
+def test_gltf_texture_with_transform_and_sampler(tmp_path):
+    """The extension's own order: scale, then rotate, then shift; a quarter turn carries u to -v."""
+    turned = {"KHR_texture_transform": {"offset": [0.5, 0.25], "rotation": np.pi / 2, "scale": [2, 3]}}
+    file = write_glb(
+        tmp_path / "a.glb", QUAD, QUAD_FACES, uv=UV, material=textured(extensions=turned), image=png(PIXELS),
+        samplers=[{"wrapS": 33648, "wrapT": 33071}], textures=[{"source": 0, "sampler": 0}],
+    )  # fmt: skip
+    paint = read_mesh_file(file).mesh.paint
+    (texture,) = paint.textures
+    assert texture.wrap == ("mirror", "clamp")
+    np.testing.assert_array_equal(texture.pixels, PIXELS)
+    u, v = UV.T * [[2], [3]]
+    np.testing.assert_allclose(paint.corner_uv, np.stack([0.5 + v, 0.25 - u], axis=1)[QUAD_FACES], atol=1e-6)
+
+
+@pytest.mark.parametrize("how", [{"texCoord": 1}, {"extensions": {"KHR_texture_transform": {"texCoord": 1}}}])
+def test_gltf_second_set_of_coordinates(tmp_path, how):
+    file = write_glb(
+        tmp_path / "a.glb", QUAD, QUAD_FACES, uv=np.zeros((4, 2)), uv1=UV, material=textured(**how), image=png(PIXELS)
+    )
+    np.testing.assert_array_equal(read_mesh_file(file).mesh.paint.corner_uv, UV[QUAD_FACES])
+
+
+def test_gltf_factor_and_vertex_colours_multiply_the_texture(tmp_path):
+    material = textured()
+    material["pbrMetallicRoughness"]["baseColorFactor"] = [0.5, 1, 1, 1]
+    colours = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
+    file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, uv=UV, colours=colours, material=material, image=png(PIXELS))
+    paint = read_mesh_file(file).mesh.paint
+    np.testing.assert_allclose(paint.corner_colour, (colours * [0.5, 1, 1])[QUAD_FACES])
+    assert (paint.face_texture == 0).all()
+
+
+@pytest.mark.parametrize("format", ["glb", "obj"])
+def test_without_coordinates_a_texture_counts_by_its_mean(tmp_path, format):
+    """Exporters leave Kd black beside a map: a mesh without coordinates must not turn black, nor grey in silence."""
+    if format == "glb":
+        file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, material=textured(), image=png(PIXELS))
+    else:
+        (tmp_path / "a b.png").write_bytes(png(PIXELS))
+        library = "newmtl oak\nKd 0 0 0\nmap_Kd a b.png\n"
+        file = write_obj(tmp_path / "a.obj", QUAD, QUAD_FACES, "mtllib a.mtl\nusemtl oak", library)
+    read = read_mesh_file(file)
+    scene = Scene(read.mesh, tuple(read.materials))
+    wanted = srgb_to_linear(PIXELS / 255.0).mean(axis=(0, 1))
+    np.testing.assert_allclose(flatten(scene)[0].reflectance, np.broadcast_to(wanted, (2, 3)), atol=1e-6)
+    (note,) = (n for n in read.notes if "no texture coordinates" in n)
+    assert note.startswith('material "oak": ')
+
+
+def test_one_image_is_held_once(tmp_path):
+    """Two files and two samplers share the pixels of one image."""
+    (tmp_path / "t.png").write_bytes(png(PIXELS))
+    kept = []
+    for name in "ab":
+        file = write_glb(
+            tmp_path / f"{name}.glb", QUAD, QUAD_FACES, uv=UV, material=textured(),
+            images=[{"uri": "t.png"}], textures=[{"source": 0}],
+        )  # fmt: skip
+        kept.append(read_mesh_file(file).mesh.paint.textures[0].pixels)
+    assert kept[0] is kept[1] is decode(png(PIXELS))
+
+
+BAD_IMAGES = {
+    "missing": (None, "wood.png is missing"),
+    "damaged": (png(PIXELS)[:45], "wood.png is not a readable image"),
+    "text": (b"hello", "wood.png is not a readable image"),
+    "huge": (huge_png(), f"wood.png declares more than {MOST_PIXELS:,} pixels"),
+    "vast": (huge_png(9000, 9000), f"wood.png declares 9000 x 9000 pixels, more than {MOST_PIXELS:,}"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD_IMAGES)
+@pytest.mark.parametrize("format", ["glb", "obj"])
+def test_a_texture_that_cannot_be_read_is_grey_and_told_in_one_line(tmp_path, kind, format):
+    data, sentence = BAD_IMAGES[kind]
+    if data is not None:
+        (tmp_path / "wood.png").write_bytes(data)
+    read = read_mesh_file(quad_with(tmp_path, format, "wood.png"))
+    (note,) = [n for n in read.notes if "texture" in n]
+    assert note.startswith("surfaces are grey 0.7 where a texture is missing: ") and sentence in note
+    surfaces, _ = flatten(Scene(read.mesh, tuple(read.materials)))
+    np.testing.assert_allclose(surfaces.reflectance, 0.7, rtol=1e-6)
+
+
+@pytest.mark.parametrize("format", ["glb", "obj"])
+def test_images_outside_the_folder_are_not_read(tmp_path, format):
+    inner = tmp_path / "scene"
+    inner.mkdir()
+    (tmp_path / "secret.png").write_bytes(png(PIXELS))
+    for name in ("../secret.png", str(tmp_path / "secret.png")):
+        read = read_mesh_file(quad_with(inner, format, name))
+        assert any("lies outside the folder of the scene; move it there" in n for n in read.notes), read.notes
+    (inner / "secret.png").write_bytes(png(PIXELS))
+    assert read_mesh_file(quad_with(inner, format, "C:\\maps\\secret.png")).mesh.paint.textures
+
+
+def quad_with(folder, format, image: str):
+    if format == "glb":
+        return write_glb(
+            folder / "a.glb", QUAD, QUAD_FACES, uv=UV, material=textured(),
+            images=[{"uri": image}], textures=[{"source": 0}],
+        )  # fmt: skip
+    return quad_obj(folder, f"Kd 0 0 0\nmap_Kd {image}\n")
+
+
+def quad_obj(folder, material: str):
+    lines = ["mtllib a.mtl", *(f"v {x} {y} {z}" for x, y, z in QUAD), *(f"vt {u} {v}" for u, v in UV), "usemtl m"]
+    (folder / "a.obj").write_text("\n".join([*lines, "f 1/1 2/2 3/3 4/4"]) + "\n")
+    (folder / "a.mtl").write_text(f"newmtl m\n{material}")
+    return folder / "a.obj"
+
+
+def test_obj_texture_options_and_names_with_spaces(tmp_path):
+    """v runs upwards in OBJ: v' = 1 - (scale v + offset)."""
+    (tmp_path / "old oak.png").write_bytes(png(PIXELS))
+    file = quad_obj(tmp_path, "map_Kd -blendu on -s 2 3 1 -o 0.5 0.25 -mm 0 1 -clamp on old oak.png\nKd 0.1 0.1 0.1\n")
+    paint = read_mesh_file(file).mesh.paint
+    assert paint.textures[0].wrap == ("clamp", "clamp")
+    np.testing.assert_array_equal(paint.textures[0].pixels, PIXELS)
+    np.testing.assert_allclose(paint.corner_uv, (UV * [2, -3] + [0.5, 0.75])[QUAD_FACES], atol=1e-6)
+    np.testing.assert_array_equal(paint.corner_colour, 1)
+
+
+def test_obj_emissive_texture(tmp_path):
+    (tmp_path / "glow.png").write_bytes(png(np.full((2, 2, 3), 188, np.uint8)))
+    (material,) = read_mesh_file(quad_obj(tmp_path, "Kd 0 0 0\nKe 10 20 0\nmap_Ke glow.png\n")).materials
+    np.testing.assert_allclose(material.emission, (5.03, 10.06, 0), atol=0.01)
+
+
+@pytest.mark.parametrize("mode", ["L", "LA", "P", "RGBA", "I;16", "CMYK"])
+def test_every_kind_of_pixel_becomes_rgb(tmp_path, mode):
+    grey = np.tile(np.arange(0, 256, 16, dtype=np.uint8), (4, 1))
+    image = Image.fromarray(grey.astype(np.uint16) * 257) if mode == "I;16" else Image.fromarray(grey).convert(mode)
+    data = io.BytesIO()
+    image.save(data, "tiff" if mode == "CMYK" else "png")
+    pixels = decode(data.getvalue())
+    assert pixels.shape == (4, 16, 3) and pixels.dtype == np.uint8
+    assert np.abs(pixels.astype(int) - grey[..., None]).max() <= 3
+
+
+def test_a_scene_file_keeps_textures_or_replaces_them(tmp_path):
+    """A reflectance written under [materials] is what the user wants to see; anything else leaves the texture."""
+    (tmp_path / "t.png").write_bytes(png(PIXELS))
+    quad_obj(tmp_path, "map_Kd t.png\n")
+    lamp = '[[light]]\ntype = "point"\nposition = [0.5, 0.5, 2]\nflux = [1, 1, 1]\n'
+    text = '[static]\nmesh = "a.obj"\n[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n' + lamp
+    (tmp_path / "a.toml").write_text(text + "[materials.m]\ntwo_sided = false\n")
+    (tmp_path / "b.toml").write_text(text + "[materials.m]\nreflectance = [0.2, 0.3, 0.4]\n")
+    kept, replaced = (load_scene(tmp_path / f"{name}.toml").static.paint for name in "ab")
+    assert (kept.face_texture == 0).all()
+    assert (replaced.face_texture == -1).all()
+    np.testing.assert_allclose(mean_colours(replaced), [[0.2, 0.3, 0.4]] * 2, rtol=1e-6)
+
+
+def test_a_bare_file_carries_its_texture_through_completion(tmp_path):
+    """Default lamp, tessellation, a mobile: the textured quad is still textured, the lamp is not."""
+    (tmp_path / "t.png").write_bytes(png(PIXELS))
+    file = quad_obj(tmp_path, "map_Kd t.png\n")
+    scene = load_scene(file, mobiles=[file], up="z")
+    lamp = next(i for i, m in enumerate(scene.materials) if m.name == "default light")
+    is_lamp = scene.static.face_material == lamp
+    assert is_lamp.any() and len(scene.static.faces) > 100
+    assert ((scene.static.paint.face_texture >= 0) == ~is_lamp).all()
+    assert (scene.mobiles[0].mesh.paint.face_texture == 0).all()
+    assert scene.mobiles[0].mesh.paint.textures[0].pixels is scene.static.paint.textures[0].pixels

@@ -1,0 +1,1 @@
+"""The whole solver against theory: invariants, closed forms, statistics."""

@@ -1,0 +1,130 @@
+"""A move that an exception breaks off has not been made: poses and light stay together, and later moves are right."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gi_core
+from gi_core.base.threads import run_ranges
+from gi_core.frames.light_source import LIGHTS
+from gi_core.scene.pose import axis_angle
+from gi_core.scene.types import Mobile, Pose
+from gi_core.solver import Solver
+from tests.support.scene_builders import box, coloured_room
+
+OURS = str(Path(gi_core.__file__).parent)
+PLACES = 40  # at which a move is broken off, an estimator
+START, THERE, ELSEWHERE = (
+    Pose((x, 0.5, z), axis_angle((0, 0, 1), t)) for x, z, t in ((0.3, 0, 0), (0.6, 0, 30), (0.5, 0.3, 60))
+)
+NEXT = {"block": ELSEWHERE}
+
+
+class BrokenOff(BaseException):
+    """Like an interrupt from the keyboard: nothing may swallow it."""
+
+
+def watched(call, break_at: int = 0) -> int:
+    """Call, and raise as the n-th function of ours begins or ends; return how many begin and end until then."""
+    count = 0
+
+    def on_event(frame, event, argument):
+        nonlocal count
+        if event in ("call", "return") and frame.f_code.co_filename.startswith(OURS):
+            count += 1
+            if count == break_at:
+                raise BrokenOff
+
+    sys.setprofile(on_event)
+    try:
+        call()
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+def seen(solver: Solver) -> tuple:
+    """Return all that a caller sees of the last frame."""
+    fates = [value.tolist() for value in solver.fates.values()]
+    numbers = (
+        solver.photons_traced,
+        solver.paths_gathered,
+        solver.changes,
+        solver.control_facts,
+        solver.segments_total,
+        solver.timings,
+    )
+    return dict(solver.poses), solver.irradiance.tobytes(), fates, *numbers
+
+
+def solved(estimator: str, light: str = "photons") -> Solver:
+    block = Mobile("block", box((-0.15, -0.15, 0), (0.15, 0.15, 0.3), 2, 0), START)
+    solver = Solver(coloured_room((block,)), estimator, photons=2000, radius=0.1, neighbours=8, threads=1)
+    solver.configure(light=light)
+    solver.solve()
+    solver.move("block", THERE)  # contacts at START are not those that are known last
+    return solver
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_a_move_that_is_broken_off_anywhere_has_not_been_made(estimator, light):
+    solver = solved(estimator, light)
+    for _ in range(2):  # the first time more is called: what is made once
+        solver.move("block", THERE)
+        whole = watched(lambda: solver.move_all(NEXT))
+    assert whole > PLACES and solver.changes.photons_cut > 0
+    for place in np.linspace(1, whole - 2, PLACES).astype(int):  # the last two: it has been made and returns
+        solver.move("block", THERE)
+        before = seen(solver)
+        with pytest.raises(BrokenOff):
+            watched(lambda: solver.move_all(NEXT), place)
+        assert seen(solver) == before, f"broken off at {place} of {whole}"
+        assert np.array_equal(solver.irradiance, solver.from_scratch())
+        solver.move("block", START)
+        assert np.array_equal(solver.irradiance, solver.from_scratch()), f"after {place} of {whole}"
+    solver.move_all(NEXT)
+    assert seen(solver)[:2] != before[:2]
+
+
+def test_before_anything_is_traced_a_move_is_poses_alone():
+    solver = solved("tangent_plane")
+    untraced = Solver(solver.scene, photons=2000, radius=0.1)
+    untraced.move_all(NEXT)
+    assert untraced.poses == NEXT and not untraced.irradiance.any()
+    untraced.solve()
+    solver.move_all(NEXT)
+    assert np.array_equal(untraced.irradiance, solver.irradiance)
+
+
+def test_work_on_several_threads_has_ended_when_one_of_them_raises():
+    ended = np.zeros(3, bool)
+
+    def work(part, start, stop):
+        if part == 0:
+            raise BrokenOff
+        time.sleep(0.05)  # not yet done when the first raises
+        ended[part] = True
+
+    with pytest.raises(BrokenOff):
+        run_ranges(work, 3, 3, 1)
+    assert ended[1:].all()
+
+
+def test_a_picture_of_new_settings_that_is_broken_off_is_made_the_next_time():
+    solver, wanted = solved("tangent_plane"), solved("tangent_plane")
+    for s in (solver, wanted):
+        s.configure(radius=0.2)
+    wanted.solve()
+    steps = solver.solve_steps(pictures=False)
+    # Left behind as soon as frames go by the new settings, before there is a picture of them.
+    while solver.frame_parts().background.setting.radius != 0.2:
+        next(steps)
+    steps.close()
+    assert not np.array_equal(solver.irradiance, wanted.irradiance)
+    solver.solve()
+    assert np.array_equal(solver.irradiance, wanted.irradiance)

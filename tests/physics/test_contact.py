@@ -1,0 +1,192 @@
+"""Things that stand on floors and lie against walls: mobiles enter discs, and discs on mobiles enter walls.
+
+A white thing in a furnace sends back what it takes: E = pi Le / (1 - rho) with and without it, everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gi_core.instruments.compile_ahead import TOUCHING, _tiny_scene
+from gi_core.scene.pose import axis_angle
+from gi_core.scene.types import Mobile, PointLight, Pose, Scene
+from gi_core.solver import Solver
+from tests.support import control_scenes
+from tests.support.reference_twins import Twin
+from tests.support.scene_builders import box, grey, sphere
+
+FURNACE = 2 * math.pi  # of Le = 1, rho = 0.5
+SEED = 3
+
+
+def solved(case: control_scenes.Case, control: bool = True) -> Solver:
+    solver = Solver(case.scene, photons=case.photons, radius=case.radius, control=control)
+    solver.solve()
+    return solver
+
+
+def mean_error(E: np.ndarray) -> float:
+    return float(np.abs(E - FURNACE).mean() / FURNACE)
+
+
+@pytest.mark.parametrize("thing", ["leg", "book"])
+def test_a_white_thing_in_a_furnace_takes_no_light_from_the_floor(thing):
+    """Beside it a disc loses up to a half without control: a fifth on average over distances up to 0.9 r.
+
+    Receivers there see some 300 and 1200 photons in all, so their mean has a deviation of 6 and 3 %; the same
+    photons are counted with control and without, so the difference is known far better.
+    """
+    case = control_scenes.leg(True) if thing == "leg" else control_scenes.book()
+    on, off = solved(case), solved(case, control=False)
+    beside, free = control_scenes.classes(case, on.surfaces, on.receivers)
+    E, without = on.irradiance[:, 0], off.irradiance[:, 0]
+    assert on.control_facts.stale > beside.sum() and off.control_facts.stale == 0
+    assert abs(E[beside].mean() / FURNACE - 1) < (0.24 if thing == "leg" else 0.12)
+    assert 0.12 < 1 - without[beside].mean() / E[beside].mean() < 0.28
+    assert mean_error(E[beside]) < 1.5 * mean_error(E[free])
+    assert np.array_equal(E[free], without[free])
+
+
+def test_corners_and_borders_of_a_room_are_as_right_as_its_floor():
+    """Half a disc sees half of the photons: 1.41 times the noise; the 24 corners among 384 have twice."""
+    case = control_scenes.corner()
+    E, without = (solved(case, control).irradiance[:, 0] for control in (True, False))
+    solver = Solver(case.scene, photons=0, radius=case.radius)
+    border, free = control_scenes.classes(case, solver.surfaces, solver.receivers)
+    assert mean_error(E[border]) < 1.5 * mean_error(E[free])
+    assert mean_error(without[border]) > 3 * mean_error(without[free])
+
+
+def test_a_leg_lights_the_floor_the_same_as_a_mobile_and_as_a_part_of_the_room():
+    """Both count the same photons but for rounding, and the regions are the same."""
+    E = []
+    for mobile in (True, False):
+        case = control_scenes.leg(mobile)
+        solver = solved(case)
+        beside = control_scenes.classes(case, solver.surfaces, solver.receivers)[0]
+        E.append(solver.irradiance[beside, 0])
+    assert abs(E[0].mean() / E[1].mean() - 1) < 0.01
+    assert np.median(np.abs(E[0] / E[1] - 1)) < 0.01
+
+
+def test_the_sides_of_a_mobile_are_not_dark_where_it_stands():
+    """A disc at its lower edge reaches into the floor, half of it; on average more than a quarter."""
+    case = control_scenes.book()
+    on, off = solved(case), solved(case, control=False)
+    p, n = on.receivers.positions, on.receivers.normals
+    low = (np.arange(len(p)) >= on.surfaces.first_receiver[1]) & (np.abs(n[:, 2]) < 0.1) & (p[:, 2] < 0.005)
+    assert low.sum() > 60
+    E, without = on.irradiance[low, 0], off.irradiance[low, 0]
+    assert abs(E.mean() / FURNACE - 1) < 0.12
+    assert 0.25 < 1 - without.mean() / E.mean() < 0.55
+
+
+@pytest.mark.parametrize("mobile", [False, True])
+def test_nothing_leaks_past_a_thin_wall(mobile):
+    """Lit on one side, the other stays at exactly 0; also if the wall is a mobile that fills a gap."""
+    case = control_scenes.two_rooms(mobile)
+    solver = solved(case)
+    dark, lit = control_scenes.classes(case, solver.surfaces, solver.receivers)
+    assert solver.irradiance[lit].mean() > 1
+    assert not solver.irradiance[dark].any()
+    assert solved(case, control=False).irradiance[dark].max() > 0.1
+
+
+def test_a_mobile_in_mid_air_costs_nothing(monkeypatch):
+    """No ray is cast for regions, no receiver is estimated again, no segment is looked for beside the usual ones."""
+    case = control_scenes.leg(True)
+    solver = Solver(case.scene, photons=5000, radius=case.radius)
+    solver.solve()
+    resting = solver.control_facts
+    assert resting.stale > 0 and resting.on_mobiles > 0
+    cast = []
+    real = solver.model.accelerator.nearest
+
+    def counted(*given):
+        cast.append(given)
+        return real(*given)
+
+    contact = solver.frame_parts().background.estimate._contact
+    monkeypatch.setattr(solver.model.accelerator, "nearest", counted)
+    at = solver.model.transforms({"body": Pose((0.0, 0.0, 0.4))})
+    wanted = contact.wanted(at, mobiles=True)
+    assert not cast and not len(wanted.boxes) and not wanted.around.any()
+    solver.move("body", Pose((0.0, 0.0, 0.4)))
+    assert solver.control_facts == resting._replace(stale=0, on_mobiles=0)
+    assert solver.frame_parts().change.beside.size == 0 and solver.changes.photons_cut > 0
+
+
+def test_contact_on_a_mobile_is_looked_for_only_where_its_light_is_that_of_photons():
+    """Where it gathers, no disc on it is read; floor and walls beside it are estimated as ever."""
+    case = control_scenes.leg(True)
+    solver = Solver(case.scene, photons=5000, radius=case.radius)
+    solver.solve()
+    by_photons = solver.control_facts
+    static = solver.surfaces.receiver_range(0)
+    E = solver.irradiance[static]
+    solver.configure(light="best")
+    solver.solve()
+    assert by_photons.on_mobiles > 0
+    assert solver.control_facts == by_photons._replace(on_mobiles=0)
+    assert np.array_equal(solver.irradiance[static], E)
+    solver.configure(light="photons")
+    solver.solve()
+    assert solver.control_facts == by_photons
+
+
+def bowl() -> Scene:
+    """A box and a ball in a spherical room: concave discs reach beyond their hits, and mobiles enter them."""
+    room = sphere((0, 0, 0), 1.0, 2)
+    room = room._replace(faces=np.ascontiguousarray(room.faces[:, ::-1]))
+    mobiles = (
+        Mobile("box", box((-0.15, -0.15, -0.15), (0.15, 0.15, 0.15), 2, 0), Pose((0.0, 0.0, -0.8))),
+        Mobile("ball", sphere((0, 0, 0), 0.15, 1, 0), Pose((0.75, 0.0, 0.0))),
+    )
+    lights = (PointLight("bulb", (0.0, 0.2, 0.3), (10.0, 5.0, 1.0)),)
+    return Scene(room, (grey(0.6, two_sided=True),), mobiles, lights, up=(0, 0, 1), name="bowl")
+
+
+def test_frames_in_contact_equal_the_naive_twin():
+    """In a bowl, at poses in contact with it, with each other, through its wall, and with nothing."""
+    scene = bowl()
+    twin = Twin(scene, 300, 0.3, 5, SEED)
+    solver = Solver(scene, photons=300, radius=0.3, neighbours=5, seed=SEED)
+    solver.solve()
+    tilted = axis_angle((1.0, 0.5, 0.0), 30.0)
+    stale, on_mobiles = [], []
+    for box_at, ball_at in (
+        ((0.0, 0.0, -0.8), (0.75, 0.0, 0.0)),
+        ((0.0, 0.0, -0.95), (0.0, 0.0, -0.65)),
+        ((0.5, 0.0, 0.0), (0.7, 0.1, 0.0)),
+        ((0.0, 0.1, 0.0), (-0.9, 0.3, 0.0)),
+        ((9.0, 9.0, 9.0), (-9.0, 0.0, 0.0)),
+    ):
+        solver.move_all({"box": Pose(box_at, tilted), "ball": Pose(ball_at)})
+        stale.append(solver.control_facts.stale)
+        on_mobiles.append(solver.control_facts.on_mobiles)
+        assert np.array_equal(solver.irradiance, solver.from_scratch())
+        np.testing.assert_array_equal(solver.irradiance, twin.irradiance("tangent_plane", solver.poses))
+    assert min(stale[:2]) > 5 and min(on_mobiles[:4]) > 5 and stale[4] == on_mobiles[4] == 0
+
+
+def test_many_receivers_in_contact_are_searched_by_a_grid(monkeypatch):
+    """The same bits however they are searched."""
+    case = control_scenes.leg(True)
+    irradiance = []
+    for few in (10_000, 1):
+        monkeypatch.setattr("gi_core.discs.contact.stale_receivers.FEW", few)
+        solver = Solver(case.scene, photons=20_000, radius=case.radius)
+        solver.solve()
+        irradiance.append(solver.irradiance)
+    assert np.array_equal(*irradiance)
+
+
+def test_the_warm_up_compiles_what_contact_needs():
+    """Its mobile enters a disc of the floor, and the floor discs on it: no kernel is left for the first touch."""
+    solver = Solver(_tiny_scene(), photons=64, radius=0.1)
+    solver.solve()
+    solver.move("mobile", TOUCHING)
+    assert solver.control_facts.stale > 0 and solver.control_facts.on_mobiles > 0

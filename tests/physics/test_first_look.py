@@ -1,0 +1,75 @@
+"""The first picture does not wait for artifact control, and leaves no trace in what follows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core import solver as solver_module
+from gi_core.files.load import load_scene
+from gi_core.solver import Solver
+
+PHOTONS = 40_000
+
+
+@pytest.fixture
+def few_are_many(monkeypatch):
+    monkeypatch.setattr(solver_module, "MANY_RECEIVERS", 1)
+
+
+def opened(**settings) -> Solver:
+    return Solver(load_scene("furnace"), photons=PHOTONS, radius=0.1, **settings)
+
+
+def until_picture(steps) -> None:
+    for progress in steps:
+        if progress.picture:
+            return
+    raise AssertionError("no picture")
+
+
+def test_first_picture_is_of_whole_discs(few_are_many):
+    """It equals that of a solver without control, which is not the one with control."""
+    first, plain = opened(), opened(control=False)
+    until_picture(first.solve_steps())
+    until_picture(plain.solve_steps())
+    assert first.photons_traced == plain.photons_traced == solver_module.FIRST_PICTURE
+    assert np.array_equal(first.irradiance, plain.irradiance)
+    assert np.array_equal(first.irradiance, first.from_scratch())
+    controlled = Solver(load_scene("furnace"), photons=first.photons_traced, radius=0.1)
+    controlled.solve()
+    assert not np.array_equal(first.irradiance, controlled.irradiance)
+
+
+def test_it_ends_as_if_it_had_not_been(few_are_many):
+    steps, straight = opened(), opened()
+    for _ in steps.solve_steps():
+        pass
+    straight.solve()
+    assert np.array_equal(steps.irradiance, straight.irradiance)
+    assert steps.photons_traced == straight.photons_traced == PHOTONS
+    assert np.array_equal(steps.irradiance, steps.from_scratch())
+
+
+@pytest.mark.parametrize("stop", range(12))
+def test_left_and_begun_again_it_ends_the_same(few_are_many, stop):
+    """Broken off after any step, also within the first look itself, and moved meanwhile."""
+    left, straight = opened(), opened()
+    for _, _ in zip(range(stop), left.solve_steps(), strict=False):
+        pass
+    left.move_all(left.poses)
+    for _ in left.solve_steps():
+        pass
+    straight.solve()
+    assert np.array_equal(left.irradiance, straight.irradiance)
+
+
+def test_small_scenes_and_other_estimators_have_none(few_are_many, monkeypatch):
+    """Where nothing is slow to build, the first picture is of the setting asked for."""
+    counted = opened(estimator="impact_count")
+    until_picture(counted.solve_steps())
+    assert counted.frame_parts().background.setting == counted.setting
+    monkeypatch.setattr(solver_module, "MANY_RECEIVERS", 30_000)
+    small = opened()
+    until_picture(small.solve_steps())
+    assert small.frame_parts().background.setting == small.setting

@@ -1,0 +1,226 @@
+"""The invariants: a frame is a function of the poses alone, bit for bit.
+
+One room, two mobiles that touch the floor, cross the walls and each other. Whatever sequence of moves
+led there, irradiance equals that of a solver that never saw another pose, and of the naive twin.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+
+import gi_core.frames.frame
+from gi_core.discs.search import SEARCHES
+from gi_core.estimators import ESTIMATORS
+from gi_core.photons.paths import take
+from gi_core.scene.pose import axis_angle
+from gi_core.scene.types import Material, Mobile, PointLight, Pose, Scene
+from gi_core.solver import Solver
+from tests.support.reference_twins import Twin
+from tests.support.scene_builders import box, merge, quad, sphere
+
+PHOTONS, RADIUS, NEIGHBOURS, SEED = 300, 0.2, 6, 11
+AWAY = Pose((50.0, 50.0, 50.0))
+
+
+def room() -> Scene:
+    """A unit room with coloured walls and a lamp, a two-sided screen, a box and a two-sided ball."""
+    materials = (
+        Material("wall", (0.8, 0.6, 0.4)),
+        Material("lamp", (0.5, 0.5, 0.5), (3.0, 2.0, 1.0)),
+        Material("screen", (0.3, 0.7, 0.6), two_sided=True),
+        Material("black", (0.0, 0.0, 0.0)),
+    )
+    static = merge(
+        box((0, 0, 0), (1, 1, 1), 2, 0, inward=True),
+        quad((0.3, 0.3, 0.99), (0, 0.4, 0), (0.4, 0, 0), (1, 1), 1),
+        quad((0.1, 0.5, 0.1), (0, 0, 0.4), (0.3, 0, 0), (2, 2), 2),
+    )
+    mobiles = (
+        Mobile("box", box((-0.12, -0.12, 0), (0.12, 0.12, 0.24), 1, 0), Pose((0.6, 0.4, 0.0))),
+        Mobile("ball", sphere((0, 0, 0), 0.15, 1, 2), Pose((0.3, 0.7, 0.4))),
+    )
+    lights = (PointLight("bulb", (0.8, 0.8, 0.7), (0.5, 0.5, 2.0)),)
+    return Scene(static, materials, mobiles, lights, up=(0, 0, 1), name="room")
+
+
+SCENE = room()
+TWIN = Twin(SCENE, PHOTONS, RADIUS, NEIGHBOURS, SEED)
+
+coordinate = st.floats(-0.2, 1.2)
+axis = st.tuples(*[st.sampled_from([-1.0, 0.0, 0.5, 1.0])] * 3).filter(lambda a: any(a))
+poses = st.builds(
+    lambda x, y, z, a, turn: Pose((x, y, z), axis_angle(a, turn)),
+    coordinate,
+    coordinate,
+    st.one_of(st.just(0.0), coordinate),  # standing exactly on the floor, often
+    axis,
+    st.one_of(st.just(0.0), st.just(90.0), st.floats(0, 360)),
+)
+moves = st.tuples(st.sampled_from(["box", "ball"]), st.one_of(poses, st.just(AWAY)))
+steps = st.lists(st.tuples(moves, st.sampled_from(list(ESTIMATORS))), min_size=1, max_size=6)
+
+
+def fresh(**settings) -> Solver:
+    return Solver(SCENE, **{"photons": PHOTONS, "radius": RADIUS, "neighbours": NEIGHBOURS, "seed": SEED, **settings})
+
+
+def solved(poses=None, **settings) -> Solver:
+    s = fresh(**settings)
+    s.solve()
+    if poses:
+        s.move_all(poses)
+    return s
+
+
+@settings(max_examples=25)
+@given(steps)
+def test_any_history_equals_from_scratch_and_the_naive_twin(history):
+    solver = solved()
+    for (name, pose), estimator in history:
+        solver.configure(estimator=estimator)
+        solver.solve()
+        solver.move(name, pose)
+    assume(solver.changes.photons_cut > 0)
+    for estimator in ESTIMATORS:
+        solver.configure(estimator=estimator)
+        solver.solve()
+        twin = TWIN.irradiance(estimator, solver.poses)
+        assert np.array_equal(solver.irradiance, solver.from_scratch())
+        assert np.array_equal(solver.irradiance, solved(solver.poses, estimator=estimator).irradiance)
+        np.testing.assert_array_equal(solver.irradiance, twin)
+        assert (solver.irradiance >= 0).all() and np.isfinite(solver.irradiance).all()
+        assert twin.max() > 0
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+@settings(max_examples=15)
+@given(history=st.lists(moves, min_size=1, max_size=4))
+@example(history=[("box", AWAY)])
+def test_there_and_back_is_the_start(estimator, history):
+    solver = solved(estimator=estimator)
+    start, begun = dict(solver.poses), solver.irradiance.copy()
+    assert solver.changes.photons_cut > 0
+    for name, pose in history:
+        solver.move(name, pose)
+    solver.move_all(start)
+    assert np.array_equal(solver.irradiance, begun)
+
+
+@pytest.mark.parametrize("mutation", ["a branch skipped", "a tail forgotten"])
+def test_the_comparison_catches_mutations(monkeypatch, estimator, mutation):
+    real = gi_core.frames.frame.change
+
+    def mutated(*arguments):
+        frame = real(*arguments)
+        skipped = mutation == "a branch skipped"
+        segments = frame.branches if skipped else frame.tails.segments()
+        # A photon may miss all discs, and k-nearest may not look as far as its hits: take some more.
+        deposited = np.unique(segments.photon[segments.hit_side >= 0])
+        victims = deposited[: 12 if estimator == "photon_map" else 4]
+        if skipped:
+            return frame._replace(branches=take(segments, ~np.isin(segments.photon, victims)))
+        return frame._replace(tails=frame.tails.of(~np.isin(frame.tails.photon, victims)))
+
+    monkeypatch.setattr(gi_core.frames.frame, "change", mutated)
+    solver = solved(estimator=estimator)
+    assert solver.changes.photons_cut > 0
+    assert not np.array_equal(solver.irradiance, TWIN.irradiance(estimator, solver.poses))
+
+
+def test_mobiles_outside_all_light_give_the_static_solution(estimator):
+    alone = Scene(SCENE.static, SCENE.materials, (), SCENE.lights, up=SCENE.up, name="alone")
+    static = Solver(alone, estimator, PHOTONS, RADIUS, NEIGHBOURS, SEED)
+    static.solve()
+    solver = solved({"box": AWAY, "ball": AWAY}, estimator=estimator)
+    n = solver.surfaces.receiver_range(0).stop
+    assert solver.changes == (0, 0, 0)
+    assert np.array_equal(solver.irradiance[:n], static.irradiance)
+    assert not solver.irradiance[n:].any()
+
+
+def test_threads_do_not_show(estimator, monkeypatch):
+    grains = (
+        "rays.accelerator.RAY",
+        "retrace.cuts.CUT",
+        "retrace.cuts.FOLLOW",
+        "retrace.broad_phase.SCAN",
+        "photons.paths.WRITE",
+        "frames.background.PART",
+    )
+    for module in (f"{g}_GRAIN" for g in grains):
+        monkeypatch.setattr(f"gi_core.{module}", 1)  # or jobs this small would run serially
+    for module in ("tangent_plane.LINE_GRAIN", "photon_map.QUERY_GRAIN"):
+        monkeypatch.setattr(f"gi_core.estimators.{module}", 1)
+    one, two, five = (solved(estimator=estimator, threads=n).irradiance for n in (1, 2, 5))
+    assert np.array_equal(one, two)
+    assert np.array_equal(one, five)
+
+
+@pytest.mark.parametrize("search", SEARCHES)
+@pytest.mark.parametrize("control", [True, False])
+def test_searches_give_the_same_bits(search, control, monkeypatch):
+    monkeypatch.setattr("gi_core.estimators.tangent_plane.LINE_GRAIN", 1)
+    expected = solved(control=control, threads=1)
+    assert expected.changes.photons_cut > 0
+    for threads in (1, 2):
+        found = solved(control=control, threads=threads, search=search)
+        assert np.array_equal(found.irradiance, expected.irradiance)
+        assert np.array_equal(found.from_scratch(), expected.irradiance)
+
+
+@settings(max_examples=15)
+@given(poses)
+def test_flux_is_accounted_for(pose):
+    solver = solved({"ball": pose})
+    photons, _, change = solver.frame_parts()
+    total = [getattr(photons.fates, k) + getattr(change.fates, k) for k in change.fates._fields]
+    emitted, absorbed, escaped, truncated = total
+    assert emitted.min() > 0
+    assert np.array_equal(emitted, absorbed + escaped + truncated)
+    for part in (absorbed, escaped, truncated):
+        assert (part >= 0).all()
+
+
+def test_refined_equals_solved_at_once(estimator):
+    refined = fresh(estimator=estimator, photons=40)
+    refined.solve()
+    for photons in (130, PHOTONS):
+        refined.configure(photons=photons)
+        refined.solve()
+    assert np.array_equal(refined.irradiance, solved(estimator=estimator).irradiance)
+
+
+def test_a_prefix_of_more_photons_is_the_smaller_solution(estimator):
+    many = solved(estimator=estimator, photons=2 * PHOTONS)
+    many.configure(photons=PHOTONS)
+    many.solve()
+    assert many.photons_traced == PHOTONS
+    assert np.array_equal(many.irradiance, solved(estimator=estimator).irradiance)
+
+
+def test_steps_may_be_abandoned_anywhere(estimator):
+    expected = solved(estimator=estimator).irradiance
+    solver = fresh(estimator=estimator)
+    for stop in (1, 2, 1, 3):
+        for _, progress in zip(range(stop), solver.solve_steps(), strict=False):
+            assert 0 <= progress.fraction <= 1
+        solver.move("box", Pose((0.5, 0.5, 0.3)))
+    solver.solve()
+    solver.move("box", SCENE.mobiles[0].pose)
+    assert np.array_equal(solver.irradiance, expected)
+
+
+def test_old_picture_stays_until_the_new_one_is_ready():
+    solver = solved()
+    before = solver.irradiance
+    solver.configure(radius=2 * RADIUS)
+    steps = solver.solve_steps()
+    for progress in steps:
+        if progress.picture:
+            break
+        assert solver.irradiance is before
+    assert solver.irradiance is not before
+    assert solver.photons_traced == PHOTONS

@@ -1,0 +1,191 @@
+"""What a scene holds is free as soon as it is closed: nothing waits for the collector of rings.
+
+That comes when a quarter of all objects are new, hardly ever: compiled kernels alone are hundreds of thousands.
+"""
+
+from __future__ import annotations
+
+import functools
+import gc
+import threading
+import time
+import weakref
+from dataclasses import replace
+
+import pytest
+
+from app.session.log import Log
+from app.session.opening import Opening
+from app.session.session import Session
+from app.settings import Settings
+from app.worker import Worker
+from gi_core.scene import Scene, SceneError
+from tests.support import viewer_support as support
+
+SETTINGS = Settings(photons=3_000, radius=0.1, neighbours=20, exposure=0.0)
+
+
+@pytest.fixture(autouse=True)
+def uncollected(tmp_path, monkeypatch):
+    """No collector, and a folder of its own."""
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path))
+    gc.collect()
+    gc.disable()
+    yield
+    gc.enable()
+
+
+def goes(*refs: weakref.ref, within: float = 20.0) -> bool:
+    """Tell whether all of them are gone, or will be when threads have ended."""
+    end = time.monotonic() + within
+    while any(ref() is not None for ref in refs) and time.monotonic() < end:
+        time.sleep(0.01)
+    return all(ref() is None for ref in refs)
+
+
+def opened(settings=SETTINGS, load=lambda settings: support.room()) -> Session:
+    s = Session(settings, Log(), functools.partial(Opening, load=load))
+    until(s, lambda: s.ready)
+    return s
+
+
+def until(s: Session, true, still: bool = True) -> None:
+    end = time.monotonic() + 300  # kernels may have to be compiled
+    while not true():
+        assert time.monotonic() < end and s.problem is None
+        s.tick(1 / 60, still=still)
+        time.sleep(0.001)
+
+
+def at(s: Session, x: float) -> dict:
+    return {name: pose._replace(position=(x, *pose.position[1:])) for name, pose in s.poses.items()}
+
+
+def held_by(s: Session) -> list[weakref.ref]:
+    return [weakref.ref(thing) for thing in (s.solver, s.solver.model, s.light, s.appraisal)]
+
+
+def test_a_scene_that_rested_goes_with_its_references():
+    """Rounds of the reference are under way, of several poses: each knows the whole scene."""
+    s = opened()
+    for x in (0.5, 0.6):
+        s.move(at(s, x))
+        poses = dict(s.poses)
+        until(s, lambda poses=poses: (t := s.appraisal.truth(poses, False)) is not None and t.rounds > 0)
+    refs = held_by(s)
+    s.close()
+    s = None
+    assert goes(*refs)
+
+
+def test_a_scene_goes_while_another_estimator_is_looked_at():
+    s = opened(replace(SETTINGS, compare="impact_count"))
+    until(s, lambda: s.appraisal.other._steps is not None)
+    refs = [*held_by(s), weakref.ref(s.appraisal.other)]
+    s.close()
+    s = None
+    assert goes(*refs)
+
+
+def test_a_scene_that_is_no_longer_wanted_goes_when_it_has_been_read():
+    kept, gate = [], threading.Event()
+
+    def load(settings):
+        gate.wait(20)
+        scene = support.room()
+        kept.append(weakref.ref(scene.static.vertices))
+        return scene
+
+    opening = Opening(SETTINGS, load=load)
+    opening.cancel(0.0)
+    gate.set()
+    while not opening.done:
+        time.sleep(0.01)
+    assert f"{opening.problem}" == "cancelled" and kept
+    del opening
+    assert goes(*kept)
+
+
+@pytest.mark.parametrize("refused", [False, True])
+def test_scenes_that_are_never_shown_leave_no_thread(refused):
+    """Given up while they are opened, or refused: an hour of either must not fill the program with threads."""
+    gate, before = threading.Event(), threading.active_count()
+
+    def load(settings):
+        gate.wait(20)
+        raise SceneError("room.toml: no such thing")
+
+    sessions = [Session(SETTINGS, Log(), functools.partial(Opening, load=load)) for _ in range(3)]
+    assert threading.active_count() >= before + 3
+    if not refused:
+        for s in sessions:
+            s.close(0.0)
+    gate.set()
+    end = time.monotonic() + 20
+    while refused and any(s.problem is None for s in sessions):
+        for s in sessions:
+            s.tick(0.0)
+    while threading.active_count() > before and time.monotonic() < end:
+        time.sleep(0.01)
+    assert threading.active_count() == before
+
+
+def test_what_a_failed_load_had_read_goes_though_its_reason_is_kept():
+    kept = []
+
+    def load(settings) -> Scene:
+        scene = support.room()
+        kept.append(weakref.ref(scene.static.vertices))
+        try:
+            raise ValueError(f"of {len(scene.mobiles)}")
+        except ValueError as problem:
+            raise SceneError("room.toml: no such thing") from problem
+
+    opening = Opening(SETTINGS, load=load)
+    while not opening.done:
+        time.sleep(0.01)
+    reason = opening.problem
+    assert f"{reason}" == "room.toml: no such thing" and f"{reason.__cause__}" == "of 1"
+    del opening
+    assert goes(*kept)
+
+
+def test_a_scene_goes_after_a_step_of_it_has_failed(monkeypatch):
+    s = opened()
+    until(s, lambda: not s.refining)
+
+    def fails(*_):
+        raise ValueError("no light")
+
+    monkeypatch.setattr(s.solver, "move_all", fails, raising=False)
+    s.move(at(s, 0.7))
+    until(s, lambda: s.log.last is not None and s.log.last.text == "moving: no light")
+    monkeypatch.undo()
+    refs = held_by(s)
+    s.close()
+    s = None
+    assert goes(*refs)
+
+
+def test_a_job_holds_nothing_of_what_it_raised():
+    class Thing:
+        pass
+
+    worker, thing = Worker(), Thing()
+    ref = weakref.ref(thing)
+
+    def fail(thing):
+        raise ValueError("it fails")
+
+    job = worker.submit(functools.partial(fail, thing))
+    with pytest.raises(ValueError, match="it fails"):
+        take(job)
+    del thing, job
+    worker.close()
+    assert goes(ref)
+
+
+def take(job) -> None:
+    while not job.wait(0.1):
+        pass
+    job.result()

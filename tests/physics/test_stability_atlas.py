@@ -1,0 +1,186 @@
+"""The failure atlas: each number that theory predicts is what is measured, and what is said to help helps.
+
+Statistical: over all rows together a right program fails with probability 1e-3 (Sidak). Each test has power: a
+prediction 25 % beyond what theory leaves open would be rejected, which is checked with the same numbers. What the
+rows are is in app/atlas_*.py.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from app.measure.atlas import command, mobiles, others, photon_map, programs, tangent_plane
+from app.measure.atlas import page as atlas_page
+from app.measure.atlas.row import Number, Row, View, near, over_seeds, solved
+from app.measure.atlas.shapes import BLACK, ball, beyond, box, fan, scene, sheet
+from tests.support.significance import p_values, sidak
+
+TESTS = 90  # numbers looked at, rather too many
+LEVEL = sidak(1e-3, TESTS)
+SEEN = 1.25
+HELPED = 0.02  # how near a remedy must come
+
+
+def p_value(number: Number, expected: float, known: float = 0.0) -> float:
+    off = float(np.clip(number.mean - expected, -known, known))
+    return float(p_values(number.mean - off, expected, number.error, max(number.runs - 1, 1)))
+
+
+def check(row: Row) -> None:
+    m = row.measured
+    if math.isinf(row.known):
+        assert m.mean < row.predicted, row
+    elif m.error == 0:
+        assert m.mean == pytest.approx(row.predicted, rel=1e-9, abs=max(row.known, 0)), row
+    else:
+        assert p_value(m, row.predicted, row.known) >= LEVEL, f"{row.key}: {m}, predicted {row.predicted:.4g}"
+        for wrong in ((row.predicted + row.known) * SEEN, (row.predicted - row.known) / SEEN):
+            assert p_value(m, wrong, row.known) < LEVEL, f"{row.key}: {m} would not be told from {wrong:.4g}"
+    if row.remedied is not None:
+        allowed = HELPED + row.aim_known + 4 * row.remedied.error
+        assert abs(row.remedied.mean - row.aim) <= allowed, f"{row.key}: {row.remedied}, should be {row.aim:.4g}"
+
+
+@pytest.mark.parametrize("rows", [photon_map.small_surfaces, photon_map.thin_wall])
+def test_photon_maps_on_small_surfaces_and_across_walls(rows):
+    for row in rows():
+        check(row)
+
+
+@pytest.mark.slow
+def test_photon_maps_at_borders():
+    found = [*photon_map.borders(), *photon_map.corners()]
+    assert len(found) == 15 + 2
+    for row in found:
+        check(row)
+
+
+DISCS = [
+    tangent_plane.walls_and_corners,
+    pytest.param(tangent_plane.table_leg, marks=pytest.mark.slow),
+    tangent_plane.curved_outside,
+    tangent_plane.larger_than_the_room,
+    tangent_plane.smaller_and_smaller,
+    tangent_plane.shadow_edge,
+]
+
+
+@pytest.mark.parametrize("rows", DISCS)
+def test_discs(rows):
+    found = list(rows())
+    assert found
+    for row in found:
+        check(row)
+
+
+@pytest.mark.parametrize("row", [tangent_plane.curved_inside, tangent_plane.lamp_near_a_surface])
+def test_discs_on_curves_and_under_lamps(row):
+    check(row())
+
+
+OTHERS = [
+    pytest.param(others.textbook, marks=pytest.mark.slow),
+    others.small_faces,
+    pytest.param(others.bright_rooms, marks=pytest.mark.slow),
+    pytest.param(programs.scales, marks=pytest.mark.slow),
+    programs.at_rest,
+    programs.at_edges,
+    programs.next_to_nothing,
+    mobiles.rows,
+]
+
+
+@pytest.mark.parametrize("rows", OTHERS)
+def test_others(rows):
+    for row in rows():
+        check(row)
+
+
+LONG = programs.drift, programs.soup, others.beside_a_mobile
+SLOW = [pytest.param(row, marks=pytest.mark.slow) for row in LONG]
+
+
+@pytest.mark.parametrize("row", [others.naive_sums, *SLOW])
+def test_sums_drift_and_mobiles(row):
+    check(row())
+
+
+def test_noise_goes_with_one_over_the_radius():
+    noise = [row.measured.mean for row in tangent_plane.smaller_and_smaller()]
+    assert np.diff(np.log2(noise)) == pytest.approx(1.0, abs=0.1)
+
+
+def test_shapes():
+    """Areas of the pieces, and which way they face: what the predictions rest on."""
+    from gi_core.geometry.surfaces import face_normals
+
+    for degrees in (30, 180, 330, 360):
+        normals, areas = face_normals(fan((0, 0, 0), degrees))
+        steps = degrees / 30
+        assert areas.sum() == pytest.approx(steps * math.sin(math.radians(30)) / 2)
+        assert (normals[:, 2] > 0.99).all()
+    for inward in (False, True):
+        cube, globe = box((0, 0, 0), (1, 2, 3), 2, inward=inward), ball(1.0, 24, inward=inward)
+        for mesh, middle, area in ((cube, (0.5, 1, 1.5), 22.0), (globe, (0, 0, 0), 4 * math.pi)):
+            normals, areas = face_normals(mesh)
+            outward = ((mesh.vertices[mesh.faces].mean(axis=1) - middle) * normals).sum(axis=1) > 0
+            assert (outward != inward).all()
+            assert areas.sum() == pytest.approx(area, rel=0.01)
+    assert [beyond(d, 2.0) for d in (-3, -2, 0, 2, 3)] == pytest.approx([1, 1, 0.5, 0, 0])
+    assert beyond(1.0, 2.0) == pytest.approx(1 / 3 - math.sqrt(3) / (4 * math.pi))
+
+
+def test_standard_error_is_that_of_the_mean():
+    number = over_seeds(lambda seed: (float(seed % 2),), 8)[0]
+    assert number.mean == 0.5
+    assert number.error == pytest.approx(math.sqrt(8 / 28) / math.sqrt(8))
+
+
+def test_the_command_writes_a_page_a_table_and_pictures(tmp_path, capsys):
+    ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (4, 4)), (BLACK,), (0, -3, 2), (0, 0, 0), ())
+    setting = {"estimator": "tangent_plane", "radius": 0.1}
+    rows = [
+        Row(
+            "a",
+            "where <a>",
+            "1 - α",
+            0.5,
+            Number(0.51, 0.01, 8),
+            "light",
+            Number(1.0),
+            view=View(ground, 10, setting, setting),
+        ),
+        Row("b", "b", "0", 0.0, Number(0.0), "none", None),
+    ]
+    command.atlas(tmp_path / "new", {"Chapter": lambda: iter(rows)})
+    assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["a.png", "atlas.md", "index.html"]
+    page = (tmp_path / "new" / "index.html").read_text()
+    assert "where &lt;a&gt;" in page and "0.510 ± 0.010" in page and "<title>Failure atlas</title>" in page
+    assert page.count('src="data:image/png;base64,') == page.count("src=") == 1 and "://" not in page
+    table = (tmp_path / "new" / "atlas.md").read_text()
+    assert table.count("\n| ") == 3 and "| b | 0 | 0 | 0 | none |" in table
+
+
+def test_rows_of_one_title_share_what_they_have_in_common():
+    rows = [
+        Row(name, name, theory, 1.0, Number(1.0), "shade", Number(aim), aim=aim, title="Sun", known=0.1)
+        for name, theory, aim in (("noon", "bright", 0.0), ("dusk", "dim", 1.0))
+    ]
+    html = atlas_page.page({"Chapter": rows}, {})
+    assert html.count("<h3>") == html.count("shade") == 1 and "<b>Remedy</b> shade" in html
+    assert "<th>theory</th>" in html and "<td>bright</td>" in html and "<td>dim</td>" in html
+    assert html.count("1 ± 0.1") == 2 and "<th>remedy</th>" not in html and "<b>Cost</b>" not in html
+
+
+def test_digits_end_where_chance_begins():
+    said = {(0.08258, 0.0004): "0.08258 ± 0.00040", (61.99, 0.03): "61.990 ± 0.030", (3.0, 20.0): "3 ± 20"}
+    assert {pair: str(Number(*pair)) for pair in said} == said
+    assert [str(Number(x)) for x in (0.25, 0.0)] == ["0.25", "0"] and str(Number(1.25, 5e-17)) == "1.25"
+
+
+def test_groups_are_looked_up_by_place():
+    solver = solved(scene(sheet((0, 0, 0), (1, 0, 0), (0, 1, 0), (2, 2)), (BLACK,), (0, -3, 2), (0, 0, 0), ()), 0)
+    assert near((0.5, 0.5, 0), (0, 0, 0))(solver.receivers).sum() == 2

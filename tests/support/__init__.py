@@ -1,0 +1,1 @@
+"""Twins, scenes, statistics and drivers that tests and studies share."""

@@ -1,0 +1,39 @@
+"""Receivers to ask about: those that the first view shows, and random samples of some by area."""
+
+from __future__ import annotations
+
+import numpy as np
+
+SAME_PLACE = 1e-5  # of the scene size: what a sight line may miss a point by; a tile on a floor is thicker
+
+
+def in_view(solver) -> np.ndarray:
+    """Return the rows of receivers with an area that the first view shows, ascending; mobiles hide nothing.
+
+    Looked at where truth is taken, off the edges: under a tile or a skirting board nobody sees anything.
+    """
+    from app.draw.shot import home_camera
+    from gi_core.files.completion.camera_view import in_frame
+    from gi_core.files.completion.pilot import Rays
+    from gi_core.files.completion.viewpoint import first_seen
+    from gi_core.geometry.evaluation_points import evaluation_points
+
+    camera, receivers = home_camera(solver).as_camera(), solver.receivers
+    points, normals = evaluation_points(solver.surfaces, receivers)
+    facing = ((np.array(camera.position) - points) * normals).sum(axis=1) > 0
+    framed = np.abs(in_frame(camera, solver.scene.up, points)).max(axis=1) < 1
+    rows = np.flatnonzero(facing & framed & (receivers.areas > 0))
+    to = points[rows] - camera.position
+    length = np.sqrt((to * to).sum(axis=1))
+    eye = np.broadcast_to(np.array(camera.position), to.shape)
+    reached, _ = first_seen(Rays(solver.scene), eye, to / length[:, None])
+    return rows[reached > length - SAME_PLACE * solver.scene_size]
+
+
+def drawn_by_area(rows: np.ndarray, areas: np.ndarray, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows (n,), ascending, of `count` draws with replacement from `rows`, and how often each was drawn.
+
+    A row's chance is its share of the areas (R,), so that sums weighted by the second go to sums weighted by area.
+    """
+    share = areas[rows] / areas[rows].sum()
+    return np.unique(np.random.default_rng(seed).choice(rows, count, p=share), return_counts=True)

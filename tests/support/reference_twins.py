@@ -1,0 +1,193 @@
+"""The naive twin of the solver: loops, and no idea of background, cuts or tails.
+
+Every photon is traced through static part and mobiles on every bounce, every segment is tried on
+every receiver. Shared with the solver are only the two-level nearest hit, the sampling functions,
+the accept predicate and the rounding of flux.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gi_core.base import random_numbers
+from gi_core.base.fixed_point import MAX_SEGMENTS, attenuate
+from gi_core.base.steps import finish
+from gi_core.discs.region import regions
+from gi_core.discs.search.predicate import LANES, Discs, blocks, counts, crossed
+from gi_core.lights.bsdf import lambertian
+from gi_core.lights.emission import emit
+from gi_core.model import Model
+from gi_core.photons.hit_grid import OTHER_SIDE
+from gi_core.rays.embree import new_ray
+from gi_core.rays.two_level import nearest_mobile, nearest_static
+from gi_core.scene.pose import rotation
+from tests.support.contact_twin import regions_in_company
+
+F32 = np.float32
+
+
+class Twin:
+    """Irradiance at given poses from nothing but the scene."""
+
+    def __init__(self, scene, photons: int, radius: float, neighbours: int, seed: int):
+        self.model = Model(scene, threads=1)
+        self.photons, self.radius, self.neighbours, self.seed = photons, radius, neighbours, seed
+
+    def segments(self, poses) -> list[dict]:
+        at = self.model.transforms(poses)
+        return [s for i in range(self.photons) for s in self._path(i, at)]
+
+    def _path(self, i: int, at):
+        """Follow photon i until it ends."""
+        m, world = self.model, self.model.world
+        origin, direction, flux, side = emit(m.emitters, self.seed, i, 1)
+        q = [int(c) for c in flux[0]]
+        for bounce in range(MAX_SEGMENTS):
+            end, end_side = _static_end(m, at, origin, direction, side)
+            cut, cut_side = _cut(m, at, origin, end, side)
+            d, length = _line(origin[0], end[0])
+            segment = {
+                "photon": i, "bounce": bounce, "flux": tuple(q), "origin": origin[0], "end": end[0],
+                "low": m.eps, "high": length + m.eps if end_side[0] >= 0 else length,
+                "start_side": int(side[0]), "end_side": int(end_side[0]), "cut_side": int(cut_side[0]),
+                "hit": end[0], "hit_side": int(end_side[0]),
+            }  # fmt: skip
+            if cut_side[0] >= 0:
+                segment["high"] = cut[0] + m.eps
+                segment["hit"] = (origin[0].astype(float) + float(cut[0]) * d.astype(float)).astype(F32)
+                segment["hit_side"] = int(cut_side[0])
+            yield segment
+            side = np.array([segment["hit_side"]], np.int32)
+            if side[0] < 0 or bounce + 1 == MAX_SEGMENTS:
+                return
+            face, back = side[0] >> 1, side[0] & 1
+            rho = world.reflectance[face]
+            survival = max(rho)
+            u, v = random_numbers.bounce_numbers(self.seed, i, bounce + 1)
+            if (back and not world.two_sided[face]) or u >= survival:
+                return
+            q = [attenuate(c, r, survival) for c, r in zip(q, rho, strict=True)]
+            n = self._side_normal(side[0], at)
+            direction = np.array([random_numbers.from_frame(*lambertian.sample(u / survival, v), *n)], F32)
+            origin = segment["hit"][None]
+
+    def _side_normal(self, side: int, at):
+        """Return the world normal [x, y, z] of a side."""
+        world, face = self.model.world, side >> 1
+        n, R = world.normals[face], at.rotation[world.face_object[face]]
+        return [(-1 if side & 1 else 1) * (R[k, 0] * n[0] + R[k, 1] * n[1] + R[k, 2] * n[2]) for k in range(3)]
+
+    def irradiance(self, estimator: str, poses) -> np.ndarray:
+        """Return E (R, 3) of every receiver at the given poses."""
+        segments = self.segments(poses)
+        sums, area = getattr(self, "_" + estimator)(segments, poses)
+        scale = self.model.emitters.unit_flux / self.photons
+        area = np.asarray(area, float)
+        factor = np.divide(scale, area, out=np.zeros(len(area)), where=area > 0)
+        return np.array(sums, np.int64) * factor[:, None]
+
+    def _impact_count(self, segments, poses):
+        s = self.model.surfaces
+        areas = 3 * self.model.object_receivers.areas
+        sums = [[0, 0, 0] for _ in areas]
+        for segment in segments:
+            side = segment["hit_side"]
+            if side >= 0:
+                for r in (s.corner_back if side & 1 else s.corner_front)[side >> 1]:
+                    if r >= 0:
+                        sums[r] = [a + b for a, b in zip(sums[r], segment["flux"], strict=True)]
+        return sums, areas
+
+    def _tangent_plane(self, segments, poses):
+        model, radius = self.model, F32(self.radius)
+        receivers, own, patch = model.object_receivers, model.receiver_sides, model.surfaces.patch
+        r2 = radius * radius
+        sums, area = [[0, 0, 0] for _ in receivers.areas], np.empty(len(receivers.areas))
+        for o in range(model.surfaces.objects):
+            rows = np.arange(len(receivers.areas))[model.surfaces.receiver_range(o)]
+            p, n = receivers.positions[rows].astype(F32), receivers.normals[rows].astype(F32)
+            region = finish(regions(model, o, self.radius))
+            region = regions_in_company(model, o, model.transforms(poses), self.radius, region)
+            area[rows] = region.area
+            filled = np.full(-(-len(rows) // LANES) * LANES, -1)
+            filled[: len(rows)] = np.arange(len(rows))
+            # Every receiver its own disc: that two sides share one is the searches' business.
+            alone = np.full(len(rows), -1, np.int32)
+            discs = blocks(Discs(p, n, own[rows], alone, radius, region), filled)
+            for s in segments:
+                points = [_to_object(poses, model.names, o, s[k]) for k in ("origin", "end", "hit")]
+                d, _ = _line(points[0], points[1])
+                stop = F32(s["high"])
+                side = s["hit_side"]
+                bent = side >= 0 and model.concave[2 * patch[side >> 1] + (side & 1)]
+                high = stop + F32(2 * self.radius) if bent else stop
+                every = range(len(filled) // LANES)
+                lanes = [crossed(discs.data, b, *points[0], *d, F32(s["low"]), high, r2) for b in every]
+                near = [LANES * b + k for b in every for k in range(LANES) if lanes[b] >> k & 1]
+                patches = [
+                    2 * patch[k >> 1] + (k & 1) if k >= 0 else -1
+                    for k in (s["start_side"], s["end_side"], s["cut_side"])
+                ]
+                patches = np.array([patches], np.int32)
+                for j in near:
+                    if not d[0] * n[j, 0] + d[1] * n[j, 1] + d[2] * n[j, 2] < 0:
+                        continue
+                    line, touches = (*points[0], *d, stop, r2), np.array([points])
+                    if counts(j, *p[j], *n[j], 0, *line, own[rows], *region[:2], patches, touches):
+                        sums[rows[j]] = [a + b for a, b in zip(sums[rows[j]], s["flux"], strict=True)]
+        return sums, area
+
+    def _photon_map(self, segments, poses):
+        model, k, radius = self.model, self.neighbours, F32(self.radius)
+        receivers = model.receivers_at(poses)
+        hits = [s for s in segments if s["hit_side"] >= 0]
+        x = np.array([h["hit"] for h in hits], F32).reshape(-1, 3)
+        d = np.array([self._side_normal(h["hit_side"], model.transforms(poses)) for h in hits], F32).reshape(-1, 3)
+        sums, area = [], []
+        own = np.array([2 * model.surfaces.patch[h["hit_side"] >> 1] + (h["hit_side"] & 1) for h in hits])
+        share = model.covered_share
+        for r, (p, n) in enumerate(zip(receivers.positions.astype(F32), receivers.normals.astype(F32), strict=True)):
+            a, b, c = x[:, 0] - p[0], x[:, 1] - p[1], x[:, 2] - p[2]
+            d2 = a * a + b * b + c * c
+            front = d[:, 0] * n[0] + d[:, 1] * n[1] + d[:, 2] * n[2] > OTHER_SIDE
+            if share[r] < 1:
+                front &= own == model.receiver_sides[r]
+            near = [j for j in range(len(hits)) if d2[j] <= radius * radius and front[j]]
+            near = sorted(near, key=lambda j: (d2[j], hits[j]["photon"], hits[j]["bounce"]))[:k]
+            full = len(near) == k and d2[near[-1]] > 0
+            counted = near[: k - 1] if full else near
+            sums.append([sum(hits[j]["flux"][c] for j in counted) for c in range(3)])
+            area.append(math.pi * float(d2[near[-1]] if full else radius * radius) * share[r])
+        return sums, area
+
+
+def _static_end(m: Model, at, *ray):
+    end, side = np.empty((1, 3), F32), np.empty(1, np.int32)
+    nearest_static(m.accelerator.scenes, new_ray(), m.world, at, *ray, end, side)
+    return end, side
+
+
+def _cut(m: Model, at, *line):
+    cut, side = np.empty(1, F32), np.empty(1, np.int32)
+    nearest_mobile(m.accelerator.scenes, new_ray(), m.world, at, *line, cut, side)
+    return cut, side
+
+
+def _line(origin, end):
+    """Return the float32 unit direction and length from one float32 point to another."""
+    d = end.astype(float) - origin.astype(float)
+    length = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    scale = 1.0 / length if length > 0 else 0.0
+    return np.array([c * scale for c in d], F32), F32(length)
+
+
+def _to_object(poses, names, o: int, point):
+    """Carry a world point (3,) float32 to object o's space."""
+    if o == 0:
+        return point
+    pose = poses[names[o - 1]]
+    R = rotation(pose)
+    x, y, z = (float(point[k]) - pose.position[k] for k in range(3))
+    return np.array([R[0, k] * x + R[1, k] * y + R[2, k] * z for k in range(3)], F32)

@@ -1,0 +1,47 @@
+"""Fixtures of the tests of the window, which name this file in `pytest_plugins`."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.support import viewer_support as support
+from tests.support.viewer_hand import Hand
+
+
+@pytest.fixture
+def gl():
+    reason = support.screenless()
+    if reason:
+        support.need_gl(reason)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "references"))
+    return tmp_path
+
+
+@pytest.fixture
+def play():
+    """Return a function that runs a script(hand, viewer) in a viewer of the small room."""
+
+    def run(script, settings=support.SETTINGS, open_with=None, quits=False, keep_ini=False):
+        from app.window.viewer import Viewer
+
+        viewer = Viewer(settings, open_with or support.opening(support.room()))
+        failed = []
+
+        def test(ctx):
+            try:
+                script(Hand(viewer, ctx), viewer)
+            except BaseException as problem:  # the engine would lose the traceback
+                failed.append(problem)
+
+        support.drive(viewer, test, quits, keep_ini)
+        if failed:
+            raise failed[0]
+        return viewer
+
+    return run

@@ -1,0 +1,279 @@
+"""What the tests of the viewer share: a small scene from arrays, a screenless GL, a viewer driven by a script."""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from app.session.opening import Opening
+from app.settings import Settings
+from gi_core.base import vectors
+from gi_core.scene import Camera, KeyFrames, Material, Mesh, Mobile, Pose, Probe, Scene
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def quad(a, b, c, d, n: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices and faces of a quadrilateral in n x n cells; the front sees a, b, c, d go counter-clockwise."""
+    a, b, c, d = (np.array(p, np.float64) for p in (a, b, c, d))
+    s = np.linspace(0, 1, n + 1)
+    u, v = (w[..., None] for w in np.meshgrid(s, s, indexing="ij"))
+    vertices = ((1 - u) * (1 - v) * a + u * (1 - v) * b + u * v * c + (1 - u) * v * d).reshape(-1, 3)
+    i = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    p, q, r, t = i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]
+    return vertices, np.stack([p, q, r, p, r, t], axis=-1).reshape(-1, 3).astype(np.int32)
+
+
+def mesh(parts) -> Mesh:
+    """Join (vertices, faces, material) triples."""
+    vertices, faces, materials, first = [], [], [], 0
+    for v, f, m in parts:
+        vertices.append(v)
+        faces.append(f + first)
+        materials.append(np.full(len(f), m, np.int32))
+        first += len(v)
+    return Mesh(np.concatenate(vertices), np.concatenate(faces).astype(np.int32), np.concatenate(materials))
+
+
+def box(low, high, material: int, n: int = 1, inward: bool = False) -> list:
+    """Return the six sides of a box as parts."""
+    (x, y, z), (X, Y, Z) = low, high
+    sides = [
+        ((x, y, z), (x, y, Z), (x, Y, Z), (x, Y, z)),
+        ((X, y, Z), (X, y, z), (X, Y, z), (X, Y, Z)),
+        ((x, y, Z), (x, y, z), (X, y, z), (X, y, Z)),
+        ((x, Y, z), (x, Y, Z), (X, Y, Z), (X, Y, z)),
+        ((X, y, z), (x, y, z), (x, Y, z), (X, Y, z)),
+        ((x, y, Z), (X, y, Z), (X, Y, Z), (x, Y, Z)),
+    ]
+    return [(*quad(*(s[::-1] if inward else s), n), material) for s in sides]
+
+
+def room(n: int = 8) -> Scene:
+    """A closed room 1 m wide, y up: red left wall, green right wall, a lamp, a box to drag along a path."""
+    walls = box((0, 0, 0), (1, 1, 1), 0, n, inward=True)
+    walls[0] = (*walls[0][:2], 1)
+    walls[1] = (*walls[1][:2], 2)
+    lamp = (*quad((0.35, 0.995, 0.35), (0.65, 0.995, 0.35), (0.65, 0.995, 0.65), (0.35, 0.995, 0.65)), 3)
+    materials = (
+        Material("white", (0.73, 0.73, 0.73)),
+        Material("red", (0.6, 0.06, 0.05)),
+        Material("green", (0.12, 0.45, 0.1)),
+        Material("lamp", (0.0, 0.0, 0.0), (15.0, 14.0, 11.0)),
+    )
+    pose = Pose((0.5, 0.3, 0.5))
+    path = KeyFrames(np.array([0.0, 2.0]), np.array([[0.3, 0.3, 0.5], [0.7, 0.3, 0.5]]), np.array([[1.0, 0, 0, 0]] * 2))
+    block = Mobile("block", mesh(box((-0.12, -0.12, -0.12), (0.12, 0.12, 0.12), 0, 4)), pose, path)
+    return Scene(
+        mesh([*walls, lamp]),
+        materials,
+        (block,),
+        probes=(Probe("desk", (0.5, 0.01, 0.5), (0.0, 1.0, 0.0)),),
+        camera=Camera((0.5, 0.55, 2.9), (0.5, 0.45, 0.5), 38.0),
+        name="room",
+        notes=("made for the tests",),
+    )
+
+
+SETTINGS = Settings(scene="room", photons=20_000, radius=0.06, neighbours=40, light="photons", size=(960, 640))
+
+
+def opening(scene: Scene) -> Callable:
+    """Return what opens a ready scene instead of a file."""
+    return functools.partial(Opening, load=lambda settings: scene)
+
+
+def opened(settings: Settings = SETTINGS, scene: Scene | None = None):
+    """Open a scene to its first picture and return it."""
+    job = opening(scene or room())(settings)
+    job._thread.join()
+    assert job.done
+    if job.problem is not None:
+        raise job.problem
+    return job.result
+
+
+def need_gl(reason: str) -> None:
+    """Skip for a reason, or fail where GL is required."""
+    if os.environ.get("GI_REQUIRE_GL") == "1":
+        pytest.fail(f"GI_REQUIRE_GL=1, but {reason}")
+    pytest.skip(reason)
+
+
+@functools.cache
+def screenless() -> str | None:
+    """Tell glfw to do without a screen (null platform, EGL), for the whole process; return why it cannot."""
+    try:
+        import imgui_bundle  # noqa: F401, I001  before glfw: it brings the libglfw that both must use
+        import glfw
+    except (ImportError, OSError) as problem:
+        return f"the GUI does not load: {problem}"
+    glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL)
+    from app.window.window import why_no_window
+
+    return why_no_window()
+
+
+def standalone_context():
+    """Return a GL 3.3 context without a window, or skip."""
+    import moderngl
+
+    problems = []
+    for options in ({"backend": "egl"}, {}):
+        try:
+            return moderngl.create_standalone_context(require=330, **options)
+        except Exception as problem:  # moderngl raises plain Exception
+            problems.append(str(problem))
+    need_gl(f"no OpenGL 3.3: {'; '.join(problems)}")
+
+
+def drive(viewer, script: Callable, quits: bool = False, keep_ini: bool = False) -> None:
+    """Run a viewer without a screen; `script(ctx)` clicks and types in it with ImGui's test engine.
+
+    `quits`: the script ends by closing the window, which the engine would count as a failure; `keep_ini`: what
+    the window remembers is written where the test's folder is.
+    """
+    from imgui_bundle.immapp import testing
+
+    from app.window import window
+
+    viewer.params.ini_disable = not keep_ini
+    viewer.params.app_window_params.restore_previous_geometry = False
+    window.prepare()
+    testing.run(test_function=script, runner_params=viewer.params, raise_on_error=not quits)
+
+
+class Clock:
+    """Time that passes only where a test says so."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class CountingSolver:
+    """The solver's interface around counters; a move costs 4 ms of a test's clock, a step what `Behind` says.
+
+    `photon_seconds`: what a move costs more for each photon; `wrong`: times that what the budget learns.
+    """
+
+    def __init__(
+        self, scene: Scene, clock: Clock, steps: int = 40, photon_seconds: float = 0.0, wrong: float = 1.0
+    ) -> None:
+        from gi_core.discs.contact.stale_receivers import ControlFacts
+        from gi_core.frames.frame_budget import FrameBudget
+        from gi_core.geometry.surfaces import flatten
+        from gi_core.solver import Changes
+
+        self.scene, self.clock, self.steps = scene, clock, steps
+        self.surfaces, self.receivers = flatten(scene)
+        self.irradiance = np.ones((len(self.receivers.areas), 3))
+        self.poses = {m.name: m.pose for m in scene.mobiles}
+        self.scene_size, self.seed = 1.0, 0
+        self.chosen = SimpleNamespace(**dict(zip(("low", "high"), vectors.box(self.receivers.positions), strict=True)))
+        self.estimator, self.photons, self.radius, self.neighbours = "tangent_plane", 1000, 0.05, 50
+        self.photons_traced = 0
+        self.photon_seconds, self.wrong = photon_seconds, wrong
+        self.timings, self.probe_irradiance, self.segments_total = {}, {}, 0
+        self.changes, self.control_facts = Changes(0, 0, 0), ControlFacts(0.0, 0, 0)
+        self.light, self.gathered = "photons", None
+        self.paths_gathered = self.paths_at_rest = 0
+        self.memory_full, self.fates = False, {"emitted": np.zeros(3), "truncated": np.zeros(3)}
+        self.at_rest = 0  # photons of the last picture
+        self.budget = FrameBudget()
+        self.moved_with: list[int] = []  # photons of each move
+        self.log: list[tuple] = []  # ("step", k), ("move", poses), ("configure", changes)
+
+    @property
+    def prefixes(self) -> tuple[int, ...]:
+        return tuple(n for n in (125, 250, 500) if n < self.at_rest) + (self.at_rest,) * (self.at_rest > 0)
+
+    def size_within(self, seconds: float) -> tuple[int | None, int | None]:
+        return self.budget.within(seconds, self.prefixes, False)
+
+    def move_seconds(self, photons: int) -> float:
+        return 0.004 + self.photon_seconds * photons
+
+    def _learn(self, photons: int) -> None:
+        self.budget.took(photons, 0, self.wrong * self.move_seconds(photons), None)
+
+    def solve_steps(self):
+        from gi_core.solver import Progress
+
+        for k in range(1, self.steps + 1):
+            self.log.append(("step", k))
+            picture = k % 10 == 0
+            if picture:
+                self.photons_traced = self.at_rest = self.photons * k // self.steps
+                self.irradiance = np.full_like(self.irradiance, len(self.log))
+                self._learn(self.at_rest)
+            yield Progress("tracing", k / self.steps, picture)
+
+    def move_all(self, poses, photons: int | None = None, paths: int | None = None) -> None:
+        assert photons is None or photons in self.prefixes
+        photons = self.at_rest if photons is None else photons
+        self.clock.now += self.move_seconds(photons)
+        self._learn(photons)
+        self.photons_traced = photons
+        self.moved_with.append(photons)
+        self.log.append(("move", dict(poses)) if poses else ("timed", photons))
+        self.poses.update(poses)
+        self.irradiance = np.full_like(self.irradiance, len(self.log))
+
+    def configure(self, **changes) -> None:
+        self.log.append(("configure", changes))
+        self.budget.forget_photons()
+        for name, value in changes.items():
+            if value == "unknown":
+                raise ValueError("no such estimator")
+            setattr(self, name, value)
+
+    def count(self, what: str) -> int:
+        return sum(entry[0] == what for entry in self.log)
+
+
+class Behind:
+    """A background thread on a test's clock: every call takes so long, and goes on while nobody waits."""
+
+    def __init__(self, clock: Clock, seconds: float) -> None:
+        self.clock, self.seconds = clock, seconds
+        self.jobs = 0  # under way, one at most
+
+    def submit(self, call: Callable) -> Behind.Job:
+        assert self.jobs == 0, "the solver is never used by two at a time"
+        self.jobs = 1
+        return self.Job(self, call)
+
+    def close(self) -> None:
+        pass
+
+    class Job:
+        def __init__(self, thread: Behind, call: Callable) -> None:
+            self.thread, self.call = thread, call
+            self.end = thread.clock.now + thread.seconds
+            self.done = False
+
+        def wait(self, seconds: float) -> bool:
+            clock = self.thread.clock
+            clock.now = max(min(self.end, clock.now + max(seconds, 0)), clock.now)
+            if clock.now >= self.end - 1e-12 and not self.done:
+                self.done = True
+                self.thread.jobs = 0
+                try:
+                    self.value, self.problem = self.call(), None
+                except Exception as problem:
+                    self.problem = problem
+            return self.done
+
+        def result(self):
+            if self.problem is not None:
+                raise self.problem
+            return self.value

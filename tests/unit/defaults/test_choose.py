@@ -1,0 +1,159 @@
+"""The rule that chooses radius and photons, and the error and work that it foretells."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gi_core.defaults import choose, predict_cost, predict_error
+from gi_core.geometry.error import luminance, relative_error
+from gi_core.instruments.lower_bounds import candidates
+from gi_core.model import Model
+from gi_core.photons.paths import segments_of
+from gi_core.photons.trace import trace_background
+from gi_core.scene.types import Camera, Defaults, DirectionalLight, Scene
+from gi_core.solver import Solver
+from tests.support.scene_builders import box, floor, grey, lamp, merge, plane_scene, quad
+
+SUN = DirectionalLight("sun", (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))
+LAMP = quad((0.3, 0.3, 0.99), (0, 0.4, 0), (0.4, 0, 0), (1, 1), 1)
+
+
+def room(*furniture) -> Scene:
+    """A unit room with a lamp; a light value every 2 cm."""
+    walls = box((0, 0, 0), (1, 1, 1), 50, 0, inward=True)
+    return Scene(merge(walls, LAMP, *furniture), (grey(0.5), lamp(10.0)), up=(0, 0, 1))
+
+
+def crates(count: int) -> list:
+    """Small boxes, half as wide as their distance, on the floor and in the air."""
+    step = 0.8 / count
+    along = 0.1 + step * np.arange(count)
+    corners = [(x, y, z) for x in along for y in along for z in (0.0, 0.3, 0.6)]
+    return [box(c, np.add(c, step / 2), 1, 0) for c in corners]
+
+
+def lit_places(model: Model) -> predict_error.Places:
+    pilot, _ = choose._pilot(model)
+    return predict_error.places(model, pilot, *choose._box(model, pilot.hits), 1.0)
+
+
+def test_even_ground_gets_the_largest_radius_and_furniture_a_smaller_one():
+    even = choose.choose(Model(room()), None, None, None)
+    assert even.radius == pytest.approx(choose.RADIUS_SHARE * even.scene_size, rel=0.05)
+    furnished = choose.choose(Model(room(*crates(12))), None, None, None)
+    assert furnished.radius < 0.8 * even.radius
+    assert furnished.foretold.bias > 2 * even.foretold.bias
+
+
+def test_photons_bring_noise_down_to_the_limit_or_stop_at_what_time_and_memory_allow(monkeypatch):
+    model = Model(room())
+    chosen = choose.choose(model, None, None, None)
+    assert chosen.foretold.noise == pytest.approx(choose.LEAST_NOISE, rel=0.05)  # two digits of photons
+    monkeypatch.setattr(choose, "MOST_SECONDS", 1.0)
+    hurried = choose.choose(model, None, None, None)
+    assert hurried.photons < chosen.photons
+    assert hurried.foretold.seconds == pytest.approx(1.0, rel=0.05)
+    monkeypatch.setattr(choose, "MOST_PHOTONS", 50_000)
+    assert choose.choose(model, None, None, None).photons == 50_000
+
+
+def test_what_is_given_is_kept_and_photons_do_not_change_the_radius():
+    model = Model(room())
+    free = choose.choose(model, None, None, None)
+    assert choose.choose(model, 1000, None, None)[:2] == (1000, free.radius)
+    wide = choose.choose(model, None, 2 * free.radius, None)
+    assert wide.radius == 2 * free.radius
+    assert wide.photons < free.photons
+    assert choose.choose(model, 77, 0.3, 9)[:3] == (77, 0.3, 9)
+    said = Model(replace(room(), defaults=Defaults(photons=500, radius=0.2, scene_size=3.0)))
+    assert choose.choose(said, None, None, None)[:4] == (500, 0.2, choose.NEIGHBOURS, 3.0)
+
+
+def test_the_choice_is_always_the_same():
+    assert choose.choose(Model(room(), 1), None, None, None)[:4] == choose.choose(Model(room()), None, None, None)[:4]
+
+
+def test_scenes_without_light_or_without_a_hit():
+    away = quad((0, 0, 1), (1, 0, 0), (0, 1, 0), (1, 1), 1)
+    over = Scene(merge(floor(), away), (grey(0.5), lamp(10.0)), up=(0, 0, 1))  # a lamp that shines upwards
+    for scene in (replace(room(), materials=(grey(0.5), grey(0.5))), plane_scene(), over):
+        chosen = choose.choose(Model(scene), None, None, None)
+        assert chosen.photons == choose.FEWEST_PHOTONS
+        assert chosen.foretold is None
+        assert chosen.radius > 0
+
+
+def test_no_radius_is_far_below_the_distance_between_receivers():
+    walls = box((0, 0, 0), (1, 1, 1), 12, 0, inward=True)  # a value every 8 cm
+    scene = Scene(merge(walls, LAMP, *crates(12)), (grey(0.5), lamp(10.0)), up=(0, 0, 1))
+    lit = lit_places(Model(scene))
+    chosen = choose.choose(Model(scene), None, None, None)
+    assert chosen.radius >= 0.95 * min(0.025 * chosen.scene_size, 0.5 * lit.spacing)
+
+
+def test_noise_of_even_light_is_that_of_counting():
+    """A sun over a floor of 4 m2: a photon lands on a disc with the chance that is its share of the sunlit disc."""
+    model = Model(plane_scene(SUN, divisions=40))
+    lit = lit_places(model)
+    density = 1 / (math.pi * model.emitters.parameters[0, 6] ** 2)  # photons start on a disc that covers all
+    assert np.median(lit.density) == pytest.approx(density, rel=0.1)
+    expected = density * math.pi * 0.1**2 * 10_000
+    counting = predict_error.LATTICE * math.sqrt(2 / math.pi / expected)
+    assert predict_error.noise(lit, 0.1, 10_000) == pytest.approx(counting, rel=0.1)
+    assert predict_error.noise(lit, 0.1, predict_error.photons_for(lit, 0.1, 0.03)) == pytest.approx(0.03)
+
+
+def test_noise_foretold_is_about_that_of_two_solutions():
+    scene = room()
+    lit = lit_places(Model(scene))
+    one, two = (Solver(scene, photons=40_000, radius=0.05, seed=s) for s in (1, 2))
+    one.solve(), two.solve()
+    w = one.receivers.areas
+    mean = 0.5 * (one.irradiance + two.irradiance)
+    assert (luminance(mean) > 0).any()
+    found = relative_error(one.irradiance, mean, w).l1 * math.sqrt(2)  # off its own mean by half the difference
+    assert 0.6 < found / predict_error.noise(lit, 0.05, 40_000) < 1.4
+
+
+def test_uneven_ground_by_hand():
+    """A strip as wide as 2 m: a disc of 0.2 m reaches over its rim from 0.14 m away, in up to half the directions."""
+    model = Model(plane_scene(SUN, divisions=40))
+    lit = lit_places(model)
+    assert len(lit.positions) > 1000
+    middle = lit._replace(positions=np.array([[0.0, 0.0, 0.0]]), normals=np.array([[0.0, 0.0, 1.0]]))
+    rim = middle._replace(positions=np.array([[0.999, 0.0, 0.0]]))
+    assert predict_error.uneven(model, middle, 0.2) == 0
+    assert predict_error.uneven(model, rim, 0.2) == pytest.approx(
+        0.5, abs=0.13
+    )  # of eight directions, one along the rim
+    wall = quad((0.05, -1, -0.5), (0, 2, 0), (0, 0, 1))
+    walled = Model(Scene(merge(floor(2.0, 40), wall), (grey(0.5),), lights=(SUN,), up=(0, 0, 1)))
+    assert predict_error.uneven(walled, middle, 0.2) == pytest.approx(3 / 8, abs=0.13)  # 0.14 cos a > 0.05
+
+
+def test_places_are_those_that_the_camera_sees():
+    camera = Camera((0.5, 0.5, 0.5), (0.5, 0.5, 0.0), 40.0)  # from the middle of the room down to its floor
+    seen = lit_places(Model(replace(room(), camera=camera)))
+    assert len(seen.positions) >= predict_error.FEWEST
+    assert (seen.positions[:, 2] < 1e-5).all()
+    away = Camera((5.0, 5.0, 5.0), (9.0, 9.0, 9.0), 40.0)
+    assert (lit_places(Model(replace(room(), camera=away))).positions[:, 2] > 0.5).any()
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.03])
+def test_work_foretold_is_about_what_the_disc_index_does(radius):
+    model = Model(room(*crates(12)))
+    solver = Solver(model.scene, photons=64, radius=radius)
+    solver.solve()
+    discs = solver.frame_parts().background.estimate._searches[0].discs
+    paths, _ = trace_background(model.accelerator, model.world, model.static, model.emitters, 3, 0, 2000)
+    s = segments_of(paths, model.eps, 0, 2000)
+    way = s.end - s.origin
+    direction = way / np.sqrt((way * way).sum(axis=1))[:, None]
+    counted = candidates(discs, s.origin, direction, s.low, s.high) / 2000
+    _, foretold = predict_cost.work(model, paths, radius)
+    assert 0.6 < foretold / counted < 1.6

@@ -1,0 +1,136 @@
+"""What the background crosses is found once: tails are looked up, and nothing shows that they were not searched for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.discs import crossing_cache
+from gi_core.discs.crossing_cache import Crossings
+from gi_core.discs.search import SEARCHES
+from gi_core.photons.prefixes import LOWEST
+from gi_core.scene import Pose
+from gi_core.scene.pose import axis_angle
+from gi_core.solver import Solver
+from tests.support.scene_builders import box_mobile, coloured_room
+
+SCENE = coloured_room((box_mobile(size=0.3),))
+PHOTONS = 2 * LOWEST + 900
+
+
+def solver_of(photons: int = PHOTONS, **settings) -> Solver:
+    solver = Solver(SCENE, photons=photons, radius=0.15, neighbours=20, **settings)
+    solver.configure(prefix_only=True)
+    return solver
+
+
+def standing(x: float, turn: float = 20.0) -> Pose:
+    """Return the box on the floor, where it enters discs, its base at z = 0."""
+    return Pose((x, 0.45, 0.15), axis_angle((0, 0, 1), turn))
+
+
+def walk() -> list[Pose]:
+    """Return a slow drag, a jump, the same pose twice, a slow drag back, a pose outside, and in again."""
+    slow = [standing(0.3 + 0.002 * k, 20.0 + k) for k in range(6)]
+    there = [Pose((0.7, 0.6, 0.3 + 0.003 * k), axis_angle((1, 1, 0), 45.0)) for k in range(3)]
+    return [*slow, there[0], *there, Pose((50.0, 0.0, 0.0)), *reversed(slow)]
+
+
+@pytest.mark.parametrize("control", [False, True])
+def test_a_walk_through_poses_prefixes_and_estimators_equals_from_scratch(control):
+    solver, known = solver_of(control=control), {}
+    for _ in solver.solve_steps():
+        pass
+    assert len(solver.prefixes) == 3
+    cut, stale = 0, 0
+    for k, pose in enumerate(walk()):
+        if k in (4, 12):
+            solver.configure(estimator="impact_count" if k == 4 else "tangent_plane")
+            solver.solve()
+        photons = solver.prefixes[(k * 2) % 3]
+        solver.move_all({"box": pose}, photons=photons)
+        cut, stale = max(cut, solver.changes.photons_cut), max(stale, solver.control_facts.stale)
+        key = photons, solver.estimator
+        if key not in known:
+            known[key] = solver_of(photons, control=control, estimator=solver.estimator)
+            known[key].solve()
+        # The other solver has never been at a pose before, and knows no more photons than these.
+        assert np.array_equal(solver.irradiance, known[key].from_scratch({"box": pose})), k
+    assert cut > 100
+    assert (stale > 0) == control
+
+
+@pytest.mark.parametrize("search", SEARCHES)
+def test_searching_for_tails_gives_the_same(search, monkeypatch):
+    looked_up = solver_of(search=search)
+    looked_up.solve()
+    monkeypatch.setattr(crossing_cache, "MOST_A_PHOTON", 0)
+    searched = solver_of(search=search)
+    searched.solve()
+    assert looked_up.frame_parts().background.estimate._crossings.kept
+    assert not searched.frame_parts().background.estimate._crossings.kept
+    assert (
+        searched.frame_parts().background.estimate.bytes_a_hit
+        == 0
+        < looked_up.frame_parts().background.estimate.bytes_a_hit
+    )
+    for pose in walk()[::5]:
+        for solver in (looked_up, searched):
+            solver.move("box", pose)
+        assert np.array_equal(looked_up.irradiance, searched.irradiance)
+    assert np.array_equal(searched.irradiance, searched.from_scratch())
+
+
+def test_a_log_that_is_too_small_is_begun_again(monkeypatch):
+    def light():
+        solver = solver_of()
+        solver.solve()
+        solver.move("box", standing(0.4))
+        return solver.irradiance, solver.resting_irradiance
+
+    frame, resting = light()
+    monkeypatch.setattr(crossing_cache, "ROOM", 0)
+    calls = []
+    find = Crossings.find
+
+    def counted(self, segments, splat):
+        find(self, segments, lambda sign, log: (calls.append(sign), splat(sign, log)))
+
+    monkeypatch.setattr(Crossings, "find", counted)
+    again, at_rest = light()
+    assert 0 in calls
+    assert np.array_equal(frame, again)
+    assert np.array_equal(resting, at_rest)
+
+
+def test_threads_and_parts_do_not_show(monkeypatch):
+    def frames(threads):
+        solver = solver_of(threads=threads)
+        for _ in solver.solve_steps():  # small parts, put in order when a prefix is prepared
+            pass
+        out = []
+        for pose in walk()[::6]:
+            solver.move_all({"box": pose}, photons=solver.prefixes[1])
+            out.append(solver.irradiance)
+        return out
+
+    one = frames(1)
+    monkeypatch.setattr("gi_core.frames.background.PART", 97)
+    monkeypatch.setattr("gi_core.frames.background.PART_GRAIN", 1)
+    monkeypatch.setattr("gi_core.estimators.tangent_plane.LINE_GRAIN", 1)
+    for threads in (2, 3):
+        assert np.array_equal(one, frames(threads))
+
+
+@pytest.mark.parametrize("off", [-0.3, 0.3])
+def test_the_comparison_sees_a_cut_that_is_elsewhere(off, monkeypatch):
+    real = Crossings.take_out
+
+    def shifted(self, tails, *others):
+        real(self, tails._replace(low=(tails.low + np.float32(off)).astype(np.float32)), *others)
+
+    monkeypatch.setattr(Crossings, "take_out", shifted)
+    solver = solver_of(control=False)
+    solver.solve()
+    solver.move("box", Pose((0.5, 0.45, 0.25)))
+    assert not np.array_equal(solver.irradiance, solver.from_scratch())

@@ -1,0 +1,90 @@
+"""Exposure, tone maps, sRGB and the meter: the numbers that shader and picture must both give."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.draw.tonemap import LUMINANCE, MID_GREY, TONE_MAPS, luminance, meter, srgb_encode, to_display, view_weights
+from app.settings import TONE_MAPS as NAMES
+
+GREYS = np.linspace(0, 50, 2001)[:, None] * np.ones(3)
+
+
+def test_settings_name_the_tone_maps_there_are():
+    assert set(NAMES) == set(TONE_MAPS)
+
+
+def test_srgb_reference_values():
+    """IEC 61966-2-1: linear 0.18 -> 0.4614, 0.5 -> 0.7354, and the linear toe 12.92 c."""
+    np.testing.assert_allclose(
+        srgb_encode(np.array([0.0, 0.002, 0.18, 0.5, 1.0])), [0, 0.02584, 0.4614, 0.7354, 1], atol=5e-5
+    )
+
+
+def test_known_values_of_each_curve():
+    """Narkowicz: f(1) = 2.54 / 3.16 = 0.8038; Reinhard: 1 / 2; clip: 1."""
+    white = np.ones((1, 3))
+    assert TONE_MAPS["aces"](white / 0.6)[0, 0] == pytest.approx(2.54 / 3.16)
+    assert TONE_MAPS["reinhard"](white)[0, 0] == pytest.approx(0.5)
+    assert TONE_MAPS["clip"](white)[0, 0] == 1.0
+
+
+@pytest.mark.parametrize("name", TONE_MAPS)
+def test_every_curve_rises_from_black_and_stays_in_range(name):
+    mapped = TONE_MAPS[name](GREYS)
+    assert mapped[0].max() == 0.0
+    assert (np.diff(mapped[:, 0]) >= 0).all() and mapped.min() >= 0 and mapped.max() <= 1
+
+
+def test_reinhard_keeps_hue_while_nothing_clips():
+    colour = np.array([[0.5, 0.2, 0.1]])
+    mapped = TONE_MAPS["reinhard"](colour)
+    np.testing.assert_allclose(mapped / mapped[0, 0], colour / colour[0, 0])
+
+
+@pytest.mark.parametrize("name", TONE_MAPS)
+def test_a_stop_is_a_doubling(name):
+    colour = np.array([[0.1, 0.2, 0.05]])
+    assert (to_display(colour, 1.0, name) == to_display(2 * colour, 0.0, name)).all()
+
+
+def test_negative_and_huge_light_give_bytes():
+    assert to_display(np.array([[-1.0, 0.0, 1e6]]), 10.0).tolist() == [[0, 0, 255]]
+
+
+def test_meter_puts_the_median_at_mid_grey_and_lets_the_lamp_burn_out():
+    """A room at luminance 3 with a lamp of luminance 1000 on one hundredth of the area."""
+    radiance = np.concatenate([np.full((99, 3), 3.0), np.full((1, 3), 1000.0)])
+    assert 3.0 * 2 ** meter(radiance) == pytest.approx(MID_GREY)
+
+
+def test_meter_ignores_what_no_light_reaches():
+    radiance = np.concatenate([np.full((10, 3), 2.0), np.zeros((500, 3))])
+    assert 2.0 * 2 ** meter(radiance) == pytest.approx(MID_GREY)
+
+
+def test_meter_keeps_a_spot_lit_stage_from_burning_out():
+    """One fifth of the area 100 times brighter than the rest: the median alone would show a white hole."""
+    radiance = np.concatenate([np.full((80, 3), 0.01), np.full((20, 3), 1.0)])
+    assert 1.0 * 2 ** meter(radiance) <= 2.0 + 1e-9
+
+
+def test_meter_weights_and_empty_scenes():
+    radiance = np.array([[1.0] * 3, [4.0] * 3])
+    assert 4.0 * 2 ** meter(radiance, np.array([1.0, 9.0])) == pytest.approx(MID_GREY)
+    assert meter(np.zeros((0, 3))) == 0.0
+    assert meter(np.zeros((5, 3))) == 0.0
+    assert meter(radiance, np.zeros(2)) == 0.0
+
+
+def test_luminance_weights_sum_to_one():
+    assert LUMINANCE.sum() == pytest.approx(1.0)
+    assert luminance(np.ones((2, 3))).tolist() == pytest.approx([1.0, 1.0])
+
+
+def test_view_weights_count_what_faces_the_camera_and_lies_before_it():
+    positions = np.array([[0, 0, -5.0], [0, 0, -5.0], [0, 0, 5.0], [50, 0, -5.0]])
+    normals = np.array([[0, 0, 1.0], [0, 0, -1.0], [0, 0, -1.0], [0, 0, 1.0]])
+    weights = view_weights(positions, normals, np.ones(4), (0, 0, 0), (0, 0, -1), 45.0)
+    assert weights[0] == pytest.approx(1 / 25) and weights[1:].tolist() == [0, 0, 0]

@@ -1,0 +1,152 @@
+"""A frame of few photons takes the light of the static part from all of them, changed as the few say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.frames.control_variate import frame_irradiance
+from gi_core.geometry.error import relative_error
+from gi_core.photons.flux_sums import CHUNK, NOT_TOLD, Evaluated
+from gi_core.photons.prefixes import LOWEST
+from gi_core.scene import Pose, SceneError
+from gi_core.solver import Solver
+from tests.support.scene_builders import box_mobile, coloured_room
+
+SCENE = coloured_room((box_mobile(size=0.1),))
+PHOTONS = 16 * LOWEST
+POSE = Pose((0.55, 0.5, 0.35))
+
+
+@pytest.fixture(scope="module")
+def frames() -> dict:
+    """Irradiance at POSE: of few photons with either static light and of all; at rest without the box: of both."""
+    solver = Solver(SCENE, photons=PHOTONS, radius=0.06)
+    solver.solve()
+    out = {"solver": solver, "resting": {n: solver.frame_parts().background.resting(n) for n in (LOWEST, PHOTONS)}}
+    for kind in ("all", "prefix"):
+        solver.configure(prefix_only=kind == "prefix")
+        solver.move_all({"box": POSE}, photons=LOWEST)
+        out[kind] = solver.irradiance
+        solver.move("box", POSE)
+        out[f"all photons, {kind}"] = solver.irradiance
+    return out
+
+
+def test_with_all_photons_nothing_differs(frames):
+    assert np.array_equal(frames["all photons, all"], frames["all photons, prefix"])
+    assert np.array_equal(frames["all photons, all"], frames["solver"].from_scratch())
+
+
+def test_what_the_mobile_leaves_alone_is_as_it_is_at_rest_with_all_photons(frames):
+    few, many = frames["resting"][LOWEST], frames["resting"][PHOTONS]
+    static = len(few)
+    unchanged = (frames["prefix"][:static] == few).all(axis=1)
+    assert 0.05 < unchanged.mean() < 1
+    assert np.array_equal(frames["all"][:static][unchanged], many[unchanged])
+    assert np.array_equal(frames["all"][static:], frames["prefix"][static:])  # on the mobile there is nothing to keep
+
+
+def test_noise_of_the_few_cancels(frames):
+    truth = frames["all photons, all"]
+    static = len(frames["resting"][LOWEST])
+    changed = np.abs(truth[:static] - frames["resting"][PHOTONS]).sum(axis=1) > 0.02 * truth[:static].mean()
+    assert changed.sum() > 20
+    weights = frames["solver"].receivers.areas[:static]
+    off = {
+        kind: relative_error(frames[kind][:static], truth[:static], weights, changed).l1 for kind in ("all", "prefix")
+    }
+    assert off["all"] < 0.6 * off["prefix"]
+
+
+@pytest.mark.parametrize(
+    "resting, better, frame, expected",
+    [
+        (2.0, 3.0, 2.0, 3.0),  # not touched
+        (2.0, 3.0, 1.0, 1.5),  # half of it blocked
+        (2.0, 3.0, 0.0, 0.0),  # in full shadow no noise is left
+        (2.0, 3.0, 2.5, 3.5),  # lit up
+        (0.0, 3.0, 0.0, 3.0),  # none of the few came here
+        (0.0, 3.0, 0.5, 3.5),
+        (2.0, 0.0, 1.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0),
+    ],
+)
+def test_the_combination(resting, better, frame, expected):
+    assert read_out(resting, better, frame, NOT_TOLD, 0.0) == pytest.approx([expected] * 3)
+
+
+def read_out(resting, better, frame, brought, each) -> np.ndarray:
+    """Return the irradiance of one receiver, whose area is 1; sums are in thousandths."""
+    sums, background = np.zeros((2, CHUNK, 3), np.int64)
+    sums[0], background[0] = int(1000 * frame), int(1000 * resting)
+    area, told = np.ones(CHUNK), np.zeros(CHUNK, np.int64)
+    told[0] = NOT_TOLD if brought == NOT_TOLD else int(3000 * brought)
+    still, many = np.zeros((CHUNK, 3)), np.zeros((CHUNK, 3))
+    still[0], many[0] = resting, better
+    out = frame_irradiance(
+        Evaluated(sums, area, np.array([True]), told, 3000 * each), 1e-3, background, still, many, threads=1
+    )
+    assert not out[1:].any()
+    return out[0]
+
+
+@pytest.mark.parametrize(
+    "resting, frame, brought, share",
+    [
+        (8.0, 8.0, 0.0, 0.0),  # nothing came, nothing went
+        (8.0, 8.0, 2.0, 0.0),  # as much came as went
+        (8.0, 0.0, 0.0, 1 - 8 / 9 / 64),  # all of eight: hardly any doubt is left
+        (1.0, 0.0, 0.0, 1 - 1 / 2),  # one of one: that may be chance
+        (8.0, 4.0, 0.0, 1 - 20 / 9 / 16),  # half of eight: 4, give or take nearly sqrt 2
+        (8.0, 7.0, 0.0, 1 - 8 / 9),  # one of eight: next to nothing is said
+        (8.0, 17.0, 9.0, 1 - 9 / 81),  # nine came
+        (8.0, 9.0, 1.0, 0.0),  # one came: chance
+        (0.0, 4.0, 4.0, 1 - 4 / 16),
+        (8.0, 10.0, 6.0, 0.0),  # six came, four went: 2 apart where chance makes sqrt(6 + 2)
+    ],
+)
+def test_what_chance_may_have_made_is_left_out(resting, frame, brought, share):
+    better = 3.0
+    everything = better * frame / resting if frame < resting else better + frame - resting
+    assert read_out(resting, better, frame, brought, 1.0) == pytest.approx([better + share * (everything - better)] * 3)
+
+
+@pytest.mark.parametrize(("estimator", "share"), [("tangent_plane", 0.6), ("impact_count", 0.9)])
+def test_a_frame_of_few_photons_is_nearer_to_the_truth_without_it(monkeypatch, estimator, share):
+    """Where the box changes next to nothing most of all; where it does, it is not worse by much.
+
+    The truth is of all photons, with chance of its own: of impact_count's most of what is left.
+    """
+    from gi_core.frames import control_variate
+
+    solver = Solver(SCENE, estimator=estimator, photons=PHOTONS, radius=0.06)
+    solver.solve()
+    static = slice(0, len(solver.frame_parts().background.resting(PHOTONS)))
+    weights = solver.receivers.areas[static]
+    solver.move("box", POSE)
+    truth, resting = solver.irradiance[static], solver.frame_parts().background.resting(PHOTONS)
+    changed = np.abs(truth - resting).sum(axis=1) > 0.05 * truth.mean()
+
+    def off() -> tuple[float, float]:
+        solver.move_all({"box": POSE}, photons=LOWEST)
+        assert solver.photons_traced == LOWEST
+        E = solver.irradiance[static]
+        return tuple(relative_error(E, truth, weights, rows).l1 for rows in (~changed, changed))
+
+    kept = off()
+    read_out = control_variate._read_out
+
+    def all_kept(changed, background, resting, better, same, sums, brought, *others):
+        return read_out(changed, background, resting, better, same, sums, np.full_like(brought, NOT_TOLD), *others)
+
+    monkeypatch.setattr(control_variate, "_read_out", all_kept)
+    before = off()
+    assert kept[0] < share * before[0]
+    assert kept[1] < 1.15 * before[1]
+
+
+def test_another_source_is_refused():
+    solver = Solver(SCENE, photons=0)
+    with pytest.raises(SceneError, match="light must be one of best, photons, got 'some'"):
+        solver.configure(light="some")

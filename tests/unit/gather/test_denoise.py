@@ -1,0 +1,98 @@
+"""Grain goes, edges stay, and what is left is told rightly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.gather.denoise import Smoothed, smoothed
+from gi_core.geometry.mesh_neighbours import neighbours
+from tests.support.scene_builders import quad
+
+N = 60  # vertices along each side of a square
+CORNERS = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), (N - 1, N - 1)).faces
+P = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), (N - 1, N - 1)).vertices
+NEAR = neighbours(CORNERS, len(P))
+WEIGHTS = np.ones(len(P))
+
+
+def grainy(light: np.ndarray, sigma, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Return grey light (n,) with noise of a standard deviation, and that deviation, (n, 3) each."""
+    sigma = np.broadcast_to(sigma, light.shape)
+    noise = np.random.default_rng(seed).standard_normal(len(light)) * sigma
+    return np.repeat((light + noise)[:, None], 3, axis=1), np.repeat(sigma[:, None], 3, axis=1)
+
+
+def done(*given) -> Smoothed:
+    steps = smoothed(*given)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def off(E: np.ndarray, light: np.ndarray) -> float:
+    return float(np.abs(E[:, 1] - light).mean() / light.mean())
+
+
+def rms(E: np.ndarray, light: np.ndarray) -> float:
+    return float(np.sqrt(np.square(E[:, 1] - light).mean()))
+
+
+def test_neighbours_are_the_ends_of_edges_each_once():
+    expected = {(int(i), int(j)) for face in CORNERS for i in face for j in face if i != j}
+    found = [(i, int(j)) for i in range(len(P)) for j in NEAR.of[NEAR.first[i] : NEAR.first[i + 1]]]
+    assert len(found) == len(set(found)) and set(found) == expected
+
+
+def test_grain_on_even_light_is_a_third_of_what_it_was_and_is_told():
+    light = 1 + 0.2 * P[:, 0]
+    E, sigma = grainy(light, 0.05 * light)
+    s = done(E, sigma, WEIGHTS, NEAR, 0, 1)
+    assert off(s.irradiance, light) < 0.36 * off(E, light)
+    assert s.share == pytest.approx(rms(s.irradiance, light) / rms(E, light), rel=0.2)
+
+
+def test_the_edge_of_a_shadow_stays_where_it_is():
+    light = np.where(P[:, 0] < 0.5, 1.0, 0.3)
+    E, sigma = grainy(light, 0.05)
+    s = done(E, sigma, WEIGHTS, NEAR, 0, 1)
+    beside = np.abs(P[:, 0] - 0.5) < 1.5 / N
+    assert beside.sum() >= 2 * N
+    assert np.abs(s.irradiance[beside, 1] - light[beside]).mean() < 0.05
+    assert off(s.irradiance, light) < 0.45 * off(E, light)
+    assert s.share == pytest.approx(rms(s.irradiance, light) / rms(E, light), rel=0.2)
+
+
+@pytest.mark.parametrize("height", [0.02, 0.1, 0.3])
+def test_light_that_changes_from_vertex_to_vertex_is_never_made_worse(height):
+    light = 1 + height * np.sin(40 * np.pi * P[:, 0]) * np.sin(34 * np.pi * P[:, 1])
+    E, sigma = grainy(light, 0.05)
+    s = done(E, sigma, WEIGHTS, NEAR, 0, 1)
+    assert rms(s.irradiance, light) < 1.03 * rms(E, light)
+    assert s.share == pytest.approx(rms(s.irradiance, light) / rms(E, light), rel=0.2)
+
+
+def test_without_noise_nothing_changes():
+    light = 1 + P[:, 0] * P[:, 1]
+    E, sigma = grainy(light, 0.0)
+    s = done(E, sigma, WEIGHTS, NEAR, 0, 1)
+    assert np.array_equal(s.irradiance, E) and s.share == 1
+
+
+def test_black_receivers_stay_black_and_darken_nobody():
+    light = np.where(P[:, 0] < 0.5, 1.0, 0.0)
+    E, sigma = grainy(light, 0.1 * light)
+    s = done(E, sigma, WEIGHTS, NEAR, 0, 1)
+    assert not s.irradiance[light == 0].any()
+    assert abs(s.irradiance[light > 0, 1].mean() - 1) < 0.01
+    dark = done(0 * E, 0 * sigma, WEIGHTS, NEAR, 0, 1)
+    assert not dark.irradiance.any()
+
+
+def test_the_same_bits_with_any_number_of_threads():
+    near = neighbours(np.concatenate([CORNERS, CORNERS + len(P), CORNERS + 2 * len(P)]), 3 * len(P))
+    E, sigma = grainy(np.tile(1 + P[:, 0], 3), 0.1)
+    one, two = (done(E, sigma, np.ones(len(E)), near, 3, threads) for threads in (1, 2))
+    assert np.array_equal(one.irradiance, two.irradiance) and one.share == two.share

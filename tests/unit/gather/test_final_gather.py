@@ -1,0 +1,177 @@
+"""Paths of a single bounce over the photons' light: closed forms, the reference, and when they are used."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.gather import static
+from gi_core.gather.final_gather import FinalGather
+from gi_core.gather.reference import reference_irradiance
+from gi_core.geometry.error import relative_error
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.model import Model
+from gi_core.scene.types import Mesh, PointLight, Pose, Scene, SkyLight
+from gi_core.solver import Solver
+from tests.support.scene_builders import box, box_mobile, coloured_room, grey, lamp, merge, quad
+
+SCENE = coloured_room((box_mobile(size=0.1),))
+PHOTONS = 200_000
+POSE = Pose((0.55, 0.5, 0.35))
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch, tmp_path):
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path))
+
+
+def fine_room() -> Scene:
+    """A room with a lamp and a bulb whose walls have many receivers."""
+    walls = merge(
+        box((0, 0, 0), (1, 1, 1), 12, 0, inward=True), quad((0.4, 0.4, 0.95), (0, 0.3, 0), (0.2, 0, 0), (2, 2), 1)
+    )
+    materials = grey(0.6)._replace(reflectance=(0.8, 0.5, 0.2)), lamp(8.0, 0.5)
+    return Scene(walls, materials, (), (PointLight("p", (0.2, 0.8, 0.4), (1.0, 2.0, 0.5)),), up=(0, 0, 1))
+
+
+def final(scene: Scene, seed: int = 0, threads: int = 2) -> tuple[FinalGather, np.ndarray]:
+    """Return the gathering at a scene's static receivers, and their areas."""
+    model = Model(scene, threads)
+    rows = model.surfaces.receiver_range(0)
+    points, normals = (a[rows] for a in evaluation_points(model.surfaces, model.object_receivers))
+    areas = model.object_receivers.areas[rows]
+    return FinalGather(model, seed, points, normals, areas), areas
+
+
+def pairs(gather: FinalGather, field: np.ndarray, count: int) -> None:
+    steps = gather.steps(lambda: field)
+    while count:
+        count -= next(steps)
+
+
+def test_in_a_closed_room_of_one_light_each_receiver_has_rho_times_that():
+    """Whatever the directions: no noise is left."""
+    gather, areas = final(Scene(box((0, 0, 0), (1, 1, 1), 3, 0, inward=True), (grey(0.7),), up=(0, 0, 1)))
+    pairs(gather, np.broadcast_to([1.0, 2.0, 4.0], (len(areas), 3)), 2)
+    assert np.allclose(gather.mean, [0.7, 1.4, 2.8], rtol=1e-12)
+    assert gather.noise < 1e-12 and gather.paths == 16 + 32
+
+
+def test_out_in_the_open_it_is_the_sky():
+    walls, sky = box((0, 0, 0), (1, 1, 1), 3, 0), SkyLight("sky", (1.0, 2.0, 3.0))
+    gather, areas = final(Scene(walls, (grey(0.7),), (), (sky,), up=(0, 0, 1)))
+    pairs(gather, np.zeros((len(areas), 3)), 5)
+    top = np.flatnonzero(gather._normals[:, 2] > 0.99)
+    assert len(top) and np.allclose(gather.mean[top], np.pi * np.array([1.0, 2.0, 3.0]), rtol=1e-9)
+
+
+def test_over_the_true_light_it_is_the_reference_and_its_noise_is_what_it_says():
+    """Walls of many receivers, so that what is interpolated between them is right."""
+    scene = fine_room()
+    gather, areas = final(scene)
+    truth, error = reference_irradiance(scene, gather._positions, gather._normals, 700, 5)
+    assert relative_error(truth + error, truth, areas).l1 < 0.03
+    pairs(gather, truth, 1)
+    first = relative_error(gather.mean, truth, areas).l1
+    assert 0.7 < gather.noise / first < 1.4
+    more, _ = final(scene)
+    pairs(more, truth, 5)
+    assert relative_error(more.mean, truth, areas).l1 < 0.4 * first
+    assert np.allclose(more.mean.sum(axis=0), truth.sum(axis=0), rtol=0.02)
+
+
+def test_threads_and_mobiles_change_nothing():
+    field = None
+    results = []
+    for scene, threads in ((SCENE, 1), (SCENE, 3), (coloured_room(()), 2)):
+        gather, areas = final(scene, 7, threads)
+        field = np.random.default_rng(0).random((len(areas), 3)) if field is None else field
+        pairs(gather, field, 2)
+        results.append(gather.mean)
+    assert np.array_equal(results[0], results[1]) and np.array_equal(results[0], results[2])
+    other, _ = final(SCENE, 8)
+    pairs(other, field, 2)
+    assert not np.array_equal(other.mean, results[0])
+
+
+def noisy(**settings) -> Solver:
+    """Return a solver whose photons miss most of its tiny discs."""
+    solver = Solver(SCENE, photons=PHOTONS, radius=0.004)
+    solver.configure(light="best", **settings)
+    return solver
+
+
+def until_gathered(solver: Solver) -> None:
+    solver.solve()
+    for progress in solver.gather_steps():
+        if progress.picture:
+            break
+
+
+def test_every_frame_over_it_is_that_from_scratch():
+    solver = noisy()
+    until_gathered(solver)
+    g = solver.gathered
+    assert g.state is None and not g.enough and g.fraction == 0
+    assert np.array_equal(solver.resting_irradiance, g.mean)
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+    solver.move("box", POSE)
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+
+
+def test_it_is_far_better_than_its_photons_and_whole_paths_have_the_last_word(monkeypatch):
+    monkeypatch.setattr(static, "ENOUGH", 0.02)
+    solver = Solver(fine_room(), photons=50_000, radius=0.02)
+    solver.configure(light="best")
+    solver.solve()
+    points, normals = evaluation_points(solver.surfaces, solver.receivers)
+    truth, _ = reference_irradiance(solver.scene, points, normals, 700, 5)
+    photons = relative_error(solver.resting_irradiance, truth, solver.receivers.areas).l1
+    noises, off, fractions, g = [], [], [], None
+    for progress in solver.gather_steps():
+        g = solver.gathered
+        fractions.append(progress.fraction)
+        if progress.picture and g.state is None:
+            noises.append(g.noise)
+            off.append(relative_error(g.mean, truth, g.weights).l1)
+    assert len(noises) >= 2 and noises == sorted(noises, reverse=True) and noises[-1] <= 1.4 * 0.02
+    assert off[0] < 0.5 * photons and off[-1] < 0.25 * photons
+    assert g.enough and g.noise <= 0.02 and fractions[-1] == 1.0
+    assert fractions == sorted(fractions)
+
+
+def test_without_photons_there_is_nothing_to_gather_over(monkeypatch):
+    """Whole paths need none."""
+    monkeypatch.setattr(static, "ENOUGH", 0.1)
+    solver = Solver(SCENE, photons=0, radius=0.05)
+    solver.configure(light="best")
+    solver.solve()
+    for _ in solver.gather_steps():
+        assert solver.gathered._final.paths == 0
+    assert solver.gathered.enough
+
+
+def test_where_there_are_only_mobiles_there_is_nothing_to_gather():
+    nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
+    lights = PointLight("p", (0.5, 0.5, 0.9), (1.0,) * 3), PointLight("q", (-0.5, -0.5, -0.9), (1.0,) * 3)
+    scene = Scene(nothing, (grey(0.5), grey(0.5)), (box_mobile(size=0.2),), lights, up=(0, 0, 1))
+    solver = Solver(scene, photons=2000, radius=0.05)
+    solver.configure(light="best")
+    solver.solve()
+    assert len(list(solver.gather_steps())) <= 2 and solver.gathered.enough and solver.irradiance.any()
+
+
+def test_whole_paths_take_over_from_single_bounces_however_far_off_those_are(monkeypatch):
+    """Walls of few vertices: single bounces keep an error that their noise does not show."""
+    monkeypatch.setattr(static, "ENOUGH", 0.02)
+    solver = noisy()
+    solver.solve()
+    for progress in solver.gather_steps():
+        g = solver.gathered
+        if progress.picture and g.state is None:
+            early = g.mean
+    points, normals = (a[: len(g.mean)] for a in evaluation_points(solver.surfaces, solver.receivers))
+    bare = Scene(SCENE.static, SCENE.materials, (), SCENE.lights, up=SCENE.up)
+    truth, _ = reference_irradiance(bare, points, normals, 2000, 5)
+    first, last = (relative_error(E, truth, g.weights).l1 for E in (early, g.mean))
+    assert g.enough and g.noise <= 0.02 and first > 0.04 and last < 0.03

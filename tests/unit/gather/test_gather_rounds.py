@@ -1,0 +1,171 @@
+"""The reference in rounds: no bias whoever gets how many paths, and the same bits with and without a break."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.base import strata
+from gi_core.gather import reference as rounds
+from gi_core.gather.reference import gather_rounds, nothing_gathered, reference_irradiance, set_sizes
+from gi_core.model import Model
+from gi_core.scene.types import SkyLight
+from tests.support import closed_form
+from tests.support import scene_builders as build
+from tests.support.significance import chi_square, seeds_test, z_test
+
+P, N = build.ROOM_POINTS
+UNEVEN = np.array([1.0, 0.01, 30.0, 0.5, 4.0])
+
+
+def gathered(scene, sets: int, seed=0, points=(P, N), **more):
+    """Return the state once every point has so many sets."""
+    for state in gather_rounds(scene, *points, seed, **more):
+        if state.sets.min() >= sets:
+            return state
+
+
+# -- even numbers -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("m", [1, 4, 7])
+def test_a_set_is_a_net(m):
+    """Every box of volume 2^-m, of whatever shape, holds one point of a pair of dimensions."""
+    n = 1 << m
+    for first in (0, 5 * n, (3 << 32) + 9 * n):
+        for pair in (0, 6):
+            u, v = (numbers(first, n, pair + k, m) for k in (0, 1))
+            for a in range(m + 1):
+                box = np.floor(u * 2**a) * 2 ** (m - a) + np.floor(v * 2 ** (m - a))
+                assert len(np.unique(box)) == n
+
+
+def test_every_number_is_uniform_and_pairs_are_independent():
+    m, sets = 3, 4000
+    u, v, w = (np.array([numbers(k << m, 1 << m, d, m) for k in range(sets)]) for d in (0, 1, 2))
+    for x in (u[:, 0], u[:, 5], v[:, 3], w[:, 7]):  # single paths, over all sets
+        chi_square(np.bincount((x * 16).astype(int), minlength=16), np.full(16, sets / 16), "uniform")
+    cell = (u * 4).astype(int) * 4 + (w * 4).astype(int)
+    for k in range(1 << m):
+        chi_square(np.bincount(cell[:, k], minlength=16), np.full(16, sets / 16), "pairs", significance=0.01 / 8)
+
+
+def numbers(first: int, count: int, dimension: int, m: int) -> np.ndarray:
+    return np.array([strata.uniform(11, first + k, 1, dimension, m) for k in range(count)])
+
+
+# -- no bias ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("light_sampling", [True, False])
+def test_the_mean_of_many_runs_is_the_answer(light_sampling):
+    """Each run has a pilot, and with it sets, of its own; few rounds, so that a bias by selection would show."""
+    scene = build.coloured_room()
+    more = {"weights": UNEVEN, "light_sampling": light_sampling, "model": Model(scene)}
+    runs = [gathered(scene, 2, s, **more) for s in range(40)]
+    assert len(np.unique([r.log2_set for r in runs])) > 3
+    truth, error = reference_irradiance(scene, P, N, 100_000, 99, model=more["model"])
+    seeds_test(np.array([r.mean for r in runs]), truth, "runs of their own")
+    assert (error < 0.01 * truth).all()
+
+
+def test_in_a_furnace():
+    points = np.array([(0.5, 0.5, 0), (0.01, 0.5, 0), (1e-3, 1e-3, 0), (0.3, 0.4, 0.5)]), np.tile([0.0, 0, 1], (4, 1))
+    state = gathered(build.furnace_scene(2.0, 0.5), 40, 3, points, weights=np.ones(4))
+    z_test(state.mean[:, 0], closed_form.furnace(2.0, 0.5), state.standard_error[:, 0], "furnace", degrees=39)
+
+
+def test_the_standard_error_is_what_seeds_scatter_by():
+    scene = build.coloured_room()
+    runs = [gathered(scene, 12, s, weights=UNEVEN) for s in range(40)]
+    scatter = np.std([r.mean for r in runs], axis=0, ddof=1)
+    told = np.sqrt(np.mean([r.standard_error**2 for r in runs], axis=0))
+    assert scatter == pytest.approx(told, rel=0.45)
+    assert np.median(scatter / told) == pytest.approx(1, rel=0.15)
+
+
+def test_sets_and_weights_lower_the_error():
+    """For as many paths: even ones against independent ones, and given by weight against alike everywhere."""
+    scene = build.coloured_room()
+    even = gathered(scene, 200, 5)
+    _, independent = reference_irradiance(scene, P, N, int(even.paths[0]), 5)
+    assert np.median((even.standard_error / independent) ** 2) < 0.8
+    by_weight = gathered(scene, 8, 5, weights=UNEVEN)
+    alike = gathered(scene, max(1, round(by_weight.paths.sum() / len(P) / 16)), 5)
+    assert by_weight.noise(UNEVEN) < 0.8 * alike.noise(UNEVEN)
+
+
+def test_set_sizes_follow_weight_and_scatter():
+    """Paths go as (w s)^(2/3): eight times the weight, four times the paths."""
+    pilot = np.tile([1.0, 0.5], (3, 1))
+    m = set_sizes(pilot, np.array([1.0, 8.0, 64.0]))
+    assert (np.diff(m) == 2).all() and m[0] > 0
+    assert set_sizes(np.zeros((2, 2)), np.ones(2)).tolist() == [0, 0]  # all dark
+
+
+# -- laid down and taken up ---------------------------------------------------------------------------
+
+
+def test_resumed_is_uninterrupted_bit_for_bit():
+    """At every step: in the pilot, within a round, between two."""
+    scene, more = build.coloured_room(), {"weights": UNEVEN, "step": 16}
+    whole, state, steps = gathered(scene, 3, 7, **more), None, 0
+    while state is None or state.sets.min() < 3:
+        state = next(gather_rounds(scene, P, N, 7, state=state, **more))
+        steps += 1
+    assert steps > 12
+    for a, b in zip(state, whole, strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_steps_of_any_length_and_threads_give_the_same_bits(monkeypatch):
+    scene = build.coloured_room()
+    a = gathered(scene, 2, 7, weights=UNEVEN)
+    monkeypatch.setattr("gi_core.gather.path_tracer.BLOCK", 32)
+    b = gathered(scene, 2, 7, weights=UNEVEN, step=1 << 9, model=Model(scene, threads=2))
+    for x, y in zip(a, b, strict=True):
+        assert np.array_equal(x, y)
+
+
+def test_the_state_given_is_left_alone():
+    scene = build.coloured_room()
+    first = gathered(scene, 1, 7)
+    kept = [a.copy() for a in first]
+    next(gather_rounds(scene, P, N, 7, state=first))
+    assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, kept, strict=True))
+
+
+# -- degenerate ---------------------------------------------------------------------------------------
+
+
+def test_no_points_no_normal_no_light():
+    sky = build.plane_scene(SkyLight("s", (1.0,) * 3))
+    none = next(gather_rounds(sky, np.zeros((0, 3)), np.zeros((0, 3)), 0, np.zeros(0)))
+    assert none.noise(np.zeros(0)) == np.inf
+    without = gathered(sky, 2, 0, (np.zeros((2, 3)), np.array([[0, 0, 1.0], [0, 0, 0]])), weights=np.ones(2))
+    assert without.mean[1].tolist() == [0, 0, 0] and without.mean[0] == pytest.approx(np.pi)
+    dark = gathered(build.plane_scene(), 2, 0, weights=UNEVEN)
+    assert not dark.mean.any() and np.isnan(dark.noise(UNEVEN))
+    assert np.isinf(nothing_gathered(2).standard_error).all() and nothing_gathered(2).noise(np.ones(2)) == np.inf
+
+
+def test_bad_arguments_are_refused():
+    scene = build.coloured_room()
+    with pytest.raises(ValueError, match="5 finite numbers >= 0"):
+        next(gather_rounds(scene, P, N, 0, -UNEVEN))
+    with pytest.raises(ValueError, match="the state is of 2 points, but there are 5"):
+        next(gather_rounds(scene, P, N, 0, state=nothing_gathered(2)))
+
+
+def test_noise_of_few_rounds_is_not_told_too_small():
+    """Over many points, what two rounds tell is in the mean what eight tell, less the root of four."""
+    scene = build.coloured_room()
+    points = tuple(np.tile(a, (200, 1)) for a in (P, N))
+    weights, noise = np.ones(1000), {}
+    for state in gather_rounds(scene, *points, 0):
+        if state.sets.min() == state.sets.max() and state.sets[0] in (2, 8):
+            noise[int(state.sets[0])] = state.noise(weights)
+        if len(noise) == 2:
+            break
+    assert noise[2] == pytest.approx(2 * noise[8], rel=0.05)
+    assert rounds.ROUNDS > 4  # so many are far from two

@@ -1,0 +1,174 @@
+"""Means over neighbours: which ones, of which kinds, and how much each counts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.gather import interleaved_mean, mobile
+from gi_core.gather.interleaved_mean import KINDS, NEAR, SAME_WAY, beside, closeness, kinds
+from gi_core.gather.mobile import MobileGather
+from gi_core.gather.shared_samples import shared_directions
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.model import Model
+from gi_core.scene.types import Mobile, PointLight, Pose, Scene
+from tests.support.scene_builders import box, grey, merge, quad, sphere
+
+
+def grid(n: int = 9) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return positions, normals and corners of a level sheet."""
+    sheet = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), (n - 1, n - 1))
+    return sheet.vertices, np.tile([0.0, 0.0, 1.0], (n * n, 1)), sheet.faces
+
+
+def rows(near) -> list[np.ndarray]:
+    return np.split(near.of, near.first[1:-1])
+
+
+def test_the_nearest_count_and_the_receiver_itself_first():
+    positions, normals, corners = grid()
+    near = beside(positions, normals, corners)
+    for i, of in enumerate(rows(near)):
+        distance = np.sort(((positions - positions[i]) ** 2).sum(axis=1))
+        assert of[0] == i and len(set(of)) == len(of) == NEAR
+        assert np.allclose(np.sort(((positions[of] - positions[i]) ** 2).sum(axis=1)), distance[:NEAR])
+    assert np.array_equal(near.apart, ((positions[near.of] - np.repeat(positions, NEAR, axis=0)) ** 2).sum(axis=1))
+    assert not near.turned.any()
+
+
+def test_neither_a_crease_nor_a_sheet_is_crossed():
+    """A box's sides, and both sides of a sheet, lie beside each other but are other receivers."""
+    sheet = quad((2, 0, 0), (1, 0, 0), (0, 1, 0), (4, 4), 1)
+    things = Mobile("things", merge(box((0, 0, 0), (1, 1, 1), 4), sheet), Pose())
+    model = Model(Scene(quad((0, 0, -1), (1, 0, 0), (0, 1, 0)), (grey(0.5), grey(0.5, True)), (things,)), 1)
+    gather = MobileGather(model, 0)
+    _, normals = (a[gather.first :] for a in evaluation_points(model.surfaces, model.object_receivers))
+    of = np.repeat(np.arange(len(normals)), np.diff(gather._beside.first))
+    assert len(normals) == 6 * 25 + 2 * 25
+    assert ((normals[of] * normals[gather._beside.of]).sum(axis=1) > SAME_WAY).all()
+    there = (gather._beside.of >= 6 * 25) == (of >= 6 * 25)
+    assert there.all() and np.diff(gather._beside.first).min() == NEAR
+
+
+def test_kinds_are_mixed():
+    positions, normals, corners = grid(12)
+    near = beside(positions, normals, corners)
+    found = kinds(near)
+    counts = np.bincount(found, minlength=KINDS)
+    assert len(counts) == KINDS and counts.min() > 0.8 * len(found) / KINDS
+    assert all(len(set(found[of])) == KINDS for of in rows(near))
+    beside_it = [found[i] in found[of[1:5]] for i, of in enumerate(rows(near))]
+    assert np.mean(beside_it) < 0.2
+
+
+def test_every_kind_is_even_and_all_together_more_so():
+    """Elevations share the hemisphere out; all kinds together are off by less than chance would leave (half) of one."""
+    light = np.array([0.5, 0.3, 0.8])
+    one, all_kinds = [], []
+    for seed in range(200):
+        bounce = shared_directions(seed, 3, KINDS)
+        height = np.sort(bounce[..., 2].reshape(-1) ** 2)
+        assert np.array_equal(np.floor(height * len(height)), np.arange(len(height)))
+        found = np.maximum(0, bounce @ light) ** 2
+        one.append(found[seed % KINDS].mean())
+        all_kinds.append(found.mean())
+    expected = np.mean(all_kinds)
+    assert np.mean(one) == pytest.approx(expected, rel=0.02)
+    assert np.std(all_kinds) < 0.4 * np.std(one)
+
+
+def test_light_that_is_the_same_everywhere_stays_and_nothing_leaves_its_range():
+    positions, normals, corners = grid()
+    near, chance = beside(positions, normals, corners), np.random.default_rng(0)
+    close, light = 2 * chance.random(len(positions)), chance.random((len(positions), 3))
+    same = np.broadcast_to([1.0, 2.0, 4.0], light.shape).copy()
+    assert np.allclose(interleaved_mean.neighbour_mean(near, close, 8, same, 1), same, rtol=1e-14)
+    found = interleaved_mean.neighbour_mean(near, close, 8, light, 1)
+    for i, of in enumerate(rows(near)):
+        assert (found[i] > light[of].min(axis=0) - 1e-12).all() and (found[i] < light[of].max(axis=0) + 1e-12).all()
+    assert light.std() > 1.5 * found.std()
+
+
+def test_neighbours_count_by_what_they_see_and_less_with_more_bounces():
+    positions, normals, corners = grid()
+    near, chance = beside(positions, normals, corners), np.random.default_rng(0)
+    light, n = chance.random((len(positions), 3)), len(positions)
+    mean = interleaved_mean.neighbour_mean
+    whole = np.array([light[of].mean(axis=0) for of in rows(near)])
+    assert np.allclose(mean(near, np.zeros(n), 8, light, 1), whole, rtol=1e-12), "nothing is near: all alike"
+    assert np.allclose(mean(near, np.full(n, 1e9), 8, light, 1), light, rtol=1e-9), "all is near: itself alone"
+    assert np.allclose(mean(near, np.full(n, 1.0), 1 << 40, light, 1), light, rtol=1e-6)
+    few, more = (np.abs(mean(near, np.full(n, 1.0), b, light, 1) - light).sum() for b in (4, 1024))
+    assert more < 0.2 * few
+    # One that stands close to something neither takes from others nor gives to them.
+    close = np.zeros(n)
+    close[40] = 1e9
+    found = mean(near, close, 8, light, 1)
+    assert np.allclose(found[40], light[40], rtol=1e-9)
+    beside_it = [i for i, of in enumerate(rows(near)) if i != 40 and 40 in of]
+    others = [light[[j for j in rows(near)[i] if j != 40]].mean(axis=0) for i in beside_it]
+    assert beside_it and np.allclose(found[beside_it], others, rtol=1e-9)
+    # Nor do normals that are turned: these by a sixth of a right angle.
+    tilted = normals + np.array([0.25, 0.0, 0.0]) * (np.arange(n) % 2)[:, None]
+    tilted /= np.sqrt((tilted**2).sum(axis=1))[:, None]
+    near = beside(positions, tilted, corners)
+    turned = near.turned > 0
+    own = np.repeat(np.arange(n), np.diff(near.first))
+    assert np.array_equal(turned, (own - near.of) % 2 == 1)
+    found = mean(near, np.zeros(n), 1 << 20, light, 1)
+    alike = np.array([light[of[(of - of[0]) % 2 == 0]].mean(axis=0) for of in rows(near)])
+    assert np.allclose(found, alike, atol=1e-3)
+
+
+def test_how_close_things_are():
+    """1 over the geometric mean: 1, 2, 4, 8 m are 1 / 2.83 m."""
+    out = np.zeros(2)
+    closeness(4, np.array([1, 2, 4, 8, 0.5, 0.5, 0.5, 0.5], np.float32), out)
+    assert np.allclose(out, [2**-1.5, 2.0])
+
+
+def test_shadow_edges_stay_where_they_are():
+    """A bulb alone, nothing else to see: E = I cos / d2 to the last receiver, black behind the terminator."""
+    ball = Mobile("ball", sphere((0, 0, 0), 0.2, 3, 1), Pose((0.5, 0.5, 0.5)))
+    bulb = PointLight("bulb", (0.5, 0.5, 0.95), (4 * np.pi,) * 3)
+    black_walls = box((0, 0, 0), (1, 1, 1), 2, 0, inward=True)
+    model = Model(Scene(black_walls, (grey(0.0), grey(0.8)), (ball,), (bulb,), up=(0, 0, 1)), 1)
+    at = model.transforms(model.start_poses())
+    gather = MobileGather(model, 0)
+    found = gather.irradiance(at, np.zeros((model.first_probe, 3)), 3)
+    way = np.array(bulb.position) - (gather._positions + at.position[1])
+    cosine = (way * gather._normals).sum(axis=1) / np.sqrt((way**2).sum(axis=1))
+    assert not found[cosine <= 0].any()
+    clear = cosine > 0.1  # nearer to the edge facets of the ball itself are in the way
+    assert np.allclose(found[clear], (cosine / (way**2).sum(axis=1))[clear, None], rtol=1e-12)
+
+
+def test_of_few_bounces_it_takes_more_than_a_third_of_the_error(monkeypatch):
+    """A ball between walls, each of another brightness."""
+    walls = box((0, 0, 0), (1, 1, 1), 6, 0, inward=True)
+    ball = Mobile("ball", sphere((0, 0, 0), 0.15, 2, 1), Pose((0.5, 0.4, 0.6)))
+    model = Model(Scene(walls, (grey(0.7), grey(0.5)), (ball,), up=(0, 0, 1)), 1)
+    at = model.transforms(model.start_poses())
+    static = 1.0 + 4.0 * (model.object_receivers.positions[: model.first_probe] > 0.7)
+    truth = MobileGather(model, 99).irradiance(at, static, 12)
+
+    def off(m: int) -> float:
+        return np.mean(
+            [np.abs(MobileGather(model, seed).irradiance(at, static, m) - truth).mean() for seed in range(4)]
+        )
+
+    averaged, many = off(3), off(9)
+    monkeypatch.setattr(mobile, "neighbour_mean", lambda near, close, bounces, light, threads: light)
+    assert averaged < 0.6 * off(3) and many < 0.1 * averaged
+
+
+def test_alone_or_in_one_place_with_others():
+    """A receiver without faces; two faces that lie on each other: nothing is divided by 0."""
+    corners = np.array([[0, 1, 2], [0, 2, 1]])
+    positions = np.zeros((4, 3))
+    near = beside(positions, np.tile([0.0, 0.0, 1.0], (4, 1)), corners)
+    assert [set(of) for of in rows(near)] == [{0, 1, 2}, {0, 1, 2}, {0, 1, 2}, {3}]
+    assert len(set(kinds(near)[:3])) == 3
+    light = np.arange(12.0).reshape(4, 3)
+    found = interleaved_mean.neighbour_mean(near, np.full(4, 1e9), 8, light, 1)
+    assert np.allclose(found, [light[:3].mean(axis=0)] * 3 + [light[3]])

@@ -1,0 +1,298 @@
+"""Light that mobiles gather: closed forms, the reference, and the bits of whole frames."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gi_core.estimators import ESTIMATORS
+from gi_core.frames.light_source import LightSource
+from gi_core.gather import mobile as mobile_gather
+from gi_core.gather import one_bounce
+from gi_core.gather.mobile import MobileGather
+from gi_core.gather.reference import reference_irradiance
+from gi_core.geometry.error import relative_error
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.model import Model
+from gi_core.scene.errors import SceneError
+from gi_core.scene.types import Mobile, PointLight, Pose, Scene
+from gi_core.solver import Solver
+from tests.physics.test_invariants import AWAY, SCENE, fresh, moves, solved
+from tests.support.scene_builders import box, box_mobile, grey, lamp, merge, quad, sphere
+
+GATHERED = {"light": "best"}
+
+
+def gathering(poses=None, **setting) -> Solver:
+    solver = fresh(**setting)
+    solver.configure(**GATHERED)
+    solver.solve()
+    if poses:
+        solver.move_all(poses)
+    return solver
+
+
+def at_start(scene: Scene, threads: int = 2) -> tuple[Model, object]:
+    model = Model(scene, threads)
+    return model, model.transforms(model.start_poses())
+
+
+@pytest.mark.parametrize("log2_paths", [0, 3, 12])
+def test_a_convex_thing_between_walls_of_one_light_has_rho_times_that(log2_paths):
+    """Every path ends on a wall, whatever its direction: no noise is left."""
+    walls = box((0, 0, 0), (1, 1, 1), 3, 0, inward=True)
+    thing = box_mobile("box", 0.2, 1)._replace(pose=Pose((0.4, 0.5, 0.6), (0.8, 0.6, 0.0, 0.0)))
+    model, at = at_start(Scene(walls, (grey(0.7), grey(0.2)), (thing,), up=(0, 0, 1)))
+    static = np.broadcast_to([1.0, 2.0, 4.0], (model.first_probe, 3))
+    found = MobileGather(model, 3).irradiance(at, static, log2_paths)
+    assert len(found) > 20 and np.allclose(found, [0.7, 1.4, 2.8], rtol=1e-12)
+
+
+def test_inside_a_hollow_mobile_light_goes_to_and_fro():
+    """A bulb in the middle of a sphere of radius r: E = (flux / 4 pi r2) / (1 - rho), and outside there is none."""
+    rho, radius = 0.8, 0.3
+    hull = sphere((0, 0, 0), radius, 3, 1)
+    hollow = Mobile("hull", hull._replace(faces=hull.faces[:, ::-1]), Pose((0.5, 0.5, 0.5)))
+    bulb = PointLight("bulb", (0.5, 0.5, 0.5), (3.0, 3.0, 6.0))
+    walls = box((0, 0, 0), (1, 1, 1), 2, 0, inward=True)
+    model, at = at_start(Scene(walls, (grey(0.5), grey(rho)), (hollow,), (bulb,), up=(0, 0, 1)))
+    found = MobileGather(model, 0).irradiance(at, np.zeros((model.first_probe, 3)), 6)
+    expected = np.array([3.0, 3.0, 6.0]) / (4 * np.pi * radius**2) / (1 - rho)
+    assert np.allclose(found.mean(axis=0), expected, rtol=0.02)  # facets are nearer than the sphere
+    assert np.allclose(found, expected, rtol=0.08)
+
+
+def test_it_is_the_reference():
+    """Walls of many receivers, so that what is interpolated between them is right; two things, side by side."""
+    places = {0.25: (0.4, 0.5, 0.3), 0.15: (0.62, 0.5, 0.35)}
+    things = [box_mobile(f"of {size}", size)._replace(pose=Pose(at)) for size, at in places.items()]
+    walls = merge(
+        box((0, 0, 0), (1, 1, 1), 12, 0, inward=True), quad((0.4, 0.4, 0.95), (0, 0.3, 0), (0.2, 0, 0), (2, 2), 1)
+    )
+    materials = grey(0.6)._replace(reflectance=(0.8, 0.5, 0.2)), lamp(8.0, 0.5)
+    bulb = PointLight("p", (0.2, 0.8, 0.4), (1.0, 2.0, 0.5))
+    scene = Scene(walls, materials, tuple(things), (bulb,), up=(0, 0, 1))
+    model, at = at_start(scene)
+    receivers = model.receivers_at(model.start_poses())
+    points, normals = evaluation_points(model.surfaces, receivers)
+    gather = MobileGather(model, 0)
+    truth, error = reference_irradiance(scene, points, normals, 700, 5, model=model)
+    first = gather.first
+    areas = receivers.areas[first:]
+    few, many = (relative_error(gather.irradiance(at, truth[:first], m), truth[first:], areas).l1 for m in (1, 9))
+    noise = relative_error(truth[first:] + error[first:], truth[first:], areas).l1
+    assert noise < 0.03 and many < 0.04
+    assert few > 2 * many
+    total, expected = gather.irradiance(at, truth[:first], 9).sum(axis=0), truth[first:].sum(axis=0)
+    assert np.allclose(total, expected, rtol=0.02)
+
+
+@settings(max_examples=10)
+@given(st.lists(moves, min_size=1, max_size=4), st.sampled_from(list(ESTIMATORS)))
+def test_any_history_equals_from_scratch_and_a_solver_that_saw_no_other_pose(history, estimator):
+    solver = gathering(estimator=estimator)
+    for name, pose in history:
+        solver.move(name, pose)
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+    assert np.array_equal(solver.irradiance, gathering(solver.poses, estimator=estimator, threads=5).irradiance)
+    # The static part does not know of it.
+    first = solver.surfaces.receiver_range(0).stop
+    plain = solved(solver.poses, estimator=estimator)
+    assert np.array_equal(solver.irradiance[:first], plain.irradiance[:first])
+    assert not solver.irradiance[first:].any() or not np.array_equal(solver.irradiance, plain.irradiance)
+
+
+def test_a_frame_of_fewer_photons_and_paths():
+    solver = Solver(SCENE, photons=10_000, radius=0.2)
+    solver.configure(**GATHERED)
+    solver.solve()
+    assert solver.paths_gathered == solver.paths_at_rest == 64
+    first, whole = solver.surfaces.receiver_range(0).stop, solver.irradiance
+    solver.move_all({}, None, 8)
+    assert solver.paths_gathered == 8 and np.array_equal(solver.irradiance[:first], whole[:first])
+    assert not np.array_equal(solver.irradiance[first:], whole[first:])
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+    solver.move_all({}, solver.prefixes[0], 4)
+    assert (solver.photons_traced, solver.paths_gathered) == (solver.prefixes[0], 4)
+    for _ in solver.solve_steps():
+        pass
+    assert np.array_equal(solver.irradiance, whole), "at rest all there is"
+    assert solver.size_within(0.0)[1] == 4 and solver.size_within(100.0) == (10_000, 64)
+
+
+def test_a_switch_is_shown_without_a_move_and_traces_nothing():
+    solver = solved()
+    by_photons, segments = solver.irradiance, solver.segments_total
+    solver.configure(**GATHERED)
+    solver.solve()
+    assert solver.light == "best" and not np.array_equal(solver.irradiance, by_photons)
+    assert solver.segments_total == segments and np.array_equal(solver.irradiance, gathering().irradiance)
+    solver.configure(light="photons")
+    solver.solve()
+    assert np.array_equal(solver.irradiance, by_photons) and solver.paths_at_rest == 0
+
+
+def test_far_away_from_all_light_it_is_black():
+    solver = gathering({"box": AWAY, "ball": AWAY})
+    first = solver.surfaces.receiver_range(0).stop
+    lit = Solver(replace(SCENE, lights=(), mobiles=SCENE.mobiles[:1]), photons=300, radius=0.2)
+    assert solver.irradiance[first:].max() < 1e-2 * solver.irradiance[:first].max()
+    lit.configure(**GATHERED)
+    lit.solve()
+    lit.move("box", AWAY)
+    assert not lit.irradiance[lit.surfaces.receiver_range(0).stop :].any(), "a closed room's lamp faces inward"
+
+
+def test_without_photons_or_mobiles_there_is_nothing_to_gather():
+    none = gathering(photons=0)
+    assert not none.irradiance.any() and none.paths_gathered == 0
+    still = Solver(replace(SCENE, mobiles=()), photons=300, radius=0.2)
+    still.configure(**GATHERED)
+    still.solve()
+    assert still.paths_gathered == still.paths_at_rest == 0 and still.size_within(1.0)[1] is None
+
+
+def test_what_there_is_not_is_refused():
+    solver = gathering()
+    with pytest.raises(SceneError, match="light must be one of best, photons, got 'baked'"):
+        solver.configure(light="baked")
+    before, poses = solver.irradiance, dict(solver.poses)
+    with pytest.raises(SceneError, match="a frame can gather 4, 8, 16, 32, 64, 128, 256 paths a receiver, got 5"):
+        solver.move_all({"box": AWAY}, None, 5)
+    assert solver.irradiance is before and solver.poses == poses
+
+
+def test_the_comparisons_catch_a_path_that_is_left_out(monkeypatch):
+    real = one_bounce.meet
+
+    def mutated(*arguments):
+        face = np.array(arguments[6])  # a copy: what rays met is kept
+        face[len(face) // 2] = -1
+        return real(*arguments[:6], face, *arguments[7:])
+
+    right = gathering(threads=1)
+    monkeypatch.setattr(one_bounce, "meet", mutated)
+    assert not np.array_equal(gathering(threads=1).irradiance, right.irradiance)
+
+
+def three_things() -> Scene:
+    """Two boxes and a ball in a room with an area lamp and two lamps without size."""
+    places = {0.25: (0.3, 0.5, 0.3), 0.15: (0.62, 0.5, 0.35), 0.1: (0.5, 0.3, 0.6)}
+    things = [box_mobile(f"of {size}", size)._replace(pose=Pose(at)) for size, at in places.items()]
+    walls = merge(
+        box((0, 0, 0), (1, 1, 1), 3, 0, inward=True), quad((0.4, 0.4, 0.95), (0, 0.3, 0), (0.2, 0, 0), (2, 2), 1)
+    )
+    bulbs = PointLight("p", (0.2, 0.8, 0.4), (1.0, 2.0, 0.5)), PointLight("q", (0.8, 0.2, 0.8), (2.0, 1.0, 0.5))
+    return Scene(walls, (grey(0.6), lamp(8.0, 0.5)), tuple(things), bulbs, up=(0, 0, 1))
+
+
+@settings(max_examples=15)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 2), st.integers(0, 3), st.sampled_from([0, 2, 3]), st.booleans()),
+        min_size=2,
+        max_size=6,
+    )
+)
+def test_cached_hits_equal_those_of_an_empty_cache(history):
+    """Things that rest, come back, overlap; numbers of paths in turn; static light that changes; other threads."""
+    scene = three_things()
+    model, poses = Model(scene, 2), {m.name: m.pose for m in scene.mobiles}
+    gather = MobileGather(model, 4)
+    light = np.random.default_rng(0).random((model.first_probe, 3))
+    for thing, step, m, brighter in history:
+        mobile = scene.mobiles[thing]
+        x, y, z = mobile.pose.position
+        poses[mobile.name] = Pose((x, y + 0.1 * step, z - 0.05 * step), (0.8, 0.6, 0.0, 0.0))
+        static = (2.0 if brighter else 1.0) * light
+        at = model.transforms(poses)
+        uncached = MobileGather(Model(scene, 3), 4).irradiance(at, static, m)
+        assert np.array_equal(gather.irradiance(at, static, m), uncached)
+
+
+def test_what_would_take_too_much_room_is_not_kept_and_is_the_same(monkeypatch):
+    model, at = at_start(three_things())
+    static = np.ones((model.first_probe, 3))
+    keeping = MobileGather(model, 0)
+    expected = [keeping.irradiance(at, static, m) for m in (2, 4, 2)]
+    monkeypatch.setattr(mobile_gather, "KEPT", 8 * len(expected[0]))
+    frugal = MobileGather(model, 0)
+    assert all(np.array_equal(frugal.irradiance(at, static, m), e) for m, e in zip((2, 4, 2), expected, strict=True))
+    assert sum(run is not None for runs in frugal._runs.values() for run in runs) <= len(frugal._places(2))
+
+
+def test_rays_of_a_mobile_at_rest_are_not_traced_through_the_static_part_again(monkeypatch):
+    """Nor are rays of any mobile traced through itself."""
+    scene = three_things()
+    model, poses = Model(scene, 1), {m.name: m.pose for m in scene.mobiles}
+    gather, static = MobileGather(model, 0), np.ones((model.first_probe, 3))
+    gather.irradiance(model.transforms(poses), static, 3)
+    traced = []
+    real = model.accelerator.nearest
+    monkeypatch.setattr(
+        model.accelerator, "nearest", lambda o, rays, *a: traced.append((o, len(rays))) or real(o, rays, *a)
+    )
+    gather.irradiance(model.transforms(poses), static, 3)
+    assert not traced
+    moved = scene.mobiles[2]
+    x, y, z = moved.pose.position
+    gather.irradiance(model.transforms(poses | {moved.name: Pose((x, y, z + 0.05))}), static, 3)
+    rays = {o: sum(n for to, n in traced if to == o) for o in range(4)}
+    last = model.surfaces.receiver_range(3)
+    assert rays[0] == 8 * (last.stop - last.start)
+    assert not (rays[1] or rays[2] or rays[3])
+
+
+def test_a_frame_in_which_nothing_moves_does_not_tell_how_long_one_of_a_motion_takes():
+    model, at = at_start(three_things())
+    light, elsewhere = LightSource(model, 0), at._replace(position=at.position + 0.01)
+    irradiance = np.ones((len(model.object_receivers.areas), 3))
+    light.choose("best", False)
+    for poses, traced in ((at, True), (at, False), (elsewhere, True), (elsewhere, False)):
+        light.light_mobiles(irradiance, poses, 8)
+        assert light.rays_traced is traced
+    light.light_mobiles(irradiance, elsewhere, 16)
+    assert light.rays_traced, "of other paths"
+
+
+NOTHING_IS_COMPILED = """
+import sys
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from gi_core.gather import one_bounce, kept_rays, mobile, interleaved_mean, shared_samples
+from gi_core.lights import light_sampling, next_event
+from gi_core.instruments import compile_ahead
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.gather.final_gather import FinalGather
+from gi_core.model import Model
+
+from tests.unit.gather.test_mobile import three_things
+
+compile_ahead._gather()
+modules = one_bounce, kept_rays, light_sampling, mobile, interleaved_mean, next_event, shared_samples
+kernels = [f for module in modules for f in vars(module).values() if isinstance(f, Dispatcher)]
+before = [len(f.signatures) for f in kernels]
+scene = three_things()
+model, poses = Model(scene, 2), {m.name: m.pose for m in scene.mobiles}
+gather, static = mobile.MobileGather(model, 0), np.ones((model.first_probe, 3))
+for k in range(3):
+    poses["of 0.1"] = poses["of 0.1"]._replace(position=(0.3, 0.5, 0.6 - 0.05 * k))
+    gather.irradiance(model.transforms(poses), static, 3)
+rows = model.surfaces.receiver_range(0)
+points, normals = (a[rows] for a in evaluation_points(model.surfaces, model.object_receivers))
+final = FinalGather(model, 0, points, normals, model.object_receivers.areas[rows])
+next(final.steps(lambda: np.ones((len(points), 3))))
+assert before == [len(f.signatures) for f in kernels], "a kernel was compiled after the warm-up"
+"""
+
+
+def test_the_warm_up_compiles_all_that_things_side_by_side_need():
+    """In a process of its own: here other tests have compiled everything already."""
+    subprocess.run([sys.executable, "-c", NOTHING_IS_COMPILED], cwd=Path(__file__).parents[3], check=True)

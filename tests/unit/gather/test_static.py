@@ -1,0 +1,172 @@
+"""The static part's light gathered by paths: unbiased, used once it is better, and exact under moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gi_core.gather import static
+from gi_core.gather.denoise import smoothed
+from gi_core.gather.reference import Gathered, reference_irradiance
+from gi_core.geometry.error import relative_error
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.mesh_neighbours import neighbours
+from gi_core.scene import Pose
+from gi_core.solver import Solver
+from tests.support.scene_builders import box_mobile, coloured_room
+
+SCENE = coloured_room((box_mobile(size=0.1),))
+POSE = Pose((0.55, 0.5, 0.35))
+
+
+def solved(photons: int, **settings) -> Solver:
+    solver = Solver(SCENE, photons=photons, radius=0.06)
+    solver.configure(light="best", **settings)
+    solver.solve()
+    return solver
+
+
+def kept(state: Gathered) -> Gathered:
+    return Gathered(*(a.copy() for a in state))
+
+
+@pytest.fixture(scope="module")
+def gathered() -> Solver:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(static, "ENOUGH", 0.02)
+        solver = solved(5_000)
+        for _ in solver.gather_steps():
+            pass
+        assert solver.gathered.enough and solver.uses_gathered
+        yield solver
+
+
+def test_it_is_the_reference_of_the_scene_without_its_mobile(gathered):
+    bare = Solver(replace(SCENE, mobiles=()), photons=0)
+    points, normals = evaluation_points(bare.surfaces, bare.receivers)
+    truth, error = reference_irradiance(bare.scene, points, normals, 2000, 5, model=bare.model)
+    g = gathered.gathered
+    sigma = np.sqrt(error**2 + g.state.standard_error**2)
+    z = ((g.state.mean - truth) / np.where(sigma > 0, sigma, np.inf))[:, 1]
+    assert len(z) > 60 and abs(z.mean()) < 4 * z.std() / np.sqrt(len(z))
+    assert 0.7 < z.std() < 1.6  # few sets a point: their deviations are rough
+    smoothing = smoothed(
+        g.state.mean, g.state.standard_error, g.weights, neighbours(bare.model.corners(0), len(z)), 0, 1
+    )
+    with pytest.raises(StopIteration) as end:
+        while True:
+            next(smoothing)
+    assert np.array_equal(g.mean, end.value.value.irradiance), "whole paths have taken over"
+
+
+def test_what_the_mobile_leaves_alone_is_the_gathered_light_and_frames_are_those_from_scratch(gathered):
+    gathered.move("box", POSE)
+    mean, photons = gathered.gathered.mean, gathered.frame_parts().background.resting(gathered.photons)
+    gathered.configure(prefix_only=True)
+    gathered.move_all({})
+    plain = gathered.irradiance[: len(mean)]
+    gathered.configure(prefix_only=False)
+    gathered.move_all({})
+    untouched = (plain == photons).all(axis=1)
+    assert 0.05 < untouched.mean() < 1
+    assert np.array_equal(gathered.irradiance[: len(mean)][untouched], mean[untouched])
+    assert np.array_equal(gathered.irradiance, gathered.from_scratch())
+    assert np.array_equal(gathered.resting_irradiance, mean)
+    assert (gathered.irradiance >= 0).all()
+
+
+def test_a_run_that_is_taken_up_again_ends_in_the_same_bits(gathered, monkeypatch):
+    monkeypatch.setattr(static, "ENOUGH", 0.02)
+    first = solved(5_000)
+    whole = 0
+    for _ in first.gather_steps():
+        whole += first.gathered.state is not None
+        if whole == 5:
+            break
+    state = kept(first.gathered.state)
+    for _ in first.gather_steps():  # as after a drag
+        pass
+    later = solved(5_000)
+    for _ in later.gather_steps(state):
+        pass
+    assert np.array_equal(first.gathered.mean, gathered.gathered.mean)
+    assert np.array_equal(later.gathered.mean, gathered.gathered.mean)
+    assert np.array_equal(later.irradiance, first.irradiance)
+
+
+def test_photons_are_kept_while_they_have_less_noise(monkeypatch):
+    monkeypatch.setattr(static, "ENOUGH", 0.01)
+    monkeypatch.setattr("gi_core.frames.light_source.noise_from_prefix", lambda *given: 0.02)
+    solver, seen = solved(20_000), set()
+    before = solver.irradiance
+    for progress in solver.gather_steps():
+        less = solver.gathered.noise < 0.02
+        assert less or (solver.irradiance is before and not solver.uses_gathered and not progress.picture)
+        seen.add((np.isfinite(solver.gathered.noise), less))
+    assert seen == {(False, False), (True, False), (True, True)} and solver.uses_gathered
+
+
+def test_only_where_it_is_asked_for(gathered):
+    state = kept(gathered.gathered.state)
+    solver = solved(5_000)
+    solver.configure(light="photons")
+    before = solver.irradiance
+    for progress in solver.gather_steps(state):
+        assert not progress.picture
+    assert solver.irradiance is before
+    solver.configure(light="best")
+    solver.move_all({})
+    assert not np.array_equal(solver.irradiance, before)
+
+
+def test_progress_goes_up_to_the_end(monkeypatch):
+    monkeypatch.setattr(static, "ENOUGH", 0.05)
+    fractions = [p.fraction for p in solved(5000).gather_steps()]
+    assert fractions == sorted(fractions) and fractions[-1] == 1.0
+
+
+def test_a_scene_without_light_needs_nothing():
+    unlit = tuple(m._replace(emission=(0.0,) * 3) for m in SCENE.materials)
+    dark = Solver(replace(SCENE, materials=unlit, lights=()), photons=100)
+    dark.configure(light="best")
+    dark.solve()
+    assert len(list(dark.gather_steps())) <= 2
+    assert not dark.irradiance.any()
+
+
+def test_a_state_of_another_scene_is_refused(gathered):
+    state = Gathered(*(a[:-1].copy() for a in gathered.gathered.state))
+    with pytest.raises(ValueError, match="the state is of"):
+        list(solved(100).gather_steps(state))
+
+
+def test_what_a_twin_shows_is_its_own_affair(gathered):
+    gathered.configure(light="best")
+    twin = gathered.twin()
+    twin.configure(prefix_only=True)
+    assert gathered.light == "best" and twin.gathered is gathered.gathered
+
+
+def test_where_photons_put_the_light_is_forgotten_but_not_how_much_there_is():
+    """Photons that tell of a fifth of the light in one half of the room, and of more in the other."""
+    solver = Solver(replace(SCENE, mobiles=()), photons=200_000, radius=0.06)
+    solver.solve()
+    right = solver.resting_irradiance
+    wrong = np.where(solver.receivers.positions[:, :1] < 0.5, 0.2, 1.8) * right
+    wrong *= (solver.receivers.areas @ right) / (solver.receivers.areas @ wrong)
+
+    def gathered_over(photons, fed: bool):
+        g = static.StaticGather(solver.model, 0, lambda: photons)
+        for new in g._final.steps(lambda: g._known(photons) if fed else photons):
+            if new and g._final.paths > 1000:
+                return g._final.mean, g.weights @ g._known(photons)
+
+    once, fed = (
+        relative_error(*(gathered_over(E, fed)[0] for E in (wrong, right)), solver.receivers.areas).l1
+        for fed in (False, True)
+    )
+    assert once > 0.1
+    assert fed < 0.4 * once
+    assert gathered_over(right, True)[1] == pytest.approx(solver.receivers.areas @ right)

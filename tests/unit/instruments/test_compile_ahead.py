@@ -1,0 +1,33 @@
+"""Kernels are compiled before a user waits for one."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gi_core.discs.search import SEARCHES
+from gi_core.instruments import compile_ahead
+
+
+@pytest.mark.parametrize("name", SEARCHES)
+def test_the_warm_up_splats_with_every_search(name, monkeypatch):
+    calls, made = [], SEARCHES[name]
+    splat = made.splat
+
+    def counted(self, *given):
+        calls.append(len(given))
+        return splat(self, *given)
+
+    monkeypatch.setattr(made, "splat", counted)
+    compile_ahead._search(compile_ahead._trace(), name)
+    assert calls
+
+
+def test_the_process_that_compiles_from_behind_ends_with_the_one_that_started_it():
+    command = [sys.executable, "-m", "gi_core.instruments.compile_ahead", compile_ahead.FROM_BEHIND]
+    with subprocess.Popen(command, cwd=Path(__file__).parents[3], stdin=subprocess.PIPE) as process:
+        process.stdin.close()
+        assert process.wait(timeout=60) == 0

@@ -1,0 +1,99 @@
+"""The store: what was gathered is there again, for the same question only, and whatever interrupts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.rest import reference_run, reference_store
+from app.rest.reference_run import run
+from app.rest.reference_store import ReferenceStore, reference_folder
+from gi_core.model import Model
+from gi_core.scene.types import Pose
+from tests.support import scene_builders as build
+
+ROWS = np.arange(0, 60, 3)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv(reference_store.FOLDER, str(tmp_path / "reference"))
+    return tmp_path / "reference"
+
+
+def store(scene, **more) -> ReferenceStore:
+    return ReferenceStore(Model(scene), **{"rows": ROWS, **more})
+
+
+def room(**more) -> ReferenceStore:
+    return store(build.coloured_room((build.box_mobile(),)), **more)
+
+
+def test_what_is_saved_is_loaded(folder):
+    s = room()
+    assert reference_folder() == folder and s.load() is None
+    *_, last = run(s, 0.2)
+    assert 0 < last.noise <= 0.2 and last.fraction == 1
+    again = room().load()
+    assert all(np.array_equal(a, b) for a, b in zip(again, last.state, strict=True))
+    assert len(list(folder.iterdir())) == 1  # nothing lies aside
+    assert len(list(run(room(), 0.2))) == 1  # nothing to do
+
+
+def test_other_questions_have_other_names():
+    from dataclasses import replace
+
+    scene = build.coloured_room((build.box_mobile(),))
+    moved = replace(scene, mobiles=(scene.mobiles[0]._replace(pose=Pose((0.5, 0.2, 0.3))),))
+    brighter = replace(scene, lights=(scene.lights[0]._replace(flux=(2.0, 2.0, 0.5)), scene.lights[1]))
+    darker = replace(scene, materials=(build.grey(0.1), *scene.materials[1:]))
+    vertices = scene.static.vertices + 1e-9
+    bent = replace(scene, static=scene.static._replace(vertices=vertices))
+    keys = [store(s).key() for s in (scene, moved, brighter, darker, bent)]
+    keys += [room(seed=1).key(), room(rows=ROWS[1:]).key(), room(poses={"box": Pose((0.1, 0.2, 0.3))}).key()]
+    assert len(set(keys)) == len(keys)
+    assert room().key() == keys[0]  # and the same one the same, in another model
+    assert room(poses={"box": Pose((0.5, 0.2, 0.3))}).key() == keys[1]  # however the pose is given
+
+
+@pytest.mark.parametrize("after", [1, 4])
+def test_an_interrupt_loses_nothing(after, monkeypatch):
+    """Stopped by Ctrl+C after some steps and taken up again: the bits of a run that was not."""
+    monkeypatch.setattr(reference_run, "SAVE_EVERY", 1e9)
+    whole = list(run(room(folder=reference_folder() / "other"), 0.02))[-1]
+    steps = run(room(), 0.02)
+    for _ in range(after):
+        next(steps)
+    with pytest.raises(KeyboardInterrupt):
+        steps.throw(KeyboardInterrupt)
+    there = room().load()
+    assert there is not None and there.sets.sum() < whole.state.sets.sum()
+    *_, resumed = run(room(), 0.02)
+    assert all(np.array_equal(a, b) for a, b in zip(resumed.state, whole.state, strict=True))
+
+
+def test_it_is_saved_on_the_way_too(monkeypatch):
+    monkeypatch.setattr(reference_run, "SAVE_EVERY", 0.0)
+    steps = run(room(), 1e-9)
+    for _ in range(3):
+        next(steps)
+    assert room().load() is not None
+    steps.close()
+
+
+def test_a_damaged_file_counts_for_nothing():
+    s = room()
+    *_, last = run(s, 0.3)
+    whole = s.path.read_bytes()
+    for contents in (b"", b"no zip", whole[: len(whole) // 2]):
+        s.path.write_bytes(contents)
+        assert room().load() is None
+    s.save(last.state)
+    assert room().load() is not None
+
+
+def test_the_end_is_foretold():
+    seen = [r for r in run(room(), 0.004) if r.seconds_left is not None]
+    assert len(seen) > 3
+    fractions = [r.fraction for r in seen]
+    assert fractions[-1] == 1 and all(0 <= f <= 1 for f in fractions)

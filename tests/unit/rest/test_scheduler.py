@@ -1,0 +1,137 @@
+"""Work at rest on a machine with nothing stored: it ends, it is stored, and a failed job ends nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.draw import view_content
+from app.rest.reference_store import StateFile, StaticStore
+from app.rest.static_job import SAVE_EVERY
+from app.session.log import ERROR, Log
+from app.session.opening import Opened
+from app.session.session import Session
+from app.settings import Settings
+from gi_core.gather import static
+from gi_core.gather.reference import nothing_gathered
+from gi_core.solver import Solver
+from tests.support import viewer_support as support
+from tests.support.scene_builders import box_mobile, coloured_room
+
+SCENE = coloured_room((box_mobile(size=0.2),))
+UNLIT = replace(SCENE, materials=tuple(m._replace(emission=(0.0,) * 3) for m in SCENE.materials), lights=())
+TASK = 0.4 * SAVE_EVERY  # s of the test's clock that each task takes: every third is past a save
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "empty"))
+    monkeypatch.setattr(static, "ENOUGH", 0.03)
+    return tmp_path / "empty"
+
+
+def opened(scene=SCENE) -> Session:
+    """Return a session whose solver works at once, but takes TASK seconds of a clock that nobody waits for."""
+    settings = Settings(photons=3000, radius=0.06, neighbours=20, exposure=0.0, light="best")
+    solver = Solver(scene, photons=3000, radius=0.06)
+    solver.configure(light="best")
+    clock = support.Clock()
+    session = Session(settings, Log(), lambda settings: None, clock, support.Behind(clock, TASK))
+    session.adopt(Opened(settings, solver, (), None))
+    return session
+
+
+def rest(session: Session, tasks: int = 3000) -> None:
+    """Let a session do all that is to be done at rest."""
+    for _ in range(tasks):
+        session.tick(1 / 60, budget=2 * TASK)
+        if session.light._job is None and not session.refining:
+            return
+    raise AssertionError("no end of work at rest")
+
+
+def errors(session: Session) -> list[str]:
+    return [entry.text for entry in session.log.entries if entry.level == ERROR]
+
+
+def test_all_work_at_rest_is_done_and_stored_where_nothing_was(folder, capfd):
+    session = opened()
+    assert not folder.exists()
+    rest(session)
+    assert session.gathering.told.fraction == 1.0 and session.appraisal.report.done
+    session.want(replace(session.settings, show="error", compare="impact_count"))
+    rest(session)
+    shown = view_content.shown(session)
+    assert shown.errors is not None and len(shown.sides) == 2 and not shown.coming
+    assert errors(session) == [] and capfd.readouterr().err == ""
+    store = StaticStore(session.solver.model, session.solver.seed)
+    assert np.array_equal(store.load().mean, session.solver.gathered.state.mean)
+    assert len(list(folder.iterdir())) == 2, "the static light and the reference"
+    assert np.array_equal(session.irradiance, session.solver.from_scratch())
+
+
+def test_rest_ends_where_there_is_no_light():
+    session = opened(UNLIT)
+    rest(session)
+    assert errors(session) == [] and not session.irradiance.any()
+    assert session.appraisal.report.done and not session.appraisal.points.all
+
+
+JOBS = {
+    "gathering the static light": "app.rest.static_job.Gathering._step",
+    "timing frames": "app.rest.live_error.Appraisal._measure",
+    "computing impact count": "app.rest.comparison.OtherLook.step",
+    "gathering the reference": "app.rest.reference_job.Truth.step",
+}
+
+
+@pytest.mark.parametrize("job", JOBS)
+def test_a_job_that_fails_ends_nothing_else(job, monkeypatch, capfd):
+    calls = []
+
+    def fail(*_):
+        calls.append(1)
+        raise RuntimeError("out of luck")
+
+    monkeypatch.setattr(JOBS[job], fail)
+    session = opened()
+    rest(session)
+    session.want(replace(session.settings, compare="impact_count"))
+    rest(session)
+    line = f"{job} has failed and stops until F5: out of luck"
+    assert len(calls) == 1 and errors(session) == [line]
+    told = capfd.readouterr().err
+    assert told.startswith("Traceback") and told.endswith("RuntimeError: out of luck\n")
+    measured, report = session.appraisal._measured, session.appraisal.report
+    done = {
+        "gathering the static light": session.gathering.told.fraction == 1.0,
+        "timing frames": measured is not None and measured.twin is None,
+        "computing impact count": session.appraisal.other.seen is not None,
+        "gathering the reference": report is not None and report.done,
+    }
+    assert done == {name: name != job for name in JOBS}
+    pose = session.poses["box"]
+    session.move({"box": pose._replace(position=(0.6, 0.5, 0.4))})
+    rest(session)
+    assert len(calls) == 1, "nor after a move"
+
+
+@pytest.mark.parametrize("what", ["empty", "text", "truncated", "another shape", "another type", "a number"])
+def test_a_stored_file_that_cannot_be_used_counts_as_none(what, folder):
+    file = StateFile("key", 5, folder)
+    state = nothing_gathered(5)
+    file.save(state)
+    whole = file.path.read_bytes()
+    assert file.load() is not None
+    match what:
+        case "another shape":
+            file.save(state._replace(mean=np.zeros(5)))
+        case "another type":
+            file.save(state._replace(sets=np.array(["one"] * 5)))
+        case "a number":
+            file.save(state._replace(sets=np.int32(0)))
+        case _:
+            file.path.write_bytes({"empty": b"", "text": b"what?", "truncated": whole[: len(whole) // 2]}[what])
+    assert file.load() is None

@@ -1,0 +1,194 @@
+"""Settings that choose themselves: laws are found again in trials made of them, and the choice is the best there is."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app import __main__ as cli
+from app.rest.tuning import tune
+from gi_core.estimators.setting import Setting
+from gi_core.scene import Pose
+from gi_core.solver import Solver
+from gi_core.tuning.error_model import Choice, Law, law_of, over_radii, within_error, within_time
+from gi_core.tuning.setting_trials import RECEIVERS, Trial, trial, yardsticks
+from tests.support.scene_builders import box_mobile, coloured_room, plane_scene
+
+COUNTS = np.array([8192, 16384, 32768, 65536, 131072])
+
+
+def setting(radius: float = 0.1) -> Setting:
+    return Setting("tangent_plane", radius, 50)
+
+
+def made(law: Law) -> Trial:
+    alone = np.array([law.error(n) ** 2 for n in COUNTS])
+    moving = np.array([law.error(COUNTS[-1], n) ** 2 for n in COUNTS])
+    return Trial(law.setting, COUNTS, alone, moving, np.array([law.seconds(n) for n in COUNTS]))
+
+
+def like_photons(radius: float) -> Law:
+    """Return a law as theory has it: noise as 1 / r, bias as r^2, time as r."""
+    return Law(setting(radius), 10 / radius**2, 2 / radius**2, 4 * radius**2, 1e-3, 1e-6 * radius)
+
+
+def test_a_law_is_found_again():
+    law = Law(setting(), noise=900.0, moving=100.0, bias=0.03, start=2e-3, slope=1e-7)
+    found = law_of(made(law))
+    assert found[1:] == pytest.approx(law[1:], rel=1e-6)
+    without = law._replace(bias=0.0, start=0.0)
+    assert law_of(made(without))[1:] == pytest.approx(without[1:], rel=1e-6, abs=1e-5)
+
+
+def test_noise_in_a_trial_leaves_the_law_about_right():
+    law = Law(setting(), noise=900.0, moving=100.0, bias=0.03, start=2e-3, slope=1e-7)
+    rng, exact = np.random.default_rng(0), made(law)
+    shaken = exact._replace(alone=exact.alone * rng.normal(1, 0.1, 5), seconds=exact.seconds * rng.normal(1, 0.1, 5))
+    found = law_of(shaken)
+    assert found.error(1e6) == pytest.approx(law.error(1e6), rel=0.3)
+    assert found.seconds(1e6) == pytest.approx(law.seconds(1e6), rel=0.3)
+
+
+def test_one_count_of_photons_is_enough_for_a_rough_law():
+    found = law_of(Trial(setting(), COUNTS[:1], np.array([0.01]), np.array([0.01]), np.array([4e-3])))
+    assert found.error(4 * 8192) == pytest.approx(0.05)
+    assert found.seconds(2 * 8192) == pytest.approx(8e-3)
+
+
+def test_exponents_of_the_radius_are_found_and_radii_in_between_follow_them():
+    radii = (0.05, 0.07, 0.1, 0.14)
+    laws, exponents = over_radii([like_photons(r) for r in radii])
+    assert exponents == pytest.approx({"A": -2, "M": -2, "B": 2, "s": 0, "c": 1}, abs=1e-6)
+    assert laws[0].setting.radius == 0.05 and laws[-1].setting.radius == 0.14
+    for law in laws:
+        assert law.error(1e5) == pytest.approx(like_photons(law.setting.radius).error(1e5), rel=0.02)
+
+
+@pytest.mark.parametrize("budget", [2e-3, 5e-3, 30e-3])
+def test_the_choice_for_a_time_is_the_best_of_all(budget):
+    laws = [like_photons(r) for r in np.linspace(0.02, 0.3, 40)]
+    choice = within_time(laws, budget, photons=1_000_000)
+    assert choice.met and choice.seconds <= budget * (1 + 1e-9)
+    others = [law.error(1e6, min(law.photons_within(budget), 1e6)) for law in laws]
+    assert choice.moving_error == pytest.approx(min(others), rel=1e-3)
+
+
+def test_more_time_asks_for_smaller_discs():
+    laws = [like_photons(r) for r in np.linspace(0.02, 0.3, 40)]
+    radii = [within_time(laws, t, 10_000_000).setting.radius for t in (1.2e-3, 5e-3, 100e-3)]
+    assert radii[0] > radii[1] > radii[2]
+
+
+def test_a_time_that_nothing_keeps_is_told():
+    choice = within_time([like_photons(0.1)], 0.5e-3, 100_000)
+    assert not choice.met and choice.frame > 0 and math.isfinite(choice.moving_error)
+
+
+def test_the_choice_for_an_error_is_the_fastest_that_keeps_it():
+    laws = [like_photons(r) for r in np.linspace(0.02, 0.3, 40)]
+    choice = within_error(laws, 0.05, 16e-3, most=10_000_000)
+    assert choice.met and choice.error <= 0.05
+    fitting = [law.seconds(law.photons_for(0.05)) for law in laws if law.photons_for(0.05) <= 10_000_000]
+    law = next(law for law in laws if law.setting == choice.setting)
+    assert law.seconds(choice.photons) == pytest.approx(min(fitting), rel=1e-3)
+
+
+def test_an_error_that_cannot_be_had_gives_the_least():
+    laws = [like_photons(r) for r in (0.1, 0.2)]
+    choice = within_error(laws, 1e-4, 16e-3, most=1_000_000)
+    assert not choice.met and choice.photons == 1_000_000
+    assert choice.error == pytest.approx(min(law.error(1e6) for law in laws))
+
+
+SCENE = coloured_room((box_mobile(size=0.2),))
+
+
+@pytest.fixture(scope="module")
+def solver() -> Solver:
+    solver = Solver(SCENE, photons=60_000, radius=0.08)
+    solver.solve()
+    return solver
+
+
+def finished(steps):
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def test_a_trial_foretells_what_more_photons_do(solver, monkeypatch):
+    """From 16,384 photons to 60,000: noise falls to about half."""
+    judge = solver.twin()
+    sticks = finished(yardsticks(judge, [{"box": Pose((0.55, 0.5, 0.35))}]))
+    assert len(sticks[0].rows) > 30 and 0 < sticks[0].noise < 0.05
+    assert sticks[0].weights.sum() == RECEIVERS, "large receivers are drawn more than once"
+    monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 16_384)
+    law = law_of(finished(trial(judge, sticks, radius=0.08)))
+    assert law.noise > 0 and law.slope >= 0
+    before = solver.irradiance.copy()
+    monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 60_000)
+    large = finished(trial(judge, sticks, radius=0.08))
+    assert law.error(60_000) == pytest.approx(math.sqrt(large.alone[-1]), rel=0.5)
+    few, many = large.moving[:2] / large.alone[:2], large.moving[2:] / large.alone[2:]
+    # Squared errors. Sobol points leave less noise to remove than a lattice did, where photons are 16,384.
+    assert (few < 1.0).all() and few.min() < 0.8, "the static light of all photons helps"
+    assert (many < 1.1).all(), "a half of the photons has little to gain, and what chance may have made is left out"
+    assert np.array_equal(solver.irradiance, before), "trials leave the solver alone"
+    solver.move_all({})
+    assert np.array_equal(solver.irradiance, before)
+
+
+def test_tuning_ends_in_a_choice_that_the_solver_takes(solver, monkeypatch):
+    monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 16_384)
+    monkeypatch.setattr("gi_core.tuning.setting_trials.MOST_PATHS", 64)
+    told = []
+    steps = tune(solver, budget=0.01, error=0.2)
+    while True:
+        try:
+            told.append(next(steps))
+        except StopIteration as end:
+            found = end.value
+            break
+    shares = [share for _, share in told]
+    assert shares == sorted(shares) and 0 <= shares[0] and shares[-1] < 1
+    assert {law.setting.estimator for law in found.laws} == {"tangent_plane", "photon_map", "impact_count"}
+    other = Solver(SCENE, photons=0)
+    other.configure(photons=found.choice.photons, **found.choice.setting._asdict())
+    other.solve()
+    assert other.irradiance.any()
+
+
+def test_the_command_prints_trials_and_choice(monkeypatch, capsys):
+    monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 8192)
+    monkeypatch.setattr("gi_core.tuning.setting_trials.MOST_PATHS", 32)
+    assert cli.main(["tune", "cornell", "--photons", "8192", "--check", "--budget", "30"]) == 0
+    text = capsys.readouterr().out
+    assert "impact_count" in text and "for frames of 30 ms: " in text and "found: " in text
+    assert "\ngi-viewer cornell --estimator " in text
+    monkeypatch.setattr("app.settings.open_scene", lambda settings: plane_scene())
+    assert cli.main(["tune", "plane"]) == 2
+    assert "no mobile to move" in capsys.readouterr().err
+
+
+def test_the_printed_command_line_opens_the_window_with_the_choice():
+    from app.__main__ import parse, settings_of
+    from app.commands.tune import command_line
+    from app.rest.tuning import Tuned
+    from app.settings import Settings
+
+    chosen = {"estimator": "photon_map", "photons": 123_456, "radius": 0.0123, "neighbours": 80, "control": False}
+    asked = Settings(
+        scene="my room.glb", mobiles=("chair.glb",), poses=(("chair", (1.0, 0.5, -2.0)),), up="z", seed=3, budget=20.0,
+        light="best",
+    )  # fmt: skip
+    setting = Setting("photon_map", 0.0123, 80, control=False)
+    found = Tuned(Choice(setting, 123_456, 8192, 0.01, 0.02, 0.03, True), (), {}, 16)
+    command, *words = shlex.split(command_line(asked, found))
+    assert command == "gi-viewer"
+    assert settings_of(parse(words)) == replace(asked, **chosen, light="best")

@@ -1,0 +1,1 @@
+"""The window, the session behind it and what both draw."""

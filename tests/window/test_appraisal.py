@@ -1,0 +1,284 @@
+"""What is done at rest: errors are told rightly and by the right light, in pieces, and never in a drag's way."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.draw import view_content
+from app.rest import live_error as module
+from app.rest.live_error import Appraisal, Wants
+from app.session.log import Log
+from app.session.session import Session
+from app.settings import Settings
+from app.worker import Task
+from gi_core.gather.reference import reference_irradiance
+from gi_core.geometry.error import luminance, relative_error
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.solver import Solver
+from tests.support import viewer_support as support
+from tests.window.test_session import FRAME, frame, make
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "references"))
+    return tmp_path / "references"
+
+
+@pytest.fixture(scope="module")
+def solver():
+    s = Solver(support.room(), photons=20_000, radius=0.06)
+    s.solve()
+    return s
+
+
+def finish(appraisal, solver, version, until=lambda: False, pieces=3000):
+    """Do all the work; return how many pieces there were."""
+    for k in range(pieces):
+        task = appraisal.next_task(version, solver.irradiance)
+        if task is None or until():
+            return k
+        task.run()
+    raise AssertionError("no end of work")
+
+
+def test_the_error_is_that_against_a_reference_of_its_own(solver):
+    appraisal = Appraisal(solver, time.perf_counter)
+    finish(appraisal, solver, 1)
+    r = appraisal.report
+    assert r.version == 1 and r.done and r.receivers == r.of == int((solver.receivers.areas > 0).sum())
+    points, normals = evaluation_points(solver.surfaces, solver.receivers)
+    truth, _ = reference_irradiance(solver.scene, points, normals, 256, 7, model=solver.model)
+    assert r.total == pytest.approx(relative_error(solver.irradiance, truth, solver.receivers.areas).l1, rel=0.1)
+    assert r.truth_noise <= 0.15 * r.total and 0 < r.noise < 1.2 * r.total and 0 <= r.bias < r.total
+    (point,) = appraisal.points.all
+    assert point.photons == 20_000 and point.error == r.total and point.seconds > 0
+    assert "tangent plane\n20 000 photons\nradius 0.06 m" in point.label and "control" in point.label
+
+
+def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
+    """Told by smoothing it again, for the receivers that it is of; what smoothing blurs is bias."""
+    monkeypatch.setattr("gi_core.gather.static.ENOUGH", 0.03)
+    s = Solver(replace(support.room(), mobiles=()), photons=20_000, radius=0.06)
+    s.configure(light="best")
+    s.solve()
+    for _ in s.gather_steps():
+        pass
+    assert s.uses_gathered
+    appraisal = Appraisal(s, time.perf_counter)
+    finish(appraisal, s, 1)
+    r = appraisal.report
+    assert 0.4 * s.gathered.noise < r.noise < s.gathered.noise
+    assert 0.5 * r.total < np.hypot(r.noise, r.truth_noise) < 1.2 * r.total
+
+
+def test_a_new_setting_is_told_by_the_same_reference_and_adds_a_point(solver):
+    appraisal = Appraisal(solver, time.perf_counter)
+    finish(appraisal, solver, 1)
+    truth = appraisal.truth(solver.poses, False)
+    rounds = truth.rounds
+    twin = solver.twin()
+    twin.configure(estimator="impact_count")
+    twin.solve()
+    other = Appraisal(twin, time.perf_counter)
+    other._truths, other.points = appraisal._truths, appraisal.points
+    finish(other, twin, 2)
+    assert other.truth(twin.poses, False) is truth and truth.rounds >= rounds, "nothing is gathered anew"
+    told = relative_error(twin.irradiance[truth.rows], truth.irradiance, truth.weights).l1
+    assert other.report.version == 2 and other.report.total == told != appraisal.report.total
+    assert [t.setting.estimator for t in other.points.all] == ["tangent_plane", "impact_count"]
+    finish(other, twin, 3)
+    assert len(other.points.all) == 2, "a setting is one point"
+
+
+def test_a_large_scene_is_measured_at_a_stated_choice_of_its_receivers(solver, monkeypatch):
+    monkeypatch.setattr(module, "ALL", 100)
+    monkeypatch.setattr(module, "SOME", 300)
+    monkeypatch.setattr(module, "GOOD_PICTURE", 0.05)
+    appraisal = Appraisal(solver, time.perf_counter)
+    finish(appraisal, solver, 1)
+    r = appraisal.report
+    assert r.receivers == 300 < r.of and appraisal.picture(solver.poses) is None
+    appraisal.wants = Wants(picture=True)
+    finish(appraisal, solver, 1)
+    picture = appraisal.picture(solver.poses)
+    lit = solver.receivers.areas > 0
+    assert np.isfinite(picture[lit]).all() and np.isnan(picture[~lit]).all()
+    assert relative_error(solver.irradiance, picture, solver.receivers.areas, lit).l1 == pytest.approx(r.total, rel=0.3)
+    assert appraisal.report == r, "the numbers remain those of the choice"
+
+
+def test_another_estimator_sees_what_a_solver_of_its_own_would(solver):
+    alone = Solver(support.room(), "photon_map", photons=20_000, radius=0.06)
+    alone.solve()
+    appraisal = Appraisal(solver, time.perf_counter)
+    appraisal.wants = Wants(numbers=False, other="photon_map")
+    before = solver.irradiance
+    finish(appraisal, solver, 1)
+    assert appraisal.other.is_done(1, "photon_map") and not appraisal.other.is_done(2, "photon_map")
+    assert np.array_equal(appraisal.other.seen.irradiance, alone.irradiance)
+    assert solver.irradiance is before and solver.estimator == "tangent_plane"
+    pose = solver.poses["block"]
+    moved = pose._replace(position=(0.6, 0.3, 0.5))
+    solver.move("block", moved)
+    alone.move("block", moved)
+    finish(appraisal, solver, 2)
+    assert np.array_equal(appraisal.other.seen.irradiance, alone.irradiance)
+    solver.move("block", pose)
+    appraisal.wants = Wants(numbers=False)
+    assert appraisal.next_task(3, solver.irradiance) is None
+    assert appraisal.other.seen is None and appraisal.other._twin is None, "its memory is given back"
+
+
+def test_a_reference_at_the_poses_of_the_start_is_there_at_once_next_time(solver, folder):
+    first = Appraisal(solver, time.perf_counter)
+    gathered = finish(first, solver, 1)
+    (file,) = folder.iterdir()
+    again = Appraisal(solver, time.perf_counter)
+    assert finish(again, solver, 1) < gathered / 2
+    assert again.report.total == pytest.approx(first.report.total, rel=1e-3)
+    pose = solver.poses["block"]
+    solver.move("block", pose._replace(position=(0.6, 0.3, 0.5)))
+    finish(again, solver, 2)
+    assert list(folder.iterdir()) == [file], "any other pose is not kept on disk"
+    solver.move("block", pose)
+
+
+# When it is done ------------------------------------------------------------------------------------
+
+
+def resting(s, pieces=1000):
+    """Give a session that only counts something to do at rest; return the list of pieces done."""
+    done = []
+    task = Task("counting", lambda: done.append(s.clock()))
+    s.light.at_rest = lambda given_up: task if len(done) < pieces else None
+    while s.refining:
+        frame(s)
+    return done
+
+
+def test_work_at_rest_waits_for_everything_else():
+    s = make()
+    done = []
+    s.light.at_rest = lambda given_up: Task("counting", lambda: done.append(1))
+    while s.refining:
+        assert not done
+        frame(s)
+    frame(s)
+    frame(s)
+    assert done and not s.refining, "nobody waits for it"
+
+
+def test_nothing_is_done_at_rest_while_something_moves():
+    s = make()
+    done = resting(s)
+    s.begin_drag()
+    s.move({"block": s.poses["block"]._replace(position=(0.4, 0.3, 0.5))})
+    count = len(done)
+    for _ in range(20):
+        frame(s)
+    assert len(done) <= count + 1, "the piece under way"
+    s.end_drag()
+    s.toggle_play()
+    for _ in range(20):
+        frame(s)
+    assert len(done) <= count + 2
+    s.toggle_play()
+    while s.refining:
+        frame(s)
+    for _ in range(5):
+        frame(s)
+    assert len(done) > count + 2
+    count = len(done)
+    for _ in range(20):
+        s.tick(FRAME, still=False)
+        s.clock.now += FRAME
+    assert len(done) <= count + 1, "nor while the camera does"
+
+
+@pytest.mark.parametrize("piece", [0.001, 0.01, 0.05])
+def test_a_drag_waits_for_the_piece_under_way_and_no_longer(piece):
+    s = make(step_seconds=piece)
+    resting(s)
+    for _ in range(3):
+        frame(s)
+    s.begin_drag()
+    started = s.clock()
+    s.move({"block": s.poses["block"]._replace(position=(0.4, 0.3, 0.5))})
+    assert s.clock() - started <= s.light.grace + 1e-9
+    frame(s)
+    assert s.clock() - started <= 2 * piece + 0.01 + s.light.grace
+
+
+# What is shown --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def session():
+    settings = replace(support.SETTINGS, photons=8192, tone_map="clip", exposure=0.0)
+    opened = support.opened(settings)
+    s = Session(replace(opened.settings, exposure=0.0), Log(), open_with=lambda settings: None)
+    s.adopt(opened)
+    yield s
+    s.close()
+
+
+def rest(s, until, seconds=60.0):
+    limit = time.monotonic() + seconds
+    while not until():
+        assert time.monotonic() < limit, "waited too long"
+        s.tick(FRAME)
+
+
+def test_the_reference_and_errors_come_when_everything_rests_and_go_when_something_moves(session):
+    s = session
+    rest(s, lambda: not s.refining)
+    plain = view_content.shown(s)
+    assert [side.label for side in plain.sides] == ["Tangent plane, 8 192 photons"] and not plain.named
+    s.want(replace(s.settings, compare="reference", show="error"))
+    s.tick(FRAME)
+    now = view_content.shown(s)
+    assert len(now.sides) == 1 and "reference" in now.coming and now.errors is None
+    version = s.version
+    rest(s, lambda: len(view_content.shown(s).sides) == 2 and not view_content.shown(s).coming)
+    now = view_content.shown(s)
+    assert s.version > version, "it is drawn when it is there"
+    assert now.sides[1].label.startswith("Reference") and now.errors.scale > 0
+    # Where the estimate is too bright the map is red, where it is too dark blue, the reference is all light grey.
+    mesh = s.meshes[0]
+    front, _ = view_content.paint(mesh, now.sides[0], now.errors, False)
+    off = luminance(now.sides[0].irradiance - now.errors.truth)[mesh.front]
+    assert (front[off > 0.1, 0] > front[off > 0.1, 2]).all() and (front[off < -0.1, 2] > front[off < -0.1, 0]).all()
+    right, _ = view_content.paint(mesh, now.sides[1], now.errors, False)
+    assert np.ptp(right) < 0.01
+    s.want(replace(s.settings, show="radiance", reference=True, compare=""))
+    s.tick(FRAME)
+    assert view_content.shown(s).sides[0].label.startswith("Reference") and view_content.shown(s).named
+    # Another pose: nothing is known of it.
+    s.begin_drag()
+    s.move({"block": s.poses["block"]._replace(position=(0.4, 0.3, 0.5))})
+    rest(s, lambda: s.light.poses_drawn["block"].position[0] == 0.4)
+    assert (
+        view_content.shown(s).sides[0].label.startswith("Tangent plane") and "reference" in view_content.shown(s).coming
+    )
+    s.end_drag()
+    rest(s, lambda: view_content.shown(s).sides[0].label.startswith("Reference"))
+
+
+def test_nothing_is_measured_unless_it_is_wanted(session):
+    s = session
+    s.want(replace(s.settings, appraise=False))
+    rest(s, lambda: not s.refining)
+    for _ in range(20):
+        s.tick(FRAME)
+    assert s.appraisal.report is None and not s.appraisal.points.all
+    s.want(replace(s.settings, appraise=True))
+    rest(s, lambda: s.appraisal.report is not None)
+
+
+def test_settings_of_the_window_are_not_those_of_the_command_line():
+    assert Settings().compare == "" and Settings().appraise and not Settings().reference

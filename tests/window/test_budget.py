@@ -1,0 +1,252 @@
+"""The budget: one prefix of the photons throughout a motion, all of them at rest. Counted, on a clock held still."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from app.session.log import Log
+from app.session.opening import Opened
+from app.session.session import STILL, Session
+from app.settings import Settings
+from gi_core.frames.frame_budget import IN_A_ROW, FrameBudget
+from gi_core.scene import Pose
+from tests.support import viewer_support as support
+
+FRAME = 1 / 60
+BUDGET_MS = 12.5
+
+
+@pytest.fixture(autouse=True)
+def a_hundred_photons_make_a_picture(monkeypatch):
+    monkeypatch.setattr("gi_core.frames.frame_budget.LEAST", 100)
+
+
+def make(budget=BUDGET_MS, photon_seconds=16e-6, wrong=1.0, step_seconds=0.001):
+    """Return a session with 1000 photons at rest: with 500 a move takes 12 ms, with all 20."""
+    clock = support.Clock()
+    solver = support.CountingSolver(support.room(1), clock, 10, photon_seconds, wrong)
+    settings = Settings(
+        estimator="tangent_plane", photons=1000, radius=0.05, neighbours=50, exposure=0.0, budget=budget
+    )
+    s = Session(
+        settings,
+        Log(),
+        open_with=lambda settings: None,
+        clock=clock,
+        appraise=None,
+        worker=support.Behind(clock, step_seconds),
+    )
+    s.adopt(Opened(settings, solver, (), None))
+    while s.refining:
+        frame(s)
+    assert s.light.photons_shown == s.light.photons_there == 1000
+    return s
+
+
+def frame(s: Session) -> None:
+    started = s.clock.now
+    s.tick(FRAME)
+    s.clock.now += max(FRAME - (s.clock.now - started), 0)
+
+
+def drag(s: Session, frames: int, first: int = 0) -> list[int]:
+    """Move the block in every frame; return how many photons each picture was made of."""
+    shown = []
+    for k in range(first, first + frames):
+        s.move({"block": Pose((0.3 + 0.001 * k, 0.3, 0.5))})
+        shown.append(s.light.photons_shown)
+        frame(s)
+    return shown
+
+
+def test_a_drag_keeps_to_one_prefix_and_all_photons_are_shown_when_it_is_released():
+    s = make()
+    s.begin_drag()
+    assert drag(s, 40) == [500] * 40
+    assert s.light.photons_there == 1000
+    there, version, settled = s.poses["block"], s.version, len(s.solver.moved_with)
+    s.end_drag()
+    frame(s)
+    frame(s)
+    assert s.light.photons_shown == 1000 and s.version > version and s.pose_list == [there]
+    assert s.solver.moved_with[-1] == 1000 and s.irradiance is s.solver.irradiance
+    for _ in range(10):
+        frame(s)
+    assert s.solver.moved_with[settled:] == [1000], "once is enough"
+
+
+def test_all_photons_are_shown_while_an_object_is_held_still_and_the_same_prefix_after_that():
+    s = make()
+    s.begin_drag()
+    drag(s, 5)
+    for _ in range(int(STILL / FRAME) - 1):
+        frame(s)
+        assert s.light.photons_shown == 500, "not at the first hesitation"
+    for _ in range(5):
+        frame(s)
+    assert s.light.photons_shown == 1000 and s.dragging and not s.light.partial
+    assert drag(s, 5, first=5) == [500] * 5
+
+
+def test_playing_keeps_to_one_prefix_too():
+    s = make()
+    s.toggle_play()
+    for _ in range(20):
+        frame(s)
+        assert s.light.photons_shown == 500
+    s.toggle_play()
+    frame(s)
+    frame(s)
+    assert s.light.photons_shown == 1000
+
+
+def test_off_means_all_photons_always():
+    s = make(budget=0.0)
+    s.begin_drag()
+    assert drag(s, 10) == [1000] * 10
+
+
+def test_frames_that_keep_missing_the_budget_take_fewer_photons_and_never_more_again():
+    """The solver believes that all fit; they take 20 ms of 8. Down a step a few late frames later, until they fit."""
+    s = make(budget=8.0, wrong=0.3)
+    s.begin_drag()
+    shown = drag(s, 40)
+    assert shown[0] == 1000 and shown[-1] == 250, "250 take 8 ms"
+    assert shown == sorted(shown, reverse=True)
+    assert shown.index(500) == IN_A_ROW and shown[IN_A_ROW:].count(500) < 40
+    s.end_drag()
+    for _ in range(3):
+        frame(s)
+    s.begin_drag()
+    assert drag(s, 1) == [1000], "chosen anew"
+
+
+def test_a_hiccup_of_the_machine_changes_nothing():
+    s = make()
+    s.begin_drag()
+    shown = []
+    for k in range(30):
+        s.solver.photon_seconds = 60e-6 if k % IN_A_ROW == 1 else 16e-6
+        shown += drag(s, 1, first=k)
+    assert set(shown) == {500}
+
+
+def test_a_change_of_the_budget_counts_from_the_next_frame_on():
+    s = make()
+    s.toggle_play()
+    frame(s)
+    assert s.light.photons_shown == 500
+    s.want(replace(s.settings, budget=9.0))
+    frame(s)
+    assert s.light.photons_shown == 250
+    assert s.solver.count("configure") == 0, "nothing of it is the solver's business"
+
+
+def test_undo_and_reset_show_all_photons_at_once():
+    s = make()
+    s.begin_drag()
+    drag(s, 3)
+    s.end_drag()
+    s.undo()
+    assert s.light.photons_shown == 1000 and s.solver.moved_with[-1] == 1000
+
+
+def test_refinement_goes_on_at_rest_with_the_prefix_left_behind():
+    """Nothing has been traced beyond the first picture when the drag begins; afterwards the rest is."""
+    clock = support.Clock()
+    solver = support.CountingSolver(support.room(1), clock, 40, 16e-6)
+    settings = Settings(estimator="tangent_plane", photons=1000, radius=0.05, neighbours=50, exposure=0.0, budget=9.0)
+    s = Session(
+        settings, Log(), open_with=lambda _: None, clock=clock, appraise=None, worker=support.Behind(clock, 0.004)
+    )
+    s.adopt(Opened(settings, solver, (), None))
+    while s.light.photons_there < 250:
+        frame(s)
+    s.begin_drag()
+    steps = solver.count("step")
+    shown = drag(s, 10)
+    assert set(shown[1:]) == {s.light.photons_there} == {250} and solver.count("step") <= steps + 1
+    s.end_drag()
+    while s.refining:
+        frame(s)
+    assert s.light.photons_shown == 1000
+
+
+def test_at_rest_the_frames_of_prefixes_are_timed_once_for_the_first_drag_and_nothing_of_it_is_shown():
+    """Smallest first, three times each, up to one that takes longer than the budget; then all photons as before."""
+    s = make()
+    timed = [photons for what, photons in s.solver.log if what == "timed"]
+    assert timed == [*[125] * 3, *[250] * 3, *[500] * 3, 1000]
+    version, light = s.version, s.irradiance
+    for _ in range(20):
+        frame(s)
+    assert s.solver.count("timed") == 10 and s.version == version and s.irradiance is light
+    s.want(replace(s.settings, radius=0.01))
+    while s.refining:
+        frame(s)
+    assert s.solver.count("timed") == 20, "another setting, other times"
+    s = make(budget=7.0)
+    assert [photons for what, photons in s.solver.log if what == "timed"] == [125, 125, 125, 250, 1000], "250 take 8 ms"
+    assert make(budget=0.0).solver.count("timed") == 0
+
+
+def test_a_drag_that_begins_while_frames_are_timed_goes_first():
+    s = make()
+    s.want(replace(s.settings, radius=0.01))
+    while s.solver.count("timed") < 13:
+        frame(s)
+    s.begin_drag()
+    assert drag(s, 3) == [500] * 3
+    assert s.solver.count("timed") <= 14
+    s.end_drag()
+    while s.refining:
+        frame(s)
+    assert s.light.photons_shown == 1000 and s.solver.photons_traced == 1000
+
+
+def test_settling_that_fails_is_told_once_and_the_drag_goes_on():
+    s = make()
+    s.begin_drag()
+    drag(s, 3)
+    move_all, asked = s.solver.move_all, []
+
+    def broken(poses, photons=None, paths=None):
+        asked.append(photons)
+        raise ValueError("embree lost its scene")
+
+    s.solver.move_all = broken
+    s.end_drag()
+    for _ in range(10):
+        frame(s)
+    assert asked == [None] and "embree lost its scene" in s.log.last.text and not s.light.partial
+    s.solver.move_all = move_all
+    s.begin_drag()
+    assert drag(s, 2, first=3) == [500, 500]
+
+
+def test_fewer_photons_than_make_a_picture_are_never_taken(monkeypatch):
+    """A machine on which nothing fits: frames are late, but no confetti."""
+    monkeypatch.setattr("gi_core.frames.frame_budget.LEAST", 1 << 14)
+    for prefixes, enough in (
+        ((4_096, 65_536, 131_072, 1_000_000), 65_536),
+        ((4_096, 8_192, 16_384, 20_000), 16_384),
+        ((4_096, 5_000), 5_000),
+        ((1000,), 1000),
+    ):
+        budget = FrameBudget()
+        for n in prefixes:
+            budget.took(n, 0, 1.0, None)
+        for _ in range(50):
+            assert budget.choose(0.01, prefixes, False) == (enough, None)
+            budget.moved(1.0)
+
+
+def test_without_photons_there_is_nothing_to_choose():
+    assert FrameBudget().choose(0.01, (), False) == (None, None)
+
+
+def test_unknown_costs_are_guessed_high(monkeypatch):
+    monkeypatch.setattr("gi_core.frames.frame_budget.LEAST", 1 << 14)
+    assert FrameBudget().within(0.016, (16_384, 65_536, 131_072), True) == (16_384, 4)

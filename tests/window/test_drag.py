@@ -1,0 +1,129 @@
+"""Drags as pure functions: what each mode keeps, and that no ray flings an object away."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.draw.camera import Bounds, Turntable, frame_of, from_camera
+from app.window import drag
+from gi_core.scene import Camera, Pose
+from gi_core.scene.pose import rotation
+
+ASPECT = 1.5
+ROOM = Bounds((-2.0, -2.0, -2.0), (2.0, 2.0, 2.0))
+POINT = np.array([0.2, 0.1, 0.3])
+POSE = Pose((0.1, 0.0, 0.25), (0.8, 0.6, 0.0, 0.0))
+MODES = [drag.SLIDE, drag.LIFT, drag.FACE]
+
+
+def camera(up=(0, 1, 0), position=(3.0, 2.0, 4.0)) -> Turntable:
+    return from_camera(Camera(position, (0.0, 0.0, 0.0), 40.0), up, ROOM)
+
+
+def grab(mode: str, c: Turntable, half=0.1) -> drag.Grab:
+    u, v = c.project(POINT, ASPECT)
+    return drag.Grab("block", mode, POINT, POSE, c, u, v, POINT - half, POINT + half)
+
+
+def moved(g: drag.Grab, u: float, v: float) -> np.ndarray:
+    return np.array(drag.dragged(g, u, v, ASPECT, ROOM).position) - POSE.position
+
+
+def test_modes_of_the_modifier_keys():
+    assert drag.mode_of(False, False, False) == drag.SLIDE
+    assert drag.mode_of(True, False, False) == drag.LIFT
+    assert drag.mode_of(False, True, False) == drag.FACE
+    assert drag.mode_of(False, False, True) == drag.TURN
+    assert set(drag.MODES) == {drag.SLIDE, drag.LIFT, drag.FACE, drag.TURN}
+
+
+@pytest.mark.parametrize("mode", [*MODES, drag.TURN])
+@pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1), (0.2, -0.9, 0.1)])
+def test_back_where_it_was_pressed_is_the_same_pose(mode, up):
+    g = grab(mode, camera(up))
+    assert drag.dragged(g, g.u, g.v, ASPECT, ROOM) == POSE
+
+
+@pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1), (1, 0, 0)])
+def test_slide_keeps_the_height_and_follows_the_cursor(up):
+    c = camera(up)
+    g = grab(drag.SLIDE, c)
+    shift = moved(g, g.u + 0.05, g.v + 0.04)
+    assert abs(shift @ frame_of(up)[2]) < 1e-12
+    assert np.allclose(c.project(POINT + shift, ASPECT), (g.u + 0.05, g.v + 0.04))
+
+
+@pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1), (1, 0, 0)])
+def test_lift_moves_along_the_vertical_only_and_up_is_up(up):
+    c = camera(up)
+    g = grab(drag.LIFT, c)
+    shift = moved(g, g.u + 0.1, g.v - 0.05)
+    upward = frame_of(up)[2]
+    assert shift @ upward > 0 and np.allclose(shift, (shift @ upward) * upward)
+    assert c.project(POINT + moved(g, g.u, g.v - 0.05), ASPECT)[1] == pytest.approx(g.v - 0.05, abs=2e-3)
+
+
+def test_face_keeps_the_depth_and_follows_the_cursor():
+    c = camera()
+    g = grab(drag.FACE, c)
+    shift = moved(g, g.u - 0.08, g.v - 0.06)
+    assert abs(shift @ c.basis()[2]) < 1e-12
+    assert np.allclose(c.project(POINT + shift, ASPECT), (g.u - 0.08, g.v - 0.06))
+
+
+def test_turn_spins_about_the_vertical_in_place():
+    g = grab(drag.TURN, camera())
+    pose = drag.dragged(g, g.u + 0.1, g.v + 0.3, ASPECT, ROOM)
+    assert pose.position == POSE.position
+    turned = rotation(pose) @ rotation(POSE).T
+    assert np.allclose(turned @ [0, 1, 0], [0, 1, 0])
+    assert np.degrees(np.arccos((np.trace(turned) - 1) / 2)) == pytest.approx(0.1 * ASPECT * drag.TURN_SPEED)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(
+    "position", [(3, 2, 4), (3, 0.11, 4), (3, 0.1, 4), (0.5, 0.6, 0.9), (0.001, 5, 0.001), (1, -3, 2)]
+)
+def test_no_ray_flings_the_object_out_of_the_room(mode, position):
+    """Horizon, sky and rays behind included: the box of the object stays in the room, everywhere finite."""
+    g = grab(mode, camera(position=position))
+    for u in np.linspace(-1, 2, 25):
+        for v in np.linspace(-1, 2, 41):
+            at = POINT + moved(g, u, v)
+            assert np.isfinite(at).all()
+            assert (at - 0.1 >= np.array(ROOM.low) - 1e-9).all() and (at + 0.1 <= np.array(ROOM.high) + 1e-9).all()
+
+
+def test_crossing_the_horizon_is_no_jump():
+    """A cursor that goes up through the horizon takes the object away from the eye, to the end, and leaves it there."""
+    c = camera(position=(3.0, 0.8, 0.3))
+    g = grab(drag.SLIDE, c)
+    steps = np.linspace(g.v, -0.2, 4001)
+    path = np.array([moved(g, g.u, v) for v in steps])
+    away = np.diff(path @ np.array([-1.0, 0.0, 0.0]))
+    assert (away > -1e-9).all(), "it never comes back"
+    assert np.abs(np.diff(path[:, 2])).max() < 0.02, "nor slides sideways"
+
+
+def test_an_object_outside_may_stay_and_come_in_but_not_go_farther():
+    c = camera()
+    u, v = c.project(POINT, ASPECT)
+    g = drag.Grab("block", drag.SLIDE, POINT, POSE, c, u, v, POINT - 5, POINT + 5)
+    assert np.allclose(moved(g, u + 0.2, v), 0)
+
+
+def test_a_flat_scene_has_headroom():
+    room = drag.room_for(Bounds((0, 0, 0), (4, 0, 3)), (0, 1, 0))
+    assert np.allclose(room.low, (0, 0, 0)) and np.allclose(room.high, (4, 2.5, 3))
+    down = drag.room_for(Bounds((0, 0, 0), (4, 0, 3)), (0, -1, 0))
+    assert np.allclose(down.low, (0, -2.5, 0))
+    assert drag.room_for(ROOM, (0, 1, 0)) == ROOM
+
+
+def test_on_plane():
+    assert np.allclose(
+        drag.on_plane(np.zeros(3), np.array([0, 0, 1.0]), np.array([5, 5, 2.0]), np.array([0, 0, 1.0])), (0, 0, 2)
+    )
+    assert drag.on_plane(np.zeros(3), np.array([0, 0, -1.0]), np.array([0, 0, 2.0]), np.array([0, 0, 1.0])) is None
+    assert drag.on_plane(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, 0, 2.0]), np.array([0, 0, 1.0])) is None

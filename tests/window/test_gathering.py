@@ -1,0 +1,119 @@
+"""The static light gathered while the window rests: it reaches the picture, waits for a drag, and is kept on disk."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.rest import static_job
+from app.rest.live_error import Appraisal
+from app.rest.reference_store import StaticStore
+from app.rest.static_job import Gathering
+from app.session.log import Log
+from app.session.opening import Opened
+from app.session.session import Session
+from app.settings import Settings
+from gi_core.gather import static
+from gi_core.scene import Pose
+from gi_core.solver import Solver
+from tests.support.scene_builders import box_mobile, coloured_room
+
+SCENE = coloured_room((box_mobile(size=0.2),))
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch, tmp_path):
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path))
+    monkeypatch.setattr(static, "ENOUGH", 0.02)
+
+
+def opened(light: str = "best") -> Session:
+    settings = Settings(estimator="tangent_plane", photons=3000, radius=0.06, neighbours=20, exposure=0.0, light=light)
+    solver = Solver(SCENE, photons=3000, radius=0.06)
+    solver.configure(light=light)
+    session = Session(settings, Log(), open_with=lambda settings: None, appraise=Appraisal)
+    session.adopt(Opened(settings, solver, (), None))
+    return session
+
+
+def rest_until(session: Session, done, seconds: float = 300.0) -> None:
+    end = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < end, session.gathering.told
+        session.tick(1 / 60)
+
+
+def test_it_reaches_the_picture_and_the_disk_and_is_there_at_once_next_time():
+    first = opened()
+    rest_until(first, lambda: first.gathering.told.fraction == 1.0 and first.gathering.next_work() is None)
+    first.tick(1 / 60)
+    assert first.gathering.told.used and first.gathering.told.noise <= 0.02
+    assert np.array_equal(first.irradiance, first.solver.irradiance)
+    assert np.array_equal(first.solver.resting_irradiance, first.solver.gathered.mean)
+    first.close()
+
+    again = opened()
+    assert StaticStore(again.solver.model, again.solver.seed).load() is not None
+    rest_until(again, lambda: again.gathering.told.used)
+    assert np.array_equal(again.solver.gathered.mean, first.solver.gathered.mean)
+    again.move({"box": Pose((0.6, 0.5, 0.4))})
+    rest_until(again, lambda: not again.refining)
+    moved = again.irradiance
+    again.close()  # its thread may be measuring: only one at a time uses the solver
+    assert np.array_equal(moved, again.solver.from_scratch())
+
+
+def test_switched_on_and_off_in_the_panel():
+    session = opened("photons")
+    rest_until(session, lambda: not session.refining)
+    plain = session.irradiance
+    assert session.gathering.next_work() is None
+    session.want(replace(session.settings, light="best"))
+    rest_until(session, lambda: session.gathering.told.used and session.gathering.next_work() is None)
+    session.tick(1 / 60)
+    assert not np.array_equal(session.irradiance, plain)
+    session.want(replace(session.settings, light="photons"))
+    rest_until(session, lambda: np.array_equal(session.irradiance, plain))
+    session.want(replace(session.settings, light="best"))
+    rest_until(session, lambda: not np.array_equal(session.irradiance, plain))
+    # Beside another estimator each shows its own light.
+    session.want(replace(session.settings, compare="impact_count"))
+    rest_until(session, lambda: np.array_equal(session.irradiance, plain))
+    session.close()
+
+
+def test_what_was_gathered_is_kept_when_it_is_interrupted(monkeypatch):
+    solver = Solver(SCENE, photons=100, radius=0.06)
+    solver.configure(light="best")
+    solver.solve()
+    calls = []
+
+    def bar(stage, fraction):
+        if solver.gathered is not None and solver.gathered.state is not None:  # nothing is kept of single bounces
+            calls.append(fraction)
+        if len(calls) == 12:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        static_job.gather(solver, bar)
+    kept = StaticStore(solver.model, solver.seed).load()
+    assert kept is not None and np.array_equal(kept.mean, solver.gathered.state.mean)
+
+
+def test_other_mobiles_find_the_same_file_other_walls_do_not():
+    def path(scene, seed=0):
+        return StaticStore(Solver(scene, photons=0).model, seed).path
+
+    assert path(SCENE) == path(coloured_room((box_mobile(size=0.1),))) == path(coloured_room(()))
+    paler = tuple(m._replace(reflectance=tuple(0.9 * r for r in m.reflectance)) for m in SCENE.materials)
+    assert path(SCENE) != path(replace(SCENE, materials=paler))
+    assert path(SCENE) != path(SCENE, seed=1)
+
+
+def test_nothing_is_gathered_unless_asked_for():
+    solver = Solver(SCENE, photons=100, radius=0.06)
+    solver.solve()
+    assert Gathering(solver, time.monotonic).next_work() is None

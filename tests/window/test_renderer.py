@@ -1,0 +1,179 @@
+"""The renderer, pixel by pixel, in a context without a window."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.draw.tonemap import TONE_MAPS, to_display
+from app.draw.vertex_colours import DrawMesh, colours, draw_meshes
+from gi_core.geometry.surfaces import flatten
+from gi_core.scene import Pose
+from gi_core.scene.pose import axis_angle, rotation
+from tests.support import viewer_support as support
+from tests.support.gl_drawing import EYE, HALF_TURN, IDENTITY, SIZE, background, middle, square
+
+pytest_plugins = ["tests.support.gl_fixtures"]
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("tone_map", TONE_MAPS)
+@pytest.mark.parametrize("exposure", [-3.0, 0.0, 2.5])
+def test_pixels_are_those_of_the_picture_without_a_window(draw, tone_map, exposure):
+    """One arithmetic in two languages: a step of 8-bit rounding apart at most, from black over 1e-4 to burnt out."""
+    for radiance in [(0, 0, 0), (1e-4, 2e-3, 0.03), (0.2, 0.5, 0.9), (3.0, 0.4, 40.0)]:
+        got = middle(draw([square(radiance)], tone_map=tone_map, exposure=exposure))
+        expected = to_display(np.array(radiance, float), exposure, tone_map).astype(int)
+        assert np.abs(got - expected).max() <= 1, (radiance, got, expected)
+
+
+@pytest.mark.gl
+def test_each_side_has_its_own_light(draw):
+    two_sided = square((0.5, 0.1, 0.1), (0.1, 0.1, 0.5))
+    front = middle(draw([two_sided], tone_map="clip"))
+    back = middle(draw([two_sided], [HALF_TURN], tone_map="clip"))
+    assert np.array_equal(front, to_display(np.array([0.5, 0.1, 0.1]), 0, "clip"))
+    assert np.array_equal(back, to_display(np.array([0.1, 0.1, 0.5]), 0, "clip"))
+
+
+@pytest.mark.gl
+def test_backs_of_one_sided_faces_are_culled_or_grey_at_any_exposure(draw):
+    from app.draw.renderer import UNLIT
+
+    one_sided = square((0.5, 0.5, 0.5))
+    assert np.array_equal(middle(draw([one_sided], [HALF_TURN], cull=True)), background())
+    grey = np.round(255 * np.array(UNLIT)).astype(int)
+    for exposure in (0.0, 9.0):
+        assert np.array_equal(middle(draw([one_sided], [HALF_TURN], cull=False, exposure=exposure)), grey)
+
+
+@pytest.mark.gl
+def test_an_unlit_surface_shows_black_against_the_background(draw):
+    assert np.array_equal(middle(draw([square((0, 0, 0))])), (0, 0, 0))
+    assert background().min() > 20
+
+
+@pytest.mark.gl
+def test_colours_run_linearly_between_vertices(draw):
+    """Gouraud, in linear light: half way between 0 and 1 is the display value of 0.5, not half the display value."""
+    mesh, front, back = square((0, 0, 0))
+    front[mesh.positions[:, 0] > 0] = 1.0
+    got = middle(draw([(mesh, front, back)], tone_map="clip"))
+    assert abs(got[0] - int(to_display(np.full(3, 0.5), 0, "clip")[0])) <= 2
+
+
+@pytest.mark.gl
+def test_vertices_of_next_to_no_weight_leave_their_triangles_to_the_others(ctx):
+    """A square, dark on the left; each side has weights of its own."""
+    from app.draw.renderer import Look, Renderer
+
+    mesh, front, back = square((0, 0, 0), (0, 0, 0))
+    left = mesh.positions[:, 0] < 0
+    front[~left], back[~left] = 0.25, 0.25
+    weights = np.ones((4, 2), np.float32)
+    weights[left, 1] = 1e-3
+    renderer = Renderer(ctx)
+    renderer.set_scene((mesh,))
+    renderer.set_colours(0, front, back, weights=weights)
+    renderer.resize(*SIZE)
+    for model, radiance in ((IDENTITY, 0.125), (HALF_TURN, 0.25)):
+        renderer.draw(Look(EYE.projection(SIZE[0] / SIZE[1]) @ EYE.view(), (model,), tone_map="clip"))
+        assert middle(renderer.pixels()) == pytest.approx(to_display(np.full(3, radiance), 0, "clip"), abs=2)
+    renderer.release()
+
+
+@pytest.mark.gl
+def test_many_samples_soften_edges_and_nothing_else(draw):
+    turned = IDENTITY.copy()
+    turned[:3, :3] = rotation(Pose(quaternion=axis_angle((0, 0, 1), 20)))
+    plain = draw([square((0.7, 0.7, 0.7))], [turned], samples=1)
+    soft = draw([square((0.7, 0.7, 0.7))], [turned], samples=4)
+    assert len(np.unique(plain[..., 0])) == 2 and len(np.unique(soft[..., 0])) > 2
+    assert np.array_equal(middle(plain), middle(soft))
+    assert soft.min() >= background().min()  # nothing extrapolates beyond a triangle
+
+
+@pytest.mark.gl
+def test_depth_decides_not_order(draw):
+    near, far = square((0.9, 0, 0), half=0.1, z=0.3), square((0, 0.9, 0))
+    for objects in ([near, far], [far, near]):
+        assert middle(draw(objects))[0] > 150
+
+
+@pytest.mark.gl
+def test_a_mobile_is_drawn_at_its_pose(draw):
+    shifted = IDENTITY.copy()
+    shifted[:3, 3] = (0.5, 0.2, 0.0)
+    picture = draw([square((0.8, 0.8, 0.8), half=0.05)], [shifted])
+    v, u = np.argwhere(picture[..., 0] > 128).mean(axis=0)
+    at = EYE.project((0.5, 0.2, 0.0), SIZE[0] / SIZE[1])
+    assert (u + 0.5) / SIZE[0] == pytest.approx(at[0], abs=0.01)
+    assert (v + 0.5) / SIZE[1] == pytest.approx(at[1], abs=0.01)
+
+
+@pytest.mark.gl
+def test_the_outline_is_outside_the_object(draw):
+    bare = draw([square((0.3, 0.3, 0.3))])
+    outlined = draw([square((0.3, 0.3, 0.3))], outlined=0)
+    changed = (bare != outlined).any(axis=2)
+    inside = (bare != background().astype(np.uint8)).any(axis=2)
+    assert changed.any() and not (changed & inside).any()
+
+
+@pytest.mark.gl
+def test_resizing_releases_and_an_empty_object_draws_nothing(ctx):
+    from app.draw.renderer import Look, Renderer
+
+    empty = DrawMesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), np.zeros(0, np.int32),
+                     np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3)))  # fmt: skip
+    renderer = Renderer(ctx)
+    renderer.set_scene((empty,))
+    renderer.set_colours(0, np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32))
+    for k in range(20):
+        renderer.resize(50 + k, 40)
+        renderer.draw(Look(IDENTITY, (IDENTITY,)))
+        assert ctx.error == "GL_NO_ERROR"
+    assert renderer.pixels().shape == (40, 69, 3)
+    assert (renderer.pixels() == background()).all()
+    renderer.resize(0, 0)
+    assert renderer.size == (1, 1)
+    renderer.release()
+    assert ctx.error == "GL_NO_ERROR"
+
+
+def test_colours_of_a_frame_are_taken_from_the_receivers():
+    surfaces, receivers = flatten(support.room(2))
+    E = np.arange(3.0 * len(receivers.areas)).reshape(-1, 3)
+    mesh = draw_meshes(surfaces)[1]
+    front, _ = colours(mesh, E)
+    assert np.allclose(front, mesh.reflectance * E[mesh.front] / np.pi + mesh.emission)
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("samples", [1, 4])
+def test_a_split_shows_one_layer_left_and_the_other_right(ctx, samples):
+    """A square across the middle, red in one layer and blue in the other, ready for the display."""
+    from app.draw.renderer import Look, Renderer
+
+    mesh, front, back = square((0.8, 0.1, 0.1))
+    renderer = Renderer(ctx, samples)
+    renderer.set_scene((mesh,))
+    renderer.set_colours(0, front, back)
+    renderer.set_colours(0, np.tile(np.float32((0.1, 0.2, 0.9)), (4, 1)), back, 1)
+    renderer.resize(*SIZE)
+    to_clip = EYE.projection(SIZE[0] / SIZE[1]) @ EYE.view()
+    seen = {}
+    for split in (None, 0.4, 0.0, 1.0):
+        renderer.draw(Look(to_clip, (IDENTITY,), exposure=3.0, as_is=True, split=split))
+        seen[split] = renderer.pixels()[SIZE[1] // 2].astype(int)
+    left, right = np.round(255 * np.array([[0.8, 0.1, 0.1], [0.1, 0.2, 0.9]]))
+    at = round(0.4 * SIZE[0])
+    inside = np.flatnonzero((np.abs(seen[None] - left) <= 1).all(axis=1))
+    assert len(inside) > 20 and inside[0] < at < inside[-1], "as it is: exposure and tone map are not asked"
+    for x in inside:
+        assert seen[0.4][x] == pytest.approx(left if x < at else right, abs=1)
+    assert seen[0.0][inside] == pytest.approx(np.tile(right, (len(inside), 1)), abs=1)
+    assert (seen[1.0] == seen[None]).all()
+    assert (seen[0.4][[0, -1]] == background()).all(), "both parts are cleared"
+    renderer.release()
+    assert ctx.error == "GL_NO_ERROR"

@@ -1,0 +1,239 @@
+"""The window's life: opening, failing, closing, pictures of it, and what is said where none can be had."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gi_core.scene import SceneError
+from tests.support import viewer_support as support
+from tests.support.viewer_hand import errors, keys
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+
+
+def test_the_window_lives_while_the_scene_opens(play):
+    """Frames go on behind a loader that takes its time, its phase is shown, and then there is light."""
+    from app.session.opening import Opening
+
+    seen = threading.Event()
+    drawn = []
+
+    def slow(settings):
+        assert seen.wait(60), "no frames while the loader waits"
+        return support.room()
+
+    def script(hand, viewer):
+        opening = viewer.session.opening
+        hand.wait(lambda: opening.phase == "loading scene")
+        before = viewer.frames
+        hand.ctx.yield_(20)
+        drawn.append((opening.phase, viewer._ready, viewer.frames - before))
+        seen.set()
+        hand.wait_for_light()
+        assert viewer.session.solver.photons_traced == support.SETTINGS.photons
+
+    viewer = play(script, open_with=lambda s: Opening(s, load=slow))
+    [(phase, ready, frames)] = drawn
+    assert phase == "loading scene"
+    assert not ready
+    assert frames >= 20
+    assert errors(viewer) == []
+
+
+def test_an_exception_in_a_stage_is_told_in_the_window_which_lives_on(play):
+    def script(hand, viewer):
+        hand.wait_for_light()
+        draw = viewer.renderer.draw
+
+        def broken(look):
+            raise RuntimeError("GL has lost its mind")
+
+        viewer.renderer.draw = broken
+        viewer.viewport.redraw()
+        hand.ctx.yield_(5)
+        assert "GL has lost its mind" in viewer.log.last.text
+        assert len(viewer.log.entries) == 2, "one line, not one a frame"
+        viewer.renderer.draw = draw
+        viewer.viewport.redraw()
+        hand.ctx.yield_(5)
+        frames = viewer.frames
+        hand.ctx.yield_(5)
+        assert viewer.frames >= frames + 5
+
+    play(script)
+
+
+def test_a_scene_that_cannot_be_used_closes_the_window_with_its_sentence(monkeypatch):
+    import app.window.viewer
+    from app.session.opening import Opening
+
+    def bad(settings):
+        raise SceneError("room.toml: flux must be three numbers >= 0, got [-1, 0, 2]")
+
+    monkeypatch.setattr(app.window.viewer, "Opening", lambda s: Opening(s, load=bad))
+    with pytest.raises(SceneError, match="flux must be"):
+        app.window.viewer.run(support.SETTINGS)
+
+
+def test_a_failure_of_our_own_at_the_start_is_shown_and_the_window_stays(play):
+    from app.session.opening import Opening
+
+    def broken(settings):
+        raise ZeroDivisionError("division by zero")
+
+    def script(hand, viewer):
+        hand.wait(lambda: viewer.session.problem is not None)
+        hand.ctx.yield_(5)
+        assert not viewer.params.app_shall_exit
+        hand.press(keys().h)
+        assert viewer.help_open
+
+    viewer = play(script, open_with=lambda s: Opening(s, load=broken))
+    assert errors(viewer) == ["opening: division by zero"]
+    from app.window.viewer import finish
+
+    assert finish(viewer) == 1
+
+
+def test_run_for_a_number_of_frames_and_a_picture_of_the_window(monkeypatch, folder):
+    import app.window.viewer
+    from app.session.opening import Opening
+
+    monkeypatch.setattr(app.window.viewer, "Opening", lambda s: Opening(s, load=lambda _: support.room()))
+    assert app.window.viewer.run(support.SETTINGS, frames=5) == 0
+    assert app.window.viewer.run(support.SETTINGS, screenshot=folder / "window.png") == 0
+    from PIL import Image
+
+    with Image.open(folder / "window.png") as picture:
+        assert picture.size == support.SETTINGS.size
+        assert len(np.unique(np.asarray(picture)[..., :3].reshape(-1, 3), axis=0)) > 500
+    assert (folder / "config").is_dir(), "the ini file is the user's, not the working folder's"
+    assert not list(folder.glob("*.ini"))
+
+
+def test_ctrl_c_closes_the_window_as_its_button_does(monkeypatch):
+    """While the scene is still being opened; the handler that was there before is there again."""
+    import app.window.viewer
+    from app.session.opening import Opening
+
+    never = threading.Event()
+    loaded = []
+    monkeypatch.setattr(
+        app.window.viewer, "Opening", lambda s: Opening(s, load=lambda _: loaded.append(never.wait(120)))
+    )
+    before = signal.getsignal(signal.SIGINT)
+
+    def interrupt() -> None:
+        while signal.getsignal(signal.SIGINT) is before:
+            time.sleep(0.01)
+        time.sleep(0.5)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    assert app.window.viewer.run(support.SETTINGS) == 0
+    assert not loaded, "not until the loader is done"
+    assert signal.getsignal(signal.SIGINT) is before
+    never.set()
+
+
+def test_a_long_job_does_not_outlive_the_program():
+    code = """
+        import time
+        from app.worker import Worker
+        worker = Worker()
+        assert worker.submit(lambda: 6 * 7).wait(5)
+        job = worker.submit(lambda: time.sleep(60))
+        worker.close()
+        assert not job.wait(0.1)
+    """
+    run = [sys.executable, "-c", textwrap.dedent(code)]
+    subprocess.run(run, cwd=str(support.ROOT), check=True, timeout=30)
+
+
+def test_the_window_opens_where_one_can_be_had():
+    from app.window.window import why_no_window
+
+    assert why_no_window() is None
+    assert why_no_window() is None, "and again"
+
+
+@pytest.mark.parametrize(
+    ("found", "package"),
+    [("libX11.so.6: cannot open shared object file", "libx11-6"), ("libGL.so.1: cannot open", "libgl1")],
+)
+def test_a_missing_library_is_named_with_its_package(monkeypatch, found, package):
+    from app.window import window
+
+    def missing(name):
+        raise ImportError(found)
+
+    monkeypatch.setattr(window, "import_module", missing)
+    sentence = window.why_no_window()
+    assert f"apt install {package}" in sentence and "gi-viewer render" in sentence and "\n" not in sentence
+
+
+def test_without_a_display_the_reason_is_one_sentence():
+    """In a process of its own: this one has been told to do without a screen."""
+    script = """
+        import os
+        for name in ("DISPLAY", "WAYLAND_DISPLAY", "XDG_SESSION_TYPE"):
+            os.environ.pop(name, None)
+        from app.window.window import why_no_window
+        print(why_no_window())
+    """
+    if not sys.platform.startswith("linux"):
+        pytest.skip("a screen is always there")
+    root = str(support.ROOT)
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True, timeout=60, cwd=root
+    )
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.strip().splitlines()) == 1
+    assert "display" in done.stdout and "gi-viewer render" in done.stdout
+
+
+def test_settings_survive_in_the_title(play):
+    def script(hand, viewer):
+        hand.ctx.yield_(2)
+
+    viewer = play(script, settings=replace(support.SETTINGS, scene="some/kitchen.glb"))
+    assert viewer.params.app_window_params.window_title == "kitchen - gi-viewer"
+
+
+def test_the_panel_is_as_wide_on_a_screen_of_another_scale(monkeypatch, folder):
+    """The ini file holds its width in pixels: one that was written at 96 dots an inch is not read at 192."""
+    import glfw
+
+    from app.window import window
+
+    names = set()
+    for scale in (1.0, 1.5, 2.0):
+        monkeypatch.setattr(glfw, "get_primary_monitor", lambda: "screen")
+        monkeypatch.setattr(glfw, "get_monitor_content_scale", lambda _, s=scale: (s, s))
+        params = window.runner_params(support.SETTINGS, *[lambda: None] * 3)
+        names.add(os.path.basename(params.ini_filename))
+        assert not params.ini_disable
+    assert names == {"window.ini", "window-1.5x.ini", "window-2x.ini"}
+    monkeypatch.setattr(glfw, "get_primary_monitor", lambda: None)
+    assert window.screen_scale() == 1
+
+
+def test_the_window_remembers_nothing_where_it_cannot(monkeypatch, folder):
+    from app.window import window
+
+    nowhere = folder / "file"
+    nowhere.write_text("")
+    monkeypatch.setattr("platformdirs.user_config_dir", lambda *_, ensure_exists, **__: (nowhere / "x").mkdir())
+    assert window.config_folder() is None
+    assert window.runner_params(support.SETTINGS, *[lambda: None] * 3).ini_disable

@@ -1,0 +1,153 @@
+"""Errors in the window: numbers, map and legend, the reference by a key, a wipe under the mouse, the chart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.support.viewer_hand import errors, keys
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+
+
+def told(viewer):
+    return viewer.session.appraisal.report
+
+
+def shown(viewer):
+    return viewer.viewport.shown
+
+
+def test_error_is_told_at_rest_and_mapped_with_a_legend(play, monkeypatch):
+    from app.draw.colour_map import signed_colours
+    from app.window import legend
+
+    words, texts = [], legend.texts
+    monkeypatch.setattr(legend, "texts", lambda e: (words.append(texts(e)), texts(e))[1])
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.wait(lambda: told(viewer) is not None and told(viewer).done, 60)
+        r = told(viewer)
+        assert 0.01 < r.total < 0.5 and r.receivers == r.of
+        light = hand.pixels()
+        hand.ctx.set_ref("Panel")
+        hand.ctx.combo_click("##Show/Error map")
+        hand.wait(lambda: shown(viewer).errors is not None and not shown(viewer).coming, 60)
+        appraisal = viewer.session.appraisal
+        next_task, appraisal.next_task = appraisal.next_task, lambda *_: None  # or the map goes on getting better
+        picture = hand.pixels()
+        assert words and words[-1][0] == "Error of irradiance" and (picture != light).any()
+        # What is drawn are the map's colours and what lies between them, whatever the exposure.
+        palette = np.round(255 * signed_colours(np.linspace(-1, 1, 2001))).astype(int)
+        wall = hand.at((0.2, 0.8, 0.0))
+        x, y = (int(c - o) for c, o in zip(wall, viewer.viewport.origin, strict=True))
+        nearest = np.abs(palette - picture[y, x].astype(int)).max(axis=1).min()
+        assert nearest <= 12, picture[y, x]
+        hand.ctx.item_input_value("##Exposure", viewer.session.settings.exposure - 3)
+        assert (np.abs(hand.pixels().astype(int) - picture).max(axis=2) > 8).mean() < 0.01, (
+            "but at edges, by its samples"
+        )
+        appraisal.next_task = next_task
+        hand.ctx.combo_click("##Show/With reflectance")
+
+        # It goes with a move, and comes back.
+        hand.press(keys().space)
+        hand.wait(lambda: viewer.session.poses["block"].position[0] != 0.5)
+        hand.press(keys().space)
+        version = viewer.session.light.version
+        hand.wait(lambda: told(viewer).version >= version and told(viewer).done, 60)
+
+    assert errors(play(script)) == []
+
+
+def test_the_reference_is_a_key_away_and_a_wipe_shows_two_at_once(play):
+    K = keys()
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        viewport, settings = viewer.viewport, lambda: viewer.session.settings
+        estimate = hand.pixels()
+        hand.press(K._0)
+        hand.wait(lambda: shown(viewer).sides[0].label.startswith("Reference"), 60)
+        reference = hand.pixels()
+        assert (np.abs(reference.astype(int) - estimate).max(axis=2) > 4).mean() > 0.05
+        hand.press(K._0)
+        hand.wait(lambda: not settings().reference and shown(viewer).sides[0].label.startswith("Tangent plane"))
+        assert (hand.pixels() == estimate).all()
+
+        hand.ctx.set_ref("Panel")
+        hand.ctx.combo_click("##Wipe/Photon map")
+        hand.wait(lambda: len(shown(viewer).sides) == 2, 60)
+        assert [side.label for side in shown(viewer).sides] == [
+            "Tangent plane, 20 000 photons",
+            "Photon map, 20 000 photons",
+        ]
+        camera, pose = viewport.camera, viewer.session.poses["block"]
+        w, h = viewport.size
+        line = (viewport.origin[0] + 0.5 * w, viewport.origin[1] + 0.2 * h)
+        hand.drag(line, (line[0] - 0.2 * w, line[1]))
+        assert viewport.wipe.at == pytest.approx(0.3, abs=0.02)
+        assert viewport.camera == camera and viewer.session.poses["block"] == pose, "the line moves, nothing else does"
+        both, at = hand.pixels(), round(viewport.wipe.at * viewer.renderer.size[0])
+        differs = (np.abs(both.astype(int) - estimate).max(axis=2) > 8).mean(axis=0)
+        assert differs[: at - 1].mean() < 0.01 < 0.05 < differs[at + 1 :].mean()
+
+        # Beyond the line the mouse does what it always does.
+        hand.drag((line[0] + 0.1 * w, line[1]), (line[0] + 0.15 * w, line[1]))
+        assert viewport.camera != camera and viewport.wipe.at == pytest.approx(0.3, abs=0.02)
+
+        # While something moves only its own light is shown; what it is compared with comes when it rests.
+        hand.press(K.space)
+        hand.wait(lambda: len(shown(viewer).sides) == 1)
+        assert "photon map" in shown(viewer).coming
+        hand.press(K.space)
+        hand.wait(lambda: len(shown(viewer).sides) == 2, 60)
+        hand.ctx.combo_click("##Wipe/Nothing")
+        hand.wait(lambda: len(shown(viewer).sides) == 1)
+        assert viewer.session.appraisal.other.seen is None or not viewer.session.settings.compare
+
+    assert errors(play(script)) == []
+
+
+def test_settings_tried_are_points_of_the_chart(play, monkeypatch):
+    from app.window.panel import chart
+
+    asked = []
+    monkeypatch.setattr(chart, "told", lambda point: (asked.append(point), "a point")[1])
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        points = viewer.session.appraisal.points
+        hand.ctx.set_ref("Panel")
+        hand.wait(lambda: len(points.all) == 1, 60)
+        hand.press(keys()._3)
+        hand.wait(lambda: len(points.all) == 2, 60)
+        hand.ctx.item_click("Error against time")
+        assert {t.setting.estimator for t in points.all} == {"tangent_plane", "impact_count"}
+        hand.wait(lambda: told(viewer).done, 60)
+        hand.ctx.yield_(3)
+        # A point tells what it is when the mouse is over it.
+        spots = []
+        monkeypatch.setattr(chart, "_draw_latest", lambda t: spots.append(chart.pixel_of(t)))
+        hand.wait(lambda: len(spots) > 10)
+        hand.move((spots[-1].x, spots[-1].y))
+        hand.wait(lambda: asked)
+        assert asked[-1].setting == points.all[-1].setting
+        hand.ctx.item_click("Clear chart")
+        hand.wait(lambda: not points.all)
+
+    assert errors(play(script)) == []
+
+
+def test_what_a_point_tells():
+    from app.rest.measured_points import MeasuredPoint
+    from app.window.panel.chart import limits, told
+    from gi_core.estimators.setting import Setting
+
+    text = told(MeasuredPoint(Setting("photon_map", 0.05, 40), 20_000, 0.0123, 0.0456, 0.004))
+    assert text.startswith("photon map\n20 000 photons\nradius 0.05 m\nneighbours 40")
+    assert text.endswith("error 4.6 % (the reference itself ±0.4 %)\nGI frame 12.3 ms")
+    low, high = limits([2.0, 50.0])
+    assert 0 < low < 2 and high > 50

@@ -1,0 +1,189 @@
+"""What mouse and keys do in the window, driven with ImGui's test engine as a hand would."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.draw.png import read_parameters
+from app.window import drag
+from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+
+
+def test_dragging_a_mobile_moves_it_and_its_light_in_the_same_frame(play):
+    K = keys()
+    seen = []
+
+    def script(hand, viewer):
+        session, viewport = viewer.session, viewer.viewport
+        hand.wait_for_light()
+        start, before = session.poses["block"], hand.pixels()
+
+        # Hovering tells what a drag would do.
+        hand.move(hand.at(BLOCK_FRONT))
+        assert viewport.hover is not None and "Shift: up and down" in viewport.hint()
+        hand.pixels()
+
+        # A plain drag: another place at the same height. Each frame's picture belongs to that frame's pose.
+        upload = viewer.renderer.set_colours
+
+        def watched(o, front, back, layer, weights):
+            if o == 0:
+                seen.append((session.version, session.poses["block"], session.irradiance))
+            upload(o, front, back, layer, weights)
+
+        viewer.renderer.set_colours = watched
+        start_at = hand.at(BLOCK_FRONT)
+        hand.drag(start_at, (start_at[0] + 90, start_at[1] - 8))
+        moved = session.poses["block"]
+        assert moved.position[0] > start.position[0] + 0.08
+        assert moved.position[1] == pytest.approx(start.position[1], abs=1e-12)
+        assert len(seen) >= 3
+        for version, _, irradiance in seen[:-1]:
+            assert irradiance is not session.irradiance or version == session.version
+        assert hand.light_is_that_from_scratch(), "the light of this very pose"
+        hand.move(hand.at((0.1, 0.9, 0.1)))
+        after = hand.pixels()
+        assert (np.abs(after.astype(int) - before).max(axis=2) > 8).mean() > 0.02
+
+        # Undo and redo.
+        hand.press(K.mod_ctrl | K.z)
+        assert session.poses["block"] == start
+        hand.press(K.mod_ctrl | K.mod_shift | K.z)
+        assert session.poses["block"] == moved
+
+        # Shift: vertically. Alt: in the picture. Ctrl: turned in place.
+        at = hand.at((moved.position[0], 0.3, moved.position[2] + 0.1))
+        hand.drag(at, (at[0] + 30, at[1] - 50), modifier=K.mod_shift)
+        lifted = session.poses["block"]
+        assert lifted.position[1] > moved.position[1] + 0.05
+        assert lifted.position[0] == moved.position[0] and lifted.position[2] == moved.position[2]
+        at = hand.at((lifted.position[0], lifted.position[1], lifted.position[2] + 0.1))
+        hand.drag(at, (at[0] - 40, at[1] + 30), modifier=K.mod_alt)
+        facing = session.poses["block"]
+        assert facing.position[0] < lifted.position[0] and facing.position[1] < lifted.position[1]
+        at = hand.at((facing.position[0], facing.position[1], facing.position[2] + 0.1))
+        hand.drag(at, (at[0] + 40, at[1]), modifier=K.mod_ctrl)
+        assert session.poses["block"].quaternion != facing.quaternion
+        assert session.poses["block"].position == facing.position
+
+        # Esc puts it back while the button is still down.
+        current = session.poses["block"]
+        at = hand.at((current.position[0], current.position[1], current.position[2]))
+        hand.move(at)
+        hand.ctx.mouse_down(0)
+        hand.move((at[0] - 60, at[1]))
+        assert viewport.grab is not None and viewport.grab.mode == drag.SLIDE
+        assert session.poses["block"] != current
+        hand.press(K.escape)
+        assert session.poses["block"] == current
+        hand.move((at[0] - 90, at[1]))
+        hand.ctx.mouse_up(0)
+        assert session.poses["block"] == current
+
+        # R: everything as at the start.
+        hand.press(K.r)
+        assert session.poses["block"] == start
+
+    assert errors(play(script)) == []
+
+
+def test_camera_by_mouse(play):
+    K = keys()
+
+    def script(hand, viewer):
+        viewport = viewer.viewport
+        hand.wait_for_light()
+        home, pose = viewport.camera, dict(viewer.session.poses)
+        wall = hand.at((0.15, 0.8, 0.0))
+        hand.drag(wall, (wall[0] + 60, wall[1] + 20))
+        orbited = viewport.camera
+        assert orbited.yaw != home.yaw and orbited.pitch != home.pitch and orbited.pivot == home.pivot
+        hand.drag(wall, (wall[0] + 60, wall[1]), modifier=K.mod_shift)
+        panned = viewport.camera
+        assert panned.pivot != home.pivot and panned.yaw == orbited.yaw
+        hand.drag(wall, (wall[0], wall[1] + 30), button=2)
+        assert viewport.camera.pivot != panned.pivot
+        hand.ctx.mouse_wheel_y(2)
+        hand.ctx.yield_(2)
+        assert viewport.camera.distance < home.distance
+        hand.press(K.home)
+        hand.wait(lambda: viewport._flight is None)
+        assert viewport.camera == home
+
+        # A double click makes the point under the cursor the pivot.
+        hand.move(hand.at((0.2, 0.6, 0.0)))
+        hand.ctx.mouse_double_click(0)
+        hand.ctx.yield_(2)
+        hand.wait(lambda: viewport._flight is None)
+        assert viewport.camera.pivot == pytest.approx((0.2, 0.6, 0.0), abs=0.03)
+        assert viewer.session.poses == pose, "no camera motion moves an object"
+
+    assert errors(play(script)) == []
+
+
+def test_keys(play, folder):
+    from imgui_bundle import imgui
+
+    K = keys()
+
+    def script(hand, viewer):
+        session = viewer.session
+        hand.wait_for_light()
+        width = viewer.viewport.size[0]
+        hand.press(K.tab)
+        assert not viewer.params.docking_params.dockable_window_of_name("Panel").is_visible
+        hand.wait(lambda: viewer.viewport.size[0] > width)
+        hand.press(K.tab)
+        hand.wait(lambda: viewer.viewport.size[0] == width)
+        hand.press(K.h)
+        assert viewer.help_open
+        hand.press(K.h)
+        assert not viewer.help_open
+
+        # Esc closes a list that is open, and nothing else.
+        hand.press(K.h)
+        hand.ctx.set_ref("Panel")
+        hand.ctx.item_click("##Tone map")
+        assert len(imgui.get_current_context().open_popup_stack) == 1
+        hand.press(K.escape)
+        assert len(imgui.get_current_context().open_popup_stack) == 0 and viewer.help_open
+        hand.press(K.escape)
+        assert not viewer.help_open
+
+        start = session.poses["block"]
+        hand.press(K.space)
+        assert session.playing
+        hand.wait(lambda: session.poses["block"] != start)
+        hand.press(K.space)
+        assert not session.playing
+        moved = session.poses["block"]
+        hand.ctx.yield_(3)
+        assert session.poses["block"] == moved
+
+        hand.press(K.mod_shift | K.p)
+        assert not list(folder.glob("*.png")), "a key with another modifier is another key"
+        hand.press(K.p)
+        hand.press(K.f12)
+        assert "gi-viewer-002.png" in viewer.log.last.text
+        hand.press(K.a)
+        assert "metered" in viewer.log.last.text
+        hand.press(K.mod_ctrl | K.q)
+
+    viewer = play(script, quits=True)
+    assert errors(viewer) == []
+    assert viewer.params.app_shall_exit
+    told = read_parameters(folder / "gi-viewer-001.png")
+    assert told["scene"] == "room" and told["estimator"] == "tangent_plane" and told["photons"] == "20000"
+    assert told["radius"] == "0.06 m" and told["neighbours"] == "40" and told["seed"] == "0"
+    assert told["pose block"].count(",") == 6 and "EV" in told["exposure"]
+    assert told["camera"].startswith("position 0.5,0.55,2.9 target 0.5,0.45,0.5")
+    from PIL import Image
+
+    with Image.open(folder / "gi-viewer-001.png") as picture:
+        assert picture.size == tuple(map(round, viewer.viewport.size))
+        colours = np.asarray(picture.convert("RGB")).reshape(-1, 3)
+    assert len(np.unique(colours, axis=0)) > 500, "a lit room"

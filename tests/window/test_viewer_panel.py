@@ -1,0 +1,264 @@
+"""The panel: every control does what it says and has a tooltip, no slider holds a frame up, the budget is kept."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.support import viewer_support as support
+from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+
+
+def test_panel_controls(play):
+    from imgui_bundle import imgui
+
+    from gi_core.estimators import ESTIMATORS
+
+    K = keys()
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        names = list(ESTIMATORS)
+
+        # Estimators by combo and by key, without tracing anything again.
+        before = hand.pixels()
+        ctx.set_ref("Panel")
+        ctx.combo_click(f"##Estimator/{names[-1].replace('_', ' ').capitalize()}")
+        hand.wait_for_light()
+        assert session.solver.estimator == session.settings.estimator == names[-1]
+        assert (hand.pixels() != before).any()
+        for k, name in enumerate(names[:3]):
+            hand.press((K._1, K._2, K._3)[k])
+            hand.wait_for_light()
+            assert session.solver.estimator == name
+
+        # Values typed in.
+        ctx.item_input_value("##Radius", 0.1)
+        ctx.item_input_value("##k", 12)
+        ctx.item_input_value("##Photons", 30_000)
+        hand.wait_for_light()
+        assert session.solver.radius == pytest.approx(0.1)
+        assert session.solver.neighbours == 12
+        assert session.solver.photons_traced == 30_000
+
+        # Artifact control: the corners of the room are darker without.
+        hand.press(K._1)
+        hand.wait_for_light()
+        lit = session.irradiance
+        ctx.item_click("Edges and contact")
+        ctx.item_uncheck("Artifact control")
+        hand.wait_for_light()
+        assert session.solver.setting.control is session.settings.control is False
+        assert (session.irradiance < 0.9 * lit).any()
+
+        # Border correction and the textbook's k: more light where three walls meet, and everywhere.
+        hand.press(K._1 if names[0] == "photon_map" else K._2)
+        hand.wait_for_light()
+        lit = session.irradiance
+        ctx.item_uncheck("Border correction")
+        hand.wait_for_light()
+        assert (session.irradiance != lit).any() and not session.solver.setting.border_correction
+        lit = session.irradiance
+        ctx.item_check("Textbook k")
+        hand.wait_for_light()
+        assert session.irradiance.mean() > lit.mean() and session.solver.setting.textbook
+
+        # Exposure by slider, then metered again.
+        metered = session.settings.exposure
+        ctx.item_input_value("##Exposure", metered - 2)
+        dark = hand.pixels()
+        ctx.item_click("Meter")
+        ctx.yield_(2)
+        assert session.settings.exposure == pytest.approx(metered, abs=0.3)
+        assert hand.pixels().mean() > dark.mean() + 20
+
+        ctx.combo_click("##Tone map/Clip")
+        ctx.combo_click("##Show/Irradiance only")
+        ctx.item_uncheck("##Doll's house")
+        ctx.yield_(2)
+        s = session.settings
+        assert (s.tone_map, s.show, s.cull) == ("clip", "irradiance", False)
+        from app.draw.renderer import UNLIT
+
+        grey = np.round(255 * np.array(UNLIT)).astype(int)
+        middle = hand.pixels()[viewer.renderer.size[1] // 2, viewer.renderer.size[0] // 2]
+        assert np.array_equal(middle, grey), f"{middle}, not {grey}: the closed room from outside, its walls drawn"
+
+        # Every control tells what it does.
+        refs = "##Estimator ##Photons ##Radius ##k ##Static_light Artifact_control Border_correction Textbook_k"
+        refs += " ##Exposure Meter ##Tone_map ##Show ##Doll's_house"
+        refs += " ###Play Reset_pose Reset_view ##Budget"
+        for ref in refs.split():
+            ctx.mouse_move(ref.replace("_", " "))
+            ctx.sleep_no_skip(0.7, 0.1)
+            windows = [w for w in imgui.get_current_context().windows if w.name.startswith("##Tooltip") and w.active]
+            assert windows, f"{ref} has no tooltip"
+
+    assert errors(play(script)) == []
+
+
+def test_every_search_shows_the_same_light(play):
+    """The section "Disc search": another search, the same bits in the window."""
+    from gi_core.discs.search import SEARCHES
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.press(keys()._1)
+        hand.wait_for_light()
+        ctx.set_ref("Panel")
+        ctx.item_open("Disc search")
+        lit, told = session.irradiance, session.solver.search_told
+        assert told.startswith("disc_index: cells of")
+        for search in [*SEARCHES][::-1]:
+            ctx.combo_click(f"##Search/{search.replace('_', ' ').capitalize()}")
+            hand.wait_for_light()
+            assert session.solver.setting.search == session.settings.search == search
+            assert session.solver.search_told.startswith(search)
+            assert np.array_equal(session.irradiance, lit)
+
+    assert errors(play(script)) == []
+
+
+def test_a_slider_drag_never_holds_a_frame_up(play, monkeypatch):
+    """While Radius is dragged to and fro the solver is left alone; then its steps run beside the window's thread.
+
+    How long a frame may wait for them is counted in test_session.py, on a clock that no busy machine disturbs.
+    """
+    from app.session import session as session_module
+
+    monkeypatch.setattr(session_module, "SETTLE", 60.0)  # on a busy machine every value rests for a moment
+    threads, configured = set(), []
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        solver = session.solver
+        configure, solve_steps, tick = solver.configure, solver.solve_steps, session.tick
+
+        def watched_steps():
+            for progress in solve_steps():
+                threads.add(threading.get_ident())
+                yield progress
+
+        def watched_tick(*arguments):
+            tick(*arguments)
+            windows_thread.add(threading.get_ident())
+
+        windows_thread = set()
+        solver.configure = lambda **changes: (configured.append(changes), configure(**changes))
+        solver.solve_steps, session.tick = watched_steps, watched_tick
+        info = ctx.item_info("//Panel/##Radius")
+        low, high = info.rect_full.min, info.rect_full.max
+        y = (low.y + high.y) / 2
+        ctx.mouse_move_to_pos((low.x + 40, y))
+        ctx.mouse_down(0)
+        for k in range(40):
+            ctx.mouse_move_to_pos((low.x + 40 + (high.x - low.x - 80) * (k % 20) / 20, y))
+        assert configured == [] and threads == set(), "not while it moves"
+        ctx.mouse_up(0)
+        ctx.yield_(3)
+        hand.wait(lambda: not session.refining)
+        assert len(configured) == 1 and list(configured[0]) == ["radius"]
+        assert session.solver.radius == session.settings.radius != support.SETTINGS.radius
+        assert threads and not threads & windows_thread
+
+    # Without the work at rest, whose twins would be counted here.
+    assert errors(play(script, replace(support.SETTINGS, appraise=False))) == []
+
+
+def test_the_budget_is_kept_while_dragging_and_the_panel_says_which_photons_are_shown(play, monkeypatch):
+    """A solver that believes the fewest photons fit: those while the block is dragged, all when it is released."""
+    from app.session import session as session_module
+    from app.window.panel import widgets
+
+    monkeypatch.setattr(session_module, "STILL", 60.0)  # a busy machine holds it still for us
+    told = []
+    number = widgets.number
+    monkeypatch.setattr(
+        widgets, "number", lambda label, value, tip: (told.append((label, value)), number(label, value, tip))
+    )
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        ctx.set_ref("Panel")
+        ctx.item_input_value("##Budget", 20)
+        ctx.yield_(2)
+        assert session.settings.budget == 20 and session.light.budget == 0.02
+        solver = session.solver
+        few = solver.prefixes[-2]
+        assert few < support.SETTINGS.photons == solver.prefixes[-1]
+        solver.budget.within = lambda *_: (few, None)
+
+        at = hand.at(BLOCK_FRONT)
+        hand.move(at)
+        ctx.mouse_down(0)
+        for k in range(1, 4):
+            hand.move((at[0] + 15 * k, at[1]))
+        hand.wait(lambda: session.light.photons_shown == few)
+        ctx.yield_(2)
+        assert ("Moving", f"{few:,} of 20,000 photons".replace(",", " ")) in told
+        monkeypatch.setattr(session_module, "STILL", 0.05)
+        hand.wait(lambda: session.light.photons_shown == 20_000)
+        assert session.dragging, "held still for a while"
+        monkeypatch.setattr(session_module, "STILL", 60.0)
+        hand.move((at[0] + 90, at[1]))
+        hand.wait(lambda: session.light.photons_shown == few)
+        ctx.mouse_up(0)
+        hand.wait_for_light()
+        assert session.light.photons_shown == 20_000 and told[-1] is not None
+        assert hand.light_is_that_from_scratch()
+        told.clear()
+        ctx.yield_(2)
+        assert ("At rest", "20 000 of 20 000 photons") in told
+
+        # Off: all photons, whatever the solver believes.
+        ctx.item_input_value("##Budget", 101)
+        ctx.yield_(2)
+        assert session.settings.budget == 0
+        at = hand.at(session.poses["block"].position)
+        hand.move(at)
+        ctx.mouse_down(0)
+        for k in range(1, 4):
+            hand.move((at[0] - 15 * k, at[1]))
+            assert session.light.photons_shown == 20_000
+        ctx.mouse_up(0)
+        ctx.yield_(2)
+
+    assert errors(play(script)) == []
+
+
+def test_sections_fold_and_stay_as_they_were_left(play):
+    """The engineer's numbers are folded at first; a second window opens as the first one was closed."""
+    unfolded = {}
+
+    def look(hand, viewer):
+        hand.ctx.yield_(2)
+        unfolded.update(viewer.folds._unfolded)
+
+    def first(hand, viewer):
+        hand.wait_for_light()
+        look(hand, viewer)
+        assert unfolded["Light"] and unfolded["Probes"] and not unfolded["Time"] and not unfolded["Paths"]
+        hand.ctx.set_ref("Panel")
+        assert hand.ctx.item_exists("##Radius") and not hand.ctx.item_exists("Whole frame")
+        hand.ctx.item_click("Light")
+        hand.ctx.item_click("Time")
+        look(hand, viewer)
+        assert unfolded["Time"] and not unfolded["Light"]
+        assert not hand.ctx.item_exists("##Radius")
+
+    def second(hand, viewer):
+        hand.wait_for_light()
+        look(hand, viewer)
+        assert unfolded["Time"] and unfolded["Probes"] and not unfolded["Light"] and not unfolded["Paths"]
+
+    assert errors(play(first, keep_ini=True)) == []
+    assert errors(play(second, keep_ini=True)) == []

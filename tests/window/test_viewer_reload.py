@@ -1,0 +1,296 @@
+"""A scene loaded again and another one dropped on the window: what stays, what does not, and what a failure leaves."""
+
+from __future__ import annotations
+
+import gc
+import threading
+import weakref
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.session.opening import Opening
+from app.window.viewer import QUIET_FRAMES
+from gi_core.scene import Camera, Pose, SceneError
+from tests.support import viewer_support as support
+from tests.support.viewer_hand import errors, keys
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+
+AWAY = Pose((0.7, 0.4, 0.6))
+
+
+class Files:
+    """A scene file as the loader sees it: what it holds may change between two readings."""
+
+    def __init__(self, **defaults) -> None:
+        self.scene, self.problem, self.read, self.gate = support.room(), None, [], threading.Event()
+        self.scene = replace(self.scene, defaults=self.scene.defaults._replace(**defaults))
+        self.gate.set()
+
+    def load(self, settings):
+        self.read.append(settings)
+        self.gate.wait(20)
+        if self.problem is not None:
+            raise self.problem
+        return self.scene
+
+    def open(self, settings):
+        return Opening(settings, load=self.load)
+
+
+def again(hand, viewer) -> None:
+    """Load again and wait until it is there, or is not to be had."""
+    before = viewer.session
+    hand.press(keys().f5)
+    hand.wait(lambda: viewer.succession.coming is None)
+    hand.wait_for_light()
+    assert (viewer.session is not before) != bool(viewer.succession.problem)
+
+
+@pytest.fixture
+def drop(monkeypatch):
+    """Return a function that lets go of files over the window: what glfw is given is called as glfw does."""
+    import glfw
+
+    given, really = [], glfw.set_drop_callback
+    monkeypatch.setattr(glfw, "set_drop_callback", lambda w, call: (given.append((w, call)), really(w, call))[1])
+
+    def drop(hand, *files: str) -> None:
+        ((window, call),) = given
+        call(window, list(files))
+        hand.ctx.yield_(3)
+
+    return drop
+
+
+def test_what_the_user_set_and_moved_stays_and_the_files_say_the_rest(play):
+    files = Files()
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        first = viewer.session
+        first.want(replace(first.settings, photons=30_000, tone_map="clip", exposure=1.25))
+        first.move({"block": AWAY})
+        hand.wait_for_light()
+        viewer.viewport.camera = viewer.viewport.camera.dolly(2.0)
+        camera, light = viewer.viewport.camera, first.irradiance
+        again(hand, viewer)
+        session = viewer.session
+        assert session.poses == {"block": AWAY} == session.solver.poses
+        assert (session.settings.photons, session.settings.tone_map, session.settings.exposure) == (
+            30_000,
+            "clip",
+            1.25,
+        )
+        assert session.solver.photons == 30_000 and viewer.viewport.camera == camera
+        assert np.array_equal(session.irradiance, light), "the same files: the same bits"
+
+        # The files change: brighter walls, a second block, another camera.
+        old = files.scene
+        other = old.mobiles[0]._replace(name="second", pose=Pose((0.3, 0.2, 0.3)))
+        white = old.materials[0]._replace(reflectance=(0.9, 0.9, 0.9))
+        files.scene = replace(
+            old,
+            materials=(white, *old.materials[1:]),
+            mobiles=(*old.mobiles, other),
+            camera=Camera((0.5, 0.5, 3.5), (0.5, 0.5, 0.5)),
+        )
+        again(hand, viewer)
+        session = viewer.session
+        assert session.poses == {"block": AWAY, "second": other.pose} and len(viewer.renderer._objects) == 3
+        assert session.irradiance[: len(light)].mean() > light.mean()
+        assert viewer.viewport.camera == camera, "where the user looks"
+        hand.press(keys().home)
+        hand.wait(lambda: viewer.viewport.camera == viewer.viewport.home)
+        assert viewer.viewport.home.eye()[2] == pytest.approx(3.5)
+
+        # The mobile that was moved is gone: the other stays where it is.
+        files.scene = replace(files.scene, mobiles=(other,))
+        again(hand, viewer)
+        assert viewer.session.poses == {"second": other.pose}
+        assert hand.light_is_that_from_scratch()
+        hand.press(keys().r)
+        assert viewer.log.last.text == "loaded again: room"
+
+    assert errors(play(script, open_with=files.open)) == []
+
+
+def test_a_value_that_nobody_set_is_chosen_anew(play):
+    """A radius that the file gives may have changed in the file; one that the user has set stays."""
+    files = Files(radius=0.05, photons=9_000)
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        assert (viewer.session.settings.radius, viewer.session.settings.photons) == (0.05, 9_000)
+        viewer.session.want(replace(viewer.session.settings, photons=12_000))
+        hand.wait_for_light()
+        files.scene = replace(files.scene, defaults=files.scene.defaults._replace(radius=0.07, photons=8_000))
+        again(hand, viewer)
+        assert (viewer.session.settings.radius, viewer.session.settings.photons) == (0.07, 12_000)
+
+    settings = replace(support.SETTINGS, photons=None, radius=None, neighbours=None)
+    assert errors(play(script, settings, open_with=files.open)) == []
+
+
+def test_a_failed_load_keeps_the_old_scene_and_says_why(play):
+    files = Files()
+    why = "room.toml: flux must be three numbers >= 0, got [-1, 0, 2]"
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        session, picture = viewer.session, hand.pixels()
+        hand.press(keys()._2)
+        hand.wait_for_light()
+        light = session.irradiance
+        files.problem = SceneError(why)
+        for _ in range(3):
+            again(hand, viewer)
+            assert viewer.session is session and viewer.succession.problem == why
+            assert errors(viewer)[-1] == f"opening: {why}" and not viewer.params.app_shall_exit
+        assert np.array_equal(session.irradiance, light)
+
+        # Everything goes on: a drag, a setting, and, repaired, another load.
+        start = session.poses["block"]
+        hand.drag(hand.at((0.5, 0.3, 0.62)), [c + 40 for c in hand.at((0.5, 0.3, 0.62))])
+        assert session.poses["block"] != start
+        hand.press(keys()._1)
+        hand.wait_for_light()
+        assert hand.light_is_that_from_scratch()
+        assert not np.array_equal(hand.pixels(), picture)
+        files.problem = None
+        hand.ctx.item_click("//Panel/Load again")
+        hand.wait(lambda: viewer.session is not session)
+        assert viewer.succession.problem == ""
+
+    play(script, open_with=files.open)
+
+
+def test_a_scene_that_the_card_does_not_take_leaves_the_old_one_drawn(play, monkeypatch):
+    from app.draw import renderer
+
+    files = Files()
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.wait(lambda: viewer._quiet > QUIET_FRAMES)  # drawn with all samples
+        session, objects, picture = viewer.session, viewer.renderer._objects, hand.pixels()
+        made = renderer.DrawnObject
+
+        def full(*arguments):
+            if len(released) == 1:
+                raise MemoryError("the card is full")
+            released.append(made(*arguments))
+            return released[-1]
+
+        released = []
+        monkeypatch.setattr(renderer, "DrawnObject", full)
+        hand.press(keys().f5)
+        hand.wait(lambda: viewer.succession.problem)
+        assert viewer.succession.problem == "the card is full" and viewer.succession.coming is None
+        assert viewer.session is session and viewer.renderer._objects is objects
+        monkeypatch.setattr(renderer, "DrawnObject", made)
+        viewer.viewport.redraw()
+        hand.wait(lambda: viewer._quiet > QUIET_FRAMES)
+        assert np.array_equal(hand.pixels(), picture)
+
+    assert errors(play(script, open_with=files.open)) == ["opening: the card is full"]
+
+
+def test_the_old_scene_is_used_while_the_new_one_loads(play):
+    """Frames, drags and settings go on; what is changed meanwhile stays; the new one waits for a drag to end."""
+    files = Files()
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        session = viewer.session
+        files.gate.clear()
+        hand.press(keys().f5)
+        frames = viewer.frames
+        front = hand.at((0.5, 0.3, 0.62))
+        hand.move(front)
+        hand.ctx.mouse_down(0)
+        for k in range(1, 6):
+            hand.move((front[0] + 8 * k, front[1]))
+        assert viewer.frames > frames + 5 and viewer.session is session and session.dragging
+        assert viewer.succession.told[0] == "loading scene: room"
+        session.want(replace(session.settings, tone_map="reinhard"))
+        files.gate.set()
+        hand.wait(lambda: viewer.succession.told and viewer.succession.told[0] == "ready")
+        hand.ctx.yield_(10)
+        assert viewer.session is session, "never under a hand"
+        there = session.poses["block"]
+        hand.ctx.mouse_up(0)
+        hand.wait(lambda: viewer.session is not session)
+        assert viewer.session.poses["block"] == there and viewer.session.settings.tone_map == "reinhard"
+        hand.wait_for_light()
+
+    assert errors(play(script, open_with=files.open)) == []
+
+
+def test_twenty_loads_leave_nothing_of_the_old_scenes(play):
+    """Solvers go without the help of the collector of rings, threads end, the card's objects are given back."""
+    files = Files()
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        gone, threads = [], threading.active_count()
+        gc.collect()
+        gc.disable()
+        try:
+            for _ in range(20):
+                gone.append(weakref.ref(viewer.session.solver))
+                objects = viewer.renderer._objects
+                again(hand, viewer)
+                assert viewer.renderer._objects is not objects
+                assert all(thing.glo for o in viewer.renderer._objects for thing in o._owned)
+                assert not any(isinstance(thing.mglo, type(viewer.ctx.mglo)) for o in objects for thing in o._owned)
+            hand.wait(lambda: not any(ref() is not None for ref in gone))
+        finally:
+            gc.enable()
+        hand.wait_for_light()
+        assert threading.active_count() <= threads + 1
+        assert len(files.read) == 21
+
+    assert errors(play(script, open_with=files.open)) == []
+
+
+def test_a_file_dropped_on_the_window_is_opened(play, drop):
+    files = Files(photons=20_000)
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        session = viewer.session
+        session.want(replace(session.settings, tone_map="clip", exposure=3.0, radius=0.2))
+        hand.wait_for_light()
+        viewer.viewport.camera = viewer.viewport.camera.dolly(2.0)
+        drop(hand, "/somewhere/hall.glb", "/somewhere/chair.obj")
+        hand.wait(lambda: viewer.session is not session)
+        hand.wait_for_light()
+        asked, now = files.read[-1], viewer.session.settings
+        assert (asked.scene, asked.mobiles) == ("/somewhere/hall.glb", ("/somewhere/chair.obj",))
+        assert asked.radius is None and asked.photons is None and asked.exposure is None and asked.poses == ()
+        assert now.tone_map == "clip" and now.exposure != 3.0 and viewer.viewport.camera == viewer.viewport.home
+        drop(hand, "/somewhere/chair.obj", "/somewhere/room.toml")
+        hand.wait(lambda: files.read[-1].scene == "/somewhere/room.toml")
+        assert files.read[-1].mobiles == ("/somewhere/chair.obj",)
+        hand.wait(lambda: viewer.succession.coming is None)
+        assert viewer.log.last.text == "opened: /somewhere/room.toml"
+
+    assert errors(play(script, open_with=files.open)) == []
+
+
+def test_a_file_dropped_after_a_failed_start_is_opened(play, drop):
+    files = Files(photons=20_000)
+    files.problem = ZeroDivisionError("division by zero")
+
+    def script(hand, viewer):
+        hand.wait(lambda: viewer.session.problem is not None)
+        files.problem = None
+        drop(hand, "room.toml")
+        hand.wait_for_light()
+        assert viewer.session.settings.scene == "room.toml"
+
+    assert errors(play(script, open_with=files.open)) == ["opening: division by zero"]
