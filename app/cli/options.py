@@ -1,12 +1,12 @@
-"""What single commands take beside what all of them take."""
+"""Options that commands share, and the settings that they make."""
 
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from app.cli import values
-from app.settings import SHOWS, STEP, TONE_MAPS, Settings
+from app.cli.version import version
+from app.settings import LIGHTS, SHOWS, TONE_MAPS, Settings, check_names
 
 
 def picture(parser: argparse.ArgumentParser) -> None:
@@ -30,50 +30,55 @@ def budget(parser: argparse.ArgumentParser, off: str) -> None:
     )
 
 
-def tune(parser: argparse.ArgumentParser) -> None:
-    """Add those of `tune`."""
-    budget(parser, "")
+def common(parser: argparse.ArgumentParser) -> None:
+    """Add those of every command that opens a scene."""
     add = parser.add_argument
-    add("--error", type=values.positive, metavar="PCT", help="choose the fastest settings with this error at rest")
-    add("--check", action="store_true", help="solve with the choice and measure its error")
-
-
-def bench(parser: argparse.ArgumentParser) -> None:
-    """Add those of `bench`."""
-    parser.set_defaults(light="photons")
-    add = parser.add_argument
-    add("--frames", type=values.positive_int, default=100, metavar="N", help="timed frames (default 100)")
-    add("--step", type=values.positive, default=100 * STEP, metavar="PCT",
-        help=f"how far a mobile goes in a frame [%% of the scene size] ({100 * STEP:g})")  # fmt: skip
-    add("--json", type=Path, metavar="FILE", help="write every number to a JSON file too")
+    add("scene", nargs="?", default="cornell", metavar="SCENE", help="built-in name, .toml or mesh file (cornell)")
+    add("--mobile", dest="mobiles", action="append", default=[], metavar="FILE", help="add a mesh file as a mobile")
+    add("--pose", dest="poses", type=values.pose, action="append", default=[], metavar="NAME=x,y,z[,qw,qx,qy,qz]",
+        help="put a mobile somewhere [m], with a unit quaternion or turned as it is")  # fmt: skip
+    add("--estimator", metavar="NAME", help="how light is gathered; `gi-viewer info` lists the names (tangent_plane)")
     add(
-        "--sweep", action="store_true", help="measure a table of settings into --out; goes on with one that was stopped"
+        "--photons",
+        type=values.positive_int,
+        metavar="N",
+        help="photons to trace, 1e6 is allowed (scene's, else chosen)",
     )
-    add("--tables", action="store_true", help="the report's tables 2.1 to 2.5 with our times, into --out; minutes")
-    add("--contact", action="store_true", help="what contact of objects costs: the same frames with it and without")
-    add("--out", type=Path, metavar="DIR", help="where --sweep writes sweep.json and sweep.md, --tables tables.md")
-    add("--large", action="store_true", help="--sweep with 10,000,000 photons as well: minutes, and gigabytes")
-    add("--compare", type=Path, nargs=2, metavar=("A.json", "B.json"),
-        help="print B / A of every number that two such files both have")  # fmt: skip
-
-
-def reference(parser: argparse.ArgumentParser) -> None:
-    """Add those of `reference`."""
-    parser.add_argument("--error", type=values.positive, default=1.0, metavar="PCT",
-        help="stop when chance makes no larger error than this share of the light [%%] (1)")  # fmt: skip
-
-
-def chart(parser: argparse.ArgumentParser) -> None:
-    """Add those of `chart`."""
-    add = parser.add_argument
+    add("--radius", type=values.positive, metavar="M", help="disc radius or largest search radius [m]")
+    add("--neighbours", type=values.positive_int, metavar="K", help="hits that photon_map averages over")
+    add("--no-control", dest="control", action="store_false",
+        help="tangent_plane without artifact control: faster, dark in corners, and walls leak")  # fmt: skip
     add(
-        "--out",
-        type=Path,
-        default=Path("chart"),
-        metavar="DIR",
-        help="folder of results.csv, chart.svg, index.html (chart)",
+        "--no-border-correction",
+        dest="border_correction",
+        action="store_false",
+        help="photon_map without alpha / 2 pi at borders: they turn dark, and surfaces that meet light each other",
     )
-    add("--quick", action="store_true", help="few settings, frames and receivers: a minute")
-    add("--atlas", action="store_true", help="instead, of no scene: where each method fails (as gi-viewer atlas)")
-    add("--frames", type=values.positive_int, metavar="N", help="timed frames along the path a setting (40)")
-    add("--points", type=values.positive_int, metavar="N", help="receivers a pose whose error is taken (1500)")
+    add("--textbook", action="store_true", help="photon_map counts the k-th hit too: k / (k - 1) brighter")
+    add("--search", default=Settings.search, metavar="NAME",
+        help=f"how tangent_plane finds what crosses discs, the picture is the same ({Settings.search})")  # fmt: skip
+    add("--light", choices=LIGHTS,
+        help="best: gathered along paths, by mobiles in each frame and by the static part at rest (render: before the"
+        " first picture, minutes); photons: the estimator alone, as in the report (photons with --estimator, else best"
+        " without that wait)")  # fmt: skip
+    add("--seed", type=values.seed, default=0, metavar="N", help="which photons (0)")
+    add("--exposure", type=values.exposure, metavar="EV", help="stops, +1 doubles (the scene's, else metered)")
+    add("--max-edge", type=values.positive, metavar="M", help="cut triangles until no edge is longer [m]")
+    add("--up", choices=["x", "y", "z"], help="which axis points up, instead of the file's")
+    add("--allow-outside", action="store_true", help="let the scene name files outside its own folder")
+    add("--version", action=_Version, nargs=0, help="print the version")
+
+
+def settings_of(arguments: argparse.Namespace) -> Settings:
+    """Return the record that everything behind the command line works from. Raises UsageError for an unknown name."""
+    given = {name: getattr(arguments, name) for name in Settings.__dataclass_fields__ if hasattr(arguments, name)}
+    given["mobiles"], given["poses"] = tuple(given["mobiles"]), tuple(given["poses"])
+    settings = Settings(**given)
+    check_names(settings)
+    return settings
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser, namespace, values, option_string=None):
+        print(f"gi-viewer {version()}")
+        parser.exit()

@@ -1,1 +1,41 @@
-"""Commands, one per file."""
+"""Commands: the module of each one and its line of help; a module is imported when its command is called.
+
+A command module has `add_options(parser)` and `run(arguments)`, which returns the exit code. A new command is one file
+and one line in COMMANDS. Command modules import nothing heavy at the top, so that `--help` answers at once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Command(NamedTuple):
+    """A command before it is imported."""
+
+    module: str
+    summary: str
+
+
+VIEW = Command(
+    "app.commands.view",
+    "Real-time global illumination: drag an object and shadow, colour bleeding and its own shading follow.",
+)
+COMMANDS = {
+    "render": Command("app.commands.render", "draw one picture, or --frames along the mobile's path, without a window"),
+    "bench": Command("app.commands.bench", "move the mobile along its path and time every frame"),
+    "tune": Command(
+        "app.commands.tune", "try settings on this scene and machine and say which suit a frame time or an error best"
+    ),
+    "info": Command("app.commands.info", "say what is in a scene, which defaults are chosen, and why"),
+    "reference": Command(
+        "app.commands.reference",
+        "gather the unbiased light of a scene and keep it; goes on with a run that was stopped",
+    ),
+    "chart": Command(
+        "app.commands.chart",
+        "error against frame time of many settings: table, chart and page; goes on with a run that was stopped",
+    ),
+    "atlas": Command(
+        "app.commands.atlas", "where each method fails, what theory predicts, what is measured, what helps: a page"
+    ),
+}

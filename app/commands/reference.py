@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+import argparse
+from typing import TYPE_CHECKING
+
+from app.cli import options, values
+from app.cli.exit_codes import OK
+from app.cli.options import settings_of
 from app.cli.progress import Bar, compile_kernels, time_left
 from app.cli.writable import check_folder
-from app.rest.reference_run import run
-from app.rest.reference_store import FOLDER, ReferenceStore, reference_folder
 from app.settings import Settings, open_scene
-from gi_core.model import Model
+
+if TYPE_CHECKING:
+    from app.rest.reference_store import ReferenceStore
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    options.common(parser)
+    parser.add_argument("--error", type=values.positive, default=1.0, metavar="PCT",
+        help="stop when chance makes no larger error than this share of the light [%%] (1)")  # fmt: skip
+
+
+def run(arguments: argparse.Namespace) -> int:
+    reference(settings_of(arguments), arguments.error / 100)
+    return OK
 
 
 class Stopped(KeyboardInterrupt):
@@ -19,6 +36,10 @@ def reference(settings: Settings, error: float) -> dict:
 
     Raises SceneError, UsageError; Stopped when interrupted, with everything gathered so far on disk.
     """
+    from app.rest import reference_run
+    from app.rest.reference_store import FOLDER, ReferenceStore, reference_folder
+    from gi_core.model import Model
+
     check_folder(FOLDER, reference_folder())
     with Bar() as bar:
         bar("loading", 0.0)
@@ -27,7 +48,7 @@ def reference(settings: Settings, error: float) -> dict:
         store = ReferenceStore(Model(scene), seed=settings.seed)
         reached = None
         try:
-            for reached in run(store, error):
+            for reached in reference_run.run(store, error):
                 bar(f"gathering{time_left(reached.seconds_left)}", reached.fraction)
         except KeyboardInterrupt:
             raise Stopped(_kept(store)) from None

@@ -2,16 +2,38 @@
 
 from __future__ import annotations
 
+import argparse
+import sys
 from pathlib import Path
 
+from app.cli import options, values
+from app.cli.exit_codes import OK
+from app.cli.options import settings_of
 from app.cli.progress import Bar, compile_kernels, solve
 from app.cli.writable import check_writable
-from app.draw import motion
-from app.draw.png import write_png
-from app.draw.shot import Shot
 from app.rest.static_job import gather
-from app.session.warnings import caveats
 from app.settings import Settings, UsageError, make_solver, open_scene
+
+FALLBACK_PICTURE = "gi-viewer.png"
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    options.common(parser)
+    options.picture(parser)
+    parser.add_argument("--out", type=Path, metavar="FILE.png", help=f"the picture ({FALLBACK_PICTURE})")
+    parser.add_argument(
+        "--frames", type=values.positive_int, metavar="N", help="N pictures along the path: FILE.0001.png and so on"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    out = arguments.out or Path(FALLBACK_PICTURE)
+    replaced = arguments.out is None and arguments.frames is None and out.exists()
+    for path in render(settings_of(arguments), out, arguments.frames):
+        print(path)
+    if replaced:
+        print(f"gi-viewer: the {out} that was there is replaced; --out FILE.png names another", file=sys.stderr)
+    return OK
 
 
 def render(settings: Settings, out: Path, frames: int | None = None) -> list[Path]:
@@ -19,6 +41,11 @@ def render(settings: Settings, out: Path, frames: int | None = None) -> list[Pat
 
     Raises SceneError, UsageError, OSError.
     """
+    from app.draw import motion
+    from app.draw.png import write_png
+    from app.draw.shot import Shot
+    from app.session.warnings import caveats
+
     _check(out, frames)
     with Bar() as bar:
         bar("loading", 0.0)

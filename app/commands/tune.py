@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+import argparse
 import shlex
 from dataclasses import replace
 
+from app.cli import options, values
+from app.cli.exit_codes import OK
+from app.cli.options import settings_of
 from app.cli.progress import Bar, compile_kernels, solve
 from app.rest.tuning import Tuned, finished, tune
 from app.settings import Settings, UsageError, make_solver, open_moving_scene
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    options.common(parser)
+    options.budget(parser, "")
+    add = parser.add_argument
+    add("--error", type=values.positive, metavar="PCT", help="choose the fastest settings with this error at rest")
+    add("--check", action="store_true", help="solve with the choice and measure its error")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    print("\n".join(tuned_lines(settings_of(arguments), arguments.error, arguments.check)))
+    return OK
 
 
 def tuned_lines(settings: Settings, error: float | None, check: bool = False) -> list[str]:

@@ -5,7 +5,6 @@ Kernels are compiled, structures built and one frame at the start discarded befo
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 
@@ -13,35 +12,9 @@ from app.cli.progress import Bar, compile_kernels
 from app.cli.writable import check_writable
 from app.measure.bench.bounds import told
 from app.measure.bench.measure import measure, warm_up
-from app.settings import STEP, Settings, UsageError, open_moving_scene
+from app.settings import STEP, Settings, open_moving_scene
 
 SOAK = 20  # frames, from which on a first and a last tenth say something
-
-
-def run(arguments: argparse.Namespace, settings: Settings) -> None:
-    """Do what the options of `bench` ask for and print what comes of it. Raises SceneError, UsageError, OSError."""
-    if arguments.compare is not None:
-        from app.measure.bench.compare import compare
-
-        print("\n".join(compare(*arguments.compare)))
-        return
-    if (arguments.sweep or arguments.tables) != (arguments.out is not None):
-        raise UsageError("--sweep and --out DIR go together, --tables and --out too: the folder that is written to")
-    if arguments.tables:
-        from app.measure.bench.report import tables
-
-        print(tables(settings, arguments.out))
-    elif arguments.contact:
-        from app.measure.bench import contact as bench_contact
-
-        print("\n".join(bench_contact.bench(settings, arguments.frames)))
-    elif arguments.sweep:
-        from app.measure.bench.sweep import sweep
-
-        sweep(settings, arguments.frames, arguments.out, arguments.large)
-        print((arguments.out / "sweep.md").read_text(encoding="utf-8"))
-    else:
-        bench(settings, arguments.frames, arguments.json, arguments.step / 100)
 
 
 def bench(settings: Settings, frames: int, json_file: Path | None = None, step: float = STEP) -> dict:

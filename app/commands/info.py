@@ -1,0 +1,20 @@
+"""`gi-viewer info`: contents of a scene, its default settings and the reasons for them."""
+
+from __future__ import annotations
+
+import argparse
+
+from app.cli import options
+from app.cli.exit_codes import OK
+from app.cli.options import settings_of
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    options.common(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from app.measure.scene_info import info
+
+    print("\n".join(info(settings_of(arguments))))
+    return OK

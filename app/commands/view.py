@@ -1,0 +1,51 @@
+"""`gi-viewer [SCENE]`: the window, or one picture in a file where no window can be opened."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from app.cli import options, values
+from app.cli.exit_codes import NO_GL, OK, fail
+from app.cli.options import settings_of
+from app.commands.render import FALLBACK_PICTURE
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    options.common(parser)
+    options.picture(parser)
+    parser.add_argument(
+        "--no-fallback",
+        dest="fallback",
+        action="store_false",
+        help=f"fail with code {NO_GL} where no window can be opened, instead of drawing ./{FALLBACK_PICTURE}",
+    )
+    options.budget(parser, "; 0: always all")
+    parser.add_argument(
+        "--screenshot",
+        type=values.png,
+        metavar="FILE.png",
+        help="save the whole window once its light is refined, and quit",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    settings = settings_of(arguments)
+    from app.window.window import why_no_window
+
+    reason = why_no_window()
+    if reason is None:
+        from app.window.viewer import run
+
+        return run(settings, screenshot=arguments.screenshot)
+    if not settings.fallback:
+        return fail(reason, NO_GL)
+    from app.commands.render import render
+    from app.settings import open_scene
+
+    open_scene(settings)  # what is wrong with the scene is told first, and alone
+    print(f"gi-viewer: no window, so a picture is drawn into a file: {reason}", file=sys.stderr, flush=True)
+    (path,) = render(settings, arguments.screenshot or Path(FALLBACK_PICTURE))
+    print(f"The picture is in {path}")
+    return OK
