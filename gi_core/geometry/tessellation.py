@@ -1,34 +1,50 @@
-"""Splitting long edges, so that irradiance at vertices can follow the light.
+"""Tessellation: long edges are halved, so that irradiance at vertices can follow the light.
 
-Whether an edge is split, and where, depends on that edge alone, in a fixed order of its two ends:
-all faces around it agree, across materials too, so neither T-junctions nor cracks can arise.
+An edge is halved by a rule of that edge alone, in a fixed order of its two ends. All faces around it agree, across
+materials too, so there are no T-junctions and no cracks.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.vectors import cross, dot, every, greatest, length
 from gi_core.geometry.receivers import weld
+from gi_core.geometry.slivers import cut_across
 from gi_core.geometry.surfaces import face_normals
-from gi_core.geometry.thin_faces import cut_across
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Mesh, Paint
 
-ACROSS = 0.6  # of the longest edge: lower faces are cut across, not into triangles of their own shape
+SLIVER = 0.6  # of the longest edge: lower faces are cut across, not into triangles of their own shape
 MOST_FACES = 4_000_000  # a misplaced decimal point must not fill the memory
 
 
-def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thinnest: float = 0.0) -> Mesh:
-    """Split every edge longer than `max_edge` [m] at its middle, again and again.
+class _Faces(NamedTuple):
+    """Faces, each a piece of a face of the mesh; or faces with the middles of their edges as three more corners."""
 
-    `longest`: a function of middles (n, 3) and lengths (n,) of edges that returns the length [m] allowed
-    there, `max_edge` or more. `thinnest` [m]: faces lower than that ask for no split (they
-    are split where a neighbour asks): mouldings would use up the receivers that walls need.
-    Vertices of one place become one. Corner normals and paint are interpolated, materials and face
-    reflectances carried along.
+    source: np.ndarray  # (n,) int64, face of the mesh
+    corners: np.ndarray  # (n, 3) int64, vertices
+    normals: np.ndarray | None  # (n, 3, 3) at corners
+    weights: np.ndarray | None  # (n, 3, 3) of the source's corners, sums of powers of two: exact
+
+    def rows(self, rows) -> _Faces:
+        return _Faces(*(None if c is None else c[rows] for c in self))
+
+    def triangle(self, slots) -> _Faces:
+        return _Faces(self.source, *(None if c is None else c[:, slots] for c in self[1:]))
+
+
+def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thinnest: float = 0.0) -> Mesh:
+    """Return the mesh with every edge longer than `max_edge` [m] halved, again and again.
+
+    `longest`: a function of middles (n, 3) and lengths (n,) of edges that returns the length [m] allowed there,
+    `max_edge` or more. `thinnest` [m]: faces of less height ask for no split, their neighbours do; mouldings would
+    use up the receivers that walls need. With neither, slivers are cut across.
+    Vertices at the same place become one. Corner normals and paint are interpolated; materials and face reflectances
+    are kept.
 
     Raises SceneError if that makes more than MOST_FACES triangles.
     """
@@ -36,100 +52,92 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
         raise SceneError(f"max_edge must be a length > 0, got {max_edge}")
     place = weld(mesh.vertices)
     points = mesh.vertices[np.unique(place, return_index=True)[1]]
-    faces = place[mesh.faces]
-    whole = every(faces != faces[:, [2, 0, 1]])  # a face smaller than the weld is none
-    faces, source, normals = faces[whole], np.flatnonzero(whole), mesh.corner_normals
-    normals = None if normals is None else normals[whole]
+    corners = place[mesh.faces]
+    uniform = longest is None and thinnest == 0
     # No triangle is larger than half the square of its longest edge: refuse before the work, not after it.
-    if longest is None and thinnest == 0 and face_normals(mesh)[1].sum() > MOST_FACES * max_edge * max_edge / 2:
+    if uniform and face_normals(mesh)[1].sum() > MOST_FACES * max_edge * max_edge / 2:
         raise _too_many(max_edge)
-    # Asked of the whole face, so that an edge never changes its mind while its faces are cut.
-    asks = _heights(points, place[mesh.faces]) >= thinnest
-    # Where the corners lie in the face of the file: halves of halves, without any rounding.
-    inside = None if mesh.paint is None else np.broadcast_to(np.eye(3), (len(faces), 3, 3))
-    done, done_source, done_normals, done_inside = [], [], [], []
-    total = 0
-    across = np.zeros(len(faces), bool)
-    if longest is None and thinnest == 0:
-        p = points[faces]
-        across = (_heights(points, faces) < ACROSS * max_edge) & _too_long(
-            p, np.roll(p, -1, axis=1), max_edge, None
-        ).any(axis=1)
-    thin, whole_points = faces[across], points
-    thin_source, thin_normals = source[across], None if normals is None else normals[across]
-    faces, source = faces[~across], source[~across]
-    normals, inside = (None if c is None else c[~across] for c in (normals, inside))
-    while len(faces):
-        # Mark the long edges: edge k runs from corner k to corner k + 1.
-        following = faces[:, [1, 2, 0]]
-        low, high = np.minimum(faces, following), np.maximum(faces, following)
-        long = _too_long(points[low], points[high], max_edge, longest)
-        if thinnest > 0:
-            key = low[long] * len(points) + high[long]
-            asking = np.repeat(asks[source], 3)[long.reshape(-1)]
-            long[long] = np.isin(key, key[asking])
-        # An edge that is short now stays: a face without a long edge is finished for good.
-        pattern = long @ np.array([1, 2, 4])
-        rest = pattern == 0
-        done.append(faces[rest])
-        done_source.append(source[rest])
-        done_normals.append(None if normals is None else normals[rest])
-        done_inside.append(None if inside is None else inside[rest])
-        total += int(rest.sum())
-        split = ~rest
-        faces, source, pattern, long = faces[split], source[split], pattern[split], long[split]
-        low, high = low[split], high[split]
-        if not len(faces):
-            break
-        # Give each long edge its one midpoint.
-        key = low[long] * len(points) + high[long]
-        unique, index = np.unique(key, return_inverse=True)
-        middle = np.full(faces.shape, -1)
-        middle[long] = len(points) + index.reshape(-1)
-        a, b = unique // len(points), unique % len(points)
-        points = np.concatenate([points, 0.5 * (points[a] + points[b])])
-        # Cut each face by the template of its marks.
-        slots = np.concatenate([faces, middle], axis=1)
-        slot_normals = None if normals is None else _with_middles(normals[split])
-        slot_inside = None
-        if inside is not None:
-            inside = inside[split]
-            slot_inside = np.concatenate([inside, 0.5 * (inside + np.roll(inside, -1, axis=1))], axis=1)
-        faces, source, normals, inside = _cut(slots, source, slot_normals, slot_inside, pattern, points)
-        if total + len(faces) > MOST_FACES:
-            raise _too_many(max_edge)
-    if len(thin):
-        cut = cut_across(whole_points[thin], lambda a, b: _too_long(a, b, max_edge, None), MOST_FACES - total)
-        if cut is None:
-            raise _too_many(max_edge)
-        n = len(cut.source)
-        done.append(len(points) + np.arange(3 * n).reshape(n, 3))
-        done_source.append(thin_source[cut.source])
-        done_inside.append(cut.inside)
-        if normals is not None:
-            mixed = (cut.inside[..., None] * thin_normals[cut.source][:, None]).sum(axis=2)
-            done_normals.append(mixed / np.maximum(length(mixed)[..., None], 1e-12))
-        # What neighbours made of the same edges is the same to the bit.
-        points, same = np.unique(np.concatenate([points, cut.points.reshape(-1, 3)]), axis=0, return_inverse=True)
-        done = [same.reshape(-1)[f] for f in done]
-    source = np.concatenate(done_source)
+    weights = None if mesh.paint is None else np.broadcast_to(np.eye(3), (len(corners), 3, 3))
+    faces = _Faces(np.arange(len(corners)), corners, mesh.corner_normals, weights)
+    faces = faces.rows(every(corners != corners[:, [2, 0, 1]]))  # a face smaller than the weld is dropped
+    sliver = _slivers(points[faces.corners], max_edge) if uniform else np.zeros(len(faces.source), bool)
+    # The height is that of the source: an edge keeps its answer while its faces are cut.
+    asks = _heights(points[corners]) >= thinnest if thinnest > 0 else None
+    slivers = faces.rows(sliver)
+    ends = points[slivers.corners]
+    points, faces = _halved(points, faces.rows(~sliver), asks, max_edge, longest)
+    if len(ends):
+        points, faces = _with_slivers(points, faces, slivers, ends, max_edge)
+    source = faces.source
     return Mesh(
         points,
-        np.concatenate(done).astype(np.int32),
+        faces.corners.astype(np.int32),
         mesh.face_material[source],
-        None if mesh.corner_normals is None else np.concatenate(done_normals),
+        faces.normals,
         None if mesh.face_reflectance is None else mesh.face_reflectance[source],
-        None if mesh.paint is None else _painted(mesh.paint, source, np.concatenate(done_inside)),
+        None if mesh.paint is None else _painted(mesh.paint, source, faces.weights),
     )
 
 
-def _painted(paint: Paint, source: np.ndarray, inside: np.ndarray) -> Paint:
-    """Return the paint of pieces of faces `source`, whose corners have weights (n, 3, 3) of the corners there."""
+def _slivers(p: np.ndarray, max_edge: float) -> np.ndarray:
+    """Return which triangles (F, 3, 3) are low and have a long edge. (F,) bool."""
+    return (_heights(p) < SLIVER * max_edge) & _too_long(p, np.roll(p, -1, axis=1), max_edge, None).any(axis=1)
+
+
+def _halved(points, faces: _Faces, asks, max_edge: float, longest) -> tuple[np.ndarray, _Faces]:
+    """Return vertices and faces after all long edges are halved; asks (F,) or None: the sources whose edges count."""
+    done = []
+    while True:
+        # Edge k runs from corner k to corner k + 1.
+        following = faces.corners[:, [1, 2, 0]]
+        low, high = np.minimum(faces.corners, following), np.maximum(faces.corners, following)
+        long = _too_long(points[low], points[high], max_edge, longest)
+        key = low * len(points) + high
+        if asks is not None:
+            long[long] = np.isin(key[long], key[long & asks[faces.source][:, None]])
+        # An edge that is short now stays: a face without a long edge is finished for good.
+        pattern = long @ np.array([1, 2, 4])
+        done.append(faces.rows(pattern == 0))
+        if not long.any():
+            return points, _joined(done)
+        unique, index = np.unique(key[long], return_inverse=True)
+        middle = np.full(key.shape, -1)
+        middle[long] = len(points) + index.reshape(-1)
+        points = np.concatenate([points, 0.5 * (points[unique // len(points)] + points[unique % len(points)])])
+        split = np.flatnonzero(pattern)
+        faces = _cut(_with_middles(faces.rows(split), middle[split]), pattern[split], points)
+        if sum(len(d.source) for d in done) + len(faces.source) > MOST_FACES:
+            raise _too_many(max_edge)
+
+
+def _with_slivers(points, faces: _Faces, slivers: _Faces, ends, max_edge: float) -> tuple[np.ndarray, _Faces]:
+    """Return vertices and faces with the slivers, corners at ends (S, 3, 3), cut across and added."""
+    cut = cut_across(ends, lambda a, b: _too_long(a, b, max_edge, None), MOST_FACES - len(faces.source))
+    if cut is None:
+        raise _too_many(max_edge)
+    n, normals = len(cut.source), None
+    if slivers.normals is not None:
+        mixed = (cut.weights[..., None] * slivers.normals[cut.source][:, None]).sum(axis=2)
+        normals = mixed / np.maximum(length(mixed)[..., None], 1e-12)
+    corners = len(points) + np.arange(3 * n).reshape(n, 3)
+    weights = None if slivers.weights is None else cut.weights
+    faces = _joined([faces, _Faces(slivers.source[cut.source], corners, normals, weights)])
+    # Neighbours cut the same edges at places that are equal to the bit.
+    points, same = np.unique(np.concatenate([points, cut.points.reshape(-1, 3)]), axis=0, return_inverse=True)
+    return points, faces._replace(corners=same.reshape(-1)[faces.corners])
+
+
+def _joined(parts: list[_Faces]) -> _Faces:
+    return _Faces(*(None if c[0] is None else np.concatenate(c) for c in zip(*parts, strict=True)))
+
+
+def _painted(paint: Paint, source: np.ndarray, weights: np.ndarray) -> Paint:
+    """Return the paint of pieces of faces `source` (n,); weights (n, 3, 3): of the source's corners, per corner."""
     columns = []
     for column in (paint.corner_uv, paint.corner_colour):
         at = column[source].astype(np.float64)
         # Term by term: a matrix product may round otherwise from one machine to the next.
-        columns.append(sum(inside[:, :, k, None] * at[:, k, None] for k in range(3)).astype(np.float32))
+        columns.append(sum(weights[:, :, k, None] * at[:, k, None] for k in range(3)).astype(np.float32))
     return Paint(paint.textures, paint.face_texture[source], *columns)
 
 
@@ -139,9 +147,8 @@ def _too_many(max_edge: float) -> SceneError:
     )
 
 
-def _heights(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return the least height (F,) of each triangle [m]."""
-    p = points[faces]
+def _heights(p: np.ndarray) -> np.ndarray:
+    """Return the least height [m] of triangles (F, 3, 3). (F,)."""
     d = p - p[:, [2, 0, 1]]
     longest = greatest(length(d))
     return length(cross(d[:, 1], d[:, 2])) / np.where(longest > 0, longest, 1)
@@ -156,12 +163,17 @@ def _too_long(a, b, max_edge, longest) -> np.ndarray:
     return long
 
 
-def _with_middles(n: np.ndarray) -> np.ndarray:
-    """Return normals (F, 6, 3) of the corners and of the middles of the edges."""
-    middle = n + n[:, [1, 2, 0]]
-    size = length(middle)[..., None]
-    middle = np.where(size > 1e-6, middle / np.where(size > 0, size, 1), n)  # opposed: keep the first
-    return np.concatenate([n, middle], axis=1)
+def _with_middles(faces: _Faces, middle: np.ndarray) -> _Faces:
+    """Return faces with six slots: their corners, then the middles of their edges, vertices middle (F, 3)."""
+    n, w = faces.normals, faces.weights
+    if n is not None:
+        between = n + n[:, [1, 2, 0]]
+        size = length(between)[..., None]
+        between = np.where(size > 1e-6, between / np.where(size > 0, size, 1), n)  # opposed: keep the first
+        n = np.concatenate([n, between], axis=1)
+    if w is not None:
+        w = np.concatenate([w, 0.5 * (w + np.roll(w, -1, axis=1))], axis=1)
+    return _Faces(faces.source, np.concatenate([faces.corners, middle], axis=1), n, w)
 
 
 def _rotated(triangles, turns: int):
@@ -181,33 +193,24 @@ TIP = [(4, 2, 5)]
 DIAGONALS = ([(0, 1, 4), (0, 4, 5)], [(0, 1, 5), (1, 4, 5)])
 
 
-def _cut(slots, source, normals, inside, pattern, points):
-    faces_out, source_out, normals_out, inside_out = [], [], [], []
+def _cut(slots: _Faces, pattern: np.ndarray, points: np.ndarray) -> _Faces:
+    """Return the pieces of faces with six slots, by the pattern (F,) of their long edges."""
+    parts = []
 
     def emit(rows, triangles):
-        for t in triangles:
-            faces_out.append(slots[rows][:, t])
-            source_out.append(source[rows])
-            if normals is not None:
-                normals_out.append(normals[rows][:, t])
-            if inside is not None:
-                inside_out.append(inside[rows][:, t])
+        faces = slots.rows(rows)
+        parts.extend(faces.triangle(t) for t in triangles)
 
     for bits, triangles in TEMPLATES.items():
         emit(np.flatnonzero(pattern == bits), triangles)
     for bits, turns in TWO.items():
         rows = np.flatnonzero(pattern == bits)
-        corner = slots[rows]
-        (a, d), (b, e) = ([i for i in _rotated([pair], turns)[0]] for pair in ((0, 4), (1, 5)))
+        corner = slots.corners[rows]
+        (a, d), (b, e) = _rotated([(0, 4), (1, 5)], turns)
         first = points[corner[:, a]] - points[corner[:, d]]
         second = points[corner[:, b]] - points[corner[:, e]]
         shorter = dot(first, first) <= dot(second, second)
         emit(rows, _rotated(TIP, turns))
         emit(rows[shorter], _rotated(DIAGONALS[0], turns))
         emit(rows[~shorter], _rotated(DIAGONALS[1], turns))
-    return (
-        np.concatenate(faces_out),
-        np.concatenate(source_out),
-        None if normals is None else np.concatenate(normals_out),
-        None if inside is None else np.concatenate(inside_out),
-    )
+    return _joined(parts)

@@ -1,4 +1,4 @@
-"""Long thin triangles cut across: halving again and again would split their diagonals too, into 3^n pieces for 2^n."""
+"""Slivers: long thin triangles are cut across. Halving would split their diagonals too, into 3^n pieces, not 2^n."""
 
 from __future__ import annotations
 
@@ -9,29 +9,30 @@ import numpy as np
 
 
 class Pieces(NamedTuple):
-    """Triangles that thin ones were cut into."""
+    """Triangles that slivers were cut into."""
 
     points: np.ndarray  # (n, 3, 3) float64 [m]
-    source: np.ndarray  # (n,) int64, which of the thin faces
-    inside: np.ndarray  # (n, 3, 3) weights of that face's corners at each corner
+    source: np.ndarray  # (n,) int64, index of the sliver
+    weights: np.ndarray  # (n, 3, 3) of the sliver's corners, at each corner
 
 
 def cut_across(corners: np.ndarray, too_long: Callable, most: int) -> Pieces | None:
-    """Cut triangles corners (F, 3, 3), each with a longest edge that is too long, between points on their edges alone.
+    """Return the pieces of triangles (F, 3, 3) after cuts between points on their edges; None for more than `most`.
 
-    too_long(a, b) tells which edges between points (n, 3) are halved, again and again: just as a neighbour's are.
-    Returns None if that makes more than `most` pieces.
+    too_long(a, b): a function of points (n, 3) that returns which edges are halved, again and again, as a neighbour
+    halves them. The longest edge of every triangle must be too long.
     """
-    face, edge, t = _stops(corners, too_long, most)
-    if face is None:
+    stops = _stops(corners, too_long, most)
+    if stops is None:
         return None
+    face, edge, t = stops
     sides = corners - np.roll(corners, -1, axis=1)
     longest = np.argmax((sides * sides).sum(axis=2), axis=1)
     weights = np.zeros((len(face), 3))
     rows = np.arange(len(face))
     weights[rows, edge] += 1 - t
     weights[rows, (edge + 1) % 3] += t
-    # From the start of the longest edge to its end there are two ways: along it, and past the opposite corner.
+    # Two ways lead from the start of the longest edge to its end: along it, and past the opposite corner.
     first = longest[face]
     other = edge != first
     start = (edge == first) & (t == 0)
@@ -40,7 +41,7 @@ def cut_across(corners: np.ndarray, too_long: Callable, most: int) -> Pieces | N
     d = e - s
     points = (weights[:, :, None] * corners[face]).sum(axis=1)
     along = ((points - s[face]) * d[face]).sum(axis=1) / (d * d).sum(axis=1)[face]
-    # Both ways take their first step first: three places on one edge are no triangle.
+    # Both ways take their first step first: three points on one edge are no triangle.
     order = np.lexsort((along, end, other, face))
     order = order[~(start | end)[order]]
     for way, key in ((False, -2.0), (True, -1.0)):
@@ -60,7 +61,7 @@ def cut_across(corners: np.ndarray, too_long: Callable, most: int) -> Pieces | N
 
 
 def _stops(corners, too_long, most):
-    """Return face, edge and share of the way along it of every place where an edge begins or is cut."""
+    """Return face, edge and position along it (0 to 1) of every start and cut of an edge; None for too many."""
     n = len(corners)
     face, edge = np.repeat(np.arange(n), 3), np.tile(np.arange(3), n)
     low, step = np.zeros(3 * n), np.ones(3 * n)
@@ -73,7 +74,7 @@ def _stops(corners, too_long, most):
         total += len(done[-1][0])
         face, edge, low, step, a, b = (c[split] for c in (face, edge, low, step, a, b))
         if total + 2 * len(face) > most:
-            return None, None, None
+            return None
         middle = 0.5 * (a + b)
         face, edge, step = (np.concatenate([c, c]) for c in (face, edge, step / 2))
         low = np.concatenate([low, low + step[: len(low)]])
@@ -82,7 +83,7 @@ def _stops(corners, too_long, most):
 
 
 def _exact(corners, face, edge, t) -> np.ndarray:
-    """Return the places (n, 3) by the same halvings that a neighbour makes: not a bit may differ."""
+    """Return the points (n, 3) by the same halvings that a neighbour makes, so that all bits agree."""
     a, b = corners[face, edge], corners[face, (edge + 1) % 3]
     rest = t.copy()
     going = rest > 0
@@ -100,7 +101,7 @@ def _exact(corners, face, edge, t) -> np.ndarray:
 
 
 def _last(rows, face, mine, origin) -> np.ndarray:
-    """Return for each step the place that its way had come to before it."""
+    """Return for each step the point that its way had reached before it."""
     place = np.arange(len(rows))
     first = np.append(True, face[rows][1:] != face[rows][:-1])
     begin = np.maximum.accumulate(np.where(first, place, 0))
