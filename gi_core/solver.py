@@ -20,7 +20,6 @@ from gi_core.estimators.setting import Setting, number
 from gi_core.frames.background import Background, Photons, add_fates
 from gi_core.frames.frame import Changes, FrameSize, changes_of, frame_light, light_from_scratch
 from gi_core.frames.frame_budget import FrameBudget
-from gi_core.frames.light_pool import LightPool
 from gi_core.frames.light_source import LightSource
 from gi_core.gather.reference import Gathered
 from gi_core.gather.static import StaticGather
@@ -95,7 +94,7 @@ class Solver:
         self.setting = Setting(estimator, self.chosen.radius, self.chosen.neighbours)
         self.poses: dict[str, Pose] = self.model.start_poses()
         self._photons = Photons(self.model, self.seed)
-        self._room, self._pool = Room(), LightPool()
+        self._room = Room()
         self.timings: dict[str, float] = {}
         self.changes = Changes(0, 0, 0)
         self._facts = NO_FACTS
@@ -303,9 +302,7 @@ class Solver:
             return  # nothing traced yet
         clock, size = Stages(), self._size(self._shown.estimate.photons if photons is None else photons, paths)
         at = self.model.transforms(poses)
-        frame, light = frame_light(
-            self.model, self._photons, self._shown, self._source, at, size, self._room, self._pool, clock
-        )
+        frame, light = frame_light(self.model, self._photons, self._shown, self._source, at, size, self._room, clock)
         changes, facts = changes_of(frame), getattr(self._shown.estimate, "control_facts", NO_FACTS)
         gathered, gathering = self.uses_gathered, clock.seconds.get("gather", 0.0)
         rest = sum(clock.seconds.values()) - gathering
@@ -363,7 +360,7 @@ class Solver:
         """
         other = copy.copy(self)
         other.poses, other.budget, other._next = dict(self.poses), FrameBudget(), None
-        other._room, other._pool = Room(), LightPool()
+        other._room = Room()
         other._source = self._source.twin(fresh)
         if fresh:
             other._shown = other._made_of = other._frame = None

@@ -29,7 +29,6 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
-from gi_core.frames.light_pool import LightPool
 from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_TOLD, Evaluated
 
 
@@ -61,12 +60,10 @@ def _certain(sums, background, brought, each, r):
 
 
 @kernel
-def _read_out(wanted, changed, background, resting, better, same, sums, brought, each, scale, area, first, last, out):
-    """Read those of chunks first .. last - 1 out that are wanted; what has not changed is what it is at rest."""
+def _read_out(changed, background, resting, better, same, sums, brought, each, scale, area, first, last, out):
+    """Read chunks first .. last - 1 out; receivers of unchanged chunks keep their light at rest."""
     static = len(resting)
     for chunk in range(first, last):
-        if not wanted[chunk]:
-            continue
         start, stop = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(out))
         if not changed[chunk]:
             for r in range(start, stop):
@@ -93,23 +90,20 @@ def frame_irradiance(
     resting: np.ndarray,
     better: np.ndarray,
     threads: int,
-    pool: LightPool | None = None,
 ) -> np.ndarray:
     """Return E (R, 3) [W/m2] of a frame; flux_unit [W] is that of its sums.
 
     background: sums (n, 3) int64 of static receivers without mobiles, of the frame's photons; resting, better:
     irradiance (n, 3) of the same, of the frame's photons and of the better source; the same array twice gives the
-    frame's own light as it is. pool: where its array may be from; None: a new one.
+    frame's own light as it is.
     """
-    same = better is resting
+    same, out = better is resting, np.empty((len(frame.sums), 3))
 
-    def write(out: np.ndarray, wanted: np.ndarray) -> None:
-        def work(_, first, last):
-            _read_out(
-                wanted, frame.changed, background, resting, better, same, frame.sums, frame.brought, frame.carried,
-                flux_unit, frame.area, first, last, out,
-            )  # fmt: skip
+    def work(_, first, last):
+        _read_out(
+            frame.changed, background, resting, better, same, frame.sums, frame.brought, frame.carried,
+            flux_unit, frame.area, first, last, out,
+        )  # fmt: skip
 
-        run_ranges(work, len(wanted), threads, CHUNK_GRAIN)
-
-    return (pool or LightPool()).read_out(better, frame.changed, len(frame.sums), write)
+    run_ranges(work, len(frame.changed), threads, CHUNK_GRAIN)
+    return out

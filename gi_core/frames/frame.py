@@ -12,7 +12,6 @@ import numpy as np
 
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.control_variate import frame_irradiance
-from gi_core.frames.light_pool import LightPool
 from gi_core.frames.light_source import LightSource
 from gi_core.geometry.radiosity import irradiance
 from gi_core.model import Model
@@ -51,7 +50,6 @@ def frame_light(
     at: Transforms,
     size: FrameSize,
     room: Room,
-    pool: LightPool,
     clock,
 ) -> tuple[Frame, np.ndarray]:
     """Return what the mobiles at `at` change, and irradiance (R, 3) [W/m2].
@@ -69,7 +67,7 @@ def frame_light(
         scale, resting = model.emitters.unit_flux / size.photons, shown.resting(size.photons)
         better = source.static_irradiance(shown, size.photons)
         background = estimate.background(size.photons)[0]
-        E = frame_irradiance(evaluated, scale, background, resting, better, model.threads, pool)
+        E = frame_irradiance(evaluated, scale, background, resting, better, model.threads)
     else:
         E = np.zeros(evaluated.sums.shape)
     clock("read out")
