@@ -1,7 +1,6 @@
-"""What belongs together: rows of integers that are equal, nodes that are linked.
+"""Groups of equal integer rows, and connected components of a graph.
 
-numpy sorts whole numbers twenty times as fast as rows or several keys, so rows are packed into one number each
-where they fit.
+numpy sorts integers twenty times as fast as rows or several keys. Rows are packed into one int64 each where they fit.
 """
 
 from __future__ import annotations
@@ -16,7 +15,10 @@ MOST_BITS = 62  # of a packed row: int64, and one to spare
 
 
 def order_of(columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the rows (n,) int64 in ascending order of integer columns (n,), the first of most weight; stable."""
+    """Return the indices (n,) int64 that sort rows of integer columns (n,); the first column is the primary key.
+
+    The sort is stable.
+    """
     n = len(columns[0])
     packed = _packed(columns, n)
     if packed is None:
@@ -26,7 +28,7 @@ def order_of(columns: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def group_of(columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Return for each row (n,) int64 the number of its value among the different rows in ascending order."""
+    """Return the rank (n,) int64 of each row among the distinct rows in ascending order; equal rows share a rank."""
     n = len(columns[0])
     order = order_of(columns)
     fresh = np.zeros(n, bool)
@@ -39,15 +41,15 @@ def group_of(columns: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def components(pairs: np.ndarray, n: int) -> np.ndarray:
-    """Return for each of n nodes (n,) int64 the number of its component, in the order of their first nodes.
+    """Return the component label (n,) int64 of each of n nodes; labels ascend with the first node of a component.
 
-    pairs: (m, 2) integers, the nodes that are linked.
+    pairs: (m, 2) integers, the edges.
     """
     return _components(np.ascontiguousarray(pairs, np.int64), n)
 
 
 def _packed(columns: Sequence[np.ndarray], n: int) -> np.ndarray | None:
-    """Return each row and, in its last bits, its place; None where that is too much for a number."""
+    """Return rows (n,) int64 packed with their index in the low bits; None if a row needs more than MOST_BITS."""
     if not n:
         return np.zeros(0, np.int64)
     lows = [int(c.min()) for c in columns]
@@ -62,7 +64,7 @@ def _packed(columns: Sequence[np.ndarray], n: int) -> np.ndarray | None:
 
 @allocating
 def _components(pairs, n):
-    above = np.arange(n)  # a node of the same component with a smaller number, or the node itself
+    above = np.arange(n)  # parent: a smaller node of the same component, or the node itself
     for k in range(len(pairs)):
         a, b = pairs[k, 0], pairs[k, 1]
         while above[a] != a:
@@ -77,7 +79,7 @@ def _components(pairs, n):
             above[a] = b
     label = np.empty(n, np.int64)
     count = 0
-    for i in range(n):  # what is above a node has its label already
+    for i in range(n):  # a parent is labelled before its children
         if above[i] == i:
             label[i] = count
             count += 1

@@ -1,13 +1,13 @@
 """The order of points along a Hilbert curve: neighbours in the list are neighbours in space.
 
-Computed once an object: mobiles are rigid, so the order of their receivers serves every frame (report 2.6).
+Computed once per object. Mobiles are rigid, so the order of their receivers holds in every frame (report 2.6).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-BITS = 10  # an axis: a curve through 2^30 cells
+BITS = 10  # per axis: a curve through 2^30 cells
 
 
 def hilbert_order(points: np.ndarray) -> np.ndarray:
@@ -21,7 +21,7 @@ def hilbert_order(points: np.ndarray) -> np.ndarray:
 
 
 def _transposed(x: np.ndarray) -> np.ndarray:
-    """Return coordinates (3, n) as the bits of a place along the curve, taken in turns (Skilling 2004)."""
+    """Return cells (3, n) int64 as transposed Hilbert indices (3, n): interleaved index bits (Skilling 2004)."""
     x = x.copy()
     for bit in reversed(range(1, BITS)):
         q = 1 << bit
@@ -39,7 +39,7 @@ def _transposed(x: np.ndarray) -> np.ndarray:
 
 
 def _key(x: np.ndarray) -> np.ndarray:
-    """Return the bits of three numbers (3, n) in turns, the first one's first."""
+    """Interleave the bits of three numbers (3, n) into indices (n,) int64, the first number's highest."""
     key = np.zeros(x.shape[1], np.int64)
     for bit in reversed(range(BITS)):
         for axis in range(3):

@@ -1,9 +1,9 @@
-"""How kernels are compiled: once a machine, cached on disk, without the GIL, IEEE arithmetic.
+"""Decorators of compiled kernels: cached on disk per machine, without the GIL, with IEEE arithmetic.
 
-`kernel` is the decorator in use, `allocating` where arrays are made. fastmath is never on: it flips disc crossings by
-position in a slice. `error_model="numpy"` lets a division by zero give inf, which LLVM can vectorise.
-The cache folder carries a hash of our sources, because numba's own check sees the file of a kernel
-but not the files of the functions that it inlines.
+`kernel` is the usual decorator, `allocating` that of kernels which create arrays. fastmath is never on: results of disc
+tests would depend on the position in a slice. `error_model="numpy"` turns a division by zero into inf, which LLVM can
+vectorise. The cache folder carries a hash of the sources: numba checks the file of a kernel, but not the files of the
+functions that it inlines.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _ROOT = Path(__file__).parent.parent
 
 @cache
 def source_hash() -> str:
-    """Return a short hash of every file of gi_core that holds kernels, of where they are, and of numba's version.
+    """Return a hash (12 hex digits) of gi_core's kernel sources, of their location and of numba's version.
 
-    numba files kernels by the path of their source: another checkout must compile its own.
+    numba indexes kernels by the path of their source, so each checkout compiles its own.
     """
     digest = hashlib.sha256(f"{numba.__version__} {_ROOT}".encode())
     for path in sorted(_ROOT.rglob("*.py")):
@@ -44,9 +44,9 @@ def cache_folder() -> Path:
 
 
 def _cache_elsewhere(folder: Path) -> str:
-    """Return why kernels cannot be kept in a folder, "" if they can; if not, let them go where this process ends.
+    """Return "" if a folder can be written, else the reason; then cache kernels in a temporary folder.
 
-    The environment tells the processes that it starts, so that they share what one of them compiles.
+    Child processes share the temporary folder through NUMBA_CACHE_DIR. It is deleted when this process ends.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -56,17 +56,17 @@ def _cache_elsewhere(folder: Path) -> str:
         elsewhere = tempfile.mkdtemp(prefix="gi-viewer-")
         atexit.register(shutil.rmtree, elsewhere, ignore_errors=True)
         os.environ["NUMBA_CACHE_DIR"] = elsewhere
-        return f"{folder} cannot be written ({error.strerror or error}): kernels are compiled anew at every start"
+        return f"{folder} cannot be written ({error.strerror or error}): kernels are compiled at every start"
 
 
 CACHE_PROBLEM = _cache_elsewhere(cache_folder())
 numba.config.CACHE_DIR = str(cache_folder())
 
-# numba counts who holds an array whenever a loop names it, by calls that cost more than most loops: of a ray's 900 ns
-# 300, and more where two threads count the same one. What makes no array can do without; numba refuses what does.
+# numba reference-counts every array used in a loop: 300 of a ray's 900 ns, more where threads share the array.
+# Kernels that create no arrays need no counting; numba rejects _nrt=False for the others.
 kernel = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
 
 allocating = numba.njit(cache=True, nogil=True, error_model="numpy")
 
-# For the few lines that run for every crossing: calls that pass six arrays cost 60 ns each.
+# For short functions of inner loops: a call that passes six arrays costs 60 ns.
 inlined = numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")

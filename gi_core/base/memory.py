@@ -1,4 +1,4 @@
-"""How much memory is left: a photon too many must not end the program, or freeze the machine."""
+"""Available memory: photons are refused before the process is killed or the machine swaps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _GROUP = Path("/sys/fs/cgroup")
 
 
 def available() -> int | None:
-    """Return bytes that can be had without swapping, None where the system does not tell (not Linux)."""
+    """Return the bytes that can be allocated without swapping; None where the system does not say (not Linux)."""
     left = [n for n in (_of_machine(), _of_group()) if n is not None]
     return min(left, default=None)
 
@@ -23,7 +23,7 @@ def _of_machine() -> int | None:
 
 
 def _of_group() -> int | None:
-    """Of the control group, as in a container: its limit, less what it holds."""
+    """Return the limit of the control group (a container) minus its usage [bytes]; None without a limit."""
     try:
         limit, held = ((_GROUP / name).read_text(encoding="ascii").strip() for name in ("memory.max", "memory.current"))
         return max(int(limit) - int(held), 0)

@@ -1,6 +1,6 @@
-"""Nearest points, and points nearby, for a few thousand queries: a sweep along the longest axis.
+"""Nearest neighbours and neighbour counts by a sweep along the longest axis.
 
-A k-d tree pays only where there are more queries.
+Made for a few thousand queries; a k-d tree pays only with more.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def nearest(points: np.ndarray, queries: np.ndarray, k: int = 1) -> tuple[np.nda
 
 
 def count_within(points: np.ndarray, queries: np.ndarray, reach: float) -> np.ndarray:
-    """Return for each query (m, d) how many of the points (n, d) are no farther than reach, (m,) int64."""
+    """Return the number (m,) int64 of points (n, d) within distance `reach` of each query (m, d)."""
     order, axis = _along_longest(points)
     return _count(_contiguous(points[order]), _contiguous(queries), axis, float(reach))
 
@@ -47,7 +47,7 @@ def _nearest(points, queries, axis, k):
         x = queries[q, axis]
         right = np.searchsorted(points[:, axis], x)
         left = right - 1
-        # Go outwards, always to the side that is nearer along the axis, until that alone is too far.
+        # Go outwards, always to the nearer side along the axis, until that distance alone exceeds the k-th best.
         while left >= 0 or right < n:
             ahead = points[right, axis] - x if right < n else np.inf
             behind = x - points[left, axis] if left >= 0 else np.inf

@@ -1,8 +1,8 @@
-"""Sobol's sequence under Owen's scrambling: every 2^m points from a multiple of 2^m on fill the unit cube evenly.
+"""Owen-scrambled Sobol sequence in six dimensions: each aligned run of 2^m points is a stratified set.
 
 Direction numbers are those of Joe and Kuo (2008). Scrambling and shuffling are hashes (Laine and Karras 2011, constants
-of Vegdahl 2021), so any number of any point costs the same (Burley 2020). Numbers have 32 bits. Coordinates are held
-with their bits reversed, as the hash wants them, until `unit` returns a float.
+of Vegdahl 2021), so every coordinate of every point is computed directly (Burley 2020). Coordinates are 32-bit integers
+with reversed bits, the order that the hash needs; `unit` returns floats.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def _columns(degree: int, inner: int, first: tuple[int, ...]) -> np.ndarray:
 
 
 def _table() -> np.ndarray:
-    """Return (4, 8, 16) uint32: what each value of each four bits of an index adds to a coordinate."""
+    """Return (4, 8, 16) uint32: the XOR term of each value of each 4-bit group of an index."""
     bits = np.arange(16)[:, None] >> np.arange(4) & 1
     columns = np.array([_columns(*given) for given in _JOE_KUO]).reshape(len(_JOE_KUO), 8, 1, 4)
     return np.bitwise_xor.reduce(np.where(bits, columns, np.uint32(0)), axis=-1).astype(np.uint32)
@@ -69,13 +69,13 @@ def unit(x, key):
 
 @kernel
 def shuffled(i, key):
-    """Return index i < 2^32 permuted by a key: each aligned range of 2^m indices becomes another one."""
+    """Return index i < 2^32 permuted by a key; each aligned range of 2^m indices maps to an aligned range."""
     return _reversed(_hashed_upwards(_reversed(i), key & MASK))
 
 
 @kernel
 def _hashed_upwards(x, seed):
-    """Flip each of 32 bits or not, as a hash of the bits below it says: Owen's tree on reversed bits."""
+    """Flip each of 32 bits by a hash of the lower bits: Owen's permutation tree on reversed bits."""
     x ^= (x * np.uint64(0x3D20ADEA)) & MASK
     x = (x + seed) & MASK
     x = (x * ((seed >> np.uint64(16)) | _ONE)) & MASK

@@ -1,8 +1,8 @@
-"""Random numbers as a pure function, and the warps that turn them into points and directions.
+"""Random numbers as pure functions of integers, and warps to points and directions.
 
-No generator state anywhere: photon i bends the same way whatever was traced before it. Emission and first bounce of
-photon i are point i of an Owen-scrambled Sobol sequence in six dimensions; later bounces are hashes. Nets of their own
-for later bounces, or 16 dimensions of one sequence, were measured to gain next to nothing (docs/measurements.md).
+There is no generator state, so photon i does not depend on the photons traced before it. Emission and first bounce of
+photon i are point i of an Owen-scrambled Sobol sequence in six dimensions. Later bounces are hashes: stratifying them
+was measured to gain next to nothing (docs/measurements.md).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from gi_core.base import owen_sobol
 from gi_core.base.jit import kernel
 
-_DIRECTION, _POSITION, _FIRST_BOUNCE = 0, 2, 4  # Sobol dimensions, two each; the first two are the most even pair
+_DIRECTION, _POSITION, _FIRST_BOUNCE = 0, 2, 4  # Sobol dimensions, two each; the first two are the best stratified pair
 
 _A = np.uint64(0xBF58476D1CE4E5B9)
 _B = np.uint64(0x94D049BB133111EB)
@@ -55,7 +55,7 @@ def _even(seed, photon, dimension):
 
 @kernel
 def position_numbers(seed, photon):
-    """Return the two float64 in [0, 1) that choose a photon's light and its place there."""
+    """Return the two float64 in [0, 1) that choose a photon's light and its position on the light."""
     return _even(seed, photon, _POSITION)
 
 
@@ -84,7 +84,7 @@ def basis(nx, ny, nz):
 
 @kernel
 def from_frame(x, y, z, nx, ny, nz):
-    """Carry (x, y, z) from the frame whose third axis is the normal to the world."""
+    """Transform (x, y, z) to the world from the frame whose third axis is the normal."""
     ax, ay, az, bx, by, bz = basis(nx, ny, nz)
     return x * ax + y * bx + z * nx, x * ay + y * by + z * ny, x * az + y * bz + z * nz
 

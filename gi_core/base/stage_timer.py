@@ -1,4 +1,4 @@
-"""How long each stage of a frame took: the clock of gi_core."""
+"""The stage timer: seconds per stage of a frame."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 
 
 class Stages:
-    """Call it with a stage's name when the stage ends; `seconds` has the sum of each."""
+    """Call it with the name of a stage when that stage ends; `seconds` sums the time per name."""
 
     def __init__(self):
         self.seconds: dict[str, float] = {}

@@ -1,4 +1,4 @@
-"""Work cut into steps: generators that yield between a few milliseconds of work and return a result."""
+"""Work in steps: generators that yield every few milliseconds and return a result."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 def finish(steps: Generator[None, None, T]) -> T:
-    """Run all steps at once and return their result."""
+    """Run all steps and return the result."""
     while True:
         try:
             next(steps)

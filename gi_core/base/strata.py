@@ -1,8 +1,8 @@
-"""Even random numbers for the paths of one point: they share the hemisphere and the lamps out between them.
+"""Stratified random numbers for the paths of one point: padded Owen-scrambled (0, 2)-nets.
 
-The paths of a point come in sets of 2^m. Within a set each pair of dimensions is a (0, 2)-net, an Owen-scrambled one
-(owen_sobol.py); sets, and pairs of dimensions, are independent of each other. Every single number is uniform, so
-means have no bias; means of sets are independent, so their scatter is the error.
+The paths of a point come in sets of 2^m. Within a set, each pair of dimensions is an Owen-scrambled (0, 2)-net
+(owen_sobol.py). Sets are independent of each other, and so are pairs of dimensions. Each number is uniform, so means
+are unbiased. Means of sets are independent, so their variance gives the error.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from gi_core.base import owen_sobol, random_numbers
 from gi_core.base.jit import kernel
 
 LARGEST = 12  # m of the largest set
-PAIRS_APART = 1 << 16  # of dimensions: keeps the scrambling of a number apart from the shuffling of a pair
+PAIRS_APART = 1 << 16  # offset of dimensions that separates the scrambling keys from the shuffling keys
 
 
 @kernel
@@ -26,6 +26,6 @@ def uniform(seed, path, vertex, dimension, m):
         return random_numbers.independent(seed, path, vertex, dimension)
     shuffle = random_numbers.hashed(seed, path >> m, vertex, dimension >> 1)
     own = random_numbers.hashed(seed, path >> m, vertex, dimension + PAIRS_APART)
-    # Each pair has its own shuffle, so that pairs are independent; then each number is scrambled.
+    # Each pair is shuffled by its own key, so that pairs are independent; then each number is scrambled.
     i = owen_sobol.shuffled(np.uint64(path & ((1 << m) - 1)), shuffle)
     return owen_sobol.unit(owen_sobol.coordinate(i, dimension & 1), own)

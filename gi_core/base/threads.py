@@ -1,8 +1,7 @@
 """Splitting work over Python threads: kernels and embree release the GIL.
 
-Chosen over numba's own parallel loops because waking its pool costs milliseconds for tiny jobs, and its
-`workqueue` layer aborts when two threads enter.
-All sums are integers, so the split never shows in the result.
+numba's own parallel loops take milliseconds to wake for tiny jobs, and their `workqueue` layer aborts when two threads
+enter. All sums are integers, so the result does not depend on the split.
 """
 
 from __future__ import annotations
@@ -30,16 +29,16 @@ def _pool(workers: int) -> ThreadPoolExecutor:
 
 
 def split(n: int, parts: int, grain: int) -> list[tuple[int, int]]:
-    """Cut range(n) into at most `parts` runs of at least `grain` items."""
+    """Return at most `parts` ranges (start, stop) that cover range(n), of at least `grain` items each."""
     parts = max(1, min(parts, n // max(grain, 1)))
     bounds = [n * k // parts for k in range(parts + 1)]
     return list(zip(bounds[:-1], bounds[1:], strict=True))
 
 
 def run_ranges(work: Callable[[int, int, int], object], n: int, threads: int, grain: int) -> list:
-    """Call work(part, start, stop) over range(n), in parallel where it pays; results in order.
+    """Call work(part, start, stop) on ranges of at least `grain` items of range(n), in parallel; return the results.
 
-    Within a part everything else runs in that part's thread: each call may split its own work freely.
+    Results are in the order of the ranges. Nested calls run in the thread of their part.
     """
     ranges = split(n, 1 if getattr(_part, "busy", False) else threads, grain)
     if len(ranges) == 1:
@@ -49,7 +48,7 @@ def run_ranges(work: Callable[[int, int, int], object], n: int, threads: int, gr
     try:
         return [_run_part(work, 0, *ranges[0]), *(f.result() for f in later)]
     except BaseException:
-        wait(later)  # or they would go on writing behind the back of whoever catches it
+        wait(later)  # no part may go on writing after the exception has left
         raise
 
 

@@ -1,6 +1,6 @@
-"""Ray-intersection structures: the static scene built once, each mobile once in its object space.
+"""Acceleration structures: one per object, built once in object space.
 
-A mobile's structure never changes: rays are carried to it.
+A mobile's structure never changes: rays are transformed into its object space.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from gi_core.rays.embree import Triangles, any_hit, nearest_hit, new_ray
 from gi_core.scene.pose import rotation
 from gi_core.scene.types import Pose
 
-RAY_GRAIN = 2048  # rays a thread: below that handing over costs more than it saves
-ORIGIN_LIFT = 2e-6  # of the world's size: clears the face a ray starts on (float32 rounding is 6e-8)
-FAR = 4.0  # of the world's size: where a segment that hits nothing ends
+RAY_GRAIN = 2048  # rays per thread: with fewer, starting a thread costs more than it saves
+ORIGIN_LIFT = 2e-6  # of the world's size: lifts a ray off the face that it leaves (float32 rounding is 6e-8)
+FAR = 4.0  # of the world's size: length of a segment that hits nothing
 
 
 class Transforms(NamedTuple):
@@ -30,7 +30,7 @@ class Transforms(NamedTuple):
 
 
 def transforms(poses: list[Pose]) -> Transforms:
-    """Stack the poses of the mobiles behind the identity of the static part."""
+    """Return the transforms of the static part (identity) and of the mobiles at `poses`, in that order."""
     return Transforms(
         np.stack([np.eye(3), *(rotation(p) for p in poses)]),
         np.array([(0.0, 0.0, 0.0), *(p.position for p in poses)], np.float64),
@@ -38,7 +38,7 @@ def transforms(poses: list[Pose]) -> Transforms:
 
 
 class Accelerator:
-    """Nearest hit and any hit against a scene's objects."""
+    """Nearest-hit and any-hit queries against the objects of a scene."""
 
     def __init__(self, surfaces: Surfaces, threads: int = 1):
         self.first_face = surfaces.first_face
@@ -47,7 +47,7 @@ class Accelerator:
         self._structures = [Triangles(v, f) if len(f) else None for v, f in meshes]
         self.scenes = np.array(
             [s.address if s else 0 for s in self._structures], np.int64
-        )  # for kernels: one an object
+        )  # for kernels: one per object
         self.face_object = np.repeat(np.arange(surfaces.objects), np.diff(surfaces.first_face)).astype(np.int16)
         self.world_low, self.world_high = _box(surfaces.vertices[0])
 
@@ -67,7 +67,7 @@ class Accelerator:
         return distances, faces
 
     def occluded(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
-        """Return (n,) bool: something of object o lies within the limit; arguments as nearest()."""
+        """Return (n,) bool: object o blocks the ray within its limit; arguments as nearest()."""
         blocked, scene = np.empty(len(origins), bool), self.scenes[o]
         origins, directions, limits = _as_rays(origins, directions, limits)
 
@@ -79,7 +79,7 @@ class Accelerator:
 
 
 def _as_rays(*arrays: np.ndarray) -> list[np.ndarray]:
-    """Return arrays as the kernels are compiled for."""
+    """Return the arrays in the layout and type that the kernels are compiled for."""
     return [np.ascontiguousarray(a, np.float32) for a in arrays]
 
 
@@ -101,9 +101,9 @@ def _occluded(scene, ray, origins, directions, limits, blocked):
 
 
 def nearest_in_world(accelerator: Accelerator, at: Transforms, origins, directions, limits):
-    """Return distance (n,) float32 and global face (n,) int32 over all objects, for any rays.
+    """Return distance (n,) float32 and global face (n,) int32 over all objects.
 
-    For pictures and for the reference: no line is formed, nothing is compared bit for bit.
+    Used by pictures and by the reference. Rays are tested as given, not as stored lines, so bits may differ from paths.
     """
     origins = np.ascontiguousarray(origins, np.float32)
     directions = np.ascontiguousarray(directions, np.float32)
@@ -117,7 +117,7 @@ def nearest_in_world(accelerator: Accelerator, at: Transforms, origins, directio
 
 
 def occluded_in_world(accelerator: Accelerator, at: Transforms, origins, directions, limits) -> np.ndarray:
-    """Return (n,) bool: any object lies within the limit along the ray."""
+    """Return (n,) bool: any object blocks the ray within its limit."""
     origins = np.ascontiguousarray(origins, np.float32)
     directions = np.ascontiguousarray(directions, np.float32)
     blocked = accelerator.occluded(0, origins, directions, limits)
@@ -127,7 +127,7 @@ def occluded_in_world(accelerator: Accelerator, at: Transforms, origins, directi
 
 
 def rays_to_object(at: Transforms, o: int, origins: np.ndarray, directions: np.ndarray):
-    """Carry rays (n, 3) float32 into object o's space, float32."""
+    """Return origins and directions (n, 3) float32 in object o's space, from the world."""
     local_o, local_d = np.empty_like(origins), np.empty_like(directions)
     _carry(at.rotation[o], at.position[o], origins, local_o)
     _carry(at.rotation[o], np.zeros(3), directions, local_d)
@@ -156,7 +156,7 @@ def _carry(R, p, points, out):
 def line(ox, oy, oz, ex, ey, ez):
     """Return the float32 unit direction and length of the line between two float32 points.
 
-    The one place that turns a stored segment into a ray: cuts and disc crossings use these bits.
+    Every use of a stored segment as a ray, in cuts and in disc tests, has these bits.
     """
     dx, dy, dz = np.float64(ex) - ox, np.float64(ey) - oy, np.float64(ez) - oz
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
@@ -178,7 +178,7 @@ def _box(vertices: np.ndarray):
 
 
 def bounding_spheres(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
-    """Return centre (objects, 3) in object space and radius (objects,) of a sphere around each object."""
+    """Return centre (objects, 3) in object space and radius (objects,) [m] of a bounding sphere per object."""
     low, high = bounding_boxes(surfaces)
     centres, radii = (low + high) / 2, np.zeros(surfaces.objects)
     for o, vertices in enumerate(surfaces.vertices):
@@ -189,14 +189,14 @@ def bounding_spheres(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
 
 
 def bounding_boxes(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
-    """Return corners low and high (objects, 3) of the box around each object, in object space."""
+    """Return corners low and high (objects, 3) of the bounding box per object, in object space."""
     low, high = zip(*(_box(v) for v in surfaces.vertices), strict=True)
     return np.array(low), np.array(high)
 
 
 @kernel
 def passes_box(ox, oy, oz, ex, ey, ez, low, high, pad):
-    """Tell whether the segment o-e meets the box low - pad .. high + pad."""
+    """Return whether the segment o-e intersects the box low - pad .. high + pad."""
     t0, t1 = _slab(ox, ex - ox, low[0] - pad, high[0] + pad, 0.0, 1.0)
     t0, t1 = _slab(oy, ey - oy, low[1] - pad, high[1] + pad, t0, t1)
     t0, t1 = _slab(oz, ez - oz, low[2] - pad, high[2] + pad, t0, t1)

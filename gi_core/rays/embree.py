@@ -1,7 +1,7 @@
-"""Embree's ray queries as functions that kernels call: one ray at a time, with no Python between them.
+"""Embree's C functions as functions that kernels call, one ray per call.
 
-embreex brings the library, and its own loop over arrays of rays. Called from a kernel, a ray costs the same, but what
-belongs to it need not be written to memory and read again, nor does every bounce cost a turn of Python.
+The package embreex ships the library. A ray costs the same as in embreex's own loop over arrays of rays, but its data
+stays in registers, and a bounce needs no Python.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from gi_core.base.jit import inlined
 
 _ROBUST = 1 << 2  # scene flag: no ray slips through between two triangles
 _TRIANGLES, _INDEX, _VERTEX, _UINT3, _FLOAT3 = 0, 0, 1, 0x5003, 0x9003
-_MAJOR = 4  # of the library: the calls of versions before took other arguments
+_MAJOR = 4  # of the library: earlier versions take other arguments
 _QUERIES = ("rtcIntersect1", "rtcOccluded1")
 
 
 def _library() -> ctypes.CDLL:
-    """Return Embree, which embreex has loaded already.
+    """Return the Embree library that embreex has loaded.
 
-    An extension module answers for the libraries that it is linked to; on Windows, each only for itself.
+    An extension module exports the symbols of the libraries that it is linked to; not on Windows.
     """
     module = Path(rtcore_scene.__file__)
     for path in [module, *sorted((module.parent.parent / "embreex.libs").glob("embree*.dll"))]:
         library = ctypes.CDLL(str(path))
         if hasattr(library, "rtcGetDeviceProperty"):
             return library
-    raise ImportError("the package embreex has no Embree that can be called; install embreex 4.4 or later")
+    raise ImportError("the package embreex exports no Embree functions; install embreex 4.4 or later")
 
 
 def _declared(name: str, result, *arguments):
@@ -60,21 +60,21 @@ _release_scene = _declared("rtcReleaseScene", None, _P)
 _DEVICE = _new_device(None)
 VERSION = int(_property(_DEVICE, 0))  # 10000 major + 100 minor + patch
 if VERSION // 10_000 != _MAJOR:
-    raise ImportError(f"embreex brings Embree {VERSION // 10_000}, not {_MAJOR}; install embreex 4.4 or later")
-for _name in _QUERIES:  # the linker of kernels finds them by these names, in those from the disk cache too
+    raise ImportError(f"embreex ships Embree {VERSION // 10_000}, not {_MAJOR}; install embreex 4.4 or later")
+for _name in _QUERIES:  # kernels, also those from the disk cache, are linked by these names
     llvmlite.binding.add_symbol(_name, ctypes.cast(getattr(_EMBREE, _name), _P).value)
 _intersect, _occluded = (types.ExternalFunction(n, types.void(*(types.intp,) * 3)) for n in _QUERIES)
 
 
 class Triangles:
-    """A structure for rays against triangles: vertices (V, 3) and faces (F, 3) are copied, as float32 and uint32.
+    """An Embree scene of one mesh. Vertices (V, 3) and faces (F, 3) are copied as float32 and uint32.
 
-    Raises MemoryError where Embree cannot build it.
+    Raises MemoryError if Embree cannot build it.
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray):
-        self.address = _new_scene(_DEVICE)  # of the structure, for kernels
-        # Not as Python ends: a thread that is left behind may still be asking for rays.
+        self.address = _new_scene(_DEVICE)  # of the Embree scene, for kernels
+        # Not at exit of Python: a thread that still runs may trace rays.
         weakref.finalize(self, _release_scene, self.address).atexit = False
         _set_flags(self.address, _ROBUST)
         geometry = _new_geometry(_DEVICE, _TRIANGLES)
@@ -84,14 +84,14 @@ class Triangles:
         ):
             room = _new_buffer(geometry, kind, 0, layout, rows.strides[0], len(rows))
             if not room:
-                raise MemoryError(f"no memory for {len(faces):,} triangles to be met by rays")
+                raise MemoryError(f"no memory for the acceleration structure of {len(faces):,} triangles")
             ctypes.memmove(room, rows.ctypes.data, rows.nbytes)
         _commit_geometry(geometry)
         _attach(self.address, geometry)
         _release_geometry(geometry)
         _commit_scene(self.address)
         if _error(_DEVICE):
-            raise MemoryError(f"Embree could not build its structure over {len(faces):,} triangles")
+            raise MemoryError(f"Embree could not build the acceleration structure of {len(faces):,} triangles")
 
 
 # The layout of RTCRayHit, in words of 4 bytes.
@@ -99,9 +99,9 @@ _TNEAR, _TIME, _TFAR, _MASK, _ID, _FLAGS, _PRIMITIVE, _GEOMETRY, _INSTANCE, _WOR
 
 
 def new_ray() -> np.ndarray:
-    """Return room for one ray, which a kernel uses again and again: no two threads the same."""
+    """Return a buffer (24,) float32 for one ray (RTCRayHit), reused by one thread."""
     room = np.zeros(_WORDS + 3, np.float32)
-    first = -(room.ctypes.data // 4) % 4  # Embree wants addresses that 16 divides
+    first = -(room.ctypes.data // 4) % 4  # Embree needs 16-byte alignment
     ray = room[first : first + _WORDS]
     ray.view(np.int32)[_MASK] = -1
     return ray
@@ -130,7 +130,7 @@ def nearest_hit(scene, ray, ox, oy, oz, dx, dy, dz, limit):
 
 @inlined
 def any_hit(scene, ray, ox, oy, oz, dx, dy, dz, limit):
-    """Tell whether a ray hits anything before its limit; arguments as nearest_hit()."""
+    """Return whether a ray hits anything before its limit; arguments as nearest_hit()."""
     _aim(ray, ox, oy, oz, dx, dy, dz, limit)
     if scene != 0:
         _occluded(scene, ray.ctypes.data, 0)

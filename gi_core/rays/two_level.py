@@ -1,8 +1,8 @@
-"""The two-level nearest hit: the static scene along a ray, then the mobiles along the line it gives.
+"""The two-level nearest hit: the static part along a ray, then the mobiles along the resulting line.
 
-One definition serves the background, branches and from-scratch solutions alike. The *line* runs from
-the start to the static end, both stored as float32; mobiles are tested along the line, not along the
-sampled ray. So a line means the same whether or not a mobile was there when it was traced.
+Background, new suffixes and from-scratch solutions share this definition. The *line* runs from the start to the static
+end, both stored as float32. Mobiles are tested along the line, not along the sampled ray, so the bits of a line do not
+depend on mobiles.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from gi_core.rays.accelerator import (
 )
 from gi_core.rays.embree import nearest_hit
 
-CUT_PAD = 1e-5  # of the world's size: bounding boxes grow by it, so that culling never loses a hit
+CUT_PAD = 1e-5  # of the world's size: growth of bounding boxes, so that culling loses no hit
 
 
 class World(NamedTuple):
-    """What every kernel needs to know of the scene, in arrays."""
+    """Arrays of the scene that every kernel reads; F faces, object 0 is the static part."""
 
     normals: np.ndarray  # (F, 3) float64, object space
     reflectance: np.ndarray  # (F, 3) float64
     two_sided: np.ndarray  # (F,) bool
     face_object: np.ndarray  # (F,) int16
     first_face: np.ndarray  # (objects + 1,) int64
-    size: float  # diameter of a sphere round the static part and lights [m]: what epsilons are scaled by
+    size: float  # [m], diameter of a sphere round static part and lights; epsilons are shares of it
     sphere_centre: np.ndarray  # (objects, 3) float64, bounding spheres in object space
     sphere_radius: np.ndarray  # (objects,) float64
     box_low: np.ndarray  # (objects, 3) float64, bounding boxes in object space
@@ -48,7 +48,7 @@ class World(NamedTuple):
 
 @kernel
 def turned_normal(world, at, f):
-    """Return the normal of face f in the world."""
+    """Return the unit normal (x, y, z) of face f in the world."""
     o, x, y, z = world.face_object[f], world.normals[f, 0], world.normals[f, 1], world.normals[f, 2]
     R = at.rotation
     return (
@@ -60,9 +60,9 @@ def turned_normal(world, at, f):
 
 @inlined
 def static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side):
-    """Return the static end (x, y, z) of a ray that leaves a side, and the side there: NONE far away in free space.
+    """Return the static end (x, y, z) float32 of a ray that leaves a side, and the side that it hits (NONE: no hit).
 
-    Origin and direction float32; lifted off the face that it leaves.
+    Origin and direction are float32. The ray is lifted off the face that it leaves.
     """
     lx, ly, lz = ox, oy, oz
     if side >= 0:
@@ -77,7 +77,7 @@ def static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side):
         end_side = NONE
     else:
         x, y, z = point_on_line(lx, ly, lz, dx, dy, dz, distance)
-        n = world.normals  # of the static part first
+        n = world.normals  # faces of the static part come first
         behind = dx * n[face, 0] + dy * n[face, 1] + dz * n[face, 2] > 0.0
         end_side = 2 * face + (1 if behind else 0)
     return x, y, z, np.int32(end_side)
@@ -85,10 +85,10 @@ def static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side):
 
 @inlined
 def mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side):
-    """Return where mobiles first cut a line: distance float32 (inf: nowhere) and side.
+    """Return the first cut of a line by a mobile: distance float32 [m] (inf: none) and side.
 
-    Ties go to the static end, then to the mobile that comes first in the scene. A line that starts on a mobile itself
-    is lifted off its face.
+    Ties go to the static end, then to the mobile that comes first in the scene. A line that starts on a mobile is
+    lifted off its face for that mobile.
     """
     cut, cut_side = np.float32(np.inf), np.int32(NONE)
     for o in range(1, len(scenes)):
@@ -117,7 +117,7 @@ def mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side):
 
 @kernel
 def nearest_static(scenes, ray, world, at, origin, direction, side, end, end_side):
-    """Write the static ends of n rays: end (n, 3) float32 and side (n,) int32, NONE far away in free space.
+    """Write the static ends of n rays: end (n, 3) float32 and side (n,) int32 (NONE: no hit).
 
     scenes: of an Accelerator; origin, direction (n, 3) float32, unit; side (n,) int32 that each ray leaves.
     """
@@ -130,7 +130,7 @@ def nearest_static(scenes, ray, world, at, origin, direction, side, end, end_sid
 
 @kernel
 def nearest_mobile(scenes, ray, world, at, origin, end, side, cut, cut_side):
-    """Write where mobiles first cut n lines: distance (n,) float32 (inf: nowhere) and side (n,) int32."""
+    """Write the first cuts of n lines by mobiles: distance (n,) float32 [m] (inf: none) and side (n,) int32."""
     for k in range(len(origin)):
         ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
         ex, ey, ez = end[k, 0], end[k, 1], end[k, 2]
@@ -138,10 +138,10 @@ def nearest_mobile(scenes, ray, world, at, origin, end, side, cut, cut_side):
 
 
 def build_world(surfaces: Surfaces, accelerator: Accelerator, lights: np.ndarray) -> World:
-    """Flatten what the kernels need.
+    """Return the World of a scene.
 
-    Its size is that of the static part and of the positions of `lights` (n, 3): mobiles play no
-    part, so that the static solution is the same with and without them.
+    Its size covers the static part and the positions of `lights` (n, 3) [m], but no mobiles: the static solution is
+    then the same with and without them.
     """
     return World(
         surfaces.normals,
@@ -156,7 +156,7 @@ def build_world(surfaces: Surfaces, accelerator: Accelerator, lights: np.ndarray
 
 
 def enclosing_sphere(*points: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return centre (3,) and radius of the sphere round the box of all points (n, 3)."""
+    """Return centre (3,) and radius [m] of the sphere round the bounding box of all points (n, 3)."""
     every = np.concatenate([np.asarray(p, np.float64).reshape(-1, 3) for p in points])
     if not len(every):
         return np.zeros(3), 0.0

@@ -118,8 +118,8 @@ def test_structures_are_given_back(monkeypatch):
 @pytest.mark.parametrize(
     ("patch", "said"),
     [
-        ("rtcore_scene.__file__ = math.__file__", "the package embreex has no Embree that can be called"),
-        ("ctypes.CDLL = old(ctypes.CDLL)", "embreex brings Embree 3, not 4"),
+        ("rtcore_scene.__file__ = math.__file__", "the package embreex exports no Embree functions"),
+        ("ctypes.CDLL = old(ctypes.CDLL)", "embreex ships Embree 3, not 4"),
     ],
 )
 def test_another_embree_is_refused_in_one_sentence(patch, said):
