@@ -21,15 +21,16 @@ from gi_core.scene.pose import as_pose, to_world, to_world_directions
 from gi_core.scene.types import Pose, Scene
 from gi_core.scene.validate import check_scene
 
-BEHIND = -2  # in place of the receiver on the back of a disc: this is one, its front stands for both
-CONCAVE = 1e-3  # height over width of the faces round a receiver; float32 files are flat to 1e-5
-
-
-FARTHEST = 32  # sizes of the scene from the origin: at 100, float32 loses the lift of rays off the faces they leave
+BEHIND = -2  # in place of the back receiver's index: this receiver is a back, its front represents both
+CONCAVE = 1e-3  # height over width of the faces around a receiver; flat surfaces in float32 files reach 1e-5
+FARTHEST = 32  # scene sizes from the origin: at 100, float32 loses the lift of rays off the faces that they leave
 
 
 class Model:
-    """What does not depend on poses, estimator or photons."""
+    """Derived data of a scene that does not depend on poses, estimator or photons.
+
+    Raises SceneError for an invalid scene.
+    """
 
     def __init__(self, scene: Scene, threads: int | None = None):
         check_scene(scene)
@@ -46,7 +47,7 @@ class Model:
         lights = np.array([light.position for light in scene.lights if hasattr(light, "position")], np.float64)
         self.world = build_world(self.surfaces, self.accelerator, lights)
         _check_place(scene.name, self.world.size, self.surfaces.vertices[0], lights)
-        # Directional and sky light must reach mobiles that stand out of the static part.
+        # Directional and sky light must reach mobiles outside the static part.
         lit = enclosing_sphere(self.surfaces.vertices[0], lights, np.array(mobiles))
         self.emitters = build_emitters(scene, self.surfaces, *lit)
         self.lit = lit  # centre (3,) and radius [m] of the sphere that light can reach
@@ -55,7 +56,7 @@ class Model:
         self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)
         self.names = [m.name for m in scene.mobiles]
         if len(set(self.names)) != len(self.names):
-            raise SceneError(f"{scene.name}: mobiles must have names of their own, got {self.names}")
+            raise SceneError(f"{scene.name}: the names of mobiles must differ, got {self.names}")
 
     def start_poses(self) -> dict[str, Pose]:
         return {m.name: as_pose(m.pose, f'{self.scene.name}: mobile "{m.name}"') for m in self.scene.mobiles}
@@ -75,7 +76,7 @@ class Model:
 
     @cached_property
     def receiver_sides(self) -> np.ndarray:
-        """Return 2 patch + side of each receiver (1: the back of a two-sided surface), -1 of probes. (R,) int32."""
+        """2 patch + side of each receiver (1: back of a two-sided surface), -1 of probes, (R,) int32."""
         s = self.surfaces
         own = np.full(len(self.object_receivers.areas), -1, np.int32)
         own[s.corner_front.reshape(-1)] = np.repeat(2 * s.patch, 3)
@@ -84,15 +85,15 @@ class Model:
         return own
 
     def corners(self, o: int) -> np.ndarray:
-        """Return the receivers at the corners of object o's faces, fronts and then backs. (m, 3) int32."""
+        """Return the receivers at the corners of object o's faces, fronts and then backs, (m, 3) int32."""
         s, faces = self.surfaces, self.surfaces.face_range(o)
         back = s.corner_back[faces]
         return np.concatenate([s.corner_front[faces], back[(back >= 0).all(axis=1)]])
 
     def backs(self, o: int) -> np.ndarray:
-        """Return for each receiver of object o the one on the other side of its disc. (n,) int32.
+        """Return for each receiver of object o the back receiver of its disc, (n,) int32 within the object.
 
-        Counted within the object; NONE where the surface is one-sided, BEHIND on the backs themselves.
+        NONE on one-sided surfaces, BEHIND for back receivers.
         """
         s, rows = self.surfaces, self.surfaces.receiver_range(o)
         front, back = (c[s.face_range(o)].reshape(-1) for c in (s.corner_front, s.corner_back))
@@ -104,7 +105,7 @@ class Model:
 
     @cached_property
     def towards_faces(self) -> np.ndarray:
-        """Return for each receiver the way to the mean centroid of its faces, in object space. (R, 3) float64."""
+        """Offset from each receiver to the mean centroid of its faces [m], in object space, (R, 3) float64."""
         s, n = self.surfaces, len(self.object_receivers.areas)
         total, count = np.zeros((n, 3)), np.zeros(n)
         for o in range(s.objects):
@@ -123,15 +124,15 @@ class Model:
 
     @cached_property
     def covered_share(self) -> np.ndarray:
-        """Return alpha / 2 pi of each receiver, see `gi_core.geometry.border_angle`. (R,) float64."""
+        """alpha / 2 pi of each receiver, (R,) float64; see `gi_core.geometry.border_angle`."""
         return covered_share(self.surfaces, self.object_receivers)
 
     @cached_property
     def concave(self) -> np.ndarray:
-        """Return by 2 patch + side whether the patch rises through a tangent plane on that side. (2 P,) bool."""
+        """Whether a patch rises through a tangent plane on a side, (2 P,) bool by 2 patch + side."""
         own, way = self.receiver_sides, self.towards_faces
         height = dot(way, self.object_receivers.normals)
-        # The face round a receiver is about as wide as the root of the area it stands for.
+        # The faces around a receiver are about as wide as the root of its area.
         rises = (own >= 0) & (height > CONCAVE * np.sqrt(self.object_receivers.areas))
         out = np.zeros(2 * (int(self.surfaces.patch.max(initial=-1)) + 1), bool)
         out[own[rises]] = True
@@ -139,10 +140,10 @@ class Model:
 
 
 def _check_place(name: str, size: float, *points: np.ndarray) -> None:
-    """Raise SceneError for a scene too far from the origin for its size, as maps in geographic coordinates are."""
+    """Raise SceneError for a scene too far from the origin for its size, such as maps in geographic coordinates."""
     farthest = max((float(np.abs(p).max()) for p in points if len(p)), default=0.0)
     if farthest > FARTHEST * size:
         raise SceneError(
             f"{name}: the scene reaches {farthest:.6g} m from the origin but is only {size:.3g} m large, "
-            f"more than {FARTHEST} times which light goes astray; move it to the origin"
+            f"more than {FARTHEST} times its size, so float32 rays are inexact; move it to the origin"
         )

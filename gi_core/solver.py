@@ -427,9 +427,9 @@ class Solver:
         return probe_irradiance(self.model, self.irradiance, on_faces)
 
     @property
-    def search_told(self) -> str:
+    def search_summary(self) -> str:
         """What the disc search over the static part has built, in words; "" where there is none."""
-        return "" if self._shown is None else getattr(self._shown.estimate, "search_told", "")
+        return "" if self._shown is None else getattr(self._shown.estimate, "search_summary", "")
 
     @property
     def segments_total(self) -> int:

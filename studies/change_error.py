@@ -18,7 +18,7 @@ from app.draw import motion
 from app.settings import STEP, Settings, make_solver, open_moving_scene
 from gi_core.frames.control_variate import frame_irradiance
 from gi_core.geometry.error import luminance, relative_error
-from gi_core.photons.flux_sums import NOT_TOLD, Evaluated
+from gi_core.photons.flux_sums import NOT_ADDITIVE, Evaluated
 from gi_core.solver import Solver
 
 PHOTONS, FRAMES = 1 << 20, (1 << 14, 1 << 16)
@@ -32,7 +32,7 @@ def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
     estimate, frame = solver.frame_parts().background.estimate, solver.frame_parts().change
     told: Evaluated = estimate.evaluate(frame)
     if keep_all:
-        told = told._replace(brought=np.full_like(told.brought, NOT_TOLD))
+        told = told._replace(brought=np.full_like(told.brought, NOT_ADDITIVE))
     resting, better = (solver.frame_parts().background.resting(n) for n in (photons, PHOTONS))
     flux_unit = solver.model.emitters.unit_flux / photons
     return frame_irradiance(told, flux_unit, estimate.background(photons)[0], resting, better, 1)[: len(better)]

@@ -62,7 +62,7 @@ def _search(solver) -> str:
     solver.configure(estimator="tangent_plane", control=False, photons=0)
     solver.solve()
     there = ", ".join(name for name in SEARCHES if name != solver.setting.search)
-    return f"{solver.search_told}; there are also {there}"
+    return f"{solver.search_summary}; there are also {there}"
 
 
 def _contents(scene, solver) -> list[tuple[str, str]]:

@@ -27,7 +27,7 @@ from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.estimators.setting import Setting
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
-from gi_core.photons.flux_sums import CHUNK_BITS, NOT_TOLD, Evaluated, chunks_of
+from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, Evaluated, chunks_of
 from gi_core.photons.hit_grid import HitGrid, Hits, build, build_steps, cell_of, gather, hits_of
 from gi_core.photons.paths import Segments
 from gi_core.photons.prefixes import Ladder
@@ -139,7 +139,7 @@ class PhotonMap:
         changed = np.zeros(chunks_of(len(sums)), bool)
         changed[rows >> CHUNK_BITS] = True
         changed[self._static.stop >> CHUNK_BITS :] = len(sums) > self._static.stop
-        return Evaluated(sums, area, changed, self._not_told, 0.0)
+        return Evaluated(sums, area, changed, self._not_additive, 0.0)
 
     def from_scratch(self, parts, at: Transforms) -> Evaluated:
         """Return what irradiance is read from, from all current segments (an iterable of Segments)."""
@@ -149,12 +149,12 @@ class PhotonMap:
         points, normals = self._receivers(at, slice(None))
         nothing = build(_joined([]), self.radius)
         sums, area, _ = self._query(slice(None), points, normals, (grid, nothing), uncut)
-        return Evaluated.of_all(sums, area, self._not_told, 0.0)
+        return Evaluated.of_all(sums, area, self._not_additive, 0.0)
 
     @property
-    def _not_told(self) -> np.ndarray:
+    def _not_additive(self) -> np.ndarray:
         """Sums of k nearest are not additive."""
-        return np.full(len(self.model.object_receivers.areas), NOT_TOLD)
+        return np.full(len(self.model.object_receivers.areas), NOT_ADDITIVE)
 
     def _hits(self, segments: Segments, at: Transforms) -> Hits:
         return hits_of(segments, self.model.world, self.model.surfaces.patch, at)

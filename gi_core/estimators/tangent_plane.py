@@ -24,7 +24,7 @@ from gi_core.discs.search import SEARCHES
 from gi_core.discs.search.predicate import Discs, lines, share
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
-from gi_core.photons.flux_sums import CHUNK_BITS, NOT_TOLD, Evaluated, FrameSums, Log, Sums, ThreadSums, carried
+from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, Evaluated, FrameSums, Log, Sums, ThreadSums, carried
 from gi_core.photons.paths import Segments
 from gi_core.photons.prefixes import Ladder
 from gi_core.rays.accelerator import Transforms
@@ -94,7 +94,7 @@ class TangentPlane:
         return self._crossings.bytes_a_vertex
 
     @property
-    def search_told(self) -> str:
+    def search_summary(self) -> str:
         """What the search over the static part's discs has built, in words."""
         return self._searches[0].told() if self._searches else ""
 
@@ -139,7 +139,7 @@ class TangentPlane:
         except BaseException:
             self._frame.clear()  # or the next frame would begin with half of this one
             raise
-        out.sums[rows], out.brought[rows] = stale, NOT_TOLD
+        out.sums[rows], out.brought[rows] = stale, NOT_ADDITIVE
         self.control_facts = self._contact.facts(met)
         return out
 
@@ -177,7 +177,7 @@ class TangentPlane:
         areas, (rows, areas_there) = self.area.copy(), self._contact.areas_of(met)
         areas[rows] = areas_there
         brought, rows = brought.sum(axis=1), met.contacts[0].rows
-        sums[rows], brought[rows] = stale, NOT_TOLD
+        sums[rows], brought[rows] = stale, NOT_ADDITIVE
         return Evaluated.of_all(sums, areas, brought, carried(heads.flux, heads.count))
 
     def _splat(self, jobs: list[Job], at: Transforms, tails: Tails | None = None) -> None:

@@ -29,7 +29,7 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
-from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_TOLD, Evaluated
+from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Evaluated
 
 
 @inlined
@@ -52,7 +52,7 @@ def _share_kept(taken, brought, before, each):
 @inlined
 def _certain(sums, background, brought, each, r):
     """Return the share of receiver r's change that is kept."""
-    if brought[r] == NOT_TOLD:
+    if brought[r] == NOT_ADDITIVE:
         return 1.0
     before = background[r, 0] + background[r, 1] + background[r, 2]
     now = sums[r, 0] + sums[r, 1] + sums[r, 2]

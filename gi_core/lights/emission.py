@@ -1,7 +1,7 @@
-"""Photon i: its light, origin, direction and flux (report Alg. 2.3.1).
+"""Emission of photon i: light, origin, direction and flux (report Alg. 2.3.1).
 
-The report deals photons out to lights in proportion to their flux, so photon i depends on N. Here a
-number of a low-discrepancy sequence picks the light, which depends on (seed, i) alone.
+The report distributes N photons over the lights in proportion to flux, so photon i depends on N. Here a coordinate of
+the Sobol sequence picks the light, so photon i depends on (seed, i) alone.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from gi_core.geometry.surfaces import Surfaces
 from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
 
 AREA, POINT, SPOT, DIRECTIONAL, SKY = range(5)
-NO_FACE = -1  # a path starts in free space, or ends there
+NO_FACE = -1  # start of a path in free space
 
 
 class Emitters(NamedTuple):
-    """All that emits: each emissive face is one emitter, each other light one.
+    """Emitters: one per emissive face, one per other light.
 
     `parameters` by kind: AREA three corners (9) and unit normal (3); POINT position (3); SPOT
     position (3), axis (3), cos inner, cos outer; DIRECTIONAL direction (3), disc centre (3), disc
@@ -43,7 +43,10 @@ class Emitters(NamedTuple):
 
 
 def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius: float) -> Emitters:
-    """Collect the emitters; directional and sky light start on a disc that covers the sphere given."""
+    """Collect the emitters of a scene.
+
+    centre (3,) and radius [m]: the sphere that directional and sky light must cover; it starts on a disc of that size.
+    """
     kinds, parameters, faces, flux = [], [], [], []
 
     def add(kind, values, emitted, face=NO_FACE):
@@ -56,7 +59,7 @@ def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius:
     for f in np.flatnonzero(surfaces.emission[static].max(axis=1, initial=0) > 0):
         if surfaces.areas[f] > 0:
             corners = surfaces.vertices[0][surfaces.faces[0][f]].reshape(9)
-            # A diffuse emitter sends pi Le per area: the cosine over the hemisphere.
+            # A diffuse emitter sends pi Le per area: Le times the cosine, integrated over the hemisphere.
             emitted = math.pi * surfaces.areas[f] * surfaces.emission[f]
             add(AREA, np.concatenate([corners, surfaces.normals[f]]), emitted, f)
     for light in scene.lights:
@@ -85,7 +88,7 @@ def _distribution(kinds, parameters, faces, flux) -> Emitters:
     cdf = np.cumsum(largest) / total if total > 0 else np.zeros(0)
     if len(cdf):
         cdf[-1] = 1.0
-    # Picked with probability largest / total, every photon's largest channel is `total`.
+    # Each emitter is picked with probability largest / total, so every photon's largest channel is `total`.
     units = np.rint(flux / largest[:, None] * UNITS).astype(np.int64)
     return Emitters(
         kind=np.array(kinds, np.int64)[lit],
@@ -121,7 +124,7 @@ def _emit(seed, i, kind, parameters, face, cdf, units, origin, direction, flux, 
     s, t = random_numbers.direction_numbers(seed, i)
     e = min(np.searchsorted(cdf, u, side="right"), len(cdf) - 1)
     before = cdf[e - 1] if e > 0 else 0.0
-    # What the choice of the emitter leaves of the number is uniform again.
+    # The rest of the number, scaled to [0, 1), is uniform again.
     u = min((u - before) / (cdf[e] - before), 1.0)
     p = parameters[e]
     ox, oy, oz = p[0], p[1], p[2]

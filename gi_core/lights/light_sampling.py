@@ -1,13 +1,12 @@
-"""Lights of a scene as paths find them, and the choice among emissive faces.
+"""Lights for path tracing, and light importance sampling.
 
-Two kinds of light: emissive faces, on which a point is sampled with a known density per area, and lights without size,
-which no ray can hit. Built from the scene itself and not from `emission.py`, so that the reference shares neither
-sampling nor flux with the photons that it judges.
+Area lights are emissive faces, sampled with a known density per area. Delta lights have no size, so no ray hits them.
+Both are built from the scene and not from `emission.py`: the reference shares neither sampling nor flux with photons.
 
-Faces are chosen by flux, or by importance for a mobile (`aimed`): radiance, area, distance and the best cosine that any
-point of the mobile's bounding sphere has at the lamp. All receivers of a mobile share that choice, so that their
-errors are correlated and invisible on a smooth surface. It is a function of the mobile's pose alone, constant while
-the mobile moves by less than its radius: points on lamps that follow every step make its light flicker.
+Faces are chosen by flux, or by importance for a mobile (`aimed`): radiance, area, distance, and the largest cosine at
+the lamp to any point of the mobile's bounding sphere. All receivers of a mobile share the choice, so their errors are
+correlated and invisible on a smooth surface. The choice changes only when the mobile leaves a grid cell as wide as its
+radius: choices that follow every step make the light flicker.
 """
 
 from __future__ import annotations
@@ -23,25 +22,25 @@ from gi_core.geometry.surfaces import Surfaces
 from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
 
 POINT, SPOT, DIRECTIONAL = range(3)
-BY_FLUX = 0.02  # of the choice goes by flux alone: a lamp that touches the sphere is not forgotten, nor is a large face
+BY_FLUX = 0.02  # of the probability goes by flux alone, so that lamps near the sphere and large faces keep some
 
 
 class AreaLights(NamedTuple):
-    """Emissive faces of the static part; those on mobiles emit nothing."""
+    """Emissive faces of the static part. Faces of mobiles emit nothing."""
 
     corners: np.ndarray  # (A, 9) float64 [m]
     normal: np.ndarray  # (A, 3) float64 unit
     radiance: np.ndarray  # (A, 3) float64 Le [W/m2/sr]
-    cdf: np.ndarray  # (A,) float64, running share of area x largest channel of Le, ends at 1
-    density: np.ndarray  # (A,) float64 [1/m2], of sampling a point on it
-    lamp: np.ndarray  # (F,) int32, which of these a global face is, -1: none
+    cdf: np.ndarray  # (A,) float64, cumulative probability of each face, ends at 1
+    density: np.ndarray  # (A,) float64 [1/m2], probability density of a point on the face
+    lamp: np.ndarray  # (F,) int32, index of a global face among the area lights, -1: none
 
 
 class SmallLights(NamedTuple):
-    """Point, spot and directional lights."""
+    """Delta lights: point, spot and directional."""
 
     kind: np.ndarray  # (D,) int64
-    parameters: np.ndarray  # (D, 8) float64: position (3), unit direction it shines in (3), cos inner, cos outer
+    parameters: np.ndarray  # (D, 8) float64: position (3), unit emission direction (3), cos inner, cos outer
     value: np.ndarray  # (D, 3) float64: intensity [W/sr], or irradiance on a facing plane [W/m2]
 
 
@@ -53,7 +52,7 @@ class Sky(NamedTuple):
 
 
 class Lights(NamedTuple):
-    """All lights of a scene, by the way they are found."""
+    """All lights of a scene, by sampling method."""
 
     area: AreaLights
     small: SmallLights
@@ -61,9 +60,9 @@ class Lights(NamedTuple):
 
 
 def area_lights(surfaces: Surfaces) -> AreaLights:
-    """Collect the emissive faces in the order of a Hilbert curve; each is chosen in proportion to its flux.
+    """Collect the emissive faces in Hilbert-curve order, chosen in proportion to flux.
 
-    Samples are stratified over the running share: so each stratum is a patch of a lamp, not a band across it.
+    Samples are stratified over the cumulative probability. In this order each stratum is a compact patch of a lamp.
     """
     static = surfaces.face_range(0)
     emitted = np.zeros_like(surfaces.emission)
@@ -82,7 +81,7 @@ def area_lights(surfaces: Surfaces) -> AreaLights:
 
 
 def small_lights(scene: Scene) -> SmallLights:
-    """Collect the lights that no ray can hit."""
+    """Collect the delta lights of a scene."""
     kind, parameters, value = [], [], []
     for light in scene.lights:
         row = np.zeros(8)
@@ -110,7 +109,7 @@ def small_lights(scene: Scene) -> SmallLights:
 
 
 def sky_of(scene: Scene) -> Sky:
-    """Return the dome of a scene; radiance 0 where it has none."""
+    """Return the sum of the sky lights of a scene; radiance 0 without any."""
     radiance = sum((np.array(s.radiance, float) for s in scene.lights if isinstance(s, SkyLight)), np.zeros(3))
     return Sky(_unit(scene.up), radiance)
 
@@ -121,16 +120,16 @@ def _unit(v) -> np.ndarray:
 
 
 def steady(centre: np.ndarray, radius: float) -> np.ndarray:
-    """Return the middle of the cell of a grid, a radius wide, that a place (3,) lies in: it stays there for a while.
+    """Return the centre of the grid cell, one radius wide, that contains a position (3,) [m].
 
-    What a frame differs by from the mean of those before and after it, 8 paths: 2.7 % in gallery, without this 6.3 %,
-    of very many paths 2.3 %; living_room 4.4, 5.6 and 2.6 %. The error is the same.
+    Flicker is the difference of a frame from the mean of its two neighbours. With 8 paths per receiver it is 2.7 % in
+    gallery (6.3 % without the grid, 2.3 % with very many paths), and 4.4 % in living_room (5.6 %, 2.6 %).
     """
     return radius * np.round(centre / radius)
 
 
 def aimed(lights: AreaLights, centre: np.ndarray, radius: float) -> AreaLights:
-    """Return lamps with the choice that suits a sphere: centre (3,) [m] in the world, radius [m]."""
+    """Return area lights with probabilities by importance for a sphere: centre (3,) [m] in the world, radius [m]."""
     share, area = np.empty_like(lights.cdf), np.empty_like(lights.cdf)
     _aim(lights.corners, lights.normal, lights.radiance, np.asarray(centre, np.float64), radius, share, area)
     cdf = np.cumsum(share)
@@ -140,7 +139,7 @@ def aimed(lights: AreaLights, centre: np.ndarray, radius: float) -> AreaLights:
 
 @kernel
 def _aim(corners, normal, radiance, centre, radius, share, area):
-    """Write the share of the choice and the area [m2] of each face."""
+    """Write the unnormalised probability and the area [m2] of each face."""
     flux = brought = 0.0
     for e in range(len(corners)):
         p, n = corners[e], normal[e]
@@ -166,9 +165,9 @@ def _aim(corners, normal, radiance, centre, radius, share, area):
 
 @kernel
 def _best_cosine(height, d2, radius):
-    """Return the largest cosine at a lamp to any point of a sphere, 0 if all are behind it.
+    """Return the largest cosine at a lamp to any point of a sphere; 0 if the sphere lies behind the lamp.
 
-    height: of the centre over the lamp's plane, d2: its distance squared. The sphere is seen within asin(radius / d).
+    height [m]: of the centre over the lamp's plane; d2 [m2]: squared distance of the centre.
     """
     if d2 <= radius * radius:
         return 1.0

@@ -1,7 +1,7 @@
-"""Next-event estimation: points on lights, and what arrives from them where nothing blocks the way.
+"""Next-event estimation: points on lights, and their unoccluded contributions.
 
-One sampler for the reference, the static part's gathered light and mobiles. A point on an emissive face is weighted
-by the balance heuristic (Veach 1997) against cosine-sampled bounces, which find the same faces.
+The reference, static gathered light and mobiles share this sampler. Points on emissive faces are weighted by the
+balance heuristic (Veach 1997) against cosine-sampled bounces, which hit the same faces.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each
 
 
 class LightSamples(NamedTuple):
-    """The choices of P paths from each of n starts, s = n; or of P paths that all starts share, s = 1."""
+    """Light samples of P paths per start; s = n starts, or s = 1 where all starts share the same samples."""
 
-    lamp: np.ndarray  # (s, P) int64, emissive face; (s, 0) where there are none
-    point: np.ndarray  # (s, P, 3) float64 on it [m]
-    density: np.ndarray  # (s, P) float64 [1/m2], of that choice
-    pick: np.ndarray  # (s, P) float64 in [0, 1), among lights without size; (s, 0) where all of them are joined
+    lamp: np.ndarray  # (s, P) int64, emissive face; (s, 0) without area lights
+    point: np.ndarray  # (s, P, 3) float64 [m], on the face
+    density: np.ndarray  # (s, P) float64 [1/m2], probability density of the point
+    pick: np.ndarray  # (s, P) float64 in [0, 1), picks a delta light; (s, 0) where every delta light is sampled
 
 
 class Shadows(NamedTuple):
-    """Rays from path vertices to lights, and what they bring if nothing is in between. Room for n of them."""
+    """Buffers of n shadow rays from path vertices to lights, with their unoccluded contributions."""
 
-    row: np.ndarray  # (n,) int64, where the sum of the path is
+    row: np.ndarray  # (n,) int64, start of the path
     origin: np.ndarray  # (n, 3) float32 [m]
     direction: np.ndarray  # (n, 3) float32 unit
     limit: np.ndarray  # (n,) float32 [m], a little short of the light
@@ -38,7 +38,7 @@ class Shadows(NamedTuple):
 
 
 def room_for_shadows(n: int) -> Shadows:
-    """Return room for n rays."""
+    """Return empty buffers for n rays."""
     return Shadows(
         np.empty(n, np.int64),
         np.empty((n, 3), np.float32),
@@ -49,7 +49,7 @@ def room_for_shadows(n: int) -> Shadows:
 
 
 def light_samples(seed: int, m: int, vertex: int, path: np.ndarray, lights: Lights) -> LightSamples:
-    """Choose points on lights for paths (s, P) int64, in sets of 2^m (see strata), at a path vertex."""
+    """Sample points on lights at vertex `vertex` of paths (s, P) int64, stratified in sets of 2^m (see strata)."""
     s, paths = path.shape
     lamps = paths if len(lights.area.cdf) else 0
     picks = paths if len(lights.small.kind) > paths else 0
@@ -74,9 +74,10 @@ def _sample(seed, m, vertex, path, lights, out):
 
 @kernel
 def join_area(samples, ends, lights, gap, out):
-    """Join n path ends to points on lamps; return how many could be lit, written to `out`.
+    """Write shadow rays from n path ends to points on area lights; return their number.
 
-    Values [W/m2] sum to P times what the row of an end gets; rays end `gap` [m] before the lamp.
+    Ends that face away get no ray. Values [W/m2] of a start sum to P times its irradiance. Rays end `gap` [m] before
+    the lamp.
     """
     count, own = 0, len(samples.lamp) > 1
     for k in range(len(ends.row)):
@@ -96,10 +97,10 @@ def join_area(samples, ends, lights, gap, out):
 
 @allocating
 def join_small(samples, paths, ends, lights, far, gap, first, out):
-    """Join n path ends to lights without size; as join_area(), written from `first` on; returns where it ends.
+    """Write shadow rays from n path ends to delta lights, from row `first` on; return the next free row.
 
-    Each end is joined to all of them where they are no more than paths: unoccluded light is then exact. Otherwise each
-    path chooses one, in proportion to the light that it brings if unoccluded.
+    With no more delta lights than paths, each end samples all of them, so unoccluded light is exact. Otherwise each
+    path picks one, in proportion to its unoccluded contribution. Values and gap as in join_area().
     """
     lamps, count, own = len(lights.kind), first, len(samples.pick) > 1
     reached, weight = np.empty((lamps, 5)), np.empty(lamps)
@@ -135,7 +136,7 @@ def join_small(samples, paths, ends, lights, far, gap, first, out):
             left, chosen = samples.pick[k if own else 0, j] * total, -1
             for e in range(lamps):
                 if weight[e] > 0.0:
-                    chosen = e  # rounding at the end leaves the last one
+                    chosen = e  # the last candidate stays if rounding exhausts the sum
                     left -= weight[e]
                     if left < 0.0:
                         break
@@ -154,7 +155,7 @@ def _reach(row, position, throughput, reached, strength, value, gap, out, count)
 
 @kernel
 def add_lit(row, value, blocked, total):
-    """Add what rays bring that nothing blocks."""
+    """Add the values of unblocked rays to their rows of `total` (n, 3)."""
     for j in range(len(blocked)):
         if not blocked[j]:
             for c in range(3):
@@ -163,11 +164,11 @@ def add_lit(row, value, blocked, total):
 
 @inlined
 def _point_on_lamp(lights, u, v):
-    """Return the emissive face that u in [0, 1) chooses, the density [1/m2] of the choice, and a point on it [m]."""
+    """Return the emissive face that u in [0, 1) picks, the density [1/m2], and a point on the face [m]."""
     e = min(np.searchsorted(lights.cdf, u, side="right"), len(lights.cdf) - 1)
     before = lights.cdf[e - 1] if e > 0 else 0.0
     share = lights.cdf[e] - before
-    # What the choice of the face leaves of the number is uniform again.
+    # The rest of the number, scaled to [0, 1), is uniform again.
     b, c = random_numbers.triangle(min(max((u - before) / share, 0.0), 1.0), v)
     a = 1.0 - b - c
     p = lights.corners[e]
@@ -177,8 +178,9 @@ def _point_on_lamp(lights, u, v):
 
 @inlined
 def _arriving(x, y, z, normal, light_normal, p_light):
-    """Return E / Le of a point on a lamp at (x, y, z) from here, 0 where none can be, the unit direction to it and
-    its distance.
+    """Return E / Le of a lamp point at offset (x, y, z), the unit direction to it and its distance [m].
+
+    E is 0 where the point or the receiver faces away.
 
     Weighted by the balance heuristic against cosine-sampled bounces: E = Le cos cos' / d^2 / (p_light + p_bounce),
     both densities per area. A plain E / p_light has no finite variance where a lamp meets a wall: 1 / d^2 has no
@@ -198,7 +200,7 @@ def _arriving(x, y, z, normal, light_normal, p_light):
 
 @inlined
 def share_of_bounce(d, normal, facing, distance, density):
-    """Return what of a lamp's light counts where a bounce along d meets it: p_bounce / (p_light + p_bounce)."""
+    """Return the balance weight of a bounce along d that hits a lamp: p_bounce / (p_light + p_bounce)."""
     cosine = d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]
     p_bounce = _bounce_density(max(cosine, 0.0), facing, max(distance * distance, 1e-30))
     return p_bounce / (p_bounce + density) if p_bounce > 0.0 else 0.0
@@ -229,7 +231,7 @@ def _area(p):
 
 @kernel
 def small_light_at(kind, p, x, y, z, nx, ny, nz, far):
-    """Return E / value of one light at a point, the unit direction to it and its distance."""
+    """Return E / value of one delta light at a point, the unit direction to it and its distance [m]."""
     if kind == DIRECTIONAL:
         dx, dy, dz, d = -p[3], -p[4], -p[5], far
         return max(0.0, dx * nx + dy * ny + dz * nz), dx, dy, dz, d

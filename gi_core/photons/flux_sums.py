@@ -1,7 +1,7 @@
-"""Integer sums at receivers that several threads add to, and a frame's: the background's plus what was added.
+"""Integer flux sums of receivers: per thread, and of a frame (the background's plus the frame's changes).
 
-Each thread adds to an array of its own and marks the chunks of receivers it touched. A frame at few photons
-changes few of them: only those are summed, cleared, and read out.
+Each thread adds to its own array and marks the chunks of receivers that it touches. A frame of few photons touches few
+chunks; only those are summed, cleared and read out.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from gi_core.base.threads import run_ranges
 
 CHUNK_BITS = 6  # a chunk is 64 receivers: 1.5 kB of sums
 CHUNK = 1 << CHUNK_BITS
-CHUNK_GRAIN = 256  # chunks a thread
+CHUNK_GRAIN = 256  # chunks per thread
 NOWHERE = np.empty(0, np.int64)
-NOT_TOLD = -1  # the receiver's sums are not those of the background less tails plus branches
+NOT_ADDITIVE = -1  # the receiver's sums are not background - removed suffixes + new suffixes
 
 
 def chunks_of(receivers: int) -> int:
@@ -25,26 +25,26 @@ def chunks_of(receivers: int) -> int:
 
 
 class Log(NamedTuple):
-    """What kernels write down of the crossings that they add; nothing where there is no room at all."""
+    """Record of the disc intersections that a kernel accumulates; empty arrays record nothing."""
 
-    line: np.ndarray  # (room,) int32, counted within the lines of the call
-    receiver: np.ndarray  # (room,) int32, counted within the object
+    line: np.ndarray  # (room,) int32, index among the lines of the call
+    receiver: np.ndarray  # (room,) int32, index within the object
     distance: np.ndarray  # (room,) float32 [m], along the line
-    count: np.ndarray  # (1,) int64, crossings; those that there was no room for included
+    count: np.ndarray  # (1,) int64, intersections, including those beyond the room
 
     @classmethod
     def of(cls, room: int) -> Log:
-        """Return a log for so many crossings."""
+        """Return a record with room for that many intersections."""
         line, receiver = np.empty(room, np.int32), np.empty(room, np.int32)
         return cls(line, receiver, np.empty(room, np.float32), np.zeros(1, np.int64))
 
 
 class Sums(NamedTuple):
-    """Sums of some receivers, as kernels add to them."""
+    """Flux sums of a range of receivers, the target of kernels."""
 
     flux: np.ndarray  # (n, 3) int64, fixed-point units
     touched: np.ndarray  # (chunks,) bool, of all receivers
-    first: int  # the receiver that row 0 of `flux` stands for
+    first: int  # the receiver of row 0 of `flux`
     log: Log
 
     @classmethod
@@ -57,27 +57,27 @@ class Sums(NamedTuple):
 
 
 class Evaluated(NamedTuple):
-    """What a frame's irradiance is read from: sums / area, valid in the chunks that differ from the background."""
+    """Sums and areas of a frame (irradiance = sums / area), valid in the chunks that differ from the background."""
 
     sums: np.ndarray  # (R, 3) int64, fixed-point units
     area: np.ndarray  # (R,) float64 [m2]
     changed: np.ndarray  # (chunks,) bool
-    brought: np.ndarray  # (R,) int64, of the sums what branches have brought, all channels together; or NOT_TOLD
-    carried: float  # flux units that a cut photon carries on average, all channels together
+    brought: np.ndarray  # (R,) int64, flux of new suffixes, summed over channels; or NOT_ADDITIVE
+    carried: float  # mean flux units per cut photon, summed over channels
 
     @classmethod
     def of_all(cls, sums: np.ndarray, area: np.ndarray, brought: np.ndarray, each: float) -> Evaluated:
-        """Return one in which all counts as changed."""
+        """Return sums in which all chunks count as changed."""
         return cls(sums, area, np.ones(chunks_of(len(area)), bool), brought, each)
 
 
 def carried(flux: int, photons: int) -> float:
-    """Return `Evaluated.carried` of so many photons cut that carry so much."""
+    """Return `Evaluated.carried` of `photons` cut photons with `flux` units in total."""
     return flux / max(photons, 1)
 
 
 class ThreadSums:
-    """Sums of zero, one a thread, made when first used."""
+    """Zeroed sums, one per thread, allocated at first use."""
 
     def __init__(self, receivers: int, threads: int):
         self._receivers = receivers
@@ -89,7 +89,7 @@ class ThreadSums:
         return self._parts[thread]
 
     def move_to(self, total: np.ndarray) -> None:
-        """Add all to `total` (R, 3) int64 and start from zero again. Integers: the order does not matter."""
+        """Add all sums to `total` (R, 3) int64 and clear them. Integers: the order does not matter."""
         for part in self._parts:
             if part is not None:
                 _move(part.touched, part.flux, total, NOWHERE, 0, len(part.touched))
@@ -97,7 +97,7 @@ class ThreadSums:
 
 @kernel
 def _move(touched, flux, total, brought, first, last):
-    """Add touched chunks of `flux` to `total`, all channels together to `brought` if it has room, and clear them."""
+    """Add touched chunks of `flux` to `total`, and summed over channels to `brought` if not empty; clear them."""
     for chunk in range(first, last):
         if touched[chunk]:
             touched[chunk] = False
@@ -110,7 +110,7 @@ def _move(touched, flux, total, brought, first, last):
 
 
 class FrameSums:
-    """Sums of a frame: what threads have `added` to those of the background, and what `branches` have brought."""
+    """Sums of a frame: `added` to the background's sums per thread, and those of new suffixes (`branches`)."""
 
     def __init__(self, receivers: int, static: int, threads: int):
         self._sums, self._static, self._threads = np.zeros((receivers, 3), np.int64), static, threads
@@ -118,14 +118,14 @@ class FrameSums:
         self.clear()
 
     def clear(self) -> None:
-        """Forget what was added."""
+        """Clear all that was added."""
         self.added, self.branches = (ThreadSums(len(self._sums), self._threads) for _ in range(2))
 
     def collect(self, background: np.ndarray, area: np.ndarray, heads: np.ndarray) -> Evaluated:
-        """Return background (static receivers, 3) int64 plus all that was added, which is then zero again.
+        """Return background sums (static receivers, 3) int64 plus all that was added, and clear the latter.
 
-        heads: flux (n, 3) int32 of photons where they are cut. The sums are valid until the next call. Receivers on
-        mobiles always count as changed.
+        heads: flux (n, 3) int32 of photons at their cuts. The sums are valid until the next call. Receivers on mobiles
+        always count as changed.
         """
         changed = np.zeros(chunks_of(len(self._sums)), bool)
         changed[self._static >> CHUNK_BITS :] = len(self._sums) > self._static

@@ -1,4 +1,4 @@
-"""Hits near a point: a uniform grid over photon hits, sorted by cell, and the k nearest of them."""
+"""Photon hits in a uniform grid, sorted by cell, and the k nearest hits of a point."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gi_core.photons.paths import Segments, take
 from gi_core.photons.trace import World
 from gi_core.rays.accelerator import Transforms
 
-# A hit on a surface whose normal makes a cosine below this with the receiver's lies on the other side
-# of something thin. The photon's direction cannot tell: at the terminator of a two-sided sphere a hit
-# on the lit outside arrives from the front of the inside too. In a corner both walls' hits count, as
-# in Jensen's sphere: -15 % at edges; without the other wall it is the report's 1 - alpha / 2 pi, -50 %.
+# Cosine between normals of hit and receiver; a hit below it lies on the other side of something thin. The photon's
+# direction does not decide: at the terminator of a two-sided sphere, hits on the outside also arrive from the front of
+# the inside. In a corner the hits of both walls count, as in Jensen's sphere: error -15 % at edges. With one wall alone
+# it is the report's 1 - alpha / 2 pi: -50 %.
 OTHER_SIDE = np.float32(-0.5)
-CELLS_A_HIT = 4  # memory bound: cells grow rather than outnumber hits by more
+CELLS_A_HIT = 4  # memory bound on cells per hit; cells grow beyond it
 
 
 class Hits(NamedTuple):
@@ -30,11 +30,11 @@ class Hits(NamedTuple):
     flux: np.ndarray  # (n, 3) int32, fixed-point units
     photon: np.ndarray  # (n,) int64
     bounce: np.ndarray  # (n,) int32
-    own: np.ndarray  # (n,) int32, 2 patch + side that was hit
+    own: np.ndarray  # (n,) int32, 2 patch + side of the hit
 
 
 class HitGrid(NamedTuple):
-    """Hits with the cells that hold them."""
+    """Hits and the cells that contain them."""
 
     hits: Hits
     low: np.ndarray  # (3,) float64, corner of the grid [m]
@@ -44,7 +44,7 @@ class HitGrid(NamedTuple):
 
 
 def hits_of(segments: Segments, world: World, patch: np.ndarray, at: Transforms) -> Hits:
-    """Return the hits that end segments, whatever they hit; `patch` (F,) of faces, `at`: the poses of mobiles."""
+    """Return the hits at the ends of segments; `patch` (F,) of faces, `at`: poses of the mobiles."""
     s = take(segments, segments.hit_side != NONE)
     own = 2 * patch[s.hit_side >> 1] + (s.hit_side & 1)
     normal = np.empty((s.size, 3), np.float32)
@@ -67,7 +67,7 @@ def build(hits: Hits, cell: float) -> HitGrid:
 
 
 def build_steps(parts: list[Hits], cell: float):
-    """Do what build() does for hits in parts, a part a step; the generator returns the grid."""
+    """Build the grid from hits in parts, in one step per part; the generator returns the grid."""
     n = sum(len(p.photon) for p in parts)
     parts = [p for p in parts if len(p.photon)]
     low, high = np.zeros(3), np.zeros(3)
@@ -120,7 +120,7 @@ def _key(x, y, z, low, cell, shape):
 
 @kernel
 def _count(position, low, cell, shape, first):
-    """Count hits a cell, one place further on: a running sum then gives where each cell starts."""
+    """Count hits per cell at index cell + 1: the cumulative sum then gives the first hit of each cell."""
     for k in range(len(position)):
         first[_key(position[k, 0], position[k, 1], position[k, 2], low, cell, shape) + 1] += 1
 
@@ -140,7 +140,7 @@ def _scatter(part, low, cell, shape, cursor, out):
 
 @kernel
 def _later(d2, photon, bounce, e2, other, other_bounce):
-    """Tell whether the first hit is farther than the second; ties by photon, then bounce."""
+    """Return whether the first hit is farther than the second; ties by photon, then bounce."""
     if d2 != e2:
         return d2 > e2
     if photon != other:
@@ -150,7 +150,7 @@ def _later(d2, photon, bounce, e2, other, other_bounce):
 
 @kernel
 def _sift_down(heap_d2, heap_photon, heap_bounce, heap_hit, n):
-    """Restore a heap, farthest first, whose root was replaced."""
+    """Restore the heap order (farthest first) after its root was replaced."""
     i = 0
     while True:
         c = 2 * i + 1
@@ -176,7 +176,7 @@ def _swap(heap_d2, heap_photon, heap_bounce, heap_hit, i, j):
 
 @kernel
 def _offer(d2, photon, bounce, hit, heap_d2, heap_photon, heap_bounce, heap_hit, n, k):
-    """Add a hit to the k nearest; returns how many there are now."""
+    """Add a hit to the k nearest; return their number."""
     if n < k:
         heap_d2[n], heap_photon[n], heap_bounce[n], heap_hit[n] = d2, photon, bounce, hit
         i = n
@@ -195,11 +195,11 @@ def _offer(d2, photon, bounce, hit, heap_d2, heap_photon, heap_bounce, heap_hit,
 
 @kernel
 def gather(x, y, z, nx, ny, nz, mine, radius, k, grid, tag, cut_bounce, heap_d2, heap_photon, heap_bounce, heap_hit, n):
-    """Add a grid's hits near (x, y, z) to the k nearest: those on side `mine` of a patch alone, or, where that is
-    NONE, all on surfaces that do not face away.
+    """Add a grid's hits near (x, y, z) to the k nearest; return their number.
 
-    Shells of cells are visited outwards until they lie behind the k-th hit. Hits of photon i from
-    bounce cut_bounce[i] on are gone. A hit is noted as 2 index + tag. Returns how many are held.
+    Hits count on side `mine` of a patch; if that is NONE, on all surfaces that do not face away. Shells of cells are
+    visited outwards until they lie behind the k-th hit. Hits of photon i from bounce cut_bounce[i] on are removed. A
+    hit is stored as 2 index + tag.
     """
     (position, normal, _, photon, bounce, own), low, cell, shape, first = grid
     if len(photon) == 0:
@@ -208,7 +208,7 @@ def gather(x, y, z, nx, ny, nz, mine, radius, k, grid, tag, cut_bounce, heap_d2,
     r2 = radius * radius
     reach = int(math.ceil(radius / cell)) + 1
     for s in range(reach + 1):
-        near = (s - 1) * cell  # no point of shell s is nearer than that
+        near = (s - 1) * cell  # lower bound of the distance to shell s
         limit = heap_d2[0] if n == k else r2
         if s > 1 and near * near > limit:
             break
@@ -223,7 +223,7 @@ def gather(x, y, z, nx, ny, nz, mine, radius, k, grid, tag, cut_bounce, heap_d2,
                     for h in range(first[c], first[c + 1]):
                         a, b, e = position[h, 0] - x, position[h, 1] - y, position[h, 2] - z
                         d2 = a * a + b * b + e * e
-                        # Only background hits (tag 0) can be gone; added ones lie at or behind the cut.
+                        # Only background hits (tag 0) can be removed; added ones lie at or behind the cut.
                         if d2 > r2 or (tag == 0 and bounce[h] >= cut_bounce[photon[h]]):
                             continue
                         if mine != NONE and own[h] != mine:

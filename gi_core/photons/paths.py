@@ -1,7 +1,7 @@
-"""Background paths as they are stored, and segments as the estimators read them.
+"""Stored background paths, and segments, the input of estimators.
 
-Positions are float32: 2^-24 of a room of 10 m is 0.6 um. Flux is int32 fixed-point units. A path
-vertex takes 28 bytes; photons are in index order, so a prefix of photons is a prefix of every array.
+Positions are float32: 2^-24 of a room of 10 m is 0.6 um. Flux is int32 in fixed-point units. A path vertex takes 28
+bytes. Photons are in index order, so a photon subset is a prefix of every array.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from gi_core.base.threads import run_ranges
 from gi_core.geometry.sides import NONE
 from gi_core.rays.accelerator import line
 
-WRITE_GRAIN = 4096  # segments a thread
-END_EXTENSION = 1e-4  # of the world's size: discs of coplanar neighbours are crossed at the hit itself
+WRITE_GRAIN = 4096  # segments per thread
+END_EXTENSION = 1e-4  # of the world's size: extension behind the hit, so that discs in the plane of the hit are crossed
 
 
 class PathVertices(NamedTuple):
     """Vertices of the paths of some photons, photon-major."""
 
-    offsets: np.ndarray  # (N + 1,) int64, photon i owns vertices offsets[i] .. offsets[i + 1] - 1
+    offsets: np.ndarray  # (N + 1,) int64, photon i has vertices offsets[i] .. offsets[i + 1] - 1
     position: np.ndarray  # (n, 3) float32 [m]
     side: np.ndarray  # (n,) int32, 2 face + (1 on the back), NONE in free space
-    flux: np.ndarray  # (n, 3) int32, of the segment that leaves this vertex; 0 at a path's last one
+    flux: np.ndarray  # (n, 3) int32, of the segment that leaves this vertex; 0 at the last vertex of a path
 
 
 class Segments(NamedTuple):
@@ -49,17 +49,17 @@ class Segments(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many segments there are."""
+        """Number of segments."""
         return len(self.low)
 
     @property
     def hit_side(self) -> np.ndarray:
-        """The side that receives the flux: a mobile's where cut, else the static end's. (S,) int32."""
+        """Side that receives the flux, (S,) int32: a mobile's if the segment is cut, else that of the static end."""
         return np.where(self.cut_side != NONE, self.cut_side, self.end_side)
 
 
 class PathStore:
-    """Background paths of photons 0 .. N - 1, growing as photons are added; never edited."""
+    """Append-only store of the background paths of photons 0 .. N - 1."""
 
     def __init__(self):
         self._offsets = np.zeros(1, np.int64)
@@ -69,7 +69,7 @@ class PathStore:
         self.photons = 0
 
     def append(self, parts: Sequence[PathVertices], threads: int) -> None:
-        """Add the paths of the next photons, part after part; new memory is slow to write to, so all threads do."""
+        """Append the paths of the next photons, part by part, on all threads: first writes to new memory are slow."""
         photons = np.cumsum([self.photons, *(len(p.offsets) - 1 for p in parts)])
         starts = np.cumsum([int(self._offsets[self.photons]), *(len(p.side) for p in parts)])
         self._offsets = grown(self._offsets, int(photons[-1]) + 1)
@@ -87,25 +87,25 @@ class PathStore:
         self.photons = int(photons[-1])
 
     def reserve(self, photons: int) -> None:
-        """Make room for so many photons at once; memory that is never written to costs nothing."""
+        """Reserve memory for that many photons; untouched memory costs nothing."""
         if self.photons and photons >= len(self._offsets):
             n = int(1.05 * photons * int(self._offsets[self.photons]) / self.photons)
             self._offsets = grown(self._offsets, photons + 1)
             self._position, self._side, self._flux = (grown(a, n) for a in (self._position, self._side, self._flux))
 
     def prefix(self, photons: int) -> PathVertices:
-        """Return views of the paths of the first photons."""
+        """Return views of the paths of the first `photons` photons."""
         n = int(self._offsets[photons])
         return PathVertices(self._offsets[: photons + 1], self._position[:n], self._side[:n], self._flux[:n])
 
     @property
     def room(self) -> int:
-        """Vertices that there is room for."""
+        """Number of vertices that fit into the reserved memory."""
         return len(self._side)
 
 
 def grown(array: np.ndarray, n: int) -> np.ndarray:
-    """Return the array, moved to more room if it holds fewer than n rows."""
+    """Return the array, reallocated if it has fewer than n rows."""
     if n <= len(array):
         return array
     grown = np.empty((max(n, len(array) * 5 // 4), *array.shape[1:]), array.dtype)
@@ -114,7 +114,7 @@ def grown(array: np.ndarray, n: int) -> np.ndarray:
 
 
 def empty_segments(n: int) -> Segments:
-    """Return room for n segments."""
+    """Return uninitialised arrays of n segments."""
     return Segments(
         origin=np.empty((n, 3), np.float32),
         end=np.empty((n, 3), np.float32),
@@ -131,7 +131,7 @@ def empty_segments(n: int) -> Segments:
 
 
 def take(segments: Segments, rows) -> Segments:
-    """Return some of the segments."""
+    """Return the segments of the given rows."""
     return Segments(*(a[rows] for a in segments))
 
 
@@ -144,18 +144,18 @@ def concatenate(parts: list[Segments]) -> Segments:
 
 @kernel
 def interval(length, hits, eps):
-    """Return [low, high) of a whole segment.
+    """Return [low, high) [m] of a whole segment.
 
-    Starts eps away from its surface, in thinner gaps half way; ends eps behind its hit: a disc in the plane of the
-    surface is crossed by the segment that arrives, not by the one that leaves. Half-open, so that head + tail
-    of a segment cut at t (head up to t + eps, tail from t + eps) are the whole, exactly.
+    The segment starts eps off its surface, or at half its length if that is shorter. It ends eps behind its hit, so the
+    segment that arrives crosses a disc in the plane of the surface, and the one that leaves does not. The interval is
+    half-open: prefix (up to t + eps) and removed suffix (from t + eps) of a cut at t sum to the whole exactly.
     """
     return min(eps, np.float32(0.5) * length), length + eps if hits else length
 
 
 @kernel
 def _write(offsets, position, side, flux, eps, base, photon, k, row, out):
-    """Write the whole background segment that leaves vertex k of a photon into a row."""
+    """Write the whole background segment that leaves vertex k of a photon to a row."""
     origin, end, low, high, q, start_side, end_side, cut_side, hit, photons, bounce = out
     for c in range(3):
         origin[row, c] = position[k, c]
@@ -189,7 +189,7 @@ def _write_rows(offsets, position, side, flux, eps, photons, rows, first, last, 
 
 
 def segments_of(paths: PathVertices, eps: np.float32, first: int, last: int, base: int = 0) -> Segments:
-    """Return the whole segments of photons first .. last - 1 of some paths, whose first is photon `base`."""
+    """Return the whole segments of photons first .. last - 1 of `paths`, whose first photon is `base`."""
     out = empty_segments(int(paths.offsets[last] - paths.offsets[first]) - (last - first))
     _write_photons(*paths, eps, base, first, last, tuple(out))
     return out

@@ -1,12 +1,12 @@
-"""Prefixes of the photons for which a background is kept: a ladder of doubling counts, and all.
+"""Photon subsets with stored background sums: the first 4,096, 8,192, ... photons, and all.
 
-A prefix of the photons is a smaller solution of its own. While a mobile is dragged, the largest whose
-frame fits the time is used; at rest, all photons.
+A photon subset is a valid smaller solution. A drag uses the largest subset whose frame fits the time; at rest all
+photons are used.
 """
 
 from __future__ import annotations
 
-LOWEST = 4096  # photons: fewer are confetti
+LOWEST = 4096  # photons: the noise of fewer is too high to be useful
 
 
 def next_rung(photons: int) -> int:

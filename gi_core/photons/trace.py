@@ -1,7 +1,7 @@
-"""Tracing photons: the background through the static scene (report fig. 2.1), and any path onwards.
+"""Photon tracing: background paths through the static part (report fig. 2.1), and new suffixes among mobiles.
 
-Each photon is followed to its end before the next one starts: what it carries stays in registers, and a bounce costs
-no Python. The background is traced without mobiles, branches with them; nothing else bends a photon.
+Each photon is traced to its end before the next one starts, so its state stays in registers and a bounce costs no
+Python. Background paths ignore mobiles; new suffixes hit them.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from gi_core.rays.accelerator import Accelerator, Transforms, line, point_on_lin
 from gi_core.rays.embree import new_ray
 from gi_core.rays.two_level import World, mobile_cut, static_end, turned_normal
 
-USUAL = 4  # segments of a path that there is room for at first; more is made when they turn out longer
+USUAL = 4  # segments per path in the first allocation
 
 
 class Fates(NamedTuple):
-    """Where flux went, (3,) int64 fixed-point units; emitted = absorbed + escaped + truncated, exactly."""
+    """Flux by fate, each (3,) int64 in fixed-point units; emitted = absorbed + escaped + truncated, exactly."""
 
     emitted: np.ndarray
     absorbed: np.ndarray
@@ -41,27 +41,27 @@ def no_flux() -> Fates:
 
 
 def add_to(fates: Fates, sums: np.ndarray, sign: int = 1) -> None:
-    """Add a kernel's sums (3, 3) int64 of flux absorbed, escaped and truncated."""
+    """Add `sign` times a kernel's sums (3, 3) int64 of flux absorbed, escaped and truncated to `fates`."""
     for total, part in zip((fates.absorbed, fates.escaped, fates.truncated), sums, strict=True):
         total += sign * part
 
 
 class Rays(NamedTuple):
-    """Photons on their way: where each leaves from, and what it carries."""
+    """Photons in flight: origin, direction and flux."""
 
     photon: np.ndarray  # (n,) int64
-    bounce: np.ndarray  # (n,) int32, of the segment about to be made
+    bounce: np.ndarray  # (n,) int32, of the next segment
     origin: np.ndarray  # (n, 3) float32
     direction: np.ndarray  # (n, 3) float32
-    side: np.ndarray  # (n,) int32, side that it leaves, NONE in free space
+    side: np.ndarray  # (n,) int32, side that the ray leaves, NONE in free space
     flux: np.ndarray  # (n, 3) int32
 
 
 @inlined
 def _scatter(seed, world, at, photon, vertex, side, flux, fates):
-    """Scatter a photon that has come to a side at a vertex of its path: return whether it goes on, and where to.
+    """Scatter a photon at a side: return whether it survives, and its new direction.
 
-    Its flux, three int32, becomes what is left of it; `fates` (3, 3) gets the rest. Survival probability is the largest
+    `flux` (three int32) is updated; `fates` (3, 3) gets the absorbed rest. The survival probability is the largest
     channel of rho, so no channel grows.
     """
     goes_on, dx, dy, dz = False, np.float32(0.0), np.float32(0.0), np.float32(0.0)
@@ -80,7 +80,7 @@ def _scatter(seed, world, at, photon, vertex, side, flux, fates):
             a = np.int32(attenuate(flux[0], rho[f, 0], survival))
             b = np.int32(attenuate(flux[1], rho[f, 1], survival))
             c = np.int32(attenuate(flux[2], rho[f, 2], survival))
-            # What survival leaves of the number is uniform again.
+            # The rest of the number, scaled to [0, 1), is uniform again.
             x, y, z = lambertian.sample(u / survival, v)
             nx, ny, nz = turned_normal(world, at, f)
             s = 1.0 if side & 1 == 0 else -1.0
@@ -96,7 +96,7 @@ def _scatter(seed, world, at, photon, vertex, side, flux, fates):
 
 
 def emitted_rays(emitters: Emitters, seed: int, first: int, count: int, fates: Fates) -> Rays:
-    """Return photons first .. first + count - 1 as they leave their lights."""
+    """Return the emitted rays of photons first .. first + count - 1; adds their flux to `fates`."""
     origin, direction, flux, side = emit(emitters, seed, first, count)
     for c in range(3):
         fates.emitted[c] += int(flux[:, c].astype(np.int64).sum())
@@ -107,7 +107,7 @@ def emitted_rays(emitters: Emitters, seed: int, first: int, count: int, fates: F
 def trace_background(
     accelerator: Accelerator, world: World, static: Transforms, emitters: Emitters, seed: int, first: int, count: int
 ) -> tuple[PathVertices, Fates]:
-    """Trace photons first .. first + count - 1 through the static scene alone, in this thread."""
+    """Trace photons first .. first + count - 1 through the static part, in this thread."""
     fates, offsets = no_flux(), np.zeros(count + 1, np.int64)
     room = USUAL * count + MAX_SEGMENTS + 1
     vertices = np.empty((room, 3), np.float32), np.empty(room, np.int32), np.empty((room, 3), np.int32)
@@ -125,9 +125,9 @@ def trace_background(
 
 @kernel
 def _trace_paths(scenes, ray, world, at, seed, rays, done, offsets, position, side, flux, fates):
-    """Trace rays `done` .. through the static part, photon-major, until there is no room for one more path.
+    """Trace rays from `done` on through the static part, photon-major, while a path of any length fits.
 
-    Returns how many are done then.
+    Returns the number of rays done.
     """
     row = offsets[done]
     for k in range(done, len(rays.photon)):
@@ -158,9 +158,9 @@ def _trace_paths(scenes, ray, world, at, seed, rays, done, offsets, position, si
 def reflected(
     world: World, at: Transforms, seed: int, heads: Segments, cut: np.ndarray, fates: Fates
 ) -> tuple[np.ndarray, Rays]:
-    """Scatter photons where mobiles cut their segments, at distances cut (n,) float32; adds to `fates`.
+    """Scatter photons at the cuts of their segments, at distances cut (n,) float32 [m]; adds to `fates`.
 
-    Returns where that is, (n, 3) float32, and those that go on, in order.
+    Returns the positions (n, 3) float32 of the cuts and the rays of the surviving photons, in order.
     """
     n, sums = heads.size, np.zeros((3, 3), np.int64)
     hit = np.empty((n, 3), np.float32)
@@ -196,9 +196,9 @@ def _reflect(world, at, seed, heads, cut, hit, on, fates):
 def follow(
     accelerator: Accelerator, world: World, at: Transforms, seed: int, eps: np.float32, rays: Rays, fates: Fates
 ) -> Segments:
-    """Trace rays against static part and mobiles until all have ended, in this thread.
+    """Trace rays among static part and mobiles until all paths have ended, in this thread; adds to `fates`.
 
-    Returns their segments, photon by photon, eps longer than to where they hit; adds to `fates`.
+    Returns their segments, photon-major; each ends eps behind its hit.
     """
     ray, sums, out = new_ray(), np.zeros((3, 3), np.int64), empty_segments(USUAL * len(rays.photon) + MAX_SEGMENTS)
     done = row = 0
@@ -212,7 +212,7 @@ def follow(
 
 @kernel
 def _follow(scenes, ray, world, at, seed, eps, rays, done, out, row, fates):
-    """Trace rays `done` .., written from `row` on, until there is no room for one more path; returns both then."""
+    """Trace rays from `done` on, written from `row` on, while a path of any length fits; return both counters."""
     for k in range(done, len(rays.photon)):
         if row + MAX_SEGMENTS > len(out.low):
             return k, row

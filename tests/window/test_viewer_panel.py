@@ -114,13 +114,13 @@ def test_every_search_shows_the_same_light(play):
         hand.wait_for_light()
         ctx.set_ref("Panel")
         ctx.item_open("Disc search")
-        lit, told = session.irradiance, session.solver.search_told
+        lit, told = session.irradiance, session.solver.search_summary
         assert told.startswith("disc_index: cells of")
         for search in [*SEARCHES][::-1]:
             ctx.combo_click(f"##Search/{search.replace('_', ' ').capitalize()}")
             hand.wait_for_light()
             assert session.solver.setting.search == session.settings.search == search
-            assert session.solver.search_told.startswith(search)
+            assert session.solver.search_summary.startswith(search)
             assert np.array_equal(session.irradiance, lit)
 
     assert errors(play(script)) == []

@@ -57,7 +57,7 @@ SECTIONS = (
     Section("Picture", picture.draw),
     Section("Error against time", chart.draw, unfolded=False),
     Section("Edges and contact", artifacts.draw, unfolded=False),
-    Section("Disc search", search.draw, unfolded=False, there=lambda facts: bool(facts.search_told)),
+    Section("Disc search", search.draw, unfolded=False, there=lambda facts: bool(facts.search_summary)),
     Section("Time", timings.draw, unfolded=False),
     Section("Paths", paths.draw, unfolded=False),
     Section("Notes on the scene", notes.draw, there=lambda facts: bool(facts.notes)),

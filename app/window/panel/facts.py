@@ -45,7 +45,7 @@ class Facts:
     report: Report | None = None  # of errors; None while nothing is known
     points: tuple[MeasuredPoint, ...] = ()  # settings tried
     gathered: Gathered | None = None  # how far the static light is; None: not asked for
-    search_told: str = ""  # what the disc search built; "" where there is none
+    search_summary: str = ""  # what the disc search built; "" where there is none
     coming: tuple[str, float | None] | None = None  # what a scene that is being opened is at, and how far
     load_problem: str = ""  # why the last one could not be opened
 
@@ -88,7 +88,7 @@ def facts_of(
         report=report if report is not None and report.version == session.light.version else None,
         points=appraisal.points.all if appraisal is not None else (),
         gathered=session.gathering.told if solver.light == "best" else None,
-        search_told=solver.search_told,
+        search_summary=solver.search_summary,
         coming=succession.told,
         load_problem=succession.problem,
     )

@@ -20,6 +20,6 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     ui.number("Takes", "-" if cost is None else ui.ms(cost),
               "Finding crossings and adding them up in the last frame: what the search changes.")  # fmt: skip
     imgui.push_text_wrap_pos(0.0)
-    imgui.text_disabled(facts.search_told)
+    imgui.text_disabled(facts.search_summary)
     imgui.pop_text_wrap_pos()
     return s

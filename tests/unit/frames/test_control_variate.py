@@ -7,7 +7,7 @@ import pytest
 
 from gi_core.frames.control_variate import frame_irradiance
 from gi_core.geometry.error import relative_error
-from gi_core.photons.flux_sums import CHUNK, NOT_TOLD, Evaluated
+from gi_core.photons.flux_sums import CHUNK, NOT_ADDITIVE, Evaluated
 from gi_core.photons.prefixes import LOWEST
 from gi_core.scene import Pose, SceneError
 from gi_core.solver import Solver
@@ -73,7 +73,7 @@ def test_noise_of_the_few_cancels(frames):
     ],
 )
 def test_the_combination(resting, better, frame, expected):
-    assert read_out(resting, better, frame, NOT_TOLD, 0.0) == pytest.approx([expected] * 3)
+    assert read_out(resting, better, frame, NOT_ADDITIVE, 0.0) == pytest.approx([expected] * 3)
 
 
 def read_out(resting, better, frame, brought, each) -> np.ndarray:
@@ -81,7 +81,7 @@ def read_out(resting, better, frame, brought, each) -> np.ndarray:
     sums, background = np.zeros((2, CHUNK, 3), np.int64)
     sums[0], background[0] = int(1000 * frame), int(1000 * resting)
     area, told = np.ones(CHUNK), np.zeros(CHUNK, np.int64)
-    told[0] = NOT_TOLD if brought == NOT_TOLD else int(3000 * brought)
+    told[0] = NOT_ADDITIVE if brought == NOT_ADDITIVE else int(3000 * brought)
     still, many = np.zeros((CHUNK, 3)), np.zeros((CHUNK, 3))
     still[0], many[0] = resting, better
     out = frame_irradiance(
@@ -125,7 +125,7 @@ def test_shrunk_changes_have_less_error(monkeypatch, estimator, unchanged, chang
     read_out = control_variate._read_out
 
     def all_kept(changed, background, resting, better, same, sums, brought, *others):
-        return read_out(changed, background, resting, better, same, sums, np.full_like(brought, NOT_TOLD), *others)
+        return read_out(changed, background, resting, better, same, sums, np.full_like(brought, NOT_ADDITIVE), *others)
 
     shrunk, whole = [], []
     for seed in range(3):
