@@ -19,7 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tests.support.receiver_samples import drawn_by_area, in_view
+from gi_core.gather.reference_sample import draw_by_area
+from tests.support.receiver_samples import in_view
 
 TRUTH_SEED, SAMPLE_SEED = 77, 10  # of nothing else
 GROUPS = ("everywhere", "open", "in view", "in view, open")
@@ -49,7 +50,7 @@ def sample(solver, light: np.ndarray, points: int, noise: float) -> Sample:
     from app.rest.reference_store import ReferenceStore
 
     areas = solver.receivers.areas
-    draws = [drawn_by_area(rows, areas, points, SAMPLE_SEED) for rows in (np.flatnonzero(areas > 0), in_view(solver))]
+    draws = [draw_by_area(rows, areas, points, SAMPLE_SEED) for rows in (np.flatnonzero(areas > 0), in_view(solver))]
     rows = np.unique(np.concatenate([drawn for drawn, _ in draws]))
     is_open = ~np.isin(rows, unreached_rows(solver, light))
     weights = []
@@ -87,8 +88,7 @@ def gathered_light(solver, rounds: int) -> tuple[np.ndarray, np.ndarray, float]:
 
 def errors(E: np.ndarray, of: Sample) -> list[float]:
     """Return the relative l1 error of E (R, 3) in each of GROUPS, without the truth's noise."""
-    from gi_core.geometry.error import relative_error
-    from gi_core.geometry.error_at_hand import bias_left
+    from gi_core.geometry.error import bias_left, relative_error
 
     totals = [relative_error(E[of.rows], of.truth, w).l1 for w in of.weights]
     return [bias_left(total, noise) for total, noise in zip(totals, of.noise, strict=True)]
@@ -105,7 +105,7 @@ def measure(
     what: str, points: int, noise: float, rounds: int, estimators: list[str], least: int | None = None, **settings
 ) -> list[str]:
     """Return the lines of a scene's table; `least`: with every number of photons on the way from so many on."""
-    from gi_core.geometry.error_at_hand import bias_left
+    from gi_core.geometry.error import bias_left
 
     solver = static_solver(what, **settings)
     raw, smooth, told = gathered_light(solver, rounds)

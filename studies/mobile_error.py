@@ -22,8 +22,7 @@ from gi_core.files.load import load_scene
 from gi_core.frames.light_source import PATHS
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import gather_rounds
-from gi_core.geometry.error import luminance, relative_error
-from gi_core.geometry.error_at_hand import bias_left
+from gi_core.geometry.error import bias_left, luminance, relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.solver import Solver
 

@@ -19,8 +19,9 @@ import sys
 import tempfile
 import time
 
+from gi_core.gather.reference_sample import draw_by_area
 from studies.startup import as_installed
-from tests.support.receiver_samples import drawn_by_area, in_view
+from tests.support.receiver_samples import in_view
 
 GAIN = 1.8  # CPU seconds that two threads use up in a second: they wait for each other now and then
 SECONDS = 10.0
@@ -40,8 +41,7 @@ def _measure(what: str, points: int, paths: int) -> str:
     from app.rest.static_job import Gathering
     from app.settings import Settings, make_solver, open_scene
     from gi_core.gather.reference import reference_irradiance
-    from gi_core.geometry.error import noise_of_truth, relative_error
-    from gi_core.geometry.error_at_hand import bias_left
+    from gi_core.geometry.error import bias_left, noise_of_truth, relative_error
     from gi_core.geometry.evaluation_points import evaluation_points
 
     static, *mobiles = what.split("+")
@@ -67,7 +67,7 @@ def _measure(what: str, points: int, paths: int) -> str:
     solver.configure(prefix_only=True)
     solver.move_all({})
     by_photons = solver.irradiance
-    rows, weights = drawn_by_area(in_view(solver), solver.receivers.areas, points, 10)
+    rows, weights = draw_by_area(in_view(solver), solver.receivers.areas, points, 10)
     positions, normals = (a[rows] for a in evaluation_points(solver.surfaces, solver.receivers))
     truth, error = reference_irradiance(solver.scene, positions, normals, paths, 1, solver.poses, model=solver.model)
     noise = noise_of_truth(error, truth, weights)

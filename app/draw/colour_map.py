@@ -6,6 +6,8 @@ equally dark, so that neither sign looks worse than the other, and blue and red 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 ZERO = (0.93, 0.0, 0.0)  # Oklab L, a, b
@@ -39,3 +41,21 @@ def from_oklab(lab: np.ndarray) -> np.ndarray:
     """Return display colours (n, 3) in 0 .. 1 of Oklab colours (n, 3)."""
     linear = np.clip((lab @ _CUBE_ROOTS.T) ** 3 @ _LINEAR.T, 0, 1)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def round_scale(values: np.ndarray, weights: np.ndarray, share: float = 0.95) -> float:
+    """Return a round number (1, 2 or 5 times a power of ten) that `share` of the weight of |values| stays within.
+
+    For the end of a scale: nan values do not count; 1 if there is nothing to go by.
+    """
+    magnitude = np.abs(values)
+    known = np.isfinite(magnitude) & (weights > 0)
+    if not known.any() or not magnitude[known].any():
+        return 1.0
+    order = np.argsort(magnitude[known])
+    sorted_weights = np.cumsum(np.asarray(weights, np.float64)[known][order])
+    at = float(magnitude[known][order][np.searchsorted(sorted_weights, share * sorted_weights[-1])])
+    if at <= 0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(at))
+    return next(step * power for step in (1, 2, 5, 10) if at <= step * power * (1 + 1e-9))

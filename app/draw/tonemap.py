@@ -8,16 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
+from gi_core.geometry.error import luminance
+
 MID_GREY = 0.25  # linear, before the tone map: where the metered median lands; rooms look dim at 0.18
 BRIGHTEST = 2.0  # linear: the 95th percentile stays below it, so that a spot-lit stage is not burnt out
 ACES_EXPOSURE = 0.6
 LIT = 1e-4  # of the mean luminance: darker points are not lit and do not count
-
-
-def luminance(colour: np.ndarray) -> np.ndarray:
-    """Return Rec. 709 luminance (...,) of linear RGB (..., 3)."""
-    return colour[..., 0] * LUMINANCE[0] + colour[..., 1] * LUMINANCE[1] + colour[..., 2] * LUMINANCE[2]
 
 
 def clip(c: np.ndarray) -> np.ndarray:
@@ -59,7 +55,7 @@ def meter(radiance: np.ndarray, weights: np.ndarray | None = None) -> float:
     `radiance` (n, 3) linear, `weights` (n,) >= 0 (area or solid angle). The lamp may burn out: it is a
     small share of the weight. Nothing lit: 0.
     """
-    L = luminance(np.asarray(radiance, np.float64))
+    L = luminance(radiance)
     w = np.ones(len(L)) if weights is None else np.asarray(weights, np.float64)
     total = w.sum()
     if not total > 0 or not (L * w).sum() > 0:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from app.draw.colour_map import UNKNOWN, signed_colours
+from app.draw.colour_map import UNKNOWN, round_scale, signed_colours
 from app.settings import ERRORS, REFERENCE
+from gi_core.geometry.error import signed_error
 
 if TYPE_CHECKING:
     from app.draw.vertex_colours import DrawMesh
@@ -79,8 +80,6 @@ def paint(mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: b
 
         front, back = colours(mesh, side.irradiance, with_reflectance)
         return np.nan_to_num(front, nan=-1.0), np.nan_to_num(back, nan=-1.0)
-    from gi_core.geometry.error_at_hand import signed_error
-
     of_receivers = signed_colours(signed_error(side.irradiance, errors.truth, errors.areas) / errors.scale)
     back = of_receivers[mesh.back]
     back[mesh.back < 0] = UNKNOWN
@@ -88,8 +87,6 @@ def paint(mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: b
 
 
 def _errors(session: Session, estimate: Side, reference: Side, truth) -> Errors:
-    from gi_core.geometry.error_at_hand import round_scale, signed_error
-
     areas = session.solver.model.object_receivers.areas
     off = signed_error(estimate.irradiance, reference.irradiance, areas)
     return Errors(reference.irradiance, areas, max(round_scale(off, areas), LEAST_SCALE), truth.noise)

@@ -10,10 +10,10 @@ import numpy as np
 
 from app.cli.progress import Bar, compile_kernels
 from app.cli.version import version
-from app.draw.tonemap import luminance
 from app.measure.material_lines import material_lines, triple
 from app.session.warnings import caveats
 from app.settings import Settings, make_solver, open_scene
+from gi_core.geometry.error import luminance
 
 PILOT = 20_000  # photons: the escaped share to a third of a percent
 ESCAPES = 0.8  # of the photons, at their first flight: beyond it most of the work is for nothing

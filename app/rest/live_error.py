@@ -20,6 +20,8 @@ from app.rest.comparison import OtherLook
 from app.rest.measured_points import MeasuredPoint, MeasuredPoints
 from app.rest.reference_job import Truth
 from app.worker import Task
+from gi_core.gather.reference_sample import draw_by_area
+from gi_core.geometry.error import bias_left, noise_from_prefix, prefix_to_compare, relative_error
 
 if TYPE_CHECKING:
     from gi_core.estimators.setting import Setting
@@ -145,8 +147,6 @@ class Appraisal:
 
     def _measure(self, version: object) -> None:
         """Time a frame of all photons, a few times over; then compute one of fewer."""
-        from gi_core.geometry.error_at_hand import prefix_to_compare
-
         m = self._measured
         if not self._measures(version):
             m = self._measured = Measured(version, self._solver.setting, self._solver.twin(), [])
@@ -178,13 +178,12 @@ class Appraisal:
 
     def _gather(self, version: object, irradiance: np.ndarray, everywhere: bool) -> None:
         """Bring the reference on by a step, and tell the error anew."""
-        from gi_core.geometry.error_at_hand import some_receivers
-
         key = self._key(self._solver.poses, everywhere)
         truth = self._truths.pop(key, None)
         if truth is None:
-            rows = some_receivers(self._areas, len(self._areas) if key[1] else SOME, 0)
-            truth = Truth(self._solver, self._solver.poses, rows, even=everywhere and not self._few)
+            rows = np.flatnonzero(self._areas > 0)
+            rows, weights = (rows, self._areas[rows]) if key[1] else draw_by_area(rows, self._areas, SOME, 0)
+            truth = Truth(self._solver, self._solver.poses, rows, weights, even=everywhere and not self._few)
         self._truths[key] = truth
         while len(self._truths) > REMEMBERED:
             del self._truths[next(iter(self._truths))]
@@ -195,9 +194,6 @@ class Appraisal:
             self._tell(version, irradiance, truth)
 
     def _tell(self, version: object, irradiance: np.ndarray, truth: Truth) -> None:
-        from gi_core.geometry.error import relative_error
-        from gi_core.geometry.error_at_hand import bias_left, noise_from_prefix
-
         m, rows, w = self._measured, truth.rows, truth.weights
         total = relative_error(irradiance[rows], truth.irradiance, w).l1
         noise = float("nan")

@@ -22,14 +22,15 @@ STEP = 1 << 12  # paths: a drag that begins now waits for no more
 class Truth:
     """Used in the solver's thread alone, but for reading what a step has left."""
 
-    def __init__(self, solver: Solver, poses: Mapping[str, Pose], rows: np.ndarray, even: bool = False) -> None:
+    def __init__(
+        self, solver: Solver, poses: Mapping[str, Pose], rows: np.ndarray, weights: np.ndarray, even: bool = False
+    ) -> None:
         """`even`: as many paths for each receiver, for a picture; else where they lower the error of the whole most."""
         from app.rest.reference_store import ReferenceStore
 
-        self.rows = rows  # (n,) of the receivers
-        self.weights = solver.model.object_receivers.areas[rows]
+        self.rows, self.weights = rows, weights  # (n,) receivers, and the area or the count of draws of each
         self.noise = float("inf")  # relative, l1
-        self._store = ReferenceStore(solver.model, poses, rows)
+        self._store = ReferenceStore(solver.model, poses, rows, weights=weights)
         self._is_kept = dict(poses) == solver.model.start_poses()
         self.state: Gathered | None = self._store.load() if self._is_kept else None
         self._saved = self.rounds

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.draw.tonemap import luminance
 from gi_core.base.fixed_point import MAX_SEGMENTS
+from gi_core.geometry.error import luminance
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver

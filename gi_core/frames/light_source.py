@@ -13,7 +13,7 @@ from gi_core.frames.background import Background
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import Gathered
 from gi_core.gather.static import StaticGather
-from gi_core.geometry.error_at_hand import noise_from_prefix, prefix_to_compare
+from gi_core.geometry.error import noise_from_prefix, prefix_to_compare
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 from gi_core.scene.errors import SceneError

@@ -18,7 +18,7 @@ import numpy as np
 from gi_core.base.threads import run_ranges
 from gi_core.gather.one_bounce import Exchange, meet
 from gi_core.gather.path_tracer import BLOCK, PathEnds, join_lights, scatter
-from gi_core.geometry.error import falls_short, noise_of_truth
+from gi_core.geometry.error import noise_of_truth, small_sample_bias
 from gi_core.lights.light_sampling import Lights, area_lights, sky_of, small_lights
 from gi_core.lights.next_event import room_for_shadows
 from gi_core.model import Model
@@ -56,7 +56,7 @@ class FinalGather:
         """The l1 error that chance makes, as error.noise_of_truth(); inf while nothing is known."""
         if not self.paths:
             return float("inf")
-        return noise_of_truth(self.standard_error / falls_short(2), self.mean, self._weights)
+        return noise_of_truth(self.standard_error / small_sample_bias(2), self.mean, self._weights)
 
     def steps(self, field: Callable[[], np.ndarray]) -> Iterator[bool]:
         """Gather without end, in steps of some 20 ms; True is yielded where `mean` is new.

@@ -17,7 +17,7 @@ import numpy as np
 from gi_core.base import strata
 from gi_core.base.jit import kernel
 from gi_core.gather.point_gather import PATHS_A_POINT, Gatherer
-from gi_core.geometry.error import falls_short, luminance, noise_of_truth
+from gi_core.geometry.error import luminance, noise_of_truth, small_sample_bias
 from gi_core.model import Model
 from gi_core.scene.types import Pose, Scene
 
@@ -54,7 +54,7 @@ class Gathered(NamedTuple):
         """Return the l1 error that chance makes, as error.noise_of_truth(); inf before the second round is over."""
         if not len(self.sets) or self.sets.min() < 2:
             return float("inf")
-        return noise_of_truth(self.standard_error / falls_short(self.sets[:, None]), self.mean, weights, rows)
+        return noise_of_truth(self.standard_error / small_sample_bias(self.sets[:, None]), self.mean, weights, rows)
 
 
 def nothing_gathered(n: int) -> Gathered:

@@ -1,23 +1,20 @@
 """Measures of error, defined once: every number that the project quotes comes from here.
 
-Truth T is `reference.py` or a closed form at `evaluation_points()`. All measures are of luminance and
-weigh each receiver by the area that it stands for.
+Truth T is `reference.py` or a closed form at `evaluation_points()`. All measures are of luminance and weigh each
+receiver by the area that it stands for. Noise has two measures. `error_parts` compares with the estimator's limit at
+very many photons. `noise_from_prefix` compares with the first photons of the same solution.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.geometry.border_angle import border_receivers
-from gi_core.geometry.receivers import Receivers
-from gi_core.geometry.surfaces import Surfaces
-
 REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear RGB
-AFFECTED = 0.01  # of mean irradiance: a smaller change by the mobile counts as none
-CLASSES = ("untouched", "affected", "mobile", "border")
+DARK = 0.02  # of mean irradiance: the least that a signed error is relative to
 
 
 class Error(NamedTuple):
@@ -66,8 +63,8 @@ def error_parts(E: np.ndarray, limit: np.ndarray, T: np.ndarray, weights: np.nda
     )
 
 
-def falls_short(samples):
-    """Return by what factor a standard deviation found from so few normal numbers is too small in the mean."""
+def small_sample_bias(samples):
+    """Return the expected standard deviation of so few normal numbers over the true one (c4 of statistics)."""
     counts, at = np.unique(samples, return_inverse=True)
     factors = [math.sqrt(2 / (n - 1)) * math.exp(math.lgamma(n / 2) - math.lgamma((n - 1) / 2)) for n in counts]
     return np.array(factors)[at].reshape(np.shape(samples))
@@ -76,8 +73,8 @@ def falls_short(samples):
 def noise_of_truth(standard_error: np.ndarray, T: np.ndarray, weights: np.ndarray, rows=slice(None)) -> float:
     """Return the l1 error that the reference's own noise adds at most, from its standard errors (n, 3).
 
-    A normal deviate has mean magnitude sqrt(2 / pi); channels are taken as fully correlated. To be
-    quoted beside any error: below it nothing can be told.
+    A normal deviate has mean magnitude sqrt(2 / pi); channels are taken as fully correlated. Smaller differences from
+    the reference have no meaning.
     """
     w = np.asarray(weights, np.float64)[rows]
     s, t = luminance(standard_error)[rows], luminance(T)[rows]
@@ -85,21 +82,50 @@ def noise_of_truth(standard_error: np.ndarray, T: np.ndarray, weights: np.ndarra
     return float(np.sqrt(2 / np.pi) * (w * s).sum() / light) if light > 0 else float("nan")
 
 
-def receiver_classes(
-    surfaces: Surfaces, receivers: Receivers, now: np.ndarray, background: np.ndarray
-) -> dict[str, np.ndarray]:
-    """Return which receivers are in each class, {name: (R,) bool}; each receiver is in exactly one.
+def prefix_to_compare(prefixes: Iterable[int]) -> int | None:
+    """Return the largest photon subset of at most half of all photons, which are the last of `prefixes`; or None."""
+    prefixes = sorted(prefixes)
+    return max((n for n in prefixes[:-1] if 0 < 2 * n <= prefixes[-1]), default=None)
 
-    mobile: on a mobile. border: of the others, those at a border or corner, where a disc hangs over an
-    edge or into a wall. affected: of the rest, those where the mobiles change luminance by more than
-    AFFECTED of its mean; `now` and `background` are irradiance (R, 3) with mobiles and of the static
-    scene alone (rows of mobiles are not looked at). untouched: what is left.
+
+def noise_from_prefix(
+    E: np.ndarray, fewer: np.ndarray, photons: int, prefix: int, weights: np.ndarray, other: np.ndarray | float = 0.0
+) -> float:
+    """Return the relative l1 noise of irradiance E (n, 3) of `photons`, from that of its first `prefix`, (n, 3).
+
+    With variance v / N for N photons, the difference of the two has variance v (1 / prefix - 1 / photons), which is
+    photons / prefix - 1 times that of E. Noise of a Sobol sequence falls faster than that, so this rather overstates.
+    Any other effect of the number of photons (the search radius of nearest neighbours) counts as noise here.
+    `other`: standard error of the luminance (n,) [W/m2] from sources that both share and that are not photons.
+    Raises ValueError unless 0 < prefix < photons.
     """
-    on_mobile = np.arange(len(receivers.areas)) >= surfaces.first_receiver[1]
-    border = border_receivers(surfaces, len(receivers.areas)) & ~on_mobile
-    light = luminance(now)
-    w = receivers.areas
-    mean = float((w * light).sum() / w.sum()) if w.sum() > 0 else 0.0
-    changed = np.abs(light - luminance(background)) > AFFECTED * mean
-    rest = ~on_mobile & ~border
-    return {"untouched": rest & ~changed, "affected": rest & changed, "mobile": on_mobile, "border": border}
+    if not 0 < prefix < photons:
+        raise ValueError(f"prefix must be in 1 .. {photons - 1}, got {prefix}")
+    off = np.abs(luminance(fewer) - luminance(E)) / math.sqrt(photons / prefix - 1)
+    light = float((weights * luminance(E)).sum())
+    # A normal deviate has mean magnitude sqrt(2 / pi).
+    return float((weights * np.sqrt(off * off + 2 / math.pi * np.square(other))).sum()) / light if light else math.nan
+
+
+def bias_left(total: float, *noises: float) -> float:
+    """Return a relative l1 error less independent noises: squares subtract.
+
+    Exact for the root mean square of errors that are normal and alike everywhere, an estimate otherwise; 0 where
+    the total is no larger than its noises; nan where any is.
+    """
+    left = total * total - sum(n * n for n in noises)
+    return left if math.isnan(left) else math.sqrt(max(left, 0.0))
+
+
+def signed_error(E: np.ndarray, T: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the error of each receiver's luminance relative to the truth's, (n,): 0.1 is 10 % too bright.
+
+    Where T is nearly black the error is relative to DARK of the mean of T. nan where T is nan (not known); 0
+    everywhere if T is black.
+    """
+    e, t = luminance(E), luminance(T)
+    w = np.where(np.isnan(t), 0.0, weights)
+    mean = float((w * np.nan_to_num(t)).sum() / w.sum()) if w.sum() > 0 else 0.0
+    if mean <= 0:
+        return np.where(np.isnan(t), np.nan, 0.0)
+    return (e - t) / np.maximum(t, DARK * mean)

@@ -14,8 +14,9 @@ import numpy as np
 
 from gi_core.estimators.setting import Setting
 from gi_core.gather.reference import gather_rounds
-from gi_core.geometry.error import receiver_classes, relative_error
+from gi_core.geometry.error import relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.receiver_classes import receiver_classes
 from gi_core.scene.types import Pose
 from gi_core.solver import Solver
 

@@ -22,7 +22,8 @@ from app.measure.chart.settings import TUNED, Choice, choices
 from app.measure.chart.truth import Case, choose, steady_and_moved
 from app.measure.chart.tuned import nearness
 from app.settings import Settings, make_solver, open_scene
-from gi_core.geometry.error import CLASSES, relative_error
+from gi_core.geometry.error import relative_error
+from gi_core.geometry.receiver_classes import CLASSES
 
 SMALL = Settings("cornell", max_edge=0.2, photons=8192)
 UNDER = dict(zip(KEY, ("room", "abc", "cpu", 0, 3, 40), strict=True))

@@ -141,6 +141,7 @@ MODULES = (
     "gi_core.gather.reference",
     "gi_core.geometry.evaluation_points",
     "gi_core.geometry.error",
+    "gi_core.geometry.receiver_classes",
     "gi_core.scene.pose",
     "gi_core.geometry.radiosity",
     "gi_core.geometry.tessellation",

@@ -1,4 +1,4 @@
-"""Receivers to ask about: those that the first view shows, and random samples of some by area."""
+"""Receivers that the first view shows."""
 
 from __future__ import annotations
 
@@ -28,12 +28,3 @@ def in_view(solver) -> np.ndarray:
     eye = np.broadcast_to(np.array(camera.position), to.shape)
     reached, _ = first_seen(Rays(solver.scene), eye, to / length[:, None])
     return rows[reached > length - SAME_PLACE * solver.scene_size]
-
-
-def drawn_by_area(rows: np.ndarray, areas: np.ndarray, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows (n,), ascending, of `count` draws with replacement from `rows`, and how often each was drawn.
-
-    A row's chance is its share of the areas (R,), so that sums weighted by the second go to sums weighted by area.
-    """
-    share = areas[rows] / areas[rows].sum()
-    return np.unique(np.random.default_rng(seed).choice(rows, count, p=share), return_counts=True)

@@ -9,7 +9,8 @@ import numpy as np
 
 from app.measure.chart.settings import Choice
 from app.measure.chart.truth import Case, background_of, light_of, steady_and_moved
-from gi_core.geometry.error import CLASSES, noise_of_truth, relative_error
+from gi_core.geometry.error import noise_of_truth, relative_error
+from gi_core.geometry.receiver_classes import CLASSES
 
 WATCHED = 3000  # static receivers whose light is followed from frame to frame
 

@@ -14,8 +14,7 @@ from app.measure.chart.settings import Choice
 from app.rest.reference_run import run as gather
 from app.rest.reference_store import ReferenceStore
 from gi_core.estimators import ESTIMATORS
-from gi_core.geometry.error import relative_error
-from gi_core.geometry.error_at_hand import signed_error
+from gi_core.geometry.error import relative_error, signed_error
 
 SIZE = (480, 320)  # pixels
 SOON_ENOUGH = 40.0  # ms: the longest frame of which pictures are shown

@@ -8,7 +8,8 @@ import numpy as np
 
 from app.rest.reference_run import run
 from app.rest.reference_store import ReferenceStore
-from gi_core.geometry.error import CLASSES, luminance, receiver_classes
+from gi_core.geometry.error import luminance
+from gi_core.geometry.receiver_classes import CLASSES, receiver_classes
 
 SHARES = {"untouched": 0.4, "affected": 0.2, "mobile": 0.2, "border": 0.2}  # of the receivers looked at
 FAR_AWAY = 1e3  # of the scene size: where a mobile changes nothing

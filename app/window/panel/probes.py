@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from app.draw.tonemap import luminance
 from app.settings import Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
+from gi_core.geometry.error import luminance
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:

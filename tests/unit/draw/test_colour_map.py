@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.draw.colour_map import ABOVE, BELOW, UNKNOWN, ZERO, from_oklab, signed_colours
+from app.draw.colour_map import ABOVE, BELOW, UNKNOWN, ZERO, from_oklab, round_scale, signed_colours
 
 
 def oklab(display):
@@ -46,3 +46,13 @@ def test_ends_zero_and_beyond():
 
 def test_white_is_white():
     assert from_oklab(np.array([[1.0, 0, 0], [0, 0, 0]])) == pytest.approx(np.array([[1, 1, 1], [0, 0, 0]]), abs=1e-3)
+
+
+def test_a_scale_is_a_round_number_that_holds_what_it_should():
+    w = np.ones(100)
+    assert round_scale(np.linspace(0, 0.4, 100), w) == pytest.approx(0.5)
+    assert round_scale(np.linspace(-0.19, 0.19, 100), w) == pytest.approx(0.2)
+    assert round_scale(np.full(100, 0.1), w) == pytest.approx(0.1)
+    assert round_scale(np.r_[np.full(97, 0.01), 9, 9, 9], w) == pytest.approx(0.01), "a few spots do not count"
+    assert round_scale(np.r_[np.full(97, 0.01), 9, 9, 9], np.r_[np.ones(97), 50, 50, 50]) == pytest.approx(10)
+    assert round_scale(np.full(100, np.nan), w) == round_scale(np.zeros(100), w) == 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.draw.tonemap import LUMINANCE, MID_GREY, TONE_MAPS, luminance, meter, srgb_encode, to_display, view_weights
+from app.draw.tonemap import MID_GREY, TONE_MAPS, meter, srgb_encode, to_display, view_weights
 from app.settings import TONE_MAPS as NAMES
 
 GREYS = np.linspace(0, 50, 2001)[:, None] * np.ones(3)
@@ -76,11 +76,6 @@ def test_meter_weights_and_empty_scenes():
     assert meter(np.zeros((0, 3))) == 0.0
     assert meter(np.zeros((5, 3))) == 0.0
     assert meter(radiance, np.zeros(2)) == 0.0
-
-
-def test_luminance_weights_sum_to_one():
-    assert LUMINANCE.sum() == pytest.approx(1.0)
-    assert luminance(np.ones((2, 3))).tolist() == pytest.approx([1.0, 1.0])
 
 
 def test_view_weights_count_what_faces_the_camera_and_lies_before_it():

@@ -1,14 +1,24 @@
-"""The measures of error on numbers that can be checked by hand, and the classes of receivers."""
+"""The measures of error on numbers that can be checked by hand, and on a room."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
 
-from gi_core.geometry.border_angle import border_receivers
-from gi_core.geometry.error import CLASSES, error_parts, luminance, noise_of_truth, receiver_classes, relative_error
-from gi_core.geometry.surfaces import flatten
-from tests.support import scene_builders as build
+from gi_core.geometry.error import (
+    bias_left,
+    error_parts,
+    luminance,
+    noise_from_prefix,
+    noise_of_truth,
+    prefix_to_compare,
+    relative_error,
+    signed_error,
+)
+from gi_core.solver import Solver
+from tests.support import viewer_support as support
 
 
 def grey(*values):
@@ -48,32 +58,57 @@ def test_noise_of_the_truth_is_what_a_noisy_reference_measures_against_itself():
     assert noise_of_truth(s, T, np.ones(4000)) == pytest.approx(relative_error(noisy, T, np.ones(4000)).l1, rel=0.03)
 
 
-def test_border_of_a_floor_is_its_rim_and_of_a_room_every_edge():
-    surfaces, receivers = flatten(build.plane_scene(divisions=4))
-    rim = np.abs(receivers.positions[:, :2]).max(axis=1) > 0.99
-    assert np.array_equal(border_receivers(surfaces, len(receivers.areas)), rim)
-    surfaces, receivers = flatten(build.furnace_scene(divisions=4))
-    at_wall = (np.abs(receivers.positions - 0.5) > 0.49).sum(axis=1) > 1
-    assert np.array_equal(border_receivers(surfaces, len(receivers.areas)), at_wall)
+@pytest.mark.parametrize("prefix", [1000, 5000, 7500])
+def test_noise_from_a_prefix_is_that_of_independent_photons(prefix):
+    """10,000 photons that each bring 1 +- 20: the mean is off by 0.2 sqrt(2 / pi), whichever prefix it is told from."""
+    rng = np.random.default_rng(3)
+    first = 1 + 20 * rng.normal(size=20_000) / math.sqrt(prefix)
+    rest = 1 + 20 * rng.normal(size=20_000) / math.sqrt(10_000 - prefix)
+    both = (prefix * first + (10_000 - prefix) * rest) / 10_000
+    w = np.ones(20_000)
+    told = noise_from_prefix(grey(*both), grey(*first), 10_000, prefix, w)
+    assert told == pytest.approx(0.2 * math.sqrt(2 / math.pi), rel=0.03)
 
 
-def test_a_closed_smooth_surface_has_no_border_on_either_side():
-    surfaces, receivers = flatten(build.sphere_scene(subdivisions=2))
-    assert len(receivers.areas) == 2 * 162
-    assert not border_receivers(surfaces, len(receivers.areas)).any()
+def test_noise_needs_a_prefix():
+    for prefix in (0, 10, 11):
+        with pytest.raises(ValueError, match="prefix must be in 1 .. 9"):
+            noise_from_prefix(grey(1), grey(1), 10, prefix, np.ones(1))
+    assert prefix_to_compare(()) is None and prefix_to_compare((4096,)) is None
+    assert prefix_to_compare((4096, 8192, 16384, 20_000)) == 8192
+    assert prefix_to_compare((4096, 8192, 16384)) == 8192
 
 
-def test_every_receiver_is_in_exactly_one_class():
-    surfaces, receivers = flatten(build.plane_scene(divisions=6, mobiles=(build.box_mobile(),)))
-    background = np.ones((len(receivers.areas), 3))
-    now = background.copy()
-    shaded = (np.abs(receivers.positions[:, :2]) < 0.4).all(axis=1)
-    now[shaded] = 0.5
-    now[~shaded] = 1.001  # below 1 % of the mean: not affected
-    classes = receiver_classes(surfaces, receivers, now, background)
-    assert tuple(classes) == CLASSES
-    assert (np.sum(list(classes.values()), axis=0) == 1).all()
-    static = np.arange(len(shaded)) < surfaces.first_receiver[1]
-    assert np.array_equal(classes["mobile"], ~static)
-    assert np.array_equal(classes["affected"], static & shaded)
-    assert classes["border"].sum() == 24 and classes["untouched"].sum() == 49 - 24 - 9
+def test_noise_and_bias_told_from_a_picture_are_those_measured_against_its_limit():
+    """A room at 16,384 photons: the limit is taken from 32 times as many of another seed, the truth is made biased."""
+    E, fewer, limit = [], [], []
+    few = Solver(support.room(), photons=16_384, radius=0.06, seed=1)
+    few.solve()
+    E = few.irradiance
+    few.configure(prefix_only=True)
+    prefix = prefix_to_compare(few.prefixes)
+    few.move_all({}, prefix)
+    fewer = few.irradiance
+    many = Solver(support.room(), photons=524_288, radius=0.06, seed=2)
+    many.solve()
+    limit, w = many.irradiance, many.receivers.areas
+    bump = 1 + 0.3 * np.sin(40 * many.receivers.positions.sum(axis=1))[:, None]
+    parts = error_parts(E, limit, limit * bump, w)
+    noise = noise_from_prefix(E, fewer, 16_384, prefix, w)
+    assert parts.noise.l1 <= 1.05 * noise <= 1.6 * parts.noise.l1, "rather more than less"
+    assert bias_left(parts.total.l1, parts.noise.l1) == pytest.approx(parts.bias.l1, rel=0.1)
+
+
+def test_a_bias_is_never_less_than_nothing():
+    assert bias_left(0.05, 0.03) == pytest.approx(0.04)
+    assert bias_left(0.05, 0.04, 0.04) == 0
+    assert math.isnan(bias_left(0.05, float("nan")))
+
+
+def test_signed_error_by_hand():
+    """T = 1, 1, 0, 2 of mean 1: too bright by half, too dark by half, off by 0.01 of 0.02 in the dark, right."""
+    E, T = grey(1.5, 0.5, 0.01, 2), grey(1, 1, 0, 2)
+    assert signed_error(E, T, np.ones(4)) == pytest.approx([0.5, -0.5, 0.5, 0])
+    T[1] = np.nan
+    assert np.isnan(signed_error(E, T, np.ones(4))).tolist() == [False, True, False, False]
+    assert (signed_error(E, 0 * grey(1, 1, 1, 1), np.ones(4)) == 0).all()

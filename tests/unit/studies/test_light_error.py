@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gi_core.gather.reference_sample import draw_by_area
 from gi_core.scene.types import Camera, Scene
 from gi_core.solver import Solver
 from studies import light_error
-from tests.support.receiver_samples import drawn_by_area, in_view
+from tests.support.receiver_samples import in_view
 from tests.support.scene_builders import floor, grey, merge
 from tests.unit.display.test_dilation import inside, standing
 
@@ -50,7 +51,7 @@ def test_what_lies_a_hair_under_something_else_is_not_in_view():
 
 def test_a_draw_is_by_area_and_counts_repeats():
     areas = np.array([0.0, 1.0, 3.0, 0.0, 4.0])
-    rows, times = drawn_by_area(np.array([1, 2, 4]), areas, 8000, 1)
+    rows, times = draw_by_area(np.array([1, 2, 4]), areas, 8000, 1)
     assert rows.tolist() == [1, 2, 4] and times.sum() == 8000
     assert np.abs(times - [1000, 3000, 4000]).max() < 200  # four deviations
 

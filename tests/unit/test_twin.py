@@ -1,0 +1,33 @@
+"""A twin of a solver: shared photons, settings and poses of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.solver import Solver
+from tests.support import viewer_support as support
+
+
+def test_a_twin_sees_the_same_photons_in_its_own_way():
+    """Its settings and poses are its own; both remain what a solver alone would be, bit for bit."""
+    solver = Solver(support.room(), photons=8192, radius=0.06)
+    solver.solve()
+    before, pose = solver.irradiance, solver.poses["block"]
+    twin = solver.twin()
+    twin.configure(estimator="photon_map", neighbours=20)
+    twin.solve()
+    twin.move("block", pose._replace(position=(0.6, 0.3, 0.5)))
+    assert np.array_equal(twin.irradiance, twin.from_scratch())
+    assert solver.estimator == "tangent_plane" and solver.poses["block"] == pose and solver.irradiance is before
+    alone = Solver(support.room(), "photon_map", photons=8192, radius=0.06, neighbours=20)
+    alone.solve()
+    twin.move("block", pose)
+    assert np.array_equal(twin.irradiance, alone.irradiance)
+    solver.move("block", pose)
+    assert np.array_equal(solver.irradiance, before)
+    # Photons that the twin traces are there for both.
+    twin.configure(photons=10_000)
+    twin.solve()
+    solver.configure(photons=10_000)
+    solver.solve()
+    assert np.array_equal(solver.irradiance, solver.from_scratch()) and solver.photons_traced == 10_000
