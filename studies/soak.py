@@ -81,7 +81,7 @@ def act(rng: random.Random, viewer, hand_over: dict) -> str:
         if window:
             glfw.set_window_size(window, rng.randint(200, 1600), rng.randint(150, 1000))
     else:
-        actions = {"reset": "reset all", "panel": "toggle panel", "load": "load again"}
+        actions = {"reset": "reset all", "panel": "toggle panel", "load": "reload"}
         if what in (*actions, "play", "undo", "redo"):
             viewer._do(actions.get(what, what))
         elif what == "camera":

@@ -1,7 +1,7 @@
-"""What a drag on a mobile means: rays through the cursor in, poses out. Pure functions, no window.
+"""Drags on mobiles: cursor rays in, poses out. Pure functions, no window.
 
-The mode and the point grabbed are latched at the press. Each frame the cursor's ray gives a target for
-that point, computed from the press alone, so going back to where one started gives back the pose exactly.
+The press fixes the mode and the grabbed point. In each frame the cursor's ray gives a target for that point, computed
+from the press alone: a cursor that returns to the press restores the pose exactly.
 """
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ from app.draw.camera import Bounds, Turntable, frame_of
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, multiply_quaternions
 
-SLIDE, LIFT, FACE, TURN = "slide", "lift", "face", "turn"
+SLIDE, RAISE, FACE, TURN = "slide", "raise", "face", "turn"
 MODES = {
-    SLIDE: "slides at this height",
-    LIFT: "moves up and down",
-    FACE: "moves in the plane of the picture",
+    SLIDE: "slides at constant height",
+    RAISE: "moves up and down",
+    FACE: "moves in the image plane",
     TURN: "turns about the vertical",
 }
-TURN_SPEED = 360.0  # degrees for a drag across the picture's height
-HEADROOM = 0.5  # of the scene's diagonal: how high mobiles can at least be lifted
-GRAZING = 1e-4  # |cos| of ray and plane: below it the hit is farther than any scene
-STEEP = 0.25  # sine of view and vertical: below it a vertical drag is read in the picture instead
+TURN_SPEED = 360.0  # degrees per picture height
+HEADROOM = 0.5  # of the scene's diagonal: least height of the drag box
+GRAZING = 1e-4  # |cos| of ray and plane; below it the hit lies outside any scene
+STEEP = 0.25  # sine of view and vertical; below it a vertical drag is measured in the picture
 
 
 class Grab(NamedTuple):
-    """A drag as it was when the button went down."""
+    """State of a drag at the press."""
 
     mobile: str
     mode: str
-    point: np.ndarray  # (3,) where the cursor's ray met the mobile [m]
+    point: np.ndarray  # (3,) hit of the cursor's ray on the mobile [m]
     pose: Pose  # of the mobile
     camera: Turntable
     u: float  # the cursor in the picture, (0, 0) top left, (1, 1) bottom right
@@ -42,7 +42,7 @@ class Grab(NamedTuple):
 
 
 def room_for(bounds: Bounds, up) -> Bounds:
-    """Return where mobiles may be dragged: the scene's box, made half as high as it is long where it is flat."""
+    """Return the drag box: the scene's box, its height at least HEADROOM of its diagonal."""
     up = frame_of(up)[2]
     low, high = np.array(bounds.low), np.array(bounds.high)
     missing = max(HEADROOM * float(np.linalg.norm(high - low)) - float(np.abs(up) @ (high - low)), 0.0)
@@ -52,7 +52,7 @@ def room_for(bounds: Bounds, up) -> Bounds:
 
 def mode_of(shift: bool, alt: bool, ctrl: bool) -> str:
     """Return the mode that the modifier keys choose."""
-    return LIFT if shift else FACE if alt else TURN if ctrl else SLIDE
+    return RAISE if shift else FACE if alt else TURN if ctrl else SLIDE
 
 
 def dragged(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> Pose:
@@ -69,7 +69,7 @@ def dragged(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> Po
 
 
 def on_plane(origin, direction, point, normal) -> np.ndarray | None:
-    """Return where a ray meets a plane, None where it grazes it or meets it behind the origin."""
+    """Return the hit (3,) of a ray on a plane; None for a grazing ray or a plane behind the origin."""
     cosine = float(direction @ normal)
     if abs(cosine) < GRAZING:
         return None
@@ -78,7 +78,7 @@ def on_plane(origin, direction, point, normal) -> np.ndarray | None:
 
 
 def _slide(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.ndarray:
-    """Keep the height; above the horizon the ray never comes down: go as far as the scene goes that way."""
+    """Move at constant height; above the horizon, to the scene's end in that direction."""
     origin, direction = grab.camera.ray(u, v, aspect)
     up = frame_of(grab.camera.up)[2]
     level = direction - (direction @ up) * up
@@ -100,8 +100,8 @@ def _slide(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.
     return target + float((grab.point - target) @ up) * up  # the height exactly as it was
 
 
-def _lift(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.ndarray:
-    """Move along the vertical through the point: the cursor's ray meets the upright plane that faces the eye."""
+def _raise(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.ndarray:
+    """Move along the vertical through the point, on the upright plane that faces the eye."""
     up = frame_of(grab.camera.up)[2]
     _, upward, forward = grab.camera.basis()
     normal = forward - (forward @ up) * up
@@ -111,7 +111,7 @@ def _lift(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.n
         if hit is not None:
             return grab.point + float((hit - grab.point) @ up) * up
         return grab.point + np.sign(grab.v - v) * 2 * bounds.radius * up
-    # Looking straight down no ray tells a height: one picture height is one picture height at that depth.
+    # From straight above no ray has a height: the drag counts in picture heights at the point's depth.
     depth = float((grab.point - grab.camera.eye()) @ forward)
     return grab.point + (grab.v - v) * 2 * depth * np.tan(grab.camera.fov / 2) * up
 
@@ -122,18 +122,18 @@ def _face(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.n
     return grab.point if hit is None else hit
 
 
-_TARGETS = {SLIDE: _slide, LIFT: _lift, FACE: _face}
+_TARGETS = {SLIDE: _slide, RAISE: _raise, FACE: _face}
 
 
 def _room(grab: Grab, bounds: Bounds) -> tuple[np.ndarray, np.ndarray]:
-    """Return the box where the point may go so that the mobile stays inside; grown where it was outside already."""
+    """Return the box of the point that keeps the mobile in bounds, extended to its present position."""
     low = np.array(bounds.low) + (grab.point - grab.low)
     high = np.array(bounds.high) - (grab.high - grab.point)
     return np.minimum(low, grab.point), np.maximum(high, grab.point)
 
 
 def _track_in_box(origin, direction, low, high) -> tuple[float, float | None]:
-    """Return where a line enters and leaves a box, (0, None) where it misses it."""
+    """Return entry and exit of a line through a box, (0, None) for a miss."""
     entry, leave = 0.0, np.inf
     for k in range(3):
         if abs(direction[k]) < 1e-12:

@@ -1,4 +1,4 @@
-"""The legend of the error map, drawn into the viewport: colours, numbers, and what they are numbers of."""
+"""The legend of the error map: colour scale, ticks, units."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from app.draw.view_content import Errors
 from app.window import plate, theme
 
 WIDTH_EM, HEIGHT_EM = 1.1, 11.0  # of the bar
-STEPS = 64
-NOTHING = "not known yet"
+COLOUR_STEPS = 64
+NO_DATA = "no reference yet"
 TICKS = (1.0, 0.5, 0.0, -0.5, -1.0)  # of the scale
 
 
 def draw(errors: Errors, right: float, bottom: float) -> None:
-    """Draw it with its lower right corner there."""
+    """Draw the legend with its lower right corner at (right, bottom)."""
     em = imgui.get_font_size()
     lines = texts(errors)
     pad, line = 0.7 * em, 1.25 * em
     beside = (WIDTH_EM + 0.6) * em
     ticks = [tick_text(tick, errors.scale) for tick in TICKS]
-    widest = max(imgui.calc_text_size(text).x for text in (*ticks, NOTHING)) + beside
+    widest = max(imgui.calc_text_size(text).x for text in (*ticks, NO_DATA)) + beside
     width = max(widest, *(imgui.calc_text_size(text).x for text in lines)) + 2 * pad
     height = HEIGHT_EM * em + (len(lines) + 2.2) * line + 2 * pad
     x, y = right - width, bottom - height
     drawing = imgui.get_window_draw_list()
     text, dim = imgui.get_color_u32((*theme.TEXT, 1.0)), imgui.get_color_u32((*theme.DIM, 1.0))
     drawing.add_rect_filled((x, y), (right, bottom), imgui.get_color_u32(plate.COLOUR), 0.35 * em)
-    for k, what in enumerate(lines):
-        drawing.add_text((x + pad, y + pad + k * line), text if k == 0 else dim, what)
+    for k, caption in enumerate(lines):
+        drawing.add_text((x + pad, y + pad + k * line), text if k == 0 else dim, caption)
     top = y + pad + (len(lines) + 0.5) * line
     left = x + pad
-    colours = signed_colours(np.linspace(1, -1, STEPS + 1))
-    for k in range(STEPS):
+    colours = signed_colours(np.linspace(1, -1, COLOUR_STEPS + 1))
+    for k in range(COLOUR_STEPS):
         a, b = (imgui.get_color_u32((*map(float, colours[i]), 1.0)) for i in (k, k + 1))
-        low, high = (top + HEIGHT_EM * em * i / STEPS for i in (k, k + 1))
+        low, high = (top + HEIGHT_EM * em * i / COLOUR_STEPS for i in (k, k + 1))
         drawing.add_rect_filled_multi_color((left, low), (left + WIDTH_EM * em, high), a, a, b, b)
     for tick, words in zip(TICKS, ticks, strict=True):
         at = top + HEIGHT_EM * em * (1 - tick) / 2
@@ -49,18 +49,18 @@ def draw(errors: Errors, right: float, bottom: float) -> None:
         (left, swatch), (left + WIDTH_EM * em, swatch + em), imgui.get_color_u32((*UNKNOWN, 1.0)), 0.2 * em
     )
     drawing.add_rect((left, swatch), (left + WIDTH_EM * em, swatch + em), dim, 0.2 * em)
-    drawing.add_text((left + beside, swatch), dim, NOTHING)
+    drawing.add_text((left + beside, swatch), dim, NO_DATA)
 
 
 def texts(errors: Errors) -> list[str]:
-    """Return what the numbers are, a line each."""
-    noise = f"the reference itself: ±{100 * errors.noise:.2g} %" if math.isfinite(errors.noise) else "a first look"
+    """Return the caption, one string per line."""
+    noise = f"reference noise ±{100 * errors.noise:.2g} %" if math.isfinite(errors.noise) else "reference noise unknown"
     return ["Error of irradiance", "relative to the reference", noise]
 
 
 def tick_text(tick: float, scale: float) -> str:
-    """Return the words at a tick: the ends of the scale hold all that is beyond."""
+    """Return the label of a tick; the ends of the scale include all larger errors."""
     if tick == 0:
-        return "right"
+        return "0 %"
     number = f"{100 * tick * scale:+.3g} %".replace("-", "\N{MINUS SIGN}")
-    return number + {1.0: " and more: too bright", -1.0: " and more: too dark"}.get(tick, "")
+    return number + {1.0: " or more (too bright)", -1.0: " or less (too dark)"}.get(tick, "")

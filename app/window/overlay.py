@@ -1,4 +1,4 @@
-"""What is written over the picture and below it: progress, hints, the log line."""
+"""Text over the picture and below it: progress, hints, labels, the status line."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ from app.window import legend, plate, theme
 from app.window.viewport import Viewport
 from app.window.wipe import Wipe
 
-KEYS = "H: help    Tab: panel"
-TOLD = 12  # messages in the log line's tooltip
+KEY_HINT = "H: help    Tab: panel"
+TOOLTIP_MESSAGES = 12  # of the log, in the status line's tooltip
 
 
 def draw(viewport: Viewport, session: Session, succession: Succession, ready: bool) -> None:
-    """Write over the picture: while opening what is done, then what a drag does, else how far another scene or
-    refinement is."""
+    """Write over the picture: progress of the opening, else labels, hint, and progress of a load or refinement."""
     em = imgui.get_font_size()
     (x, y), (w, h) = viewport.origin, viewport.size
     if not ready:
@@ -30,16 +29,16 @@ def draw(viewport: Viewport, session: Session, succession: Succession, ready: bo
     if hint:
         plate.write(hint, *corner)
     elif succession.told is not None:
-        what, fraction = succession.told
-        plate.write(what if fraction is None else f"{what} {100 * fraction:.0f} %", *corner, theme.DIM)
+        phase, fraction = succession.told
+        plate.write(phase if fraction is None else f"{phase} {100 * fraction:.0f} %", *corner, theme.DIM)
     elif session.refining:
         progress = session.light.progress
-        if progress is not None and progress.fraction < 1:  # what comes after is not worth a word
+        if progress is not None and progress.fraction < 1:
             plate.write(f"refining {100 * progress.fraction:.0f} %", *corner, theme.DIM)
 
 
 def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float, float], em: float) -> None:
-    """Say what the picture is, where that is not plain: a wipe's sides, the reference, errors, what is to come."""
+    """Label the picture where it is not the estimate alone: sides of a wipe, reference, error legend, pending work."""
     if shown is None:
         return
     x, y, w, h = area
@@ -56,24 +55,24 @@ def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float
 def _draw_opening(session: Session, x: float, y: float, em: float) -> None:
     opening = session.opening
     if opening is None:
-        problem = session.problem or "see the line below"
+        problem = session.problem or "see the status line"
         plate.write(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
         return
     text, known = opening.told
     plate.write(text, x, y - 1.4 * em, centred=True)
     width = 18 * em
     imgui.set_cursor_screen_pos((x - width / 2, y + 0.4 * em))
-    # A negative fraction makes ImGui's bar run to and fro: something is going on, nobody knows how long.
+    # A negative fraction makes ImGui's bar oscillate: work of unknown duration.
     fraction = -imgui.get_time() if known is None else known
     imgui.progress_bar(fraction, (width, 0.35 * em), "")
 
 
 def draw_status(log: Log) -> None:
-    """Write the log line: the last message, at the right how to get help."""
+    """Write the last log message and, at the right, the keys of help and panel."""
     start = imgui.get_cursor_pos()
-    room = imgui.get_content_region_avail().x - imgui.calc_text_size(KEYS).x
+    room = imgui.get_content_region_avail().x - imgui.calc_text_size(KEY_HINT).x
     imgui.set_cursor_pos((start.x + room, start.y))
-    imgui.text_disabled(KEYS)
+    imgui.text_disabled(KEY_HINT)
     entry = log.last
     if entry is None:
         return
@@ -81,4 +80,4 @@ def draw_status(log: Log) -> None:
     colour = {ERROR: theme.ERROR, WARNING: theme.WARNING}.get(entry.level, theme.DIM)
     imgui.text_colored((*colour, 1.0), entry.text)
     if imgui.is_item_hovered():
-        imgui.set_tooltip("\n".join(e.text for e in list(log.entries)[-TOLD:]))
+        imgui.set_tooltip("\n".join(e.text for e in list(log.entries)[-TOOLTIP_MESSAGES:]))

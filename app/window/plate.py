@@ -1,4 +1,4 @@
-"""Words on the picture."""
+"""Text on a dark plate over the picture."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ COLOUR = (0.06, 0.062, 0.068, 0.78)
 
 
 def write(text: str, x: float, y: float, colour=theme.TEXT, centred: bool = False, right: bool = False) -> None:
-    """Write on the picture, on a dark plate so that it reads on any scene; (x, y) is the plate's upper left corner,
-    its centre, or its upper right corner."""
+    """Write text on a dark plate, readable on any scene; (x, y) is the plate's upper left corner, or its centre if
+    `centred`, or its upper right corner if `right`."""
     em = imgui.get_font_size()
     size = imgui.calc_text_size(text)
     pad = (0.6 * em, 0.3 * em)

@@ -1,4 +1,4 @@
-"""Pictures of the viewport, numbered, with the parameters that made them."""
+"""Numbered PNG files of the viewport, with their parameters as metadata."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from app.draw.camera import Turntable
 from app.draw.renderer import Look, Renderer
 from app.session.session import Session
 
-SAMPLES = 8  # a pixel: a picture to keep may take its time
+SAMPLES_PER_PIXEL = 8
 
 
 def next_free(folder: Path) -> Path:
-    """Return gi-viewer-001.png, or the first number after it that is not taken."""
+    """Return the first of gi-viewer-001.png, -002.png, ... that does not exist."""
     n = 1
     while (path := folder / f"gi-viewer-{n:03d}.png").exists():
         n += 1
@@ -20,7 +20,7 @@ def next_free(folder: Path) -> Path:
 
 
 def parameters(session: Session, camera: Turntable) -> dict[str, str]:
-    """Return what is needed to make the same picture again."""
+    """Return the parameters that reproduce the picture."""
     s, solver = session.settings, session.solver
     view = camera.as_camera()
     entries = {
@@ -44,11 +44,11 @@ def parameters(session: Session, camera: Turntable) -> dict[str, str]:
 
 
 def save(renderer: Renderer, look: Look, session: Session, camera: Turntable, path: Path) -> Path:
-    """Draw at the viewport's size with many samples and write it. Raises OSError."""
+    """Draw at the viewport's size with SAMPLES_PER_PIXEL and write a PNG. Raises OSError."""
     from app.draw.png import write_png
 
     size, samples = renderer.size, renderer.samples_now
-    renderer.resize(*size, SAMPLES)
+    renderer.resize(*size, SAMPLES_PER_PIXEL)
     try:
         renderer.draw(look)
         picture = renderer.pixels()

@@ -1,4 +1,4 @@
-"""The look of the GUI: dark, neutral, calm, so that the colours of the scene are judged fairly."""
+"""Colours and font of the GUI: dark and neutral, so that they do not bias the scene's colours."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ FRAME = (0.190, 0.196, 0.210)
 FRAME_HOVERED = (0.235, 0.243, 0.262)
 FRAME_ACTIVE = (0.270, 0.282, 0.310)
 ACCENT = (0.918, 0.655, 0.298)  # lamp light
-GRAB = (0.560, 0.420, 0.225)  # the accent, dark enough to read white on
+GRAB = (0.560, 0.420, 0.225)  # the accent, dark enough for white text
 GRAB_ACTIVE = (0.680, 0.500, 0.250)
 TEXT = (0.870, 0.875, 0.885)
 DIM = (0.580, 0.595, 0.620)
@@ -26,7 +26,7 @@ def load_fonts() -> None:
 def set_config() -> None:
     hello_imgui.imgui_default_settings.setup_default_imgui_config()
     io = imgui.get_io()
-    # Space, Tab and the arrows are the scene's keys, not the focus's.
+    # Space, Tab and arrow keys are shortcuts, not focus navigation.
     io.config_flags &= ~imgui.ConfigFlags_.nav_enable_keyboard
     io.config_flags &= ~imgui.ConfigFlags_.viewports_enable
     io.config_drag_click_to_input_text = False
@@ -40,7 +40,7 @@ def set_style() -> None:
     style.window_border_size, style.frame_border_size, style.popup_border_size = 0.0, 0.0, 1.0
     style.window_padding, style.frame_padding = (12, 10), (8, 4)
     style.item_spacing, style.item_inner_spacing = (8, 5), (6, 4)
-    style.scrollbar_size, style.grab_min_size = 10.0, 10.0
+    style.scrollbar_size, style.grab_min_size = 10.0, 4.0  # a thin slider grab leaves the number readable
     style.separator_text_border_size, style.separator_text_padding = 1.0, (0, 4)
     style.docking_separator_size = 1.0
     style.hover_stationary_delay, style.hover_delay_normal = 0.15, 0.45

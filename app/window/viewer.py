@@ -176,7 +176,7 @@ class Viewer:
             new.close(0.0)
             raise
         self._ready = True
-        self.log(f"{'loaded again' if self.succession.same else 'opened'}: {new.settings.scene}")
+        self.log(f"{'reloaded' if self.succession.same else 'opened'}: {new.settings.scene}")
 
     def _adopt(self, new: Session) -> None:
         """Show a session that has just become ready: geometry, camera and exposure are its own."""

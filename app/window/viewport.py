@@ -1,7 +1,7 @@
-"""The picture and the hands on it: orbit, pan, dolly, pivot, and dragging mobiles.
+"""The viewport: picture, camera control, drags on mobiles.
 
-Shown with `imgui.image` and asked with the window's hover, not with a button over it: inside a window
-`io.want_capture_mouse` is always true. A drag is latched at the press and survives leaving the viewport.
+Mouse input goes by the window's hover state: inside a window `io.want_capture_mouse` is always true. A drag goes on
+when the cursor leaves the viewport.
 """
 
 from __future__ import annotations
@@ -17,34 +17,34 @@ from app.window import drag
 from app.window.wipe import Wipe
 from gi_core.scene.pose import to_world
 
-FLIGHT_SECONDS = 0.35  # of the way home and to a new pivot
-THRESHOLD_PIXELS = 2.0  # a click that trembles is not a drag
-OUTLINE_PIXELS = 2.0  # at 96 dots an inch
+FLIGHT_SECONDS = 0.35  # of a camera animation
+THRESHOLD_PIXELS = 2.0  # shorter motions are a click
+OUTLINE_PIXELS = 2.0  # at 96 dots per inch
 BUTTONS = {"left": 0, "right": 1, "middle": 2}
 
 
 class Viewport:
-    """Owns the camera and what the mouse is doing."""
+    """The camera and the state of the mouse."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self.camera: Turntable | None = None
         self.home: Turntable | None = None
         self.bounds: Bounds | None = None  # of everything
-        self.room: Bounds | None = None  # where mobiles may be dragged
+        self.room: Bounds | None = None  # limits of drags
         self.hover: Hit | None = None  # mobile under the cursor
         self.grab: drag.Grab | None = None
         self.wipe = Wipe()
-        self.shown: Shown | None = None  # what the colours are of
+        self.shown: Shown | None = None  # content of the colour buffers
         self.size = (1, 1)  # points
         self.origin = (0.0, 0.0)
         self._steering: tuple[str, int] | None = None  # ("orbit" or "pan", button)
         self._flight: tuple[Turntable, Turntable, float] | None = None
-        self._asked = None  # what the last picking was asked
-        self._drawn = None  # what the picture was drawn from
+        self._asked = None  # arguments of the last pick
+        self._drawn = None  # arguments of the last draw
 
     def adopt(self, session: Session, keep_view: bool = False) -> None:
-        """Look at a session that has become ready, through the scene's camera or, `keep_view`, as the user looks."""
+        """Show a ready session through the scene's camera; `keep_view`: through the user's, if it was moved."""
         stays = keep_view and self.camera != self.home
         self.session, solver = session, session.solver
         self.hover = self.grab = self._steering = self._flight = self.shown = self._asked = self._drawn = None
@@ -63,7 +63,7 @@ class Viewport:
         return self._flight is not None or self._steering is not None
 
     def redraw(self) -> None:
-        """Draw again even if nothing seems to have changed: someone else has used the renderer."""
+        """Draw again in the next frame; call after other use of the renderer."""
         self._drawn = None
 
     def go_home(self) -> None:
@@ -75,7 +75,7 @@ class Viewport:
     # Input ------------------------------------------------------------------------------------------
 
     def handle_input(self, seconds: float) -> None:
-        """Read mouse and modifiers for this frame; drags move mobiles at once."""
+        """Read mouse and modifiers of this frame and move dragged mobiles."""
         self.origin = tuple(imgui.get_cursor_screen_pos())
         space = imgui.get_content_region_avail()
         self.size = (max(space.x, 1.0), max(space.y, 1.0))
@@ -87,11 +87,11 @@ class Viewport:
         if self._may_wipe and self.wipe.handle(io, self.origin[0], self.size[0], hovered):
             self.hover = None
         elif self.grab is not None:
-            self._go_on_dragging(io)
+            self._continue_drag(io)
         elif self._steering is not None:
-            self._go_on_steering(io)
+            self._continue_steering(io)
         elif hovered:
-            self._look_under_cursor(io)
+            self._update_hover(io)
             self._press(io)
         else:
             self.hover = None
@@ -106,7 +106,7 @@ class Viewport:
         return two and self.grab is None and self._steering is None
 
     def cancel_drag(self) -> bool:
-        """Put the mobile back where it was at the press; False if nothing was being dragged."""
+        """Restore the dragged mobile's pose; return False without a drag."""
         if self.grab is None:
             return False
         self.grab = None
@@ -122,13 +122,13 @@ class Viewport:
         shift, alt, ctrl = io.key_shift, io.key_alt, io.key_ctrl
         if imgui.is_mouse_clicked(BUTTONS["left"]):
             if self.hover is not None:
-                self._take_hold(drag.mode_of(shift, alt, ctrl), io)
+                self._begin_drag(drag.mode_of(shift, alt, ctrl), io)
             else:
                 self._steering = ("pan" if shift else "orbit", BUTTONS["left"])
         elif imgui.is_mouse_clicked(BUTTONS["right"]):
-            # Many window managers keep Alt+drag for themselves: the right button does the same.
+            # Many window managers take Alt+drag, so the right button does the same.
             if self.hover is not None:
-                self._take_hold(drag.FACE, io)
+                self._begin_drag(drag.FACE, io)
             else:
                 self._steering = ("orbit", BUTTONS["right"])
         elif imgui.is_mouse_clicked(BUTTONS["middle"]):
@@ -136,7 +136,7 @@ class Viewport:
         if self._steering is not None:
             self._flight = None
 
-    def _take_hold(self, mode: str, io) -> None:
+    def _begin_drag(self, mode: str, io) -> None:
         mobile = self.session.solver.scene.mobiles[self.hover.object - 1].name
         u, v = self._uv(io.mouse_pos)
         self._flight = None
@@ -146,12 +146,12 @@ class Viewport:
         box = to_world(pose, self.session.solver.surfaces.vertices[self.hover.object])
         self.grab = drag.Grab(mobile, mode, self.hover.point, pose, self.camera, u, v, box.min(axis=0), box.max(axis=0))
 
-    def _go_on_dragging(self, io) -> None:
+    def _continue_drag(self, io) -> None:
         button = BUTTONS["left"] if imgui.is_mouse_down(BUTTONS["left"]) else BUTTONS["right"]
         if imgui.is_mouse_down(button):
             moved = imgui.is_mouse_dragging(button, THRESHOLD_PIXELS) or self.session.poses != self.session.before_drag
             if moved:
-                # The camera may have dollied since the press: the grab keeps the point, the ray is today's.
+                # The camera may have dollied since the press: the ray is of the current camera.
                 grab = self.grab._replace(camera=self.camera)
                 pose = drag.dragged(grab, *self._uv(io.mouse_pos), self.aspect, self.room)
                 if pose != self.session.poses[grab.mobile]:
@@ -160,14 +160,14 @@ class Viewport:
             self.grab = None
             self.session.end_drag()
 
-    def _go_on_steering(self, io) -> None:
-        what, button = self._steering
+    def _continue_steering(self, io) -> None:
+        motion, button = self._steering
         if not imgui.is_mouse_down(button):
             self._steering = None
             return
         dx, dy = io.mouse_delta.x / self.size[1], io.mouse_delta.y / self.size[1]
         if dx or dy:
-            self.camera = getattr(self.camera, what)(dx, dy)
+            self.camera = getattr(self.camera, motion)(dx, dy)
 
     def _fly(self, seconds: float) -> None:
         if self._flight is None:
@@ -179,7 +179,7 @@ class Viewport:
 
     # Picking ----------------------------------------------------------------------------------------
 
-    def _look_under_cursor(self, io) -> None:
+    def _update_hover(self, io) -> None:
         asked = (tuple(io.mouse_pos), self.camera, self.session.version, self.session.settings.cull)
         if asked == self._asked:
             return
@@ -202,7 +202,7 @@ class Viewport:
     # Drawing ----------------------------------------------------------------------------------------
 
     def look(self, outlined: bool = True) -> Look:
-        """Return what to draw now."""
+        """Return the current picture's parameters."""
         s = self.session
         marked = -1
         if outlined and self.grab is not None:
@@ -223,7 +223,7 @@ class Viewport:
         )
 
     def draw(self, renderer: Renderer, samples: int) -> None:
-        """Draw the scene if anything has changed, and show it."""
+        """Show the scene; draw it first if anything has changed."""
         scale = imgui.get_io().display_framebuffer_scale
         renderer.resize(round(self.size[0] * scale.x), round(self.size[1] * scale.y), samples)
         look = self.look()
@@ -245,21 +245,21 @@ class Viewport:
             imgui.set_mouse_cursor(_CURSORS[drag.mode_of(io.key_shift, io.key_alt, io.key_ctrl)])
 
     def hint(self) -> str:
-        """Return one line: what a drag does now, or would do."""
+        """Return one line about the current drag, or a drag of the hovered mobile; "" for neither."""
         io = imgui.get_io()
         if self.grab is not None:
-            return f"{self.grab.mobile} {drag.MODES[self.grab.mode]}  ·  Esc puts it back"
+            return f"{self.grab.mobile} {drag.MODES[self.grab.mode]}  ·  Esc cancels"
         if self.hover is not None:
             name = self.session.solver.scene.mobiles[self.hover.object - 1].name
             mode = drag.mode_of(io.key_shift, io.key_alt, io.key_ctrl)
-            others = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the picture  ·  Ctrl: turn"
+            others = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the image plane  ·  Ctrl: turn"
             return f"Drag {name}: {drag.MODES[mode]}{others}"
         return ""
 
 
 _CURSORS = {
     drag.SLIDE: imgui.MouseCursor_.resize_all,
-    drag.LIFT: imgui.MouseCursor_.resize_ns,
+    drag.RAISE: imgui.MouseCursor_.resize_ns,
     drag.FACE: imgui.MouseCursor_.hand,
     drag.TURN: imgui.MouseCursor_.resize_ew,
 }

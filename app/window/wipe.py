@@ -1,4 +1,4 @@
-"""A line down the picture that can be dragged: left of it one side, right of it the other, each with its name."""
+"""The wipe: a vertical line across the picture, to drag, between two labelled pictures."""
 
 from __future__ import annotations
 
@@ -6,35 +6,35 @@ from imgui_bundle import imgui
 
 from app.window import plate, theme
 
-NEAR_EM = 0.5  # from the line: there it is taken hold of
-MARGIN = 0.02  # of the width: it never leaves the picture
+GRAB_EM = 0.5  # distance from the line within which it is grabbed
+EDGE_MARGIN = 0.02  # of the width
 LINE = (1.0, 1.0, 1.0, 0.85)
 
 
 class Wipe:
-    """`at` is where the line is, as a share of the width; `held` while it is dragged."""
+    """`at`: position of the line, as a share of the width; `held`: it is dragged."""
 
     def __init__(self) -> None:
         self.at = 0.5
         self.held = False
 
     def is_near(self, x: float, left: float, width: float) -> bool:
-        return abs(x - (left + self.at * width)) <= NEAR_EM * imgui.get_font_size()
+        return abs(x - (left + self.at * width)) <= GRAB_EM * imgui.get_font_size()
 
     def handle(self, io, left: float, width: float, hovered: bool) -> bool:
-        """Read the mouse for this frame; True if it is the line's."""
+        """Read the mouse of this frame; return whether the line takes it."""
         near = hovered and self.is_near(io.mouse_pos.x, left, width)
         if near and imgui.is_mouse_clicked(0):
             self.held = True
         self.held &= imgui.is_mouse_down(0)
         if self.held:
-            self.at = min(max((io.mouse_pos.x - left) / max(width, 1.0), MARGIN), 1 - MARGIN)
+            self.at = min(max((io.mouse_pos.x - left) / max(width, 1.0), EDGE_MARGIN), 1 - EDGE_MARGIN)
         if near or self.held:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         return near or self.held
 
     def draw(self, area: tuple[float, float, float, float], names: tuple[str, str]) -> None:
-        """Draw the line and the names beside it into an area (x, y, width, height)."""
+        """Draw the line and both labels into an area (x, y, width, height)."""
         em = imgui.get_font_size()
         x, y, w, h = area
         line = x + self.at * w

@@ -14,7 +14,7 @@ ASPECT = 1.5
 ROOM = Bounds((-2.0, -2.0, -2.0), (2.0, 2.0, 2.0))
 POINT = np.array([0.2, 0.1, 0.3])
 POSE = Pose((0.1, 0.0, 0.25), (0.8, 0.6, 0.0, 0.0))
-MODES = [drag.SLIDE, drag.LIFT, drag.FACE]
+MODES = [drag.SLIDE, drag.RAISE, drag.FACE]
 
 
 def camera(up=(0, 1, 0), position=(3.0, 2.0, 4.0)) -> Turntable:
@@ -32,10 +32,10 @@ def moved(g: drag.Grab, u: float, v: float) -> np.ndarray:
 
 def test_modes_of_the_modifier_keys():
     assert drag.mode_of(False, False, False) == drag.SLIDE
-    assert drag.mode_of(True, False, False) == drag.LIFT
+    assert drag.mode_of(True, False, False) == drag.RAISE
     assert drag.mode_of(False, True, False) == drag.FACE
     assert drag.mode_of(False, False, True) == drag.TURN
-    assert set(drag.MODES) == {drag.SLIDE, drag.LIFT, drag.FACE, drag.TURN}
+    assert set(drag.MODES) == {drag.SLIDE, drag.RAISE, drag.FACE, drag.TURN}
 
 
 @pytest.mark.parametrize("mode", [*MODES, drag.TURN])
@@ -57,7 +57,7 @@ def test_slide_keeps_the_height_and_follows_the_cursor(up):
 @pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1), (1, 0, 0)])
 def test_lift_moves_along_the_vertical_only_and_up_is_up(up):
     c = camera(up)
-    g = grab(drag.LIFT, c)
+    g = grab(drag.RAISE, c)
     shift = moved(g, g.u + 0.1, g.v - 0.05)
     upward = frame_of(up)[2]
     assert shift @ upward > 0 and np.allclose(shift, (shift @ upward) * upward)

@@ -11,7 +11,7 @@ pytest_plugins = ["tests.support.viewer_fixtures"]
 pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 
-def told(viewer):
+def report(viewer):
     return viewer.session.appraisal.report
 
 
@@ -19,7 +19,7 @@ def shown(viewer):
     return viewer.viewport.shown
 
 
-def test_error_is_told_at_rest_and_mapped_with_a_legend(play, monkeypatch):
+def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
     from app.draw.colour_map import signed_colours
     from app.window import legend
 
@@ -28,8 +28,8 @@ def test_error_is_told_at_rest_and_mapped_with_a_legend(play, monkeypatch):
 
     def script(hand, viewer):
         hand.wait_for_light()
-        hand.wait(lambda: told(viewer) is not None and told(viewer).done, 60)
-        r = told(viewer)
+        hand.wait(lambda: report(viewer) is not None and report(viewer).done, 60)
+        r = report(viewer)
         assert 0.01 < r.total < 0.5 and r.receivers == r.of
         light = hand.pixels()
         hand.ctx.set_ref("Panel")
@@ -50,19 +50,19 @@ def test_error_is_told_at_rest_and_mapped_with_a_legend(play, monkeypatch):
             "but at edges, by its samples"
         )
         appraisal.next_task = next_task
-        hand.ctx.combo_click("##Show/With reflectance")
+        hand.ctx.combo_click("##Show/Radiance")
 
         # It goes with a move, and comes back.
         hand.press(keys().space)
         hand.wait(lambda: viewer.session.poses["block"].position[0] != 0.5)
         hand.press(keys().space)
         version = viewer.session.light.version
-        hand.wait(lambda: told(viewer).version >= version and told(viewer).done, 60)
+        hand.wait(lambda: report(viewer).version >= version and report(viewer).done, 60)
 
     assert errors(play(script)) == []
 
 
-def test_the_reference_is_a_key_away_and_a_wipe_shows_two_at_once(play):
+def test_reference_key_and_wipe_between_two_pictures(play):
     K = keys()
 
     def script(hand, viewer):
@@ -78,7 +78,7 @@ def test_the_reference_is_a_key_away_and_a_wipe_shows_two_at_once(play):
         assert (hand.pixels() == estimate).all()
 
         hand.ctx.set_ref("Panel")
-        hand.ctx.combo_click("##Wipe/Photon map")
+        hand.ctx.combo_click("##Compare with/Photon map")
         hand.wait(lambda: len(shown(viewer).sides) == 2, 60)
         assert [side.label for side in shown(viewer).sides] == [
             "Tangent plane, 20 000 photons",
@@ -104,7 +104,7 @@ def test_the_reference_is_a_key_away_and_a_wipe_shows_two_at_once(play):
         assert "photon map" in shown(viewer).coming
         hand.press(K.space)
         hand.wait(lambda: len(shown(viewer).sides) == 2, 60)
-        hand.ctx.combo_click("##Wipe/Nothing")
+        hand.ctx.combo_click("##Compare with/None")
         hand.wait(lambda: len(shown(viewer).sides) == 1)
         assert viewer.session.appraisal.other.seen is None or not viewer.session.settings.compare
 
@@ -115,7 +115,7 @@ def test_settings_tried_are_points_of_the_chart(play, monkeypatch):
     from app.window.panel import chart
 
     asked = []
-    monkeypatch.setattr(chart, "told", lambda point: (asked.append(point), "a point")[1])
+    monkeypatch.setattr(chart, "caption", lambda point: (asked.append(point), "a point")[1])
 
     def script(hand, viewer):
         hand.wait_for_light()
@@ -126,9 +126,9 @@ def test_settings_tried_are_points_of_the_chart(play, monkeypatch):
         hand.wait(lambda: len(points.all) == 2, 60)
         hand.ctx.item_click("Error against time")
         assert {t.setting.estimator for t in points.all} == {"tangent_plane", "impact_count"}
-        hand.wait(lambda: told(viewer).done, 60)
+        hand.wait(lambda: report(viewer).done, 60)
         hand.ctx.yield_(3)
-        # A point tells what it is when the mouse is over it.
+        # A hovered point has a tooltip.
         spots = []
         monkeypatch.setattr(chart, "_draw_latest", lambda t: spots.append(chart.pixel_of(t)))
         hand.wait(lambda: len(spots) > 10)
@@ -141,13 +141,13 @@ def test_settings_tried_are_points_of_the_chart(play, monkeypatch):
     assert errors(play(script)) == []
 
 
-def test_what_a_point_tells():
+def test_caption_and_limits_of_a_point():
     from app.rest.measured_points import MeasuredPoint
-    from app.window.panel.chart import limits, told
+    from app.window.panel.chart import caption, limits
     from gi_core.estimators.setting import Setting
 
-    text = told(MeasuredPoint(Setting("photon_map", 0.05, 40), 20_000, 0.0123, 0.0456, 0.004))
+    text = caption(MeasuredPoint(Setting("photon_map", 0.05, 40), 20_000, 0.0123, 0.0456, 0.004))
     assert text.startswith("photon map\n20 000 photons\nradius 0.05 m\nneighbours 40")
-    assert text.endswith("error 4.6 % (the reference itself ±0.4 %)\nGI frame 12.3 ms")
+    assert text.endswith("error 4.6 % (reference noise ±0.4 %)\nGI frame 12.3 ms")
     low, high = limits([2.0, 50.0])
     assert 0 < low < 2 and high > 50

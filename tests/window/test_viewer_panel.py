@@ -1,4 +1,4 @@
-"""The panel: every control does what it says and has a tooltip, no slider holds a frame up, the budget is kept."""
+"""The panel: every control works and has a tooltip, no slider delays a frame, drags keep the budget."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_panel_controls(play):
 
         # Values typed in.
         ctx.item_input_value("##Radius", 0.1)
-        ctx.item_input_value("##k", 12)
+        ctx.item_input_value("##Neighbours k", 12)
         ctx.item_input_value("##Photons", 30_000)
         hand.wait_for_light()
         assert session.solver.radius == pytest.approx(0.1)
@@ -52,7 +52,7 @@ def test_panel_controls(play):
         hand.press(K._1)
         hand.wait_for_light()
         lit = session.irradiance
-        ctx.item_click("Edges and contact")
+        ctx.item_click("Bias correction")
         ctx.item_uncheck("Artifact control")
         hand.wait_for_light()
         assert session.solver.setting.control is session.settings.control is False
@@ -66,7 +66,7 @@ def test_panel_controls(play):
         hand.wait_for_light()
         assert (session.irradiance != lit).any() and not session.solver.setting.border_correction
         lit = session.irradiance
-        ctx.item_check("Textbook k")
+        ctx.item_check("Count k-th hit")
         hand.wait_for_light()
         assert session.irradiance.mean() > lit.mean() and session.solver.setting.textbook
 
@@ -74,14 +74,14 @@ def test_panel_controls(play):
         metered = session.settings.exposure
         ctx.item_input_value("##Exposure", metered - 2)
         dark = hand.pixels()
-        ctx.item_click("Meter")
+        ctx.item_click("Auto")
         ctx.yield_(2)
         assert session.settings.exposure == pytest.approx(metered, abs=0.3)
         assert hand.pixels().mean() > dark.mean() + 20
 
         ctx.combo_click("##Tone map/Clip")
-        ctx.combo_click("##Show/Irradiance only")
-        ctx.item_uncheck("##Doll's house")
+        ctx.combo_click("##Show/Irradiance")
+        ctx.item_uncheck("##Cull backfaces")
         ctx.yield_(2)
         s = session.settings
         assert (s.tone_map, s.show, s.cull) == ("clip", "irradiance", False)
@@ -91,10 +91,10 @@ def test_panel_controls(play):
         middle = hand.pixels()[viewer.renderer.size[1] // 2, viewer.renderer.size[0] // 2]
         assert np.array_equal(middle, grey), f"{middle}, not {grey}: the closed room from outside, its walls drawn"
 
-        # Every control tells what it does.
-        refs = "##Estimator ##Photons ##Radius ##k ##Static_light Artifact_control Border_correction Textbook_k"
-        refs += " ##Exposure Meter ##Tone_map ##Show ##Doll's_house"
-        refs += " ###Play Reset_pose Reset_view ##Budget"
+        # Every control has a tooltip.
+        refs = "##Estimator ##Photons ##Radius ##Neighbours_k ##Light Artifact_control Border_correction Count_k-th_hit"
+        refs += " ##Exposure Auto ##Tone_map ##Show ##Cull_backfaces"
+        refs += " ###Play Reset_poses Reset_view ##Time_budget"
         for ref in refs.split():
             ctx.mouse_move(ref.replace("_", " "))
             ctx.sleep_no_skip(0.7, 0.1)
@@ -104,7 +104,7 @@ def test_panel_controls(play):
     assert errors(play(script)) == []
 
 
-def test_every_search_shows_the_same_light(play):
+def test_all_searches_show_the_same_light(play):
     """The section "Disc search": another search, the same bits in the window."""
     from gi_core.discs.search import SEARCHES
 
@@ -114,8 +114,8 @@ def test_every_search_shows_the_same_light(play):
         hand.wait_for_light()
         ctx.set_ref("Panel")
         ctx.item_open("Disc search")
-        lit, told = session.irradiance, session.solver.search_summary
-        assert told.startswith("disc_index: cells of")
+        lit, summary = session.irradiance, session.solver.search_summary
+        assert summary.startswith("disc_index: cells of")
         for search in [*SEARCHES][::-1]:
             ctx.combo_click(f"##Search/{search.replace('_', ' ').capitalize()}")
             hand.wait_for_light()
@@ -126,10 +126,10 @@ def test_every_search_shows_the_same_light(play):
     assert errors(play(script)) == []
 
 
-def test_a_slider_drag_never_holds_a_frame_up(play, monkeypatch):
-    """While Radius is dragged to and fro the solver is left alone; then its steps run beside the window's thread.
+def test_slider_drag_never_delays_a_frame(play, monkeypatch):
+    """The solver is not configured during a drag of Radius; its steps run outside the window's thread.
 
-    How long a frame may wait for them is counted in test_session.py, on a clock that no busy machine disturbs.
+    test_session.py measures a frame's waiting time, on a test clock.
     """
     from app.session import session as session_module
 
@@ -173,23 +173,23 @@ def test_a_slider_drag_never_holds_a_frame_up(play, monkeypatch):
     assert errors(play(script, replace(support.SETTINGS, appraise=False))) == []
 
 
-def test_the_budget_is_kept_while_dragging_and_the_panel_says_which_photons_are_shown(play, monkeypatch):
-    """A solver that believes the fewest photons fit: those while the block is dragged, all when it is released."""
+def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):
+    """A solver whose budget fits the fewest photons shows those during a drag and all after it."""
     from app.session import session as session_module
     from app.window.panel import widgets
 
     monkeypatch.setattr(session_module, "STILL", 60.0)  # a busy machine holds it still for us
-    told = []
+    rows = []
     number = widgets.number
     monkeypatch.setattr(
-        widgets, "number", lambda label, value, tip: (told.append((label, value)), number(label, value, tip))
+        widgets, "number", lambda label, value, tip: (rows.append((label, value)), number(label, value, tip))
     )
 
     def script(hand, viewer):
         session, ctx = viewer.session, hand.ctx
         hand.wait_for_light()
         ctx.set_ref("Panel")
-        ctx.item_input_value("##Budget", 20)
+        ctx.item_input_value("##Time budget", 20)
         ctx.yield_(2)
         assert session.settings.budget == 20 and session.light.budget == 0.02
         solver = session.solver
@@ -204,7 +204,7 @@ def test_the_budget_is_kept_while_dragging_and_the_panel_says_which_photons_are_
             hand.move((at[0] + 15 * k, at[1]))
         hand.wait(lambda: session.light.photons_shown == few)
         ctx.yield_(2)
-        assert ("Moving", f"{few:,} of 20,000 photons".replace(",", " ")) in told
+        assert ("Photons shown", f"{few:,} of 20,000".replace(",", " ")) in rows
         monkeypatch.setattr(session_module, "STILL", 0.05)
         hand.wait(lambda: session.light.photons_shown == 20_000)
         assert session.dragging, "held still for a while"
@@ -213,14 +213,14 @@ def test_the_budget_is_kept_while_dragging_and_the_panel_says_which_photons_are_
         hand.wait(lambda: session.light.photons_shown == few)
         ctx.mouse_up(0)
         hand.wait_for_light()
-        assert session.light.photons_shown == 20_000 and told[-1] is not None
+        assert session.light.photons_shown == 20_000 and rows[-1] is not None
         assert hand.light_is_that_from_scratch()
-        told.clear()
+        rows.clear()
         ctx.yield_(2)
-        assert ("At rest", "20 000 of 20 000 photons") in told
+        assert ("Photons shown", "20 000 of 20 000") in rows
 
         # Off: all photons, whatever the solver believes.
-        ctx.item_input_value("##Budget", 101)
+        ctx.item_input_value("##Time budget", 101)
         ctx.yield_(2)
         assert session.settings.budget == 0
         at = hand.at(session.poses["block"].position)
@@ -235,8 +235,8 @@ def test_the_budget_is_kept_while_dragging_and_the_panel_says_which_photons_are_
     assert errors(play(script)) == []
 
 
-def test_sections_fold_and_stay_as_they_were_left(play):
-    """The engineer's numbers are folded at first; a second window opens as the first one was closed."""
+def test_sections_keep_their_fold_state(play):
+    """Sections for engineers start folded; a second window opens as the first one closed."""
     unfolded = {}
 
     def look(hand, viewer):
@@ -246,19 +246,19 @@ def test_sections_fold_and_stay_as_they_were_left(play):
     def first(hand, viewer):
         hand.wait_for_light()
         look(hand, viewer)
-        assert unfolded["Light"] and unfolded["Probes"] and not unfolded["Time"] and not unfolded["Paths"]
+        assert unfolded["Light"] and unfolded["Probes"] and not unfolded["Timings"] and not unfolded["Statistics"]
         hand.ctx.set_ref("Panel")
-        assert hand.ctx.item_exists("##Radius") and not hand.ctx.item_exists("Whole frame")
+        assert hand.ctx.item_exists("##Radius") and not hand.ctx.item_exists("##Search")
         hand.ctx.item_click("Light")
-        hand.ctx.item_click("Time")
+        hand.ctx.item_click("Timings")
         look(hand, viewer)
-        assert unfolded["Time"] and not unfolded["Light"]
+        assert unfolded["Timings"] and not unfolded["Light"]
         assert not hand.ctx.item_exists("##Radius")
 
     def second(hand, viewer):
         hand.wait_for_light()
         look(hand, viewer)
-        assert unfolded["Time"] and unfolded["Probes"] and not unfolded["Light"] and not unfolded["Paths"]
+        assert unfolded["Timings"] and unfolded["Probes"] and not unfolded["Light"] and not unfolded["Statistics"]
 
     assert errors(play(first, keep_ini=True)) == []
     assert errors(play(second, keep_ini=True)) == []

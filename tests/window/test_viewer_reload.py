@@ -113,7 +113,7 @@ def test_what_the_user_set_and_moved_stays_and_the_files_say_the_rest(play):
         assert viewer.session.poses == {"second": other.pose}
         assert hand.light_is_that_from_scratch()
         hand.press(keys().r)
-        assert viewer.log.last.text == "loaded again: room"
+        assert viewer.log.last.text == "reloaded: room"
 
     assert errors(play(script, open_with=files.open)) == []
 
@@ -161,7 +161,7 @@ def test_a_failed_load_keeps_the_old_scene_and_says_why(play):
         assert hand.light_is_that_from_scratch()
         assert not np.array_equal(hand.pixels(), picture)
         files.problem = None
-        hand.ctx.item_click("//Panel/Load again")
+        hand.ctx.item_click("//Panel/Reload")
         hand.wait(lambda: viewer.session is not session)
         assert viewer.succession.problem == ""
 

@@ -1,4 +1,4 @@
-"""What keeps light in its place at edges, corners, and where things touch: switches, and whom they concern."""
+"""Bias correction: switches of the estimators, and the receivers that artifact control concerns."""
 
 from __future__ import annotations
 
@@ -13,18 +13,17 @@ from app.window.panel.facts import Facts
 SWITCHES = {
     "control": (
         "Artifact control",
-        "tangent_plane: light counts only on the part of a disc that it can reach, mobiles considered.\n"
-        "Off: a little faster, but corners and the feet of things turn dark, and light leaks through thin walls.",
+        "tangent_plane: light counts only on the reachable part of a disc, mobiles included.\n"
+        "Off: slightly faster, but corners and contacts darken and light leaks through thin walls.",
     ),
     "border_correction": (
         "Border correction",
-        "photon_map: at borders and corners only hits on the own surface, over the part of a disc that it covers.\n"
-        "Off: borders are too dark, and surfaces that meet light each other. Costs nothing in a frame.",
+        "photon_map: near borders and corners, only hits on the receiver's own surface count, over the covered part "
+        "of the disc.\nOff: borders darken and adjacent surfaces light each other.",
     ),
     "textbook": (
-        "Textbook k",
-        "photon_map counts the k-th hit as well, as in the report: too bright by k / (k - 1) on the average.\n"
-        "It costs nothing.",
+        "Count k-th hit",
+        "photon_map: the k-th hit counts too, as in the report. The mean is k / (k - 1) too bright.",
     ),
 }
 
@@ -35,11 +34,11 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         if changed:
             s = replace(s, **{field: on})
         ui.tip(about)
-    told = facts.control
-    ui.number("Concerned", f"{100 * told.share:.1f} %", "Of all points, those whose discs walls or edges cut off.")
-    ui.number("   in contact", ui.thousands(told.stale),
-              "Points of the static part whose discs a mobile enters: estimated again in the last frame.")  # fmt: skip
-    ui.number("   on mobiles", ui.thousands(told.on_mobiles), "Points of mobiles whose discs other things enter.")
+    control = facts.control
+    ui.number("Clipped discs", f"{100 * control.share:.1f} %", "Receivers whose discs are cut by walls or edges.")
+    ui.number("   stale", ui.thousands(control.stale),
+              "Static receivers whose discs a mobile enters. The last frame estimated them again.")  # fmt: skip
+    ui.number("   on mobiles", ui.thousands(control.on_mobiles), "Mobile receivers whose discs other objects enter.")
     cost = facts.timings.get("contact")
-    ui.number("   to find out", "-" if cost is None else ui.ms(cost), "What finding these took in the last frame.")
+    ui.number("   contact time", ui.DASH if cost is None else ui.ms(cost), "Time to find these receivers, last frame.")
     return s

@@ -1,4 +1,4 @@
-"""The settings tried so far, in a chart of error against the time of a GI frame: lower left is better."""
+"""Error against GI frame time of the settings measured so far: a log-log chart."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
 HEIGHT_EM = 15.0
-FRAME_MS = 1000 / 60  # what a frame of a smooth drag may take
+FRAME_MS = 1000 / 60  # a frame at 60 Hz
 COLOURS = ((0.918, 0.655, 0.298), (0.400, 0.700, 0.950), (0.560, 0.800, 0.450), (0.850, 0.550, 0.850))
 MARKERS = (implot.Marker_.circle, implot.Marker_.square, implot.Marker_.diamond, implot.Marker_.up)
-MARGIN = 2.0  # times: room round the points
-NEAR_EM = 0.8  # of the cursor to a point that is then named
-TIMES_MS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 50, 100, 200, 500, 1000, 2000, 5000, 10000)  # 20 would lie under 16.7
+AXIS_MARGIN = 2.0  # factor around the points
+HOVER_EM = 0.8  # radius around the cursor
+TIMES_MS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 50, 100, 200, 500, 1000, 2000, 5000, 10000)  # 20 would overlap 16.7
 PERCENTS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     if not facts.points:
-        imgui.text_wrapped("Every setting that you try adds a point here, once its error has been measured at rest.")
+        imgui.text_wrapped("Each setting adds a point once its error is measured at rest.")
         return s
     em = imgui.get_font_size()
     flags = implot.Flags_.no_menus | implot.Flags_.no_mouse_text | implot.Flags_.no_box_select
@@ -35,32 +35,32 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         for k, estimator in enumerate(facts.estimators):
             _draw_points(k, estimator, [p for p in facts.points if p.setting.estimator == estimator])
         _draw_latest(facts.points[-1])
-        near = _under_mouse(facts.points, NEAR_EM * em) if implot.is_plot_hovered() else None
+        near = _under_mouse(facts.points, HOVER_EM * em) if implot.is_plot_hovered() else None
         implot.end_plot()
         if near is not None:
-            imgui.set_tooltip(told(near))
-    imgui.text_disabled("Lower left is better. The line: 60 frames a second.")
+            imgui.set_tooltip(caption(near))
+    imgui.text_disabled("Lower left is better. Line: 60 frames per second.")
     if imgui.button("Clear chart", (-1, 0)):
         actions.add("clear chart")
-    ui.tip("Take all points away; settings tried from now on add theirs.")
+    ui.tip("Remove all points.")
     return s
 
 
-def told(point: MeasuredPoint) -> str:
-    """Return what a point stands for."""
-    error = f"error {100 * point.error:.2g} % (the reference itself ±{100 * point.truth_noise:.1g} %)"
+def caption(point: MeasuredPoint) -> str:
+    """Return the tooltip of a point: its setting, error and frame time."""
+    error = f"error {100 * point.error:.2g} % (reference noise ±{100 * point.truth_noise:.1g} %)"
     return f"{point.label}\n{error}\nGI frame {ui.ms(point.seconds)}"
 
 
 def limits(values: list[float]) -> tuple[float, float]:
-    """Return the ends of a logarithmic axis that holds all values with room to spare."""
-    low, high = min(values) / MARGIN, max(values) * MARGIN
+    """Return the ends of a logarithmic axis around all values."""
+    low, high = min(values) / AXIS_MARGIN, max(values) * AXIS_MARGIN
     return low, high
 
 
 def _axes(points: tuple[MeasuredPoint, ...]) -> None:
     x, y = (int(axis) for axis in (implot.ImAxis_.x1, implot.ImAxis_.y1))
-    implot.setup_axis(x, "GI frame of all photons [ms]")
+    implot.setup_axis(x, "GI frame time, all photons [ms]")
     implot.setup_axis(y, "error [%]")
     for axis, ticks, values in (
         (x, TIMES_MS, [*(1e3 * p.seconds for p in points), FRAME_MS]),
@@ -92,7 +92,7 @@ def _draw_points(k: int, estimator: str, points: list[MeasuredPoint]) -> None:
 
 
 def _draw_latest(point: MeasuredPoint) -> None:
-    """Put a ring round the setting in force."""
+    """Circle the current setting."""
     at = pixel_of(point)
     implot.push_plot_clip_rect()
     em = imgui.get_font_size()
@@ -101,7 +101,7 @@ def _draw_latest(point: MeasuredPoint) -> None:
 
 
 def pixel_of(point: MeasuredPoint):
-    """Return where a point of the chart that is being drawn is on the screen."""
+    """Return the screen position of a point of the current plot."""
     return implot.plot_to_pixels(1e3 * point.seconds, 100 * point.error)
 
 

@@ -1,4 +1,4 @@
-"""What the panel tells beside the settings; everything is measured elsewhere."""
+"""The numbers of a frame that the panel shows beside the settings."""
 
 from __future__ import annotations
 
@@ -17,21 +17,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Facts:
-    """One frame's."""
+    """Numbers of one frame."""
 
-    estimators: Mapping[str, str]  # key -> what it is
+    estimators: Mapping[str, str]  # key -> description
     scene_size: float  # [m]
     photometric: bool
     gi_seconds: float
     frame_seconds: float
     timings: Mapping[str, float]  # stage -> seconds
-    photons_shown: int  # that the picture is made of
-    photons_traced: int  # that it is made of at rest
+    photons_shown: int  # in the current picture
+    photons_traced: int  # in the picture at rest
     photons_goal: int
-    paths_shown: int  # that a vertex of a mobile has gathered; 0: its light is the photons'
-    moving: bool  # something is dragged or played
+    paths_shown: int  # per mobile vertex; 0: photons light the mobiles
     segments: int
-    control: ControlFacts  # whom artifact control concerns
+    control: ControlFacts
     photons_cut: int
     old_segments: int
     new_segments: int
@@ -42,12 +41,12 @@ class Facts:
     metered: float  # EV at load
     probes: Mapping[str, object] = field(default_factory=dict)  # name -> irradiance (3,)
     notes: tuple[str, ...] = ()
-    report: Report | None = None  # of errors; None while nothing is known
-    points: tuple[MeasuredPoint, ...] = ()  # settings tried
-    gathered: Gathered | None = None  # how far the static light is; None: not asked for
-    search_summary: str = ""  # what the disc search built; "" where there is none
-    coming: tuple[str, float | None] | None = None  # what a scene that is being opened is at, and how far
-    load_problem: str = ""  # why the last one could not be opened
+    report: Report | None = None  # of errors; None until measured
+    points: tuple[MeasuredPoint, ...] = ()  # of the error chart
+    gathered: Gathered | None = None  # progress of the static light; None: photons only
+    search_summary: str = ""  # size of the disc search's index; "": the estimator has none
+    loading: tuple[str, float | None] | None = None  # phase and fraction of the scene being opened
+    load_problem: str = ""  # of the last scene that failed to open
 
 
 def facts_of(
@@ -57,9 +56,9 @@ def facts_of(
     frame_seconds: float,
     metered: float,
 ) -> Facts:
-    """Collect them from a session that is ready."""
+    """Return the facts of a ready session."""
     solver = session.solver
-    told, appraisal = session.light.snapshot, session.appraisal
+    snapshot, appraisal = session.light.snapshot, session.appraisal
     report = appraisal.report if appraisal is not None else None
     return Facts(
         estimators=estimators,
@@ -67,28 +66,27 @@ def facts_of(
         photometric=solver.scene.units == "photometric",
         gi_seconds=session.light.gi_seconds.value,
         frame_seconds=frame_seconds,
-        timings=told.timings,
+        timings=snapshot.timings,
         photons_shown=session.light.photons_shown,
         photons_traced=session.light.photons_there,
         photons_goal=solver.photons,
         paths_shown=session.light.paths_shown,
-        moving=session.dragging or session.playing,
-        segments=told.segments,
-        control=told.control,
-        photons_cut=told.changes.photons_cut,
-        old_segments=told.changes.old_segments,
-        new_segments=told.changes.new_segments,
+        segments=snapshot.segments,
+        control=snapshot.control,
+        photons_cut=snapshot.changes.photons_cut,
+        old_segments=snapshot.changes.old_segments,
+        new_segments=snapshot.changes.new_segments,
         triangles=sum(len(mesh.triangles) for mesh in session.meshes),
         receivers=len(solver.irradiance),
         mobiles=len(solver.scene.mobiles),
         playing=session.playing,
         metered=metered,
-        probes=told.probes,
+        probes=snapshot.probes,
         notes=solver.scene.notes,
         report=report if report is not None and report.version == session.light.version else None,
         points=appraisal.points.all if appraisal is not None else (),
         gathered=session.gathering.told if solver.light == "best" else None,
         search_summary=solver.search_summary,
-        coming=succession.told,
+        loading=succession.told,
         load_problem=succession.problem,
     )

@@ -1,4 +1,4 @@
-"""Which sections of the panel are unfolded, from one start of the program to the next."""
+"""Folded and unfolded sections of the panel, kept from one start of the program to the next."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ FOLDED, UNFOLDED = "-", "+"
 
 
 class Folds:
-    """`load` once the window is there, `header` for each section, `save` before it closes."""
+    """Fold state per section: `load` after the window opens, `header` per section, `save` before it closes."""
 
     def __init__(self) -> None:
         self._unfolded: dict[str, bool] = {}
         self._just_unfolded = ""
 
     def load(self) -> None:
-        """Read what the last session left; what it says nothing of opens as it does at the first start."""
+        """Read the state that the last session saved; other sections keep their default."""
         for line in hello_imgui.load_user_pref(PREFERENCE).splitlines():
             if line[:1] in (FOLDED, UNFOLDED):
                 self._unfolded[line[1:]] = line[:1] == UNFOLDED
@@ -26,7 +26,7 @@ class Folds:
         hello_imgui.save_user_pref(PREFERENCE, "\n".join(lines))
 
     def header(self, title: str, unfolded: bool) -> bool:
-        """Draw a header; return whether what is under it is to be drawn. `unfolded`: at the first start."""
+        """Draw a header; return whether its section is unfolded. `unfolded`: the default."""
         imgui.set_next_item_open(self._unfolded.setdefault(title, unfolded), imgui.Cond_.once)
         before, now = self._unfolded[title], imgui.collapsing_header(title)
         self._unfolded[title] = now
@@ -35,7 +35,7 @@ class Folds:
         return now
 
     def show_whole(self, title: str) -> None:
-        """Scroll to the end of the section that has just been drawn, if the user has just unfolded it."""
+        """Scroll to the end of the section just drawn if the user has just unfolded it."""
         if self._just_unfolded == title:
             self._just_unfolded = ""
             imgui.set_scroll_here_y(1.0)

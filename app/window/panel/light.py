@@ -1,4 +1,4 @@
-"""How light is estimated: estimator, photons, radius, neighbours."""
+"""Estimation of light: estimator, photons, radius, neighbours, path tracing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
             ui.tip(f"{facts.estimators[key]}\nKey {k + 1}")
         imgui.end_combo()
     else:
-        ui.tip(f"How irradiance is estimated from the photons' paths. Nothing is traced again. Keys 1 to {len(keys)}.")
+        ui.tip(f"Method that estimates irradiance from the photon paths. Keys 1 to {len(keys)}.")
 
     ui.label("Photons")
     changed, photons = imgui.slider_int(
@@ -34,7 +34,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     )
     if changed:
         s = replace(s, photons=ui.rounded(max(photons, 1)))
-    ui.tip("Photons to trace. More: less noise, slower frames. Those traced already are kept.")
+    ui.tip("Number of photons. More photons: less noise, slower frames.")
 
     ui.label("Radius")
     size = facts.scene_size
@@ -46,28 +46,29 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     if changed and radius > 0:
         s = replace(s, radius=float(f"{radius:.3g}"))
     ui.tip(
-        "Radius of the disc that gathers light around a point, in metres and as a share of the scene size.\n"
-        "Larger: smoother, and shadow edges blur over that length. For photon_map it is the largest radius.\n"
-        "Ctrl+click to type a value."
+        "Radius of a receiver's disc, in metres and in percent of the scene size. For photon_map: the largest radius.\n"
+        "A larger radius gives less noise and blurs shadow edges over that length. Ctrl+click to type a value."
     )
 
-    ui.label("k")
-    changed, k = imgui.slider_int("##k", s.neighbours, *NEIGHBOURS_RANGE, "%d", imgui.SliderFlags_.logarithmic)
+    ui.label("Neighbours k")
+    changed, k = imgui.slider_int(
+        "##Neighbours k", s.neighbours, *NEIGHBOURS_RANGE, "%d", imgui.SliderFlags_.logarithmic
+    )
     if changed:
         s = replace(s, neighbours=max(k, 1))
-    ui.tip("How many of the nearest photon hits photon_map averages over. The other estimators do not use it.")
+    ui.tip("Nearest photon hits per estimate of photon_map. Other estimators ignore it.")
     return _light(s, facts)
 
 
 def _light(s: Settings, facts: Facts) -> Settings:
     s = ui.choice(s, "Light", "light", LIGHT_NAMES,
-                  "Best available: mobiles gather light along paths in each frame. So does the static part while "
-                  "everything rests; gathered light is shown once it is better than photons, and kept on disk.\n"
-                  "Photons only: the chosen estimator lights everything. Set by choosing an estimator.")  # fmt: skip
+                  "Best available: paths traced from receivers light mobiles in each frame, and the static part once "
+                  "its noise is below the photons'.\n"
+                  "Photons only: the estimator lights everything. Choosing an estimator selects this.")  # fmt: skip
     if (g := facts.gathered) is not None:
         ui.label("")
         imgui.progress_bar(g.fraction, (-1, 0), "")
-        use = "in use" if g.used else "photons are better still"
-        ui.write_over(f"noise {100 * g.noise:.1f} %, {use}" if g.noise < 1 else "gathering, no answer yet")
-        ui.tip("Noise of the gathered static light. Gathering stops at 0.7 %.")
+        use = "shown" if g.used else "photons are better"
+        ui.write_over(f"noise {100 * g.noise:.1f} %, {use}" if g.noise < 1 else "gathering light")
+        ui.tip("Noise of the gathered light on the static part. Gathering ends at 0.7 %.")
     return s

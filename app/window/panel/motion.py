@@ -1,4 +1,4 @@
-"""Playing, going back to the start, and what a frame may cost while something moves."""
+"""Playback, resets, and the time budget of a frame while something moves."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from app.settings import Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
-BUDGET_RANGE = (8, 100)  # [ms]; one beyond it: off
+BUDGET_RANGE = (8, 100)  # [ms]; 101: off
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
@@ -18,32 +18,28 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     imgui.begin_disabled(facts.mobiles == 0)
     if imgui.button(("Pause" if facts.playing else "Play") + "###Play", (third, 0)):
         actions.add("play")
-    ui.tip("Move the mobiles along their paths (a circle where the scene gives none). Space.")
+    ui.tip("Move the mobiles along their paths, or on a circle. Key Space.")
     imgui.same_line()
-    if imgui.button("Reset pose", (third, 0)):
+    if imgui.button("Reset poses", (third, 0)):
         actions.add("reset poses")
-    ui.tip("Put every mobile back where it was at the start. Key R also brings the view home.")
+    ui.tip("Return every mobile to its start pose. Key R resets the view too.")
     imgui.end_disabled()
     imgui.same_line()
     if imgui.button("Reset view", (third, 0)):
         actions.add("reset view")
-    ui.tip("Bring the camera back to where it was at the start. Home key.")
-    ui.label("Budget")
+    ui.tip("Return the camera to its start. Key Home.")
+    ui.label("Time budget")
     low, high = BUDGET_RANGE
     value = round(s.budget) if s.budget > 0 else high + 1
-    changed, value = imgui.slider_int("##Budget", value, low, high + 1, "%d ms" if value <= high else "off")
+    changed, value = imgui.slider_int("##Time budget", value, low, high + 1, "%d ms" if value <= high else "off")
     if changed:
         s = replace(s, budget=float(value) if value <= high else 0.0)
     ui.tip(
-        "What light may take in a frame while something moves: as many photons are used as fit, and all of them "
-        "as soon as it rests. Off: always all, however long it takes."
+        "Time for light per frame while something moves. It limits photons and paths; at rest all are used.\n"
+        "Off: always all photons."
     )
-    told = f"{ui.thousands(facts.photons_shown)} of {ui.thousands(facts.photons_traced)} photons"
-    if facts.paths_shown:
-        told += f", {facts.paths_shown} paths"
-    ui.number(
-        "Moving" if facts.moving else "At rest",
-        told,
-        "Photons that this picture is made of, and all there are; paths that a vertex of a mobile gathers.",
-    )
+    shown = f"{ui.thousands(facts.photons_shown)} of {ui.thousands(facts.photons_traced)}"
+    ui.number("Photons shown", shown, "Photons in this picture, and in the picture at rest.")
+    paths = ui.thousands(facts.paths_shown) if facts.paths_shown else ui.DASH
+    ui.number("Paths per vertex", paths, "Paths traced per mobile vertex. A dash: photons light the mobiles.")
     return s

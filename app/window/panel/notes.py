@@ -1,4 +1,4 @@
-"""What was added where the scene's files were silent."""
+"""Assumptions made where the scene's files give no value."""
 
 from __future__ import annotations
 

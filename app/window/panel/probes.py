@@ -1,4 +1,4 @@
-"""Irradiance at the points that the scene file names."""
+"""Irradiance at the probes of the scene file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which scene is on show, and loading it again."""
+"""The current scene: name, loading progress, reload."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from app.window.panel.facts import Facts
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    ui.label(Path(s.scene).name)
-    if facts.coming is not None:
-        what, fraction = facts.coming
+    imgui.text(Path(s.scene).name)
+    ui.tip(s.scene)
+    if facts.loading is not None:
+        phase, fraction = facts.loading
         imgui.progress_bar(-imgui.get_time() if fraction is None else fraction, (-1, 0), "")
-        ui.write_over(what)
-    elif imgui.button("Load again", (-1, 0)):
-        actions.add("load again")
+        ui.write_over(phase)
+    elif imgui.button("Reload", (-1, 0)):
+        actions.add("reload")
     ui.tip(
-        "Read the scene's files once more. What you have set and moved stays; this picture stays until the new one is "
-        "there, or if it cannot be. Key F5. To open another scene, drop its file on the window."
+        "Read the scene's files again; settings and poses stay. Key F5.\n"
+        "To open another scene, drop its file on the window."
     )
     if facts.load_problem:
         imgui.push_style_color(imgui.Col_.text, (*theme.ERROR, 1.0))

@@ -1,4 +1,4 @@
-"""How tangent_plane finds the segments that cross its discs: the picture is the same, the times are not."""
+"""Disc search of tangent_plane: choice, time, size of the index."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ from app.window.panel.facts import Facts
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    from gi_core.discs.search import SEARCHES  # loaded long since; at the top it would hold the window up
+    from gi_core.discs.search import SEARCHES  # already loaded here; at the top it would delay the window
 
     s = ui.choice(s, "Search", "search", {key: ui.title(key) for key in SEARCHES},
-                  "How tangent_plane finds the segments that cross a disc: discs in a grid that segments walk "
-                  "through, segments in spheres around receivers, or every pair of them. The picture is the same, "
-                  "bit for bit; it stays while the light is estimated again.")  # fmt: skip
+                  "Search for segments that cross a disc: a grid of discs, spheres around receivers, or all pairs.\n"
+                  "It changes the time and never the picture.")  # fmt: skip
     cost = facts.timings.get("estimate")
-    ui.number("Takes", "-" if cost is None else ui.ms(cost),
-              "Finding crossings and adding them up in the last frame: what the search changes.")  # fmt: skip
+    ui.number("Estimate time", ui.DASH if cost is None else ui.ms(cost),
+              "Time to find and sum disc intersections, last frame.")  # fmt: skip
     imgui.push_text_wrap_pos(0.0)
     imgui.text_disabled(facts.search_summary)
     imgui.pop_text_wrap_pos()

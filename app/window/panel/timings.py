@@ -1,4 +1,4 @@
-"""What a frame takes, stage by stage."""
+"""Times of a frame and of its stages."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from app.window.panel.facts import Facts
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    fps = f"{1 / facts.frame_seconds:.0f} a second" if facts.frame_seconds > 0 else ""
-    whole = f"Everything, drawing and waiting for the screen included: {fps}."
-    ui.number("Whole frame", ui.ms(facts.frame_seconds), whole)
-    gi = ui.ms(facts.gi_seconds) if facts.gi_seconds > 0 else "nothing moved yet"
-    ui.number("GI", gi, "From new poses to irradiance: the median of the last moves.")
+    fps = f" ({1 / facts.frame_seconds:.0f} fps)" if facts.frame_seconds > 0 else ""
+    ui.number("Frame", ui.ms(facts.frame_seconds) + fps, "Time of a whole frame, with drawing and display.")
+    gi = ui.ms(facts.gi_seconds) if facts.gi_seconds > 0 else ui.DASH
+    ui.number("GI update", gi, "Time from new poses to irradiance: median of the last moves.")
     for stage, seconds in facts.timings.items():
-        ui.number("   " + stage, ui.ms(seconds), f"The stage '{stage}' of the last light computed.")
+        ui.number("   " + stage, ui.ms(seconds), f"Time of the stage '{stage}', last update.")
     return s

@@ -1,4 +1,4 @@
-"""What the sections are made of: label, choice, number, tooltip, and how numbers are written."""
+"""Widgets of the sections: label, choice, number, tooltip; and number formats."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from imgui_bundle import imgui
 from app.settings import Settings
 from app.window import theme
 
-LABEL_EM = 6.2  # width of the column of labels
+LABEL_EM = 7.2  # width of the label column
+DASH = "\N{EM DASH}"  # an unknown number
 
 
 def choice(s: Settings, name: str, field: str, choices: Mapping[str, str], about: str) -> Settings:
-    """Choose a value of a settings' field by the names that the values have here."""
+    """Draw a combo box for a field of the settings; `choices`: value -> displayed name."""
     keys = list(choices)
     label(name)
     changed, k = imgui.combo(f"##{name}", keys.index(getattr(s, field)), list(choices.values()))
@@ -24,7 +25,7 @@ def choice(s: Settings, name: str, field: str, choices: Mapping[str, str], about
 
 
 def label(text: str) -> None:
-    """Write a label and put the next widget beside it, as wide as there is room."""
+    """Write a label; the next widget fills the rest of the line."""
     imgui.align_text_to_frame_padding()
     imgui.text(text)
     imgui.same_line(LABEL_EM * imgui.get_font_size())
@@ -32,14 +33,14 @@ def label(text: str) -> None:
 
 
 def write_over(text: str) -> None:
-    """Write in the middle of the last widget; ImGui's own text on a progress bar runs along with it."""
+    """Write in the middle of the last widget; ImGui's own text on a progress bar moves with the bar."""
     low, high, size = imgui.get_item_rect_min(), imgui.get_item_rect_max(), imgui.calc_text_size(text)
     at = ((low.x + high.x - size.x) / 2, (low.y + high.y - size.y) / 2)
     imgui.get_window_draw_list().add_text(at, imgui.get_color_u32(imgui.Col_.text), text)
 
 
 def number(name: str, value: str, about: str) -> None:
-    """Write a number at the right end of its line."""
+    """Write a name and, right-aligned, its value."""
     right = imgui.get_content_region_avail().x
     imgui.begin_group()  # positions on a line count from the group's left end
     imgui.text_colored((*theme.DIM, 1.0), name)
@@ -71,6 +72,6 @@ def ms(seconds: float) -> str:
 
 
 def rounded(n: int) -> int:
-    """Two digits are enough on a slider."""
+    """Return n rounded to two digits."""
     unit = 10 ** max(int(math.log10(n)) - 1, 0)
     return round(n / unit) * unit
