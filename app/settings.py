@@ -1,4 +1,4 @@
-"""What the user asked for: one frozen record that the command line, the panel and the commands share.
+"""Settings: one frozen record that the command line, the panel and the commands share.
 
 Only the standard library is imported at the top, so that `--help` and `--version` stay instant.
 """
@@ -17,28 +17,32 @@ SOLVER_SETTINGS = (
     "light",
 )  # fmt: skip
 LIGHTS = ("best", "photons")  # those of gi_core.frames.light_source
-REFERENCE = "reference"  # what a wipe may show beside estimators
+REFERENCE = "reference"  # beside estimators, a choice of the wipe
 TONE_MAPS = ("aces", "reinhard", "clip")
 SHOWS = ("radiance", "irradiance")
-ERRORS = "error"  # what the window shows beside those: needs the reference, see app/rest/live_error.py
+ERRORS = "error"  # one more in the window: needs the reference, see app/rest/live_error.py
 SIZE = (1280, 800)
 BUDGET = 16.0  # [ms]: 60 frames a second
-STEP = 0.015  # of the scene size: how far a mobile goes in a timed frame, the report's motion
+STEP = 0.015  # of the scene size: motion of a mobile per timed frame, as in the report
 
 
 class UsageError(ValueError):
-    """A value on the command line that only the loaded program can judge (exit code 2)."""
+    """A wrong value on the command line that only the loaded program can notice (exit code 2)."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """None means: let the scene file, then `gi_core.defaults.choose`, decide."""
+    """Settings by group, as `--help` shows them. None: the scene file decides, else `gi_core.defaults.choose`."""
 
-    scene: str = "cornell"  # a built-in name, a scene file (.toml) or a mesh file
+    # Scene
+    scene: str = "cornell"  # a shipped name, a scene file (.toml) or a mesh file
     mobiles: tuple[str, ...] = ()  # mesh files that become mobiles
-    max_edge: float | None = None  # tessellate edges longer than this [m]
+    poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
+    max_edge: float | None = None  # edges longer than this are split [m]
     up: str | None = None  # "x", "y" or "z"
-    allow_outside: bool = False  # files that the scene names may lie outside its folder
+    allow_outside: bool = False  # the scene may name files outside its folder
+
+    # Light
     estimator: str | None = None  # a key of gi_core.estimators.ESTIMATORS
     photons: int | None = None
     radius: float | None = None  # [m]
@@ -46,45 +50,48 @@ class Settings:
     control: bool = True  # artifact control of tangent_plane, see gi_core/discs/region.py
     border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc
     textbook: bool = False  # photon_map counts the k-th hit too
-    search: str = "disc_index"  # a key of gi_core.discs.search.SEARCHES; all give the same picture
+    search: str = "disc_index"  # a key of gi_core.discs.search.SEARCHES; pictures do not depend on it
     light: str | None = None  # one of LIGHTS; None: see `light_chosen`
     seed: int = 0
-    poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
+
+    # Picture
+    size: tuple[int, int] = SIZE  # pixels
     exposure: float | None = None  # [EV]; None: metered once
     tone_map: str = "aces"  # one of TONE_MAPS
     show: str = "radiance"  # one of SHOWS: with reflectance, or E / pi alone; in the window ERRORS too
+    cull: bool = True  # the backs of one-sided faces are not drawn: rooms can be seen from outside
+
+    # Window
     reference: bool = False  # show the reference instead of the estimate
-    compare: str = ""  # what to show right of a wipe: an estimator, "reference", or nothing
-    appraise: bool = True  # measure errors while everything rests
-    cull: bool = True  # see through the back of one-sided faces: the doll's house view
-    size: tuple[int, int] = SIZE  # pixels
-    budget: float = BUDGET  # [ms] a frame's light may take while something moves; 0: always all photons
+    compare: str = ""  # right side of the wipe: an estimator, REFERENCE, or nothing
+    appraise: bool = True  # measure errors at rest
+    budget: float = BUDGET  # [ms] for light per frame in motion; 0: always all photons
     fallback: bool = True  # without a window, render to a file instead of failing
 
     @property
     def of_solver(self) -> dict[str, object]:
-        """What the solver is to be set to; beside another estimator each shows its own photons' light."""
+        """Settings of the solver; while two estimators are compared, each shows the light of its own photons."""
         values = {name: getattr(self, name) for name in SOLVER_SETTINGS}
         return values | {"light": "photons" if self.compare not in ("", REFERENCE) else self.light_chosen}
 
     @property
     def light_chosen(self) -> str:
-        """The light asked for; where none is, "photons" of an estimator that is asked for, else "best"."""
+        """The light that was asked for; else "photons" if an estimator was, and "best" if not."""
         return self.light or ("best" if self.estimator is None else "photons")
 
     @property
     def beside_estimate(self) -> set[str]:
-        """What is to be shown beside the estimate or instead of it: an estimator, REFERENCE."""
+        """Views beside or instead of the estimate: an estimator, REFERENCE."""
         needs_reference = self.reference or self.show == ERRORS
         return {self.compare} - {""} | ({REFERENCE} if needs_reference else set())
 
     def of_estimator(self, name: str) -> Settings:
-        """Return the settings that show an estimator's own light."""
+        """Return settings that show the light of an estimator alone."""
         return replace(self, estimator=name, light="photons")
 
 
 def open_scene(settings: Settings) -> Scene:
-    """Load the scene with its mobiles, at the poses asked for. Raises SceneError."""
+    """Return the scene with its mobiles at the poses of the settings. Raises SceneError."""
     from gi_core.files.load import load_scene
 
     options = {name: getattr(settings, name) for name in ("max_edge", "up") if getattr(settings, name) is not None}
@@ -94,7 +101,7 @@ def open_scene(settings: Settings) -> Scene:
 
 
 def open_moving_scene(settings: Settings) -> Scene:
-    """As open_scene(), for work that needs something to move. Raises UsageError too."""
+    """Return open_scene(). Raises SceneError; UsageError for a scene without mobiles."""
     scene = open_scene(settings)
     if not scene.mobiles:
         raise UsageError(f"{settings.scene} has no mobile to move: add one with --mobile FILE")
@@ -102,7 +109,7 @@ def open_moving_scene(settings: Settings) -> Scene:
 
 
 def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
-    """Return the poses that `--pose` asks for; without a quaternion the scene's rotation is kept.
+    """Return poses by mobile, of `--pose`; without a quaternion the rotation in the scene is kept.
 
     Raises SceneError for a mobile that the scene does not have and for a pose that is not rigid.
     """
@@ -123,7 +130,7 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
 
 
 def check_names(settings: Settings) -> None:
-    """Raise UsageError for an unknown estimator or search; nothing is compiled or loaded for it."""
+    """Raise UsageError for an unknown estimator or search. Default names need no import."""
     given = [(name, getattr(settings, name)) for name in ("estimator", "search")]
     if all(value in (None, getattr(Settings, name)) for name, value in given):
         return
@@ -136,7 +143,7 @@ def check_names(settings: Settings) -> None:
 
 
 def make_solver(scene: Scene, settings: Settings) -> Solver:
-    """Prepare a solver for the scene; nothing is traced yet. Raises UsageError for an unknown name."""
+    """Return a solver for the scene; nothing is traced yet. Raises UsageError, SceneError for an unknown name."""
     from gi_core.estimators import ESTIMATORS
     from gi_core.scene import SceneError
     from gi_core.solver import Solver

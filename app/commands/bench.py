@@ -12,9 +12,10 @@ from app.settings import STEP, UsageError
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    options.common(parser)
+    options.scene(parser)
+    options.light(parser)
     parser.set_defaults(light="photons")
-    add = parser.add_argument
+    add = options.measuring(parser)
     add("--frames", type=values.positive_int, default=100, metavar="N", help="timed frames (default 100)")
     add("--step", type=values.positive, default=100 * STEP, metavar="PCT",
         help=f"how far a mobile goes in a frame [%% of the scene size] ({100 * STEP:g})")  # fmt: skip

@@ -12,8 +12,10 @@ from app.commands import atlas
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    options.common(parser)
-    add = parser.add_argument
+    options.scene(parser)
+    options.light(parser, "estimator", "photons", "radius", "neighbours", "control", "search", "seed")
+    options.picture(parser, "exposure")
+    add = options.measuring(parser)
     add(
         "--out",
         type=Path,

@@ -10,7 +10,9 @@ from app.cli.options import settings_of
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    options.common(parser)
+    options.scene(parser)
+    options.light(parser, "estimator", "photons", "radius", "neighbours", "control", "search", "seed")
+    options.picture(parser, "exposure")
 
 
 def run(arguments: argparse.Namespace) -> int:

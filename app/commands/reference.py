@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    options.common(parser)
-    parser.add_argument("--error", type=values.positive, default=1.0, metavar="PCT",
+    options.scene(parser)
+    options.light(parser, "seed")
+    add = options.measuring(parser)
+    add("--error", type=values.positive, default=1.0, metavar="PCT",
         help="stop when chance makes no larger error than this share of the light [%%] (1)")  # fmt: skip
 
 

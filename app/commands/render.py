@@ -18,12 +18,12 @@ FALLBACK_PICTURE = "gi-viewer.png"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    options.common(parser)
+    options.scene(parser)
+    options.light(parser)
     options.picture(parser)
-    parser.add_argument("--out", type=Path, metavar="FILE.png", help=f"the picture ({FALLBACK_PICTURE})")
-    parser.add_argument(
-        "--frames", type=values.positive_int, metavar="N", help="N pictures along the path: FILE.0001.png and so on"
-    )
+    add = parser.add_argument_group("files").add_argument
+    add("--out", type=Path, metavar="FILE.png", help=f"the picture ({FALLBACK_PICTURE})")
+    add("--frames", type=values.positive_int, metavar="N", help="N pictures along the path: FILE.0001.png and so on")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from dataclasses import replace
 
 from app.cli import options, values
 from app.cli.exit_codes import OK
@@ -15,9 +14,10 @@ from app.settings import Settings, UsageError, make_solver, open_moving_scene
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    options.common(parser)
-    options.budget(parser, "")
-    add = parser.add_argument
+    options.scene(parser)
+    options.light(parser, "photons", "radius", "control", "search", "light", "seed")
+    add = options.measuring(parser)
+    options.budget(add, "")
     add("--error", type=values.positive, metavar="PCT", help="choose the fastest settings with this error at rest")
     add("--check", action="store_true", help="solve with the choice and measure its error")
 
@@ -39,7 +39,7 @@ def tuned_lines(settings: Settings, error: float | None, check: bool = False) ->
         bar("loading", 0.0)
         scene = open_moving_scene(settings)
         compile_kernels(bar)
-        solver = make_solver(scene, replace(settings, estimator=None, light=settings.light_chosen))
+        solver = make_solver(scene, settings)
         solve(solver, bar)
         found = finished(tune(solver, 1e-3 * settings.budget, None if error is None else 1e-2 * error), bar)
         lines = [*_laws(found), "", *_choice(found, settings.budget, error), command_line(settings, found)]

@@ -13,16 +13,18 @@ from app.commands.render import FALLBACK_PICTURE
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    options.common(parser)
+    options.scene(parser)
+    options.light(parser)
     options.picture(parser)
-    parser.add_argument(
+    add = parser.add_argument_group("window").add_argument
+    options.budget(add, "; 0: always all")
+    add(
         "--no-fallback",
         dest="fallback",
         action="store_false",
         help=f"fail with code {NO_GL} where no window can be opened, instead of drawing ./{FALLBACK_PICTURE}",
     )
-    options.budget(parser, "; 0: always all")
-    parser.add_argument(
+    add(
         "--screenshot",
         type=values.png,
         metavar="FILE.png",

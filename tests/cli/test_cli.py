@@ -16,7 +16,6 @@ from tests.support.cli_support import FAST, one_line
 
 ROOT = Path(__file__).resolve().parents[2]
 HEAVY = ("numpy", "numba", "scipy", "trimesh", "embreex", "moderngl", "glfw", "imgui_bundle", "PIL", "gi_core")
-OF_SCENES = [name for name in cli.COMMANDS if name != "atlas"]
 
 
 def run(*arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess:
@@ -70,19 +69,56 @@ def test_help_names_every_command():
 # Arguments ------------------------------------------------------------------------------------------
 
 
-def test_every_command_takes_the_common_options():
-    common = "x.toml --mobile a.glb --mobile b.glb --estimator impact_count --photons 1e5 --radius 0.02 --neighbours 30"
-    common += (
-        " --seed 7 --exposure -1.5 --pose chair=-1,2,3 --pose lamp=a=0,0,0,1,0,0,0 --max-edge 0.1 --up z --no-control"
-    )
-    common += " --no-border-correction --textbook"
-    for command in ([], *([c] for c in OF_SCENES)):
-        s = settings(*command, *common.split())
-        assert (s.scene, s.mobiles, s.estimator) == ("x.toml", ("a.glb", "b.glb"), "impact_count")
-        assert (s.photons, s.radius, s.neighbours, s.seed, s.exposure) == (100_000, 0.02, 30, 7, -1.5)
-        assert s.poses == (("chair", (-1, 2, 3)), ("lamp=a", (0, 0, 0, 1, 0, 0, 0)))
-        assert (s.max_edge, s.up, s.control) == (0.1, "z", False)
-        assert (s.border_correction, s.textbook) == (False, True)
+LIGHT = ("estimator", "photons", "radius", "neighbours", "control", "search", "seed")
+OPTIONS = {  # of each command, the fields of Settings that it reads beside the scene's
+    "": {*LIGHT, "border_correction", "textbook", "light", "size", "tone_map", "show", "cull", "exposure", "budget"},
+    "render": {*LIGHT, "border_correction", "textbook", "light", "size", "tone_map", "show", "cull", "exposure"},
+    "bench": {*LIGHT, "border_correction", "textbook", "light"},
+    "chart": {*LIGHT, "exposure"},
+    "info": {*LIGHT, "exposure"},
+    "tune": {"photons", "radius", "control", "search", "light", "seed", "budget"},
+    "reference": {"seed"},
+}
+WORDS = {
+    "estimator": ("--estimator impact_count", "impact_count"),
+    "photons": ("--photons 1e5", 100_000),
+    "radius": ("--radius 0.02", 0.02),
+    "neighbours": ("--neighbours 30", 30),
+    "control": ("--no-control", False),
+    "border_correction": ("--no-border-correction", False),
+    "textbook": ("--textbook", True),
+    "search": ("--search brute_force", "brute_force"),
+    "light": ("--light best", "best"),
+    "seed": ("--seed 7", 7),
+    "size": ("--size 64x48", (64, 48)),
+    "exposure": ("--exposure -1.5", -1.5),
+    "tone_map": ("--tone-map clip", "clip"),
+    "show": ("--show irradiance", "irradiance"),
+    "cull": ("--no-cull", False),
+    "budget": ("--budget 8", 8.0),
+}
+
+
+@pytest.mark.parametrize("command", OPTIONS)
+def test_every_command_takes_the_scene_and_no_option_that_it_does_not_read(command, capsys):
+    scene = "x.toml --mobile a.glb --mobile b.glb --max-edge 0.1 --up z --allow-outside"
+    scene += " --pose chair=-1,2,3 --pose lamp=a=0,0,0,1,0,0,0"
+    s = settings(*command.split(), *scene.split())
+    assert (s.scene, s.mobiles, s.max_edge, s.up, s.allow_outside) == ("x.toml", ("a.glb", "b.glb"), 0.1, "z", True)
+    assert s.poses == (("chair", (-1, 2, 3)), ("lamp=a", (0, 0, 0, 1, 0, 0, 0)))
+    for field, (words, value) in WORDS.items():
+        if field in OPTIONS[command]:
+            assert getattr(settings(*command.split(), *words.split()), field) == value
+        else:
+            assert cli.main([*command.split(), *words.split()]) == 2
+            assert "unrecognized" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", OPTIONS)
+def test_help_shows_options_by_group(command, capsys):
+    assert cli.main([*command.split(), "--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(f"\n{title}:\n" in text for title in ("scene", "light"))
 
 
 def test_the_budget_is_the_viewers_and_may_be_off():
@@ -169,7 +205,7 @@ def test_an_unknown_estimator_is_refused_with_the_names_there_are(capsys, estima
 # Scenes that cannot be used -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", [[], *([c] for c in OF_SCENES)])
+@pytest.mark.parametrize("command", [c.split() for c in OPTIONS])
 def test_a_scene_that_is_not_there_is_code_3_in_one_line(command, capsys, tmp_path, monkeypatch, no_window):
     monkeypatch.chdir(tmp_path)
     assert cli.main([*command, "nowhere.glb"]) == 3
@@ -263,7 +299,7 @@ def test_choosing_an_estimator_shows_its_own_light():
 
 
 @pytest.mark.parametrize("name", ["estimator", "search"])
-@pytest.mark.parametrize("command", [[], ["render"], ["chart"], ["tune"]])
+@pytest.mark.parametrize("command", [[], ["render"], ["chart"], ["info"]])
 def test_unknown_names_are_refused_before_anything_is_compiled_loaded_or_opened(monkeypatch, capsys, command, name):
     from app.window import viewer, window
     from gi_core.instruments import compile_ahead

@@ -23,12 +23,15 @@ ROOT = Path(__file__).resolve().parents[2]
 ROOM = ROOT / "docs" / "your-own-room.md"
 
 
-# What a manual would not say, but a test must; --estimator only where the example leaves it open.
-SMALL = "--photons 2000 --max-edge 0.5".split()
-OF_COMMAND = {"view": ["--size", "64x40"], "render": ["--size", "64x40"], "bench": [], "info": [], "tune": [],
-              "reference": ["--error", "30"], "chart": ["--quick", "--frames", "2", "--points", "50"]}  # fmt: skip
+# Options that keep examples small; --estimator only where the example leaves it open.
+SMALL = "--max-edge 0.5".split()
+PHOTONS = "--photons 2000".split()
+OF_COMMAND = {"view": [*PHOTONS, "--size", "64x40"], "render": [*PHOTONS, "--size", "64x40"], "bench": PHOTONS,
+              "info": PHOTONS, "tune": PHOTONS, "reference": ["--error", "30"],
+              "chart": [*PHOTONS, "--quick", "--frames", "2", "--points", "50"]}  # fmt: skip
 FRAMES = ["--frames", "2"]
 CHEAPEST = ["--estimator", "impact_count"]
+CHOOSE_THEMSELVES = ("reference", "tune")  # commands without --estimator
 
 
 class Block(NamedTuple):
@@ -101,7 +104,7 @@ def run(arguments: list[str]) -> int:
     name = arguments[0] if arguments and arguments[0] in cli.COMMANDS else "view"
     more = [*SMALL, *OF_COMMAND[name]]  # the last one counts where an option is given twice
     more += FRAMES if "--frames" in arguments else []
-    more += CHEAPEST if "--estimator" not in arguments else []
+    more += CHEAPEST if "--estimator" not in arguments and name not in CHOOSE_THEMSELVES else []
     code = cli.main([*arguments, *more])
     for option in ("--out", "--json", "--screenshot"):
         if option in arguments:
