@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.stage_timer import Stages
+from gi_core.base.stage_timer import StageTimer
 from gi_core.defaults.choose import choose
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import SEARCHES
@@ -26,10 +26,10 @@ from gi_core.gather.static import StaticGather
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.model import Model
-from gi_core.photons.prefixes import is_rung, next_rung
+from gi_core.photons.prefixes import is_level, next_level
 from gi_core.photons.trace import Fates
-from gi_core.retrace.broad_phase import Room
-from gi_core.retrace.cuts import Frame
+from gi_core.retrace.broad_phase import ScanBuffers
+from gi_core.retrace.cuts import PoseChange
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import as_pose
 from gi_core.scene.types import Pose, Scene
@@ -58,7 +58,7 @@ class FrameParts(NamedTuple):
 
     photons: Photons
     background: Background | None  # None before the first solve
-    change: Frame | None  # what the mobiles change; None before the first frame
+    change: PoseChange | None  # what the mobiles change; None before the first frame
 
 
 class Solver:
@@ -94,7 +94,7 @@ class Solver:
         self.setting = Setting(estimator, self.chosen.radius, self.chosen.neighbours)
         self.poses: dict[str, Pose] = self.model.start_poses()
         self._photons = Photons(self.model, self.seed)
-        self._room = Room()
+        self._room = ScanBuffers()
         self.timings: dict[str, float] = {}
         self.changes = Changes(0, 0, 0)
         self._facts = NO_FACTS
@@ -103,7 +103,7 @@ class Solver:
         self.photons_traced = 0  # photons that self.irradiance belongs to ...
         self.paths_gathered = 0  # ... and paths a receiver of mobiles; 0: those have the photons' light
         self._from_gathered = False  # self.irradiance is
-        self._frame: Frame | None = None
+        self._frame: PoseChange | None = None
         self.budget = FrameBudget()
         self._shown: Background | None = None  # what frames are computed from
         self._next: Background | None = None  # what replaces it, being built
@@ -179,7 +179,7 @@ class Solver:
         shown = self._shown.estimate.photons if self._shown not in (None, b) else 0
         due = max(FIRST_PICTURE, shown, _next_shown(b)) if pictures else goal
         while b.added < (goal := self._affordable(b)):
-            had, until = b.added, min(goal, max(due, b.added + 1), next_rung(b.added))
+            had, until = b.added, min(goal, max(due, b.added + 1), next_level(b.added))
             stage = self._photons.bring_in(b, until, goal, self._step_seconds if pictures else math.inf)
             yield Progress(stage, b.added / goal, False)
             if b.added == had:
@@ -187,7 +187,7 @@ class Solver:
             if due <= b.added < goal:
                 yield from self._show(b)
                 due = _next_shown(b)
-            elif is_rung(b.added) and b.estimate.additive:
+            elif is_level(b.added) and b.estimate.additive:
                 yield from self._prepare(b)
         complete = b is self._made_of and b.estimate.photons == goal == self.photons_traced
         as_asked = self._from_gathered == self.uses_gathered and self.paths_gathered == self._size(goal).paths
@@ -300,7 +300,7 @@ class Solver:
         if self._shown is None:
             self.poses = poses
             return  # nothing traced yet
-        clock, size = Stages(), self._size(self._shown.estimate.photons if photons is None else photons, paths)
+        clock, size = StageTimer(), self._size(self._shown.estimate.photons if photons is None else photons, paths)
         at = self.model.transforms(poses)
         frame, light = frame_light(self.model, self._photons, self._shown, self._source, at, size, self._room, clock)
         changes, facts = changes_of(frame), getattr(self._shown.estimate, "control_facts", NO_FACTS)
@@ -360,7 +360,7 @@ class Solver:
         """
         other = copy.copy(self)
         other.poses, other.budget, other._next = dict(self.poses), FrameBudget(), None
-        other._room = Room()
+        other._room = ScanBuffers()
         other._source = self._source.twin(fresh)
         if fresh:
             other._shown = other._made_of = other._frame = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 
-class Stages:
+class StageTimer:
     """Call it with the name of a stage when that stage ends; `seconds` sums the time per name."""
 
     def __init__(self):

@@ -15,7 +15,7 @@ import numpy as np
 from gi_core.base.jit import allocating, kernel
 from gi_core.photons.flux_sums import CHUNK_BITS, Log, Sums
 from gi_core.photons.paths import Segments, grown
-from gi_core.retrace.tails import Tails
+from gi_core.retrace.removed_suffixes import RemovedSuffixes
 
 MOST_A_PHOTON = 64  # crossings: half a GB a million photons. Where there are more, tails are searched for
 MOST = 1 << 32  # crossings: they are counted in 32 bits
@@ -87,9 +87,9 @@ class Crossings:
             at, end = at + len(p.count), entries.stop
         self._photons, self._vertices, self._parts = photons, at, []
 
-    def take_out(self, tails: Tails, first: int, last: int, sums: Sums) -> int:
+    def take_out(self, removed_suffixes: RemovedSuffixes, first: int, last: int, sums: Sums) -> int:
         """Subtract tails first .. last - 1 from the sums of the receivers they cross; returns how many crossings."""
-        t = tails
+        t = removed_suffixes
         return _take_out(
             self._first, self._receiver, self._distance, t.paths.offsets, t.paths.flux, t.photon, t.vertex, t.low,
             first, last, sums.flux, sums.touched, sums.first,

@@ -26,7 +26,7 @@ from gi_core.model import Model
 RAYS = 32  # the polygon in a free disc has 99.4 % of its area; crossings outside it are dropped too
 PROBES = 8  # directions tried first; a receiver with none of them blocked needs no control
 CHUNK = 2048  # receivers a step: some 5 ms
-LIFT = 2e-3  # of the radius, along the normal: clears the receiver's own flat surface
+REGION_LIFT = 2e-3  # of the radius, along the normal: clears the receiver's own flat surface
 NUDGE = 1e-2  # of the radius, towards the faces: an edge vertex lies in its neighbour's plane
 TANGENT = 0.25  # of the radius: own patch met nearer than this means the disc lies behind it from the start
 NARROW = 0.25  # of the disc: a smaller region is looked for again from a little higher
@@ -133,7 +133,7 @@ def look_from(model: Model, o: int, radius: float) -> tuple[np.ndarray, np.ndarr
     # Inside a surface the centroids surround the receiver: what little is left over changes nothing.
     length = np.sqrt((towards * towards).sum(axis=1))[:, None]
     step = np.minimum(length, NUDGE * radius) / np.where(length > 0, length, 1)
-    return receivers.positions[rows] + LIFT * radius * normals + step * towards, normals
+    return receivers.positions[rows] + REGION_LIFT * radius * normals + step * towards, normals
 
 
 def _look_over_low_steps(model: Model, o: int, points, normals, patch, radius: float, free: np.ndarray) -> None:
@@ -144,7 +144,7 @@ def _look_over_low_steps(model: Model, o: int, points, normals, patch, radius: f
     of the grout still, but for flat ones. So a narrow region is looked for again from half that height;
     light from directions nearer to the plane than 30 degrees, a quarter of all, is lost there at the worst.
     """
-    higher = 0.5 * float(model.eps) - LIFT * radius
+    higher = 0.5 * float(model.eps) - REGION_LIFT * radius
     areas = _areas(free)
     narrow = np.flatnonzero(areas < NARROW * math.pi * radius * radius)
     if higher > 0 and len(narrow):

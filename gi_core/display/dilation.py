@@ -1,20 +1,19 @@
-"""Dilation: pictures fill vertices that light cannot reach from the lit ones beside them.
+"""Dilation: in pictures, unreached vertices take the light of their lit neighbours.
 
-Where one thing stands on another, vertices of the one lie inside the other: floor under a cupboard, wall behind a
-shelf. They are black, rightly, but interpolation carries the black into the open: dark teeth along every contact. A
-picture therefore gives such a receiver the mean colour of its lit neighbours, and next to no weight in its triangles.
-A column that stands on the border of a shadow is then lit on one side down to its foot, dark on the other. Only
-pictures are dilated: irradiance stays what it is, and errors are those of irradiance.
+Vertices inside another object (floor under a cupboard, wall behind a shelf) are black. Interpolation would carry the
+black into the open, as dark teeth along every contact. A picture gives such a receiver the mean irradiance of its lit
+neighbours and a weight near zero in its triangles. A column on the border of a shadow is then lit on one side down to
+its foot. Irradiance itself, errors and invariants do not change.
 
-A receiver is *unreached* by one of three rules, each beside lit neighbours:
+A receiver with lit neighbours is *unreached* by one of three rules:
 
-- inside: most of its directions meet the inside of solid things, and it has little of its neighbours' light;
-- closed: most of its directions end nearby, and it is black. Where a neighbour is black in the open the dark is real:
-  nothing is carried over at the foot of a thin wall beside an unlit room;
-- cut off: it is black, and surfaces lie between it and each lit neighbour; so is the end of a table's leg that is sunk
-  through the floor. None of its faces may be black altogether: that again is a dark region.
+- inside: most of its directions hit the inside of solid objects, and it has little of its neighbours' light;
+- closed: most of its directions end nearby, and it is black. No neighbour in the open may be black: there the dark is
+  real, as at the foot of a thin wall beside an unlit room;
+- cut off: it is black, and surfaces lie between it and each lit neighbour, as at the end of a table leg below the
+  floor. None of its faces may be black at all corners: that is a dark region.
 
-Receivers look at their own object; static receivers near a mobile look at that too, at each pose.
+Rays of receivers test their own object. Static receivers near a mobile also test the mobile, at each pose.
 """
 
 from __future__ import annotations
@@ -32,26 +31,28 @@ from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms, rays_to_object
 
 DIRECTIONS = 16
-NEAR = 0.06  # of the scene's size: a space that is no wider is no room
+NEAR = 0.06  # of the scene's size: a narrower space counts as closed
 CHUNK = 2048  # receivers per step: some 10 ms
-BLACK = 0.02  # of the brightest neighbour's light: a photon in a million slips through where edges meet
-LITTLE = 0.1  # the same inside solid things, which light enters at corners by the radius of a disc
+BLACK = (
+    0.02  # of the brightest neighbour's light; above 0, since one photon in a million slips through where edges meet
+)
+LITTLE = 0.1  # the same inside solid objects, which light enters at corners by the radius of a disc
 WEIGHT = 1e-3  # of an unreached receiver in its triangles; squared where it has no lit neighbour
-SHORT = 1e-3  # of the way to a neighbour that is left out: faces meet there
+SHORT = 1e-3  # of the distance to a neighbour: left out at both ends, where faces meet
 UNKNOWN, OPEN, CLOSED, INSIDE = -1, 0, 1, 2
 
 
 class Unreached(NamedTuple):
-    """Receivers to be filled, and the lit neighbours that they are filled from."""
+    """Unreached receivers and their lit neighbours."""
 
     rows: np.ndarray  # (h,) int64, ascending
     first: np.ndarray  # (h + 1,) int64 into `neighbours`
     neighbours: np.ndarray  # (k,) int64
-    deep: np.ndarray  # (d,) int64 unreached receivers without a lit neighbour
+    enclosed: np.ndarray  # (d,) int64 unreached receivers without a lit neighbour
 
 
 class Drawn(NamedTuple):
-    """Irradiance for pictures, and the weight of each receiver where a triangle is interpolated."""
+    """Irradiance for pictures, and the interpolation weight of each receiver."""
 
     irradiance: np.ndarray  # (R, 3) [W/m2]
     weights: np.ndarray | None  # (R,) float32: 1, WEIGHT or its square; None: all 1
@@ -61,10 +62,10 @@ NONE_UNREACHED = Unreached(np.zeros(0, np.int64), np.zeros(1, np.int64), *[np.ze
 
 
 class Dilation:
-    """Finds unreached receivers of a scene. What receivers look at is remembered, light and poses are not."""
+    """Search for unreached receivers of a scene. Ray results are cached; light and poses are arguments."""
 
     def __init__(self, model: Model, size: float):
-        """size [m]: longest side of the box that light falls on, as `gi_core.defaults.choose` finds it."""
+        """size [m]: longest side of the box of lit surfaces, from `gi_core.defaults.choose`."""
         s = model.surfaces
         self._model, self._near = model, NEAR * size
         points, self._normals = evaluation_points(s, model.object_receivers)
@@ -78,7 +79,7 @@ class Dilation:
         self._in_mobiles = np.flatnonzero(self._place == INSIDE)
 
     def find_static(self, irradiance: np.ndarray) -> Generator[None, None, Unreached]:
-        """Find unreached receivers of the static part by its light (n, 3) without mobiles, in steps; returns them."""
+        """Find unreached static receivers by irradiance (n, 3) without mobiles; a generator that returns them."""
         light = luminance(irradiance)
         brightest = self._brightest_beside(np.arange(len(light)), light)
         black = light <= BLACK * brightest
@@ -98,7 +99,7 @@ class Dilation:
         return self._unreached(np.unique(np.concatenate([inside, closed, cut_off])), light)
 
     def _without_dark_beside(self, rows: np.ndarray, dark: np.ndarray) -> np.ndarray:
-        """Return the rows that have no neighbour in the dark (n,) bool."""
+        """Return the rows without a neighbour in `dark` (n,) bool."""
         of, neighbour = self._pairs(rows)
         return np.delete(rows, of[dark[neighbour]])
 
@@ -108,7 +109,7 @@ class Dilation:
         return np.unique(corners[black[corners].all(axis=1)])
 
     def _cut_off(self, rows: np.ndarray, black: np.ndarray) -> np.ndarray:
-        """Return the rows between which and each neighbour that is not black (n,) bool another surface lies."""
+        """Return the rows that a surface separates from each neighbour that is not `black` (n,) bool."""
         of, neighbour = self._pairs(rows)
         of, neighbour = of[~black[neighbour]], neighbour[~black[neighbour]]
         start = self._points[neighbour]
@@ -119,14 +120,14 @@ class Dilation:
         return np.delete(rows, of[face < 0])
 
     def find_moved(self, irradiance: np.ndarray, at: Transforms) -> Unreached:
-        """Find static receivers under mobiles at these poses, and receivers inside mobiles, by the light (R, 3)."""
+        """Find static receivers under mobiles at these poses, and receivers inside mobiles, by irradiance (R, 3)."""
         light = luminance(irradiance)
         rows = [self._under(o, light, at) for o in range(1, len(at.position))]
         rows.append(self._in_mobiles[self._is_dark(self._in_mobiles, light, LITTLE)])
         return self._unreached(np.unique(np.concatenate(rows)), light)
 
     def _under(self, o: int, light: np.ndarray, at: Transforms) -> np.ndarray:
-        """Return the rows of black static receivers that mobile o closes."""
+        """Return the rows of black static receivers that mobile o encloses."""
         world = self._model.world
         middle = at.rotation[o] @ world.sphere_centre[o] + at.position[o]
         near, r = np.ones(self._static_columns.shape[1], bool), np.float32(world.sphere_radius[o])
@@ -140,7 +141,7 @@ class Dilation:
         return rows[self._places(o, origins, rays) != OPEN]
 
     def _places(self, o: int, points: np.ndarray, rays: np.ndarray) -> np.ndarray:
-        """Return the place (n,) int8 of each of n points among the faces of object o, in that object's space.
+        """Return the place (n,) int8 (OPEN, CLOSED or INSIDE) of each of n points, in object o's space.
 
         points (n, 3) or (n DIRECTIONS, 3) float32, rays (n DIRECTIONS, 3) float32 unit.
         """
@@ -153,17 +154,17 @@ class Dilation:
         return np.where(inside, INSIDE, np.where(near, CLOSED, OPEN)).astype(np.int8)
 
     def _is_dark(self, rows: np.ndarray, light: np.ndarray, share: float) -> np.ndarray:
-        """Return which of the rows (n,) bool have no more than a share of the light (R,) beside them."""
+        """Return which of the rows (n,) bool have at most a share of their brightest neighbour's light (R,)."""
         return light[rows] <= share * self._brightest_beside(rows, light)
 
     def _brightest_beside(self, rows: np.ndarray, light: np.ndarray) -> np.ndarray:
         of, neighbour = self._pairs(rows)
         out = np.zeros(len(rows))
-        np.fmax.at(out, of, light[neighbour])  # nan: not known
+        np.fmax.at(out, of, light[neighbour])  # nan: unknown
         return out
 
     def _pairs(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return each neighbour of each row, and the number of that row in `rows`."""
+        """Return all neighbours of the rows, and for each the index into `rows`."""
         first, count = self._neighbours.first[rows], np.diff(self._neighbours.first)[rows]
         of = np.repeat(np.arange(len(rows)), count)
         within = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
@@ -181,7 +182,7 @@ class Dilation:
 
 
 def directions(normals: np.ndarray) -> np.ndarray:
-    """Return directions (n, DIRECTIONS, 3) float32 over each hemisphere, by the cosine: a spiral (Vogel 1979)."""
+    """Return cosine-distributed directions (n, DIRECTIONS, 3) float32 per hemisphere, on a spiral (Vogel 1979)."""
     k = np.arange(DIRECTIONS)
     r, angle = np.sqrt((k + 0.5) / DIRECTIONS), k * np.pi * (3 - np.sqrt(5))
     local = np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1 - r * r)], axis=1)
@@ -192,7 +193,7 @@ def directions(normals: np.ndarray) -> np.ndarray:
 
 
 def dilated(irradiance: np.ndarray, *unreached: Unreached) -> Drawn:
-    """Return irradiance (R, 3) with unreached receivers filled; the same array where there are none."""
+    """Return irradiance (R, 3) with unreached receivers filled, and weights; the same array if there are none."""
     some = [u for u in unreached if len(u.rows)]
     if not some:
         return Drawn(irradiance, None)
@@ -200,5 +201,5 @@ def dilated(irradiance: np.ndarray, *unreached: Unreached) -> Drawn:
     for u in some:
         total = np.add.reduceat(irradiance[u.neighbours], u.first[:-1])
         out[u.rows] = total / np.diff(u.first)[:, None]
-        weights[u.rows], weights[u.deep] = WEIGHT, WEIGHT * WEIGHT
+        weights[u.rows], weights[u.enclosed] = WEIGHT, WEIGHT * WEIGHT
     return Drawn(out, weights)

@@ -1,4 +1,4 @@
-"""Irradiance at probes: points that the scene file names."""
+"""Irradiance at probes, the named points of a scene file."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import numpy as np
 
 from gi_core.model import Model
 
-LIFT = 1e-4  # of the world's size: from how far off a face is looked for
+FACE_SEARCH_LIFT = 1e-4  # of the world's size: start of the ray that finds the face under a probe
 
 
 def probe_irradiance(model: Model, irradiance: np.ndarray, on_faces: bool) -> dict[str, np.ndarray]:
-    """Return irradiance (3,) [W/m2] by the name of the probe, from that of all receivers (R, 3).
+    """Return irradiance (3,) [W/m2] by probe name, from that of all receivers (R, 3).
 
-    A probe is a receiver of its own; for an estimator that counts on faces it reads the interpolated
-    irradiance of the static face it lies on, or 0 off any face.
+    A probe is a receiver. With an estimator that counts hits on faces, it takes the interpolated irradiance of the
+    static face that it lies on, or 0 off any face.
     """
     rows = slice(model.first_probe, model.surfaces.receiver_range(0).stop)
     found = _interpolated(model, irradiance, rows) if on_faces else irradiance[rows]
@@ -21,7 +21,7 @@ def probe_irradiance(model: Model, irradiance: np.ndarray, on_faces: bool) -> di
 
 
 def _interpolated(model: Model, irradiance: np.ndarray, rows: slice) -> np.ndarray:
-    r, s, lift = model.object_receivers, model.surfaces, LIFT * model.world.size
+    r, s, lift = model.object_receivers, model.surfaces, FACE_SEARCH_LIFT * model.world.size
     origins = (r.positions[rows] + lift * r.normals[rows]).astype(np.float32)
     directions = (-r.normals[rows]).astype(np.float32)
     distance, face = model.accelerator.nearest(0, origins, directions, np.full(len(origins), 2 * lift, np.float32))

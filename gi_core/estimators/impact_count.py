@@ -16,9 +16,9 @@ from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums, carried
 from gi_core.photons.paths import Segments
-from gi_core.photons.prefixes import Ladder
+from gi_core.photons.prefixes import SubsetStore
 from gi_core.rays.accelerator import Transforms
-from gi_core.retrace.cuts import Frame, Heads, Wanted
+from gi_core.retrace.cuts import CutFlux, PoseChange, Wanted
 
 
 @kernel
@@ -56,7 +56,7 @@ class ImpactCount:
         # Receiver areas are a third of each face around; the mean divides by the whole faces.
         self.area = 3 * model.object_receivers.areas
         self.photons = 0  # photons that were prepared
-        self.prefixes = Ladder()  # sums of the background by the photons they cover
+        self.prefixes = SubsetStore()  # sums of the background by the photons they cover
         self._background = np.zeros((len(self.area), 3), np.int64)
         self._added = ThreadSums(len(self.area), model.threads)
         self._frame = FrameSums(len(self.area), model.surfaces.receiver_range(0).stop, 1)
@@ -85,27 +85,27 @@ class ImpactCount:
         """Return the segments that a frame at these poses must hold: nothing but what changes."""
         return Wanted.changes(self.model, mobiles)
 
-    def evaluate(self, frame: Frame) -> Evaluated:
+    def evaluate(self, frame: PoseChange) -> Evaluated:
         """Return what the frame's irradiance is read from, valid until the next call."""
-        added, branches = self._frame.added[0], self._frame.branches[0]
-        corners, paths, t = self._corners, frame.tails.paths, frame.tails
+        added, new_suffixes = self._frame.added[0], self._frame.new_suffixes[0]
+        corners, paths, t = self._corners, frame.removed_suffixes.paths, frame.removed_suffixes
         try:
             _take_out(paths.side, paths.flux, paths.offsets, t.photon, t.vertex, *corners, added.flux, added.touched)
-            self._deposit(frame.heads, 1, added)
-            self._deposit(frame.branches, 1, branches)
-            return self._frame.collect(self.background(frame.photons)[0], self.area, frame.heads.flux)
+            self._deposit(frame.kept_prefixes, 1, added)
+            self._deposit(frame.new_suffixes, 1, new_suffixes)
+            return self._frame.collect(self.background(frame.photons)[0], self.area, frame.kept_prefixes.flux)
         except BaseException:
             self._frame.clear()  # or the next frame would begin with half of this one
             raise
 
     def from_scratch(self, parts, at: Transforms) -> Evaluated:
         """Return what irradiance is read from, from all current segments (an iterable of Segments)."""
-        sums, branches, heads = Sums.zeros(len(self.area)), Sums.zeros(len(self.area)), Heads()
+        sums, new_suffixes, kept_prefixes = Sums.zeros(len(self.area)), Sums.zeros(len(self.area)), CutFlux()
         for segments in parts:
             self._deposit(segments, 1, sums)
-            self._deposit(heads.split_off(segments), 1, branches)
-        each = carried(heads.flux, heads.count)
-        return Evaluated.of_all(sums.flux, self.area, branches.flux.sum(axis=1), each)
+            self._deposit(kept_prefixes.split_off(segments), 1, new_suffixes)
+        each = carried(kept_prefixes.flux, kept_prefixes.count)
+        return Evaluated.of_all(sums.flux, self.area, new_suffixes.flux.sum(axis=1), each)
 
     def _deposit(self, segments: Segments, sign: int, sums: Sums) -> None:
         _deposit(segments.hit_side, segments.flux, *self._corners, sign, sums.flux, sums.touched)

@@ -30,9 +30,9 @@ from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, Evaluated, chunks_of
 from gi_core.photons.hit_grid import HitGrid, Hits, build, build_steps, cell_of, gather, hits_of
 from gi_core.photons.paths import Segments
-from gi_core.photons.prefixes import Ladder
+from gi_core.photons.prefixes import SubsetStore
 from gi_core.rays.accelerator import Transforms
-from gi_core.retrace.cuts import Frame, Wanted
+from gi_core.retrace.cuts import PoseChange, Wanted
 from gi_core.scene.pose import to_world_at
 
 CELL_SHARE = 0.25  # of the radius: finer cells cost more visits than they save tests
@@ -70,7 +70,7 @@ class PhotonMap:
         self.stale = 0  # receivers estimated again in the last frame
         self._parts: list[Hits] = []
         self.photons = 0  # photons that were prepared
-        self.prefixes = Ladder()  # _Prepared by the photons it covers
+        self.prefixes = SubsetStore()  # _Prepared by the photons it covers
         self._static = model.surfaces.receiver_range(0)
         points, normals = self._receivers(model.static, self._static)
         self._receiver_grid = build(_as_hits(points, normals), self.radius)
@@ -109,12 +109,12 @@ class PhotonMap:
         """Return the segments that a frame at these poses must hold: nothing but what changes."""
         return Wanted.changes(self.model, mobiles)
 
-    def evaluate(self, frame: Frame) -> Evaluated:
+    def evaluate(self, frame: PoseChange) -> Evaluated:
         """Return what the frame's irradiance is read from."""
         background = self.prefixes[frame.photons]
-        changed = [self._hits(s, frame.at) for s in (frame.heads, frame.branches)]
+        changed = [self._hits(s, frame.at) for s in (frame.kept_prefixes, frame.new_suffixes)]
         added = build(_joined(changed), CELL_SHARE * self.radius)
-        removed = self._hits(frame.tails.segments(self.model.threads), frame.at)
+        removed = self._hits(frame.removed_suffixes.segments(self.model.threads), frame.at)
 
         # Which static receivers does a changed hit concern?
         stale = np.zeros(self._static.stop, bool)
@@ -126,16 +126,16 @@ class PhotonMap:
         sums = np.zeros((len(self.model.object_receivers.areas), 3), np.int64)
         area = np.zeros(len(sums))
         sums[self._static], area[self._static] = background.sums, background.area
-        if frame.near:
+        if frame.near_mobiles:
             rows = np.concatenate([rows, np.arange(self._static.stop, len(sums))])
         # A photon's hits are gone from the end of the segment that is cut.
         points, normals = self._receivers(frame.at, rows)
         try:
-            background.cut_bounce[frame.tails.photon] = frame.tails.bounce
+            background.cut_bounce[frame.removed_suffixes.photon] = frame.removed_suffixes.bounce
             grids = background.grid, added
             sums[rows], area[rows], _ = self._query(rows, points, normals, grids, background.cut_bounce)
         finally:
-            background.cut_bounce[frame.tails.photon] = NEVER
+            background.cut_bounce[frame.removed_suffixes.photon] = NEVER
         changed = np.zeros(chunks_of(len(sums)), bool)
         changed[rows >> CHUNK_BITS] = True
         changed[self._static.stop >> CHUNK_BITS :] = len(sums) > self._static.stop

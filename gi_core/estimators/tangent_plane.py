@@ -26,10 +26,10 @@ from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, Evaluated, FrameSums, Log, Sums, ThreadSums, carried
 from gi_core.photons.paths import Segments
-from gi_core.photons.prefixes import Ladder
+from gi_core.photons.prefixes import SubsetStore
 from gi_core.rays.accelerator import Transforms
-from gi_core.retrace.cuts import Frame, Heads, Wanted
-from gi_core.retrace.tails import Tails
+from gi_core.retrace.cuts import CutFlux, PoseChange, Wanted
+from gi_core.retrace.removed_suffixes import RemovedSuffixes
 
 LINE_GRAIN = 1024  # segments a thread
 
@@ -56,7 +56,7 @@ class TangentPlane:
         self.area = np.full(len(model.object_receivers.areas), math.pi * self.radius * self.radius)
         self.control_facts = ControlFacts(0.0, 0, 0)  # of the last frame
         self.photons = 0  # photons that were prepared
-        self.prefixes = Ladder()  # sums of the background by the photons they cover
+        self.prefixes = SubsetStore()  # sums of the background by the photons they cover
         self._background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
         self._crossings = Crossings()  # of the background, with static receivers
         self._searches: list = []
@@ -122,20 +122,23 @@ class TangentPlane:
         """Return the segments that a frame at these poses must hold, with the light of mobiles or without it."""
         return self._contact.wanted(at, mobiles)
 
-    def evaluate(self, frame: Frame) -> Evaluated:
+    def evaluate(self, frame: PoseChange) -> Evaluated:
         """Return what the frame's irradiance is read from, valid until the next call."""
-        added, tails = self._frame.added, frame.tails
-        jobs = [Job(0, frame.branches, 1, self._frame.branches)]
-        jobs += [Job(o, segments, 1, added) for o, segments in enumerate(frame.near, 1)]
+        added, removed_suffixes = self._frame.added, frame.removed_suffixes
+        jobs = [Job(0, frame.new_suffixes, 1, self._frame.new_suffixes)]
+        jobs += [Job(o, segments, 1, added) for o, segments in enumerate(frame.near_mobiles, 1)]
         if not self._crossings.kept:
-            jobs, tails = [Job(0, tails.segments(self.model.threads), -1, added), *jobs], tails.of(slice(0))
-        met = self._contact.met(frame.at, mobiles=bool(frame.near))
+            jobs, removed_suffixes = (
+                [Job(0, removed_suffixes.segments(self.model.threads), -1, added), *jobs],
+                removed_suffixes.of(slice(0)),
+            )
+        met = self._contact.met(frame.at, mobiles=bool(frame.near_mobiles))
         try:
             with self._contact.regions_of(met):
-                self._splat(jobs, frame.at, tails)
-            rows, stale = self._contact.static_sums([frame.beside], frame.at, met)
+                self._splat(jobs, frame.at, removed_suffixes)
+            rows, stale = self._contact.static_sums([frame.near_boxes], frame.at, met)
             added[0].touched[rows >> CHUNK_BITS] = True
-            out = self._frame.collect(self.prefixes[frame.photons], self._areas_of(met), frame.heads.flux)
+            out = self._frame.collect(self.prefixes[frame.photons], self._areas_of(met), frame.kept_prefixes.flux)
         except BaseException:
             self._frame.clear()  # or the next frame would begin with half of this one
             raise
@@ -164,23 +167,23 @@ class TangentPlane:
 
     def from_scratch(self, parts, at: Transforms) -> Evaluated:
         """Return what irradiance is read from, from all current segments (an iterable of Segments)."""
-        added, branches = (ThreadSums(len(self.area), self.model.threads) for _ in range(2))
+        added, new_suffixes = (ThreadSums(len(self.area), self.model.threads) for _ in range(2))
         sums, brought = np.zeros((2, len(self.area), 3), np.int64)
-        heads, stale, met = Heads(), 0, self._contact.met(at, mobiles=True)
+        kept_prefixes, stale, met = CutFlux(), 0, self._contact.met(at, mobiles=True)
         for segments in parts:
             with self._contact.regions_of(met):
                 jobs = [Job(o, segments, 1, added) for o in range(self.model.surfaces.objects)]
-                self._splat([*jobs, Job(0, heads.split_off(segments), 1, branches)], at)
+                self._splat([*jobs, Job(0, kept_prefixes.split_off(segments), 1, new_suffixes)], at)
             stale = stale + self._contact.static_sums([segments], at, met)[1]
         added.move_to(sums)
-        branches.move_to(brought)
+        new_suffixes.move_to(brought)
         areas, (rows, areas_there) = self.area.copy(), self._contact.areas_of(met)
         areas[rows] = areas_there
         brought, rows = brought.sum(axis=1), met.contacts[0].rows
         sums[rows], brought[rows] = stale, NOT_ADDITIVE
-        return Evaluated.of_all(sums, areas, brought, carried(heads.flux, heads.count))
+        return Evaluated.of_all(sums, areas, brought, carried(kept_prefixes.flux, kept_prefixes.count))
 
-    def _splat(self, jobs: list[Job], at: Transforms, tails: Tails | None = None) -> None:
+    def _splat(self, jobs: list[Job], at: Transforms, removed_suffixes: RemovedSuffixes | None = None) -> None:
         """Do jobs, and take tails out of what is added.
 
         Every thread takes its share of every job, so that all end at about the same time.
@@ -188,10 +191,10 @@ class TangentPlane:
         threads = min(self.model.threads, 1 + sum(job.segments.size for job in jobs) // LINE_GRAIN)
 
         def work(part, *_):
-            if tails is not None:
-                gone = share(len(tails.photon), part, threads)
+            if removed_suffixes is not None:
+                gone = share(len(removed_suffixes.photon), part, threads)
                 sums = self._frame.added[part].of(self.model.surfaces.receiver_range(0))
-                self._crossings.take_out(tails, *gone, sums)
+                self._crossings.take_out(removed_suffixes, *gone, sums)
             for o, segments, sign, to in jobs:
                 rows = self.model.surfaces.receiver_range(o)
                 self._splat_part(o, segments, at, sign, to[part].of(rows), part, threads)

@@ -17,7 +17,7 @@ from gi_core.estimators.setting import Setting
 from gi_core.geometry.radiosity import irradiance
 from gi_core.model import Model
 from gi_core.photons.paths import PathStore, PathVertices, segments_of
-from gi_core.photons.prefixes import Ladder
+from gi_core.photons.prefixes import SubsetStore
 from gi_core.photons.trace import Fates, no_flux, trace_background
 from gi_core.retrace.broad_phase import Coarse, CoarseStore, grid_for
 
@@ -38,7 +38,7 @@ class Background:
         self.added = 0  # photons
         self.built = False
         self.pace = Pace()
-        self._resting = Ladder()
+        self._resting = SubsetStore()
 
     def build(self) -> Iterator[None]:
         """Build what does not depend on photons, unless that has been done, in steps."""

@@ -16,8 +16,8 @@ from gi_core.frames.light_source import LightSource
 from gi_core.geometry.radiosity import irradiance
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
-from gi_core.retrace.broad_phase import Room
-from gi_core.retrace.cuts import Frame, change, current_segments
+from gi_core.retrace.broad_phase import ScanBuffers
+from gi_core.retrace.cuts import PoseChange, change, current_segments
 
 SCRATCH_CHUNK = 1 << 16
 
@@ -37,9 +37,9 @@ class Changes(NamedTuple):
     new_segments: int  # put in, heads included
 
 
-def changes_of(f: Frame) -> Changes:
+def changes_of(f: PoseChange) -> Changes:
     """Count what a frame changes."""
-    return Changes(f.heads.size, f.tails.size, f.heads.size + f.branches.size)
+    return Changes(f.kept_prefixes.size, f.removed_suffixes.size, f.kept_prefixes.size + f.new_suffixes.size)
 
 
 def frame_light(
@@ -49,9 +49,9 @@ def frame_light(
     source: LightSource,
     at: Transforms,
     size: FrameSize,
-    room: Room,
+    room: ScanBuffers,
     clock,
-) -> tuple[Frame, np.ndarray]:
+) -> tuple[PoseChange, np.ndarray]:
     """Return what the mobiles at `at` change, and irradiance (R, 3) [W/m2].
 
     shown: the background of all photons; `clock(stage)` is called as each stage ends.

@@ -8,7 +8,9 @@ from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 
 INWARD = 1e-2  # of the way to the mean centroid of a receiver's faces: well inside a cell, far from the wall
-LIFT = 1e-3  # of the mean distance to those centroids: a tenth of INWARD, so an edge point stays beside the wall
+EVALUATION_LIFT = (
+    1e-3  # of the mean distance to those centroids: a tenth of INWARD, so an edge point stays beside the wall
+)
 
 
 def evaluation_points(surfaces: Surfaces, receivers: Receivers) -> tuple[np.ndarray, np.ndarray]:
@@ -33,4 +35,4 @@ def evaluation_points(surfaces: Surfaces, receivers: Receivers) -> tuple[np.ndar
     distance /= np.maximum(count, 1)
     below = np.minimum((way * N).sum(axis=1), 0)
     way -= below[:, None] * N
-    return P + INWARD * way + (LIFT * distance)[:, None] * N, N.copy()
+    return P + INWARD * way + (EVALUATION_LIFT * distance)[:, None] * N, N.copy()

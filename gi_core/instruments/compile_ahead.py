@@ -1,11 +1,11 @@
 """Compiling every kernel before it is needed, so that nothing compiles while a user waits.
 
-`python -m gi_core.instruments.compile_ahead` does it in a process of its own and prints a line "done/total name" a
-step: the viewer's window stays live meanwhile, and finds the kernels in the disk cache. A stamp in
-the cache folder says that it has been done for these sources.
+`python -m gi_core.instruments.compile_ahead` compiles in a separate process and prints a line "done/total name" per
+step. The window stays responsive and finds the kernels in the disk cache. A stamp in the cache folder marks these
+sources as compiled.
 
-Where there is a second core, another process takes the same steps from the last one backwards; whichever comes to a
-kernel first compiles it, the other finds it in the cache.
+With a second core, another process takes the steps in reverse order. Each kernel is compiled by the process that
+reaches it first; the other reads it from the cache.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ from gi_core.solver import Solver
 
 FROM_BEHIND = "--from-behind"
 STAMP = "complete"
-# Seconds of one core that each step takes, so that a bar moves evenly; 1 for those that are not named.
+# Seconds of one core per step, for an even progress bar; 1 for other steps.
 COSTS = {"photon tracing": 13, "tangent_plane": 12, "photon_map": 5, "ray_cache": 8, "reference": 6}
-# Upright at a corner of the floor: each is in a disc of the other.
+# Upright at a corner of the floor: mobile and floor shorten regions of each other.
 TOUCHING = Pose((1.0, 0.95, 0.45), (0.5**0.5, 0.5**0.5, 0.0, 0.0))
 
 
 class Step(NamedTuple):
-    """A compilation step that is about to run."""
+    """The next compilation step."""
 
     done: int
     total: int
@@ -57,12 +57,12 @@ class Step(NamedTuple):
 
 
 def is_warm() -> bool:
-    """Tell whether all kernels of these sources are in the disk cache."""
+    """Return whether all kernels of these sources are in the disk cache."""
     return (cache_folder() / STAMP).is_file()
 
 
 def compile_kernels() -> Iterator[Step]:
-    """Run a tiny scene through everything; yields before each step, and once at the end."""
+    """Run a tiny scene through every kernel; yield before each step and once at the end."""
     parts = _parts()
     total, done = sum(COSTS.get(name, 1) for name, _ in parts), 0
     with _from_behind():
@@ -76,7 +76,7 @@ def compile_kernels() -> Iterator[Step]:
 
 
 def _parts() -> list[tuple[str, Callable[[], None]]]:
-    """Return the steps, which may be taken in any order."""
+    """Return name and function of each step, in any order."""
     tiny = functools.cache(_trace)  # a solver compiles as soon as it is made
     parts: list[tuple[str, Callable[[], None]]] = [("photon tracing", tiny)]
     parts += [(name, lambda name=name: _estimate(tiny(), name)) for name in ESTIMATORS]
@@ -86,14 +86,14 @@ def _parts() -> list[tuple[str, Callable[[], None]]]:
 
 @contextmanager
 def _from_behind() -> Iterator[None]:
-    """Let another process take the steps from the last one backwards, if a core is free for it."""
+    """Run the steps in reverse order in another process meanwhile, if there is a second core."""
     if available_cores() == 1:
         yield
         return
     process = subprocess.Popen(
         [sys.executable, "-m", "gi_core.instruments.compile_ahead", FROM_BEHIND],
-        cwd=Path(__file__).parents[2],  # found there, installed or not
-        stdin=subprocess.PIPE,  # which closes when this process ends, however it does
+        cwd=Path(__file__).parents[2],  # gi_core is importable there, installed or not
+        stdin=subprocess.PIPE,  # closes when this process ends for any reason
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
@@ -107,7 +107,7 @@ def _from_behind() -> Iterator[None]:
 
 
 def _compile_backwards() -> None:
-    """Take the steps from the last one backwards, until standard input ends."""
+    """Run the steps in reverse order until standard input ends."""
     threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
     for _, run in reversed(_parts()):
         run()
@@ -121,7 +121,7 @@ def _trace() -> Solver:
 
 
 def _prepare() -> None:
-    """Do what loading a stranger's file does, and choosing settings."""
+    """Compile the kernels of scene completion and of default settings."""
     scene = _tiny_scene()
     rays = Rays(scene)
     refined(scene, rays, useful_box(scene, rays), 1000)
@@ -144,7 +144,7 @@ def _search(solver: Solver, name: str) -> None:
 
 
 def _tiny_scene() -> Scene:
-    """A floor, a ceiling, a lamp of each kind that kernels tell apart, and a mobile that cuts light."""
+    """A floor, a ceiling, one lamp per kind with a kernel, and a mobile that cuts light."""
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float64)
     quad = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     vertices = np.concatenate([corners, corners + [0, 0, 1]])
@@ -163,7 +163,7 @@ def _tiny_scene() -> Scene:
 
 
 def _gather() -> None:
-    """Gather a few unbiased paths."""
+    """Compile the kernels of path gathering and denoising."""
     up = np.array([[0.0, 0.0, 1.0]])
     for state in gather_rounds(_tiny_scene(), 0.1 * up, up, 0):
         if state.sets[0] == 2:
@@ -178,7 +178,7 @@ def _gather() -> None:
 
 
 def _see_texture() -> None:
-    """Look at one pixel of a texture: pictures without a window do."""
+    """Look up one texture pixel, as pictures without a window do."""
     corners, uv = np.eye(3, dtype=np.float32)[None], np.zeros((1, 3, 2), np.float32)
     one, ray = np.zeros(1), np.full((1, 3), 0.5, np.float32)
     seen = footprints(corners, uv, np.zeros(1, np.int64), one, one, np.zeros(3), ray, np.eye(3))

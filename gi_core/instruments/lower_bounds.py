@@ -1,8 +1,8 @@
-"""What a frame cannot do without: its rays, disc tests, crossings and bytes, counted, and each as bare work.
+"""Lower bounds of frame time: the rays, disc tests, disc intersections and bytes of a frame, counted, as bare loops.
 
-The frame's own calls of the disc search are recorded, and its rays told from its segments: they can then be cast again
-with nothing around them. A disc test and an addition are loops over data that lies in the nearest cache. How long
-all this takes is for the caller to find out: `Work.run()` does `batch` units of it, a frame needs `count`.
+Calls of the disc search are recorded, and rays are rebuilt from segments, so both can be repeated without the rest of
+the frame. Disc tests and additions run on data in the nearest cache. The caller measures time: `Work.run()` does
+`batch` units, a frame needs `count`.
 """
 
 from __future__ import annotations
@@ -19,33 +19,33 @@ from gi_core.estimators import ESTIMATORS
 from gi_core.photons.flux_sums import Sums
 from gi_core.photons.paths import Segments, empty_segments, segments_at, segments_of, take
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, rays_to_object
-from gi_core.retrace.broad_phase import PAD, Room
-from gi_core.retrace.cuts import near_mobiles
-from gi_core.retrace.select_segments import passing
+from gi_core.retrace.broad_phase import PAD, ScanBuffers
+from gi_core.retrace.cuts import candidate_segments
+from gi_core.retrace.select_segments import select
 from gi_core.solver import Solver
 
-VERTEX_BYTES = 28  # of a path vertex: position, side, flux
-SUM_BYTES = 24  # of a receiver: three int64, or three float64
-HIT_BYTES = 24  # of a photon's hit: position and flux
-IN_CACHE = 1024  # discs, or receivers: 24 kB, the nearest cache of any processor holds them
-TEST_LINES = 2048  # lines against those discs in a batch
+VERTEX_BYTES = 28  # per path vertex: position, side, flux
+SUM_BYTES = 24  # per receiver: three int64, or three float64
+HIT_BYTES = 24  # per photon hit: position and flux
+IN_CACHE = 1024  # discs, or receivers: 24 kB, fit into any level-1 cache
+TEST_LINES = 2048  # lines per batch against those discs
 ADDITIONS = 1 << 20
 CHUNK = 1 << 16  # photons
 LEAST_COPY = 1 << 12  # bytes
 
 
 class Work(NamedTuple):
-    """A kind of work that a stage needs."""
+    """One kind of work of one stage."""
 
     stage: str
     unit: str  # "rays", "disc tests", "crossings", "bytes"
     count: int  # units in the frame
-    batch: int  # units that one call of run() does, on all threads
+    batch: int  # units per call of run(), on all threads
     run: Callable[[], object]
 
 
 def work_of_frame(solver: Solver, poses) -> list[Work]:
-    """Compute the frame of `poses` and return what it needed, by stage."""
+    """Compute the frame at `poses` and return its work, by stage."""
     lines = _recorded(solver, poses)
     threads = solver.model.threads
     vertices = solver.segments_total + solver.photons_traced
@@ -54,7 +54,7 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
     estimate = estimate_of(solver)
     moved = [
         ("scan", 12 * vertices),
-        ("branches", row * changes.new_segments),
+        ("suffixes", row * changes.new_segments),
         ("estimate", 2 * SUM_BYTES * receivers + VERTEX_BYTES * changes.old_segments),
         ("read out", (2 * SUM_BYTES + 8) * receivers),
     ]
@@ -64,16 +64,18 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
     work += [copied(stage, size, threads) for stage, size in moved if size]
     if lines:
         tests = sum(candidates(discs, *ends) for discs, ends, _ in lines)
-        crossings = sum(found for _, _, found in lines) + _looked_up(estimate, solver.frame_parts().change.tails)
+        crossings = sum(found for _, _, found in lines) + _looked_up(
+            estimate, solver.frame_parts().change.removed_suffixes
+        )
         work += [tested(tests, threads), added(crossings, threads)]
     elif getattr(estimate, "on_faces", False):
         hits = changes.old_segments + changes.new_segments
-        work.append(added(3 * hits, threads))  # a hit adds to the three corners of its face
+        work.append(added(3 * hits, threads))  # each hit adds to three corners of its face
     return work
 
 
 def estimate_of(solver: Solver):
-    """Return the estimator that frames are computed with."""
+    """Return the estimator of the solver's frames."""
     return solver.frame_parts().background.estimate
 
 
@@ -99,7 +101,7 @@ def full_estimate(solver: Solver) -> Callable[[], None]:
 
 
 class _Recorder:
-    """Stands in for an object and keeps copies of what one of its methods was given and returned."""
+    """Proxy of an object that records copies of the arguments and results of one method."""
 
     def __init__(self, inner, method: str):
         self._inner, self.calls = inner, []
@@ -126,7 +128,7 @@ def _copy(value):
 
 
 def _recorded(solver: Solver, poses):
-    """Compute the frame of `poses`; return the lines that its searches were given [(discs, ends, crossings)]."""
+    """Compute the frame at `poses`; return the lines of its searches [(discs, ends, intersections)]."""
     estimate = estimate_of(solver)
     searches = getattr(estimate, "_searches", None)
     recorders = [_Recorder(s, "splat") for s in searches or ()]
@@ -140,7 +142,7 @@ def _recorded(solver: Solver, poses):
     lines = []
     for recorder in recorders:
         for (given, _sign, _sums, part, _parts), found in recorder.calls:
-            # Parts that share their lines are given all of them each: those of the first count.
+            # Parts of a call receive the same lines: count those of the first part.
             some = slice(None if part == 0 else 0)
             ends = given.origin[some], given.direction[some], given.low[some], given.high[some]
             lines.append((recorder.discs, ends, int(found)))
@@ -148,22 +150,22 @@ def _recorded(solver: Solver, poses):
 
 
 def _rays(solver: Solver) -> list[Work]:
-    """Return the rays of the last frame: along what may be cut, and along branches, each also past the mobiles."""
+    """Return the rays of the last frame: along candidates for cuts, and along new suffixes, each also past mobiles."""
     model, frame = solver.model, solver.frame_parts().change
     paths, coarse = solver.frame_parts().photons.prefix(frame.photons)
-    wanted = estimate_of(solver).wanted(frame.at, mobiles=bool(frame.near))
-    rows = near_mobiles(model, coarse, frame.at, wanted, Room())
+    wanted = estimate_of(solver).wanted(frame.at, mobiles=bool(frame.near_mobiles))
+    rows = candidate_segments(model, coarse, frame.at, wanted, ScanBuffers())
     near = segments_at(paths, model.eps, *rows, model.threads)
-    work = [_cast(solver, "branches", 0, *_as_rays(solver, 0, frame.branches))]
-    for stage, segments in (("cuts", near), ("branches", frame.branches)):
-        pass_by = passing(model, frame.at, segments, -PAD * model.world.size, wanted.boxes[:0])
+    work = [_cast(solver, "suffixes", 0, *_as_rays(solver, 0, frame.new_suffixes))]
+    for stage, segments in (("cuts", near), ("suffixes", frame.new_suffixes)):
+        pass_by = select(model, frame.at, segments, -PAD * model.world.size, wanted.boxes[:0])
         for o in range(1, len(pass_by)):
             work.append(_cast(solver, stage, o, *_as_rays(solver, o, take(segments, np.flatnonzero(pass_by[o])))))
     return work
 
 
 def _as_rays(solver: Solver, o: int, segments: Segments):
-    """Return origins, directions and limits of segments in object o's space, lifted off where they start."""
+    """Return origins, directions and limits of segments in object o's space, lifted off their origins."""
     model, at = solver.model, solver.frame_parts().change.at
     way = segments.end.astype(np.float64) - segments.origin
     length = np.maximum(np.sqrt((way * way).sum(axis=1)), 1e-30)
@@ -173,10 +175,10 @@ def _as_rays(solver: Solver, o: int, segments: Segments):
     return *rays_to_object(at, o, origins.astype(np.float32), directions.astype(np.float32)), limits
 
 
-def _looked_up(estimate, tails) -> int:
-    """Return how many crossings of tails are taken out without a search."""
+def _looked_up(estimate, removed_suffixes) -> int:
+    """Return the number of disc intersections of removed suffixes that are subtracted without a search."""
     static = estimate.background(estimate.photons)[0]
-    return estimate._crossings.take_out(tails, 0, len(tails.photon), Sums.zeros(len(static)))
+    return estimate._crossings.take_out(removed_suffixes, 0, len(removed_suffixes.photon), Sums.zeros(len(static)))
 
 
 def _on_mobiles(solver: Solver) -> int:
@@ -193,7 +195,7 @@ def _cast(solver: Solver, stage: str, o: int, origins, directions, limits) -> Wo
 
 
 def copied(stage: str, size: int, threads: int) -> Work:
-    """Return work that moves `size` bytes: it reads half of them and writes them elsewhere."""
+    """Return work that moves `size` bytes: it reads one half and writes the other."""
     half = np.zeros(max(size, LEAST_COPY) // 2, np.uint8)
     other = np.ones_like(half)
 
@@ -221,7 +223,7 @@ def tested(count: int, threads: int) -> Work:
 
 @kernel
 def _test(cx, cy, cz, nx, ny, nz, lines, first, last, r2, yes):
-    """Write a byte a test: counting them instead takes twice as long, 0.9 ns for 0.4."""
+    """Write one byte per test: 0.4 ns; counting the hits instead takes 0.9 ns."""
     for k in range(first, last):
         ox, oy, oz, dx, dy, dz = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3], lines[k, 4], lines[k, 5]
         for j in range(np.uint64(IN_CACHE)):
@@ -234,7 +236,7 @@ def _test(cx, cy, cz, nx, ny, nz, lines, first, last, r2, yes):
 
 
 def added(count: int, threads: int) -> Work:
-    """Return work that adds a flux to the sums of receivers picked at random, all in the nearest cache."""
+    """Return work that adds a flux to the sums of random receivers, all in the nearest cache."""
     rng = np.random.default_rng(0)
     index = rng.integers(0, IN_CACHE, ADDITIONS).astype(np.int32)
     flux = rng.integers(0, 1 << 20, (IN_CACHE, 3)).astype(np.int32)
@@ -255,9 +257,9 @@ def _add(index, flux, first, last, sums):
 
 
 def candidates(discs, origin, direction, low, high) -> int:
-    """Return how many discs lie in the cells that lines pass: what a uniform grid of CELL_RADII cells must test.
+    """Return the number of disc tests of a uniform grid of CELL_RADII cells: discs in the cells that lines pass.
 
-    A disc counts in every cell that its box touches; the two sides of a two-sided surface are one disc.
+    A disc counts in every cell that its box touches. The two sides of a two-sided surface are one disc.
     """
     lit = discs.regions.area > 0
     if not lit.any() or not len(origin):
@@ -289,7 +291,7 @@ def _fill(first, last, inside):
 
 @allocating
 def _walk(corner, cell, inside, origin, direction, low, high):
-    """Return the discs in the cells that lines pass, a cell at a time: slow, plain, and used once a run."""
+    """Return the number of discs in the cells that lines pass; slow, run once."""
     total = 0
     at, step = np.empty(3, np.int64), np.empty(3, np.int64)
     wall, width = np.empty(3), np.empty(3)

@@ -1,4 +1,4 @@
-"""Disc searches apart from a solver's frames: some of the static discs, some photons' segments, one call to time."""
+"""Timing of disc searches outside of frames: chosen discs and segments, one call per measurement."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PROBES = (1, 8, 64)
 
 
 def static_discs(model: Model, radius: float, materials: Iterable[str] | None = None) -> Discs:
-    """Return the discs of the static part's receivers, whole; those on other materials than the named ones see nothing.
+    """Return the discs of the static part's receivers, as whole discs; only those on the named materials take part.
 
     Receivers between two materials belong to both.
     """
@@ -39,16 +39,18 @@ def static_discs(model: Model, radius: float, materials: Iterable[str] | None = 
 
 
 def photon_lines(solver: Solver, photons: int, radius: float) -> Lines:
-    """Return all background segments of the first photons, which the solver has traced, ready for static discs."""
+    """Return all background segments of the first `photons` traced photons, prepared for static discs."""
     paths = solver.frame_parts().photons.prefix(photons)[0]
     return _ready(solver, segments_of(paths, solver.model.eps, 0, photons), radius)
 
 
 def frame_lines(solver: Solver, radius: float) -> Lines:
-    """Return the segments that the solver's current frame takes out and puts in, ready for static discs."""
+    """Return the removed and new suffixes of the solver's current frame, prepared for static discs."""
     return _ready(
         solver,
-        concatenate([solver.frame_parts().change.tails.segments(), solver.frame_parts().change.branches]),
+        concatenate(
+            [solver.frame_parts().change.removed_suffixes.segments(), solver.frame_parts().change.new_suffixes]
+        ),
         radius,
     )
 
@@ -58,36 +60,36 @@ def _ready(solver: Solver, segments: Segments, radius: float) -> Lines:
     return lines(segments, at.rotation[0], at.position[0], solver.model, radius)
 
 
-class Job(NamedTuple):
-    """A search that a frame does, or could."""
+class FrameSearch(NamedTuple):
+    """Discs and lines of one search in a frame."""
 
     name: str
     discs: Discs
     lines: Lines
-    anew: bool  # the discs are others in each frame: a search over them has to be made, too
+    rebuilt: bool  # the discs differ per frame, so building the search counts too
 
 
-def few_receivers(solver: Solver, probes: Iterable[int] = PROBES) -> list[Job]:
-    """Return searches over few discs, from the last frame of a solver whose estimator is tangent_plane.
+def few_receivers(solver: Solver, probes: Iterable[int] = PROBES) -> list[FrameSearch]:
+    """Return searches over few discs, from the last frame of a solver with estimator tangent_plane.
 
-    Receivers of each mobile, with the segments near it; static receivers in contact, with those beside them; and
-    so many probes, apart from all other receivers, with all segments of the background.
+    They are: receivers of each mobile with the segments near it, stale static receivers with the segments near them,
+    and `probes` random receivers with all background segments.
     """
     frame, estimate, model = solver.frame_parts().change, solver.frame_parts().background.estimate, solver.model
     at, jobs = frame.at, []
-    for o, near in enumerate(frame.near, 1):
+    for o, near in enumerate(frame.near_mobiles, 1):
         over = lines(near, at.rotation[o], at.position[o], model, solver.radius)
-        jobs.append(Job(model.names[o - 1], estimate._searches[o].discs, over, False))
+        jobs.append(FrameSearch(model.names[o - 1], estimate._searches[o].discs, over, False))
     contact = estimate._contact
-    beside = contact.static_discs(contact.met(at, mobiles=bool(frame.near)))
-    jobs.append(Job("in contact", beside, _ready(solver, frame.beside, solver.radius), True))
+    beside = contact.static_discs(contact.met(at, mobiles=bool(frame.near_mobiles)))
+    jobs.append(FrameSearch("in contact", beside, _ready(solver, frame.near_boxes, solver.radius), True))
     d, rng = estimate._searches[0].discs, np.random.default_rng(solver.seed)
     over, listed = photon_lines(solver, frame.photons, solver.radius), np.flatnonzero(to_list(d))
     for n in probes:
         rows, alone = rng.choice(listed, n, replace=False), np.full(n, NONE, np.int32)
         region = Regions(np.full(n, WHOLE, np.int32), d.regions.reach[:0], d.regions.area[rows])
         few = Discs(d.positions[rows], d.normals[rows], np.full(n, NONE, np.int32), alone, d.radius, region)
-        jobs.append(Job("a probe" if n == 1 else f"{n} probes", few, over, False))
+        jobs.append(FrameSearch("a probe" if n == 1 else f"{n} probes", few, over, False))
     return [job for job in jobs if len(job.discs.positions) and len(job.lines.low)]
 
 
@@ -99,5 +101,5 @@ class SearchTrial:
         self._sums = Sums.zeros(len(discs.positions))
 
     def run(self, over: Lines) -> Callable[[], int]:
-        """Return a call that adds the lines to sums nobody reads, on one thread; it returns the crossings found."""
+        """Return a call that adds the lines to scratch sums on one thread; it returns the number of intersections."""
         return lambda: self.search.splat(over, 1, self._sums)

@@ -110,7 +110,7 @@ def _move(touched, flux, total, brought, first, last):
 
 
 class FrameSums:
-    """Sums of a frame: `added` to the background's sums per thread, and those of new suffixes (`branches`)."""
+    """Sums of a frame: `added` to the background's sums per thread, and those of `new_suffixes`."""
 
     def __init__(self, receivers: int, static: int, threads: int):
         self._sums, self._static, self._threads = np.zeros((receivers, 3), np.int64), static, threads
@@ -119,29 +119,29 @@ class FrameSums:
 
     def clear(self) -> None:
         """Clear all that was added."""
-        self.added, self.branches = (ThreadSums(len(self._sums), self._threads) for _ in range(2))
+        self.added, self.new_suffixes = (ThreadSums(len(self._sums), self._threads) for _ in range(2))
 
-    def collect(self, background: np.ndarray, area: np.ndarray, heads: np.ndarray) -> Evaluated:
+    def collect(self, background: np.ndarray, area: np.ndarray, kept_prefixes: np.ndarray) -> Evaluated:
         """Return background sums (static receivers, 3) int64 plus all that was added, and clear the latter.
 
-        heads: flux (n, 3) int32 of photons at their cuts. The sums are valid until the next call. Receivers on mobiles
-        always count as changed.
+        kept_prefixes: flux (n, 3) int32 of photons at their cuts. The sums are valid until the next call. Receivers
+        on mobiles always count as changed.
         """
         changed = np.zeros(chunks_of(len(self._sums)), bool)
         changed[self._static >> CHUNK_BITS :] = len(self._sums) > self._static
-        added, branches = ([sums[k] for k in range(self._threads)] for sums in (self.added, self.branches))
-        for part in (*added, *branches):
+        added, new_suffixes = ([sums[k] for k in range(self._threads)] for sums in (self.added, self.new_suffixes))
+        for part in (*added, *new_suffixes):
             changed |= part.touched
 
         def work(_, first, last):
             _start(changed, background, self._sums, self._brought, first, last)
             for part in added:
                 _move(part.touched, part.flux, self._sums, NOWHERE, first, last)
-            for part in branches:
+            for part in new_suffixes:
                 _move(part.touched, part.flux, self._sums, self._brought, first, last)
 
         run_ranges(work, len(changed), self._threads, CHUNK_GRAIN)
-        each = carried(int(heads.sum(dtype=np.int64)), len(heads))
+        each = carried(int(kept_prefixes.sum(dtype=np.int64)), len(kept_prefixes))
         return Evaluated(self._sums, area, changed, self._brought, each)
 
 

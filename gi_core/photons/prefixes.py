@@ -9,22 +9,22 @@ from __future__ import annotations
 LOWEST = 4096  # photons: the noise of fewer is too high to be useful
 
 
-def next_rung(photons: int) -> int:
-    """Return the smallest rung above a number of photons."""
-    rung = LOWEST
-    while rung <= photons:
-        rung *= 2
-    return rung
+def next_level(photons: int) -> int:
+    """Return the smallest level (4,096, 8,192, ...) above a number of photons."""
+    level = LOWEST
+    while level <= photons:
+        level *= 2
+    return level
 
 
-def is_rung(photons: int) -> bool:
+def is_level(photons: int) -> bool:
     return photons >= LOWEST and photons & (photons - 1) == 0
 
 
-class Ladder(dict):
-    """What is kept by prefix: the rungs, and the last count that was put in."""
+class SubsetStore(dict):
+    """Results by photon subset: all levels, and the count stored last."""
 
     def __setitem__(self, photons: int, kept) -> None:
-        for n in [n for n in self if not is_rung(n) and n != photons]:
+        for n in [n for n in self if not is_level(n) and n != photons]:
             del self[n]
         super().__setitem__(photons, kept)

@@ -46,7 +46,7 @@ def add_to(fates: Fates, sums: np.ndarray, sign: int = 1) -> None:
         total += sign * part
 
 
-class Rays(NamedTuple):
+class PhotonRays(NamedTuple):
     """Photons in flight: origin, direction and flux."""
 
     photon: np.ndarray  # (n,) int64
@@ -95,13 +95,13 @@ def _scatter(seed, world, at, photon, vertex, side, flux, fates):
 # The background ---------------------------------------------------------------------------------------------
 
 
-def emitted_rays(emitters: Emitters, seed: int, first: int, count: int, fates: Fates) -> Rays:
+def emitted_rays(emitters: Emitters, seed: int, first: int, count: int, fates: Fates) -> PhotonRays:
     """Return the emitted rays of photons first .. first + count - 1; adds their flux to `fates`."""
     origin, direction, flux, side = emit(emitters, seed, first, count)
     for c in range(3):
         fates.emitted[c] += int(flux[:, c].astype(np.int64).sum())
     photon = np.arange(first, first + count, dtype=np.int64)
-    return Rays(photon, np.zeros(count, np.int32), origin, direction, side, flux)
+    return PhotonRays(photon, np.zeros(count, np.int32), origin, direction, side, flux)
 
 
 def trace_background(
@@ -156,36 +156,36 @@ def _trace_paths(scenes, ray, world, at, seed, rays, done, offsets, position, si
 
 
 def reflected(
-    world: World, at: Transforms, seed: int, heads: Segments, cut: np.ndarray, fates: Fates
-) -> tuple[np.ndarray, Rays]:
+    world: World, at: Transforms, seed: int, kept_prefixes: Segments, cut: np.ndarray, fates: Fates
+) -> tuple[np.ndarray, PhotonRays]:
     """Scatter photons at the cuts of their segments, at distances cut (n,) float32 [m]; adds to `fates`.
 
     Returns the positions (n, 3) float32 of the cuts and the rays of the surviving photons, in order.
     """
-    n, sums = heads.size, np.zeros((3, 3), np.int64)
+    n, sums = kept_prefixes.size, np.zeros((3, 3), np.int64)
     hit = np.empty((n, 3), np.float32)
-    on = Rays(
+    on = PhotonRays(
         np.empty(n, np.int64), np.empty(n, np.int32), *np.empty((2, n, 3), np.float32), np.empty(n, np.int32),
         np.empty((n, 3), np.int32),
     )  # fmt: skip
-    count = _reflect(world, at, seed, heads, cut, hit, on, sums)
+    count = _reflect(world, at, seed, kept_prefixes, cut, hit, on, sums)
     add_to(fates, sums)
-    return hit, Rays(*(a[:count] for a in on))
+    return hit, PhotonRays(*(a[:count] for a in on))
 
 
 @kernel
-def _reflect(world, at, seed, heads, cut, hit, on, fates):
+def _reflect(world, at, seed, kept_prefixes, cut, hit, on, fates):
     n = 0
     for k in range(len(cut)):
-        x, y, z = heads.origin[k, 0], heads.origin[k, 1], heads.origin[k, 2]
-        dx, dy, dz, _ = line(x, y, z, heads.end[k, 0], heads.end[k, 1], heads.end[k, 2])
+        x, y, z = kept_prefixes.origin[k, 0], kept_prefixes.origin[k, 1], kept_prefixes.origin[k, 2]
+        dx, dy, dz, _ = line(x, y, z, kept_prefixes.end[k, 0], kept_prefixes.end[k, 1], kept_prefixes.end[k, 2])
         x, y, z = point_on_line(x, y, z, dx, dy, dz, cut[k])
         hit[k, 0], hit[k, 1], hit[k, 2] = x, y, z
-        q = heads.flux[k, 0], heads.flux[k, 1], heads.flux[k, 2]
-        vertex, side = np.int64(heads.bounce[k] + 1), heads.cut_side[k]
-        goes_on, dx, dy, dz, q = _scatter(seed, world, at, heads.photon[k], vertex, side, q, fates)
+        q = kept_prefixes.flux[k, 0], kept_prefixes.flux[k, 1], kept_prefixes.flux[k, 2]
+        vertex, side = np.int64(kept_prefixes.bounce[k] + 1), kept_prefixes.cut_side[k]
+        goes_on, dx, dy, dz, q = _scatter(seed, world, at, kept_prefixes.photon[k], vertex, side, q, fates)
         if goes_on:
-            on.photon[n], on.bounce[n], on.side[n] = heads.photon[k], vertex, side
+            on.photon[n], on.bounce[n], on.side[n] = kept_prefixes.photon[k], vertex, side
             on.origin[n, 0], on.origin[n, 1], on.origin[n, 2] = x, y, z
             on.direction[n, 0], on.direction[n, 1], on.direction[n, 2] = dx, dy, dz
             on.flux[n, 0], on.flux[n, 1], on.flux[n, 2] = q[0], q[1], q[2]
@@ -194,7 +194,7 @@ def _reflect(world, at, seed, heads, cut, hit, on, fates):
 
 
 def follow(
-    accelerator: Accelerator, world: World, at: Transforms, seed: int, eps: np.float32, rays: Rays, fates: Fates
+    accelerator: Accelerator, world: World, at: Transforms, seed: int, eps: np.float32, rays: PhotonRays, fates: Fates
 ) -> Segments:
     """Trace rays among static part and mobiles until all paths have ended, in this thread; adds to `fates`.
 

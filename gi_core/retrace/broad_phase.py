@@ -1,10 +1,9 @@
-"""Which background segments pass near a mobile: every one is looked at, but only 6 bytes a vertex.
+"""Broad phase: background segments near a mobile, by a conservative test of all of them at 6 bytes per vertex.
 
-Path vertices lie on a grid of 65,536 cells over all that light can reach; a test against a mobile's bounding
-sphere, with room for the rounding, takes vectors of them. At a million photons this is bound by memory:
-half the bytes are half the time. (Bundling segments that run together into bounded blocks, and looking
-only into blocks near the mobile, was tried: sorting takes a second a million photons, and a third of
-the blocks of cornell are near the pawn, a sixth of those of tree near the ring.)
+Path vertices are rounded to 65,536 levels per axis over the reach of light. Vector instructions test segments against
+the mobiles' bounding spheres, grown by the rounding. At a million photons memory bounds the time: half the bytes take
+half the time. A hierarchy over bundled segments was tried: sorting takes a second per million photons, and a third of
+the blocks of cornell lie near the pawn.
 """
 
 from __future__ import annotations
@@ -20,40 +19,40 @@ from gi_core.photons.paths import PathVertices
 from gi_core.rays.accelerator import FAR, Transforms
 from gi_core.rays.two_level import World
 
-SCAN_GRAIN = 1 << 16  # vertices a thread
-LANES = 16  # segments tested at a time
-PAD = 1e-3  # of the world's size: rounding of the test, with room; that of the grid is one level
+SCAN_GRAIN = 1 << 16  # vertices per thread
+LANES = 16  # segments per vector test
+PAD = 1e-3  # of the world's size: covers the rounding of the test; the grid's is one level
 LEVELS = 65_535
 
 
 class Grid(NamedTuple):
-    """How positions are rounded: level = (x - low) * per_metre."""
+    """Quantisation of positions: level = (x - low) * per_metre."""
 
     low: np.ndarray  # (3,) float64 [m]
     per_metre: float
 
 
 class Coarse(NamedTuple):
-    """Path vertices on the grid, photon-major, with LANES more that belong to nobody."""
+    """Quantised path vertices, photon-major, padded by LANES vertices of no photon."""
 
     x: np.ndarray  # (n + LANES,) uint16
     y: np.ndarray
     z: np.ndarray
-    photon: np.ndarray  # (n + LANES,) int32, -1 behind the last
+    photon: np.ndarray  # (n + LANES,) int32, -1 in the padding
     grid: Grid
 
 
 def grid_for(world: World, centre: np.ndarray, radius: float) -> Grid:
-    """Return the grid that holds all path vertices of a scene.
+    """Return the grid that covers all path vertices of a scene.
 
-    Paths start on the static part or within 1.5 radius of `centre`, and end FAR from there at most.
+    Paths start on the static part or within 1.5 `radius` [m] of `centre` (3,), and end at most FAR world sizes away.
     """
     reach = 1.5 * max(radius, 0.5 * world.size) + 1.01 * FAR * world.size
     return Grid(np.asarray(centre, np.float64) - reach, LEVELS / (2 * reach))
 
 
 class CoarseStore:
-    """Coarse vertices of photons 0 .. N - 1, growing as photons are added."""
+    """Append-only store of the quantised vertices of photons 0 .. N - 1."""
 
     def __init__(self, grid: Grid):
         self.grid = grid
@@ -62,7 +61,7 @@ class CoarseStore:
         self._count = 0
 
     def append(self, parts: Sequence[PathVertices], first: int, room: int, threads: int) -> None:
-        """Add the paths of photons first .., part after part; `room`: vertices that there is going to be room for."""
+        """Append the paths of photons from `first` on, part by part; `room`: number of vertices to reserve."""
         photons = np.cumsum([first, *(len(p.offsets) - 1 for p in parts)])
         starts = np.cumsum([self._count, *(len(p.side) for p in parts)])
         n = int(starts[-1])
@@ -80,7 +79,7 @@ class CoarseStore:
         self._count = n
 
     def prefix(self, vertices: int) -> Coarse:
-        """Return views that begin with the first vertices, and how many there are."""
+        """Return views of the first `vertices` vertices."""
         n = vertices + LANES
         return Coarse(*(a[:n] for a in self._levels), self._photon[:n], self.grid)
 
@@ -104,9 +103,9 @@ def _round(offsets, position, low, per_metre, first, row, x, y, z, photon):
 
 @inlined
 def _near(x, y, z, first, cx, cy, cz, r2):
-    """Return which of LANES segments from vertex `first` on pass within a sphere: a bit a lane.
+    """Return a bit mask of the LANES segments from vertex `first` on that pass within a sphere.
 
-    The nearest point of each, with no branch, no division and a fixed length, so that LLVM makes vectors.
+    The nearest point of each is computed without branches or divisions in a loop of fixed length: LLVM vectorises it.
     """
     bits = np.uint32(0)
     for lane in range(np.uint64(LANES)):
@@ -120,7 +119,7 @@ def _near(x, y, z, first, cx, cy, cz, r2):
         ax, ay, az = cx - ox, cy - oy, cz - oz
         length2 = dx * dx + dy * dy + dz * dz
         along = min(max(ax * dx + ay * dy + az * dz, np.float32(0.0)), length2)
-        # Everything times length2, which saves a division.
+        # Both sides are multiplied by length2, which saves a division.
         px, py, pz = along * dx - length2 * ax, along * dy - length2 * ay, along * dz - length2 * az
         yes = px * px + py * py + pz * pz <= r2 * length2 * length2
         bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
@@ -129,9 +128,9 @@ def _near(x, y, z, first, cx, cy, cz, r2):
 
 @kernel
 def _scan(x, y, z, first, last, centres, radii, lane_of_bit, out):
-    """List vertices first .. last - 1 from where to the next vertex the way leads near any mobile.
+    """List the vertices first .. last - 1 whose segment to the next vertex passes near any mobile.
 
-    Returns how many, which may exceed the room.
+    Returns their number, which may exceed the length of `out`.
     """
     n = 0
     for block in range(first, last, LANES):
@@ -153,9 +152,9 @@ def _scan(x, y, z, first, last, centres, radii, lane_of_bit, out):
 
 @kernel
 def _segments_only(photon, rows, photons):
-    """Drop the last vertices of paths, which start no segment, and note photons; returns how many rows are left.
+    """Drop the last vertices of paths, which start no segment, and write photons; return the number of rows left.
 
-    A loop of its own: its accesses to memory do not depend on each other and overlap.
+    A separate loop, so that its memory accesses are independent and overlap.
     """
     n = 0
     for j in range(len(rows)):
@@ -169,8 +168,8 @@ _LANE_OF_BIT = np.zeros(37, np.int64)
 _LANE_OF_BIT[[2**k % 37 for k in range(32)]] = np.arange(32)  # 2 is a primitive root of 37
 
 
-class Room:
-    """Output buffers of the scan, a thread each, kept from frame to frame and grown when too small."""
+class ScanBuffers:
+    """Output buffers of the scan, one per thread, reused across frames and grown when too small."""
 
     def __init__(self):
         self._rows: list[np.ndarray] = []
@@ -186,11 +185,11 @@ class Room:
 
 
 def find_near(
-    world: World, coarse: Coarse, at: Transforms, margin, room: Room, threads: int
+    world: World, coarse: Coarse, at: Transforms, margin, room: ScanBuffers, threads: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return photon and vertex (n,) int64 of background segments within a margin of a mobile's sphere, in order.
 
-    margin: [m], a number or one a mobile.
+    margin: [m], one number or (mobiles,).
     """
     grid = coarse.grid
     centres = np.empty((len(at.position) - 1, 3), np.float32)

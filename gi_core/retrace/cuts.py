@@ -1,8 +1,8 @@
-"""What a pose changes: photons cut by mobiles, the tails they lose, the branches they gain (fig. 2.2).
+"""Path changes of a pose: cut photons, their kept prefixes, removed suffixes and new suffixes (fig. 2.2).
 
-Computed each frame from the background alone, never from the last frame, so nothing drifts. A photon
-keeps its *head* up to the first cut of its background path; the *tail* behind it is taken out; the
-*branch* reflected off the mobile is put in.
+A cut is the first hit of a background path on a mobile. The path is kept up to the cut. The removed suffix is
+subtracted, and the new suffix, reflected off the mobile, is added. Each frame is computed from the background alone, so
+nothing drifts.
 """
 
 from __future__ import annotations
@@ -21,100 +21,112 @@ from gi_core.photons.trace import Fates, add_to, emitted_rays, follow, no_flux, 
 from gi_core.rays.accelerator import Transforms
 from gi_core.rays.embree import new_ray
 from gi_core.rays.two_level import nearest_mobile
-from gi_core.retrace.broad_phase import Coarse, Room, find_near
-from gi_core.retrace.select_segments import passing, picked
-from gi_core.retrace.tails import Tails, no_tails
+from gi_core.retrace.broad_phase import Coarse, ScanBuffers, find_near
+from gi_core.retrace.removed_suffixes import RemovedSuffixes, no_removed_suffixes
+from gi_core.retrace.select_segments import copy_selected, select
 
-CUT_GRAIN = 2048  # segments a thread
-FOLLOW_GRAIN = 128  # photons a thread
+CUT_GRAIN = 2048  # segments per thread
+FOLLOW_GRAIN = 128  # photons per thread
 
 
 class Wanted(NamedTuple):
-    """Which current segments an estimator asks for, besides what changes."""
+    """Current segments that an estimator needs besides the path changes."""
 
-    reach: float  # of a disc on a mobile [m]: segments that come so near to its box; 0 if no mobiles
-    boxes: np.ndarray  # (b, 2, 3) float64 [m], corners low and high: segments that pass one of these
-    around: np.ndarray  # (mobiles,) float64 [m] round the middle of each: nothing in the boxes is farther off
-    mobiles: bool = True  # or nobody asks for their light, nor for what passes them
+    reach: float  # [m], distance from a mobile's box within which segments are needed; 0 if no mobiles
+    boxes: np.ndarray  # (b, 2, 3) float64 [m], corners low and high: boxes whose segments are needed
+    around: np.ndarray  # (mobiles,) float64 [m], radius round the centre of each that covers the boxes
+    mobiles: bool = True  # False: light of mobiles, and segments near them, are not needed
 
     @classmethod
     def changes(cls, model: Model, mobiles: bool) -> Wanted:
-        """Return what an estimator wants that reads light from where it ends: nothing but what changes."""
+        """Return the needs of an estimator that reads hits: path changes only."""
         return cls(0.0, np.empty((0, 2, 3)), np.zeros(model.surfaces.objects - 1), mobiles)
 
 
-class Frame(NamedTuple):
-    """Everything about the current poses that differs from the background."""
+class PoseChange(NamedTuple):
+    """Difference of the current paths from the background, at one pose."""
 
     at: Transforms
     photons: int
-    heads: Segments  # of cut photons: the segment that a mobile cuts, up to the cut
-    tails: Tails  # what they lose: the rest of that segment and all later ones
-    branches: Segments  # what they gain, from the mobile onwards
-    near: tuple[Segments, ...]  # a mobile, if wanted: every current segment that may cross a disc on it
-    beside: Segments  # every current segment that passes one of the boxes wanted
-    fates: Fates  # of all photons at these poses, less those of the background
+    kept_prefixes: Segments  # the cut segment of each cut photon, up to the cut
+    removed_suffixes: RemovedSuffixes  # that segment behind the cut, and all later ones
+    new_suffixes: Segments  # paths from the cut onwards, among mobiles
+    near_mobiles: tuple[Segments, ...]  # per mobile, if needed: current segments that may cross a disc on it
+    near_boxes: Segments  # current segments that pass one of the boxes needed
+    fates: Fates  # of all photons at these poses, minus those of the background
 
 
 def change(
-    model: Model, paths: PathVertices, coarse: Coarse, at: Transforms, seed: int, wanted: Wanted, room: Room, clock
-) -> Frame:
-    """Find what the mobiles at `at` change of the background.
+    model: Model,
+    paths: PathVertices,
+    coarse: Coarse,
+    at: Transforms,
+    seed: int,
+    wanted: Wanted,
+    room: ScanBuffers,
+    clock,
+) -> PoseChange:
+    """Return the difference of current paths from the background at the poses `at`.
 
-    `paths` and `coarse` hold the same photons; `clock(stage)` is called as each stage ends.
+    `paths` and `coarse` hold the same photons. `clock(stage)` is called at the end of each stage.
     """
     photons = len(paths.offsets) - 1
     if photons == 0 or len(at.position) == 1:
         nothing = empty_segments(0)
-        tails, near = no_tails(paths, model.eps), (nothing,) * (len(at.position) - 1) * wanted.mobiles
-        return Frame(at, photons, nothing, tails, nothing, near, nothing, no_flux())
+        removed_suffixes, near = (
+            no_removed_suffixes(paths, model.eps),
+            (nothing,) * (len(at.position) - 1) * wanted.mobiles,
+        )
+        return PoseChange(at, photons, nothing, removed_suffixes, nothing, near, nothing, no_flux())
 
     # Find the first segment of each photon that any mobile cuts.
-    rows = near_mobiles(model, coarse, at, wanted, room)
+    rows = candidate_segments(model, coarse, at, wanted, room)
     clock("scan")
     near = segments_at(paths, model.eps, *rows, model.threads)
     cut, cut_side = _cuts(model, at, near)
     first_cut = _first_of_each(near.photon, np.flatnonzero(cut_side != NONE))
     clock("cuts")
 
-    # Split those photons into head and tail, and follow them off the mobile.
+    # Split these paths into kept prefix and removed suffix, and trace the new suffixes off the mobiles.
     high = cut[first_cut] + model.eps
-    heads = take(near, first_cut)._replace(high=high, cut_side=cut_side[first_cut])
-    tails = Tails(paths, model.eps, heads.photon, rows[1][first_cut], high)
-    hit, branches, fates = _branches(model, at, seed, heads, cut[first_cut], tails)
-    heads = heads._replace(hit=hit)
-    clock("branches")
+    kept_prefixes = take(near, first_cut)._replace(high=high, cut_side=cut_side[first_cut])
+    removed_suffixes = RemovedSuffixes(paths, model.eps, kept_prefixes.photon, rows[1][first_cut], high)
+    hit, new_suffixes, fates = _new_suffixes(model, at, seed, kept_prefixes, cut[first_cut], removed_suffixes)
+    kept_prefixes = kept_prefixes._replace(hit=hit)
+    clock("suffixes")
 
-    beside, on_mobiles = _seen(model, at, wanted, near, heads, branches)
+    beside, on_mobiles = _seen(model, at, wanted, near, kept_prefixes, new_suffixes)
     clock("mobiles")
-    return Frame(at, photons, heads, tails, branches, on_mobiles, beside, fates)
+    return PoseChange(at, photons, kept_prefixes, removed_suffixes, new_suffixes, on_mobiles, beside, fates)
 
 
-def near_mobiles(model: Model, coarse: Coarse, at: Transforms, wanted: Wanted, room: Room):
-    """Return photon and vertex (n,) int64 of the background segments that a frame looks at."""
+def candidate_segments(model: Model, coarse: Coarse, at: Transforms, wanted: Wanted, room: ScanBuffers):
+    """Return photon and vertex (n,) int64 of the background segments that pass the broad phase."""
     margin = np.maximum(wanted.reach, wanted.around - model.world.sphere_radius[1:])
     return find_near(model.world, coarse, at, margin, room, model.threads)
 
 
-def _seen(model: Model, at: Transforms, wanted: Wanted, near: Segments, heads: Segments, branches: Segments):
-    """Collect what receivers with new light can see: untouched background nearby, heads, branches.
+def _seen(
+    model: Model, at: Transforms, wanted: Wanted, near: Segments, kept_prefixes: Segments, new_suffixes: Segments
+):
+    """Collect current segments (uncut background, kept prefixes, new suffixes) near boxes and mobiles.
 
-    Returns the segments that pass the boxes wanted and, a mobile if wanted, those that pass near it.
+    Returns the segments that pass the needed boxes and, per mobile if needed, those near it.
     """
     if not wanted.mobiles and not len(wanted.boxes):
         return empty_segments(0), ()
     reach = wanted.reach if wanted.mobiles else None
-    current = [(part, passing(model, at, part, reach, wanted.boxes)) for part in (near, heads, branches)]
-    current[0][1][:] &= _before_cut(near.photon, near.bounce, heads.photon, heads.bounce)
+    current = [(part, select(model, at, part, reach, wanted.boxes)) for part in (near, kept_prefixes, new_suffixes)]
+    current[0][1][:] &= _before_cut(near.photon, near.bounce, kept_prefixes.photon, kept_prefixes.bounce)
     beside, *on_mobiles = (
-        picked([(part, np.flatnonzero(sees[o])) for part, sees in current], model.threads)
+        copy_selected([(part, np.flatnonzero(sees[o])) for part, sees in current], model.threads)
         for o in range(len(at.position) if wanted.mobiles else 1)
     )
     return beside, tuple(on_mobiles)
 
 
 def _cuts(model: Model, at: Transforms, near: Segments) -> tuple[np.ndarray, np.ndarray]:
-    """Return what nearest_mobile() does, a share of the segments a thread."""
+    """Return the results of nearest_mobile() for all segments, on all threads."""
     cut, cut_side = np.empty(near.size, np.float32), np.empty(near.size, np.int32)
 
     def work(_, first, last):
@@ -126,7 +138,7 @@ def _cuts(model: Model, at: Transforms, near: Segments) -> tuple[np.ndarray, np.
 
 
 def _first_of_each(photon: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return the first of the rows of each photon; rows are photon-major already."""
+    """Return the first row of each photon; rows are photon-major."""
     p = photon[rows]
     return rows[np.concatenate([[True], p[1:] != p[:-1]])] if len(rows) else rows
 
@@ -139,22 +151,25 @@ def _before_cut(photon, bounce, cut_photon, cut_bounce) -> np.ndarray:
     return (cut_photon[k] != photon) | (bounce < cut_bounce[k])
 
 
-def _branches(model: Model, at: Transforms, seed: int, heads: Segments, cut: np.ndarray, tails: Tails):
-    """Follow cut photons off the mobiles, a share of them a thread.
+def _new_suffixes(
+    model: Model, at: Transforms, seed: int, kept_prefixes: Segments, cut: np.ndarray, removed_suffixes: RemovedSuffixes
+):
+    """Trace cut photons off the mobiles, on all threads.
 
-    Returns where they hit them (n, 3) float32, their branches, and the fates of their flux, less those of the tails.
+    Returns the positions (n, 3) float32 of the cuts, the new suffixes, and the fates of their flux minus those of the
+    removed suffixes.
     """
 
     def work(_, first, last):
         part, fates = slice(first, last), no_flux()
-        ended = Segments(*(a[part] for a in heads))
+        ended = Segments(*(a[part] for a in kept_prefixes))
         hit, rays = reflected(model.world, at, seed, ended, cut[part], fates)
-        branches = follow(model.accelerator, model.world, at, seed, model.eps, rays, fates)
-        _subtract_background_fates(tails.of(part), fates)
-        return hit, branches, fates
+        new_suffixes = follow(model.accelerator, model.world, at, seed, model.eps, rays, fates)
+        _subtract_background_fates(removed_suffixes.of(part), fates)
+        return hit, new_suffixes, fates
 
-    hits, branches, fates = zip(*run_ranges(work, heads.size, model.threads, FOLLOW_GRAIN), strict=True)
-    return np.concatenate(hits), concatenate(list(branches)), _together(fates)
+    hits, new_suffixes, fates = zip(*run_ranges(work, kept_prefixes.size, model.threads, FOLLOW_GRAIN), strict=True)
+    return np.concatenate(hits), concatenate(list(new_suffixes)), _together(fates)
 
 
 def _together(fates) -> Fates:
@@ -162,9 +177,9 @@ def _together(fates) -> Fates:
 
 
 def current_segments(model: Model, at: Transforms, seed: int, first: int, count: int) -> tuple[Segments, Fates]:
-    """Trace photons first .. first + count - 1 from scratch, with the mobiles where they are.
+    """Trace photons first .. first + count - 1 from scratch at the poses `at`.
 
-    Knows nothing of background, cuts or tails: what every frame must equal.
+    Independent of background and cuts: every frame must equal this.
     """
 
     def work(_, a, b):
@@ -176,34 +191,34 @@ def current_segments(model: Model, at: Transforms, seed: int, first: int, count:
     return concatenate(list(segments)), _together(fates)
 
 
-class Heads:
-    """Counts what photons carry where a mobile first cuts them, of current segments traced from scratch."""
+class CutFlux:
+    """Sum of the flux of photons at their cuts, from current segments traced from scratch."""
 
     def __init__(self):
         self.flux = self.count = 0
 
     def split_off(self, segments: Segments) -> Segments:
-        """Return those behind a cut; segments: all current ones of some photons."""
+        """Add the flux at the cuts; return the segments behind cuts. segments: all current ones of some photons."""
         cut = np.flatnonzero(segments.cut_side != NONE)
         photon = segments.photon - segments.photon.min(initial=0)
         first = np.full(photon.max(initial=-1) + 1, MAX_SEGMENTS, np.int64)
         np.minimum.at(first, photon[cut], segments.bounce[cut])
-        heads = cut[segments.bounce[cut] == first[photon[cut]]]
-        self.flux += int(segments.flux[heads].sum(dtype=np.int64))
-        self.count += len(heads)
+        kept_prefixes = cut[segments.bounce[cut] == first[photon[cut]]]
+        self.flux += int(segments.flux[kept_prefixes].sum(dtype=np.int64))
+        self.count += len(kept_prefixes)
         return take(segments, segments.bounce > first[photon])
 
 
-def _subtract_background_fates(tails: Tails, fates: Fates) -> None:
-    """Take what the background path did with the flux of cut photons, behind the cut, out of `fates`."""
-    sums, paths = np.zeros((3, 3), np.int64), tails.paths
-    _fates_behind(paths.offsets, paths.side, paths.flux, tails.photon, tails.vertex, sums)
+def _subtract_background_fates(removed_suffixes: RemovedSuffixes, fates: Fates) -> None:
+    """Subtract the fates of the removed suffixes' flux from `fates`."""
+    sums, paths = np.zeros((3, 3), np.int64), removed_suffixes.paths
+    _fates_behind(paths.offsets, paths.side, paths.flux, removed_suffixes.photon, removed_suffixes.vertex, sums)
     add_to(fates, sums, -1)
 
 
 @kernel
 def _fates_behind(offsets, side, flux, photons, vertices, sums):
-    """Add up what became of the flux behind some vertices: of what was lost on the way, and at the end."""
+    """Add the fates of background flux behind the given vertices to `sums`: flux lost per bounce, and at the end."""
     for j in range(len(photons)):
         end = offsets[photons[j] + 1] - 1
         fate = 1 if side[end] < 0 else (2 if end - offsets[photons[j]] >= MAX_SEGMENTS else 0)

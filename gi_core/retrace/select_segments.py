@@ -1,6 +1,6 @@
-"""Which segments pass which boxes: those of the mobiles, padded by the reach of a disc, and others that are wanted.
+"""Culling of segments against boxes: those of mobiles, padded by the reach of a disc, and given ones.
 
-So many lie near a mobile that looking at them and copying those that pass is worth a share for each thread.
+Segments near a mobile are many, so tests and copies run on all threads.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from gi_core.rays.accelerator import Transforms, passes_box, to_local
 from gi_core.rays.two_level import CUT_PAD
 from gi_core.retrace.broad_phase import PAD
 
-GRAIN = 2048  # segments a thread
+GRAIN = 2048  # segments per thread
 
 
-def passing(model: Model, at: Transforms, segments: Segments, reach: float | None, boxes: np.ndarray) -> np.ndarray:
-    """Return (1 + mobiles, n) bool: which lines of segments pass one of the boxes, and which pass each mobile's box.
+def select(model: Model, at: Transforms, segments: Segments, reach: float | None, boxes: np.ndarray) -> np.ndarray:
+    """Return (1 + mobiles, n) bool: row 0, the lines that pass any of the boxes; row o, those that pass mobile o's box.
 
-    reach: [m], by which mobiles' boxes grow, None: nobody asks for those; boxes: (b, 2, 3) float64 [m], corners low and
+    reach: growth of the mobiles' boxes [m], None leaves their rows False. boxes: (b, 2, 3) float64 [m], corners low and
     high.
     """
     size = model.world.size
@@ -47,8 +47,8 @@ def _pass(origin, end, R, p, low, high, pad, first, last, out):
         out[k] |= passes_box(ox, oy, oz, ex, ey, ez, low, high, pad)
 
 
-def picked(parts: list[tuple[Segments, np.ndarray]], threads: int) -> Segments:
-    """Return some segments of each part, one part after the other; `parts`: segments and the rows (n,) int64 wanted."""
+def copy_selected(parts: list[tuple[Segments, np.ndarray]], threads: int) -> Segments:
+    """Return the given rows (n,) int64 of the segments of each part, concatenated, copied on all threads."""
     out, at = empty_segments(sum(len(rows) for _, rows in parts)), 0
     for segments, rows in parts:
 

@@ -116,7 +116,7 @@ def test_a_mobile_in_mid_air_costs_nothing(monkeypatch):
     assert not cast and not len(wanted.boxes) and not wanted.around.any()
     solver.move("body", Pose((0.0, 0.0, 0.4)))
     assert solver.control_facts == resting._replace(stale=0, on_mobiles=0)
-    assert solver.frame_parts().change.beside.size == 0 and solver.changes.photons_cut > 0
+    assert solver.frame_parts().change.near_boxes.size == 0 and solver.changes.photons_cut > 0
 
 
 def test_contact_on_a_mobile_is_looked_for_only_where_its_light_is_that_of_photons():

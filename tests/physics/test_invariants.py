@@ -116,13 +116,15 @@ def test_the_comparison_catches_mutations(monkeypatch, estimator, mutation):
     def mutated(*arguments):
         frame = real(*arguments)
         skipped = mutation == "a branch skipped"
-        segments = frame.branches if skipped else frame.tails.segments()
+        segments = frame.new_suffixes if skipped else frame.removed_suffixes.segments()
         # A photon may miss all discs, and k-nearest may not look as far as its hits: take some more.
         deposited = np.unique(segments.photon[segments.hit_side >= 0])
         victims = deposited[: 12 if estimator == "photon_map" else 4]
         if skipped:
-            return frame._replace(branches=take(segments, ~np.isin(segments.photon, victims)))
-        return frame._replace(tails=frame.tails.of(~np.isin(frame.tails.photon, victims)))
+            return frame._replace(new_suffixes=take(segments, ~np.isin(segments.photon, victims)))
+        return frame._replace(
+            removed_suffixes=frame.removed_suffixes.of(~np.isin(frame.removed_suffixes.photon, victims))
+        )
 
     monkeypatch.setattr(gi_core.frames.frame, "change", mutated)
     solver = solved(estimator=estimator)

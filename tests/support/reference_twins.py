@@ -1,4 +1,4 @@
-"""The naive twin of the solver: loops, and no idea of background, cuts or tails.
+"""The naive twin of the solver: loops, and no background, cuts or suffixes.
 
 Every photon is traced through static part and mobiles on every bounce, every segment is tried on
 every receiver. Shared with the solver are only the two-level nearest hit, the sampling functions,

@@ -120,7 +120,7 @@ def naive_sums() -> Row:
     def read(sums, area):
         return (sums * scale / area[:, None])[static]
 
-    parts = [estimate.from_scratch([s], frame.at) for s in (frame.tails.segments(), frame.branches)]
+    parts = [estimate.from_scratch([s], frame.at) for s in (frame.removed_suffixes.segments(), frame.new_suffixes)]
     lost, gained = (read(e.sums, e.area) for e in parts)
     before = read(*estimate.background(solver.photons_traced))
     naive = before - lost + gained

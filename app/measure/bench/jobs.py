@@ -25,7 +25,7 @@ def measure(settings: Settings, bar: Bar) -> list[tuple[str, int, int, dict[str,
         seconds = {}
         for search in SEARCHES:
             made = SearchTrial(search, job.discs).run(job.lines)
-            seconds[search] = best_seconds(made if not job.anew else _made_anew(search, job))
+            seconds[search] = best_seconds(made if not job.rebuilt else _made_anew(search, job))
         out.append((job.name, len(job.discs.positions), len(job.lines.low), seconds))
     return out
 

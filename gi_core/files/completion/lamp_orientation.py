@@ -16,7 +16,7 @@ SEED = 0x1A3B
 SAMPLES = 64  # rays from each side of a lamp
 NEAR, NEAR_OWN = 0.01, 0.25  # of the scene's extent, of the root of the lamp's area: what is nearer blocks a side
 BLOCKED, OPEN = 0.9, 0.5  # share of the rays that hit something near, or the lamp itself
-LIFT = 1e-5  # of the extent: clears the lamp's own face
+LAMP_LIFT = 1e-5  # of the extent: clears the lamp's own face
 
 
 def facing_the_scene(scene: Scene) -> tuple[Scene, Rays | None]:
@@ -62,7 +62,7 @@ def _blocked(mesh: Mesh, rays: Rays, own, normals, areas, rng) -> float:
     u, v = np.sort(rng.random((2, SAMPLES)), axis=0)
     a, b, c = (mesh.vertices[mesh.faces[pick, k]] for k in range(3))
     n = normals[pick]
-    origins = a * u[:, None] + b * (v - u)[:, None] + c * (1 - v)[:, None] + n * LIFT * rays.extent
+    origins = a * u[:, None] + b * (v - u)[:, None] + c * (1 - v)[:, None] + n * LAMP_LIFT * rays.extent
     d = cosine(n, rng)
     t, face = rays.hits(origins, d)
     # Above the lamp's own plane: a slanting ray under a ceiling goes far before it hits that.

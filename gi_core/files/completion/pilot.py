@@ -21,7 +21,7 @@ RAYS = 6000  # paths; with BOUNCES segments each some 20,000 hits
 BOUNCES = 4
 SEED = 0x5EED
 LANDINGS = 4  # places tried for each that sun or sky shall reach
-LIFT = 1e-5  # of the extent: clears the face that a ray starts on, in float32
+PILOT_LIFT = 1e-5  # of the extent: clears the face that a ray starts on, in float32
 
 
 class Box(NamedTuple):
@@ -74,7 +74,7 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
         sides.append(n * facing[:, None])
         np.add.at(side_hits, (face[landed], (facing < 0).astype(int)), 1)
         n = (n * facing[:, None])[go_on]
-        origins = points[go_on] + n * LIFT * rays.extent
+        origins = points[go_on] + n * PILOT_LIFT * rays.extent
         directions = cosine(n, rng)
     found, facing = (np.concatenate(a) if a else np.zeros((0, 3)) for a in (hits, sides))
     low, high = rays.low, rays.high
@@ -181,4 +181,4 @@ def _from_faces(mesh, rays: Rays, normals, weight, rng, n: int):
     u, v = np.where(flip, 1 - u, u), np.where(flip, 1 - v, v)
     a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
     up = normals[face]
-    return a + u * (b - a) + v * (c - a) + up * LIFT * rays.extent, cosine(up, rng), up
+    return a + u * (b - a) + v * (c - a) + up * PILOT_LIFT * rays.extent, cosine(up, rng), up

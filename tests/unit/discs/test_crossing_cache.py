@@ -1,4 +1,4 @@
-"""What the background crosses is found once: tails are looked up, and nothing shows that they were not searched for."""
+"""Disc intersections of the background are cached: removed suffixes are looked up, with the bits of a search."""
 
 from __future__ import annotations
 
@@ -126,8 +126,8 @@ def test_threads_and_parts_do_not_show(monkeypatch):
 def test_the_comparison_sees_a_cut_that_is_elsewhere(off, monkeypatch):
     real = Crossings.take_out
 
-    def shifted(self, tails, *others):
-        real(self, tails._replace(low=(tails.low + np.float32(off)).astype(np.float32)), *others)
+    def shifted(self, removed_suffixes, *others):
+        real(self, removed_suffixes._replace(low=(removed_suffixes.low + np.float32(off)).astype(np.float32)), *others)
 
     monkeypatch.setattr(Crossings, "take_out", shifted)
     solver = solver_of(control=False)

@@ -7,7 +7,7 @@ import pytest
 
 from gi_core.estimators.tangent_plane import TangentPlane
 from gi_core.frames.frame_budget import FrameTimes
-from gi_core.photons.prefixes import LOWEST, Ladder, next_rung
+from gi_core.photons.prefixes import LOWEST, SubsetStore, next_level
 from gi_core.scene import Pose, SceneError
 from gi_core.scene.pose import axis_angle
 from gi_core.solver import Solver
@@ -87,12 +87,12 @@ def test_one_slow_frame_does_not_show():
 
 
 def test_rungs_stay_and_other_counts_go():
-    ladder = Ladder()
+    ladder = SubsetStore()
     for n in (LOWEST, 5000, 2 * LOWEST, 10_000):
         ladder[n] = n
     assert sorted(ladder) == [LOWEST, 2 * LOWEST, 10_000]
-    assert next_rung(0) == LOWEST
-    assert next_rung(LOWEST) == 2 * LOWEST
+    assert next_level(0) == LOWEST
+    assert next_level(LOWEST) == 2 * LOWEST
 
 
 @pytest.mark.parametrize("what", ["frame", "background"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.retrace.broad_phase import PAD, Room, find_near
+from gi_core.retrace.broad_phase import PAD, ScanBuffers, find_near
 from gi_core.scene.types import Pose
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room
@@ -26,7 +26,7 @@ def test_all_that_pass_near_are_found_in_order_and_hardly_others(solved, place, 
     model = solved.model
     at = model.transforms({"one": Pose(place), "two": Pose((0.8, 0.2, 0.7))})
     paths, coarse = solved.frame_parts().photons.prefix(photons)
-    found_photon, found = find_near(model.world, coarse, at, MARGIN, Room(), threads=1)
+    found_photon, found = find_near(model.world, coarse, at, MARGIN, ScanBuffers(), threads=1)
 
     first = np.setdiff1d(np.arange(len(paths.side)), paths.offsets[1:] - 1)  # vertices that start a segment
     o, d = paths.position[first].astype(float), np.diff(paths.position, axis=0)[first].astype(float)
@@ -49,5 +49,5 @@ def test_all_that_pass_near_are_found_in_order_and_hardly_others(solved, place, 
 def test_room_for_what_is_found_grows(solved):
     paths, coarse = solved.frame_parts().photons.prefix(4000)
     at = solved.model.transforms({"one": Pose((0.5, 0.5, 0.5)), "two": Pose((0.5, 0.5, 0.5))})
-    _, all_of_them = find_near(solved.model.world, coarse, at, 10.0, Room(), threads=1)
+    _, all_of_them = find_near(solved.model.world, coarse, at, 10.0, ScanBuffers(), threads=1)
     assert len(all_of_them) == len(paths.side) - 4000 > 4096
