@@ -329,9 +329,9 @@ class Solver:
         Used by frames where `light` is "best". May be abandoned between steps and begun again;
         state: what `gathered.state` of an earlier run was, for the same scene and seed. Raises ValueError for another.
         """
-        g = self._source.gather(self._photons_at_rest, state)
+        g = self._source.gather(state)
         yield from self._look_at_gathered(g)
-        for new in g.steps():
+        for new in g.steps(self._photons_at_rest):
             if new:
                 yield from self._look_at_gathered(g)
             else:

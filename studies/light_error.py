@@ -79,8 +79,8 @@ def gathered_light(solver, rounds: int) -> tuple[np.ndarray, np.ndarray, float]:
     """Gather whole rounds; return the light (R, 3) before smoothing and after, and the noise told of the first."""
     from gi_core.gather.static import StaticGather
 
-    g = StaticGather(solver.model, solver.seed, lambda: None)  # whole paths alone
-    for new in g.steps():
+    g = StaticGather(solver.model, solver.seed)
+    for new in g.steps(lambda: None):  # whole paths alone
         if new and g.state.sets.min() >= rounds:
             break
     return g.state.mean.copy(), g.mean, g.noise

@@ -187,7 +187,7 @@ def directions(normals: np.ndarray) -> np.ndarray:
     r, angle = np.sqrt((k + 0.5) / DIRECTIONS), k * np.pi * (3 - np.sqrt(5))
     local = np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1 - r * r)], axis=1)
     across = np.cross(normals, np.where(np.abs(normals[:, :1]) > 0.5, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)))
-    across /= np.sqrt((across * across).sum(axis=1))[:, None]
+    across /= np.maximum(np.sqrt((across * across).sum(axis=1)), 1e-30)[:, None]  # no normal: no faces with area
     frames = np.stack([across, np.cross(normals, across), normals], axis=1)
     return (local @ frames).astype(np.float32)
 

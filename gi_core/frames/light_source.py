@@ -63,13 +63,13 @@ class LightSource:
         """Whether frames start from gathered static light: it is asked for, and has less noise than the photons."""
         return self.light == "best" and not self.prefix_only and self._less_noise
 
-    def gather(self, photons, state: Gathered | None) -> StaticGather:
+    def gather(self, state: Gathered | None) -> StaticGather:
         """Return the gathering of the static light, begun with `state` or gone on with; arguments as of StaticGather.
 
         Raises ValueError for the state of another scene.
         """
         if self.gathered is None or state is not None:
-            self.gathered = StaticGather(self._model, self._seed, photons, state)
+            self.gathered = StaticGather(self._model, self._seed, state)
         return self.gathered
 
     def compare(self, shown: Background | None) -> bool:

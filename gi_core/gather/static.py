@@ -33,13 +33,8 @@ class StaticGather:
     deviation (n,) [W/m2], the standard error of its luminance; state: the whole paths so far, or None.
     """
 
-    def __init__(
-        self, model: Model, seed: int, photons: Callable[[], np.ndarray | None], state: Gathered | None = None
-    ):
-        """photons() returns these receivers' irradiance (n, 3) by photons so far, or None.
-
-        state: of an earlier run with the same scene and seed. Raises ValueError for the state of another scene.
-        """
+    def __init__(self, model: Model, seed: int, state: Gathered | None = None):
+        """state: of an earlier run with the same scene and seed. Raises ValueError for the state of another scene."""
         rows = model.surfaces.receiver_range(0)
         points, normals = evaluation_points(model.surfaces, model.object_receivers)
         self.weights = model.object_receivers.areas[rows].copy()
@@ -48,7 +43,7 @@ class StaticGather:
         self._paid = self.weights.copy()
         # Probes have no area, but are read.
         self._paid[model.first_probe :] = self._paid.mean() if len(self._paid) else 0.0
-        self._model, self._seed, self._photons = model, seed, photons
+        self._model, self._seed = model, seed
         self._points = points[rows], normals[rows]
         self._final = FinalGather(model, seed, *self._points, self._paid)
         self._near = neighbours(model.corners(0), rows.stop)
@@ -67,21 +62,22 @@ class StaticGather:
         """Share of the way to ENOUGH, 0 .. 1: noise falls with the root of the paths. 0 before the second round."""
         return min((ENOUGH / self._left) ** 2, 1.0) if self._left > 0 else 1.0
 
-    def steps(self) -> Iterator[bool | None]:
+    def steps(self, photons: Callable[[], np.ndarray | None]) -> Iterator[bool | None]:
         """Gather until it is enough, in steps of some 30 ms; yields True where `mean` is new.
 
-        May be dropped between steps and begun again, with the same result.
+        photons() returns the irradiance (n, 3) of these receivers by photons so far, or None. May be dropped between
+        steps and begun again, with the same result.
         """
         if not self.enough:
-            yield from self._single_bounces()
+            yield from self._single_bounces(photons)
             yield from self._whole_paths()
 
-    def _single_bounces(self) -> Iterator[bool | None]:
+    def _single_bounces(self, photons: Callable[[], np.ndarray | None]) -> Iterator[bool | None]:
         f = self._final
         known = np.inf if self.state is None else self.state.noise(self.weights)
-        if self._photons() is None or not min(known, f.noise) > LOW * ENOUGH:
+        if photons() is None or not min(known, f.noise) > LOW * ENOUGH:
             return
-        for new in f.steps(lambda: self._known(self._photons())):
+        for new in f.steps(lambda: self._known(photons())):
             yield False
             if new and f.noise < self.noise:
                 yield from self._take_over(f.mean, f.standard_error, f.noise)

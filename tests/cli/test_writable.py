@@ -64,7 +64,7 @@ def test_without_a_folder_for_kernels_it_says_so_and_works(tmp_path):
     (tmp_path / "cache").write_text("")
     code = (
         "import json, os, numpy as np\n"
-        "from gi_core import jit\n"
+        "from gi_core.base import jit\n"
         "from gi_core.base.grouping import components\n"
         "components(np.zeros((1, 2), np.int64), 2)\n"
         "print(json.dumps([jit.CACHE_PROBLEM, os.environ['NUMBA_CACHE_DIR'], len(os.listdir(jit.cache_folder()))]))\n"

@@ -76,7 +76,7 @@ def test_generators_give_the_committed_paths(generator):
 
 def test_loading_a_scene_file_imports_no_trimesh():
     code = (
-        "import sys, gi_core.scene as s; assert 'trimesh' not in sys.modules; "
+        "import sys, gi_core.files.load as s; assert 'trimesh' not in sys.modules; "
         "s.load_scene('cornell'); assert 'trimesh' not in sys.modules"
     )
     root = Path(str(resources.files("scenes"))).parent

@@ -101,7 +101,7 @@ def small_surfaces() -> Iterator[Row]:
     field = scene(joined(*meshes), (BLACK._replace(reflectance=(0.5,) * 3),), (2, -2, 2.2), (2, 2.2, 0), (SUN,))
     map_ = {"estimator": "photon_map", "neighbours": 10_000, "radius": 0.5, "border_correction": False}
     plane = {"estimator": "tangent_plane", "radius": 0.2}
-    measured, helped = ratios(field, 150_000, [near(*corners[s]) for s in sizes], [map_, plane])
+    measured, helped = ratios(field, 500_000, [near(*corners[s]) for s in sizes], [map_, plane])
     for s, m, h in zip(sizes, measured, helped, strict=True):
         yield Row(
             f"small_{s:g}",
@@ -111,7 +111,7 @@ def small_surfaces() -> Iterator[Row]:
             m,
             "tangent_plane",
             h,
-            view=View(field, 150_000, map_, plane) if s == 0.3 else None,
+            view=View(field, 500_000, map_, plane) if s == 0.3 else None,
             title="A photon map on a small surface",
         )
 

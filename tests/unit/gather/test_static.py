@@ -158,7 +158,7 @@ def test_where_photons_put_the_light_is_forgotten_but_not_how_much_there_is():
     wrong *= (solver.receivers.areas @ right) / (solver.receivers.areas @ wrong)
 
     def gathered_over(photons, fed: bool):
-        g = static.StaticGather(solver.model, 0, lambda: photons)
+        g = static.StaticGather(solver.model, 0)
         for new in g._final.steps(lambda: g._known(photons) if fed else photons):
             if new and g._final.paths > 1000:
                 return g._final.mean, g.weights @ g._known(photons)

@@ -135,13 +135,25 @@ def test_a_trial_foretells_what_more_photons_do(solver, monkeypatch):
     monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 60_000)
     large = finished(trial(judge, sticks, radius=0.08))
     assert law.error(60_000) == pytest.approx(math.sqrt(large.alone[-1]), rel=0.5)
-    few, many = large.moving[:2] / large.alone[:2], large.moving[2:] / large.alone[2:]
-    # Squared errors. Sobol points leave less noise to remove than a lattice did, where photons are 16,384.
-    assert (few < 1.0).all() and few.min() < 0.8, "the static light of all photons helps"
-    assert (many < 1.1).all(), "a half of the photons has little to gain, and what chance may have made is left out"
     assert np.array_equal(solver.irradiance, before), "trials leave the solver alone"
     solver.move_all({})
     assert np.array_equal(solver.irradiance, before)
+
+
+def test_the_static_light_of_all_photons_helps_frames_of_few(monkeypatch):
+    """Squared errors, summed over four seeds: at one seed the ratio of few receivers scatters from 0.8 to 1.5."""
+    monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 60_000)
+    alone, moving = np.zeros(5), np.zeros(5)
+    for seed in range(4):
+        solver = Solver(SCENE, photons=60_000, radius=0.08, seed=seed)
+        solver.solve()
+        judge = solver.twin()
+        sticks = finished(yardsticks(judge, [{"box": Pose((0.55, 0.5, 0.35))}]))
+        large = finished(trial(judge, sticks, radius=0.08))
+        alone, moving = alone + large.alone, moving + large.moving
+    ratio = moving / alone
+    assert (ratio[:2] < 0.8).all(), "few photons gain"
+    assert (ratio[2:] < 1.1).all(), "a quarter of them and more have little to gain, and shrinkage costs little"
 
 
 def test_tuning_ends_in_a_choice_that_the_solver_takes(solver, monkeypatch):
@@ -177,7 +189,8 @@ def test_the_command_prints_trials_and_choice(monkeypatch, capsys):
 
 
 def test_the_printed_command_line_opens_the_window_with_the_choice():
-    from app.__main__ import parse, settings_of
+    from app.__main__ import parse
+    from app.cli.options import settings_of
     from app.commands.tune import command_line
     from app.rest.tuning import Tuned
     from app.settings import Settings
