@@ -3,7 +3,7 @@
 With k hits inside, E = flux of the k - 1 nearest / (pi r_k^2): the k-th only says how far they
 reach, which makes the density unbiased (Garcia, Urena, Sbert 2012). The setting `textbook` counts it too,
 which overestimates by k / (k - 1). With fewer than k, E = flux of all / (pi radius^2).
-(Photons on a lattice are more regular than chance: measured 1 / 2k low instead of unbiased.)
+(Photons of a Sobol sequence lie more evenly than independent ones, which makes the estimate up to 1 / 2k low.)
 Eq. 2.8 is false here: r_k depends on the whole set, so a frame estimates again each receiver that a
 changed hit concerns. Distances are those in the world.
 

@@ -96,7 +96,7 @@ def test_what_is_gathered_without_a_place_to_keep_it_is_used_all_the_same(monkey
     assert program.main(["render", *asked]) == 0 and out.exists()
 
     solver = Solver(coloured_room(), photons=100)
-    truth = Truth(solver, solver.poses, np.arange(3))
+    truth = Truth(solver, solver.poses, np.arange(3), np.ones(3))
     while truth.rounds < 2:
         truth.step()
     truth.keep()

@@ -57,7 +57,7 @@ def sparks() -> Iterator[Row]:
             found,
             "none needed",
             None,
-            known=1e-3,  # what leaves within 1e-4 of the horizon, and an uneven lattice
+            known=1e-3,  # what leaves within 1e-4 of the horizon, and what Sobol points leave uneven
             what="flux that arrives / half of that emitted",
             view=View(ground, 5000, SETTING, None, "tangent_plane, the light 0.1 mm over the floor")
             if height == 1e-4

@@ -53,7 +53,7 @@ def textbook() -> Iterator[Row]:
             "count k - 1 hits: `textbook` off, as by default",
             unbiased,
             known=1e-6,
-            aim_known=0.5 / k,  # lattice photons lie more evenly than chance: k - 1 of them are too few
+            aim_known=0.5 / k,  # Sobol photons lie more evenly than chance: k - 1 of them are too few
             cost="none",
             what="E / E of the unbiased form",
             view=View(field, 200_000, {**map_, "textbook": True}, map_) if k == 5 else None,
@@ -70,7 +70,7 @@ def small_faces() -> Iterator[Row]:
         for i, (w, h) in enumerate(s for s in shapes.values() for _ in range(5))
         for j in range(copies // 5)
     ]
-    # Not parallel light: its lattice photons lie more evenly than chance, by half where a face holds ten of them.
+    # Not parallel light: its photons lie more evenly than chance, by half where a face holds ten of them.
     sky = SkyLight("sky", (1 / math.pi,) * 3)
     field = scene(joined(*meshes), (BLACK,), (4.5, -3, 3.5), (4.5, 2.5, 0), (sky,))
     spread = {name: [] for name in shapes}

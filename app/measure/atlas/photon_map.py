@@ -14,7 +14,7 @@ from gi_core.scene import DirectionalLight
 SUN = DirectionalLight("sun", (0, 0, -1), (1.0, 1.0, 1.0))
 COPIES = 12
 NEIGHBOURS = 50
-HALF_A_HIT = 0.5 / NEIGHBOURS  # share: lattice photons lie more evenly than chance, k - 1 of them are that much too few
+HALF_A_HIT = 0.5 / NEIGHBOURS  # share: Sobol photons lie more evenly than chance, k - 1 of them are that much too few
 KINDS = [("isolated", a) for a in (30, 60, 90, 120)] + [("fan", a) for a in range(60, 331, 30)] + [("interior", 360)]
 SPACING = 2.2
 

@@ -172,7 +172,7 @@ def smaller_and_smaller() -> Iterator[Row]:
             Number(float(np.mean(spread)), float(error), seeds * int(inner.sum())),
             "a larger radius, or more photons by its square",
             None,
-            known=0.03 * expected,  # a photon crosses a disc more than once; lattices are a little more even
+            known=0.03 * expected,  # a photon crosses a disc more than once; Sobol photons lie a little more evenly
             what="standard deviation of E / truth",
             view=View(room, photons, {**CONTROL, "radius": radius}, {**CONTROL, "radius": 0.1})
             if radius == 0.02

@@ -102,7 +102,7 @@ def test_noise_of_even_light_is_that_of_counting():
     density = 1 / (math.pi * model.emitters.parameters[0, 6] ** 2)  # photons start on a disc that covers all
     assert np.median(lit.density) == pytest.approx(density, rel=0.1)
     expected = density * math.pi * 0.1**2 * 10_000
-    counting = predict_error.LATTICE * math.sqrt(2 / math.pi / expected)
+    counting = predict_error.SOBOL * math.sqrt(2 / math.pi / expected)
     assert predict_error.noise(lit, 0.1, 10_000) == pytest.approx(counting, rel=0.1)
     assert predict_error.noise(lit, 0.1, predict_error.photons_for(lit, 0.1, 0.03)) == pytest.approx(0.03)
 
