@@ -1,4 +1,4 @@
-"""Whether a file can be written, asked before the work that would be lost and not after it."""
+"""Files that can be written, checked before the work and not after it; files that are whole or not there."""
 
 from __future__ import annotations
 
@@ -39,3 +39,10 @@ def _try(file: Path) -> None:
     """Make a file and take it away. Asking for permissions is not enough: a file system may be read-only, or full."""
     file.touch()
     file.unlink()
+
+
+def write_whole(file: Path, text: str) -> None:
+    """Replace a text file at once: readers and interrupts find the old file or the new one. Raises OSError."""
+    part = file.with_name(file.name + ".part")
+    part.write_text(text, encoding="utf-8", newline="")
+    os.replace(part, file)

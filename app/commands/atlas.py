@@ -1,4 +1,4 @@
-"""`gi-viewer atlas`: the failures of each method, as predicted and as measured."""
+"""`gi-viewer atlas`: failures of each method, as predicted and as measured."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from app.cli.exit_codes import OK
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where index.html and atlas.md go")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of index.html")
 
 
 def run(arguments: argparse.Namespace) -> int:
     from app.measure.atlas.command import atlas
 
-    atlas(arguments.out)
-    print((arguments.out / "atlas.md").read_text(encoding="utf-8"))
+    print(atlas(arguments.out).resolve())
     return OK

@@ -8,7 +8,6 @@ from pathlib import Path
 from app.cli import options, values
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
-from app.commands import atlas
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -16,23 +15,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.light(parser, "estimator", "photons", "radius", "neighbours", "control", "search", "seed")
     options.picture(parser, "exposure")
     add = options.measuring(parser)
-    add(
-        "--out",
-        type=Path,
-        default=Path("chart"),
-        metavar="DIR",
-        help="folder of results.csv, chart.svg, index.html (chart)",
-    )
+    add("--out", type=Path, default=Path("chart"), metavar="DIR",
+        help="folder of results.csv, chart.svg, index.html (chart)")  # fmt: skip
     add("--quick", action="store_true", help="few settings, frames and receivers: a minute")
-    add("--atlas", action="store_true", help="instead, of no scene: where each method fails (as gi-viewer atlas)")
-    add("--frames", type=values.positive_int, metavar="N", help="timed frames along the path a setting (40)")
-    add("--points", type=values.positive_int, metavar="N", help="receivers a pose whose error is taken (1500)")
+    add("--frames", type=values.positive_int, metavar="N", help="timed frames per setting, along the path (40)")
+    add(
+        "--points", type=values.positive_int, metavar="N", help="receivers per pose at which errors are measured (1500)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     a = arguments
-    if a.atlas:
-        return atlas.run(a)
     from app.measure.chart.command import chart
 
     print(chart(settings_of(a), a.out, a.quick, a.frames, a.points))

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import base64
 import io
-import os
 from collections.abc import Iterable, Sequence
 from html import escape
-from pathlib import Path
 
 import numpy as np
 
@@ -65,10 +63,3 @@ def image(picture: np.ndarray, told: str) -> str:
     Image.fromarray(np.ascontiguousarray(picture)).save(data, "PNG", optimize=True)
     source = "data:image/png;base64," + base64.b64encode(data.getvalue()).decode()
     return f'<img src="{source}" alt="{escape(told)}" width="{picture.shape[1]}" height="{picture.shape[0]}">'
-
-
-def write(file: Path, text: str) -> None:
-    """Write a text file whole or not at all. Raises OSError."""
-    aside = file.with_name(file.name + ".part")
-    aside.write_text(text, encoding="utf-8")
-    os.replace(aside, file)

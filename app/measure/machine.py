@@ -1,4 +1,4 @@
-"""What a measurement was made on: memory held, the commit that ran."""
+"""Conditions of a measurement: memory, load, processor and commit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MB = 1e6
 
 
 def peak_rss_mb() -> float | None:
-    """Return the most memory this process has held [MB], None where the platform does not tell (Windows)."""
+    """Return the peak resident memory of this process [MB], None where it is unknown (Windows)."""
     try:
         import resource
     except ImportError:
@@ -20,17 +20,8 @@ def peak_rss_mb() -> float | None:
     return peak / MB if sys.platform == "darwin" else peak * 1024 / MB
 
 
-def rss_mb() -> float | None:
-    """Return the memory this process holds now [MB], None where the system has no /proc (all but Linux)."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-    except (OSError, ValueError, IndexError):
-        return None
-    return pages * os.sysconf("SC_PAGE_SIZE") / MB
-
-
 def load() -> float | None:
-    """Return how many threads wanted a core in the last minute, None where the system does not tell (Windows)."""
+    """Return the mean number of threads that ran or waited in the last minute, None where unknown (Windows)."""
     try:
         return os.getloadavg()[0]
     except (AttributeError, OSError):
@@ -38,7 +29,7 @@ def load() -> float | None:
 
 
 def processor() -> str:
-    """Return what the processor calls itself, else its architecture."""
+    """Return the name of the processor, else its architecture."""
     import platform
 
     try:
@@ -50,7 +41,7 @@ def processor() -> str:
 
 
 def commit() -> str | None:
-    """Return the commit that the program runs from, "-dirty" if changed since; None outside a checkout."""
+    """Return the commit of the checkout, "-dirty" if its files differ; None outside a checkout."""
     root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():  # installed: a repository around the environment is not ours
         return None

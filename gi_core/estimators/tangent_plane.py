@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
@@ -61,7 +60,6 @@ class TangentPlane:
         self._crossings = Crossings()  # of the background, with static receivers
         self._searches: list = []
         self._contact: ContactDiscs | None = None
-        self._apart: ContactDiscs | None = None  # one that finds nothing
         self._areas = self.area.copy()  # of the last frame ...
         self._differ = np.empty(0, np.int64)  # ... and where they are not `area`
         self._added = ThreadSums(len(self._background), model.threads)
@@ -145,18 +143,6 @@ class TangentPlane:
         out.sums[rows], out.brought[rows] = stale, NOT_ADDITIVE
         self.control_facts = self._contact.facts(met)
         return out
-
-    @contextmanager
-    def contact_switched(self, on: bool) -> Iterator[None]:
-        """Let frames meanwhile be computed with contact or, to see what it costs, as if objects did not meet."""
-        kept = self._contact
-        if not on:
-            self._apart = self._apart or ContactDiscs(self.model, self.radius, [s.discs for s in self._searches], False)
-            self._contact = self._apart
-        try:
-            yield
-        finally:
-            self._contact = kept
 
     def _areas_of(self, met: Met) -> np.ndarray:
         """Return the areas (R,) with these contacts, valid until the next call; few differ from `area`."""

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.discs.region import WHOLE, Regions, whole_discs
+from gi_core.discs.region import whole_discs
 from gi_core.discs.search import SEARCHES
-from gi_core.discs.search.predicate import Discs, Lines, lines, to_list
-from gi_core.geometry.sides import NONE
+from gi_core.discs.search.predicate import Discs, Lines, lines
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Sums
 from gi_core.photons.paths import Segments, concatenate, segments_of
 from gi_core.solver import Solver
-
-PROBES = (1, 8, 64)
 
 
 def static_discs(model: Model, radius: float, materials: Iterable[str] | None = None) -> Discs:
@@ -46,51 +42,13 @@ def photon_lines(solver: Solver, photons: int, radius: float) -> Lines:
 
 def frame_lines(solver: Solver, radius: float) -> Lines:
     """Return the removed and new suffixes of the solver's current frame, prepared for static discs."""
-    return _ready(
-        solver,
-        concatenate(
-            [solver.frame_parts().change.removed_suffixes.segments(), solver.frame_parts().change.new_suffixes]
-        ),
-        radius,
-    )
+    change = solver.frame_parts().change
+    return _ready(solver, concatenate([change.removed_suffixes.segments(), change.new_suffixes]), radius)
 
 
 def _ready(solver: Solver, segments: Segments, radius: float) -> Lines:
     at = solver.model.static
     return lines(segments, at.rotation[0], at.position[0], solver.model, radius)
-
-
-class FrameSearch(NamedTuple):
-    """Discs and lines of one search in a frame."""
-
-    name: str
-    discs: Discs
-    lines: Lines
-    rebuilt: bool  # the discs differ per frame, so building the search counts too
-
-
-def few_receivers(solver: Solver, probes: Iterable[int] = PROBES) -> list[FrameSearch]:
-    """Return searches over few discs, from the last frame of a solver with estimator tangent_plane.
-
-    They are: receivers of each mobile with the segments near it, stale static receivers with the segments near them,
-    and `probes` random receivers with all background segments.
-    """
-    frame, estimate, model = solver.frame_parts().change, solver.frame_parts().background.estimate, solver.model
-    at, jobs = frame.at, []
-    for o, near in enumerate(frame.near_mobiles, 1):
-        over = lines(near, at.rotation[o], at.position[o], model, solver.radius)
-        jobs.append(FrameSearch(model.names[o - 1], estimate._searches[o].discs, over, False))
-    contact = estimate._contact
-    beside = contact.static_discs(contact.met(at, mobiles=bool(frame.near_mobiles)))
-    jobs.append(FrameSearch("in contact", beside, _ready(solver, frame.near_boxes, solver.radius), True))
-    d, rng = estimate._searches[0].discs, np.random.default_rng(solver.seed)
-    over, listed = photon_lines(solver, frame.photons, solver.radius), np.flatnonzero(to_list(d))
-    for n in probes:
-        rows, alone = rng.choice(listed, n, replace=False), np.full(n, NONE, np.int32)
-        region = Regions(np.full(n, WHOLE, np.int32), d.regions.reach[:0], d.regions.area[rows])
-        few = Discs(d.positions[rows], d.normals[rows], np.full(n, NONE, np.int32), alone, d.radius, region)
-        jobs.append(FrameSearch("a probe" if n == 1 else f"{n} probes", few, over, False))
-    return [job for job in jobs if len(job.discs.positions) and len(job.lines.low)]
 
 
 class SearchTrial:

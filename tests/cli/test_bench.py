@@ -1,23 +1,24 @@
-"""`bench`: its numbers, the bounds beside them, memory that does not grow with the frames, ratios of two files."""
+"""`bench`: its numbers, the bounds beside them, and the history of fixed cases."""
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from app import __main__ as cli
 from app.draw import motion
-from app.measure.bench import command
-from app.measure.bench.compare import numbers
-from app.measure.bench.series import Series
+from app.measure.bench import command, history
+from app.measure.bench.row import measure_row
+from app.measure.bench.rows import Row
 from app.settings import STEP, Settings, make_solver, open_scene
 
 FAST = ["cornell", "--photons", "2000"]
 KEYS = """format scene triangles receivers photons estimator control radius threads processor commit frames frame_ms
-stages_ms bounds share_cut segments_changed us_per_cut_photon from_scratch_ms from_scratch_ratio first_frame_ms rss_mb
+stages_ms bounds share_cut segments_changed us_per_cut_photon from_scratch_ms from_scratch_ratio first_frame_ms
+peak_rss_mb
 bits_equal""".split()
 
 
@@ -46,7 +47,7 @@ def test_every_number_is_written_and_the_light_is_that_from_scratch(measured, es
     assert set(KEYS) <= set(n)
     assert n["bits_equal"] is True and n["frames"] == 24 and n["estimator"] == estimator and n["control"] is True
     f = n["frame_ms"]
-    assert 0 < f["min"] <= f["median"] <= f["p95"] <= f["max"] and f["first_tenth"] > 0 and f["last_tenth"] > 0
+    assert 0 < f["min"] <= f["median"] <= f["p95"] <= f["max"]
     assert 0 < f["cpu"] and (n["load"] is None or n["load"] >= 0)
     assert n["photons"] == 2000 and n["first_frame_ms"] > 0 and n["from_scratch_ms"] > 0 and n["stages_ms"]
     assert (n["photon_map"] is None) == (estimator != "photon_map")
@@ -61,7 +62,7 @@ def test_the_step_that_is_asked_for_is_gone(measured, monkeypatch):
     assert "one step of 0.2 % of the scene size" in "\n".join(command.table(n))
 
 
-def test_queries_of_photon_map_are_told_against_a_full_estimate(measured):
+def test_queries_of_photon_map_are_compared_with_a_full_estimate(measured):
     q = measured("--estimator", "photon_map")[0]["photon_map"]
     assert 0 < q["stale_share"] < 1 and q["queries"] > 0 and q["us_a_query"] > 0
     assert q["allowed_ms"] == pytest.approx(q["full_estimate_ms"] * q["stale_share"])
@@ -74,13 +75,12 @@ def test_artifact_control_is_switched_off_and_shown(measured, capsys):
     assert make_solver(open_scene(Settings()), Settings(photons=10, control=False)).setting.control is False
 
 
-def test_the_table_tells_frame_bound_and_memory(measured):
+def test_the_table_has_frame_bound_and_memory(measured):
     text = "\n".join(command.table(measured("--no-control")[0]))
     assert "GI frame" in text and "same bits     yes" in text
-    assert "x its bound" in text and "rays at" in text and "disc tests" in text and "GB a second" in text
+    assert "x its bound" in text and "rays at" in text and "disc tests" in text and "GB/s" in text
     busy = "\n".join(command.table({**measured("--no-control")[0], "load": 7.0}))
-    assert "7.0 threads wanted a core" in busy and "CPU" in busy
-    assert "first tenth" in text and "last tenth" in text
+    assert "7.0 threads ran or waited" in busy and "CPU" in busy
 
 
 def test_bounds_are_sums_of_their_work_and_below_what_was_measured(measured, estimator):
@@ -119,81 +119,34 @@ def test_bench_needs_a_mobile(capsys, monkeypatch):
     assert "--mobile FILE" in one_line(capsys.readouterr().err)
 
 
-# Memory ---------------------------------------------------------------------------------------------
+# History --------------------------------------------------------------------------------------------
 
 
-def test_a_series_keeps_a_bounded_number_of_its_numbers_and_its_extremes():
-    series, short = Series(room=64), Series(room=64)
-    values = np.random.default_rng(1).permutation(100_000).astype(float)
-    for v in values:
-        series.add(v)
-    assert len(series._kept) < 64 and series.count == 100_000
-    assert (series.min, series.max) == (0, 99_999)
-    assert series.median == pytest.approx(50_000, rel=0.35), "32 or more of the numbers, evenly spread"
-    place = series.place_of_median()
-    assert abs(values[place] - series.median) == min(abs(v - series.median) for v, _ in series._kept)
-    for v in range(63):
-        short.add(v)
-    assert short.median == 31 and short.quantile(1.0) == 62 and short.place_of_median() == 31, "all of few are kept"
+def test_the_history_has_a_row_per_case_and_run_and_is_drawn(tmp_path):
+    pytest.importorskip("matplotlib")
+    file = tmp_path / "history.csv"
+    cheap = [Row(e, Settings("cornell", photons=500, estimator=e), 3, {}) for e in ("impact_count", "tangent_plane")]
+    assert history.history(file, measured=cheap, run=measure_row) == [file]
+    assert history.history(file, True, cheap[:1], measure_row) == [file, tmp_path / "history.svg"]
+    with open(file, newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    assert [row["case"] for row in rows] == ["impact_count", "tangent_plane", "impact_count"]
+    for row in rows:
+        assert tuple(row) == history.COLUMNS and row["commit"] and row["processor"] and row["date"].startswith("20")
+        assert all(float(row[name]) > 0 for name in history.COLUMNS if name.endswith("_ms"))
+    assert "tangent_plane" in (tmp_path / "history.svg").read_text()
 
 
-def test_frames_leave_nothing_behind_that_grows(monkeypatch):
-    """Three times the frames: the same number of poses, and no more numbers kept than there is room for."""
-    from app.cli.progress import Bar
-    from app.measure.bench import measure
-
-    monkeypatch.setattr(measure, "LAP", 5)
-    monkeypatch.setattr(measure, "Series", lambda: Series(room=16))
-    settings = Settings(photons=200, estimator="impact_count")
-    solver = make_solver(open_scene(settings), settings)
-    solver.solve()
-    lap = [dict(solver.poses)] * 5
-    for frames in (60, 180):
-        walked = measure._walk(solver, lap, frames, Bar())
-        everything = [walked.frame, walked.cut, walked.changed, walked.stale, *walked.stages.values()]
-        assert all(s.count == frames and len(s._kept) < 16 for s in everything)
-        assert walked.first_tenth.count == walked.last_tenth.count == frames // 10
+def test_the_fixed_cases_are_twelve():
+    cases = history.cases()
+    assert len({row.key for row in cases}) == len(cases) == 12
+    assert {row.settings.scene for row in cases} == {"tree", "cornell", "living_room", "gallery"}
 
 
-# Comparing ------------------------------------------------------------------------------------------
-
-
-def test_compare_prints_ratios_of_what_both_have(measured, tmp_path, capsys):
-    n, a = measured("--no-control")
-    other = {**n, "from_scratch_ms": 3 * n["from_scratch_ms"], "only_here": 5}
-    b = tmp_path / "b.json"
-    b.write_text(json.dumps(other))
-    capsys.readouterr()
-    assert cli.main(["bench", "--compare", str(a), str(b)]) == 0
-    lines = {line.split()[0]: line.split()[1:] for line in capsys.readouterr().out.splitlines()}
-    assert lines["from_scratch_ms"][2] == "3.000" and lines["frame_ms.median"][2] == "1.000"
-    assert lines["receivers"][2] == "1.000" and "only_here" not in lines and "bits_equal" not in lines
-
-
-def test_numbers_are_found_at_any_depth():
-    assert numbers({"a": 1, "b": {"c": 2.5, "d": {"e": 3}}, "f": True, "g": "x", "h": None, "asked": {"z": 1}}) == {
-        "a": 1,
-        "b.c": 2.5,
-        "b.d.e": 3,
-    }
-
-
-@pytest.mark.parametrize("text", ["", "[1, 2]", '{"frame_ms": 3}', '{"format": "gi-viewer bench 2"}', "\xff\xfe"])
-def test_compare_refuses_a_file_that_is_not_ours_in_one_sentence(text, measured, tmp_path, capsys):
-    a = measured("--no-control")[1]
-    b = tmp_path / "b.json"
-    b.write_bytes(text.encode("latin-1"))
-    capsys.readouterr()
-    assert cli.main(["bench", "--compare", str(a), str(b)]) == 2
-    assert f"{b} was not written by" in one_line(capsys.readouterr().err)
-    assert cli.main(["bench", "--compare", str(a), str(tmp_path / "nowhere.json")]) == 2
-    assert "nowhere.json" in one_line(capsys.readouterr().err)
-
-
-def test_compare_refuses_a_run_against_a_sweep(measured, tmp_path, capsys):
-    a = measured("--no-control")[1]
-    b = tmp_path / "sweep.json"
-    b.write_text('{"format": "gi-viewer sweep 1", "rows": {}}')
-    capsys.readouterr()
-    assert cli.main(["bench", "--compare", str(a), str(b)]) == 2
-    assert "the other a sweep" in one_line(capsys.readouterr().err)
+def test_a_history_refuses_other_columns_and_a_plot_without_a_file(tmp_path, capsys):
+    file = tmp_path / "other.csv"
+    file.write_text("a,b\n1,2\n")
+    assert cli.main(["bench", "--history", str(file)]) == 2
+    assert "has other columns" in one_line(capsys.readouterr().err)
+    assert cli.main(["bench", "--plot"]) == 2
+    assert "--plot draws the rows of --history" in one_line(capsys.readouterr().err)

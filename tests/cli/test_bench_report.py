@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.measure import report_facts as report
-from app.measure.bench import jobs as bench_jobs
-from app.measure.bench.report_tables import Times, crossover, markdown
+from app.measure.bench import report
+from app.measure.bench.report import Times, crossover, markdown
 from gi_core.discs.search import PRETESTS, SEARCHES
-from gi_core.instruments.search_timing import SearchTrial, few_receivers, photon_lines, static_discs
+from gi_core.instruments.search_timing import SearchTrial, photon_lines, static_discs
 from gi_core.scene.types import Material, PointLight, Scene
 from gi_core.solver import Solver
-from tests.support import control_scenes
 from tests.support.scene_builders import floor, grey, merge, quad
 
 
@@ -59,33 +57,16 @@ def test_every_number_of_the_report_is_beside_ours():
     pretests = {(s, p): (0.5, 0.25) for s in (report.RAY_CACHE, report.DISC_INDEX) for p in PRETESTS}
     facts = {"machine": "machine", "tree": "tree", "second": "second"}
     estimators = {name: (1.0, 2.0, 3.0) for name in report.ESTIMATORS}
-    jobs = [("chair", 764, 1399, dict.fromkeys(bench_jobs.SEARCHES, 0.00125))]
-    text = markdown(facts, found, pretests, dict.fromkeys(PRETESTS, 1.5), estimators, jobs)
+    text = markdown(facts, found, pretests, estimators)
     for table in (report.TREE_10000, report.TREE_20000, report.SECOND_20000):
         for numbers in table.values():
             assert all(f"({x:g})" in text for x in numbers)
     for table in (report.VOXELS_10000, report.VOXELS_20000, report.VOXELS_SECOND):
         assert all(f"({x})" in text for numbers in table.values() for x in numbers)
-    assert all(f"({told[k]:g})" in text for told in report.PRETESTS.values() for k in (1, 3))
+    assert all(f"({seconds[k]:g})" in text for seconds in report.PRETESTS.values() for k in (1, 3))
     assert "139.54 %" in text and "500, frame" not in text
-    assert np.char.count(text, "\n## ") == 7
+    assert np.char.count(text, "\n## ") == 6
     assert "they cross at 0.024" in text
-    assert "| chair | 764 | 1,399 | 1.2 |" in text
-
-
-def test_few_receivers_are_those_of_a_frame():
-    """A leg on a floor: its own receivers, those of the floor beside it, and probes; crossings are what they are."""
-    case = control_scenes.leg(True)
-    solver = Solver(case.scene, photons=20_000, radius=case.radius)
-    solver.solve()
-    jobs = few_receivers(solver, probes=(1, 5))
-    assert [job.name for job in jobs] == ["body", "in contact", "a probe", "5 probes"]
-    assert len(jobs[1].discs.positions) == solver.control_facts.stale > 0
-    assert jobs[0].lines.low.size and jobs[2].lines.low.size == solver.segments_total
-    for job in jobs:
-        found = {SearchTrial(search, job.discs).run(job.lines)() for search in SEARCHES}
-        assert len(found) == 1
-    assert found != {0}
 
 
 @pytest.mark.parametrize("arguments", [["--tables"], ["--out", "x"]])

@@ -2,7 +2,7 @@
 
 Statistical: over all rows together a right program fails with probability 1e-3 (Sidak). Each test has power: a
 prediction 25 % beyond what theory leaves open would be rejected, which is checked with the same numbers. What the
-rows are is in app/atlas_*.py.
+rows are is in app/measure/atlas/.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def test_standard_error_is_that_of_the_mean():
     assert number.error == pytest.approx(math.sqrt(8 / 28) / math.sqrt(8))
 
 
-def test_the_command_writes_a_page_a_table_and_pictures(tmp_path, capsys):
+def test_the_command_writes_a_page_with_pictures(tmp_path, capsys):
     ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (4, 4)), (BLACK,), (0, -3, 2), (0, 0, 0), ())
     setting = {"estimator": "tangent_plane", "radius": 0.1}
     rows = [
@@ -153,15 +153,13 @@ def test_the_command_writes_a_page_a_table_and_pictures(tmp_path, capsys):
             Number(1.0),
             view=View(ground, 10, setting, setting),
         ),
-        Row("b", "b", "0", 0.0, Number(0.0), "none", None),
+        Row("b", "b", "0", 0.0, Number(0.0)),
     ]
     command.atlas(tmp_path / "new", {"Chapter": lambda: iter(rows)})
-    assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["a.png", "atlas.md", "index.html"]
+    assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["index.html"]
     page = (tmp_path / "new" / "index.html").read_text()
     assert "where &lt;a&gt;" in page and "0.510 ± 0.010" in page and "<title>Failure atlas</title>" in page
     assert page.count('src="data:image/png;base64,') == page.count("src=") == 1 and "://" not in page
-    table = (tmp_path / "new" / "atlas.md").read_text()
-    assert table.count("\n| ") == 3 and "| b | 0 | 0 | 0 | none |" in table
 
 
 def test_rows_of_one_title_share_what_they_have_in_common():

@@ -1,7 +1,6 @@
-"""`gi-viewer atlas --out DIR`: where the methods fail, what theory says of it, what is measured, what helps.
+"""`gi-viewer atlas --out DIR`: failures of the methods, as theory predicts them and as they are measured.
 
-Writes index.html, atlas.md, and a picture of both sides of a failure where there is something to see, which are also
-in the page: it is one file. Each is whole or not there. One that was stopped begins again: it takes a minute or two.
+Writes index.html, one file with pictures of both sides of each failure. A run takes a minute or two.
 """
 
 from __future__ import annotations
@@ -12,12 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from app.cli.progress import Bar, compile_kernels
-from app.draw.png import write_png
+from app.cli.writable import write_whole
 from app.draw.shot import Shot
 from app.measure.atlas import mobiles, others, photon_map, programs, tangent_plane
-from app.measure.atlas.page import markdown, page
+from app.measure.atlas.page import page
 from app.measure.atlas.row import Row, View, solved
-from app.measure.html_page import write
 from app.settings import Settings
 
 CHAPTERS = {
@@ -27,13 +25,13 @@ CHAPTERS = {
     "Mobiles and lamps in odd places": mobiles.rows,
     "Scale, meshes, time": programs.rows,
 }
-ROWS = 80  # about so many, for the bar
+ROWS = 80  # about, for the bar
 SIZE = (420, 280)  # pixels of one side of a picture
 GAP = 6
 
 
-def atlas(out: Path, chapters: dict[str, Callable[[], Iterator[Row]]] = CHAPTERS) -> list[Row]:
-    """Measure every row and write index.html and atlas.md into a folder; return the rows. Raises OSError."""
+def atlas(out: Path, chapters: dict[str, Callable[[], Iterator[Row]]] = CHAPTERS) -> Path:
+    """Measure every row and write index.html into a folder; return its path. Raises OSError."""
     out.mkdir(parents=True, exist_ok=True)
     measured: dict[str, list[Row]] = {}
     pictures: dict[str, np.ndarray] = {}
@@ -48,18 +46,16 @@ def atlas(out: Path, chapters: dict[str, Callable[[], Iterator[Row]]] = CHAPTERS
                 bar(f"measuring: {row.key}", min(done / ROWS, 1.0))
                 if row.view is not None:
                     pictures[row.key] = picture(row.view)
-                    told = {"software": "gi-viewer atlas", "row": row.key}
-                    write_png(out / f"{row.key}.png", pictures[row.key], told)
-    write(out / "atlas.md", markdown(measured))
-    write(out / "index.html", page(measured, pictures))
-    return [row for rows in measured.values() for row in rows]
+    file = out / "index.html"
+    write_whole(file, page(measured, pictures))
+    return file
 
 
 def picture(view: View) -> np.ndarray:
-    """Return irradiance (h, w, 3) uint8 under the setting that fails, and beside it under the one that helps."""
+    """Return a picture (h, w, 3) uint8 of irradiance with the setting that fails, and beside it with the remedy."""
     solver = solved(view.scene, view.photons, **view.fails)
     sides, exposure = [], None
-    for setting in (view.helps, view.fails):  # exposed for the one that is right
+    for setting in (view.helps, view.fails):  # the remedy decides the exposure
         if setting is not None:
             solver.configure(**setting)
             solver.solve()

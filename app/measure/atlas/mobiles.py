@@ -55,8 +55,6 @@ def sparks() -> Iterator[Row]:
             "no failure: half of its flux arrives",
             1.0,
             found,
-            "none needed",
-            None,
             known=1e-3,  # what leaves within 1e-4 of the horizon, and what Sobol points leave uneven
             what="flux that arrives / half of that emitted",
             view=View(ground, 5000, SETTING, None, "tangent_plane, the light 0.1 mm over the floor")
@@ -79,8 +77,6 @@ def swallowed() -> Row:
         "0: each photon is cut on its way",
         0.0,
         Number(float(solver.irradiance[solver.surfaces.receiver_range(0)].max())),
-        "none needed",
-        None,
         what="largest E of the room [W/m2]",
         title="A light inside a mobile",
     )
@@ -101,8 +97,6 @@ def laid_over() -> Iterator[Row]:
             "0, but for what leaves at the rim, or begins behind the lamp in a gap thinner than the offset of rays",
             0.0,
             Number(float(solver.irradiance[below].mean() / free)),
-            "none needed",
-            None,
             known=0.02,
             what="E of the room / E without the plate",
             view=View(place, 100_000, SETTING, None, "tangent_plane, the plate 1 cm under the lamp")
@@ -126,8 +120,6 @@ def under_a_box() -> Row:
         "0: no leak",
         0.0,
         Number(float(solver.irradiance[under].max())),
-        "none needed",
-        None,
         what="largest E [W/m2]",
         view=View(place, 100_000, SETTING, None, "tangent_plane, the box stands exactly on the floor"),
         title="A mobile on the floor",
@@ -151,8 +143,6 @@ def odd_places() -> Iterator[Row]:
             "0: the bits of a solution from scratch, all finite",
             0.0,
             Number(off((block(at=at), small))),
-            "none needed",
-            None,
             what="largest difference of E [W/m2]",
             title="Mobiles that touch, cross, swallow and leave",
         )

@@ -41,8 +41,6 @@ def drift() -> Row:
         "0 bits: each frame comes from the background alone",
         0.0,
         Number(float(np.abs(solver.irradiance - begun).max())),
-        "none needed",
-        None,
         what="largest change of E [W/m2]",
         view=View(place, 100_000, SETTING, None, "tangent_plane, at the start and again at the end"),
         title="Many moves",
@@ -67,8 +65,6 @@ def at_rest() -> Iterator[Row]:
             "only photons that are cut before or after can change",
             1.0 if step else 0.0,
             Number(changed),
-            "none needed",
-            None,
             known=math.inf if step else 0.0,
             what="flux that changes places / flux of all segments of cut photons",
             title="Flicker",
@@ -116,8 +112,6 @@ def soup() -> Row:
         "no failure: 1",
         1.0,
         found,
-        "none needed",
-        None,
         view=View(replace(room, static=loose), 50_000, SETTING, None, "tangent_plane, lit like a whole one"),
         title="Odd meshes",
     )
@@ -141,8 +135,6 @@ def at_edges() -> Iterator[Row]:
             "0 slip through, but for rounding; those are told as escaped",
             0.0,
             Number(float((face < 0).mean())),
-            "none needed",
-            None,
             known=0.002,
             what="share that hits nothing",
             title="Rays through vertices and edges",
@@ -151,7 +143,7 @@ def at_edges() -> Iterator[Row]:
 
 def next_to_nothing() -> Iterator[Row]:
     """No photon, fewer photons than neighbours, a black room."""
-    common = {"title": "Next to nothing", "remedy": "none needed", "remedied": None}
+    common = {"title": "Next to nothing"}
     dark = solved(lit_room(block()), 0, **SETTING)
     yield Row("none", "no photon", "0", 0.0, Number(float(dark.irradiance.max())), what="largest E [W/m2]", **common)
     ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (8, 8)), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (SUN,))

@@ -1,4 +1,4 @@
-"""A row of the failure atlas: where a method fails, what theory says, what is measured, what helps."""
+"""A row of the failure atlas: a failure, its prediction by theory, its measurement, its remedy."""
 
 from __future__ import annotations
 
@@ -11,50 +11,50 @@ import numpy as np
 from gi_core.scene import Scene
 from gi_core.solver import Solver
 
-SEEDS = 8  # runs that a standard error is taken from
+SEEDS = 8  # runs per standard error
 
 
 class Number(NamedTuple):
-    """A measured mean and its standard error; an error of 0 means that chance has no part in it."""
+    """A measured mean and its standard error, 0 for numbers without chance."""
 
     mean: float
     error: float = 0.0
-    runs: int = 1  # that the error is taken from
+    runs: int = 1  # behind the error
 
     def __str__(self) -> str:
         if self.error <= 1e-12 * abs(self.mean):
             return f"{self.mean:.4g}"
-        digits = max(1 - math.floor(math.log10(self.error)), 0)  # two that chance reaches
+        digits = max(1 - math.floor(math.log10(self.error)), 0)  # two digits of the error
         return f"{self.mean:.{digits}f} ± {self.error:.{digits}f}"
 
 
 class View(NamedTuple):
-    """What the picture of a row shows: a scene under two settings, where it fails and where it does not."""
+    """The picture of a row: a scene under the setting that fails and under its remedy."""
 
     scene: Scene
     photons: int
     fails: dict  # fields of Setting
     helps: dict | None
-    caption: str = "as it fails"  # where nothing helps
+    caption: str = "as it fails"  # without a remedy
 
 
 class Row(NamedTuple):
     """One failure. Numbers are irradiance over truth unless `what` says otherwise."""
 
-    key: str  # of its pictures
+    key: str  # of its picture
     where: str
     theory: str
     predicted: float
     measured: Number
-    remedy: str
-    remedied: Number | None  # None: there is none
-    aim: float = 1.0  # what `remedied` should be
-    known: float = 0.0  # how well theory knows the prediction, absolutely
+    remedy: str = "none needed"
+    remedied: Number | None = None  # None: there is no remedy
+    aim: float = 1.0  # prediction for `remedied`
+    known: float = 0.0  # absolute uncertainty of the prediction
     cost: str = ""
-    aim_known: float = 0.0  # how near to its aim theory lets a remedy come
+    aim_known: float = 0.0  # absolute uncertainty of the aim
     view: View | None = None
     what: str = "E / truth"
-    title: str = ""  # what it and its neighbours of the same title are about; "": `where`
+    title: str = ""  # of the section of this row and its neighbours; "": `where`
 
 
 def solved(scene: Scene, photons: int, seed: int = 0, poses=None, **setting) -> Solver:
@@ -67,7 +67,7 @@ def solved(scene: Scene, photons: int, seed: int = 0, poses=None, **setting) -> 
 
 
 def over_seeds(runs: Callable[[int], Sequence[float]], seeds: int) -> list[Number]:
-    """Return mean and standard error of each number of `runs(seed)`, taken from the scatter over seeds."""
+    """Return mean and standard error over seeds of each number of `runs(seed)`."""
     samples = np.array([runs(seed) for seed in range(seeds)], float)
     errors = samples.std(axis=0, ddof=1) / math.sqrt(seeds)
     return [Number(float(m), float(e), seeds) for m, e in zip(samples.mean(axis=0), errors, strict=True)]
@@ -76,9 +76,9 @@ def over_seeds(runs: Callable[[int], Sequence[float]], seeds: int) -> list[Numbe
 def ratios(
     scene: Scene, photons: int, places: Sequence, settings: Sequence[dict], seeds: int = SEEDS, truth: float = 1.0
 ):
-    """Return irradiance over truth at each of some groups of receivers, one list of numbers for each setting.
+    """Return irradiance / truth by setting and group of receivers.
 
-    `places` are functions of receivers that return (R,) bool. All settings see the same photons.
+    places: a function per group, receivers -> (R,) bool. All settings use the same photons.
     """
 
     def run(seed):
@@ -96,7 +96,7 @@ def ratios(
 
 
 def near(*points, tolerance: float = 1e-6) -> Callable:
-    """Return what finds the receivers at any of some points."""
+    """Return a function of receivers: which of them (R,) bool lie at one of the points."""
 
     def find(receivers):
         p = receivers.positions

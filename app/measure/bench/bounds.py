@@ -1,21 +1,19 @@
-"""How far a frame is from the limit: what its stages must do at least, timed bare on this machine, in this run."""
+"""Lower bounds of a frame: the work that its stages cannot avoid, timed alone on this machine in this run."""
 
 from __future__ import annotations
 
+import math
 import time
 
-from app.measure.bench.series import Series
-
-REPEATS = 5  # the best counts: a bound is what the machine can do
+REPEATS = 5  # the least time counts
 LEAST_SECONDS = 0.02  # of all repeats of one kind of work
-COPY_BYTES = 128_000_000  # what the machine's copy bandwidth is measured with: no cache holds it
+COPY_BYTES = 128_000_000  # of the copy that measures bandwidth: larger than any cache
 
 
 def bounds(solver, poses, stages_ms: dict[str, float], frame_ms: float, cpu_ms: float) -> dict:
-    """Return the bound of each stage and of the frame of `poses`, and how many times longer they took.
+    """Return the bound of each stage and of the frame at `poses`, and measured time / bound.
 
-    `stages_ms`, `frame_ms`, `cpu_ms`: what was measured (medians), the last by the processor's clock, which
-    counts all threads and no other program. The solver is left at `poses`.
+    `stages_ms`, `frame_ms`, `cpu_ms`: measured medians; CPU time is of all threads. Leaves the solver at `poses`.
     """
     from gi_core.instruments import lower_bounds
 
@@ -43,7 +41,7 @@ def bounds(solver, poses, stages_ms: dict[str, float], frame_ms: float, cpu_ms: 
 
 
 def joined(entries: list[dict]) -> dict[str, dict]:
-    """Return the works of one stage by unit; works of one unit add up."""
+    """Return the work of one stage by unit, with sums of count and time."""
     out: dict[str, dict] = {}
     for e in entries:
         have = out.setdefault(e["unit"], {"count": 0, "ms": 0.0})
@@ -55,23 +53,23 @@ def joined(entries: list[dict]) -> dict[str, dict]:
 
 
 def best_seconds(run) -> float:
-    """Return the least time that a call takes, after one that does not count.
+    """Return the least time [s] of a call, after one untimed call.
 
-    Where other programs have the processor too, its CPU time is nearer to that than the clock.
+    On a busy machine CPU time is nearer to it than the clock: the smaller of both counts.
     """
     run()
-    took, spent = Series(), 0.0
-    while took.count < REPEATS or spent < LEAST_SECONDS:
+    best, spent, calls = math.inf, 0.0, 0
+    while calls < REPEATS or spent < LEAST_SECONDS:
         before, cpu_before = time.perf_counter(), time.process_time()
         run()
         seconds, cpu = time.perf_counter() - before, time.process_time() - cpu_before
-        took.add(min(seconds, cpu) if cpu > 0 else seconds)  # 0: a clock that ticks 64 times a second (Windows)
-        spent += seconds
-    return max(took.min, 1e-9)
+        best = min(best, seconds, cpu or seconds)  # 0: a clock that ticks 64 times per second (Windows)
+        spent, calls = spent + seconds, calls + 1
+    return max(best, 1e-9)
 
 
-def told(stage: dict) -> str:
-    """Return a stage's bound for a person: "9.1 x its bound, 0.74 ms: 14,000 rays at 4.1 M/s"."""
+def summary(stage: dict) -> str:
+    """Return a stage's bound in words: "9.1 x its bound 0.740 ms: 14 k rays at 4.1 M rays/s"."""
     parts = (f"{_amount(w['count'], unit)} at {_amount(w['per_second'], unit)}/s" for unit, w in stage["work"].items())
     ratio = f"{stage['ratio']:.1f} x" if stage["ratio"] else "not timed apart;"
     return f"{ratio} its bound {stage['bound_ms']:.3f} ms: {', '.join(parts)}"

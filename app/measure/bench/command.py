@@ -1,6 +1,6 @@
-"""`gi-viewer bench`: one scene under one setting, as a table for a person and as JSON.
+"""`gi-viewer bench`: times of one scene under one setting, as a table and as JSON.
 
-Kernels are compiled, structures built and one frame at the start discarded before anything is timed.
+Kernels are compiled, structures built and one frame discarded before anything is timed.
 """
 
 from __future__ import annotations
@@ -10,18 +10,15 @@ from pathlib import Path
 
 from app.cli.progress import Bar, compile_kernels
 from app.cli.writable import check_writable
-from app.measure.bench.bounds import told
+from app.measure.bench.bounds import summary
 from app.measure.bench.measure import measure, warm_up
 from app.settings import STEP, Settings, open_moving_scene
-
-SOAK = 20  # frames, from which on a first and a last tenth say something
 
 
 def bench(settings: Settings, frames: int, json_file: Path | None = None, step: float = STEP) -> dict:
     """Time `frames` frames, print a table, write the numbers to `json_file`; return them.
 
-    step: how far a mobile goes in a frame, over the scene size.
-    Raises SceneError, UsageError, OSError.
+    step: distance of a mobile per frame / scene size. Raises SceneError, UsageError, OSError.
     """
     if json_file is not None:
         check_writable("--json", json_file)
@@ -38,9 +35,9 @@ def bench(settings: Settings, frames: int, json_file: Path | None = None, step: 
 
 
 def table(n: dict) -> list[str]:
-    """Return the numbers as lines for a person."""
+    """Return the lines of the printed table."""
     f, b = n["frame_ms"], n["bounds"]
-    per_cut, peak = n["us_per_cut_photon"], n["rss_mb"]["peak"]
+    per_cut, peak = n["us_per_cut_photon"], n["peak_rss_mb"]
     control = "with" if n["control"] else "without"
     rows = [
         ("scene", f"{n['scene']}: {n['triangles']:,} triangles, {n['receivers']:,} receivers"),
@@ -48,31 +45,30 @@ def table(n: dict) -> list[str]:
         ("estimator", f"{n['estimator']}, radius {n['radius']:.4g} m, k {n['neighbours']}, {control} artifact control"),
         ("machine", f"{n['processor']}, {n['threads']} threads, commit {n['commit'] or 'unknown'}"),
         *_busy(n),
-        ("copying", f"{b['copy_gb_per_s']:.1f} GB a second, read and written"),
+        ("copying", f"{b['copy_gb_per_s']:.1f} GB/s, read and written"),
         ("GI frame", f"median {f['median']:.2f} ms, p95 {f['p95']:.2f}, min {f['min']:.2f}, max {f['max']:.2f}"),
         ("  CPU", f"{f['cpu']:.2f} ms, all threads together"),
         ("frames", f"{n['frames']}, one step of {n['step_percent']:g} % of the scene size each"),
-        ("bound", f"{b['frame_bound_ms']:.2f} ms for what a frame cannot do without; it takes {_ratio(b)} that"),
+        ("bound", f"{b['frame_bound_ms']:.2f} ms for the work that a frame cannot avoid; it takes {_ratio(b)} that"),
         *((f"  {name}", _stage(name, ms, b)) for name, ms in n["stages_ms"].items()),
         ("photons cut", f"{100 * n['share_cut']:.3f} % (median)"),
         ("changed", f"{n['segments_changed']:,.0f} segments, old and new (median)"),
-        ("a cut photon", f"{per_cut:.2f} us" if per_cut is not None else "none was cut"),
+        ("per cut", f"{per_cut:.2f} us per photon that is cut" if per_cut is not None else "no photon was cut"),
         ("control", _concerned(n)),
         *_stale(n["photon_map"]),
         ("from scratch", f"{n['from_scratch_ms']:.1f} ms, {n['from_scratch_ratio']:.1f} frames"),
         ("first frame", f"{n['first_frame_ms']:.0f} ms, after {n['prepare_ms']:.0f} ms of preparing the scene"),
         ("peak memory", f"{peak:.0f} MB" if peak is not None else "unknown on this platform"),
-        *_soak(n),
         ("same bits", "yes" if n["bits_equal"] else "NO: the frame differs from the same pose from scratch"),
     ]
     return [f"{name:<14}{text}" for name, text in rows]
 
 
 def _busy(n: dict) -> list[tuple[str, str]]:
-    """Say when other programs had the processor too: times are then longer than they need be."""
+    """Return a warning if other programs used the processor: times are then too long."""
     if n["load"] is None or n["load"] < 0.5 * n["threads"]:
         return []
-    return [("busy", f"{n['load']:.1f} threads wanted a core in the minute before: look at the CPU time")]
+    return [("busy", f"{n['load']:.1f} threads ran or waited in the minute before: rely on CPU time")]
 
 
 def _ratio(bound: dict) -> str:
@@ -83,11 +79,11 @@ def _ratio(bound: dict) -> str:
 
 def _stage(name: str, ms: float, bound: dict) -> str:
     known = bound["stages"].get(name)
-    return f"{ms:.3f} ms" + (f", {told(known)}" if known else "")
+    return f"{ms:.3f} ms" + (f", {summary(known)}" if known else "")
 
 
 def _concerned(n: dict) -> str:
-    contact = f"{n['control_stale']:,.0f} beside mobiles estimated again, {n['control_on_mobiles']:,.0f} on them"
+    contact = f"{n['control_stale']:,.0f} near mobiles estimated again, {n['control_on_mobiles']:,.0f} on them"
     return f"{100 * n['control_share']:.1f} % of the receivers; {contact} (median)"
 
 
@@ -95,17 +91,8 @@ def _stale(queries: dict | None) -> list[tuple[str, str]]:
     if queries is None:
         return []
     q = queries
-    share = f"{100 * q['stale_share']:.2f} % of the receivers, {q['queries']:,.0f} queries of {q['us_a_query']:.2f} us"
+    share = (
+        f"{100 * q['stale_share']:.2f} % of the receivers, {q['queries']:,.0f} queries of {q['us_a_query']:.2f} us each"
+    )
     full = f"{q['full_estimate_ms']:.0f} ms for all of them, {q['allowed_ms']:.2f} ms for that share"
     return [("stale", share), ("full estimate", full)]
-
-
-def _soak(n: dict) -> list[tuple[str, str]]:
-    if n["frames"] < SOAK:
-        return []
-    f, rss = n["frame_ms"], n["rss_mb"]
-    rows = [("first tenth", f"{f['first_tenth']:.3f} ms a frame"), ("last tenth", f"{f['last_tenth']:.3f} ms a frame")]
-    if rss["first_tenth"] is None or rss["last_tenth"] is None:
-        return rows
-    held = (f", {rss[key]:.1f} MB held after it" for key in ("first_tenth", "last_tenth"))
-    return [(name, text + more) for (name, text), more in zip(rows, held, strict=True)]

@@ -1,30 +1,29 @@
-"""Every number of one benchmark: the mobile walks along its path, each frame is timed, its light is checked.
+"""Frame times along the mobiles' paths, and a comparison of the last frame with a solution from scratch.
 
-A GI frame is everything from the new poses to the irradiance array. Memory does not grow with the number of
-frames, so that a million of them show whether the program's does.
+A GI frame is everything from the new poses to the irradiance array.
 """
 
 from __future__ import annotations
 
 import time
+from collections import defaultdict
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from app.cli.progress import Bar, solve
 from app.draw import motion
 from app.measure.bench.bounds import best_seconds, bounds
-from app.measure.bench.series import Series
-from app.measure.machine import commit, load, peak_rss_mb, processor, rss_mb
+from app.measure.machine import commit, load, peak_rss_mb, processor
 from app.settings import STEP, Settings, make_solver
 
-FORMAT = "gi-viewer bench 2"
+FORMAT = "gi-viewer bench 3"
 BEST_OF = 3  # from-scratch runs
-LAP = 1000  # different poses at most; longer runs go round again
 
 
 def warm_up(scene, settings: Settings) -> None:
-    """Load what is compiled and start the threads, on a solver of its own with few photons."""
+    """Load compiled kernels and start threads, on a separate solver with few photons."""
     solver = make_solver(scene, replace(settings, photons=1000))
     solver.solve()
     solver.move_all(solver.poses)
@@ -32,7 +31,7 @@ def warm_up(scene, settings: Settings) -> None:
 
 
 def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP) -> dict:
-    """Return every number that `bench` prints, by its JSON key; step: of a mobile in a frame, over the scene size."""
+    """Return every number of `bench` by its JSON key; step: distance of a mobile per frame / scene size."""
     busy = load()
     started = time.perf_counter()
     solver = make_solver(scene, settings)
@@ -40,13 +39,13 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
     solve(solver, bar)
     first_frame = time.perf_counter() - prepared
 
-    lap = motion.walk(motion.paths_of(solver), step * solver.scene_size, min(frames, LAP))
-    walked = _walk(solver, lap, frames, bar)
+    lap = motion.walk(motion.paths_of(solver), step * solver.scene_size, frames)
+    walked = _walk(solver, lap, bar)
+    ms, middle = np.array(walked.frames["ms"]), {name: float(np.median(v)) for name, v in walked.frames.items()}
+    stages_ms = {name: float(np.median(v)) for name, v in walked.stages.items()}
     scratch, equal = _from_scratch(solver, bar)
-    frame_ms, stages_ms = walked.frame.median, {name: s.median for name, s in walked.stages.items()}
     bar("bounds", 0.0)
-    median_pose = lap[walked.frame.place_of_median() % len(lap)]
-    bound = bounds(solver, median_pose, stages_ms, frame_ms, walked.cpu.median)
+    median_pose = lap[int(np.abs(ms - middle["ms"]).argmin())]
     return {
         "format": FORMAT,
         "scene": settings.scene,
@@ -56,8 +55,8 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
         "estimator": solver.estimator,
         "control": solver.setting.control,
         "control_share": solver.control_facts.share,
-        "control_stale": walked.in_contact.median,
-        "control_on_mobiles": walked.on_mobiles.median,
+        "control_stale": middle["in contact"],
+        "control_on_mobiles": middle["on mobiles"],
         "radius": solver.radius,
         "neighbours": solver.neighbours,
         "seed": solver.seed,
@@ -68,100 +67,89 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
         "frames": frames,
         "step_percent": 100 * step,
         "frame_ms": {
-            "median": frame_ms,
-            "p95": walked.frame.quantile(0.95),
-            "min": walked.frame.min,
-            "max": walked.frame.max,
-            "cpu": walked.cpu.median,
-            "first_tenth": walked.first_tenth.median,
-            "last_tenth": walked.last_tenth.median,
+            "median": middle["ms"],
+            "p95": float(np.quantile(ms, 0.95)),
+            "min": float(ms.min()),
+            "max": float(ms.max()),
+            "cpu": middle["cpu ms"],
         },
         "stages_ms": stages_ms,
-        "bounds": bound,
-        "share_cut": walked.cut.median / max(solver.photons_traced, 1),
+        "bounds": bounds(solver, median_pose, stages_ms, middle["ms"], middle["cpu ms"]),
+        "share_cut": middle["cut"] / max(solver.photons_traced, 1),
         "segments": solver.segments_total,
-        "segments_changed": walked.changed.median,
-        "us_per_cut_photon": walked.per_cut.median if walked.per_cut.count else None,
-        "photon_map": _queries(solver, walked, stages_ms),
+        "segments_changed": middle["changed"],
+        "us_per_cut_photon": middle.get("us per cut"),
+        "photon_map": _queries(solver, middle["stale"], stages_ms),
         "from_scratch_ms": 1e3 * scratch,
-        "from_scratch_ratio": 1e3 * scratch / frame_ms,
+        "from_scratch_ratio": 1e3 * scratch / middle["ms"],
         "prepare_ms": 1e3 * (prepared - started),
         "first_frame_ms": 1e3 * first_frame,
-        "rss_mb": {"first_tenth": walked.rss_first, "last_tenth": walked.rss_last, "peak": peak_rss_mb()},
+        "peak_rss_mb": peak_rss_mb(),
         "bits_equal": equal,
     }
 
 
-class _Walked:
-    """What the frames of a walk took; milliseconds, and microseconds a cut photon."""
+class Walked(NamedTuple):
+    """Numbers of each frame of a walk."""
 
-    def __init__(self) -> None:
-        self.frame, self.first_tenth, self.last_tenth = Series(), Series(), Series()
-        self.cpu = Series()  # of all threads together: what other programs do hardly shows in it
-        self.stages: dict[str, Series] = {}
-        self.cut, self.changed, self.per_cut, self.stale = Series(), Series(), Series(), Series()
-        self.in_contact, self.on_mobiles = Series(), Series()  # receivers
-        self.rss_first: float | None = None  # MB held after the first tenth of the frames ...
-        self.rss_last: float | None = None  # ... and after the last one
+    frames: dict[str, list[float]]  # times, counts of photons, segments and receivers
+    stages: dict[str, list[float]]  # ms
 
 
-def _walk(solver, lap: list[dict], frames: int, bar: Bar) -> _Walked:
+def _walk(solver, lap: list[dict], bar: Bar) -> Walked:
     from gi_core.instruments.lower_bounds import estimate_of
 
-    walked, tenth = _Walked(), max(1, frames // 10)
+    frames, stages = defaultdict(list), defaultdict(list)
     solver.move_all(lap[-1])  # the frame before the first one, untimed
-    for k in range(frames):
-        bar("moving", k / frames)
-        before, cpu_before = time.perf_counter(), time.process_time()
-        solver.move_all(lap[k % len(lap)])
-        ms = 1e3 * (time.perf_counter() - before)
-        walked.frame.add(ms)
-        walked.cpu.add(1e3 * (time.process_time() - cpu_before))
-        if k < tenth:
-            walked.first_tenth.add(ms)
-        if k >= frames - tenth:
-            walked.last_tenth.add(ms)
+    for k, poses in enumerate(lap):
+        bar("moving", k / len(lap))
+        clock, cpu = time.perf_counter(), time.process_time()
+        solver.move_all(poses)
+        cpu, clock = time.process_time() - cpu, time.perf_counter() - clock
+        changes, facts = solver.changes, solver.control_facts
+        numbers = {
+            "ms": 1e3 * clock,
+            "cpu ms": 1e3 * cpu,  # all threads together: other programs hardly change it
+            "cut": changes.photons_cut,
+            "changed": changes.old_segments + changes.new_segments,
+            "in contact": facts.stale,
+            "on mobiles": facts.on_mobiles,
+            "stale": getattr(estimate_of(solver), "stale", 0),
+        }
+        if changes.photons_cut:
+            numbers["us per cut"] = 1e6 * clock / changes.photons_cut
+        for name, number in numbers.items():
+            frames[name].append(number)
         for name, seconds in solver.timings.items():
-            walked.stages.setdefault(name, Series()).add(1e3 * seconds)
-        cut = solver.changes.photons_cut
-        walked.cut.add(cut)
-        walked.changed.add(solver.changes.old_segments + solver.changes.new_segments)
-        if cut:
-            walked.per_cut.add(1e3 * ms / cut)
-        walked.in_contact.add(solver.control_facts.stale)
-        walked.on_mobiles.add(solver.control_facts.on_mobiles)
-        walked.stale.add(getattr(estimate_of(solver), "stale", 0))
-        if k == tenth - 1:
-            walked.rss_first = rss_mb()
-    walked.rss_last = rss_mb()
-    return walked
+            stages[name].append(1e3 * seconds)
+    return Walked(frames, stages)
 
 
 def _from_scratch(solver, bar: Bar) -> tuple[float, bool]:
     """Return the best time [s] of the same frame from scratch, and whether it has the same bits."""
-    took, equal = Series(), True
+    took, equal = [], True
     for k in range(BEST_OF):
         bar("from scratch", k / BEST_OF)
         before = time.perf_counter()
         fresh = solver.from_scratch()
-        took.add(time.perf_counter() - before)
+        took.append(time.perf_counter() - before)
         equal = equal and bool(np.array_equal(fresh, solver.irradiance))
-    return took.min, equal
+    return min(took), equal
 
 
-def _queries(solver, walked: _Walked, stages_ms: dict[str, float]) -> dict | None:
-    """Return what an estimator that estimates stale receivers again spends on it; None for others.
+def _queries(solver, stale: float, stages_ms: dict[str, float]) -> dict | None:
+    """Return the cost of stale receivers, which k-nearest estimators estimate again; None for other estimators.
 
-    `allowed_ms` is what the frame's share of a full estimate would cost.
+    `allowed_ms`: the time of a full estimate times the share of stale receivers.
     """
     from gi_core.instruments import lower_bounds
 
     if not hasattr(lower_bounds.estimate_of(solver), "stale"):
         return None
     static = solver.surfaces.receiver_range(0).stop
-    queries = walked.stale.median + len(solver.irradiance) - static
+    queries = stale + len(solver.irradiance) - static
     full = 1e3 * best_seconds(lower_bounds.full_estimate(solver))
-    share = walked.stale.median / max(static, 1)
+    share = stale / max(static, 1)
     return {
         "stale_share": share,
         "queries": queries,

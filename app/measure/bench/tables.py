@@ -1,18 +1,15 @@
-"""A sweep as tables for people, in Markdown. Rows that were not measured are left out."""
+"""A sweep as Markdown tables. Rows that were not measured are left out."""
 
 from __future__ import annotations
 
-from app.measure.bench.rows import ESTIMATORS, LARGE, PHOTONS, SLOW, TREE, TRIANGLES, photons_key, triangles_key
+from app.measure.bench.rows import ESTIMATORS, LARGE, PHOTONS, SLOW, TRIANGLES, photons_key, triangles_key
 from app.settings import STEP
-
-# Of the tree scene under tangent_plane without artifact control: median and 95 % of a GI frame [ms].
-TARGETS = {10_000: (1.5, None), 100_000: (4.0, None), 1_000_000: (16.0, 25.0), 10_000_000: (50.0, None)}
 
 
 def markdown(sweep: dict) -> str:
     """Return the whole report."""
     have = sweep["rows"]
-    parts = [_head(sweep), _photons(have), _targets(sweep), _growth_with_photons(have), _growth_with_triangles(have),
+    parts = [_head(sweep), _photons(have), _growth_with_photons(have), _growth_with_triangles(have),
              _comparisons(have), _queries(have), _stages(have), _failed(sweep)]  # fmt: skip
     return "\n\n".join(p for p in parts if p) + "\n"
 
@@ -33,7 +30,7 @@ def _head(sweep: dict) -> str:
     if wrong:
         bits = f"**The last frame differs from scratch in: {'; '.join(wrong)}.**"
     loads = [r["load"] for r in rows if r.get("load") is not None]
-    busy = f" Up to {max(loads):.1f} threads wanted a core in the minute before a row." if loads else ""
+    busy = f" Up to {max(loads):.1f} threads ran or waited in the minute before a row." if loads else ""
     machine = f"{sweep['processor']}, {threads} threads, commit {sweep['commit'] or 'unknown'}. Times in ms, medians"
     return f"# Sweep of {sweep['scene']}\n\n{machine}; artifact control off unless stated.{busy} {bits}".rstrip()
 
@@ -48,7 +45,7 @@ def _all_photons(have: dict) -> list[tuple[int, str, bool]]:
 
 
 def _photons(have: dict) -> str:
-    head = ["estimator", "photons", "cut", "frame", "95 %", "CPU", "us a cut photon", "of its bound", "by CPU",
+    head = ["estimator", "photons", "cut", "frame", "95 %", "CPU", "us per cut photon", "of its bound", "by CPU",
             "from scratch", "ratio", "first frame", "peak MB"]  # fmt: skip
     lines = []
     for n, estimator, control in _all_photons(have):
@@ -58,28 +55,13 @@ def _photons(have: dict) -> str:
             name, f"{n:,}", f"{100 * r['share_cut']:.2f} %", _ms(r["frame_ms"]["median"]), _ms(r["frame_ms"]["p95"]),
             _ms(r["frame_ms"]["cpu"]), _number(r["us_per_cut_photon"]), _times(r["bounds"]["frame_ratio"]),
             _times(r["bounds"]["frame_cpu_ratio"]), _ms(r["from_scratch_ms"]), _times(r["from_scratch_ratio"]),
-            _ms(r["first_frame_ms"]), _number(r["rss_mb"]["peak"], 0),
+            _ms(r["first_frame_ms"]), _number(r["peak_rss_mb"], 0),
         ])  # fmt: skip
     return _section("Photons and estimators", table(head, lines))
 
 
-def _targets(sweep: dict) -> str:
-    if sweep["scene"] != TREE:
-        return ""
-    lines = []
-    for n, (median, p95) in TARGETS.items():
-        r = sweep["rows"].get(photons_key(n, "tangent_plane"))
-        if r is None:
-            continue
-        f = r["frame_ms"]
-        met = f["median"] <= median and (p95 is None or f["p95"] <= p95)
-        wanted = f"{median:g}" + (f", 95 % {p95:g}" if p95 else "")
-        lines.append([f"{n:,}", wanted, f"{_ms(f['median'])}, 95 % {_ms(f['p95'])}", "yes" if met else "no"])
-    return _section("Targets", table(["photons", "wanted", "measured", "met"], lines))
-
-
 def _growth_with_photons(have: dict) -> str:
-    """Frames should grow with the photons cut, plus a scan of all of them, told apart here."""
+    """Frames should grow with the photons cut, plus a scan of all photons, which has its own column."""
     lines = []
     for n, estimator, control in _all_photons(have):
         if estimator != "tangent_plane" or control:
@@ -88,7 +70,7 @@ def _growth_with_photons(have: dict) -> str:
         scan = sum(ms for name, ms in r["stages_ms"].items() if "scan" in name)
         cut, rest = r["share_cut"] * r["photons"], r["frame_ms"]["median"] - scan
         lines.append([f"{n:,}", f"{cut:,.0f}", _ms(scan), _ms(rest), _number(1e3 * rest / cut if cut else None)])
-    head = ["photons", "cut", "scan", "all else", "all else, us a cut photon"]
+    head = ["photons", "cut", "scan", "all else", "all else, us per cut photon"]
     return _section("Growth with photons (tangent_plane)", table(head, lines))
 
 
@@ -106,7 +88,16 @@ def _growth_with_triangles(have: dict) -> str:
                 _times(crossings / of_first if of_first else None),
                 _number(crossings / r["segments_changed"] if r["segments_changed"] else None),
             ])  # fmt: skip
-        head = ["triangles", "receivers", "radius m", "frame", "of the first", "crossings", "of the first", "a segment"]
+        head = [
+            "triangles",
+            "receivers",
+            "radius m",
+            "frame",
+            "of the first",
+            "crossings",
+            "of the first",
+            "per segment",
+        ]
         made = table(head, lines)
         if made:
             parts.append(f"Radius {radius}:\n\n{made}")
@@ -122,7 +113,7 @@ def _comparisons(have: dict) -> str:
               photons_key(n, "tangent_plane")) for n in (*PHOTONS, LARGE)]  # fmt: skip
     pairs += [(f"artifact control on against off, {n:,} photons", photons_key(n, "tangent_plane", control=True),
                photons_key(n, "tangent_plane")) for n in PHOTONS]  # fmt: skip
-    pairs.append((f"a slow drag against {100 * STEP:g} % a frame, {PHOTONS[-1]:,} photons", SLOW,
+    pairs.append((f"a slow drag against {100 * STEP:g} % per frame, {PHOTONS[-1]:,} photons", SLOW,
                   photons_key(PHOTONS[-1], "tangent_plane")))  # fmt: skip
     pairs.append(("everything two-sided against one-sided", "two-sided", "one-sided"))
     lines = []
@@ -146,12 +137,12 @@ def _queries(have: dict) -> str:
             f"{n:,}", _ms(frame), share, f"{q['queries']:,.0f}", _number(q["us_a_query"]), _ms(q["full_estimate_ms"]),
             _ms(q["allowed_ms"]), _times(frame / q["allowed_ms"] if q["allowed_ms"] else None),
         ])  # fmt: skip
-    head = ["photons", "frame", "stale", "queries", "us a query", "full estimate", "x stale share", "frame / that"]
+    head = ["photons", "frame", "stale", "queries", "us per query", "full estimate", "x stale share", "frame / that"]
     return _section("photon_map", table(head, lines))
 
 
 def _stages(have: dict) -> str:
-    """The bound of each stage at the largest number of photons measured."""
+    """Return time and bound of each stage at the largest number of photons measured."""
     counts = [n for n, estimator, control in _all_photons(have) if estimator == "tangent_plane" and not control]
     if not counts:
         return ""
@@ -162,7 +153,7 @@ def _stages(have: dict) -> str:
         lines.append([name, _ms(ms), _ms(known["bound_ms"]), _times(known["ratio"])])
     lines.append(["whole frame", _ms(r["frame_ms"]["median"]), _ms(r["bounds"]["frame_bound_ms"]),
                   _times(r["bounds"]["frame_ratio"])])  # fmt: skip
-    title = f"Stages of a frame at {max(counts):,} photons (tangent_plane), and what each must take at least"
+    title = f"Stages of a frame at {max(counts):,} photons (tangent_plane), and their bounds"
     return _section(title, table(["stage", "took", "bound", "ratio"], lines))
 
 

@@ -1,4 +1,4 @@
-"""`gi-viewer chart SCENE --out DIR`: speed against accuracy of many settings, as a table, a chart and a page."""
+"""`gi-viewer chart SCENE --out DIR`: error against frame time of many settings, as a table, a chart and a page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from app.settings import Settings, open_moving_scene
 def chart(
     settings: Settings, out: Path, quick: bool = False, frames: int | None = None, points: int | None = None
 ) -> str:
-    """Measure what is missing in `out`/results.csv, draw all of it; return where to look, in words.
+    """Measure the settings missing in `out`/results.csv, draw all of them; return a summary with the files.
 
     Raises SceneError, UsageError (a scene without mobiles, no matplotlib), OSError.
     """
@@ -19,7 +19,7 @@ def chart(
     from app.measure.chart.page import write_page
     from app.measure.chart.pictures import SOON_ENOUGH
     from app.measure.chart.run import Run
-    from app.measure.chart.tuned import told
+    from app.measure.chart.tuned import summary
 
     need_matplotlib()
     out.mkdir(parents=True, exist_ok=True)
@@ -42,7 +42,7 @@ def chart(
     if soon:
         least = min(soon, key=lambda r: r["total all"])
         said += f"; within {SOON_ENOUGH:g} ms the least error is {100 * least['total all']:.1f} %, of {least['curve']}"
-    near = [words] if (words := told(rows)) else []
+    near = [words] if (words := summary(rows)) else []
     return "\n".join(
         [said, *near, *(str((out / name).resolve()) for name in ("index.html", "chart.svg", "results.csv"))]
     )

@@ -1,4 +1,4 @@
-"""The chart: error against frame time, both by powers of ten, a panel a class of receivers."""
+"""The chart: error against frame time on logarithmic axes, one panel per class of receivers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PANELS = {
     "mobile": "On the mobile",
     "border": "At borders and corners",
 }
-# Okabe and Ito's colours, told apart by the colour-blind too; shapes say the same once more.
+# Okabe and Ito's colours, which the colour-blind distinguish; markers repeat the distinction.
 STYLES = {
     "tangent_plane": ("#0072B2", "o"),
     "tangent_plane, while dragged": ("#56B4E9", "s"),
@@ -31,12 +31,12 @@ STYLES = {
 }
 RATES = {1000 / 60: "16.7 ms", 40.0: "40 ms"}
 NOTE = {
-    "of": "error: sum of area x |E - truth| over sum of area x truth, luminance,\nat {points:,} receivers a pose, "
-    "{poses} in all; truth: unbiased path gather,\nof which chance is {truth:.0%}",
+    "of": "error: sum of area x |E - truth| / sum of area x truth, luminance,\nat {points:,} receivers per pose, "
+    "{poses}; truth: unbiased path tracing,\nnoise {truth:.0%}",
     "on": "{processor}, {threads} threads\n{triangles:,} triangles, {receivers:,} receivers, seed {seed}\n"
     "commit {commit}",
-    "report": "Hollow: the report's tables 2.1, 2.6 to 2.8, a machine of 2003. Their error is\nthe difference of "
-    "pictures from one by tangent_plane, not from the truth.",
+    "report": "Hollow: the report's tables 2.1, 2.6 to 2.8, a machine of 2003. Their error is\nthe difference from a "
+    "picture by tangent_plane, not from the truth.",
 }
 INK, FAINT, BEST = "#222222", "#DDDDDD", "#E6C200"
 
@@ -71,7 +71,7 @@ def draw(rows: list[dict], about: dict, out: Path) -> None:
 
 
 def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the points that no other beats in both time and error, by time."""
+    """Return the Pareto front: points that no other beats in both time and error, by time."""
     out: list[tuple[float, float]] = []
     for x, y in sorted(points):
         if not out or y < out[-1][1]:
@@ -94,9 +94,9 @@ def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, flo
             axis.plot(*_columns(front(own)), "-" + shape, color=colour, linewidth=1.8, markersize=6, zorder=3)
     report = about["scene"] in SCENES and name == "all"
     if report:
-        for told in REPORT:
-            y = told.total if told.total is not None else told.noise
-            axis.plot(1e3 * told.seconds, 100 * y, STYLES[told.estimator][1], color=STYLES[told.estimator][0],
+        for then in REPORT:
+            y = then.total if then.total is not None else then.noise
+            axis.plot(1e3 * then.seconds, 100 * y, STYLES[then.estimator][1], color=STYLES[then.estimator][0],
                       markerfacecolor="none", markersize=8, markeredgewidth=1.4, zorder=4)  # fmt: skip
     axis.set(xscale="log", yscale="log", xlim=span, title=title)
     axis.set_xlabel("GI frame, median [ms]")
@@ -108,27 +108,10 @@ def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, flo
     shown = [y for own in points.values() for _, y in own]
     if shown:
         axis.set_ylim(min(shown) / 1.35, max(shown) * 1.25)
-    if name == "all":
-        _name_curves(axis, {curve: front(own)[-1] for curve, own in points.items() if own and curve != TUNED})
-
-
-def _name_curves(axis, ends: dict[str, tuple[float, float]]) -> None:
-    """Write each curve's name beside its end; names that would lie over one another are moved apart."""
-    from matplotlib.patheffects import withStroke
-
-    low, high = (math.log(y) for y in axis.get_ylim())
-    middle = math.sqrt(math.prod(axis.get_xlim()))
-    last = 0.0  # height of the name before, as a share of the panel
-    for curve, (x, y) in sorted(ends.items(), key=lambda end: end[1][1]):
-        last = max((math.log(y) - low) / (high - low), last + 0.045)
-        at = x / 1.15 if x > middle else x * 1.15
-        side = "right" if x > middle else "left"
-        name = axis.text(at, math.exp(low + last * (high - low)), curve, ha=side, va="center", size=9)
-        name.set(color=STYLES[curve][0], path_effects=[withStroke(linewidth=3, foreground="white")])
 
 
 def _legend(axis, rows: list[dict], about: dict) -> None:
-    """The last panel says what is what."""
+    """Draw the legend and the conditions into the last panel."""
     axis.axis("off")
     there = [curve for curve in STYLES if any(r["curve"] == curve for r in rows)]
     y = 0.97
@@ -138,7 +121,7 @@ def _legend(axis, rows: list[dict], about: dict) -> None:
         axis.text(0.14, y, _named(curve), color=colour, weight="bold", va="center", transform=axis.transAxes)
         y -= 0.075
     axis.plot([0.02, 0.10], [y, y], color=BEST, linewidth=8, alpha=0.45, transform=axis.transAxes)
-    axis.text(0.14, y, "nothing is both faster and better", va="center", transform=axis.transAxes)
+    axis.text(0.14, y, "no setting is both faster and more accurate", va="center", transform=axis.transAxes)
     notes = [NOTE["of"], NOTE["on"]] + ([NOTE["report"]] if about["scene"] in SCENES else [])
     axis.text(0.0, y - 0.09, "\n\n".join(n.format(**_plain(about)) for n in notes), size=9, va="top",
               linespacing=1.35, transform=axis.transAxes)  # fmt: skip
@@ -146,7 +129,7 @@ def _legend(axis, rows: list[dict], about: dict) -> None:
 
 
 def _named(curve: str) -> str:
-    return curve + {RIVAL: ", nothing kept between frames", TUNED: f" for {BUDGET:g} ms"}.get(curve, "")
+    return curve + {RIVAL: ", no state between frames", TUNED: f" for {BUDGET:g} ms"}.get(curve, "")
 
 
 def _plain(about: dict) -> dict:
@@ -155,7 +138,7 @@ def _plain(about: dict) -> dict:
 
 
 def _points(rows: list[dict], curve: str, name: str) -> list[tuple[float, float]]:
-    """Return (ms, %) of a curve's settings, by time; those without error or receivers are left out."""
+    """Return (ms, %) of a curve's settings, by time; settings without error or receivers are left out."""
     found = [(r["frame_ms"], 100 * r[f"total {name}"]) for r in rows if r["curve"] == curve]
     return sorted((x, y) for x, y in found if isinstance(y, float) and math.isfinite(y) and y > 0 and x > 0)
 
@@ -170,7 +153,7 @@ def _columns(points: list[tuple[float, float]]) -> tuple[list[float], list[float
 
 
 def _ticks(axis) -> None:
-    """Plain numbers: 1, 2, 5, 10 ..."""
+    """Label axes with plain numbers: 1, 2, 5, 10 ..."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     low, high = axis.get_xlim()

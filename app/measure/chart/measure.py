@@ -1,4 +1,4 @@
-"""One setting of the chart: its frame time along the path, its error in each class, how steady it is."""
+"""One setting of the chart: frame time along the path, error in each class, flicker."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from app.measure.chart.truth import Case, background_of, light_of, steady_and_mo
 from gi_core.geometry.error import noise_of_truth, relative_error
 from gi_core.geometry.receiver_classes import CLASSES
 
-WATCHED = 3000  # static receivers whose light is followed from frame to frame
+WATCHED = 3000  # static receivers whose light is recorded in every frame
 
 
 class Walk(NamedTuple):
-    """The frames that every setting is taken through."""
+    """The frames of every setting."""
 
     lap: list  # poses of each frame
     cases: list[Case]
     watched: np.ndarray  # (n,) static receivers
     areas: np.ndarray  # (n,) float64 [m2]
-    steady: np.ndarray  # (n,) bool, of the watched: the mobiles leave them alone
-    moved: np.ndarray  # (n,) bool: they change them
+    steady: np.ndarray  # (n,) bool, of the watched: not changed by mobiles
+    moved: np.ndarray  # (n,) bool, of the watched: changed by mobiles
     change: float  # sum over frames and moved receivers of area x change from frame to frame, by the most photons
 
 
-class Seen(NamedTuple):
-    """What one setting showed."""
+class Recorded(NamedTuple):
+    """Frame times and light of one setting."""
 
     ms: np.ndarray  # (frames,) time of each GI frame
     at_cases: list[np.ndarray]  # irradiance (n, 3) at each case's receivers
@@ -36,22 +36,22 @@ class Seen(NamedTuple):
 
 
 def make_walk(finest, lap: list, cases: list[Case], seed: int) -> Walk:
-    """Watch the walk with the solver that has the most photons: what changes, and by how much."""
+    """Return the walk, with the changes that the solver of most photons finds."""
     static = finest.surfaces.receiver_range(0).stop
     areas = finest.receivers.areas[:static]
     count = min(WATCHED, int((areas > 0).sum()))
     some = np.random.default_rng(seed).choice(static, count, replace=False, p=areas / areas.sum())
     watched = np.sort(some)
     background = light_of(background_of(finest), watched)
-    ones = np.ones(len(watched))  # drawn by area: each stands for as much
+    ones = np.ones(len(watched))  # drawn by area: equal weights
     blank = Walk(lap, [], watched, ones, np.zeros(len(watched), bool), np.zeros(len(watched), bool), 0.0)
     light = go(finest, blank).light
     steady, moved = steady_and_moved(light, background, ones)
     return Walk(lap, cases, watched, ones, steady, moved, _jump(light[:, moved], ones[moved]))
 
 
-def go(solver, walk: Walk, photons: int | None = None, paths: int | None = None) -> Seen:
-    """Take a solved solver along the walk; only the frame itself is timed."""
+def go(solver, walk: Walk, photons: int | None = None, paths: int | None = None) -> Recorded:
+    """Move a solved solver along the walk; only the frame itself is timed."""
     ms, light, by_frame = [], [], {}
     solver.move_all(walk.lap[-1], photons, paths)
     for k, poses in enumerate(walk.lap):
@@ -62,7 +62,7 @@ def go(solver, walk: Walk, photons: int | None = None, paths: int | None = None)
         for case in walk.cases:
             if case.frame == k:
                 by_frame[k] = solver.irradiance[case.rows]
-    return Seen(np.array(ms), [by_frame[c.frame] for c in walk.cases], np.array(light))
+    return Recorded(np.array(ms), [by_frame[c.frame] for c in walk.cases], np.array(light))
 
 
 def at_cases(solver, walk: Walk) -> list[np.ndarray]:
@@ -74,8 +74,8 @@ def at_cases(solver, walk: Walk) -> list[np.ndarray]:
     return out
 
 
-def row(choice: Choice, seen: Seen, limit: list[np.ndarray] | None, walk: Walk, first_frame: float) -> dict:
-    """Return the columns of a setting: milliseconds, and errors as error.py defines them, relative."""
+def row(choice: Choice, seen: Recorded, limit: list[np.ndarray] | None, walk: Walk, first_frame: float) -> dict:
+    """Return the columns of a setting: times [ms] and relative errors of `gi_core.geometry.error`."""
     numbers = {
         **choice._asdict(),
         "curve": choice.curve,
@@ -89,7 +89,7 @@ def row(choice: Choice, seen: Seen, limit: list[np.ndarray] | None, walk: Walk, 
 
 
 def errors(E: list[np.ndarray], limit: list[np.ndarray] | None, cases: list[Case]) -> dict[str, float]:
-    """Return noise, bias and total (l1), total (l2) and the truth's own noise of all receivers and of each class."""
+    """Return noise, bias, total (l1), total (l2) and the noise of the truth, of all receivers and of each class."""
     E, T, s, w, kind = (
         np.concatenate(a) for a in (E, *zip(*(c[4:6] + (c.weights, c.kind) for c in cases), strict=True))
     )
@@ -107,12 +107,12 @@ def errors(E: list[np.ndarray], limit: list[np.ndarray] | None, cases: list[Case
 
 
 def flicker(light: np.ndarray, walk: Walk) -> float:
-    """Return how much receivers that the mobiles leave alone vary over the frames, relative to their light."""
+    """Return the standard deviation over frames / mean light, at receivers that mobiles do not change."""
     still, w = light[:, walk.steady], walk.areas[walk.steady]
     mean = float((w * still.mean(axis=0)).sum())
     return float((w * still.std(axis=0)).sum()) / mean if mean > 0 else float("nan")
 
 
 def _jump(light: np.ndarray, areas: np.ndarray) -> float:
-    """Return the sum of area x change over all steps from frame to frame."""
+    """Return the sum of area x change over all frames."""
     return float((areas * np.abs(np.diff(light, axis=0))).sum())

@@ -1,4 +1,4 @@
-"""index.html: chart, the report's tables beside ours, pictures and every number, in one file that needs no other."""
+"""index.html: chart, pictures, the report's tables beside ours and every number, in one file."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import math
 from html import escape
 from pathlib import Path
 
+from app.cli.writable import write_whole
 from app.measure.chart import pictures
 from app.measure.chart.report import SCENES, beside
 from app.measure.chart.rival import RIVAL
 from app.measure.chart.run import Run
-from app.measure.chart.tuned import told as tuned_words
-from app.measure.html_page import document, image, table, write
+from app.measure.chart.settings import Choice
+from app.measure.chart.tuned import summary as tuned_summary
+from app.measure.html_page import document, image, table
 
 ALL_COLUMNS = ("noise", "bias", "total", "total l2")
 
@@ -20,23 +22,23 @@ def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
     """Write index.html, whole or not at all. Raises OSError."""
     parts = [
         f"<p>{escape(_summary(rows, about))}</p>",
-        *(f"<p>{escape(words[0].upper() + words[1:])}.</p>" for words in [tuned_words(rows)] if words),
+        *(f"<p>{escape(words[0].upper() + words[1:])}.</p>" for words in [tuned_summary(rows)] if words),
         _inline((out / "chart.svg").read_text(encoding="utf-8")),
         "<h2>The best of each estimator</h2>",
-        f"<p>The least error of all receivers within {pictures.SOON_ENOUGH:g} ms a frame. Maps: blue too dark, "
-        f"orange too bright, full colour at {pictures.SCALE:.0%} of the light there.</p>",
+        f"<p>The least error of all receivers within {pictures.SOON_ENOUGH:g} ms per frame. Maps: blue too dark, "
+        f"orange too bright, full colour at a relative error of {pictures.SCALE:.0%}.</p>",
         _pictures(pictures.pictures(run, rows)),
         *_report(rows, about),
         "<h2>Every setting</h2>",
         _everything(rows),
         f"<p>{escape(_notes(about))}</p>",
     ]
-    write(out / "index.html", document(f"{about['scene']}: speed against accuracy", parts))
+    write_whole(out / "index.html", document(f"{about['scene']}: speed against accuracy", parts))
 
 
 def _summary(rows: list[dict], about: dict) -> str:
     return (
-        f"{len(rows)} settings, {about['frames']} frames each, the mobiles moving 1.5 % of the scene a frame; "
+        f"{len(rows)} settings, {about['frames']} frames each, mobiles move 1.5 % of the scene per frame; "
         f"{about['triangles']:,} triangles, {about['receivers']:,} receivers; {about['processor']}, "
         f"{about['threads']} threads, commit {about['commit']}, seed {about['seed']}."
     )
@@ -45,12 +47,13 @@ def _summary(rows: list[dict], about: dict) -> str:
 def _notes(about: dict) -> str:
     return (
         f"A GI frame is everything from new poses to irradiance. Errors are relative, at {about['asked_points']:,} "
-        f"receivers a pose ({about['poses']} in all), drawn by area, class by class; truth is an unbiased path gather "
-        f"with {about['truth']:.0%} of chance in it. Noise is against the same estimator at {about['limit']:,} other "
-        "photons, bias is that against the truth (the noise of either is in it). Flicker: how much receivers that no "
-        "frame changes by a thousandth of the mean vary over frames. Jump: change from frame to frame of those that "
-        f"the mobile changes, relative to the change by {about['limit']:,} photons; 1 is right, more is flicker. First "
-        "frame: scene prepared, photons traced, estimated. The rival's time at over 4 paths is that of 4, scaled."
+        f"receivers per pose ({about['poses']} poses), drawn by area in each class. The truth is unbiased path tracing "
+        f"with a noise of {about['truth']:.0%}. Noise is the difference from the same estimator at {about['limit']:,} "
+        "other photons. Bias is the difference of those from the truth and includes the noise of both. Flicker is the "
+        "variation over frames at receivers that no frame changes by a thousandth of the mean. Jump is the change per "
+        f"frame at receivers that the mobile changes, relative to the change with {about['limit']:,} photons; 1 is "
+        "exact, more is flicker. First frame: scene prepared, photons traced and estimated. The rival's times over 4 "
+        "paths are scaled from 4."
     )
 
 
@@ -62,7 +65,7 @@ def _pictures(found) -> str:
     out = []
     for p in found:
         shown = [(p.image, f"picture: {p.title}"), (p.error_map, f"map of errors: {p.title}")]
-        images = "".join(image(picture, told) for picture, told in shown if picture is not None)
+        images = "".join(image(picture, text) for picture, text in shown if picture is not None)
         out.append(f"<figure>{images}<figcaption><b>{escape(p.title)}</b>: {escape(p.text)}</figcaption></figure>")
     return f"<div class='row'>{''.join(out)}</div>"
 
@@ -74,18 +77,18 @@ def _report(rows: list[dict], about: dict) -> list[str]:
     head = ["table", "estimator", "photons", "frame, 2003", "frame now", "times faster", "noise, 2003", "noise now",
             "bias, 2003", "bias now", "total, 2003", "total now"]  # fmt: skip
     lines = []
-    for told, now in beside(rows, about["scene_size"]):
+    for then, now in beside(rows, about["scene_size"]):
         ms = now and now["frame_ms"]
         lines.append([
-            told.table, told.estimator, f"{told.photons:,}", f"{1e3 * told.seconds:,.0f} ms", _ms(ms),
-            f"{1e3 * told.seconds / ms:,.0f}" if ms else "", _percent(told.noise), _percent(now and now["noise all"]),
-            _percent(told.bias), _percent(now and now["bias all"]), _percent(told.total),
+            then.table, then.estimator, f"{then.photons:,}", f"{1e3 * then.seconds:,.0f} ms", _ms(ms),
+            f"{1e3 * then.seconds / ms:,.0f}" if ms else "", _percent(then.noise), _percent(now and now["noise all"]),
+            _percent(then.bias), _percent(now and now["bias all"]), _percent(then.total),
             _percent(now and now["total all"]),
         ])  # fmt: skip
     note = (
-        "Discs of 1 % of the scene, no artifact control. The report's errors are differences between pictures, from "
-        "tangent_plane with 5 or 100 million photons (noise of photon_map: from itself); ours are of irradiance over "
-        "all receivers, from the truth, so only times compare directly. The k of its photon maps is not told."
+        "Discs of 1 % of the scene, no artifact control. The report's errors are differences from pictures of "
+        "tangent_plane with 5 or 100 million photons (noise of photon_map: from its own). Ours are differences of "
+        "irradiance from the truth, so only times compare directly. The report gives no k of its photon maps."
     )
     return ["<h2>The report's tables, redone</h2>", table(head, lines), f"<p>{note}</p>"]
 
@@ -95,7 +98,7 @@ def _everything(rows: list[dict]) -> str:
     head = ["setting", "median", "95 %", "first", *ALL_COLUMNS, "changed", "mobile", "borders", "flicker", "jump"]
     lines = []
     for r in sorted(rows, key=lambda r: (r["curve"], r["radius"], r["neighbours"], r["photons"])):
-        words = f"{r['photons']} paths a vertex" if r["curve"] == RIVAL else _told(r)
+        words = f"{r['photons']} paths per vertex" if r["curve"] == RIVAL else Choice.of(r).summary()
         lines.append([
             f"{r['curve']}: {words}", _ms(r["frame_ms"]), _ms(r["frame_p95_ms"]), f"{1e-3 * r['first_frame_ms']:.2f} s",
             *(_percent(r[f"{name} all"]) for name in ALL_COLUMNS),
@@ -103,12 +106,6 @@ def _everything(rows: list[dict]) -> str:
             _percent(r["flicker"], 2), _number(r["jump"]),
         ])  # fmt: skip
     return table(head, lines, over)
-
-
-def _told(r: dict) -> str:
-    from app.measure.chart.settings import Choice
-
-    return Choice(*(r[name] for name in Choice._fields)).told()
 
 
 def _there(value) -> bool:

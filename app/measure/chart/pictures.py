@@ -1,4 +1,4 @@
-"""Small pictures for the page: the truth, and the best setting of each estimator with a map of its error."""
+"""Pictures of the page: the truth, and the best setting of each estimator with an error map."""
 
 from __future__ import annotations
 
@@ -17,14 +17,13 @@ from gi_core.estimators import ESTIMATORS
 from gi_core.geometry.error import relative_error, signed_error
 
 SIZE = (480, 320)  # pixels
-SOON_ENOUGH = 40.0  # ms: the longest frame of which pictures are shown
-TRUTH, QUICK_TRUTH = 0.02, 0.1  # l1 error that chance makes in the truth of these pictures
-SCALE = 0.5  # of the light: the end of the map's colours
+SOON_ENOUGH = 40.0  # ms: longest frame among the best settings
+SCALE = 0.5  # relative error at the ends of the colour scale
 TOO_DARK, RIGHT, TOO_BRIGHT = (0.13, 0.40, 0.67), (0.97, 0.97, 0.97), (0.84, 0.38, 0.05)
 
 
 class Picture(NamedTuple):
-    """A picture and what stands under it."""
+    """A picture and its caption."""
 
     title: str
     text: str
@@ -33,7 +32,7 @@ class Picture(NamedTuple):
 
 
 def best_rows(rows: list[dict]) -> list[dict]:
-    """Return of each estimator the row of least error that is soon enough, else its fastest one."""
+    """Return per estimator the row of least error within SOON_ENOUGH, else its fastest row."""
     out = []
     for estimator in ESTIMATORS:
         own = [r for r in rows if r["estimator"] == estimator]
@@ -44,33 +43,33 @@ def best_rows(rows: list[dict]) -> list[dict]:
 
 
 def pictures(run: Run, rows: list[dict]) -> list[Picture]:
-    """Return the truth and the best of each estimator, at the first pose where errors were taken."""
+    """Return the truth and the best row of each estimator, at the first pose where errors were measured."""
     poses = run.lap[run.truth_frames[0]]
     solver = run.base.twin()
     solver.move_all(poses)
     store = ReferenceStore(solver.model, solver.poses, seed=run.settings.seed)
-    for reached in gather(store, QUICK_TRUTH if run.quick else TRUTH):
+    for reached in gather(store, run.effort.picture_truth):
         run.bar("truth of the pictures", reached.fraction)
     truth, areas = reached.state.mean, store.weights
     solver.irradiance = truth
     shot = Shot(solver, replace(run.settings, size=SIZE))
-    out = [Picture("truth", f"unbiased path gather, {100 * reached.noise:.1f} % of chance", shot.take(), None)]
+    out = [Picture("truth", f"unbiased path tracing, noise {100 * reached.noise:.1f} %", shot.take(), None)]
     settings = replace(run.settings, size=SIZE, exposure=shot.exposure)
     for row in best_rows(rows):
         run.bar(f"picture of {row['estimator']}", 0.0)
-        choice = Choice(*(row[name] for name in Choice._fields))
+        choice = Choice.of(row)
         solver, _ = run.solved(choice)
         solver.move_all(poses, *choice.frame)
         shot = Shot(solver, settings)
-        off = signed_error(solver.irradiance, truth, areas)
+        error = signed_error(solver.irradiance, truth, areas)
         total = relative_error(solver.irradiance, truth, areas)
-        text = f"{choice.told()}: {row['frame_ms']:.3g} ms a frame; {100 * total.l1:.1f} % off here"
-        out.append(Picture(choice.curve, text, shot.take(), _map(shot, off)))
+        text = f"{choice.summary()}: {row['frame_ms']:.3g} ms per frame; error {100 * total.l1:.1f} % here"
+        out.append(Picture(choice.curve, text, shot.take(), _map(shot, error)))
     return out
 
 
 def _map(shot: Shot, error: np.ndarray) -> np.ndarray:
-    """Return the picture (h, w, 3) uint8 of errors (R,): blue too dark, orange too bright, white right."""
+    """Return an error map (h, w, 3) uint8 of relative errors (R,): blue too dark, orange too bright, white exact."""
     x = np.clip(np.nan_to_num(error) / SCALE, -1, 1)[:, None]
     display = np.where(
         x < 0, np.array(RIGHT) + x * (np.array(RIGHT) - TOO_DARK), RIGHT + x * (np.array(TOO_BRIGHT) - RIGHT)

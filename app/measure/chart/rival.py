@@ -1,4 +1,4 @@
-"""The rival: no photons kept; every frame gathers some random paths at every vertex."""
+"""The rival: path tracing from every vertex in every frame, without photons."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ from gi_core.gather.point_gather import Gatherer
 from gi_core.geometry.evaluation_points import evaluation_points
 
 RIVAL = "path gather"
-PATHS = (1, 4, 16, 64)  # a vertex
-QUICK_PATHS = (1, 4)
-TIMED = 4  # paths a vertex: more take as many times longer
-OTHER_SEED = 0x417A1  # its paths are not those of the truth
+TIMED = 4  # paths per vertex; the time of more is scaled from these
+OTHER_SEED = 0x417A1  # the truth has other paths
 
 
 def seen(solver, walk: Walk, paths: int, seed: int) -> list[np.ndarray]:
-    """Return irradiance (n, 3) at each case's receivers by so many independent paths."""
+    """Return irradiance (n, 3) at the receivers of each case, from a number of paths per receiver."""
     out = []
     for case in walk.cases:
         gatherer = _gatherer(solver, walk.lap[case.frame], seed ^ OTHER_SEED)
@@ -27,12 +25,12 @@ def seen(solver, walk: Walk, paths: int, seed: int) -> list[np.ndarray]:
 
 
 def times(solver, walk: Walk, paths: int) -> dict[str, float]:
-    """Return the time of a frame that gathers at every vertex [ms]; of many paths, by that of TIMED.
+    """Return the time [ms] of a frame with paths from every vertex; times over TIMED paths are scaled.
 
-    There is no first frame but this, and no two frames have noise in common.
+    The first frame takes as long as every other one.
     """
     count, took = min(paths, TIMED), []
-    for k in range(3 if count == 1 else 1):  # one of four paths takes seconds, and hardly swings
+    for k in range(3 if count == 1 else 1):  # a frame of four paths takes seconds: one is enough
         gatherer = _gatherer(solver, walk.lap[k % len(walk.lap)], k)
         started = time.perf_counter()
         gatherer.paths(np.arange(len(gatherer.positions)), 0, count)

@@ -1,6 +1,6 @@
-"""A run of the chart: the settings that are missing are measured family by family and written one by one.
+"""A run of the chart: missing settings are measured family by family and written one by one.
 
-A family is what shares a limit at very many photons. Photons are traced once: every setting is a twin of one solver.
+A family shares its limit at very many photons. Photons are traced once: every setting uses a twin of one solver.
 """
 
 from __future__ import annotations
@@ -17,38 +17,27 @@ from app.measure.chart import measure, truth
 from app.measure.chart import rival as chart_rival
 from app.measure.chart.report import choices_like_the_report
 from app.measure.chart.results import KEY, Results
-from app.measure.chart.settings import (
-    GATHERED_NOISE,
-    LIMIT_PHOTONS,
-    QUICK_GATHERED_NOISE,
-    QUICK_LIMIT_PHOTONS,
-    Choice,
-    choices,
-)
+from app.measure.chart.settings import Choice, choices, effort
 from app.measure.chart.tuned import nearness, tuned_choice
 from app.measure.machine import commit, load, processor
 from app.settings import STEP, Settings, make_solver
 
-FRAMES, QUICK_FRAMES = 40, 8
-POINTS, QUICK_POINTS = 1500, 300
-POSES, QUICK_POSES = 3, 1
-TRUTH, QUICK_TRUTH = 0.01, 0.03  # l1 error that chance makes in the truth
-LIMIT_SEED = 1000  # added to the seed: the limit must not share the photons that it judges
-FIXED = 60_000  # photons that take about as long as what a row takes anyway
+LIMIT_SEED = 1000  # added to the seed: the limit must not share photons with the rows
+FIXED = 60_000  # photons of about the same time as the fixed cost of a row
 
 
 class Run:
-    """One scene, its walk and its truth, and the settings to be measured on them."""
+    """One scene with its walk, its truth and the settings to measure."""
 
     def __init__(self, scene, settings: Settings, quick: bool, frames: int | None, points: int | None, out: Path,
                  bar: Bar) -> None:  # fmt: skip
         self.scene, self.settings, self.quick, self.bar = scene, settings, quick, bar
-        self.frames = frames or (QUICK_FRAMES if quick else FRAMES)
-        self.points = points or (QUICK_POINTS if quick else POINTS)
+        self.effort = effort(quick)
+        self.frames, self.points = frames or self.effort.frames, points or self.effort.points
         started = time.perf_counter()
         self.base = make_solver(scene, replace(settings, estimator="impact_count"))
         self._prepare_seconds = time.perf_counter() - started
-        self.choices = choices(settings, self.base, quick)
+        self.choices = choices(settings, self.base, self.effort)
         if not quick and settings.estimator is None:
             self.choices += [c for c in choices_like_the_report(settings.scene, self.base) if c not in self.choices]
         families = list(dict.fromkeys(c.family for c in self.choices))
@@ -56,29 +45,29 @@ class Run:
         under = (settings.scene, commit() or "unknown", processor(), settings.seed, self.frames, self.points)
         self.results = Results(out, dict(zip(KEY, under, strict=True)), Choice._fields)
         self.lap = motion.walk(motion.paths_of(self.base), STEP * self.base.scene_size, self.frames)
-        poses = min(QUICK_POSES if quick else POSES, self.frames)
+        poses = min(self.effort.poses, self.frames)
         self.truth_frames = [(2 * k + 1) * self.frames // (2 * poses) for k in range(poses)]
         self._traced: dict[int, float] = {}  # s from the start to so many photons
         self._gather_seconds = 0.0
         self._limits = None
 
     def about(self) -> dict[str, object]:
-        """Return what the numbers were measured on and at, for the page."""
+        """Return the conditions of the measurement."""
         return self.results.under | {
             "triangles": int(self.base.surfaces.first_face[-1]),
             "receivers": len(self.base.irradiance),
             "scene_size": self.base.scene_size,
             "threads": self.base.model.threads,
             "poses": len(self.truth_frames),
-            "truth": QUICK_TRUTH if self.quick else TRUTH,
-            "limit": self._limit_photons(),
+            "truth": self.effort.truth,
+            "limit": self.effort.limit_photons,
             "load": load(),
         }
 
     def measure(self) -> None:
         """Measure every setting that is missing, and the rival."""
         todo = [c for c in self.choices if not self.results.has(c._asdict())]
-        rival = [c for c in rival_choices(self.quick) if not self.results.has(c._asdict())]
+        rival = [c for c in rival_choices(self.effort.paths) if not self.results.has(c._asdict())]
         tuned = not self.quick and self.settings.estimator is None and not nearness(self.results.rows)
         if not todo and not rival and not tuned:
             return
@@ -92,7 +81,7 @@ class Run:
                 left = time_left(spent * (sum(works) - done) / done if done else None)
                 self.bar(f"{choice.curve}{left}", done / sum(works))
                 limit = measure.at_cases(self._limit(choice), walk) if limit is None else limit
-                # Light that was gathered has no limit at very many photons.
+                # Gathered light has no limit at very many photons.
                 self.results.add(self._row(choice, None if choice.light == "best" else limit, walk))
                 done += FIXED + choice.photons
         for choice in rival:
@@ -107,7 +96,7 @@ class Run:
             self.measure_tuned(walk)
 
     def measure_tuned(self, walk: measure.Walk) -> None:
-        """Measure what `tune` chooses on this scene and machine."""
+        """Measure the choice of `tune` on this scene and machine."""
         most = max(c.traced for c in self.choices)
         plain = Choice("tangent_plane", most, most, self.base.radius, self.base.neighbours, True, "best", paths=64)
         solver, _ = self.solved(plain)
@@ -133,7 +122,7 @@ class Run:
         return measure.row(choice, seen, limit, walk, first)
 
     def _trace(self, photons: int) -> None:
-        """Trace so many photons; the cheapest estimator takes them in, and next to no time."""
+        """Trace photons up to a number, with the cheapest estimator."""
         if photons in self._traced:
             return
         most = max(self._traced, default=0)
@@ -144,7 +133,7 @@ class Run:
 
     def _gather(self) -> None:
         """Gather the static light, once; every twin has it."""
-        noise = QUICK_GATHERED_NOISE if self.quick else GATHERED_NOISE
+        noise = self.effort.gathered_noise
         if self.base.gathered is None or self.base.gathered.noise > noise:
             started = time.perf_counter()
             for progress in self.base.gather_steps():
@@ -160,27 +149,23 @@ class Run:
         self.bar("the light of many photons", 0.0)
         s = self.base
         finest = self._limit(Choice("tangent_plane", 0, 0, s.radius, s.neighbours, self.settings.control, "photons"))
-        error = QUICK_TRUTH if self.quick else TRUTH
         seed = self.settings.seed
-        found = truth.cases(finest, self.lap, self.truth_frames, self.points, error, seed, self.bar)
+        found = truth.cases(finest, self.lap, self.truth_frames, self.points, self.effort.truth, seed, self.bar)
         return measure.make_walk(finest, self.lap, found, seed)
 
     def _limit(self, choice: Choice):
         """Return a solver of the same family with very many photons, other ones."""
         if self._limits is None:
             settings = replace(self.settings, estimator="impact_count", seed=self.settings.seed + LIMIT_SEED)
-            self._limits = make_solver(self.scene, replace(settings, photons=self._limit_photons()))
+            self._limits = make_solver(self.scene, replace(settings, photons=self.effort.limit_photons))
             self._limits.solve()
         limit = self._limits.twin()
         limit.configure(**choice.setting)
         limit.solve()
         return limit
 
-    def _limit_photons(self) -> int:
-        return QUICK_LIMIT_PHOTONS if self.quick else LIMIT_PHOTONS
 
-
-def rival_choices(quick: bool) -> Iterator[Choice]:
-    """Return the rival's settings: `photons` are its paths a vertex."""
-    for paths in chart_rival.QUICK_PATHS if quick else chart_rival.PATHS:
+def rival_choices(counts: tuple[int, ...]) -> Iterator[Choice]:
+    """Return the rival's settings; `photons` holds its paths per vertex."""
+    for paths in counts:
         yield Choice(chart_rival.RIVAL, paths, paths, 0.0, 0, False, "photons")

@@ -1,4 +1,4 @@
-"""Which settings the chart measures. A new dimension is a field of Choice and a line where choices are made."""
+"""Settings that the chart measures. A new dimension is a field of Choice and a line in `choices`."""
 
 from __future__ import annotations
 
@@ -6,50 +6,84 @@ from typing import NamedTuple
 
 from app.settings import Settings
 
-PHOTONS = (1 << 14, 1 << 16, 1 << 18, 1 << 20)  # all of them prefixes that frames can use
-QUICK_PHOTONS = (1 << 14, 1 << 16)
-RADII = (0.5, 1.0, 2.0)  # of the radius that the program chooses
-NEIGHBOURS = (20, 100)
-GATHERED_NOISE, QUICK_GATHERED_NOISE = 0.01, 0.05  # of gathered static light before smoothing: a minute or so at rest
 TUNED = "tune's choice"
-LIMIT_PHOTONS = 1 << 22  # of an estimator's limit: four times the most
-QUICK_LIMIT_PHOTONS = 1 << 18
+
+
+class Effort(NamedTuple):
+    """Size of a chart."""
+
+    photons: tuple[int, ...]  # subsets that frames can use
+    radii: tuple[float, ...]  # of the default radius
+    neighbours: tuple[int, ...]  # (): the default alone
+    paths: tuple[int, ...]  # of the rival, per vertex
+    frames: int  # timed per setting
+    points: int  # receivers per pose at which errors are measured
+    poses: int
+    truth: float  # l1 noise of the truth at those receivers
+    picture_truth: float  # l1 noise of the truth in the page's pictures
+    gathered_noise: float  # of gathered static light before smoothing
+    limit_photons: int  # of an estimator's limit
+
+
+FULL = Effort(
+    (1 << 14, 1 << 16, 1 << 18, 1 << 20),
+    (0.5, 1.0, 2.0),
+    (20, 100),
+    (1, 4, 16, 64),
+    40,
+    1500,
+    3,
+    0.01,
+    0.02,
+    0.01,
+    1 << 22,
+)
+QUICK = Effort((1 << 14, 1 << 16), (1.0,), (), (1, 4), 8, 300, 1, 0.03, 0.1, 0.05, 1 << 18)
+
+
+def effort(quick: bool) -> Effort:
+    return QUICK if quick else FULL
 
 
 class Choice(NamedTuple):
-    """One setting: what a frame is computed from and how. Fields are columns of results.csv."""
+    """Settings of one row. Fields are columns of results.csv."""
 
     estimator: str
-    photons: int  # that a frame uses
-    traced: int  # that there are: more than `photons` while something is dragged
+    photons: int  # used by a frame
+    traced: int  # more than `photons` while a mobile is dragged
     radius: float  # [m]
     neighbours: int
     control: bool
     light: str  # one of app.settings.LIGHTS
     border_correction: bool = True  # of photon_map
-    textbook: bool = False  # photon_map's k as in the report
-    paths: int = 0  # that receivers of mobiles gather in a frame; 0: their light is the photons'
-    tuned: bool = False  # by `tune`: a point of its own
+    textbook: bool = False  # photon_map counts the k-th hit, as in the report
+    paths: int = 0  # per receiver of a mobile and frame; 0: mobiles are lit by photons
+    tuned: bool = False  # chosen by `tune`
+
+    @classmethod
+    def of(cls, row: dict) -> Choice:
+        """Return the setting of a row of results.csv."""
+        return cls(*(row[name] for name in cls._fields))
 
     @property
     def family(self) -> tuple:
-        """What decides the limit at very many photons."""
+        """Fields that decide the limit at very many photons."""
         return self[:1] + self[3:6] + self[7:9]
 
     @property
     def setting(self) -> dict:
-        """What Solver.configure() is to be told, but the numbers of photons."""
+        """Arguments of Solver.configure() other than photons."""
         others = ("photons", "traced", "paths", "tuned")
         return {name: value for name, value in self._asdict().items() if name not in others}
 
     @property
     def frame(self) -> tuple[int | None, int | None]:
-        """What Solver.move_all() is to be told."""
+        """Photons and paths, as arguments of Solver.move_all()."""
         return None if self.traced == self.photons else self.photons, self.paths or None
 
     @property
     def curve(self) -> str:
-        """The name of the curve that it is a point of."""
+        """Name of the curve through this point."""
         if self.tuned:
             return TUNED
         if self.light == "best":
@@ -60,13 +94,13 @@ class Choice(NamedTuple):
             return "tangent_plane, no control"
         return self.estimator
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """Return the setting in words."""
         words = [f"{self.photons:,} photons"]
         if self.traced > self.photons:
             words[0] += f" of {self.traced:,}"
         if self.paths:
-            words.append(f"{self.paths} paths a vertex of the mobiles")
+            words.append(f"{self.paths} paths per vertex of the mobiles")
         if self.estimator == "tangent_plane":
             words.append(f"radius {self.radius:.3g} m")
         if self.estimator == "photon_map":
@@ -74,14 +108,18 @@ class Choice(NamedTuple):
         return ", ".join(words)
 
 
-def choices(settings: Settings, solver, quick: bool) -> list[Choice]:
-    """Return what to measure, family by family; what `settings` gives is not varied.
+def choices(settings: Settings, solver, effort: Effort) -> list[Choice]:
+    """Return the settings to measure, family by family; a value given by `settings` is not varied.
 
-    `solver` knows what the program chooses where nothing is given.
+    solver: source of default radius and neighbours.
     """
-    counts = (settings.photons,) if settings.photons else QUICK_PHOTONS if quick else PHOTONS
-    radii = (1.0,) if settings.radius or quick else RADII
-    ks = (settings.neighbours or solver.neighbours,) if settings.neighbours or quick else NEIGHBOURS
+    counts = (settings.photons,) if settings.photons else effort.photons
+    radii = (1.0,) if settings.radius else effort.radii
+    ks = (
+        (settings.neighbours or solver.neighbours,)
+        if settings.neighbours
+        else effort.neighbours or (solver.neighbours,)
+    )
     wanted = (settings.estimator,) if settings.estimator else ("tangent_plane", "impact_count", "photon_map")
     most, r, k = counts[-1], solver.radius, solver.neighbours
     out = []
@@ -93,7 +131,7 @@ def choices(settings: Settings, solver, quick: bool) -> list[Choice]:
     if "tangent_plane" in wanted:
         for share in radii if settings.control else ():
             add("tangent_plane", radius=_round(share * r))
-            if share == 1.0:  # what a drag shows: a frame of a few photons, the walls lit by all of them
+            if share == 1.0:  # a drag: frames of a photon subset, static light of all photons
                 out += [Choice("tangent_plane", n, most, r, k, True, "photons") for n in counts[:-1]]
                 out += [Choice("tangent_plane", n, most, r, k, True, "best", paths=p) for n, p in _gathered(counts)]
         add("tangent_plane", control=False)
@@ -106,7 +144,7 @@ def choices(settings: Settings, solver, quick: bool) -> list[Choice]:
 
 
 def _gathered(counts: tuple[int, ...]) -> list[tuple[int, int]]:
-    """Return photons and paths of frames whose light is gathered: paths grow with the root of the photons or so."""
+    """Return photons and paths of frames with gathered light: paths grow about as the root of the photons."""
     return [(n, p) for k, n in enumerate(counts) for p in ((8, 16) if k == 0 else (min(8 << k, 64),))]
 
 

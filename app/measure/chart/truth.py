@@ -1,4 +1,4 @@
-"""The truth that settings are judged by: at some poses of the path, at a random choice of receivers of each class."""
+"""The truth of the chart: unbiased light at some poses, at a random sample of receivers of each class."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from app.rest.reference_store import ReferenceStore
 from gi_core.geometry.error import luminance
 from gi_core.geometry.receiver_classes import CLASSES, receiver_classes
 
-SHARES = {"untouched": 0.4, "affected": 0.2, "mobile": 0.2, "border": 0.2}  # of the receivers looked at
-FAR_AWAY = 1e3  # of the scene size: where a mobile changes nothing
+SHARES = {"untouched": 0.4, "affected": 0.2, "mobile": 0.2, "border": 0.2}  # of the sample
+FAR_AWAY = 1e3  # of the scene size: a mobile there changes nothing
 
 
 class Case(NamedTuple):
@@ -20,7 +20,7 @@ class Case(NamedTuple):
 
     frame: int  # of the walk
     rows: np.ndarray  # (n,) receivers
-    weights: np.ndarray  # (n,) area that each stands for [m2]
+    weights: np.ndarray  # (n,) area per sampled receiver [m2]
     kind: np.ndarray  # (n,) int, of CLASSES
     truth: np.ndarray  # (n, 3) float64 [W/m2]
     standard_error: np.ndarray  # (n, 3) float64 [W/m2]
@@ -37,9 +37,9 @@ def background_of(solver) -> np.ndarray:
 
 
 def cases(solver, lap: list[dict], frames: list[int], points: int, error: float, seed: int, progress) -> list[Case]:
-    """Return the truth at some frames of a walk, as far as `error` (l1) of it; kept on disk from run to run.
+    """Return the truth at some frames of a walk, with a noise of `error` (l1); kept on disk.
 
-    `solver` is solved: what its photons say tells the classes, whose shares of `points` are stated above.
+    The light of `solver`, which is solved, decides the class of each receiver; SHARES of `points` are drawn from each.
     `progress(stage, fraction)` is called on the way.
     """
     background, start, out = background_of(solver), dict(solver.poses), []
@@ -57,9 +57,9 @@ def cases(solver, lap: list[dict], frames: list[int], points: int, error: float,
 
 
 def choose(sides: dict[str, np.ndarray], areas: np.ndarray, points: int, random) -> tuple[np.ndarray, ...]:
-    """Return rows, weights and class of about `points` receivers, each class's with a chance that grows with area.
+    """Return rows, weights and class of about `points` receivers, drawn by area in each class.
 
-    Weights are areas over chances, so that sums over the choice have the mean of sums over all.
+    Weights are areas / probabilities: weighted sums over the sample are unbiased estimates of sums over all.
     """
     rows, weights, kind = [], [], []
     for number, name in enumerate(CLASSES):
@@ -70,7 +70,7 @@ def choose(sides: dict[str, np.ndarray], areas: np.ndarray, points: int, random)
         if count >= len(mine):
             rows.append(mine), weights.append(areas[mine])
         else:
-            # Evenly spaced marks along the running area: neighbours in the mesh are not both taken.
+            # Systematic sampling: evenly spaced marks along the running area do not take both of two neighbours.
             running = np.cumsum(areas[mine])
             marks = (np.arange(count) + random.random()) * running[-1] / count
             hit, times = np.unique(np.searchsorted(running, marks).clip(max=len(mine) - 1), return_counts=True)
@@ -80,10 +80,10 @@ def choose(sides: dict[str, np.ndarray], areas: np.ndarray, points: int, random)
 
 
 def steady_and_moved(light: np.ndarray, background: np.ndarray, areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return which receivers a walk leaves alone and which it changes, both (n,) bool.
+    """Return the receivers that a walk does not change and those that it changes, both (n,) bool.
 
-    `light` (frames, n) is their luminance by many photons, `background` (n,) that without mobiles. Alone: never
-    changed by more than a thousandth of the mean; changed: at some time by more than the hundredth of error.py.
+    light: (frames, n) luminance by many photons; background: (n,) without mobiles. Not changed: never by more than a
+    thousandth of the mean; changed: at some time by more than a hundredth.
     """
     mean = float((areas * background).sum() / areas.sum())
     change = np.abs(light - background).max(axis=0)

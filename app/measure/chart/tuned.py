@@ -1,4 +1,4 @@
-"""What `tune` chooses for a budget, as a point of the chart, and how near it comes to the best that was measured."""
+"""The choice of `tune` for a budget as a point of the chart, and its error over the best measured error."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from app.measure.chart.settings import TUNED, Choice
 from app.rest.tuning import tune
 
 BUDGET = 16.0  # ms a frame, the panel's own
-LATE = 1.1  # times the budget still keeps it: another moment of the machine
-JUDGED = {"all": "all receivers", "affected": "what the mobiles change", "mobile": "the mobiles"}
+LATE = 1.1  # of the budget: a frame of this length still keeps it
+JUDGED = {"all": "all receivers", "affected": "receivers that mobiles change", "mobile": "mobiles"}
 
 
 def tuned_choice(solver, traced: int, bar) -> Choice:
-    """Return what tune chooses for a solver that has solved with `traced` photons, its light gathered as the window's.
+    """Return the choice of tune for a solver with `traced` photons and gathered light.
 
-    The frame is of the largest prefix of photons that it foretells to keep the budget.
+    Its frame uses the largest photon subset that is predicted to keep the budget.
     """
     from app.rest.tuning import finished
 
@@ -29,8 +29,9 @@ def tuned_choice(solver, traced: int, bar) -> Choice:
 
 
 def nearness(rows: list[dict]) -> dict[str, float]:
-    """Return, by class of receivers, the error of tune's choice over the least of what is no slower (of what keeps
-    the budget, if it does); {} where it was not measured.
+    """Return by class of receivers: error of tune's choice / least error of all settings that are no slower.
+
+    A choice within the budget is compared with every setting within the budget. {} if it was not measured.
     """
     tuned = [r for r in rows if r["curve"] == TUNED]
     if not tuned:
@@ -46,15 +47,15 @@ def nearness(rows: list[dict]) -> dict[str, float]:
     return out
 
 
-def told(rows: list[dict]) -> str:
-    """Return that in words, "" where it was not measured."""
+def summary(rows: list[dict]) -> str:
+    """Return the nearness in words, "" if it was not measured."""
     near = nearness(rows)
     if not near:
         return ""
     chosen = [r for r in rows if r["curve"] == TUNED][-1]
-    choice = Choice(*(chosen[name] for name in Choice._fields))
-    parts = ", ".join(f"{ratio:.2f} x on {JUDGED[name]}" for name, ratio in near.items())
+    choice = Choice.of(chosen)
+    parts = ", ".join(f"{ratio:.2f} x at {JUDGED[name]}" for name, ratio in near.items())
     return (
-        f"tune's choice for {BUDGET:g} ms ({choice.estimator}, {choice.told()}) takes {chosen['frame_ms']:.1f} ms; "
-        f"its error is {parts}, relative to the least of every setting that is no slower"
+        f"tune's choice for {BUDGET:g} ms ({choice.estimator}, {choice.summary()}) takes {chosen['frame_ms']:.1f} ms; "
+        f"its error is {parts}, relative to the least error of all settings that are no slower"
     )

@@ -1,15 +1,13 @@
-"""`gi-viewer bench SCENE --contact`: the same frames with contact and without; how long is no test's business."""
+"""Frames with contact and without, as `studies.contact_cost` compares them."""
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
-import pytest
 
-from app import __main__ as cli
+from app.settings import Settings, make_solver, open_scene
 from gi_core.scene.types import Pose
 from gi_core.solver import Solver
+from studies.contact_cost import measure, without_contact
 from tests.support import control_scenes
 
 
@@ -20,7 +18,7 @@ def test_contact_can_be_left_out_of_a_frame_and_comes_back():
     solver.solve()
     beside, _ = control_scenes.classes(case, solver.surfaces, solver.receivers)
     whole, facts = solver.irradiance, solver.control_facts
-    with solver.frame_parts().background.estimate.contact_switched(False):
+    with without_contact(solver):
         solver.move_all({})
         apart = solver.irradiance
         assert solver.control_facts == facts._replace(stale=0, on_mobiles=0)
@@ -33,15 +31,9 @@ def test_contact_can_be_left_out_of_a_frame_and_comes_back():
     assert np.array_equal(solver.irradiance, whole)
 
 
-def test_what_it_prints(capsys):
-    assert cli.main(["bench", "cornell", "--contact", "--frames", "3", "--photons", "3000"]) == 0
-    told = capsys.readouterr().out
-    static, mobile = re.search(r"in contact +([\d,]+) static receivers and ([\d,]+) on mobiles", told).groups()
-    assert int(static) > 0 and int(mobile) > 0
-    assert "it costs" in told and "by CPU time" in told
-
-
-@pytest.mark.parametrize("off", [["--no-control"], ["--estimator", "impact_count"]])
-def test_it_needs_what_it_measures(off, capsys):
-    assert cli.main(["bench", "cornell", "--contact", "--photons", "100", *off]) == cli.USAGE
-    assert "--contact needs tangent_plane with artifact control, got" in capsys.readouterr().err
+def test_both_kinds_of_frame_are_measured():
+    settings = Settings("cornell", photons=3000, light="photons")
+    solver = make_solver(open_scene(settings), settings)
+    solver.solve()
+    found = measure(solver, 3)
+    assert found["static"] > 0 and found["on mobiles"] > 0 and found["with"] > 0 and found["without"] > 0

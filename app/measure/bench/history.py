@@ -1,0 +1,97 @@
+"""`gi-viewer bench --history FILE.csv`: one row per fixed case and run, to compare commits; --plot draws them."""
+
+from __future__ import annotations
+
+import csv
+import platform
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from app.cli.progress import Bar
+from app.cli.writable import check_writable
+from app.measure.bench.row import Failed, run_apart
+from app.measure.bench.rows import ESTIMATORS, PHOTONS, Row
+from app.settings import Settings, UsageError
+
+COLUMNS = ("date", "commit", "machine", "processor", "load", "case", "frame_ms", "cpu_ms", "first_frame_ms",
+           "from_scratch_ms")  # fmt: skip
+FRAMES = 60
+
+
+def cases() -> list[Row]:
+    """Return the tree by estimator and photons without control, and three rooms whose mobiles gather light."""
+    out = []
+    for estimator in ESTIMATORS:
+        for photons in PHOTONS:
+            settings = Settings("tree", photons=photons, estimator=estimator, control=False, light="photons")
+            out.append(Row(f"tree, {estimator}, {photons:,} photons", settings, FRAMES, {}))
+    for scene in ("cornell", "living_room", "gallery"):
+        settings = Settings(scene, photons=16_384, light="best")
+        out.append(Row(f"{scene}, best light, {settings.photons:,} photons", settings, FRAMES, {}))
+    return out
+
+
+def history(
+    file: Path, plot: bool = False, measured: Sequence[Row] | None = None, run: Callable[[dict], dict] = run_apart
+) -> list[Path]:
+    """Append a row per case, as soon as it is measured; return the files written.
+
+    `run(spec) -> numbers` measures a row, or raises Failed. Raises UsageError for a file of other columns, OSError.
+    """
+    check_writable("--history", file)
+    if plot:
+        from app.measure.chart.figure import need_matplotlib
+
+        need_matplotlib()
+    if file.exists() and _read(file)[0] != list(COLUMNS):
+        raise UsageError(f"{file} has other columns than a history of this program: give another file with --history")
+    rows = cases() if measured is None else measured
+    with Bar() as bar:
+        for k, row in enumerate(rows):
+            bar(row.key, k / len(rows))
+            try:
+                _append(file, row.key, run(row.spec()))
+            except Failed as problem:
+                raise UsageError(f"{row.key} could not be measured: {problem}") from None
+    return [file, draw(file)] if plot else [file]
+
+
+def _append(file: Path, case: str, n: dict) -> None:
+    machine = f"{platform.system()} {platform.machine()}, {n['threads']} threads"
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    times = n["frame_ms"]["median"], n["frame_ms"]["cpu"], n["first_frame_ms"], n["from_scratch_ms"]
+    values = date, n["commit"] or "unknown", machine, n["processor"], n["load"], case, *(f"{ms:.4g}" for ms in times)
+    new = not file.exists()
+    with open(file, "a", newline="", encoding="utf-8") as out:
+        csv.writer(out).writerows(([COLUMNS] if new else []) + [values])
+
+
+def _read(file: Path) -> tuple[list[str], list[dict]]:
+    with open(file, newline="", encoding="utf-8") as lines:
+        reader = csv.DictReader(lines)
+        rows = list(reader)
+        return list(reader.fieldnames or ()), rows
+
+
+def draw(file: Path) -> Path:
+    """Draw the median frame time [ms] of each case over commits, in the order of the file; return the SVG file."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    _, rows = _read(file)
+    commits = list(dict.fromkeys(row["commit"] for row in rows))
+    figure, axis = pyplot.subplots(figsize=(11, 6), layout="constrained")
+    for case in dict.fromkeys(row["case"] for row in rows):
+        own = [row for row in rows if row["case"] == case]
+        axis.plot([commits.index(r["commit"]) for r in own], [float(r["frame_ms"]) for r in own], "o-", label=case)
+    axis.set(yscale="log", ylabel="GI frame, median [ms]", title="Frame time by commit")
+    axis.set_xticks(range(len(commits)), commits, rotation=45, ha="right")
+    axis.grid(axis="y", linewidth=0.4)
+    figure.legend(loc="outside right upper", fontsize=9)
+    out = file.with_suffix(".svg")
+    figure.savefig(out, metadata={"Date": None})
+    pyplot.close(figure)
+    return out
