@@ -17,7 +17,6 @@ import numpy as np
 
 from app.session.log import WARNING, Log
 from app.session.moving_average import Smoothed
-from app.session.spare_memory import SpareMemory, give_back
 from app.session.warnings import caveats
 from app.worker import PATIENCE, Job, Task, Worker
 
@@ -80,7 +79,6 @@ class Solving:
         self._hasty = False  # these may be shown in the light of fewer photons
         self.at_rest: Callable[[Set[str]], Task | None] | None = None  # next task at rest, of jobs not given up
         self._given_up: set[str] = set()  # jobs at rest that have failed
-        self._spare = SpareMemory(clock)
         self._idle = False  # the thread is doing such work: nobody waits for it
         self._show()
 
@@ -129,7 +127,7 @@ class Solving:
         """
         deadline = self.clock() + budget
         while self._steps is not None and not self._pending:
-            if self._job is None and not self._gives_back():
+            if self._job is None:
                 self._begin(functools.partial(next, self._steps, None), self._take_step)
                 self.steps_begun += 1
             if not self._wait(deadline - self.clock()):
@@ -169,19 +167,11 @@ class Solving:
     def _rest(self, deadline: float) -> None:
         """Do the work of one who has time, piece by piece; it shows nothing by itself."""
         while self.at_rest is not None and self._wait(deadline - self.clock()):
-            if self._gives_back():
-                continue
             if (task := self.at_rest(self._given_up)) is None:
                 return
             self._begin(task.run, functools.partial(self._take_rest, task.name), idle=True)
             if self.clock() >= deadline:
                 return
-
-    def _gives_back(self) -> bool:
-        """Begin to give memory back that nobody uses, if it is time."""
-        if due := self._spare.due():
-            self._begin(give_back, lambda job: job.result(), idle=True)
-        return due
 
     def _take_rest(self, name: str, job: Job) -> None:
         """Take over a task; a failed one ends its own job alone, until the scene is loaded again."""
@@ -194,8 +184,6 @@ class Solving:
 
     def _begin(self, call: Callable, take: Callable[[Job], object], idle: bool = False) -> None:
         self._job, self._take, self._idle = self._worker.submit(call), take, idle
-        if call is not give_back:
-            self._spare.used()
 
     def _wait(self, seconds: float) -> bool:
         """Wait so long for what is under way, and take it over; True when nothing is under way any more."""

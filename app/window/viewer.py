@@ -21,8 +21,8 @@ from imgui_bundle import hello_imgui, imgui, immapp, implot
 from app.draw import metering, view_content
 from app.draw.renderer import Renderer
 from app.draw.vertex_colours import weights
-from app.session import spare_memory
 from app.session.log import Log
+from app.session.malloc_arenas import limit_arenas
 from app.session.moving_average import Smoothed
 from app.session.opening import Opening
 from app.session.reload import Succession
@@ -44,7 +44,7 @@ class Viewer:
     """Everything behind the window. `frame` parts are called by HelloImGui, in this order: viewport, panel, status."""
 
     def __init__(self, settings: Settings, open_with: Callable | None = None) -> None:
-        spare_memory.limit_arenas()
+        limit_arenas()
         self.log = Log()
         self.session = Session(settings, self.log, open_with or Opening)
         self.succession = Succession(open_with or Opening)
