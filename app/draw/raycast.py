@@ -30,7 +30,7 @@ LAYERS = 64  # backs that a ray may pass through
 STEP_PAST = 4e-6  # of the scene's size and the distance gone: clears a face whose back is not drawn (float32: 6e-8)
 
 
-class World(NamedTuple):
+class PictureScene(NamedTuple):
     """All objects at their poses, faces in global order."""
 
     corners: np.ndarray  # (F, 3, 3) float32 [m]
@@ -44,7 +44,7 @@ class World(NamedTuple):
     emission: np.ndarray  # (F, 3) float64 that a texture does not colour, or (0, 3)
 
 
-def place(meshes: Sequence[DrawMesh], at: Transforms) -> World:
+def place(meshes: Sequence[DrawMesh], at: Transforms) -> PictureScene:
     """Carry the draw meshes (static part first) to where they are."""
     corners, draw, one_sided, first = [], [], [], 0
     for o, mesh in enumerate(meshes):
@@ -57,7 +57,7 @@ def place(meshes: Sequence[DrawMesh], at: Transforms) -> World:
     normals = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     box = p.reshape(-1, 3)
     size = float(np.ptp(box, axis=0).max()) if len(box) else 1.0
-    return World(
+    return PictureScene(
         p.astype(np.float32),
         normals.astype(np.float32),
         np.concatenate(draw),
@@ -145,7 +145,7 @@ def _rays(camera: Turntable, width: int, height: int, top: int, bottom: int) -> 
     return np.ascontiguousarray(origins), d.astype(np.float32)
 
 
-def _first_seen(accelerator, at, world: World, origins, directions, cull: bool):
+def _first_seen(accelerator, at, world: PictureScene, origins, directions, cull: bool):
     """Return the face (n,) int32 that each ray shows, -1 for none, and barycentrics u, v of its corners 1, 2."""
     n = len(origins)
     face, u, v = np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32)
@@ -172,7 +172,7 @@ def _first_seen(accelerator, at, world: World, origins, directions, cull: bool):
     return face, u, v
 
 
-def _cut_away(world: World, hit: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+def _cut_away(world: PictureScene, hit: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Return whether the texture leaves nothing (n,) where rays meet faces."""
     away = np.zeros(len(hit), bool)
     for t, texture in enumerate(world.textures):
@@ -195,7 +195,7 @@ def _barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np
     return u, np.clip((d * q).sum(axis=1) * inverse, 0, 1 - u)
 
 
-def _shade(world: World, front, back, face, u, v, directions, exposure, tone_map, steps, eye) -> np.ndarray:
+def _shade(world: PictureScene, front, back, face, u, v, directions, exposure, tone_map, steps, eye) -> np.ndarray:
     """Return display values (n, 3) uint8."""
     out = np.empty((len(face), 3), np.uint8)
     out[:] = np.round(np.array(BACKGROUND) * 255)
@@ -224,7 +224,7 @@ def _pixel_steps(camera: Turntable, width: int, height: int) -> np.ndarray:
     return np.stack([right * step, -upward * step, forward])
 
 
-def _colour(world: World, radiance, face, u, v, facing, eye, directions, steps) -> None:
+def _colour(world: PictureScene, radiance, face, u, v, facing, eye, directions, steps) -> None:
     """Multiply radiance (n, 3) by the textures of the faces seen, in place."""
     number = world.texture[face]
     for t in np.unique(number[number >= 0]):

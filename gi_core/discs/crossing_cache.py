@@ -1,8 +1,8 @@
-"""Which receivers each background segment adds to, and where along it: found once, when it is estimated.
+"""Cache of the disc intersections of background segments: receiver and distance, found once per segment.
 
-A mobile that cuts a photon takes out what lies behind the cut. Those crossings have all been found before, and
-whether one counts does not depend on the cut (`discs/search/predicate.py`): a tail has those that are no nearer than
-the cut. So a frame looks them up instead of searching for them again. They take eight bytes a crossing.
+A cut removes the rest of a path. Whether an intersection is accepted does not depend on the cut
+(`discs/search/predicate.py`), so a removed suffix has exactly the cached intersections behind the cut. A frame looks
+them up instead of searching. An entry takes eight bytes.
 """
 
 from __future__ import annotations
@@ -17,42 +17,44 @@ from gi_core.photons.flux_sums import CHUNK_BITS, Log, Sums
 from gi_core.photons.paths import Segments, grown
 from gi_core.retrace.removed_suffixes import RemovedSuffixes
 
-MOST_A_PHOTON = 64  # crossings: half a GB a million photons. Where there are more, tails are searched for
-MOST = 1 << 32  # crossings: they are counted in 32 bits
-GUESS = 3  # crossings a vertex, before any are known
-ROOM = 4  # crossings a segment that a first try has room for
+MOST_A_PHOTON = 64  # entries per photon: half a GB per million photons. Beyond it, frames search for removed suffixes
+MOST = 1 << 32  # entries: indices have 32 bits
+GUESS = 3  # entries per vertex, assumed before any are known
+ROOM = 4  # entries per segment in the first allocation
 
 
 class _Part(NamedTuple):
-    """Crossings of all segments of some photons in a row."""
+    """Entries of all segments of consecutive photons."""
 
-    photon: int  # the first of them
+    photon: int  # index of the first
     photons: int
-    count: np.ndarray  # (vertices,) uint32, crossings of the segment that leaves each; 0 at a path's last one
+    count: (
+        np.ndarray
+    )  # (vertices,) uint32, entries of the segment that leaves each vertex; 0 at the last vertex of a path
     receiver: np.ndarray  # (n,) int32
     distance: np.ndarray  # (n,) float32 [m]
 
 
 class Crossings:
-    """Crossings of background segments by the path vertex that each leaves, growing as photons are added."""
+    """Disc intersections of background segments, by start vertex; append-only."""
 
     def __init__(self):
-        self.kept = True  # False: there were too many, and none are known
-        self._parts: list[_Part] = []  # not settled yet
+        self.kept = True  # False: there were too many, and the cache is empty
+        self._parts: list[_Part] = []  # not merged yet
         self._photons = self._vertices = 0
-        self._first = np.zeros(1, np.uint32)  # (vertices + 1,), where those of each begin
+        self._first = np.zeros(1, np.uint32)  # (vertices + 1,), first entry of each vertex
         self._receiver, self._distance = np.empty(0, np.int32), np.empty(0, np.float32)
 
     @property
     def bytes_a_vertex(self) -> int:
-        """Memory that a path vertex takes, as far as is known."""
+        """Bytes of the cache per path vertex; an estimate before photons are known."""
         crossings = int(self._first[self._vertices]) / self._vertices if self._vertices else GUESS
         return 4 + int(8 * crossings) if self.kept else 0
 
     def find(self, segments: Segments, splat: Callable[[int, Log], None]) -> None:
-        """Call `splat(sign, log)`, which adds sign x segments to sums, and keep what it writes into the log.
+        """Call `splat(sign, log)`, which adds sign x segments to sums, and cache the intersections that it records.
 
-        segments: all of some photons in a row, photon-major. Several threads may, each with photons of its own.
+        segments: all of consecutive photons, photon-major. Thread safe for disjoint photons.
         """
         log = Log.of(1 + ROOM * segments.size if self.kept else 0)
         splat(1, log)
@@ -61,7 +63,7 @@ class Crossings:
         n = int(log.count[0])
         if n > len(log.line):
             log = Log.of(n)
-            splat(0, log)  # they have been added
+            splat(0, log)  # sign 0: record only, the sums have them already
         photons = int((segments.bounce == 0).sum())
         count = np.zeros(segments.size + photons, np.uint32)
         receiver, distance = np.empty(n, np.int32), np.empty(n, np.float32)
@@ -69,7 +71,7 @@ class Crossings:
         self._parts.append(_Part(int(segments.photon[0]), photons, count, receiver, distance))
 
     def settle(self) -> None:
-        """Let take_out() know what was found, which is by now that of all photons up to some last one."""
+        """Merge the parts, which now cover all photons up to some last one, for take_out()."""
         photons, at, end = self._photons, self._vertices, int(self._first[self._vertices])
         parts = sorted(self._parts, key=lambda part: part.photon)
         photons += sum(p.photons for p in parts)
@@ -88,7 +90,7 @@ class Crossings:
         self._photons, self._vertices, self._parts = photons, at, []
 
     def take_out(self, removed_suffixes: RemovedSuffixes, first: int, last: int, sums: Sums) -> int:
-        """Subtract tails first .. last - 1 from the sums of the receivers they cross; returns how many crossings."""
+        """Subtract removed suffixes first .. last - 1 from the sums; return the number of intersections."""
         t = removed_suffixes
         return _take_out(
             self._first, self._receiver, self._distance, t.paths.offsets, t.paths.flux, t.photon, t.vertex, t.low,
@@ -98,11 +100,11 @@ class Crossings:
 
 @allocating
 def _by_vertex(bounce, log, n, count, receiver, distance):
-    """Sort the first n crossings of a log by the path vertex that their segment leaves, and count those of each."""
+    """Sort the first n records of a log by start vertex, and count them per vertex."""
     vertex = np.empty(len(bounce), np.int64)
     v = -1
     for k in range(len(bounce)):
-        v += 2 if bounce[k] == 0 and k > 0 else 1  # over the last vertex of the photon before
+        v += 2 if bounce[k] == 0 and k > 0 else 1  # skip the last vertex of the previous photon
         vertex[k] = v
     for e in range(n):
         count[vertex[log.line[e]]] += 1

@@ -1,14 +1,13 @@
-"""The part of a receiver's disc that light can reach (report 1.2.1, artifact control; 2.9.1).
+"""Visibility region of a receiver: the part of its disc that light can reach (report 1.2.1, artifact control; 2.9.1).
 
-The region is a star-shaped polygon round the receiver: along each of RAYS directions the free distance
-to the next surface of the same object. A straight wall is met by its vertices exactly, so nothing
-leaks through it. A crossing counts only inside, and the divisor is the polygon's area, so
-a disc that reaches into a wall neither loses light nor sees that of the next room. Only the object
-itself is looked at here; `contact` adds what other objects do at the poses of a frame.
+The region is a star-shaped polygon around the receiver: the free distance to the next surface of the same object, in
+RAYS directions. Edges of the polygon follow straight walls exactly, so no light leaks through them. An intersection
+counts only inside the region, and the polygon's area is the divisor. A disc that reaches into a wall therefore neither
+loses light nor receives light of the next room. `contact` adds other objects, per frame.
 
-Two distances a direction, because a concave surface rises through its own tangent disc. Light that
-lands on the receiver's own patch nearby may cross the disc behind the surface ("far": own patch
-ignored); other light may not ("near": own patch blocks too).
+Each direction has two distances, because a concave surface rises through its own tangent disc. Light that lands on the
+receiver's own patch nearby may cross the disc behind the surface ("far": own patch ignored). Other light may not
+("near": own patch blocks too).
 """
 
 from __future__ import annotations
@@ -23,43 +22,43 @@ from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis
 from gi_core.model import Model
 
-RAYS = 32  # the polygon in a free disc has 99.4 % of its area; crossings outside it are dropped too
-PROBES = 8  # directions tried first; a receiver with none of them blocked needs no control
-CHUNK = 2048  # receivers a step: some 5 ms
-REGION_LIFT = 2e-3  # of the radius, along the normal: clears the receiver's own flat surface
-NUDGE = 1e-2  # of the radius, towards the faces: an edge vertex lies in its neighbour's plane
-TANGENT = 0.25  # of the radius: own patch met nearer than this means the disc lies behind it from the start
-NARROW = 0.25  # of the disc: a smaller region is looked for again from a little higher
-LEAST_AREA = 1e-3  # of the disc: smaller regions count as unreachable (they would be noise alone)
+RAYS = 32  # the polygon of a free disc has 99.4 % of its area; intersections outside it do not count
+PROBES = 8  # directions of the first test; a receiver with none of them blocked keeps the whole disc
+CHUNK = 2048  # receivers per step: some 5 ms
+REGION_LIFT = 2e-3  # of the radius: ray origins above the receiver's own flat surface
+NUDGE = 1e-2  # of the radius: ray origins away from edges, which lie in the neighbour's plane
+TANGENT = 0.25  # of the radius: a nearer hit on the own patch means that the disc lies behind it from the start
+NARROW = 0.25  # of the disc: a smaller region is measured again from a little higher
+LEAST_AREA = 1e-3  # of the disc: smaller regions count as unreachable, they would hold noise alone
 
 TRIED = np.arange(0, RAYS, RAYS // PROBES)  # directions ...
 OTHERS = np.setdiff1d(np.arange(RAYS), TRIED)
 COS = np.cos(2 * np.pi * np.arange(RAYS) / RAYS)
 SIN = np.sin(2 * np.pi * np.arange(RAYS) / RAYS)
 
-WHOLE = -1  # in place of a row: a free disc
+WHOLE = -1  # row of a free disc
 
 
 class Regions(NamedTuple):
-    """Regions of one object's receivers.
+    """Visibility regions of one object's R receivers.
 
-    A byte a distance makes 64 bytes a receiver, one cache line: a furnished kitchen has 200,000.
+    One byte per distance is 64 bytes per receiver, one cache line. A furnished kitchen has 200,000 receivers.
     """
 
     row: np.ndarray  # (R,) int32 into `reach`, or WHOLE
     reach: np.ndarray  # (C, RAYS, 2) uint8, near and far in units of radius / 255, rounded down
-    area: np.ndarray  # (R,) float64 [m2], 0 where nothing can arrive
+    area: np.ndarray  # (R,) float64 [m2], 0 where no light can arrive
 
 
 def whole_discs(model: Model, o: int, radius: float) -> Regions:
-    """Return regions of object o's receivers that are whole discs."""
+    """Return whole discs as the regions of object o's receivers; radius [m]."""
     rows = model.surfaces.receiver_range(o)
     n = rows.stop - rows.start
     return Regions(np.full(n, WHOLE, np.int32), np.empty((0, RAYS, 2), np.uint8), np.full(n, math.pi * radius * radius))
 
 
 def regions(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:
-    """Find the regions of object o's receivers, in steps of a few ms; the generator returns them."""
+    """Measure the regions of object o's receivers, in steps of a few ms; the generator returns them. radius [m]."""
     s = model.surfaces
     rows = np.arange(*s.receiver_range(o).indices(len(model.object_receivers.areas)))
     points, normals = look_from(model, o, radius)
@@ -88,7 +87,7 @@ def regions(model: Model, o: int, radius: float) -> Generator[None, None, Region
 
 
 def levels(distances: np.ndarray, radius: float) -> np.ndarray:
-    """Return float32 distances [m] as they are stored, uint8; the smaller distance has the smaller level."""
+    """Return distances (...) float32 [m] as stored, uint8 in units of radius / 255, rounded down."""
     out = np.empty(distances.shape, np.uint8)
     flat = np.ascontiguousarray(distances, np.float32).reshape(-1)
     _levels(flat, np.float32(255 / radius), out.reshape(-1))
@@ -103,9 +102,9 @@ def _levels(distance, per_metre, out):
 
 
 def polygon_areas(reach: np.ndarray, radius: float) -> np.ndarray:
-    """Return the areas (n,) float64 [m2] of regions (n, RAYS, 2) uint8, 0 for those that are too small.
+    """Return the areas (n,) float64 [m2] of regions (n, RAYS, 2) uint8, 0 for too small ones.
 
-    Summed in integers: the same bits however many regions are asked for at once.
+    Integer sums: the bits do not depend on the number of regions per call.
     """
     products = np.empty(len(reach), np.int64)
     _products(reach, products)
@@ -116,7 +115,7 @@ def polygon_areas(reach: np.ndarray, radius: float) -> np.ndarray:
 
 @kernel
 def _products(reach, out):
-    """Sum the products of neighbouring far distances of each region: twice its area over the sine between them."""
+    """Sum the products of adjacent far distances per region: twice its area divided by the sine of the angle."""
     for i in range(len(reach)):
         total = np.int64(0)
         for k in range(RAYS):
@@ -125,24 +124,24 @@ def _products(reach, out):
 
 
 def look_from(model: Model, o: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return where to look round from, (R, 3) float64 each: lifted off the surface, nudged off its edges."""
+    """Return ray origins (off the surface and off its edges) and normals of receivers, (n, 3) float64 each."""
     receivers, rows = model.object_receivers, model.surfaces.receiver_range(o)
     towards = model.towards_faces[rows].copy()
     normals = receivers.normals[rows]
     towards -= (towards * normals).sum(axis=1)[:, None] * normals
-    # Inside a surface the centroids surround the receiver: what little is left over changes nothing.
+    # Inside a surface the centroids surround the receiver, so the mean offset is small and changes nothing.
     length = np.sqrt((towards * towards).sum(axis=1))[:, None]
     step = np.minimum(length, NUDGE * radius) / np.where(length > 0, length, 1)
     return receivers.positions[rows] + REGION_LIFT * radius * normals + step * towards, normals
 
 
 def _look_over_low_steps(model: Model, o: int, points, normals, patch, radius: float, free: np.ndarray) -> None:
-    """Correct near and far distances (n, RAYS, 2) float32 [m] for steps too low to hide light from the disc.
+    """Correct near and far distances (n, RAYS, 2) float32 [m] for steps too low to block light.
 
-    In the grout between tiles a millimetre high a region would be a thousandth of the disc: all noise (half of
-    a tiled kitchen's). But segments reach `eps` behind their hit: those that land on the tiles cross the plane
-    of the grout still, but for flat ones. So a narrow region is looked for again from half that height;
-    light from directions nearer to the plane than 30 degrees, a quarter of all, is lost there at the worst.
+    In the grout between tiles one millimetre high, a region would be a thousandth of the disc, and its noise half of
+    a tiled kitchen's. But segments end `eps` behind their hit, so those that land on the tiles also cross the plane of
+    the grout, except at grazing angles. Narrow regions are therefore measured again from half that height. At worst
+    this loses light within 30 degrees of the plane, a quarter of all.
     """
     higher = 0.5 * float(model.eps) - REGION_LIFT * radius
     areas = _areas(free)
@@ -155,7 +154,7 @@ def _look_over_low_steps(model: Model, o: int, points, normals, patch, radius: f
 
 
 def _areas(free: np.ndarray) -> np.ndarray:
-    """Return the area (n,) of polygons with corners at far distances (n, RAYS, 2)."""
+    """Return the areas (n,) [m2] of polygons with corners at far distances (n, RAYS, 2) [m]."""
     out = np.empty(len(free))
     _sums(free, out)
     return 0.5 * math.sin(2 * math.pi / RAYS) * out
@@ -171,7 +170,7 @@ def _sums(free, out):
 
 
 def _distances(model: Model, o: int, points, normals, patch, radius: float, which: np.ndarray) -> np.ndarray:
-    """Return near and far distances (n, m, 2) float32 [m] along directions `which` (m,) of RAYS."""
+    """Return near and far distances (n, m, 2) float32 [m] along directions `which` (m,), indices below RAYS."""
     n, count = len(points), len(which)
     origins, directions = np.empty((n * count, 3), np.float32), np.empty((n * count, 3), np.float32)
     _radial(points, normals, COS[which], SIN[which], origins, directions)
@@ -210,7 +209,7 @@ def _radial(points, normals, cosines, sines, origins, directions):
 def _direction_before(x, y):
     """Return the index of the direction just clockwise of (x, y).
 
-    The arc tangent is a polynomial (Hastings 1955), off by 1e-5 rad: nothing here needs more.
+    The arc tangent is a polynomial (Hastings 1955) with an error of 1e-5 rad, which suffices here.
     """
     u, v = abs(x), abs(y)
     a = min(u, v) / max(max(u, v), 1e-300)
@@ -229,13 +228,13 @@ def _direction_before(x, y):
 
 @kernel
 def inside(px, py, pz, nx, ny, nz, radius, reach, i, layer):
-    """Tell whether an offset from a receiver lies in the polygon of row i: layer 0 near, 1 far."""
+    """Return whether an offset from a receiver lies in the polygon of row i; layer 0: near, 1: far."""
     ax, ay, az, bx, by, bz = basis(float(nx), float(ny), float(nz))
     unit = 255.0 / radius
     x, y = (px * ax + py * ay + pz * az) * unit, (px * bx + py * by + pz * bz) * unit
     k = _direction_before(x, y)
     m = (k + 1) & (RAYS - 1)
-    # The corners on either side of the offset, and which side of their edge it is on.
+    # The two corners that enclose the direction of the offset, and the side of their edge.
     d0, d1 = float(reach[i, k, layer]), float(reach[i, m, layer])
     x0, y0, x1, y1 = d0 * COS[k], d0 * SIN[k], d1 * COS[m], d1 * SIN[m]
     return (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0.0

@@ -13,7 +13,7 @@ from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.base.vectors import box, dot
 from gi_core.geometry.surfaces import Surfaces
-from gi_core.rays.embree import Triangles, any_hit, nearest_hit, new_ray
+from gi_core.rays.embree import EmbreeMesh, any_hit, nearest_hit, new_ray
 from gi_core.scene.pose import rotation
 from gi_core.scene.types import Pose
 
@@ -44,7 +44,7 @@ class Accelerator:
         self.first_face = surfaces.first_face
         self.threads = threads
         meshes = zip(surfaces.vertices, surfaces.faces, strict=True)
-        self._structures = [Triangles(v, f) if len(f) else None for v, f in meshes]
+        self._structures = [EmbreeMesh(v, f) if len(f) else None for v, f in meshes]
         self.scenes = np.array(
             [s.address if s else 0 for s in self._structures], np.int64
         )  # for kernels: one per object

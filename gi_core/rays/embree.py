@@ -66,7 +66,7 @@ for _name in _QUERIES:  # kernels, also those from the disk cache, are linked by
 _intersect, _occluded = (types.ExternalFunction(n, types.void(*(types.intp,) * 3)) for n in _QUERIES)
 
 
-class Triangles:
+class EmbreeMesh:
     """An Embree scene of one mesh. Vertices (V, 3) and faces (F, 3) are copied as float32 and uint32.
 
     Raises MemoryError if Embree cannot build it.
@@ -118,7 +118,7 @@ def _aim(ray, ox, oy, oz, dx, dy, dz, limit):
 def nearest_hit(scene, ray, ox, oy, oz, dx, dy, dz, limit):
     """Return distance (limit for none) and triangle (-1 for none) of the nearest hit of a ray of unit direction.
 
-    scene: address of Triangles, 0 for none; ray: new_ray().
+    scene: address of an EmbreeMesh, 0 for none; ray: new_ray().
     """
     _aim(ray, ox, oy, oz, dx, dy, dz, limit)
     numbers = ray.view(np.int32)

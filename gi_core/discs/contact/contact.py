@@ -1,12 +1,11 @@
-"""Regions at a pose: discs that another object enters (report 1.2.1, with mobiles).
+"""Dynamic occluders: regions of discs that other objects enter at a pose (report 1.2.1, with mobiles).
 
-`reachable_area` measures a region against the receiver's own object, once. Here the rest is added, for the
-poses of a frame: a mobile that stands on a floor shortens the regions of the floor's receivers, the floor
-those of the mobile's, and mobiles each other's. Along each direction the nearest counts, so both layers
-of a region are the smaller of what they were and the way to the other object.
+`region.py` measures a region against the receiver's own object, once. This module adds the other objects at the poses
+of a frame: a mobile on a floor shortens regions of the floor, the floor those of the mobile, mobiles those of each
+other. Both distances of a direction become the minimum of the old one and the distance to the other object.
 
-Few receivers are concerned, and which ones is found cheaply: boxes of mobiles against discs, and a coarse
-grid of the static part against a mobile's receivers. All of it is a function of the poses alone.
+Few receivers are affected. Boxes of mobiles select static discs, and a coarse grid of the static part selects receivers
+of mobiles. The result is a function of the poses alone.
 """
 
 from __future__ import annotations
@@ -25,14 +24,14 @@ from gi_core.photons.hit_grid import HitGrid, Hits, build, cell_of
 from gi_core.rays.accelerator import Transforms, passes_box, to_local
 from gi_core.rays.two_level import CUT_PAD
 
-ALL, PROBED, REST = 0, 1, 2  # which of a receiver's directions to try
+ALL, PROBED, REST = 0, 1, 2  # subsets of a receiver's directions
 _STRIDE = RAYS // PROBES
 
 
 class Contact(NamedTuple):
-    """Receivers of one object whose regions the others shorten, and what their regions are."""
+    """Receivers of one object whose regions other objects shorten, and their regions at the pose."""
 
-    rows: np.ndarray  # (n,) int64, counted within the object, ascending
+    rows: np.ndarray  # (n,) int64, index within the object, ascending
     reach: np.ndarray  # (n, RAYS, 2) uint8, as in Regions
     area: np.ndarray  # (n,) float64 [m2]
 
@@ -41,14 +40,14 @@ NOTHING = Contact(np.empty(0, np.int64), np.empty((0, RAYS, 2), np.uint8), np.em
 
 
 class Met(NamedTuple):
-    """What objects do to each other's regions at some poses."""
+    """Regions that objects shorten of each other, at some poses."""
 
-    contacts: tuple[Contact, ...]  # an object
-    floor: tuple[np.ndarray, ...]  # a mobile: (n,) int64, the static receivers that it shortens
+    contacts: tuple[Contact, ...]  # per object
+    floor: tuple[np.ndarray, ...]  # per mobile: (n,) int64, static receivers whose regions it shortens
 
 
 class Contacts:
-    """Finds contacts at any poses; `regions`: those of each object alone."""
+    """Search for contacts at any poses; `regions`: those of each object alone. radius [m]."""
 
     def __init__(self, model: Model, radius: float, regions: list[Regions]):
         self._model, self._radius, self._regions = model, radius, regions
@@ -70,7 +69,7 @@ class Contacts:
         self._cells = yield from surface_cells(s.vertices[0], s.faces[0], 1.001 * self._radius)
 
     def at(self, at: Transforms, mobiles: bool) -> Met:
-        """Return the contacts at some poses, on the receivers of mobiles or on the static part's alone."""
+        """Return the contacts at poses `at`, on static receivers and, if `mobiles`, on receivers of mobiles."""
         objects = self._model.surfaces.objects
         contacts, floor = [NOTHING] * objects, ()
         for o in range(objects if mobiles else 1):
@@ -81,7 +80,7 @@ class Contacts:
         return Met(tuple(contacts), floor)
 
     def _contact(self, o: int, found) -> Contact:
-        """Return the regions of object o's receivers from pairs of rows and distances (n, RAYS) float32 [m]."""
+        """Return the shortened regions of object o from pairs of rows and distances (n, RAYS) float32 [m]."""
         found = [(rows, distances) for rows, distances in found if len(rows)]
         if not found:
             return NOTHING
@@ -101,11 +100,11 @@ class Contacts:
         return Contact(rows[keep], reach[keep], polygon_areas(reach[keep], self._radius))
 
     def _shortened(self, o: int, b: int, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
-        """Return receivers of object o whose discs object b enters, and the distances (n, RAYS) to it."""
+        """Return receivers of object o whose discs object b enters, and the distances (n, RAYS) float32 [m] to it."""
         rows = self._candidates(o, b, at)
         distances = np.full((len(rows), RAYS), np.float32(self._radius))
         if len(rows) and b == 0:
-            # A receiver of a mobile may look round in vain, near a wall: a few directions first.
+            # Near a wall most receivers of a mobile hit nothing: test a few directions first.
             self._look(o, b, at, rows, PROBED, distances)
             met = (distances < np.float32(self._radius)).any(axis=1)
             rows, distances = rows[met], distances[met]
@@ -141,7 +140,7 @@ class Contacts:
         return listed[: _discs_near(listed, *given, self._radius, CUT_PAD * world.size)]
 
     def _look(self, o: int, b: int, at: Transforms, rows: np.ndarray, which: int, distances: np.ndarray) -> None:
-        """Shorten distances (n, RAYS) float32 [m] to where object b is met, along some of the directions."""
+        """Shorten distances (n, RAYS) float32 [m] to the hits on object b, along a subset of the directions."""
         world, most = self._model.world, len(rows) * RAYS
         origins, directions = np.empty((most, 3), np.float32), np.empty((most, 3), np.float32)
         place = np.empty(most, np.int64)
@@ -160,14 +159,14 @@ def _to_world(R: np.ndarray, p: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _box_in_world(R: np.ndarray, p: np.ndarray, low: np.ndarray, high: np.ndarray, pad: float):
-    """Return low and high (3,) of the box around a box that is turned and moved."""
+    """Return low and high (3,) of the bounding box of a rotated and moved box, grown by `pad` [m]."""
     centre, half = _to_world(R, p, (low + high) / 2), (np.abs(R) * (high - low) / 2).sum(axis=1) + pad
     return centre - half, centre + half
 
 
 @kernel
 def _in_cells(index, corner, cell, shape, first, low, high, out):
-    """List the receivers in the cells that a box covers; returns how many."""
+    """List the receivers in the cells that a box covers; return their number."""
     n = 0
     x0, x1 = max(cell_of(low[0], corner[0], cell), 0), min(cell_of(high[0], corner[0], cell), shape[0] - 1)
     y0, y1 = max(cell_of(low[1], corner[1], cell), 0), min(cell_of(high[1], corner[1], cell), shape[1] - 1)
@@ -184,7 +183,7 @@ def _in_cells(index, corner, cell, shape, first, low, high, out):
 
 @kernel
 def _discs_near(rows, origins, normals, rotation, position, o, b, low, high, radius, pad):
-    """Keep, at the head of `rows`, those whose discs' boxes meet object b's box; returns how many."""
+    """Move the rows whose discs' boxes intersect object b's box to the front of `rows`; return their number."""
     Ra, pa, Rb, pb = rotation[o], position[o], rotation[b], position[b]
     n = 0
     for j in range(len(rows)):
@@ -203,9 +202,9 @@ def _discs_near(rows, origins, normals, rotation, position, o, b, low, high, rad
 
 @kernel
 def _across(Ra, pa, Rb, pb, x, y, z, moved):
-    """Carry a point (moved 1) or a direction (0) from one object's space to another's, by way of float32 in the world.
+    """Transform a point (moved 1) or a direction (0) between object spaces, through float32 in the world.
 
-    What a ray is must not depend on how many others are cast with it, nor on which were left out.
+    The bits of a ray must not depend on the other rays of the call.
     """
     u = np.float32(Ra[0, 0] * x + Ra[0, 1] * y + Ra[0, 2] * z + moved * pa[0])
     v = np.float32(Ra[1, 0] * x + Ra[1, 1] * y + Ra[1, 2] * z + moved * pa[1])
@@ -217,7 +216,7 @@ def _across(Ra, pa, Rb, pb, x, y, z, moved):
 def _rays(
     rows, which, origins, normals, rotation, position, o, b, low, high, pad, radius, ray_origins, ray_directions, place
 ):
-    """Write the rays in the tangent planes of some receivers that pass object b's box; returns how many."""
+    """Write the rays in the tangent planes of receivers that pass object b's box; return their number."""
     Ra, pa, Rb, pb = rotation[o], position[o], rotation[b], position[b]
     n = 0
     for j in range(len(rows)):

@@ -1,9 +1,8 @@
-"""Discs in contact: estimating the receivers whose regions other objects shorten at the poses of a frame.
+"""Estimates of receivers whose regions other objects shorten at the poses of a frame.
 
-Sums of such a receiver are not additive: its region is not what it is in the background. On a mobile it is
-estimated from all current segments anyway, with the region of the pose in place of its own. On the static
-part it is *stale* (design: estimators tell which receivers are), and estimated again from all current
-segments near it.
+Sums of such a receiver are not additive, because its region differs from that in the background. Receivers on mobiles
+are estimated from all current segments anyway, here with the region of the pose. Static receivers are *stale*: they are
+estimated again from all current segments near them.
 """
 
 from __future__ import annotations
@@ -28,29 +27,29 @@ from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import Wanted
 from gi_core.scene.pose import to_world_at
 
-LINE_GRAIN = 1024  # segments a thread
-FEW = 128  # discs: more repay the millisecond that a grid over them costs
+LINE_GRAIN = 1024  # segments per thread
+FEW = 128  # discs: with more, a grid over them (a millisecond) pays
 
 
 def room_for_contacts(region: Regions) -> Regions:
-    """Return the regions with a spare row for each receiver, behind the others."""
+    """Return the regions with one spare row per receiver, behind the others."""
     spare = np.zeros((len(region.row), RAYS, 2), np.uint8)
     return Regions(region.row, np.concatenate([region.reach, spare]), region.area)
 
 
 class ControlFacts(NamedTuple):
-    """How many receivers artifact control concerns."""
+    """Numbers of receivers under artifact control."""
 
-    share: float  # of all receivers, those whose discs their own object enters (photon_map: at borders); at any poses
-    stale: int  # static receivers that were estimated again in the last frame, because a mobile enters their discs
-    on_mobiles: int  # receivers of mobiles whose discs other objects enter in the last frame; none where they gather
+    share: float  # of receivers whose discs their own object enters (photon_map: at borders), at any pose
+    stale: int  # static receivers estimated again in the last frame, because a mobile enters their discs
+    on_mobiles: int  # receivers of mobiles whose discs other objects enter in the last frame; 0 where mobiles gather
 
 
 class ContactDiscs:
-    """The discs of all objects, and which of them are in contact."""
+    """The discs of all objects, and their contacts at poses."""
 
     def __init__(self, model: Model, radius: float, discs: list[Discs], control: bool):
-        """discs: one an object, those of mobiles with room_for_contacts(); without `control` nothing ever meets."""
+        """discs: one per object, of mobiles with room_for_contacts(). Without `control` there are no contacts."""
         self.model, self.radius, self._discs = model, radius, discs
         self._contacts = Contacts(model, radius, [d.regions for d in discs]) if control else None
         self._known: tuple[Transforms, bool, Met] | None = None
@@ -63,7 +62,7 @@ class ContactDiscs:
             yield from self._contacts.build()
 
     def met(self, at: Transforms, mobiles: bool) -> Met:
-        """Return the contacts at some poses, on mobiles too or not; those of the last call are kept."""
+        """Return the contacts at poses `at`, with or without those on mobiles; the last result is cached."""
         if not self._knows(at, mobiles):
             alone = Met((NOTHING,) * len(at.position), (NOTHING.rows,) * (len(at.position) - 1))
             together = self._contacts is not None and len(at.position) > 1
@@ -76,20 +75,18 @@ class ContactDiscs:
         return all(np.array_equal(a, b) for a, b in zip(self._known[0], at, strict=True))
 
     def facts(self, met: Met) -> ControlFacts:
-        """Return how many receivers contacts concern."""
+        """Return the numbers of receivers under artifact control."""
         floor, *others = (len(c.rows) for c in met.contacts)
         return ControlFacts(self.share, floor, sum(others))
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
-        """Return which segments a frame must hold: those near mobiles, if their light is wanted, and near static
-        receivers in contact.
-        """
+        """Return the segments that a frame needs: near stale receivers and, for the light of mobiles, near mobiles."""
         m, boxes = self.model, []
         around = np.zeros(len(at.position) - 1)
         positions, normals = m.object_receivers.positions, m.object_receivers.normals
         for k, rows in enumerate(self.met(at, mobiles).floor):
             if len(rows):
-                # Behind its hit a segment counts for up to 2 r on a concave side, for eps on any.
+                # A segment counts up to 2 r behind its hit on a concave side, up to eps on others.
                 own = m.receiver_sides[rows]
                 behind = 2.0 * self.radius if m.concave[own[own >= 0]].any() else 0.0
                 half = self.radius * np.sqrt(np.clip(1 - normals[rows] ** 2, 0, 1)) + behind + 2 * float(m.eps)
@@ -103,7 +100,7 @@ class ContactDiscs:
 
     @contextmanager
     def regions_of(self, met: Met) -> Iterator[None]:
-        """Let discs on mobiles have their regions in contact meanwhile; searches must not keep copies."""
+        """Use the shortened regions of discs on mobiles in this context; searches must not copy regions."""
         contacts, before = met.contacts, []
         for discs, contact in zip(self._discs[1:], contacts[1:], strict=True):
             row, reach, _ = discs.regions
@@ -119,21 +116,21 @@ class ContactDiscs:
                 discs.regions.row[contact.rows] = rows
 
     def areas_of(self, met: Met) -> tuple[np.ndarray, np.ndarray]:
-        """Return receivers (n,) int64, of all objects, whose regions contacts shorten, and their areas (n,) [m2]."""
+        """Return the receivers (n,) int64 of all objects with shortened regions, and their areas (n,) [m2]."""
         first, contacts = self.model.surfaces.first_receiver, met.contacts
         rows = [first[o] + c.rows for o, c in enumerate(contacts)]
         return np.concatenate(rows), np.concatenate([c.area for c in contacts])
 
     def static_discs(self, met: Met) -> Discs:
-        """Return the discs of the static receivers in contact, with their regions there."""
+        """Return the discs of stale receivers with their shortened regions."""
         contact, d = met.contacts[0], self._discs[0]
         rows, n = contact.rows, len(contact.rows)
         region = Regions(np.arange(n, dtype=np.int32), contact.reach, contact.area)
-        alone = np.full(n, NONE, np.int32)  # each its own disc: few of them see both sides
+        alone = np.full(n, NONE, np.int32)  # one disc per receiver: few are two-sided
         return Discs(d.positions[rows], d.normals[rows], d.own[rows], alone, d.radius, region)
 
     def static_sums(self, parts, at: Transforms, met: Met) -> tuple[np.ndarray, np.ndarray]:
-        """Return static receivers (n,) int64 in contact and their sums (n, 3) int64 over parts (Segments)."""
+        """Return stale receivers (n,) int64 and their sums (n, 3) int64 over parts (an iterable of Segments)."""
         rows = met.contacts[0].rows
         n = len(rows)
         if not n:

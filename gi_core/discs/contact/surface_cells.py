@@ -1,6 +1,6 @@
-"""A coarse grid of where the static surfaces are: which receivers of a mobile may be near one.
+"""Coarse occupancy grid of the static surfaces, which selects receivers of mobiles near them.
 
-A mobile in mid-air must cost nothing: a look at the cells that its box covers tells it from one that touches.
+A mobile in mid-air costs a lookup of the cells that its box covers.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ FACES_A_STEP = 4096
 
 
 class SurfaceCells(NamedTuple):
-    """Cells, marked where a surface comes within a given distance of any of their points."""
+    """Grid cells, marked if a surface lies within a given distance of any of their points."""
 
     near: np.ndarray  # (cells,) bool
     low: np.ndarray  # (3,) float64, corner of the grid [m]
@@ -45,7 +45,7 @@ def surface_cells(vertices: np.ndarray, faces: np.ndarray, reach: float) -> Gene
 
 @kernel
 def _range(a, b, low, cell, n):
-    """Return the first and last cell along an axis that [a, b] covers; none where the last comes first."""
+    """Return the first and last cell that [a, b] covers along an axis; last < first for none."""
     first, last = (a - low) / cell, (b - low) / cell
     if not (last >= 0.0 and first < n):
         return 0, -1
@@ -54,7 +54,7 @@ def _range(a, b, low, cell, n):
 
 @kernel
 def _mark(vertices, faces, reach, low, cell, shape, near):
-    """A cell is near a triangle if it is near its box and near its plane: floors of two triangles lie askew too."""
+    """Mark cells near the box and near the plane of a triangle; tilted floors have large boxes."""
     half = reach + 0.8661 * cell  # half the diagonal of a cell, rounded up
     for f in range(len(faces)):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
@@ -76,7 +76,7 @@ def _mark(vertices, faces, reach, low, cell, shape, near):
 
 @kernel
 def box_is_near(near, low, cell, shape, box_low, box_high):
-    """Tell whether any cell that a box covers is marked."""
+    """Return whether any cell that a box covers is marked."""
     x0, x1 = _range(box_low[0], box_high[0], low[0], cell, shape[0])
     y0, y1 = _range(box_low[1], box_high[1], low[1], cell, shape[1])
     z0, z1 = _range(box_low[2], box_high[2], low[2], cell, shape[2])
@@ -90,7 +90,7 @@ def box_is_near(near, low, cell, shape, box_low, box_high):
 
 @kernel
 def points_near(near, low, cell, shape, points, R, p, out):
-    """List the points (n, 3), carried to the world by R and p, that lie in marked cells; returns how many."""
+    """List the points (n, 3), moved to the world by R and p, that lie in marked cells; return their number."""
     n = 0
     for k in range(len(points)):
         a, b, c = float(points[k, 0]), float(points[k, 1]), float(points[k, 2])

@@ -100,8 +100,8 @@ def test_a_wall_that_parts_light_from_the_dark_carries_neither_across():
         far = np.abs(x[beside]) > 0.05
         # Where the triangle comes out of the wall, 0.08 of its 0.1 m from it: weights of its corners there.
         place = np.where(far, 0.8 / far.sum(axis=1, keepdims=True), 0.2 / (~far).sum(axis=1, keepdims=True))
-        say = place * shown.weights[corners]
-        found = (say * shown.irradiance[corners, 1]).sum(axis=1) / say.sum(axis=1)
+        weights = place * shown.weights[corners]
+        found = (weights * shown.irradiance[corners, 1]).sum(axis=1) / weights.sum(axis=1)
         outside = (far * shown.irradiance[corners, 1]).sum(axis=1) / far.sum(axis=1)
         assert beside.sum() > 20
         assert side < 0 or ((found > 0.98 * outside).all() and outside.min() > 0.1)
@@ -217,9 +217,9 @@ def test_a_seat_inside_its_own_post_is_drawn_like_the_seat_beside_it_wherever_th
         if two_sided:
             assert seen.weights is None or (seen.weights[rows][inside] == 1).all()
         else:
-            say, light = seen.weights[rows], seen.irradiance[rows, 1]
-            assert (say[inside] <= np.float32(WEIGHT)).all() and (say[away] == 1).all()
-            rim = inside & (say == np.float32(WEIGHT))
+            weights, light = seen.weights[rows], seen.irradiance[rows, 1]
+            assert (weights[inside] <= np.float32(WEIGHT)).all() and (weights[away] == 1).all()
+            rim = inside & (weights == np.float32(WEIGHT))
             assert rim.sum() == 20 and (light[rim] > 0.25 * np.median(E[away])).all()
 
 

@@ -96,7 +96,7 @@ def test_rays_are_where_embree_wants_them():
 
 def test_structures_are_built_once(monkeypatch):
     solver = Solver(coloured_room((box_mobile(size=0.1),)), photons=2000, radius=0.1)
-    monkeypatch.setattr(accelerator, "Triangles", None)  # one more could not be made
+    monkeypatch.setattr(accelerator, "EmbreeMesh", None)  # one more could not be made
     solver.solve()
     solver.configure(light="best")
     for k in range(3):
@@ -108,7 +108,7 @@ def test_structures_are_given_back(monkeypatch):
     given, release = [], embree._release_scene
     monkeypatch.setattr(embree, "_release_scene", lambda address: (given.append(address), release(address)))
     mesh = soup(5)
-    structure = embree.Triangles(mesh.vertices, mesh.faces)
+    structure = embree.EmbreeMesh(mesh.vertices, mesh.faces)
     address = structure.address
     del structure
     gc.collect()
