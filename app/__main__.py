@@ -60,7 +60,7 @@ def parse(argv: list[str]) -> argparse.Namespace:
         meant = did_you_mean(argv[0], COMMANDS)
         if meant and not argv[1].startswith("-"):
             parser.error(f"there is no command {argv[0]}; did you mean {meant[0]}?")
-        if Path(argv[1]).suffix.lower() in values.SCENES and not _is_scene(argv[0]):
+        if Path(argv[1]).suffix.lower() in values.SCENE_SUFFIXES and not _is_scene(argv[0]):
             parser.error(f"there is no command {argv[0]}; there are {', '.join(COMMANDS)}")
     return parser.parse_args(argv)
 

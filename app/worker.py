@@ -1,7 +1,7 @@
-"""One thread for the solver's work, so that the window never waits for a long piece of it.
+"""The solver's thread: the window never waits for a long task.
 
-Most pieces take some milliseconds, but an index of a large scene, or a move among a million photons,
-takes longer. One job runs at a time, and nobody else touches the solver while it does.
+Most tasks take milliseconds; the index of a large scene or a move among a million photons takes longer. Calls run one
+at a time, and no other thread uses the solver meanwhile.
 """
 
 from __future__ import annotations
@@ -12,39 +12,39 @@ from collections.abc import Callable
 from concurrent.futures import Future, wait
 from typing import NamedTuple
 
-PATIENCE = 0.25  # s: how long closing waits for a step under way
+PATIENCE = 0.25  # s that closing waits for a running step
 
 
 class Task(NamedTuple):
-    """A short piece of work for the background thread."""
+    """A short piece of work for the solver's thread."""
 
-    name: str  # of the job that it is a piece of; the log uses it when the piece fails
+    name: str  # of the task's job; the log names it after a failure
     run: Callable[[], object]
 
 
 class Job:
-    """A call under way in the background thread."""
+    """A submitted call and its future result."""
 
     def __init__(self, future: Future) -> None:
         self._future: Future | None = future
 
     def wait(self, seconds: float) -> bool:
-        """Wait so long at most; tell whether it is done. The interpreter lock is free meanwhile."""
+        """Wait at most `seconds`; return whether the call has ended. Waiting releases the interpreter lock."""
         return self._future.done() or bool(wait([self._future], timeout=max(seconds, 0)).done)
 
     def result(self):
-        """Return what the call returned, or raise what it raised; once."""
+        """Return the call's result or raise its exception; valid once."""
         future, self._future = self._future, None
         try:
             return future.result()
         finally:
-            del future  # else what is raised would hold it, and it that
+            del future  # else exception and future refer to each other
 
 
 class Worker:
-    """A thread that does not outlive the program: the standard library's pools wait for what they are doing.
+    """A daemon thread that ends with the program; the standard library's pools would wait for a running call.
 
-    It begins with the first call: a scene that is never shown, given up or refused while it is opened, has none.
+    It starts with the first call, so a scene that never opens starts no thread.
     """
 
     def __init__(self) -> None:
@@ -60,7 +60,7 @@ class Worker:
         return Job(future)
 
     def close(self) -> None:
-        """End the thread after what it is doing."""
+        """End the thread after the submitted calls."""
         self._calls.put(None)
 
 
@@ -71,11 +71,11 @@ def _work(calls: queue.SimpleQueue) -> None:
             future.set_result(call())
         except BaseException as problem:
             future.set_exception(problem)
-        item = future = call = None  # what the call held is free while the thread waits
+        item = future = call = None  # frees the call's objects while the thread waits
 
 
 def without_frames(problem: BaseException) -> BaseException:
-    """Return an exception that can be kept: its traceback would hold what was being done, a whole scene, in a ring."""
+    """Return the exception without tracebacks, which would keep a whole scene alive in a reference cycle."""
     link: BaseException | None = problem
     while link is not None:
         link.__traceback__, link = None, link.__cause__ or link.__context__

@@ -1,1 +1,1 @@
-"""The command line's parts: parser, values, option groups, progress, folders that can be written."""
+"""The command line's parts: parser, value types, option groups, progress bar, write checks."""

@@ -1,4 +1,4 @@
-"""Exit codes, and the one line on stderr that comes with them."""
+"""Exit codes and the line on stderr that accompanies them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ OK, USAGE, SCENE, NO_GL = 0, 2, 3, 4
 
 
 def fail(error: object, code: int) -> int:
-    """Say what is wrong in one line on stderr."""
+    """Print an error as one line on stderr; return `code`."""
     print("gi-viewer: " + " ".join(str(error).split()), file=sys.stderr)
     return code

@@ -1,37 +1,37 @@
-"""A progress bar on stderr for long work without a window; silent where stderr is no terminal."""
+"""Progress bar on stderr for commands without a window; silent unless stderr is a terminal."""
 
 from __future__ import annotations
 
 import sys
 import time
 
-WIDTH = 28
-EVERY = 0.1  # s between redraws: a terminal must not cost time
+BAR_CHARACTERS = 28
+REDRAW_SECONDS = 0.1
 
 
 class Bar:
-    """`bar("tracing", 0.3)` shows a stage and how much of it is done; `bar.close()` leaves a clean line."""
+    """`bar("tracing", 0.3)` shows a stage and its fraction; `bar.close()` clears the line."""
 
     def __init__(self, stream=None) -> None:
         self._stream = sys.stderr if stream is None else stream
         self._shown = bool(getattr(self._stream, "isatty", lambda: False)())
         self._drawn = 0  # characters on the line
-        self._last = -EVERY
+        self._last = -REDRAW_SECONDS
         self._stage = ""
 
     def __call__(self, stage: str, fraction: float) -> None:
         now = time.monotonic()
-        if not self._shown or (now - self._last < EVERY and stage == self._stage):
+        if not self._shown or (now - self._last < REDRAW_SECONDS and stage == self._stage):
             return
         self._last, self._stage = now, stage
-        done = int(WIDTH * min(max(fraction, 0.0), 1.0))
-        text = f"{stage:<12.40} [{'=' * done}{' ' * (WIDTH - done)}] {100 * fraction:3.0f} %"
+        done = int(BAR_CHARACTERS * min(max(fraction, 0.0), 1.0))
+        text = f"{stage:<12.40} [{'=' * done}{' ' * (BAR_CHARACTERS - done)}] {100 * fraction:3.0f} %"
         self._stream.write("\r" + text.ljust(self._drawn))
         self._stream.flush()
         self._drawn = len(text)
 
     def say(self, line: str) -> None:
-        """Print a line that stays, terminal or not."""
+        """Print a permanent line, to a terminal or a file."""
         self.close()
         print(line, file=self._stream, flush=True)
 
@@ -49,14 +49,14 @@ class Bar:
 
 
 def time_left(seconds: float | None) -> str:
-    """Return ", 3 min left" to put behind a stage; "" while nobody knows."""
+    """Return ", 3 min left" to append to a stage; "" for an unknown time."""
     if seconds is None:
         return ""
     return f", {seconds:.0f} s left" if seconds < 90 else f", {seconds / 60:.0f} min left"
 
 
 def compile_kernels(bar: Bar) -> None:
-    """Compile what was never compiled on this machine, with the bar moving; a minute at most, once."""
+    """Compile kernels that this machine has not compiled yet, showing progress: about a minute, once."""
     from gi_core.base.jit import CACHE_PROBLEM
     from gi_core.instruments import compile_ahead
 
@@ -70,6 +70,6 @@ def compile_kernels(bar: Bar) -> None:
 
 
 def solve(solver, bar: Bar) -> None:
-    """Trace all photons wanted, with the bar moving."""
+    """Trace all requested photons, showing progress."""
     for progress in solver.solve_steps(pictures=False):
         bar(progress.stage, progress.fraction)

@@ -1,4 +1,4 @@
-"""What the words on the command line may be: each function returns a value, or says what it must be."""
+"""Value types of options: each function returns a value or raises ArgumentTypeError with the valid range."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import argparse
 import math
 from pathlib import Path
 
-SCENES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")  # how the names of scenes end
-DARKEST, BRIGHTEST = -64.0, 64.0  # EV: beyond, nothing can be told from black or white
+SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
+LEAST_EXPOSURE, MOST_EXPOSURE = -64.0, 64.0  # EV; beyond, every picture is black or white
 
 
 def finite(text: str) -> float:
@@ -22,8 +22,8 @@ def finite(text: str) -> float:
 
 def exposure(text: str) -> float:
     value = finite(text)
-    if not DARKEST <= value <= BRIGHTEST:
-        raise argparse.ArgumentTypeError(f"must be {DARKEST:g} .. {BRIGHTEST:g} stops, got {text}")
+    if not LEAST_EXPOSURE <= value <= MOST_EXPOSURE:
+        raise argparse.ArgumentTypeError(f"must be {LEAST_EXPOSURE:g} .. {MOST_EXPOSURE:g} stops, got {text}")
     return value
 
 

@@ -1,4 +1,4 @@
-"""Files that can be written, checked before the work and not after it; files that are whole or not there."""
+"""Checks that files and folders can be written, before the work; text files written whole or not at all."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from app.settings import UsageError
 
 
 def check_writable(option: str, file: Path) -> None:
-    """Raise UsageError, one sentence naming the option, if a file cannot be written; nothing stays behind."""
+    """Raise UsageError, one sentence naming the option, if a file cannot be written; the check leaves no file."""
     if not os.path.isdir(file.resolve().parent):
         raise UsageError(f"{option} must name a file in a folder that exists, got {file}")
     if os.path.isdir(file):
@@ -25,18 +25,18 @@ def check_writable(option: str, file: Path) -> None:
 
 
 def check_folder(variable: str, folder: Path) -> None:
-    """Raise UsageError, one sentence naming an environment variable, if a folder can be neither made nor written to."""
+    """Raise UsageError, one sentence naming an environment variable, if a folder cannot be made or written to."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _try(folder / f"{os.getpid()}.part")
     except OSError as error:
         raise UsageError(
-            f"the folder {folder} cannot be written ({error.strerror or error}); {variable} names another"
+            f"the folder {folder} cannot be written ({error.strerror or error}); set {variable} to another folder"
         ) from None
 
 
 def _try(file: Path) -> None:
-    """Make a file and take it away. Asking for permissions is not enough: a file system may be read-only, or full."""
+    """Create and remove a file: permissions alone do not reveal a read-only or full file system."""
     file.touch()
     file.unlink()
 

@@ -1,8 +1,8 @@
 """The interactive viewer: one window, one loop: input, light, draw.
 
-run(settings)                       until the window is closed
-run(settings, frames=N)             N frames after the first picture
-run(settings, screenshot=path)      the whole window, once the light has been refined
+run(settings)                       runs until the window is closed
+run(settings, frames=N)             closes N frames after the first picture
+run(settings, screenshot=path)      saves the whole window once all photons are traced, then closes
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ from app.window import keys, overlay, panel, window
 from app.window.actions import act
 from app.window.viewport import Viewport
 
-SAMPLES = 4  # a pixel
-QUIET_FRAMES = 20  # with nothing new, after which a software renderer draws with all samples: that takes it 50 ms
-SWITCH_SECONDS = 0.001  # how soon other threads let the window have the interpreter; Python's own 5 ms stutter
-LONGEST_WAIT = 0.02  # s that a frame waits for refinement where drawing itself is slow
-SOFTWARE_GRACE = 0.2  # s that a frame waits for a move where drawing meanwhile would only take its cores away
-LONGEST_STEP = 0.1  # s: after a pause of the whole program, animations go on, they do not jump
+SAMPLES_PER_PIXEL = 4
+QUIET_FRAMES = 20  # unchanged frames before a software renderer draws with all samples, which takes it 50 ms
+SWITCH_SECONDS = 0.001  # interpreter switch interval; Python's default of 5 ms stutters
+LONGEST_WAIT = 0.02  # s per frame for refinement if drawing is slow
+SOFTWARE_GRACE = 0.2  # s per frame for a move if drawing takes the same cores
+LONGEST_STEP = 0.1  # s per frame of an animation: it does not jump after a pause of the program
 
 
 class Viewer:
-    """Everything behind the window. `frame` parts are called by HelloImGui, in this order: viewport, panel, status."""
+    """The program behind the window. HelloImGui calls per frame: draw_viewport, draw_panel, draw_status."""
 
     def __init__(self, settings: Settings, open_with: Callable | None = None) -> None:
         limit_arenas()
         self.log = Log()
         self.session = Session(settings, self.log, open_with or Opening)
         self.succession = Succession(open_with or Opening)
-        self._dropped: list[str] = []  # files, on the window
+        self._dropped: list[str] = []  # files dropped on the window
         self.viewport = Viewport(self.session)
         self.ctx = None  # moderngl's, of the window
         self.renderer: Renderer | None = None
@@ -65,7 +65,7 @@ class Viewer:
         self.keyboard = keys.Keyboard()
         self.help_open = False
         self.metered = 0.0
-        self._uploaded = 0  # session.version that the colour buffers hold
+        self._uploaded = 0  # session.version in the colour buffers
         self.estimators: dict[str, str] = {}
         self._before = time.perf_counter()
         self._seconds = 0.0
@@ -94,8 +94,8 @@ class Viewer:
         if self.help_open:
             (x, y), (w, h) = self.viewport.origin, self.viewport.size
             self.help_open = keys.draw_help(list(self.estimators), (x, y, w, h), self.help_open)
-        self._guard("opening", self._succeed)
-        if is_users(self.session.problem) and self.succession.coming is None:  # told on the terminal, see `run`
+        self._guard("opening", self._replace_session)
+        if is_user_error(self.session.problem) and self.succession.coming is None:  # printed on the terminal, see `run`
             self.params.app_shall_exit = True
         if self._ready and self.frames_left is not None:
             self.frames_left -= 1
@@ -106,11 +106,11 @@ class Viewer:
 
     def _end_frame(self) -> None:
         if self._software:
-            # It queues frames where no screen slows it down; the next upload would then wait for all of them.
+            # Without a screen it queues frames, and the next upload would wait for all of them.
             self.ctx.finish()
 
     def draw_viewport(self) -> None:
-        """Input, then light, then the picture: what is drawn belongs to the pose of this very frame."""
+        """Handle input, update the light, draw: the picture shows the poses of this frame."""
         flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
         imgui.push_style_var(imgui.StyleVar_.window_padding, (0, 0))
         imgui.begin("Viewport", None, flags)
@@ -122,8 +122,8 @@ class Viewer:
         self._guard("light", lambda: self.session.tick(self._seconds, editing, self._budget(), still))
         self._light_seconds = time.perf_counter() - started
         if self.session.ready and not self._ready:
-            self._ready = True  # tried once, even if it fails
-            self._guard("starting", lambda: self._adopt(self.session))
+            self._ready = True  # one attempt, even a failed one
+            self._guard("start", lambda: self._adopt(self.session))
         if self._ready:
             self._guard("drawing", self._draw_scene)
         overlay.draw(self.viewport, self.session, self.succession, self._ready)
@@ -153,16 +153,16 @@ class Viewer:
     # A frame ----------------------------------------------------------------------------------------
 
     def _budget(self) -> float:
-        """Return how long to wait for refinement [s]: as long as the rest of a frame takes, within bounds.
+        """Return the time to wait for refinement [s]: as long as the rest of a frame takes, within bounds.
 
-        Where drawing is slow it is done on the same cores: half of them for light then, as long as nothing moves.
+        Slow drawing runs on the same cores: half of the time is for light then, while nothing moves.
         """
         if self.viewport.is_moving:
             return BUDGET
         return min(max(self._seconds - self._light_seconds, BUDGET), LONGEST_WAIT)
 
-    def _succeed(self) -> None:
-        """Open what has been dropped; let a scene that is ready take the place of the one on show."""
+    def _replace_session(self) -> None:
+        """Open dropped files; show a newly opened scene once it is ready."""
         if self._dropped:
             files, self._dropped[:] = list(self._dropped), []
             self.succession.other(self.session, files)
@@ -179,11 +179,11 @@ class Viewer:
         self.log(f"{'reloaded' if self.succession.same else 'opened'}: {new.settings.scene}")
 
     def _adopt(self, new: Session) -> None:
-        """Show a session that has just become ready: geometry, camera and exposure are its own."""
+        """Show a ready session with its own geometry, camera and exposure."""
         from gi_core.estimators import ESTIMATORS
 
         if self.renderer is None:
-            self.renderer = Renderer(self.ctx, SAMPLES)
+            self.renderer = Renderer(self.ctx, SAMPLES_PER_PIXEL)
         self.renderer.set_scene(new.meshes)
         old, self.session, self._uploaded = self.session, new, 0
         self.viewport.adopt(new, keep_view=old is not new and self.succession.same)
@@ -207,24 +207,24 @@ class Viewer:
         if changed:
             self._upload()
             self._uploaded = session.version
-        samples = 1 if self._software and self._quiet < QUIET_FRAMES else SAMPLES
+        samples = 1 if self._software and self._quiet < QUIET_FRAMES else SAMPLES_PER_PIXEL
         self.viewport.draw(self.renderer, samples)
 
     def _upload(self) -> None:
-        """Bring what is to be shown to the graphics card: one layer of colours a side."""
+        """Upload the colours, one layer per side of a wipe."""
         session = self.session
-        self.viewport.shown = what = view_content.shown(session)
-        for layer, side in enumerate(what.sides):
+        self.viewport.shown = shown = view_content.shown(session)
+        for layer, side in enumerate(shown.sides):
             for o, mesh in enumerate(session.meshes):
-                painted = view_content.paint(mesh, side, what.errors, session.settings.show == "radiance")
+                painted = view_content.paint(mesh, side, shown.errors, session.settings.show == "radiance")
                 self.renderer.set_colours(o, *painted, layer, weights(mesh, side.weights))
 
-    def _guard(self, doing: str, work: Callable[[], None]) -> None:
-        """Run a stage of the frame; what goes wrong is told in the log line and the window survives."""
+    def _guard(self, stage: str, work: Callable[[], None]) -> None:
+        """Run a stage of the frame; log its exception, the window goes on."""
         try:
             work()
         except Exception as problem:
-            self.log.error(doing, problem)
+            self.log.error(stage, problem)
 
     # Actions ----------------------------------------------------------------------------------------
 
@@ -233,16 +233,16 @@ class Viewer:
 
 
 def _about(estimator: type) -> str:
-    """Return the first sentence that an estimator's module says of itself."""
+    """Return the first paragraph of the docstring of an estimator's module."""
     text = sys.modules[estimator.__module__].__doc__ or estimator.__doc__ or ""
     return " ".join(text.strip().split("\n\n")[0].split())
 
 
 def run(settings: Settings, *, frames: int | None = None, screenshot: str | Path | None = None) -> int:
-    """Open the window and stay in it. Return 0, or 1 if the scene could not be opened for a reason of our own.
+    """Run the window until it closes. Return 0, or 1 if a defect of the program kept the scene from opening.
 
-    Raises SceneError, UsageError or OSError, after closing the window, for a scene that cannot be used: the
-    command line prints its sentence and exits with its code.
+    Raises SceneError, UsageError or OSError for a scene that cannot be used, after closing the window. The command
+    line prints the sentence and exits with its code.
     """
     viewer = Viewer(settings)
     viewer.frames_left = frames
@@ -262,13 +262,13 @@ def run(settings: Settings, *, frames: int | None = None, screenshot: str | Path
 
 @contextlib.contextmanager
 def interruptible(viewer: Viewer):
-    """Let Ctrl+C on the terminal close the window, as its own button does: no exception may cross the GUI's code."""
+    """Close the window on Ctrl+C in the terminal, because no exception may cross the GUI's code."""
 
     def close(*_) -> None:
         viewer.params.app_shall_exit = True
 
     if threading.current_thread() is not threading.main_thread():
-        yield  # only that one may
+        yield  # only the main thread may set a signal handler
         return
     before = signal.signal(signal.SIGINT, close)
     try:
@@ -278,15 +278,15 @@ def interruptible(viewer: Viewer):
 
 
 def finish(viewer: Viewer) -> int:
-    """Return the exit code of a viewer whose window has closed, or raise what closed it."""
+    """Return the exit code of a closed viewer, or raise the user's error that closed it."""
     problem = viewer.session.problem
-    if is_users(problem):
+    if is_user_error(problem):
         raise problem
     return 0 if problem is None else 1
 
 
-def is_users(problem: BaseException | None) -> bool:
-    """Tell whether a problem lies in what was asked for; any other is ours, and shown in the window."""
+def is_user_error(problem: BaseException | None) -> bool:
+    """Return whether a problem lies in the user's input; any other is a defect, shown in the window."""
     if problem is None:
         return False
     from gi_core.scene import SceneError

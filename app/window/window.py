@@ -1,7 +1,6 @@
-"""Whether a window can be had, and what it is like: size, OpenGL version, docking, ini file, look.
+"""The window: availability, size, OpenGL version, docking, ini file.
 
-Importing this module imports no GUI: `why_no_window` must be able to answer where the GUI's shared
-libraries are missing.
+This module imports no GUI at the top, so that `why_no_window` can answer without the GUI's shared libraries.
 """
 
 from __future__ import annotations
@@ -14,18 +13,18 @@ from pathlib import Path
 from app.settings import Settings
 
 TITLE = "gi-viewer"
-GL_VERSION = (3, 3)  # macOS stops at 4.1; nothing here needs more than 3.3
+GL_VERSION = (3, 3)  # macOS has at most 4.1
 PANEL_EM = 22
 RENDER_HINT = "`gi-viewer render SCENE --out a.png` needs no window"
 
 
 def why_no_window() -> str | None:
-    """Return None if a window with OpenGL 3.3 opens, else one sentence: what is missing, and what helps.
+    """Return None if a window with OpenGL 3.3 opens, else one sentence with cause and remedy.
 
-    Tried for real, with an invisible window: variables like DISPLAY prove nothing either way.
+    The test opens an invisible window, because variables like DISPLAY prove nothing.
     """
     try:
-        # imgui_bundle before glfw: it makes both use one and the same libglfw.
+        # imgui_bundle before glfw: then both use the same libglfw.
         import_module("imgui_bundle")
         import glfw
     except (ImportError, OSError) as problem:
@@ -35,20 +34,20 @@ def why_no_window() -> str | None:
     window = None
     try:
         if not glfw.init():
-            return _sentence("no display can be opened" + _said(messages), "start it in a desktop session")
+            return _sentence("no display can be opened" + _quoted(messages), "start it in a desktop session")
         glfw.default_window_hints()
         hint_opengl()
         glfw.window_hint(glfw.VISIBLE, glfw.FALSE)
         window = glfw.create_window(64, 64, TITLE, None, None)
         if not window:
-            return _sentence(f"OpenGL {GL_VERSION[0]}.{GL_VERSION[1]} is not to be had{_said(messages)}", *_drivers())
+            return _sentence(f"OpenGL {GL_VERSION[0]}.{GL_VERSION[1]} is not available{_quoted(messages)}", *_drivers())
         glfw.make_context_current(window)
         try:
             current_context()
         except Exception as problem:  # moderngl raises plain Exception for anything GL
             return _sentence(f"OpenGL {GL_VERSION[0]}.{GL_VERSION[1]} does not start ({problem})", *_drivers())
         return None
-    except Exception as problem:  # glfw's wrapper may be told to raise its errors
+    except Exception as problem:  # glfw's wrapper may raise its errors
         return _sentence(f"no window opens ({problem})", *_drivers())
     finally:
         if window:
@@ -59,7 +58,7 @@ def why_no_window() -> str | None:
 
 
 def prepare() -> None:
-    """Start glfw with our hints before HelloImGui does: the window that it makes then has them."""
+    """Initialise glfw with the OpenGL hints before HelloImGui makes its window."""
     import_module("imgui_bundle")
     import glfw
 
@@ -69,7 +68,7 @@ def prepare() -> None:
 
 
 def hint_opengl() -> None:
-    """Ask the next window for our OpenGL; glfw must be initialised."""
+    """Request GL_VERSION for the next window; glfw must be initialised."""
     import glfw
 
     glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, GL_VERSION[0])
@@ -77,12 +76,12 @@ def hint_opengl() -> None:
     glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
     glfw.window_hint(glfw.OPENGL_FORWARD_COMPAT, glfw.TRUE)
     if hasattr(glfw, "get_platform") and glfw.get_platform() == getattr(glfw, "PLATFORM_NULL", None):
-        # glfw's screenless platform would take OSMesa for its own; EGL is what is installed.
+        # glfw's null platform defaults to OSMesa; EGL is installed more often.
         glfw.window_hint(glfw.CONTEXT_CREATION_API, glfw.EGL_CONTEXT_API)
 
 
 def current_context():
-    """Return a moderngl context on the GL context that glfw has made current, whatever made it (GLX, EGL, WGL)."""
+    """Return a moderngl context on glfw's current GL context, of any platform (GLX, EGL, WGL)."""
     import glfw
     import moderngl
 
@@ -104,7 +103,7 @@ def current_context():
 
 
 def is_software(ctx) -> bool:
-    """Tell whether this OpenGL draws on the processor: many samples a pixel are then too dear while moving."""
+    """Return whether this OpenGL draws on the processor."""
     name = ctx.info["GL_RENDERER"].lower()
     return any(word in name for word in ("llvmpipe", "softpipe", "swiftshader", "software"))
 
@@ -115,7 +114,7 @@ def runner_params(
     panel: Callable[[], None],
     status: Callable[[], None],
 ):
-    """Return HelloImGui's parameters for our window: the viewport, the panel at its right, the status line."""
+    """Return HelloImGui's parameters: viewport, panel at its right, status line."""
     from imgui_bundle import hello_imgui, imgui
 
     from app.window import theme
@@ -129,14 +128,14 @@ def runner_params(
     gl = hello_imgui.OpenGlOptions()
     gl.major_version, gl.minor_version = GL_VERSION
     gl.glsl_version, gl.use_core_profile, gl.use_forward_compat = "330", True, True
-    gl.anti_aliasing_samples = 0  # the scene has its own samples, text needs none
+    gl.anti_aliasing_samples = 0  # the renderer multisamples the scene itself
     params.renderer_backend_options.open_gl_options = gl
 
     params.ini_folder_type = hello_imgui.IniFolderType.absolute_path
     folder = config_folder()
     params.ini_disable = folder is None
     params.ini_filename = str((folder or Path()) / ini_name(screen_scale()))
-    params.fps_idling.enable_idling = False  # light is refined while nobody touches anything
+    params.fps_idling.enable_idling = False  # light is refined without input
     params.fps_idling.remember_enable_idling = False
     params.callbacks.load_additional_fonts = theme.load_fonts
     params.callbacks.setup_imgui_style = theme.set_style
@@ -159,7 +158,7 @@ def runner_params(
     split.node_flags = params.docking_params.main_dock_space_node_flags = no_tabs
 
     shown = hello_imgui.DockableWindow("Viewport", "MainDockSpace", viewport, can_be_closed_=False)
-    shown.call_begin_end = False  # it has no padding, which must be said before `begin`
+    shown.call_begin_end = False  # its zero padding must be set before `begin`
     beside = hello_imgui.DockableWindow("Panel", "Side", panel, can_be_closed_=False)
     beside.remember_is_visible = False
     params.docking_params.dockable_windows = [shown, beside]
@@ -171,7 +170,7 @@ def title_of(scene: str) -> str:
 
 
 def on_drop(take: Callable[[list[str]], None]) -> None:
-    """Have the names of files that are dropped on the window, which must be the current one, handed over."""
+    """Call `take` with the names of files dropped on the current window."""
     import glfw
 
     if window := glfw.get_current_context():
@@ -179,7 +178,7 @@ def on_drop(take: Callable[[list[str]], None]) -> None:
 
 
 def rename(scene: str) -> None:
-    """Give the window the title of another scene."""
+    """Set the current window's title for a scene."""
     import glfw
 
     if window := glfw.get_current_context():
@@ -187,7 +186,7 @@ def rename(scene: str) -> None:
 
 
 def screen_scale() -> float:
-    """Return by how much the desktop wants things larger than at 96 dots an inch; 1 where there is no screen."""
+    """Return the desktop's scale relative to 96 dots per inch; 1 without a screen."""
     import glfw
 
     monitor = glfw.get_primary_monitor() if glfw.init() else None
@@ -195,12 +194,12 @@ def screen_scale() -> float:
 
 
 def ini_name(scale: float) -> str:
-    """Return the ini file's name: it holds the panel's width in pixels, too narrow to read at twice the scale."""
+    """Return the ini file's name, one per scale, because the file holds the panel's width in pixels."""
     return "window.ini" if scale == 1 else f"window-{scale:g}x.ini"
 
 
 def config_folder() -> Path | None:
-    """Return the folder of the window's ini file, made if need be; None where that cannot be: nothing is remembered."""
+    """Return the folder of the window's ini file, creating it; None if that fails: nothing is stored."""
     import platformdirs
 
     try:
@@ -209,11 +208,11 @@ def config_folder() -> Path | None:
         return None
 
 
-def _sentence(what: str, remedy: str) -> str:
-    return f"{what}; {remedy}; {RENDER_HINT}"
+def _sentence(cause: str, remedy: str) -> str:
+    return f"{cause}; {remedy}; {RENDER_HINT}"
 
 
-def _said(messages: list[str]) -> str:
+def _quoted(messages: list[str]) -> str:
     return f" ({messages[-1]})" if messages else ""
 
 

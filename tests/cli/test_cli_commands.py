@@ -80,8 +80,8 @@ def test_a_word_too_many_and_a_name_mistyped_are_told_with_what_was_meant(capsys
     write_obj(tmp_path / "kitchen.obj")
     for words, told in (
         (["bake", "room.glb"], "there is no command bake; there are render, bench"),
-        (["render", "room.glb", "chair.glb"], "one scene at a time: a thing to move is given by --mobile FILE"),
-        (["cornell", "chair.glb"], "one scene at a time: a thing to move is given by --mobile FILE"),
+        (["render", "room.glb", "chair.glb"], "only one scene; write --mobile FILE to add a mobile"),
+        (["cornell", "chair.glb"], "only one scene; write --mobile FILE to add a mobile"),
     ):
         assert cli.main(words) == 2
         assert told in one_line(capsys.readouterr().err)
