@@ -1,8 +1,7 @@
 """Lower bounds of frame time: the rays, disc tests, disc intersections and bytes of a frame, counted, as bare loops.
 
-Calls of the disc search are recorded, and rays are rebuilt from segments, so both can be repeated without the rest of
-the frame. Disc tests and additions run on data in the nearest cache. The caller measures time: `Work.run()` does
-`batch` units, a frame needs `count`.
+Rays and the lines of disc searches are rebuilt from the segments of the last frame. Disc tests and additions run on
+data in the nearest cache. The caller measures time: `Work.run()` does `batch` units, a frame needs `count`.
 """
 
 from __future__ import annotations
@@ -12,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.jit import allocating, kernel
+from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
-from gi_core.discs.search.disc_grid import CELL_RADII
+from gi_core.discs.search.disc_grid import CELL_RADII, discs_in_cells
+from gi_core.discs.search.predicate import Discs, Lines, lines, to_list
 from gi_core.estimators import ESTIMATORS
 from gi_core.photons.flux_sums import Sums
 from gi_core.photons.paths import Segments, empty_segments, segments_at, segments_of, take
@@ -30,6 +30,7 @@ HIT_BYTES = 24  # per photon hit: position and flux
 IN_CACHE = 1024  # discs, or receivers: 24 kB, fit into any level-1 cache
 TEST_LINES = 2048  # lines per batch against those discs
 ADDITIONS = 1 << 20
+POINTS = 8  # of a line
 CHUNK = 1 << 16  # photons
 LEAST_COPY = 1 << 12  # bytes
 
@@ -46,7 +47,7 @@ class Work(NamedTuple):
 
 def work_of_frame(solver: Solver, poses) -> list[Work]:
     """Compute the frame at `poses` and return its work, by stage."""
-    lines = _recorded(solver, poses)
+    solver.move_all(poses)
     threads = solver.model.threads
     vertices = solver.segments_total + solver.photons_traced
     changes, row = solver.changes, sum(a.itemsize * a[0].size for a in empty_segments(1))
@@ -62,13 +63,11 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
         moved.append(("estimate", (estimate.stale + _on_mobiles(solver)) * estimate.k * HIT_BYTES))
     work = [w for w in _rays(solver) if w.count]
     work += [copied(stage, size, threads) for stage, size in moved if size]
-    if lines:
-        tests = sum(candidates(discs, *ends) for discs, ends, _ in lines)
-        crossings = sum(found for _, _, found in lines) + _looked_up(
-            estimate, solver.frame_parts().change.removed_suffixes
-        )
+    if searches := _searches(solver):
+        tests = sum(candidates(discs, over) for discs, over, _ in searches)
+        crossings = sum(found for _, _, found in searches) + _looked_up(solver)
         work += [tested(tests, threads), added(crossings, threads)]
-    elif getattr(estimate, "on_faces", False):
+    elif estimate.on_faces:
         hits = changes.old_segments + changes.new_segments
         work.append(added(3 * hits, threads))  # each hit adds to three corners of its face
     return work
@@ -97,56 +96,29 @@ def full_estimate(solver: Solver) -> Callable[[], None]:
     return run
 
 
-# Recording a frame --------------------------------------------------------------------------------------
+# Rays and searches of a frame ----------------------------------------------------------------------------
 
 
-class _Recorder:
-    """Proxy of an object that records copies of the arguments and results of one method."""
-
-    def __init__(self, inner, method: str):
-        self._inner, self.calls = inner, []
-        call = getattr(inner, method)
-
-        def kept(*given):
-            given_copy = tuple(_copy(g) for g in given)
-            result = call(*given)
-            self.calls.append((given_copy, result))
-            return result
-
-        setattr(self, method, kept)
-
-    def __getattr__(self, name: str):
-        return getattr(self._inner, name)
+def _searches(solver: Solver) -> list[tuple[Discs, Lines, int]]:
+    """Return discs, lines and number of disc intersections of each search of the last frame; none without discs."""
+    model, change = solver.model, solver.frame_parts().change
+    out = []
+    for o, search in enumerate(getattr(estimate_of(solver), "_searches", ())):
+        segments = (change.new_suffixes, *change.near_mobiles)[o]
+        over = lines(segments, change.at.rotation[o], change.at.position[o], model, solver.radius)
+        out.append((search.discs, over, _intersections(search, over)))
+    return out
 
 
-def _copy(value):
-    if isinstance(value, np.ndarray):
-        return value.copy()
-    if isinstance(value, tuple) and hasattr(value, "_fields"):
-        return type(value)(*(_copy(v) for v in value))
-    return value
+def _looked_up(solver: Solver) -> int:
+    """Return the number of disc intersections of removed suffixes, which frames look up in a cache."""
+    model, removed = solver.model, solver.frame_parts().change.removed_suffixes.segments(solver.model.threads)
+    over = lines(removed, model.static.rotation[0], model.static.position[0], model, solver.radius)
+    return _intersections(estimate_of(solver)._searches[0], over)
 
 
-def _recorded(solver: Solver, poses):
-    """Compute the frame at `poses`; return the lines of its searches [(discs, ends, intersections)]."""
-    estimate = estimate_of(solver)
-    searches = getattr(estimate, "_searches", None)
-    recorders = [_Recorder(s, "splat") for s in searches or ()]
-    if searches:
-        estimate._searches = recorders
-    try:
-        solver.move_all(poses)
-    finally:
-        if searches:
-            estimate._searches = searches
-    lines = []
-    for recorder in recorders:
-        for (given, _sign, _sums, part, _parts), found in recorder.calls:
-            # Parts of a call receive the same lines: count those of the first part.
-            some = slice(None if part == 0 else 0)
-            ends = given.origin[some], given.direction[some], given.low[some], given.high[some]
-            lines.append((recorder.discs, ends, int(found)))
-    return lines
+def _intersections(search, over: Lines) -> int:
+    return search.splat(over, 1, Sums.zeros(len(search.discs.positions)))
 
 
 def _rays(solver: Solver) -> list[Work]:
@@ -173,12 +145,6 @@ def _as_rays(solver: Solver, o: int, segments: Segments):
     origins, directions = segments.origin + ORIGIN_LIFT * model.world.size * d, d
     limits = np.full(len(length), FAR * model.world.size) if o == 0 else length
     return *rays_to_object(at, o, origins.astype(np.float32), directions.astype(np.float32)), limits
-
-
-def _looked_up(estimate, removed_suffixes) -> int:
-    """Return the number of disc intersections of removed suffixes that are subtracted without a search."""
-    static = estimate.background(estimate.photons)[0]
-    return estimate._crossings.take_out(removed_suffixes, 0, len(removed_suffixes.photon), Sums.zeros(len(static)))
 
 
 def _on_mobiles(solver: Solver) -> int:
@@ -256,70 +222,25 @@ def _add(index, flux, first, last, sums):
     return sums[0, 0]
 
 
-def candidates(discs, origin, direction, low, high) -> int:
-    """Return the number of disc tests of a uniform grid of CELL_RADII cells: discs in the cells that lines pass.
+def candidates(discs: Discs, over: Lines) -> int:
+    """Return the number of disc tests for lines in a uniform grid with cells of CELL_RADII radii.
 
-    A disc counts in every cell that its box touches. The two sides of a two-sided surface are one disc.
+    A two-sided surface counts as one disc. Occupancy is sampled at POINTS points of each line.
     """
-    lit = discs.regions.area > 0
-    if not lit.any() or not len(origin):
+    listed = np.flatnonzero(to_list(discs))
+    if not len(listed) or not len(over.low):
         return 0
-    p, n = discs.positions[lit], discs.normals[lit]
-    facing = np.where(n[np.arange(len(n)), np.abs(n).argmax(axis=1)] < 0, -1, 1)[:, None]
-    both = np.unique(np.concatenate([p, n * facing], axis=1), axis=0)
-    p, n = both[:, :3].astype(np.float64), both[:, 3:].astype(np.float64)
-    half = float(discs.radius) * np.sqrt(np.clip(1 - n * n, 0, 1))
-    corner = (p - half).min(axis=0)
-    extent = (p + half).max(axis=0) - corner
-    cell = max(CELL_RADII * float(discs.radius), float(extent.max()) / 256)
-    shape = np.floor(extent / cell).astype(np.int64) + 1
-    inside = np.zeros(shape, np.int32)
-    first = np.clip(np.floor((p - half - corner) / cell).astype(np.int64), 0, shape - 1)
-    last = np.clip(np.floor((p + half - corner) / cell).astype(np.int64), 0, shape - 1)
-    _fill(first, last, inside)
-    return int(_walk(corner, cell, inside, origin, direction, low, high))
-
-
-@kernel
-def _fill(first, last, inside):
-    for j in range(len(first)):
-        for x in range(first[j, 0], last[j, 0] + 1):
-            for y in range(first[j, 1], last[j, 1] + 1):
-                for z in range(first[j, 2], last[j, 2] + 1):
-                    inside[x, y, z] += 1
-
-
-@allocating
-def _walk(corner, cell, inside, origin, direction, low, high):
-    """Return the number of discs in the cells that lines pass; slow, run once."""
-    total = 0
-    at, step = np.empty(3, np.int64), np.empty(3, np.int64)
-    wall, width = np.empty(3), np.empty(3)
-    for k in range(len(origin)):
-        t0, t1 = float(low[k]), float(high[k])
-        for c in range(3):
-            o, d, end = float(origin[k, c]), float(direction[k, c]), corner[c] + inside.shape[c] * cell
-            if d == 0.0:
-                if not corner[c] <= o <= end:
-                    t1 = t0 - 1.0
-                continue
-            a, b = (corner[c] - o) / d, (end - o) / d
-            t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
-        if not t0 < t1:
-            continue
-        for c in range(3):
-            o, d = float(origin[k, c]), float(direction[k, c])
-            at[c] = min(max(int(np.floor((o + t0 * d - corner[c]) / cell)), 0), inside.shape[c] - 1)
-            step[c] = 1 if d > 0.0 else -1
-            wall[c] = (corner[c] + (at[c] + (1 if d > 0.0 else 0)) * cell - o) / d if d != 0.0 else np.inf
-            width[c] = cell / abs(d) if d != 0.0 else np.inf
-        while True:
-            total += inside[at[0], at[1], at[2]]
-            c = 0 if wall[0] <= wall[1] and wall[0] <= wall[2] else (1 if wall[1] <= wall[2] else 2)
-            if wall[c] >= t1:
-                break
-            at[c] += step[c]
-            wall[c] += width[c]
-            if at[c] < 0 or at[c] >= inside.shape[c]:
-                break
-    return total
+    cell, corner, shape, count = discs_in_cells(discs, listed, CELL_RADII)
+    origin, direction = over.origin.astype(np.float64), over.direction.astype(np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        walls = (np.stack([corner, corner + shape * cell])[:, None] - origin) / direction
+    first = np.maximum(over.low, np.nan_to_num(walls.min(axis=0), nan=-np.inf).max(axis=1))
+    length = np.maximum(np.minimum(over.high, np.nan_to_num(walls.max(axis=0), nan=np.inf).min(axis=1)) - first, 0)
+    inside = length > 0
+    origin, direction, first, length = origin[inside], direction[inside], first[inside], length[inside]
+    cells, held = 1 + np.abs(direction).sum(axis=1) * length / cell, 0.0
+    for k in range(POINTS):
+        at = origin + (first + (k + 0.5) / POINTS * length)[:, None] * direction
+        at = np.floor((at - corner) / cell).astype(np.int64).clip(0, shape - 1)
+        held = held + count[np.ravel_multi_index(tuple(at.T), tuple(shape))]
+    return int((cells * held / POINTS).sum())

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gi_core.defaults import choose, predict_cost, predict_error
+from gi_core.discs.search.predicate import lines
 from gi_core.geometry.error import luminance, relative_error
 from gi_core.instruments.lower_bounds import candidates
 from gi_core.model import Model
@@ -152,8 +153,7 @@ def test_work_foretold_is_about_what_the_disc_index_does(radius):
     discs = solver.frame_parts().background.estimate._searches[0].discs
     paths, _ = trace_background(model.accelerator, model.world, model.static, model.emitters, 3, 0, 2000)
     s = segments_of(paths, model.eps, 0, 2000)
-    way = s.end - s.origin
-    direction = way / np.sqrt((way * way).sum(axis=1))[:, None]
-    counted = candidates(discs, s.origin, direction, s.low, s.high) / 2000
+    over = lines(s, model.static.rotation[0], model.static.position[0], model, radius)
+    counted = candidates(discs, over) / 2000
     _, foretold = predict_cost.work(model, paths, radius)
     assert 0.6 < foretold / counted < 1.6
