@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 CIRCLE = 0.25  # of the scene size: radius of the circle that a mobile without a path goes round
 CORNERS = 64  # of that circle
-SAMPLES = 32  # a key-frame interval: how finely a path's length is measured
+STEPS_PER_INTERVAL = 32  # a key-frame interval: how finely a path's length is measured
 
 
 def paths_of(solver: Solver) -> dict[str, KeyFrames]:
@@ -53,7 +53,9 @@ def _times_at(path: KeyFrames, distances: np.ndarray) -> np.ndarray:
     """Return the times [s] at which the path, repeated, has gone so far."""
     if len(path.times) == 1:
         return np.full(len(distances), path.times[0])
-    fine = np.interp(np.arange(0, len(path.times) - 1 + 1e-9, 1 / SAMPLES), np.arange(len(path.times)), path.times)
+    fine = np.interp(
+        np.arange(0, len(path.times) - 1 + 1e-9, 1 / STEPS_PER_INTERVAL), np.arange(len(path.times)), path.times
+    )
     points = np.stack([np.interp(fine, path.times, path.positions[:, k]) for k in range(3)], axis=1)
     gone = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)))])
     length = gone[-1]

@@ -24,7 +24,7 @@ from gi_core.scene.types import Texture
 BACKGROUND = (0.145, 0.15, 0.16)  # display values, those of the renderer (a test compares them)
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face, where it is drawn at all
 # Where the rays of a pixel go: a rotated grid, so that edges near the axes get all four levels.
-SAMPLES = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
+PIXEL_SAMPLES = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
 RAYS = 1 << 17  # a batch: enough for embree, small enough for the cache
 LAYERS = 64  # backs that a ray may pass through
 STEP_PAST = 4e-6  # of the scene's size and the distance gone: clears a face whose back is not drawn (float32: 6e-8)
@@ -111,7 +111,7 @@ def picture(
         np.concatenate([_weighted(c[side], w, side) for c, w in zip(colours, weights, strict=True)]) for side in (0, 1)
     )
     out = np.empty((height, width, 3), np.uint8)
-    rows = max(1, RAYS // (width * len(SAMPLES)))
+    rows = max(1, RAYS // (width * len(PIXEL_SAMPLES)))
     steps = _pixel_steps(camera, width, height) if textured and world.textures else None
     for top in range(0, height, rows):
         progress(top / height)
@@ -120,7 +120,7 @@ def picture(
         face, u, v = _first_seen(accelerator, at, world, origins, directions, cull)
         display = _shade(world, front, back, face, u, v, directions, exposure, tone_map, steps, origins[0])
         # Averaged after the tone map, as the samples of a GL framebuffer are: a burnt-out lamp keeps clean edges.
-        mean = display.reshape(bottom - top, width, len(SAMPLES), 3).mean(axis=2, dtype=np.float32)
+        mean = display.reshape(bottom - top, width, len(PIXEL_SAMPLES), 3).mean(axis=2, dtype=np.float32)
         out[top:bottom] = np.round(mean)
     return out
 
@@ -135,8 +135,8 @@ def _rays(camera: Turntable, width: int, height: int, top: int, bottom: int) -> 
     """Return origins and unit directions (n, 3) float32 of rows top..bottom: row, column, sample."""
     right, upward, forward = camera.basis()
     t = np.tan(camera.fov / 2)
-    x = (np.arange(width)[:, None] + SAMPLES[:, 0]) / width  # (width, samples)
-    y = (np.arange(top, bottom)[:, None] + SAMPLES[:, 1]) / height
+    x = (np.arange(width)[:, None] + PIXEL_SAMPLES[:, 0]) / width  # (width, samples)
+    y = (np.arange(top, bottom)[:, None] + PIXEL_SAMPLES[:, 1]) / height
     across = ((2 * x - 1) * t * width / height)[None, :, :, None]
     along = ((1 - 2 * y) * t)[:, None, :, None]
     d = (forward + across * right + along * upward).reshape(-1, 3)

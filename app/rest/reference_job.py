@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 
-STEP = 1 << 12  # paths: a drag that begins now waits for no more
+PATHS_PER_STEP = 1 << 12  # paths: a drag that begins now waits for no more
 
 
 class Truth:
@@ -77,4 +77,4 @@ def _rounds(store: ReferenceStore, found: Gathered | None, weights: np.ndarray |
     if found is not None and found.sets.min(initial=2) > 1:
         yield found
     given = (store.model.scene, store.positions, store.normals, store.seed, weights, store.poses)
-    yield from gather_rounds(*given, model=store.model, state=found, step=STEP)
+    yield from gather_rounds(*given, model=store.model, state=found, step=PATHS_PER_STEP)

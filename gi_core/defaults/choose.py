@@ -1,15 +1,15 @@
-"""Photons, radius and k that make a good picture, by one stated rule.
+"""Default settings: photons, radius and k of a scene, by one rule.
 
-- Scene size: longest side of the box that holds the central 98 % of a pilot trace's hits (a ground
-  slab may be five times the room), unless the scene file states it (a dome may catch most hits).
-- Radius and photons together: radii from 2.5 % of the scene size downwards are tried, each with the photons that
-  bring noise down to 2 %, or that six seconds on two cores allow, or MOST_PHOTONS, whichever is least. The pair
-  with the least error is taken, as `predict_error.py` and `predict_cost.py` foretell error and time. On even ground
-  that is the largest radius; shadows would blur over more. Among furniture smaller discs pay: one that
-  hangs over an edge reads the light of another surface, and smaller ones leave time for more photons. No
-  radius is less than half the distance between receivers: light is interpolated over that anyway.
-- A given radius gets its photons by the same rule; the radius does not depend on photons that are given, so that
-  runs with different photons can be compared.
+- Scene size: longest side of the box of the central 98 % of a pilot trace's hits, because a ground slab may be five
+  times as wide as the room. The scene file may state it instead, where a dome catches most hits.
+- Radius and photons: radii from 2.5 % of the scene size downwards are candidates. Each gets the photons for 2 % noise,
+  or for six seconds on two cores, or MOST_PHOTONS, whichever is least. The pair with the lowest predicted error is
+  taken (`predict_error.py`, `predict_cost.py`).
+- On flat ground that is the largest radius; larger ones would blur shadows. Among furniture smaller discs are better: a
+  disc that hangs over an edge collects light of another surface. No radius is below half the distance between
+  receivers, over which light is interpolated anyway.
+- A given radius gets its photons by the same rule. The radius does not depend on given photons, so runs with different
+  photons can be compared.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from gi_core.model import Model
 from gi_core.photons.trace import trace_background
 
 PILOT_PHOTONS = 4096
-PILOT_SEED = 0x5EED  # never a seed of the solution: the pilot must not bias what it sets
-RADIUS_SHARE = 0.025  # of the scene's size: the largest radius tried
-RADII = 6  # tried, each 1 / sqrt(2) of the one before
+PILOT_SEED = 0x5EED  # never a seed of the solution: the pilot must be independent of it
+RADIUS_SHARE = 0.025  # of the scene's size: largest candidate radius
+RADII = 6  # candidates, each 1 / sqrt(2) of the previous one
 LEAST_SPACINGS = 0.5  # radius over the distance between receivers
-LEAST_NOISE = 0.02  # L1: fewer photons are taken rather than less noise
-MOST_SECONDS = 6.0  # of tracing and estimating: what is left of ten seconds after launch
+LEAST_NOISE = 0.02  # relative l1: no more photons are taken for less noise
+MOST_SECONDS = 6.0  # of tracing and estimating: the rest of ten seconds after launch
 MOST_PHOTONS = 2_000_000  # 180 MB of paths in a closed room
 FEWEST_PHOTONS = 10_000
 NEIGHBOURS = 50
@@ -46,18 +46,18 @@ class Chosen(NamedTuple):
     neighbours: int
     scene_size: float  # [m]
     hits_a_photon: float
-    escaped_first: float  # share of pilot photons that hit nothing at all
-    low: np.ndarray  # (3,) corner of the box that holds the central hits [m]
+    escaped_first: float  # share of pilot photons that hit nothing
+    low: np.ndarray  # (3,) [m], corner of the box of the central hits
     high: np.ndarray
-    foretold: Foretold | None  # of tangent_plane with the rule's photons for that radius; None: too dark to tell
+    foretold: Foretold | None  # of tangent_plane with the rule's photons for that radius; None: too few hits
 
 
 class Foretold(NamedTuple):
-    """What a radius and photons are expected to bring."""
+    """Predicted error and time of a radius and a number of photons."""
 
     photons: int
     radius: float  # [m]
-    noise: float  # L1 error, relative
+    noise: float  # relative l1 error
     bias: float
     seconds: float  # of tracing and estimating
 
@@ -67,13 +67,13 @@ class Foretold(NamedTuple):
 
 
 def choose(model: Model, photons: int | None, radius: float | None, neighbours: int | None) -> Chosen:
-    """Fill in what the caller and the scene file leave open."""
+    """Return the settings of a scene; None arguments come from the scene file, else from the rule. radius [m]."""
     recommended = model.scene.defaults
     pilot, first_flight = _pilot(model)
     low, high = _box(model, pilot.hits)
     size = recommended.scene_size or max(float((high - low).max()), 1e-9)
     radius = recommended.radius if radius is None else radius
-    photons = recommended.photons if photons is None else photons  # 0 is a wish like any other
+    photons = recommended.photons if photons is None else photons  # 0 is a valid choice
     foretold = None
     if len(pilot.hits) >= predict_error.FEWEST and (radius is None or photons is None):
         foretold = _best(model, pilot, predict_error.places(model, pilot, low, high, size), size, radius)
@@ -92,7 +92,7 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
 
 
 def _best(model: Model, pilot, lit, size: float, radius: float | None) -> Foretold:
-    """Return the best of the radii to be tried, each with its photons."""
+    """Return the candidate with the lowest predicted error, or that of the given radius [m]."""
     if radius:
         return _foretell(model, pilot, lit, radius)
     largest = RADIUS_SHARE * size
@@ -117,7 +117,7 @@ def _foretell(model: Model, pilot, lit, radius: float) -> Foretold:
 
 
 def _pilot(model: Model) -> tuple[predict_error.Pilot, float]:
-    """Return a small trace and the share of its photons that hit nothing."""
+    """Return a pilot trace and the share of its photons that hit nothing."""
     m = model
     paths, _ = trace_background(m.accelerator, m.world, m.static, m.emitters, PILOT_SEED, 0, PILOT_PHOTONS)
     if not len(m.emitters.kind):
@@ -134,7 +134,7 @@ def _box(model: Model, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _round(x: float) -> float:
-    """Return x to two significant digits: settings that can be read out and typed in."""
+    """Return x rounded to two significant digits."""
     if x <= 0:
         return x
     unit = 10.0 ** (math.floor(math.log10(x)) - 1)

@@ -1,8 +1,8 @@
-"""How long tracing photons and estimating on tangent discs will take, foretold from a small trace.
+"""Predicted time of tracing photons and of estimating on tangent discs, from a pilot trace.
 
-Time goes into following paths, walking the cells of the disc index and testing the discs in them. A photon's
-cells and tests are counted on samples of discs and segments, as a grid of cells of CELL_RADII has them, and
-multiplied by what each takes. Constants, not a clock: the same scene gets the same settings everywhere.
+Time goes into path tracing, grid traversal of the disc index, and disc tests. Cells and tests per photon are counted on
+samples of discs and segments in a grid of cells of CELL_RADII, and multiplied by their costs. The costs are constants,
+not timings, so a scene gets the same settings on every machine.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from gi_core.discs.search.disc_grid import CELL_RADII, MOST_ALONG
 from gi_core.model import BEHIND, Model
 from gi_core.photons.paths import PathVertices, segments_of
 
-DISCS = 1 << 14  # receivers looked at
-LINES = 1 << 14  # segments looked at
-SPREAD = 0.6180339887498949  # its multiples cover [0, 1) evenly
+DISCS = 1 << 14  # receivers sampled
+LINES = 1 << 14  # segments sampled
+SPREAD = 0.6180339887498949  # golden ratio - 1: its multiples modulo 1 are evenly spread
 
-# Nanoseconds of one thread, two cores of an AMD EPYC with both hyperthreads busy: see docs/measurements.md. To be
-# measured again when kernels change much; they need not be exact, photons go with the time and noise with its root.
-SEGMENT_NS = 1150.0  # following a photon for one segment, and making its line ready
-CELL_NS = 15.0  # walking through a cell
-TEST_NS = 4.5  # testing a disc, with what its crossings cost: 3 to 10 in five scenes
-RECEIVER_NS = 15_000.0  # finding a receiver's reachable region
+# Nanoseconds of one thread, two cores of an AMD EPYC with both hyperthreads busy: see docs/measurements.md. Measure
+# again when kernels change much. Precision is not needed: noise follows the root of the time.
+SEGMENT_NS = 1150.0  # tracing one segment, and preparing its line
+CELL_NS = 15.0  # traversing a cell
+TEST_NS = 4.5  # testing a disc, with accumulation: 3 to 10 in five scenes
+RECEIVER_NS = 15_000.0  # measuring a receiver's region
 THREADS = 2
 
 
 def costs(model: Model, paths: PathVertices, radius: float) -> tuple[float, float]:
-    """Return seconds before the first photon, and seconds a photon. `paths`: of a small trace."""
+    """Return the seconds before the first photon, and the seconds per photon. `paths`: pilot trace; radius [m]."""
     photons = len(paths.offsets) - 1
     segments = (len(paths.side) - photons) / photons
     cells, tests = work(model, paths, radius)
@@ -36,7 +36,7 @@ def costs(model: Model, paths: PathVertices, radius: float) -> tuple[float, floa
 
 
 def work(model: Model, paths: PathVertices, radius: float) -> tuple[float, float]:
-    """Return how many cells a photon walks through and how many discs of the static part are tested for it."""
+    """Return the cells traversed and the static discs tested per photon, means over the pilot trace; radius [m]."""
     rows = np.flatnonzero(model.backs(0) != BEHIND) + model.surfaces.receiver_range(0).start
     stands_for = max(1, len(rows) // DISCS)
     rows = rows[::stands_for]
@@ -52,7 +52,7 @@ def work(model: Model, paths: PathVertices, radius: float) -> tuple[float, float
     step = max(1, segments.size // LINES)
     start, way = _clipped(segments.origin[::step], segments.end[::step], low, high)
     passed = np.where(way.any(axis=1), 1 + np.abs(way).sum(axis=1) / cell, 0)
-    # One point of each segment: in the mean, the other cells on its way are as full as the one there.
+    # One point per segment: on average the other cells of the segment hold as many discs.
     at = start + (np.arange(len(start)) * SPREAD % 1)[:, None] * way
     at = _key(np.floor((at - low) / cell).astype(np.int64))
     place = np.searchsorted(keys, at).clip(0, len(keys) - 1)
@@ -62,9 +62,9 @@ def work(model: Model, paths: PathVertices, radius: float) -> tuple[float, float
 
 
 def _listed(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return keys of cells, ascending, and how many boxes low .. high (n, 3) [cells] touch each.
+    """Return keys of cells, ascending, and the number of boxes low .. high (n, 3) [cells] that touch each.
 
-    A box is smaller than a cell: it touches two a side at most.
+    A box is smaller than a cell, so it touches at most two cells per axis.
     """
     first, last = np.floor(low).astype(np.int64), np.floor(high).astype(np.int64)
     touched = []
@@ -76,17 +76,17 @@ def _listed(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _clipped(origin, end, low, high) -> tuple[np.ndarray, np.ndarray]:
-    """Return start and way (n, 3) float64 of the part of each segment that is in the box; no way where none is."""
+    """Return start and extent (n, 3) float64 of the part of each segment inside the box; extent 0 if none."""
     start, end = origin.astype(np.float64), end.astype(np.float64)
     way = end - start
     with np.errstate(divide="ignore", invalid="ignore"):
         a, b = (low - start) / way, (high - start) / way
-    # Along an axis that a segment does not move on it is inside (-inf, inf) or outside (inf, inf); nan: on the wall.
+    # On an axis with zero extent a segment is inside (-inf, inf) or outside (inf, inf); nan: on the border.
     t0 = np.nan_to_num(np.minimum(a, b), nan=0.0).max(axis=1).clip(0, 1)
     t1 = np.nan_to_num(np.maximum(a, b), nan=1.0).min(axis=1).clip(0, 1)
     return start + t0[:, None] * way, np.maximum(t1 - t0, 0)[:, None] * way
 
 
 def _key(cell: np.ndarray) -> np.ndarray:
-    """Return a number (n,) int64 for each cell (n, 3) int64."""
+    """Return a key (n,) int64 per cell (n, 3) int64."""
     return (cell[:, 0] * (1 << 21) + cell[:, 1]) * (1 << 21) + cell[:, 2]

@@ -21,7 +21,7 @@ from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices
 
-SAMPLES = 2000  # lit places looked at
+LIT_PLACES = 2000  # lit places looked at
 NEIGHBOURS = 8  # hits that a density is taken from
 TURNED = 0.3  # of the scene's size: as far apart as that are two hits whose normals differ by 1
 FEWEST = 100  # hits that tell something
@@ -66,7 +66,7 @@ def places(model: Model, pilot: Pilot, low: np.ndarray, high: np.ndarray, size: 
     rows = np.flatnonzero(inside if inside.sum() >= FEWEST else np.ones(len(inside), bool))
     seen = rows[_seen(model, pilot.hits[rows], pilot.normals[rows])]
     rows = seen if len(seen) >= FEWEST else rows
-    rows = rows[np.linspace(0, len(rows) - 1, min(SAMPLES, len(rows))).astype(np.int64)]
+    rows = rows[np.linspace(0, len(rows) - 1, min(LIT_PLACES, len(rows))).astype(np.int64)]
     # Hits on the other side of a board are far away: their normals are.
     apart = np.concatenate([pilot.hits, TURNED * size * pilot.normals], axis=1)
     k = min(NEIGHBOURS, len(apart) - 1)

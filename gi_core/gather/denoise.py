@@ -1,14 +1,12 @@
-"""What has been gathered at vertices, smoothed as far as its own noise asks for.
+"""Denoising of gathered light along surfaces, in proportion to its noise.
 
-Paths leave a grain that changes from vertex to vertex; light mostly does not. So each receiver is averaged with its
-neighbours on the same smooth surface, by Tukey's biweight of their difference in units of its own standard deviation:
-what differs by chance is averaged, what differs by more (the edge of a shadow) is not. A second pass does so with the
-noise that the first has left (Dammertz et al. 2010 and Schied et al. 2017 have such passes over pixels). As paths
-come in noise falls, and smoothing ends by itself: the limit is that of the paths, without bias.
+Each receiver is averaged with its neighbours on the same smooth surface. Weights are Tukey's biweight of the difference
+in units of its standard deviation, so noise is averaged and edges of shadows are kept. A second pass uses the noise
+that the first leaves; Dammertz et al. 2010 and Schied et al. 2017 filter pixels in this way. Noise falls with more
+paths, and smoothing with it, so the limit is unbiased.
 
-How much may be averaged depends on how much light changes along an edge, so several reaches are tried, none among
-them. The risk of each, noise and bias together, follows without knowing the truth from how far the light is moved and
-how it answers to a little more noise: Stein's unbiased risk estimate (1981), by Ramani et al. 2008. The least wins.
+Several reaches are tried, including none. Stein's unbiased risk estimate (1981), by the Monte Carlo method of Ramani et
+al. 2008, gives the expected squared error of each without the truth. The lowest is taken.
 """
 
 from __future__ import annotations
@@ -23,30 +21,30 @@ from gi_core.base.threads import run_ranges
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
 
-REACHES = (2.0, 4.0, 8.0)  # standard deviations of a difference that no longer counts
+REACHES = (2.0, 4.0, 8.0)  # standard deviations at which the weight of a difference becomes 0
 PASSES = 2
-LITTLE = 0.1  # of the noise that is there, to see how the light answers to it
-CLEAR = 0.7  # of the risk without smoothing: in scenes of few receivers the estimate is rough
-GRAIN = 4096  # receivers a thread
+LITTLE = 0.1  # of the noise: perturbation for the risk estimate
+CLEAR = 0.7  # of the risk without smoothing; a smaller gain is not trusted, since few receivers make the estimate rough
+GRAIN = 4096  # receivers per thread
 
 
-class Smoothed(NamedTuple):
-    """Light with less noise."""
+class Denoised(NamedTuple):
+    """Denoised irradiance."""
 
     irradiance: np.ndarray  # (n, 3) float64 [W/m2]
-    share: float  # of the error (l2, by area) that is left, 0 .. 1; 1: nothing helps
+    share: float  # of the error (l2, by area) that remains, 0 .. 1
 
 
-def smoothed(
+def denoise(
     mean: np.ndarray, standard_error: np.ndarray, weights: np.ndarray, near: Neighbours, seed: int, threads: int
-) -> Generator[None, None, Smoothed]:
-    """Smooth irradiance (n, 3) with its standard error (n, 3), in steps; weights (n,) are areas.
+) -> Generator[None, None, Denoised]:
+    """Denoise irradiance `mean` (n, 3) with its standard error (n, 3), in steps; weights (n,) are areas.
 
-    Black receivers stay black and count for no neighbour. The generator returns what it has come to.
+    Black receivers stay black and have no weight for neighbours. The generator returns the result.
     """
     lit, sigma = (mean > 0).any(axis=1), luminance(standard_error)
     squares = (standard_error**2).sum(axis=1)
-    variance = _averaged(near, squares, lit, threads)  # of few rounds a single one is too rough
+    variance = _averaged(near, squares, lit, threads)  # a single variance of few rounds is too rough
     chance = np.random.default_rng(seed).standard_normal(len(mean))
     more = mean + LITTLE * chance[:, None] * standard_error
     noise = float((weights * sigma**2).sum())
@@ -61,7 +59,7 @@ def smoothed(
         if risk < min(least, CLEAR * noise):
             best, least = E, risk
         yield
-    return Smoothed(best, float(np.sqrt(max(least, 0.0) / noise)) if noise > 0 else 1.0)
+    return Denoised(best, float(np.sqrt(max(least, 0.0) / noise)) if noise > 0 else 1.0)
 
 
 def _averaged(near: Neighbours, values: np.ndarray, lit: np.ndarray, threads: int) -> np.ndarray:
@@ -84,7 +82,7 @@ def _average(first, of, values, lit, start, stop, out):
 
 
 def _filtered(E: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, lit, threads: int) -> np.ndarray:
-    """Do all passes on irradiance E (n, 3) with variance (n,), summed over channels."""
+    """Return E (n, 3) after all passes; variance (n,) is summed over channels."""
     for _ in range(PASSES):
         given, out, left = (E, variance), E.copy(), variance.copy()
 

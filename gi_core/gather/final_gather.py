@@ -1,12 +1,11 @@
-"""The static part's light by a single bounce: each receiver looks at the light that photons have left on all others.
+"""Final gathering of the static part's light (Reichert 1992; Jensen 2001): one bounce, then the photons' light.
 
-What a photon map is best for (final gathering, Reichert 1992; Jensen 2001): its grain is averaged over all that a
-receiver sees. A path is a shadow ray and a bounce, however often light is reflected, and scatters less than one that
-is followed to its end, so this is there long before such paths (`reference.py`) are of any use, but it keeps, a
-reflection later, what the light that they end in is off by.
+A bounce averages the photons' noise over all surfaces that a receiver sees. A path consists of a shadow ray and a
+bounce, so its variance is low. Final gathering converges much sooner than full paths (`reference.py`), but inherits the
+photons' error one bounce away.
 
-Paths come in pairs of sets, each pair of twice as many as the last, since a large set is more even than several
-small ones; what the two halves of pairs differ by tells the noise.
+Paths come in pairs of sets; each pair has twice as many paths as the last, because large sets are better stratified.
+The differences within pairs give the noise.
 """
 
 from __future__ import annotations
@@ -24,16 +23,16 @@ from gi_core.lights.next_event import room_for_shadows
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, nearest_in_world
 
-STREAM = 0x51D3  # keeps these random numbers apart from those of photons and reference with the same seed
-SMALLEST, LARGEST = 3, 10  # logarithm of the paths of the first sets, and of the last
-STEP = 1 << 15  # paths between two looks at what there is: some 20 ms
-SET = 1 << 40  # sets' numbers of a round are apart by more than there are receivers
+STREAM = 0x51D3  # separates these random numbers from those of photons and reference with the same seed
+SMALLEST, LARGEST = 3, 10  # log2 of the paths of the first and last sets
+PATHS_PER_STEP = 1 << 15  # some 20 ms
+SET = 1 << 40  # stride of set numbers, above the number of receivers
 
 
 class FinalGather:
-    """Irradiance at receivers (n, 3) of the static part, as it is without mobiles.
+    """Irradiance at n receivers of the static part without mobiles.
 
-    positions (n, 3) [m], normals (n, 3), 0: black; weights (n,), areas.
+    positions (n, 3) [m]; normals (n, 3), 0: black; weights (n,), areas.
     """
 
     def __init__(self, model: Model, seed: int, positions: np.ndarray, normals: np.ndarray, weights: np.ndarray):
@@ -43,34 +42,33 @@ class FinalGather:
         self._lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
         self._variance = np.zeros(positions.shape)
         self._pairs = 0  # of sets
-        self.paths = 0  # a receiver, behind `mean`; 0: nothing is known
-        self.mean = self.last = np.zeros(positions.shape)  # (n, 3) float64 [W/m2]; that of the last pair alone
+        self.paths = 0  # per receiver in `mean`; 0: no result yet
+        self.mean = self.last = np.zeros(positions.shape)  # (n, 3) float64 [W/m2]; `last`: of the last pair alone
 
     @property
     def standard_error(self) -> np.ndarray:
-        """Of the mean, (n, 3) [W/m2]: rough at a single receiver, as few differences are behind it."""
+        """Standard error of the mean, (n, 3) [W/m2]; rough per receiver, as it comes from few differences."""
         return np.sqrt(self._variance)
 
     @property
     def noise(self) -> float:
-        """The l1 error that chance makes, as error.noise_of_truth(); inf while nothing is known."""
+        """Relative l1 noise of the mean, as error.noise_of_truth(); inf before the first result."""
         if not self.paths:
             return float("inf")
         return noise_of_truth(self.standard_error / small_sample_bias(2), self.mean, self._weights)
 
     def steps(self, field: Callable[[], np.ndarray]) -> Iterator[bool]:
-        """Gather without end, in steps of some 20 ms; True is yielded where `mean` is new.
+        """Gather without end, in steps of some 20 ms; yields True where `mean` is new.
 
-        May be dropped between steps and begun again: the pair under way is then gathered from its start.
-
-        field() returns the irradiance (n, 3) [W/m2] of these receivers by what is known now; asked once a pair.
+        The generator may be dropped and restarted: an unfinished pair is then gathered again. field() returns the
+        current irradiance (n, 3) [W/m2] of these receivers; it is called once per pair.
         """
         while True:
             pair, light = self._pairs, field()
             m = min(SMALLEST + pair, LARGEST)
             halves = np.zeros((2, *self.mean.shape))
             for half in range(2):
-                at_once = max(1, STEP >> m)
+                at_once = max(1, PATHS_PER_STEP >> m)
                 for first in range(0, len(self._lit), at_once):
                     self._gather(self._lit[first : first + at_once], 2 * pair + half, m, light, halves[half])
                     yield False
@@ -86,7 +84,7 @@ class FinalGather:
         self._variance = a * a * self._variance + b * b * 0.25 * (halves[0] - halves[1]) ** 2
 
     def _gather(self, rows: np.ndarray, number: int, m: int, field: np.ndarray, out: np.ndarray) -> None:
-        """Write what set `number` of 2^m paths brings to receivers."""
+        """Write the estimates of set `number` of 2^m paths at receivers."""
 
         def work(_, first, last):
             at_once = max(1, BLOCK >> m)

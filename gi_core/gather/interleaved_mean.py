@@ -1,11 +1,10 @@
-"""What few bounces bring to a receiver, averaged over those beside it, as far as these see the same.
+"""Interleaved sampling: bounced light of few paths, averaged over neighbouring receivers.
 
-Receivers beside each other follow different bounces (kinds of them, `shared_paths`), and each then has the mean of all,
-as if it had followed several times as many (interleaved sampling: Keller & Heidrich 2001, Wald et al. 2002). How much
-a neighbour counts is told by Ward's estimate (1988) of how different its light may be, from its distance in units of
-that to the surfaces which the bounces meet, and from how its normal is turned, against what chance leaves of so many
-bounces. So where a chair's leg meets the floor each counts for itself; and with many bounces everywhere: the limit
-has no bias. Light straight from lamps is not to be averaged: it has edges.
+Neighbouring receivers trace different kinds of bounces (`shared_samples.py`), and each takes the weighted mean of all
+kinds (Keller & Heidrich 2001, Wald et al. 2002). A neighbour's weight follows Ward's irradiance-cache error (1988):
+distance over mean hit distance, plus the angle between normals. It is compared with the noise of that many bounces.
+Near contacts each receiver therefore counts alone, and with many bounces everywhere: the limit is unbiased. Direct
+light has edges and must not be averaged.
 """
 
 from __future__ import annotations
@@ -19,34 +18,34 @@ from gi_core.base.jit import allocating, kernel
 from gi_core.base.threads import run_ranges
 from gi_core.geometry.mesh_neighbours import neighbours
 
-KINDS = 4  # of 8 bounces 2 leave a sixth to a quarter more error, 8 a tenth
-NEAR = 16  # receivers in a mean at most; 10 leave a twentieth more error, 20 a twentieth less
-LOOKED_AT = 4 * NEAR  # along the mesh, of which those are the nearest
-SAME_WAY = 0.9  # cosine between their normals, at least
-CHANCE = 4.0  # times Ward's square and the bounces is 1: such a neighbour counts half; 2 to 8 are as good
-GRAIN = 4096  # receivers a thread
+KINDS = 4  # at 8 bounces, 2 kinds leave a sixth to a quarter more error, 8 kinds a tenth
+NEAR = 16  # receivers per mean at most; 10 leave a twentieth more error, 20 a twentieth less
+LOOKED_AT = 4 * NEAR  # receivers along the mesh, of which NEAR are taken
+SAME_WAY = 0.9  # least cosine between normals
+CHANCE = 4.0  # a neighbour has weight 1/2 where CHANCE x Ward's squared error x bounces = 1; 2 to 8 are as good
+GRAIN = 4096  # receivers per thread
 
 
-class Beside(NamedTuple):
-    """Receivers beside each receiver i, itself among them: of[first[i] : first[i + 1]]."""
+class NearReceivers(NamedTuple):
+    """Receivers near each receiver i, including itself: of[first[i] : first[i + 1]]."""
 
     first: np.ndarray  # (n + 1,) int64
     of: np.ndarray  # (k,) int32
-    apart: np.ndarray  # (k,) float64, distance squared [m2]
+    apart: np.ndarray  # (k,) float64 [m2], squared distance
     turned: np.ndarray  # (k,) float64, 1 - cosine between the normals
 
 
-def beside(positions: np.ndarray, normals: np.ndarray, corners: np.ndarray) -> Beside:
-    """Find the nearest to each receiver (n, 3) along the mesh; corners (m, 3) are those of faces, fronts and backs.
+def near_receivers(positions: np.ndarray, normals: np.ndarray, corners: np.ndarray) -> NearReceivers:
+    """Return the nearest receivers along the mesh; corners (m, 3): receivers of faces, fronts and backs.
 
-    Receivers of both sides of a crease are joined by no face, nor are those of the two sides of a sheet.
+    positions [m] and normals (n, 3). No face joins receivers across a crease or on the two sides of a sheet.
     """
     n = len(positions)
     room, count = np.empty((n, NEAR), np.int32), np.empty(n, np.int64)
     apart, turned = np.empty((2, n, NEAR))
     _find(*neighbours(corners, n), positions, normals, room, apart, turned, count)
     taken = np.arange(NEAR) < count[:, None]
-    return Beside(np.concatenate([[0], np.cumsum(count)]), room[taken], apart[taken], turned[taken])
+    return NearReceivers(np.concatenate([[0], np.cumsum(count)]), room[taken], apart[taken], turned[taken])
 
 
 @allocating
@@ -94,8 +93,8 @@ def _apart(positions, i, j):
     return x * x + y * y + z * z
 
 
-def kinds(near: Beside) -> np.ndarray:
-    """Return for each receiver which of KINDS bounces it follows, (n,) int64: those least found near it already."""
+def kinds(near: NearReceivers) -> np.ndarray:
+    """Return the kind of bounces (n,) int64 of each receiver: the one that is rarest among its neighbours so far."""
     out = np.full(len(near.first) - 1, -1, np.int64)
     _choose(near.first, near.of, near.apart, out)
     return out
@@ -113,10 +112,10 @@ def _choose(first, of, apart, out):
 
 @kernel
 def closeness(bounces, distance, out):
-    """Write 1 / the geometric mean of the distances to what each receiver's bounces meet [1/m].
+    """Write 1 / the geometric mean of the hit distances of each receiver's bounces [1/m].
 
-    Ward takes the harmonic mean: of few bounces a single one that meets something close then decides, and hollows are
-    left with their grain (error of bounces, 8 of them: living_room 5.0 for 4.6 %, cornell 2.9 for 2.6).
+    Ward takes the harmonic mean. With few bounces a single near hit then dominates, and hollows stay noisy: with 8
+    bounces the error of bounced light is 5.0 % instead of 4.6 % in living_room, 2.9 % instead of 2.6 % in cornell.
     """
     for row in range(len(out)):
         total = 0.0
@@ -125,8 +124,10 @@ def closeness(bounces, distance, out):
         out[row] = math.exp(-total / bounces)
 
 
-def neighbour_mean(near: Beside, close: np.ndarray, bounces: int, light: np.ndarray, threads: int) -> np.ndarray:
-    """Return means (n, 3) of light (n, 3) that so many bounces have brought; close (n,): closeness()."""
+def average_neighbours(
+    near: NearReceivers, close: np.ndarray, bounces: int, light: np.ndarray, threads: int
+) -> np.ndarray:
+    """Return means (n, 3) of light (n, 3) from `bounces` bounces per receiver; close (n,): closeness()."""
     out = np.empty_like(light)
     run_ranges(lambda _, a, b: _mean(*near, close, CHANCE * bounces, light, a, b, out), len(light), threads, GRAIN)
     return out

@@ -1,18 +1,15 @@
-"""Light on mobiles without photons: gathered from each of their receivers along paths of a single bounce.
+"""Final gathering of the light on mobiles (Reichert 1992; Jensen 2001): shadow rays and one bounce per path.
 
-Photons reach a small mobile rarely, so that its light is the noisiest of a frame. But what it sees is known: lamps,
-which are joined to each receiver by shadow rays, and the static part, whose irradiance the frame has just found. A
-path therefore ends where its first ray does, with rho E of that place (final gathering, Reichert 1992; Jensen 2001).
-Where that is a mobile again, E is itself unknown: those few places make a linear system, solved by Jacobi's
-method.
+Photons rarely reach a small mobile, so its photon estimate is the noisiest of a frame. Its surroundings are known:
+lamps, and the irradiance of the static part in this frame. A bounce therefore ends at its first hit with rho E of that
+place. Where it hits a mobile, E is unknown: these few hits form a linear system, solved by Jacobi's method.
 
-All receivers of a mobile use the same points on lamps (`light_sampling.aimed`), so that the errors of neighbours are
-alike: a smooth surface shows nothing where it would show blotches from vertex to vertex. Of bounces there are a few
-kinds, which hold in the mobile's own frame: each receiver follows one, and what they bring is averaged over neighbours
-(`neighbour_mean`). So in E = direct + mean of (what bounces bring), direct is the light that shadow rays bring; all
-that bounces meet is averaged alike, static part, mobiles, sky, and lamps with the share of them that is theirs. A
-function of poses and of the static light alone, to the last bit: cached hits (`kept_rays`) equal those of an empty
-cache.
+All receivers of a mobile use the same points on lamps (`light_sampling.aimed`), so errors of neighbours are correlated
+and invisible on a smooth surface. Bounces come in a few kinds, fixed in the mobile's object space. Each receiver traces
+one kind, and bounced light is averaged over neighbours (`interleaved_mean.py`). So E = direct + mean of bounced:
+`direct` comes from shadow rays, `bounced` from hits on static part, mobiles, sky and (weighted) lamps.
+
+The result is a function of poses and static light alone, bit for bit: cached hits (`hit_cache.py`) equal new ones.
 """
 
 from __future__ import annotations
@@ -24,8 +21,8 @@ import numpy as np
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.gather import one_bounce
-from gi_core.gather.interleaved_mean import KINDS, beside, closeness, kinds, neighbour_mean
-from gi_core.gather.kept_rays import BounceRays, ShadowRays
+from gi_core.gather.hit_cache import BounceRays, ShadowRays
+from gi_core.gather.interleaved_mean import KINDS, average_neighbours, closeness, kinds, near_receivers
 from gi_core.gather.one_bounce import Exchange
 from gi_core.gather.path_tracer import SHADOW_GAP, PathEnds
 from gi_core.gather.shared_samples import bounces, shared_directions
@@ -44,33 +41,33 @@ from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
 from gi_core.scene.pose import to_world_at
 
-STREAM = 0x3B11  # keeps these random numbers apart from those of photons and reference with the same seed
-RUN = 1 << 12  # paths of receivers that are worked on together: their arrays fit into a core's cache
-KEPT = 1 << 19  # paths of which rays are kept, some 100 bytes each
+STREAM = 0x3B11  # separates these random numbers from those of photons and reference with the same seed
+BATCH_PATHS = 1 << 12  # paths per batch of receivers: their arrays fit into a core's cache
+CACHED_PATHS = 1 << 19  # paths with cached rays, some 100 bytes each
 SWEEPS = 32  # of Jacobi's method at most ...
 SETTLED = 1e-3  # ... or until a sweep changes the sum of all by less than this share
 
 
-class Run(NamedTuple):
-    """Receivers of one mobile, and the rays that leave them."""
+class ReceiverBatch(NamedTuple):
+    """A batch of receivers of one mobile, and their rays."""
 
     mobile: int
-    rows: slice  # among the receivers of mobiles
+    rows: slice  # index among the receivers of mobiles
     directions: np.ndarray  # (n, 3) float32 unit, of bounces, object space
     bounce: BounceRays
     shadow: ShadowRays
 
 
-class Gathered(NamedTuple):
-    """What paths have brought to receivers, summed over them."""
+class PathSums(NamedTuple):
+    """Sums over paths at n receivers."""
 
-    direct: np.ndarray  # (n, 3) float64, along shadow rays [W/m2]
-    bounced: np.ndarray  # (n, 3) float64, along bounces, but for what they meet on mobiles
-    close: np.ndarray  # (n,) float64 [1/m], of what bounces meet
+    direct: np.ndarray  # (n, 3) float64 [W/m2], from shadow rays
+    bounced: np.ndarray  # (n, 3) float64 [W/m2], from bounces, without hits on mobiles
+    close: np.ndarray  # (n,) float64 [1/m], closeness() of the bounces
 
 
 class MobileGather:
-    """Irradiance of the receivers of a model's mobiles. For one thread at a time."""
+    """Irradiance of the receivers of a model's mobiles. Not thread safe."""
 
     def __init__(self, model: Model, seed: int):
         self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
@@ -78,22 +75,22 @@ class MobileGather:
         positions, self._normals = (a[self.first :] for a in evaluation_points(model.surfaces, model.object_receivers))
         self._positions = positions + ORIGIN_LIFT * model.world.size * self._normals
         self._lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
-        self._aimed: dict[int, tuple[bytes, Lights]] = {}  # by mobile, where it was
+        self._aimed: dict[int, tuple[bytes, Lights]] = {}  # by mobile: cell of its position, and lights
         s = model.surfaces
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
-        self._beside = beside(positions, self._normals, corners - self.first)
-        self._kinds = kinds(self._beside)
-        self._directions: dict[int, np.ndarray] = {}  # by the logarithm of paths
-        self._runs: dict[int, list[Run | None]] = {}  # by the logarithm of paths, what is kept
+        self._near = near_receivers(positions, self._normals, corners - self.first)
+        self._kinds = kinds(self._near)
+        self._directions: dict[int, np.ndarray] = {}  # by log2 of paths
+        self._batches: dict[int, list[ReceiverBatch | None]] = {}  # by log2 of paths
 
     def irradiance(self, at: Transforms, static: np.ndarray, log2_paths: int) -> np.ndarray:
         """Return irradiance (m, 3) float64 [W/m2] of the receivers on mobiles, from `first` on.
 
-        static (>= first, 3) float64: irradiance of the static part's receivers at these poses; 2^log2_paths paths
-        a receiver, 0 <= log2_paths <= strata.LARGEST.
+        static (>= first, 3) float64 [W/m2]: irradiance of the static receivers at these poses. 2^log2_paths paths per
+        receiver, 0 <= log2_paths <= strata.LARGEST.
         """
         m, n = log2_paths, len(self._positions)
-        light = Gathered(*np.zeros((2, n, 3)), np.empty(n))
+        light = PathSums(*np.zeros((2, n, 3)), np.empty(n))
         if n == 0:
             return light.direct
         if m not in self._directions:
@@ -106,23 +103,23 @@ class MobileGather:
         def work(_, first, last):
             found = []
             for k in order[first:last]:
-                run = kept[k] or self._run(m, *places[k])
-                known = Gathered(*(a[run.rows] for a in light))
-                found.append(self._gather(run, at, *sampled[run.mobile - 1], static, m, known))
-                if (n << m) <= KEPT:
-                    kept[k] = run
+                batch = kept[k] or self._batch(m, *places[k])
+                known = PathSums(*(a[batch.rows] for a in light))
+                found.append(self._gather(batch, at, *sampled[batch.mobile - 1], static, m, known))
+                if (n << m) <= CACHED_PATHS:
+                    kept[k] = batch
             return found
 
         threads = self._model.threads
-        order = [k for t in range(threads) for k in range(t, len(places), threads)]  # a mobile's runs: to all threads
+        order = [k for t in range(threads) for k in range(t, len(places), threads)]
         exchanges = [e for part in run_ranges(work, len(places), threads, 1) for e in part]
         exchange = Exchange(*(np.concatenate(a) for a in zip(*exchanges, strict=True)))
         direct = light.direct / (1 << m)
         bounced = _exchanged(direct, light.bounced / (1 << m), exchange, 1 << m)
-        return direct + neighbour_mean(self._beside, light.close, 1 << m, bounced, threads)
+        return direct + average_neighbours(self._near, light.close, 1 << m, bounced, threads)
 
     def _lights_of(self, o: int, at: Transforms) -> Lights:
-        """Return the lights with the choice of lamps for mobile o at its pose."""
+        """Return the lights with area lights sampled by importance for mobile o at its pose."""
         world = self._model.world
         centre = to_world_at(at.rotation[o, None], at.position[o, None], world.sphere_centre[o, None])[0]
         radius = max(float(world.sphere_radius[o]), ORIGIN_LIFT * world.size)
@@ -133,37 +130,37 @@ class MobileGather:
         return self._aimed[o][1]
 
     def _places(self, m: int) -> list[tuple[int, slice]]:
-        """Return mobile and receivers of each run."""
-        ends, step = self._model.surfaces.first_receiver[1:] - self.first, max(1, RUN >> m)
+        """Return mobile and receivers of each batch of 2^m paths per receiver."""
+        ends, step = self._model.surfaces.first_receiver[1:] - self.first, max(1, BATCH_PATHS >> m)
         return [
             (o, slice(a, min(a + step, int(last))))
             for o, (first, last) in enumerate(zip(ends[:-1], ends[1:], strict=True), 1)
             for a in range(int(first), int(last), step)
         ]
 
-    def _room(self, m: int) -> list[Run | None]:
-        """Return the runs that are kept of 2^m paths, None each at first; others give way where it becomes too much."""
-        if m not in self._runs:
-            if sum(len(self._positions) << k for k in (*self._runs, m)) > KEPT:
-                self._runs.clear()
-            self._runs[m] = [None] * len(self._places(m))
-        return self._runs[m]
+    def _room(self, m: int) -> list[ReceiverBatch | None]:
+        """Return the cached batches of 2^m paths, None at first; those of other path counts are evicted beyond KEPT."""
+        if m not in self._batches:
+            if sum(len(self._positions) << k for k in (*self._batches, m)) > CACHED_PATHS:
+                self._batches.clear()
+            self._batches[m] = [None] * len(self._places(m))
+        return self._batches[m]
 
-    def _run(self, m: int, mobile: int, rows: slice) -> Run:
+    def _batch(self, m: int, mobile: int, rows: slice) -> ReceiverBatch:
         directions = np.empty(((rows.stop - rows.start) << m, 3), np.float32)
         bounces(self._directions[m], self._kinds[rows], self._normals[rows], directions)
         origins = np.repeat(self._positions[rows].astype(np.float32), 1 << m, axis=0)
         rays = BounceRays(self._model, mobile, origins, directions)
-        return Run(mobile, rows, directions, rays, ShadowRays(self._model, mobile))
+        return ReceiverBatch(mobile, rows, directions, rays, ShadowRays(self._model, mobile))
 
     def _gather(
-        self, run: Run, at: Transforms, lights: Lights, samples: LightSamples, static, m, light: Gathered
+        self, batch: ReceiverBatch, at: Transforms, lights: Lights, samples: LightSamples, static, m, light: PathSums
     ) -> Exchange:
-        """Gather at a run of receivers: add to `light` what is known, return what depends on mobiles."""
+        """Gather at a batch of receivers: add known light to `light`, return the hits on mobiles."""
         world, s, area = self._model.world, self._model.surfaces, lights.area
-        n, R, p = run.rows.stop - run.rows.start, at.rotation[run.mobile, None], at.position[run.mobile, None]
-        positions = to_world_at(R, p, self._positions[run.rows])
-        normals = to_world_at(R, 0 * p, self._normals[run.rows])
+        n, R, p = batch.rows.stop - batch.rows.start, at.rotation[batch.mobile, None], at.position[batch.mobile, None]
+        positions = to_world_at(R, p, self._positions[batch.rows])
+        normals = to_world_at(R, 0 * p, self._normals[batch.rows])
         far, gap = float(np.float32(FAR * world.size)), SHADOW_GAP * world.size
 
         def shadows() -> Shadows:
@@ -174,23 +171,23 @@ class MobileGather:
             count = join_small(samples, 1 << m, ends, lights.small, far, gap, count, rays)
             return Shadows(*(a[:count] for a in rays))
 
-        rays, blocked = run.shadow.occluded(at, shadows)
+        rays, blocked = batch.shadow.occluded(at, shadows)
         add_lit(rays.row, rays.value, blocked, light.direct)
-        distance, face = run.bounce.nearest(at)
+        distance, face = batch.bounce.nearest(at)
         closeness(1 << m, distance, light.close)
         count = len(face)
         out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))
         met = one_bounce.meet(
-            1 << m, positions, normals, R[0], run.directions, distance, face, world.normals, world.reflectance,
+            1 << m, positions, normals, R[0], batch.directions, distance, face, world.normals, world.reflectance,
             world.two_sided, at.rotation, at.position, world.face_object, area.lamp, area.radiance, area.density,
             lights.sky, self._model.object_receivers.positions, s.corner_front, s.corner_back, static, self.first,
-            run.rows.start, light.bounced, out,
+            batch.rows.start, light.bounced, out,
         )  # fmt: skip
         return Exchange(*(a[:met].copy() for a in out))
 
 
 def _exchanged(direct: np.ndarray, known: np.ndarray, exchange: Exchange, paths: int) -> np.ndarray:
-    """Solve bounced = known + (what paths bring from mobiles, of direct + bounced) for bounced (n, 3)."""
+    """Solve bounced = known + exchange (direct + bounced) for bounced (n, 3)."""
     bounced = known
     for _ in range(SWEEPS):
         before, bounced = bounced, known.copy()

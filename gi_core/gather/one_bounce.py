@@ -1,7 +1,4 @@
-"""What paths of a single bounce bring from where they end: off a diffuse surface rho E, interpolated, whose E is known.
-
-(Final gathering: Reichert 1992; Jensen 2001.)
-"""
+"""Hits of single bounces (final gathering, Reichert 1992; Jensen 2001): rho E, interpolated, on diffuse surfaces."""
 
 from __future__ import annotations
 
@@ -16,11 +13,11 @@ from gi_core.lights.next_event import share_of_bounce
 
 
 class Exchange(NamedTuple):
-    """Paths from mobiles that end on mobiles. Receivers are numbered among those of mobiles."""
+    """Bounces from mobiles that hit mobiles. Receivers are indices among those of mobiles."""
 
-    row: np.ndarray  # (n,) int64, receiver that the path starts from
-    corners: np.ndarray  # (n, 3) int64, receivers round its end
-    share: np.ndarray  # (n, 3) float64, of each of them in the irradiance there
+    row: np.ndarray  # (n,) int64, receiver of the bounce
+    corners: np.ndarray  # (n, 3) int64, receivers at the corners of the hit face
+    share: np.ndarray  # (n, 3) float64, interpolation weights
     reflectance: np.ndarray  # (n, 3) float64
 
 

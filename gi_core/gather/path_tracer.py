@@ -1,7 +1,6 @@
-"""Following gathering paths: join each vertex to the lights, bounce, see what is met.
+"""Path tracing kernels: next-event estimation and a cosine-sampled bounce per vertex.
 
-The estimate at a vertex is what the joined lights bring plus what its bounce meets; emissive faces are
-found both ways, with shares that add up to 1 (balance heuristic, Veach 1997).
+Emissive faces are found both ways, with weights of the balance heuristic (Veach 1997).
 """
 
 from __future__ import annotations
@@ -28,30 +27,30 @@ from gi_core.lights.next_event import (
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world, occluded_in_world
 
-BLOCK = 1 << 14  # paths at once: their arrays fit into a core's cache, and embree wants 10k rays or more
-SHADOW_GAP = 4 * ORIGIN_LIFT  # of the world's size: a shadow ray stops short of the light it is aimed at
-ROULETTE_FROM = 2  # bounces that always survive: the first two carry most of the light
-MOST_SURVIVAL = 0.99  # survival above it would keep paths in a white room for ever; still unbiased
+BLOCK = 1 << 14  # paths per batch: their arrays fit into a core's cache, and Embree needs 10,000 rays or more
+SHADOW_GAP = 4 * ORIGIN_LIFT  # of the world's size: gap between the end of a shadow ray and its light
+ROULETTE_FROM = 2  # first bounce with Russian roulette: the first two carry most of the light
+MOST_SURVIVAL = 0.99  # survival probability at most: bounds paths in a white room, without bias
 
-SURVIVAL, SCATTER_U, SCATTER_V = 4, 6, 7  # dimensions beside those of light_sampling; scattering wants a pair
+SURVIVAL, SCATTER_U, SCATTER_V = 4, 6, 7  # dimensions after those of next_event.py; scattering needs a pair
 
 
 class PathEnds(NamedTuple):
-    """Where unfinished paths are."""
+    """Current vertices of n unfinished paths."""
 
-    path: np.ndarray  # (n,) int64, number of the path
-    row: np.ndarray  # (n,) int64, where its sum is
-    position: np.ndarray  # (n, 3) float64, lifted off the surface [m]
-    normal: np.ndarray  # (n, 3) float64, of the side it is on
-    throughput: np.ndarray  # (n, 3) float64, share of irradiance here that counts
+    path: np.ndarray  # (n,) int64, path number
+    row: np.ndarray  # (n,) int64, row of its sum
+    position: np.ndarray  # (n, 3) float64 [m], lifted off the surface
+    normal: np.ndarray  # (n, 3) float64, of the side of the vertex
+    throughput: np.ndarray  # (n, 3) float64, factor of irradiance at this vertex
 
 
 def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, position, normal, light_sampling=True, m=0):
-    """Follow paths to their ends; return what each brings, (n, 3) float64 [W/m2].
+    """Trace paths to their ends; return the estimate of each, (n, 3) float64 [W/m2].
 
-    path (n,) int64: their numbers, in sets of 2^m (see strata); position and normal (n, 3) float64: where they
-    start, lifted off the surface; `light_sampling` False finds emissive faces by hitting them only. What a path
-    brings depends on nothing but itself.
+    path (n,) int64: path numbers, in sets of 2^m (see strata); position [m] and normal (n, 3) float64 of the starts,
+    lifted off the surface. `light_sampling` False finds emissive faces by hits only. An estimate depends on its own
+    path alone.
     """
     total = np.zeros((len(path), 3))
     if not light_sampling:
@@ -72,7 +71,7 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
 
 
 def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnds, total) -> None:
-    """Follow a block of paths; `ends` is used up."""
+    """Trace a batch of paths; overwrites `ends`."""
     world, n = model.world, len(ends.path)
     far = float(np.float32(FAR * world.size))
     rays = room_for_shadows(n)
@@ -93,9 +92,9 @@ def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnd
 
 
 def join_lights(model: Model, at: Transforms, lights: Lights, seed, m, vertex, ends, rays, total) -> None:
-    """Join path vertices to a point on a lamp and to a light without size.
+    """Add next-event estimates of path vertices to `total` (rows, 3): one area light and one delta light each.
 
-    Adds to `total` (rows, 3) what arrives there; `rays` is room for as many as there are `ends`, overwritten.
+    `rays` is a buffer with a row per end, overwritten.
     """
     size = model.world.size
     far, gap = float(np.float32(FAR * size)), SHADOW_GAP * size
@@ -106,7 +105,7 @@ def join_lights(model: Model, at: Transforms, lights: Lights, seed, m, vertex, e
 
 
 def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
-    """Add what the first n rays bring, where nothing is in between."""
+    """Add the values of the first n rays that are not blocked."""
     if n:
         blocked = occluded_in_world(model.accelerator, at, rays.origin[:n], rays.direction[:n], rays.limit[:n])
         add_lit(rays.row, rays.value, blocked, total)
@@ -114,7 +113,7 @@ def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
 
 @kernel
 def scatter(seed, m, vertex, ends, origin, direction):
-    """Choose cosine-distributed directions for rays from path vertices: writes origin and direction (n, 3)."""
+    """Write origin [m] and cosine-distributed direction (n, 3) of the next ray of each path."""
     for k in range(len(ends.path)):
         u = strata.uniform(seed, ends.path[k], vertex, SCATTER_U, m)
         v = strata.uniform(seed, ends.path[k], vertex, SCATTER_V, m)
@@ -139,10 +138,10 @@ def _arrive(
     seed, m, vertex, ends, direction, distance, face,
     normals, reflectance, two_sided, rotation, face_object, lamp, radiance, density, sky, lift, total,
 ):  # fmt: skip
-    """Add the emission and the sky that bounced paths meet; move those that live to the front, return how many.
+    """Add emission and sky at the hits; move surviving paths to the front, return their number.
 
     With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho times
-    the irradiance there: so throughput is multiplied by rho alone.
+    the irradiance there. Throughput is therefore multiplied by rho alone.
     """
     n = 0
     for k in range(len(face)):
@@ -170,7 +169,7 @@ def _arrive(
             continue
         s = 1.0 if facing > 0.0 else -1.0
         t = float(distance[k])
-        ends.path[n], ends.row[n] = path, row  # n <= k: what is overwritten has been read
+        ends.path[n], ends.row[n] = path, row  # n <= k: overwritten rows have been read
         ends.normal[n, 0], ends.normal[n, 1], ends.normal[n, 2] = s * nx, s * ny, s * nz
         for c in range(3):
             ends.position[n, c] = ends.position[k, c] + t * d[c] + lift * ends.normal[n, c]

@@ -1,10 +1,9 @@
-"""Paths of the reference: the irradiance that random paths bring to points, without bias.
+"""Unbiased path tracing at points: the paths of the reference.
 
-From each point a path bounces by the cosine until it leaves the scene or dies. At each vertex, point,
-spot and directional lights are joined to it directly; emissive faces are found in two ways whose shares
-add up to 1 (balance heuristic, Veach 1997): by joining a point sampled on them, and by hitting them. A
-path that leaves sees the sky. Nothing here is shared with the photons but the surfaces, the accelerator
-and the reflection model, and there is no bias: no radius, no limit to the number of bounces.
+A path bounces from its point, cosine-distributed, until it leaves the scene or Russian roulette ends it. Each vertex
+samples delta lights and area lights; emissive faces that bounces hit count with the weight of the balance heuristic
+(Veach 1997). A path that leaves the scene receives the sky. There is no radius and no limit on bounces, so no bias.
+Photons share only the surfaces, the accelerator and the reflection model.
 """
 
 from __future__ import annotations
@@ -19,17 +18,17 @@ from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import as_pose
 from gi_core.scene.types import Pose, Scene
 
-STREAM = 0x9E1E  # keeps the reference's random numbers apart from those of photons with the same seed
-PATHS_A_POINT = 1 << 32  # path k of point i is number i * this + k: it does not depend on how many there are
+STREAM = 0x9E1E  # separates the reference's random numbers from those of photons with the same seed
+PATHS_A_POINT = 1 << 32  # path k of point i has number i * PATHS_A_POINT + k, whatever the number of paths
 
 
 class Gatherer:
-    """Points of a scene, ready to be gathered at: what the paths of any of them bring."""
+    """Points of a scene, prepared for path tracing."""
 
     def __init__(
         self, scene: Scene, positions, normals, seed: int, poses=None, light_sampling=True, model=None, mobiles=True
     ):
-        """Arguments are those of gather_rounds(); `mobiles` False leaves those out. Raises as it does."""
+        """Arguments and errors are those of gather_rounds()."""
         positions, normals = _checked(positions, normals)
         self.model = model or Model(scene)
         self._at = self.model.transforms(_poses(self.model, poses)) if mobiles else self.model.static
@@ -37,14 +36,14 @@ class Gatherer:
         self._seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self._light_sampling = light_sampling
         length = np.sqrt((normals * normals).sum(axis=1))
-        self.lit = np.flatnonzero(length > 0)  # points that have a normal
+        self.lit = np.flatnonzero(length > 0)  # points with a normal
         self._normals = normals / np.where(length > 0, length, 1)[:, None]
         self.positions = positions + ORIGIN_LIFT * self.model.world.size * self._normals
 
     def paths(self, rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0) -> np.ndarray:
-        """Return what paths first .. first + count - 1 of some points bring, (rows, count, 3) float64 [W/m2].
+        """Return the estimates of paths first .. first + count - 1 of points `rows`, (rows, count, 3) float64 [W/m2].
 
-        In sets of 2^m, see strata.py; `stream` picks other paths of the same numbers.
+        Paths come in sets of 2^m, see strata.py; `stream` selects independent paths of the same numbers.
         """
         path = (rows[:, None] * PATHS_A_POINT + first + np.arange(count)).reshape(-1)
         start = (np.repeat(a[rows], count, axis=0) for a in (self.positions, self._normals))

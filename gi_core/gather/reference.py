@@ -1,10 +1,11 @@
 """The unbiased reference: irradiance at points by path tracing.
 
-reference_irradiance() traces independent paths, as many per point. gather_rounds() gives each point the paths that it
-needs, can be stopped at any time, and goes on from its state. A pilot of a few paths per point predicts how each
-scatters. From the pilot alone follows how many paths the point gets in every round, as many as make the error of the
-whole least; the pilot itself then counts for nothing. So no mean knows how many paths it is of, and there is no bias.
-The paths of a point in one round are one set of strata.py.
+reference_irradiance() traces the same number of independent paths at every point. gather_rounds() is progressive: it
+distributes paths by need, can be stopped at any time, and continues from its state.
+
+A pilot of a few paths per point estimates the variance of each point. The paths per round follow from the pilot alone,
+in proportions that minimise the total error, and the pilot does not enter the mean. The number of paths is thus
+independent of their values, and means are unbiased. The paths of a point in one round are one set of strata.py.
 """
 
 from __future__ import annotations
@@ -21,37 +22,37 @@ from gi_core.geometry.error import luminance, noise_of_truth, small_sample_bias
 from gi_core.model import Model
 from gi_core.scene.types import Pose, Scene
 
-PILOT = 8  # paths a point, independent ones
-PILOT_STREAM = 0x9107  # keeps their random numbers apart
-AIM = 0.01  # error (l1) for which the sets are sized, with independent paths ...
-ROUNDS = 8  # ... to be reached in so many rounds; as sets are even, about half of them do
-FLOOR = 0.1  # of the mean scatter: what a point is taken to have at least, since eight paths may all miss
-EVEN_SET = 4  # without weights every point gets 2^4 paths a round
-STEP = 1 << 16  # paths between two looks at the state: some 0.2 s
+PILOT = 8  # independent paths per point
+PILOT_STREAM = 0x9107  # separates their random numbers
+AIM = 0.01  # relative l1 error for which sets are sized, assuming independent paths ...
+ROUNDS = 8  # ... in this many rounds; stratified sets need about half of them
+FLOOR = 0.1  # of the mean deviation: least deviation of a point, since eight paths may all miss
+EVEN_SET = 4  # log2 of the paths per point and round without weights
+PATHS_PER_STEP = 1 << 16  # some 0.2 s
 
 
 class Gathered(NamedTuple):
-    """What has been gathered at n points."""
+    """State of progressive path tracing at n points."""
 
-    pilot: np.ndarray  # (n, 2) float64, luminance [W/m2]: mean and deviation of a path; nan: not yet seen
-    log2_set: np.ndarray  # (n,) int8, a round brings a point 2^m paths; -1: not yet known
-    sets: np.ndarray  # (n,) int32, rounds that have come to the point
-    mean: np.ndarray  # (n, 3) float64 irradiance [W/m2], 0 before the first set
+    pilot: np.ndarray  # (n, 2) float64 [W/m2], luminance: mean and deviation of a path; nan: not yet traced
+    log2_set: np.ndarray  # (n,) int8, a round traces 2^m paths at a point; -1: not yet known
+    sets: np.ndarray  # (n,) int32, rounds traced at each point
+    mean: np.ndarray  # (n, 3) float64 [W/m2], irradiance, 0 before the first set
     squares: np.ndarray  # (n, 3) float64, sum of squared differences of sets from the mean
 
     @property
     def standard_error(self) -> np.ndarray:
-        """Of the mean, (n, 3) float64 [W/m2]; inf before the second set."""
+        """Standard error of the mean, (n, 3) float64 [W/m2]; inf before the second set."""
         sets = np.maximum(self.sets, 2)[:, None].astype(np.float64)
         return np.where(self.sets[:, None] < 2, np.inf, np.sqrt(self.squares / (sets * (sets - 1))))
 
     @property
     def paths(self) -> np.ndarray:
-        """Paths behind the mean of each point, (n,) int64; the pilot's do not count."""
+        """Paths in the mean of each point, (n,) int64, without the pilot's."""
         return self.sets.astype(np.int64) << np.maximum(self.log2_set, 0).astype(np.int64)
 
     def noise(self, weights: np.ndarray, rows=slice(None)) -> float:
-        """Return the l1 error that chance makes, as error.noise_of_truth(); inf before the second round is over."""
+        """Return the relative l1 noise, as error.noise_of_truth(); inf before the second round is complete."""
         if not len(self.sets) or self.sets.min() < 2:
             return float("inf")
         return noise_of_truth(self.standard_error / small_sample_bias(self.sets[:, None]), self.mean, weights, rows)
@@ -76,10 +77,10 @@ def reference_irradiance(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return irradiance at points and its standard error, both (n, 3) float64 [W/m2], by independent paths.
 
-    positions (n, 3) [m] and normals (n, 3) in the world; `paths` >= 1 per point; `poses` of mobiles, by
-    name, that differ from the scene's own; `light_sampling` False finds emissive faces by hitting them
-    only: the same answer, with more noise. `model` saves preparing the scene again. The result depends
-    on seed and arguments alone. Points without a normal get 0. The standard error of one path is inf.
+    positions (n, 3) [m] and normals (n, 3) in the world; `paths` >= 1 per point; `poses`: of mobiles by name, where
+    they differ from the scene's. `light_sampling` False finds emissive faces by hits only: the same expectation with
+    more noise. `model` is reused if given. The result depends on seed and arguments alone. Points without a normal get
+    0. The standard error of one path is inf.
     Raises SceneError for a bad pose, ValueError for bad points or paths.
     """
     if not 1 <= int(paths) < PATHS_A_POINT:
@@ -87,7 +88,7 @@ def reference_irradiance(
     gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model)
     s = nothing_gathered(len(gatherer.positions))
     s.log2_set[:] = 0
-    for _ in _rounds(gatherer, s, STEP, int(paths)):
+    for _ in _rounds(gatherer, s, PATHS_PER_STEP, int(paths)):
         pass
     return s.mean, s.standard_error
 
@@ -102,27 +103,26 @@ def gather_rounds(
     light_sampling: bool = True,
     model: Model | None = None,
     state: Gathered | None = None,
-    step: int = STEP,
+    step: int = PATHS_PER_STEP,
     mobiles: bool = True,
     rounds: int = ROUNDS,
 ) -> Iterator[Gathered]:
-    """Gather without end; yields the state after every `step` paths or so. Stop when it is good enough.
+    """Trace paths without end; yield the state about every `step` paths.
 
-    Points, poses and the rest are those of reference_irradiance(); without `mobiles`, of the static part alone.
-    `weights` (n,) >= 0, areas as a rule: paths go where they lower the weighted error (l1) most; None: as many
-    everywhere. `state`: go on from there, to the same bits as without a break; it is copied. The state yielded is
-    always the same arrays: copy what you keep. Raises SceneError for a bad pose, ValueError for bad points,
-    weights, or a state of other points. `rounds`: of independent paths that AIM would take; more rounds say
-    something sooner, fewer are more even.
+    Points, poses and options are those of reference_irradiance(); without `mobiles`, of the static part alone.
+    `weights` (n,) >= 0, usually areas: paths are distributed to minimise the weighted l1 error; None: uniformly.
+    `state`: continue from a copy of it, with the same bits as without a break. The yielded state shares its arrays:
+    copy what must stay. `rounds`: rounds of independent paths until AIM; more rounds give earlier results, fewer are
+    better stratified. Raises SceneError for a bad pose, ValueError for bad points, weights, or a state of other points.
     """
     gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles)
     n = len(gatherer.positions)
     if weights is not None:
         weights = np.asarray(weights, np.float64)
         if weights.shape != (n,) or not (np.isfinite(weights).all() and (weights >= 0).all()):
-            raise ValueError(f"weights must be {n} finite numbers >= 0, one a point")
+            raise ValueError(f"weights must be {n} finite numbers >= 0, one per point")
     if state is not None and len(state.sets) != n:
-        raise ValueError(f"the state is of {len(state.sets)} points, but there are {n}")
+        raise ValueError(f"the state has {len(state.sets)} points, but there are {n}")
     s = nothing_gathered(n) if state is None else Gathered(*(a.copy() for a in state))
     if n == 0:
         while True:
@@ -136,7 +136,7 @@ def gather_rounds(
 
 
 def _rounds(gatherer: Gatherer, s: Gathered, step: int, end: int) -> Iterator[Gathered]:
-    """Bring every point to `end` sets, in steps of some `step` paths."""
+    """Trace sets until every point has `end` of them, in steps of about `step` paths."""
     while len(s.sets) and (now := int(s.sets.min())) < end:
         sets = min(end - now, max(1, step // int((1 << s.log2_set.astype(np.int64)).sum())))
         for m in map(int, np.unique(s.log2_set)):
@@ -150,9 +150,9 @@ def _rounds(gatherer: Gatherer, s: Gathered, step: int, end: int) -> Iterator[Ga
 
 
 def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> np.ndarray:
-    """Return m of each point, (n,) int8, from its pilot (n, 2) and weight.
+    """Return m (n,) int8 of the sets of 2^m paths, from pilots (n, 2) and weights (n,).
 
-    The sum of w s / sqrt(paths) is least, for a given number of paths, where paths go as (w s)^(2/3).
+    For a given total, paths proportional to (w s)^(2/3) minimise the sum of w s / sqrt(paths).
     """
     mean, deviation = pilot.T
     light = float((weights * mean).sum())

@@ -1,4 +1,4 @@
-"""Directions of bounces that many receivers share: drawn once for all of them."""
+"""Bounce directions that many receivers share (common random numbers)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gi_core.base.jit import kernel
 from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V
 from gi_core.lights.bsdf import lambertian
 
-GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of a turn, from one direction to the next
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of a full turn, between successive directions
 
 
 def shared_directions(seed: int, m: int, kinds: int) -> np.ndarray:
@@ -27,9 +27,9 @@ def shared_directions(seed: int, m: int, kinds: int) -> np.ndarray:
 @kernel
 def _draw(seed, out):
     kinds, n = out.shape[:2]
-    # Fibonacci's spiral, turned and shifted by chance: of such few directions the most even (Marques et al. 2013).
-    # Each kind is such a spiral, and they are turned against each other so that all together are even too. Every
-    # fourth direction of one spiral is not: four golden steps are nearly half a turn.
+    # A Fibonacci spiral with random rotation and shift stratifies few directions best (Marques et al. 2013). Each kind
+    # is such a spiral, rotated so that the union is stratified too. Every fourth direction of one spiral would not be:
+    # four golden steps are nearly half a turn.
     shift, turn = random_numbers.independent(seed, 0, 0, SCATTER_U), random_numbers.independent(seed, 0, 0, SCATTER_V)
     for j in range(n):
         for c in range(kinds):
@@ -39,7 +39,7 @@ def _draw(seed, out):
 
 @kernel
 def bounces(directions, kinds, normals, out):
-    """Turn the directions (kinds, P, 3) of one kind per normal to n normals: writes (n P, 3)."""
+    """Write the directions (n P, 3) of n receivers: those of its kind (kinds, P, 3), rotated to its normal."""
     k = 0
     for row in range(len(normals)):
         ax, ay, az, bx, by, bz = random_numbers.basis(normals[row, 0], normals[row, 1], normals[row, 2])

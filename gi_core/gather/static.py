@@ -1,9 +1,9 @@
 """Irradiance of the static part without mobiles, by path tracing, in two phases.
 
-Phase 1 is final gathering (`final_gather.py`). Its paths have one bounce and end in the photons' light, later in the
-light that the last pair of sets found. Its noise is low within seconds, but some of the photons' error stays.
-Phase 2 traces whole paths in rounds (`reference.py`), which have no bias. They take over at the noise that
-phase 1 ends with. Both are smoothed as far as their noise asks for (`denoise.py`).
+Phase 1 is final gathering (`final_gather.py`): paths of one bounce that end in the photons' light, later in the light
+of the last pair of sets. Its noise is low within seconds, but it inherits some of the photons' error. Phase 2 traces
+whole paths in rounds (`reference.py`), without bias. They take over at the noise that phase 1 ends with. Both are
+denoised in proportion to their noise (`denoise.py`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from gi_core.gather.denoise import smoothed
+from gi_core.gather.denoise import denoise
 from gi_core.gather.final_gather import FinalGather
 from gi_core.gather.reference import Gathered, gather_rounds
 from gi_core.geometry.error import luminance
@@ -20,17 +20,17 @@ from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.model import Model
 
-ENOUGH = 0.007  # noise, relative l1, that phase 2 ends with; with interpolation the light is within a percent
-LOW = 1.4  # times ENOUGH: noise that phase 1 ends with, and below which whole paths take over
-ROUNDS = 24  # before 1 % is reached: the first noise is known after two
-STEP = 1 << 13  # paths per step: some 30 ms, since a drag that begins waits for it
+ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation the error is within a percent
+LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
+ROUNDS = 24  # until 1 % noise; the first noise is known after two
+PATHS_PER_STEP = 1 << 13  # paths per step: some 30 ms, since a drag that begins waits for it
 
 
 class StaticGather:
     """Irradiance of the static part's receivers without mobiles.
 
-    mean (n, 3) float64 [W/m2], smoothed; noise: its relative l1 noise before smoothing, inf before the first answer;
-    deviation (n,) [W/m2], the standard error of its luminance; state: the whole paths so far, or None.
+    mean (n, 3) float64 [W/m2]: denoised irradiance. noise: its relative l1 noise before denoising, inf before the first
+    result. deviation (n,) [W/m2]: standard error of its luminance. state: the whole paths so far, or None.
     """
 
     def __init__(self, model: Model, seed: int, state: Gathered | None = None):
@@ -39,9 +39,9 @@ class StaticGather:
         points, normals = evaluation_points(model.surfaces, model.object_receivers)
         self.weights = model.object_receivers.areas[rows].copy()
         if state is not None and len(state.sets) != len(self.weights):
-            raise ValueError(f"the state is of {len(state.sets)} points, but there are {len(self.weights)}")
+            raise ValueError(f"the state has {len(state.sets)} points, but there are {len(self.weights)}")
         self._paid = self.weights.copy()
-        # Probes have no area, but are read.
+        # Probes have no area but need light: they get the mean weight.
         self._paid[model.first_probe :] = self._paid.mean() if len(self._paid) else 0.0
         self._model, self._seed = model, seed
         self._points = points[rows], normals[rows]
@@ -50,23 +50,23 @@ class StaticGather:
         self.state = state
         self.mean, self.noise, self.deviation = np.zeros((0, 3)), float("inf"), np.zeros(0)
         lit = len(self.weights) and len(model.emitters.kind)
-        self._left = float("inf" if lit else "nan")  # noise of whole paths that have been looked at
+        self._left = float("inf" if lit else "nan")  # noise of whole paths at the last complete round
 
     @property
     def enough(self) -> bool:
-        """Whether nothing is left to do. The noise is nan without receivers and without light."""
+        """Whether phase 2 has ended. True without receivers or without light, where the noise is nan."""
         return not self._left > ENOUGH
 
     @property
     def fraction(self) -> float:
-        """Share of the way to ENOUGH, 0 .. 1: noise falls with the root of the paths. 0 before the second round."""
+        """Fraction of the paths needed for ENOUGH, 0 .. 1; 0 before the second round."""
         return min((ENOUGH / self._left) ** 2, 1.0) if self._left > 0 else 1.0
 
     def steps(self, photons: Callable[[], np.ndarray | None]) -> Iterator[bool | None]:
         """Gather until it is enough, in steps of some 30 ms; yields True where `mean` is new.
 
-        photons() returns the irradiance (n, 3) of these receivers by photons so far, or None. May be dropped between
-        steps and begun again, with the same result.
+        photons() returns the current photon irradiance (n, 3) [W/m2] of these receivers, or None. The generator may be
+        dropped and restarted, with the same result.
         """
         if not self.enough:
             yield from self._single_bounces(photons)
@@ -98,14 +98,16 @@ class StaticGather:
 
     def _rounds(self) -> Iterator[Gathered]:
         given = self._model.scene, *self._points, self._seed, self._paid
-        return gather_rounds(*given, model=self._model, state=self.state, step=STEP, mobiles=False, rounds=ROUNDS)
+        return gather_rounds(
+            *given, model=self._model, state=self.state, step=PATHS_PER_STEP, mobiles=False, rounds=ROUNDS
+        )
 
     def _known(self, photons: np.ndarray) -> np.ndarray:
-        """Return the irradiance (n, 3) at the ends of single bounces: by the last of them, else by photons.
+        """Return the irradiance (n, 3) [W/m2] at the ends of single bounces: of the last pair, else of photons.
 
-        A receiver that sees nothing lies inside another object, at a corner of faces that reach out of it. There the
-        photons' discs still know the light beside it. The sum over all receivers is the photons', which has no bias:
-        interpolation between vertices would lose light at every reflection.
+        A black receiver lies inside another object, at a corner of faces that reach out of it; there photons still
+        give the light nearby. The total is scaled to the photons', which is unbiased: interpolation between vertices
+        loses light at every reflection.
         """
         last = self._final.last
         out = np.where(luminance(last)[:, None] > 0, last, photons)
@@ -113,16 +115,16 @@ class StaticGather:
         return out * np.divide(theirs, mine, out=np.ones(3), where=mine > 0)
 
     def _take_over(self, mean: np.ndarray, standard_error: np.ndarray, noise: float) -> Iterator[bool | None]:
-        """Smooth this light and make it `mean`, in steps; the arrays must not change between them."""
+        """Denoise this light and make it `mean`, in steps; the arrays must not change meanwhile."""
         given = self.weights, self._near, self._seed, self._model.threads
-        found = yield from smoothed(mean, standard_error, *given)
+        found = yield from denoise(mean, standard_error, *given)
         self.mean, self.noise = found.irradiance.copy(), noise
         self.deviation = found.share * luminance(standard_error)
         yield True
 
 
 def _complete_rounds(state: Gathered | None) -> int:
-    """Return the rounds that have come to all points; 0 within a round."""
+    """Return the number of rounds if all points have the same, else 0."""
     if state is None or not len(state.sets) or state.sets.min() < state.sets.max():
         return 0
     return int(state.sets.min())

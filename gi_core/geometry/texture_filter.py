@@ -15,7 +15,9 @@ from gi_core.scene.types import Paint, Texture
 
 MOST_REFLECTANCE = 0.98  # a reflectance of 1 would keep light in a closed room for ever
 WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2}  # as in the kernels below
-SAMPLES = 1_500_000  # of all triangles together, so far as the next line allows: a tenth of a second on two cores
+TEXTURE_SAMPLES = (
+    1_500_000  # of all triangles together, so far as the next line allows: a tenth of a second on two cores
+)
 FINENESS = 16, 64  # samples along the longest edge of a triangle: its mean is then right to half a percent, or a tenth
 MOST_TAPS = 8  # samples along a pixel's footprint where a surface is seen at a grazing angle
 GRAIN = 64  # triangles a thread
@@ -67,7 +69,7 @@ def _means(texture: Texture, uv: np.ndarray, colour: np.ndarray) -> np.ndarray:
     uv = _finite(uv)
     edges = (uv - np.roll(uv, 1, axis=1)) * [w, h]
     longest = np.sqrt((edges * edges).sum(axis=2)).max(axis=1)  # texels
-    fineness = np.clip(np.sqrt(SAMPLES / len(uv)), *FINENESS)
+    fineness = np.clip(np.sqrt(TEXTURE_SAMPLES / len(uv)), *FINENESS)
     last = len(chain) - 1
     if "clamp" in texture.wrap:
         last = max(k for k, c in enumerate(chain) if k == 0 or min(c.shape[:2]) >= CLAMPED_SIZE)

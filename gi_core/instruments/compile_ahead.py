@@ -30,7 +30,7 @@ from gi_core.discs.search import SEARCHES
 from gi_core.estimators import ESTIMATORS
 from gi_core.files.completion.pilot import Rays, useful_box
 from gi_core.files.completion.refinement import refined
-from gi_core.gather.denoise import smoothed
+from gi_core.gather.denoise import denoise
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import gather_rounds
 from gi_core.geometry.mesh_neighbours import neighbours
@@ -173,7 +173,7 @@ def _gather() -> None:
     model = Model(replace(scene, mobiles=(mobile, mobile._replace(name="above it", pose=Pose((0.0, 0.0, 0.7))))))
     MobileGather(model, 0).irradiance(model.transforms(model.start_poses()), np.zeros((model.first_probe, 3)), 1)
     # Smooth three receivers of one face.
-    for _ in smoothed(*np.ones((2, 3, 3)), np.ones(3), neighbours(np.array([[0, 1, 2]]), 3), 0, 1):
+    for _ in denoise(*np.ones((2, 3, 3)), np.ones(3), neighbours(np.array([[0, 1, 2]]), 3), 0, 1):
         pass
 
 

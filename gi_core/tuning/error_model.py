@@ -1,9 +1,9 @@
-"""From trials of a few settings to the settings that suit a time or an error best.
+"""Error model fitted to trials of a few settings, and the best setting for a given time or error.
 
-With N photons the squared error of a setting is A / N + B^2: noise, and bias that no number of photons removes. A
-frame of n of the N photons whose static light is that of all (`control_variate.py`) has M (1 / n - 1 / N) more. Its
-time is s + c n. All six are fitted to the trials of a radius; over radii each is a power law, fitted too: A should fall
-as r^-2, B grow as r^2 where light is smooth and as r at the edges of shadows. Nothing here is a constant of a scene.
+With N photons the squared error of a setting is A / N + B^2: variance, and squared bias. A frame of n of the N photons
+with the static light of all (`control_variate.py`) adds M (1 / n - 1 / N). Its time is s + c n. The five parameters are
+fitted to the trials of each radius. Over radii each is a fitted power law: A should fall as r^-2, B grow as r^2 in
+smooth light and as r at edges of shadows. No parameter is preset for a scene.
 """
 
 from __future__ import annotations
@@ -18,8 +18,14 @@ from gi_core.base.fixed_point import MAX_PHOTONS
 from gi_core.estimators.setting import Setting
 from gi_core.tuning.setting_trials import Trial
 
-FINE = 16  # radii looked at, from the least tried to the largest
-LEAST = {"noise": 1e-6, "moving": 1e-6, "bias": 3e-3, "start": 1e-5, "slope": 1e-12}  # less cannot be told from 0
+FINE = 16  # radii evaluated, from the smallest to the largest tried
+LEAST = {
+    "noise": 1e-6,
+    "moving": 1e-6,
+    "bias": 3e-3,
+    "start": 1e-5,
+    "slope": 1e-12,
+}  # lower bounds: smaller values are within noise of 0
 FEWEST = 1024  # photons of a frame
 EXPONENTS = {"noise": "A", "moving": "M", "bias": "B", "start": "s", "slope": "c"}
 

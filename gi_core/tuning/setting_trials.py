@@ -1,8 +1,7 @@
-"""Short trials of settings on one scene: error and time of frames of few photons, from which `error_model.py` foretells
-more.
+"""Short trials of settings on one scene: error and time of frames of few photons, the input of `error_model.py`.
 
-Error is judged where a frame has work to do: at receivers on the mobiles, and at those of the static part that
-the mobiles change. Truth there is `reference.py`, at few receivers and with noise that is known and taken out.
+Errors are measured at receivers on mobiles and at static receivers that mobiles change. The truth is `reference.py` at
+few receivers; its known noise is subtracted.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ from gi_core.geometry.receiver_classes import receiver_classes
 from gi_core.scene.types import Pose
 from gi_core.solver import Solver
 
-PHOTONS = 1 << 17  # of a trial: a second or so
-COUNTS = 5  # prefixes tried: all of those photons, a half, ...
-RECEIVERS = 300  # at each pose
-NOISE = 0.02  # of truth, l1: enough, since it is taken out
-STEP = 1 << 13  # paths of the truth at once: a drag that begins waits for them
-MOST_PATHS = 2048  # a receiver
+PHOTONS = 1 << 17  # per trial: about a second
+COUNTS = 5  # photon subsets per trial: all, one half, ...
+RECEIVERS = 300  # per pose
+NOISE = 0.02  # of the truth, relative l1; it is subtracted
+PATHS_PER_STEP = 1 << 13  # paths of the truth per step: a drag waits for one step at most
+MOST_PATHS = 2048  # per receiver
 
 
 class Yardstick(NamedTuple):
@@ -72,7 +71,14 @@ def yardsticks(
         points, normals = (a[rows] for a in evaluation_points(solver.surfaces, receivers))
         weights = times.astype(np.float64)  # the draw has weighed them by area
         steps = gather_rounds(
-            solver.scene, points, normals, 1000 * seed + k, weights, solver.poses, model=solver.model, step=STEP
+            solver.scene,
+            points,
+            normals,
+            1000 * seed + k,
+            weights,
+            solver.poses,
+            model=solver.model,
+            step=PATHS_PER_STEP,
         )
         for truth in steps:
             noise = truth.noise(weights)

@@ -13,7 +13,7 @@ from gi_core.geometry.surfaces import face_normals
 from gi_core.scene.types import Mesh, Scene
 
 SEED = 0x1A3B
-SAMPLES = 64  # rays from each side of a lamp
+RAYS_PER_SIDE = 64  # rays from each side of a lamp
 NEAR, NEAR_OWN = 0.01, 0.25  # of the scene's extent, of the root of the lamp's area: what is nearer blocks a side
 BLOCKED, OPEN = 0.9, 0.5  # share of the rays that hit something near, or the lamp itself
 LAMP_LIFT = 1e-5  # of the extent: clears the lamp's own face
@@ -58,8 +58,8 @@ def facing_the_scene(scene: Scene) -> tuple[Scene, Rays | None]:
 def _blocked(mesh: Mesh, rays: Rays, own, normals, areas, rng) -> float:
     """Return the share of rays from one side of the faces `own` that meet a near surface or one of `own`."""
     share = np.cumsum(areas[own])
-    pick = own[np.searchsorted(share / share[-1], rng.random(SAMPLES), side="right").clip(0, len(own) - 1)]
-    u, v = np.sort(rng.random((2, SAMPLES)), axis=0)
+    pick = own[np.searchsorted(share / share[-1], rng.random(RAYS_PER_SIDE), side="right").clip(0, len(own) - 1)]
+    u, v = np.sort(rng.random((2, RAYS_PER_SIDE)), axis=0)
     a, b, c = (mesh.vertices[mesh.faces[pick, k]] for k in range(3))
     n = normals[pick]
     origins = a * u[:, None] + b * (v - u)[:, None] + c * (1 - v)[:, None] + n * LAMP_LIFT * rays.extent

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.gather.denoise import Smoothed, smoothed
+from gi_core.gather.denoise import Denoised, denoise
 from gi_core.geometry.mesh_neighbours import neighbours
 from tests.support.scene_builders import quad
 
@@ -23,8 +23,8 @@ def grainy(light: np.ndarray, sigma, seed: int = 1) -> tuple[np.ndarray, np.ndar
     return np.repeat((light + noise)[:, None], 3, axis=1), np.repeat(sigma[:, None], 3, axis=1)
 
 
-def done(*given) -> Smoothed:
-    steps = smoothed(*given)
+def done(*given) -> Denoised:
+    steps = denoise(*given)
     while True:
         try:
             next(steps)

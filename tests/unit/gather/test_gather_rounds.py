@@ -153,7 +153,7 @@ def test_bad_arguments_are_refused():
     scene = build.coloured_room()
     with pytest.raises(ValueError, match="5 finite numbers >= 0"):
         next(gather_rounds(scene, P, N, 0, -UNEVEN))
-    with pytest.raises(ValueError, match="the state is of 2 points, but there are 5"):
+    with pytest.raises(ValueError, match="the state has 2 points, but there are 5"):
         next(gather_rounds(scene, P, N, 0, state=nothing_gathered(2)))
 
 

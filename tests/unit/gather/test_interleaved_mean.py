@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gi_core.gather import interleaved_mean, mobile
-from gi_core.gather.interleaved_mean import KINDS, NEAR, SAME_WAY, beside, closeness, kinds
+from gi_core.gather.interleaved_mean import KINDS, NEAR, SAME_WAY, closeness, kinds, near_receivers
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.shared_samples import shared_directions
 from gi_core.geometry.evaluation_points import evaluation_points
@@ -27,7 +27,7 @@ def rows(near) -> list[np.ndarray]:
 
 def test_the_nearest_count_and_the_receiver_itself_first():
     positions, normals, corners = grid()
-    near = beside(positions, normals, corners)
+    near = near_receivers(positions, normals, corners)
     for i, of in enumerate(rows(near)):
         distance = np.sort(((positions - positions[i]) ** 2).sum(axis=1))
         assert of[0] == i and len(set(of)) == len(of) == NEAR
@@ -52,7 +52,7 @@ def test_neither_a_crease_nor_a_sheet_is_crossed():
 
 def test_kinds_are_mixed():
     positions, normals, corners = grid(12)
-    near = beside(positions, normals, corners)
+    near = near_receivers(positions, normals, corners)
     found = kinds(near)
     counts = np.bincount(found, minlength=KINDS)
     assert len(counts) == KINDS and counts.min() > 0.8 * len(found) / KINDS
@@ -79,11 +79,11 @@ def test_every_kind_is_even_and_all_together_more_so():
 
 def test_light_that_is_the_same_everywhere_stays_and_nothing_leaves_its_range():
     positions, normals, corners = grid()
-    near, chance = beside(positions, normals, corners), np.random.default_rng(0)
+    near, chance = near_receivers(positions, normals, corners), np.random.default_rng(0)
     close, light = 2 * chance.random(len(positions)), chance.random((len(positions), 3))
     same = np.broadcast_to([1.0, 2.0, 4.0], light.shape).copy()
-    assert np.allclose(interleaved_mean.neighbour_mean(near, close, 8, same, 1), same, rtol=1e-14)
-    found = interleaved_mean.neighbour_mean(near, close, 8, light, 1)
+    assert np.allclose(interleaved_mean.average_neighbours(near, close, 8, same, 1), same, rtol=1e-14)
+    found = interleaved_mean.average_neighbours(near, close, 8, light, 1)
     for i, of in enumerate(rows(near)):
         assert (found[i] > light[of].min(axis=0) - 1e-12).all() and (found[i] < light[of].max(axis=0) + 1e-12).all()
     assert light.std() > 1.5 * found.std()
@@ -91,9 +91,9 @@ def test_light_that_is_the_same_everywhere_stays_and_nothing_leaves_its_range():
 
 def test_neighbours_count_by_what_they_see_and_less_with_more_bounces():
     positions, normals, corners = grid()
-    near, chance = beside(positions, normals, corners), np.random.default_rng(0)
+    near, chance = near_receivers(positions, normals, corners), np.random.default_rng(0)
     light, n = chance.random((len(positions), 3)), len(positions)
-    mean = interleaved_mean.neighbour_mean
+    mean = interleaved_mean.average_neighbours
     whole = np.array([light[of].mean(axis=0) for of in rows(near)])
     assert np.allclose(mean(near, np.zeros(n), 8, light, 1), whole, rtol=1e-12), "nothing is near: all alike"
     assert np.allclose(mean(near, np.full(n, 1e9), 8, light, 1), light, rtol=1e-9), "all is near: itself alone"
@@ -111,7 +111,7 @@ def test_neighbours_count_by_what_they_see_and_less_with_more_bounces():
     # Nor do normals that are turned: these by a sixth of a right angle.
     tilted = normals + np.array([0.25, 0.0, 0.0]) * (np.arange(n) % 2)[:, None]
     tilted /= np.sqrt((tilted**2).sum(axis=1))[:, None]
-    near = beside(positions, tilted, corners)
+    near = near_receivers(positions, tilted, corners)
     turned = near.turned > 0
     own = np.repeat(np.arange(n), np.diff(near.first))
     assert np.array_equal(turned, (own - near.of) % 2 == 1)
@@ -158,7 +158,7 @@ def test_of_few_bounces_it_takes_more_than_a_third_of_the_error(monkeypatch):
         )
 
     averaged, many = off(3), off(9)
-    monkeypatch.setattr(mobile, "neighbour_mean", lambda near, close, bounces, light, threads: light)
+    monkeypatch.setattr(mobile, "average_neighbours", lambda near, close, bounces, light, threads: light)
     assert averaged < 0.6 * off(3) and many < 0.1 * averaged
 
 
@@ -166,9 +166,9 @@ def test_alone_or_in_one_place_with_others():
     """A receiver without faces; two faces that lie on each other: nothing is divided by 0."""
     corners = np.array([[0, 1, 2], [0, 2, 1]])
     positions = np.zeros((4, 3))
-    near = beside(positions, np.tile([0.0, 0.0, 1.0], (4, 1)), corners)
+    near = near_receivers(positions, np.tile([0.0, 0.0, 1.0], (4, 1)), corners)
     assert [set(of) for of in rows(near)] == [{0, 1, 2}, {0, 1, 2}, {0, 1, 2}, {3}]
     assert len(set(kinds(near)[:3])) == 3
     light = np.arange(12.0).reshape(4, 3)
-    found = interleaved_mean.neighbour_mean(near, np.full(4, 1e9), 8, light, 1)
+    found = interleaved_mean.average_neighbours(near, np.full(4, 1e9), 8, light, 1)
     assert np.allclose(found, [light[:3].mean(axis=0)] * 3 + [light[3]])

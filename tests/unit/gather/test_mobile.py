@@ -222,10 +222,10 @@ def test_what_would_take_too_much_room_is_not_kept_and_is_the_same(monkeypatch):
     static = np.ones((model.first_probe, 3))
     keeping = MobileGather(model, 0)
     expected = [keeping.irradiance(at, static, m) for m in (2, 4, 2)]
-    monkeypatch.setattr(mobile_gather, "KEPT", 8 * len(expected[0]))
+    monkeypatch.setattr(mobile_gather, "CACHED_PATHS", 8 * len(expected[0]))
     frugal = MobileGather(model, 0)
     assert all(np.array_equal(frugal.irradiance(at, static, m), e) for m, e in zip((2, 4, 2), expected, strict=True))
-    assert sum(run is not None for runs in frugal._runs.values() for run in runs) <= len(frugal._places(2))
+    assert sum(batch is not None for batches in frugal._batches.values() for batch in batches) <= len(frugal._places(2))
 
 
 def test_rays_of_a_mobile_at_rest_are_not_traced_through_the_static_part_again(monkeypatch):
@@ -266,7 +266,7 @@ NOTHING_IS_COMPILED = """
 import sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from gi_core.gather import one_bounce, kept_rays, mobile, interleaved_mean, shared_samples
+from gi_core.gather import one_bounce, hit_cache, mobile, interleaved_mean, shared_samples
 from gi_core.lights import light_sampling, next_event
 from gi_core.instruments import compile_ahead
 from gi_core.geometry.evaluation_points import evaluation_points
@@ -276,7 +276,7 @@ from gi_core.model import Model
 from tests.unit.gather.test_mobile import three_things
 
 compile_ahead._gather()
-modules = one_bounce, kept_rays, light_sampling, mobile, interleaved_mean, next_event, shared_samples
+modules = one_bounce, hit_cache, light_sampling, mobile, interleaved_mean, next_event, shared_samples
 kernels = [f for module in modules for f in vars(module).values() if isinstance(f, Dispatcher)]
 before = [len(f.signatures) for f in kernels]
 scene = three_things()

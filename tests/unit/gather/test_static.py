@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gi_core.gather import static
-from gi_core.gather.denoise import smoothed
+from gi_core.gather.denoise import denoise
 from gi_core.gather.reference import Gathered, reference_irradiance
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
@@ -52,7 +52,7 @@ def test_it_is_the_reference_of_the_scene_without_its_mobile(gathered):
     z = ((g.state.mean - truth) / np.where(sigma > 0, sigma, np.inf))[:, 1]
     assert len(z) > 60 and abs(z.mean()) < 4 * z.std() / np.sqrt(len(z))
     assert 0.7 < z.std() < 1.6  # few sets a point: their deviations are rough
-    smoothing = smoothed(
+    smoothing = denoise(
         g.state.mean, g.state.standard_error, g.weights, neighbours(bare.model.corners(0), len(z)), 0, 1
     )
     with pytest.raises(StopIteration) as end:
@@ -138,7 +138,7 @@ def test_a_scene_without_light_needs_nothing():
 
 def test_a_state_of_another_scene_is_refused(gathered):
     state = Gathered(*(a[:-1].copy() for a in gathered.gathered.state))
-    with pytest.raises(ValueError, match="the state is of"):
+    with pytest.raises(ValueError, match="the state has"):
         list(solved(100).gather_steps(state))
 
 

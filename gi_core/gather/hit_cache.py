@@ -30,7 +30,7 @@ class BounceRays:
     def nearest(self, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
         """Return distance (n,) float32 [m] and global face (n,) int32, -1 for none, over all objects.
 
-        The arrays may belong to the cache: they are not to be written to.
+        The arrays may belong to the cache: do not write to them.
         """
         accelerator, R, p = self._model.accelerator, at.rotation[self._own], at.position[self._own]
         moved, others = self._pose != _pose_bits(at, self._own), len(at.position) > 2
@@ -51,14 +51,14 @@ class BounceRays:
 
 
 class ShadowRays:
-    """Rays from mobile `own` to lights: those that the static part and the mobile itself leave free are cached."""
+    """Shadow rays from mobile `own`; the rays that static part and mobile itself do not block are cached."""
 
     def __init__(self, model: Model, own: int):
         self._model, self._own, self._pose = model, own, b""
         self._free: Shadows
 
     def occluded(self, at: Transforms, make) -> tuple[Shadows, np.ndarray]:
-        """Return rays and (n,) bool, which of them another mobile blocks; make() returns all rays at the poses."""
+        """Return rays and (n,) bool: another mobile blocks the ray. make() returns all rays at the poses."""
         accelerator = self._model.accelerator
         if self._pose != _pose_bits(at, self._own):
             rays = make()
