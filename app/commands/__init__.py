@@ -24,18 +24,16 @@ COMMANDS = {
     "render": Command("app.commands.render", "draw one picture, or --frames along the mobile's path, without a window"),
     "bench": Command("app.commands.bench", "move the mobile along its path and time every frame"),
     "tune": Command(
-        "app.commands.tune", "try settings on this scene and machine and say which suit a frame time or an error best"
+        "app.commands.tune", "try settings on this scene and machine; print the best for a frame time or an error"
     ),
-    "info": Command("app.commands.info", "say what is in a scene, which defaults are chosen, and why"),
+    "info": Command("app.commands.info", "print the contents of a scene, its default settings and their reasons"),
     "reference": Command(
         "app.commands.reference",
-        "gather the unbiased light of a scene and keep it; goes on with a run that was stopped",
+        "path trace the unbiased light of a scene and keep it; resumes a run that was stopped",
     ),
     "chart": Command(
         "app.commands.chart",
-        "error against frame time of many settings: table, chart and page; goes on with a run that was stopped",
+        "error against frame time of many settings: table, chart and page; resumes a run that was stopped",
     ),
-    "atlas": Command(
-        "app.commands.atlas", "where each method fails, what theory predicts, what is measured, what helps: a page"
-    ),
+    "atlas": Command("app.commands.atlas", "failures of each method with prediction, measurement and remedy: a page"),
 }

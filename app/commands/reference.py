@@ -1,4 +1,4 @@
-"""`gi-viewer reference`: the unbiased answer at every receiver, gathered once and kept."""
+"""`gi-viewer reference`: unbiased irradiance at every receiver, path traced once and kept."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.light(parser, "seed")
     add = options.measuring(parser)
     add("--error", type=values.positive, default=1.0, metavar="PCT",
-        help="stop when chance makes no larger error than this share of the light [%%] (1)")  # fmt: skip
+        help="stop at this noise, relative to the light [%%] (1)")  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -30,13 +30,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class Stopped(KeyboardInterrupt):
-    """Ctrl+C: says what is kept and how to go on."""
+    """Ctrl+C, with the files kept and the way to resume."""
 
 
 def reference(settings: Settings, error: float) -> dict:
-    """Gather until the error that chance makes (l1) is at most `error`; print what it took, return it.
+    """Path trace until the noise (l1) is at most `error`; print and return the result.
 
-    Raises SceneError, UsageError; Stopped when interrupted, with everything gathered so far on disk.
+    Raises SceneError, UsageError; Stopped when interrupted, with all paths on disk.
     """
     from app.rest import reference_run
     from app.rest.reference_store import FOLDER, ReferenceStore, reference_folder
@@ -64,7 +64,7 @@ def reference(settings: Settings, error: float) -> dict:
         "file": str(store.path),
     }
     print(f"{settings.scene}: {numbers['receivers']:,} receivers, {numbers['paths']:,} paths")
-    print(f"error that chance makes: {100 * reached.noise:.2f} % of the light (l1, luminance, by area)")
+    print(f"noise: {100 * reached.noise:.2f} % of the light (l1, luminance, by area)")
     print("mean irradiance: " + ", ".join(f"{c:.5g}" for c in light) + f" {_unit(scene)}")
     print(f"kept in {store.path}")
     return numbers
@@ -79,5 +79,5 @@ def _kept(store: ReferenceStore) -> str:
     if state is None:
         return "stopped before the first path"
     noise = state.noise(store.weights)
-    at = f", error {100 * noise:.2f} %" if noise < float("inf") else ""
+    at = f", noise {100 * noise:.2f} %" if noise < float("inf") else ""
     return f"stopped; {int(state.paths.sum()):,} paths are kept{at}: the same command goes on from there"

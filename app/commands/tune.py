@@ -1,4 +1,4 @@
-"""`gi-viewer tune`: the settings that suit a time or an error best on this scene and machine, and what they promise."""
+"""`gi-viewer tune`: best settings for a time or an error on this scene and machine, with their predicted errors."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.light(parser, "photons", "radius", "control", "search", "light", "seed")
     add = options.measuring(parser)
     options.budget(add, "")
-    add("--error", type=values.positive, metavar="PCT", help="choose the fastest settings with this error at rest")
+    add("--error", type=values.positive, metavar="PCT", help="choose the fastest settings with this error at rest [%%]")
     add("--check", action="store_true", help="solve with the choice and measure its error")
 
 
@@ -30,8 +30,8 @@ def run(arguments: argparse.Namespace) -> int:
 def tuned_lines(settings: Settings, error: float | None, check: bool = False) -> list[str]:
     """Return the lines to print: each trial, and the choice.
 
-    error: percent wanted at rest; None: the least while something moves that settings.budget [ms] allows. check:
-    solve with what was chosen and say how close it came. Raises SceneError, UsageError.
+    error: wanted at rest [%]; None: the least error in motion that settings.budget [ms] allows. check: solve with
+    the choice and measure it. Raises SceneError, UsageError.
     """
     if settings.budget <= 0:
         raise UsageError("--budget must be over 0 to choose settings by")
@@ -49,15 +49,15 @@ def tuned_lines(settings: Settings, error: float | None, check: bool = False) ->
 
 
 def _laws(found: Tuned) -> list[str]:
-    lines = [f"{'tried':<32}{'noise at 1e6':>13}{'bias':>8}{'frame: start':>14}{'a 1e5 photons':>15}"]
+    lines = [f"{'tried':<32}{'noise at 1e6':>13}{'bias':>8}{'frame: start':>14}{'per 1e5 photons':>16}"]
     for law in found.laws:
         lines.append(
             f"{_name(law.setting):<32}{100 * (law.noise / 1e6) ** 0.5:>11.1f} %{100 * law.bias:>6.1f} %"
-            f"{1e3 * law.start:>11.1f} ms{1e8 * law.slope:>12.1f} ms"
+            f"{1e3 * law.start:>11.1f} ms{1e8 * law.slope:>13.1f} ms"
         )
     if found.exponents:
         powers = ", ".join(f"{letter} r^{found.exponents[letter]:.2f}" for letter in ("A", "B", "c"))
-        lines.append(f"with the radius of the disc: {powers} (A / photons: noise squared; B: bias; c: time a photon)")
+        lines.append(f"with the radius of the disc: {powers} (A / photons: noise squared; B: bias; c: time per photon)")
     return lines
 
 
@@ -65,11 +65,11 @@ def _choice(found: Tuned, budget: float, error: float | None) -> list[str]:
     """Return the choice and its expected errors and frame time, in words."""
     c = found.choice
     asked = f"frames of {budget:g} ms" if error is None else f"{error:g} % at rest"
-    met = "" if c.met else f" ({asked} cannot be had: this comes nearest)"
+    met = "" if c.met else f" ({asked} is out of reach: this comes nearest)"
     return [
         f"for {asked}: {_name(c.setting)}, {c.photons:,} photons{met}",
-        f"expected where something moves: {100 * c.error:.1f} % at rest, {100 * c.moving_error:.1f} % in motion "
-        f"({c.frame:,} photons{_gathered(found)}, {1e3 * c.seconds:.1f} ms a frame)",
+        f"expected with moving objects: {100 * c.error:.1f} % at rest, {100 * c.moving_error:.1f} % in motion "
+        f"({c.frame:,} photons{_gathered(found)}, {1e3 * c.seconds:.1f} ms per frame)",
     ]
 
 
@@ -90,7 +90,7 @@ def command_line(settings: Settings, found: Tuned) -> str:
 
 
 def _gathered(found: Tuned) -> str:
-    return f", {found.paths} paths a vertex of what moves" if found.paths else ""
+    return f", {found.paths} paths per vertex of moving objects" if found.paths else ""
 
 
 def _name(setting) -> str:
@@ -102,12 +102,12 @@ def _name(setting) -> str:
 
 
 def checked(solver, found: Tuned, bar) -> str:
-    """Return how the choice does when it is tried with all its photons."""
+    """Return the measured errors and frame time of the choice, in words."""
     from app.rest.tuning import measured
 
     bar("checking", 0.0)
     at_rest, moving, frame, seconds = measured(solver, found)
     return (
-        f"found: {100 * at_rest:.1f} % at rest, {100 * moving:.1f} % in motion "
-        f"({frame:,} photons, {1e3 * seconds:.1f} ms a frame)"
+        f"measured: {100 * at_rest:.1f} % at rest, {100 * moving:.1f} % in motion "
+        f"({frame:,} photons, {1e3 * seconds:.1f} ms per frame)"
     )

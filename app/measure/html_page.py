@@ -1,4 +1,4 @@
-"""A page that is one file and needs no other: style for wide and narrow windows, light and dark; tables; pictures."""
+"""HTML pages in one file: style for wide and narrow windows, light and dark; tables; pictures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ figure { margin: 0.8em 0 0; }
 img { max-width: 100%; height: auto; display: block; } .row img { width: 100%; }
 figcaption { font-size: 0.88em; margin: 0.3em 0 1em; }
 """
-NUMBER = 24  # characters: what is longer is words, which may be broken
+NUMBER = 24  # characters; longer cells are text and may be wrapped
 
 
 def document(title: str, parts: Iterable[str]) -> str:
@@ -41,8 +41,7 @@ def document(title: str, parts: Iterable[str]) -> str:
 
 
 def table(head: Sequence[str], lines: Iterable[Sequence[str]], over: Sequence[tuple[str, int]] = ()) -> str:
-    """Return a table of texts that scrolls by itself where it is too wide; over: what several columns have in common,
-    with how many they are, from the left."""
+    """Return an HTML table that scrolls if it is too wide; over: headings of groups of columns, with their counts."""
     lines = list(lines)
     words = [k == 0 or any(len(line[k]) > NUMBER for line in lines) for k in range(len(head))]
 
@@ -55,11 +54,11 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]], over: Sequence[tu
     return f"<div class='wide'><table>{rows}</table></div>"
 
 
-def image(picture: np.ndarray, told: str) -> str:
-    """Return a picture (h, w, 3) uint8 as part of the page; told: in words, for who does not see it."""
+def image(picture: np.ndarray, alt: str) -> str:
+    """Return a picture (h, w, 3) uint8 as an HTML element; alt: its description."""
     from PIL import Image
 
     data = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(picture)).save(data, "PNG", optimize=True)
     source = "data:image/png;base64," + base64.b64encode(data.getvalue()).decode()
-    return f'<img src="{source}" alt="{escape(told)}" width="{picture.shape[1]}" height="{picture.shape[0]}">'
+    return f'<img src="{source}" alt="{escape(alt)}" width="{picture.shape[1]}" height="{picture.shape[0]}">'

@@ -1,4 +1,4 @@
-"""`gi-viewer info`: what is in a scene, which settings it gets and why, and what the program runs on."""
+"""`gi-viewer info`: contents of a scene, default settings with reasons, versions of the program and its libraries."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ import numpy as np
 
 from app.cli.progress import Bar, compile_kernels
 from app.cli.version import version
-from app.measure.material_lines import material_lines, triple
 from app.session.warnings import caveats
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
 
-PILOT = 20_000  # photons: the escaped share to a third of a percent
-ESCAPES = 0.8  # of the photons, at their first flight: beyond it most of the work is for nothing
+PILOT = 20_000  # photons: the escaped share has an error of a third of a percent
+ESCAPES = 0.8  # of the photons at their first flight: info warns above it
+LISTED = 12  # materials with a line each
+HEAD = ("materials", "reflectance", "triangles", "area", "")
 LIBRARIES = ("numpy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-bundle")
 
 
@@ -30,7 +31,7 @@ def info(settings: Settings) -> list[str]:
         chosen = replace(settings, photons=solver.photons, radius=solver.radius, neighbours=solver.neighbours)
         bar("tracing", 0.5)
         control = _control(solver, settings)
-        # Impact counts need no search structure: the fastest way to every photon's fate.
+        # impact_count needs no search structure, so its fates of photons take the least time.
         solver.configure(estimator="impact_count", photons=min(PILOT, chosen.photons))
         solver.solve()
         estimator = settings.estimator or scene.defaults.estimator or "tangent_plane"
@@ -43,20 +44,20 @@ def info(settings: Settings) -> list[str]:
 
 
 def _control(solver, settings: Settings) -> tuple[str, str]:
-    """Say whom artifact control of tangent_plane concerns; without photons that takes no more than its geometry."""
+    """Return the share of receivers that artifact control corrects; this needs geometry but no photons."""
     if not settings.control:
         return "artifact control", "off"
     solver.configure(estimator="tangent_plane", photons=0)
     solver.solve()
-    told = solver.control_facts
-    text = f"{100 * told.share:.1f} % of the receivers"
+    facts = solver.control_facts
+    text = f"{100 * facts.share:.1f} % of the receivers"
     if solver.scene.mobiles:
-        text += f"; {told.stale:,} near mobiles and {told.on_mobiles:,} on them are in contact"
+        text += f"; {facts.stale:,} near mobiles and {facts.on_mobiles:,} on them are in contact"
     return "artifact control", text
 
 
 def _search(solver) -> str:
-    """Return what the disc search builds; without regions, which take no part in it."""
+    """Return the structure of the disc search, built without regions, which do not affect it."""
     from gi_core.discs.search import SEARCHES
 
     solver.configure(estimator="tangent_plane", control=False, photons=0)
@@ -93,7 +94,7 @@ def _size(solver) -> str:
 
 
 def _lights(scene, solver) -> list[tuple[str, str]]:
-    """Group emissive faces by material; other lights have a line each."""
+    """Return a row per material that emits and per other light."""
     unit = "lm" if scene.units == "photometric" else "W"
     emitters = solver.model.emitters
     area = emitters.face >= 0
@@ -191,3 +192,47 @@ def _version_of(name: str) -> str:
 def _aligned(rows: list[tuple[str, str]]) -> list[str]:
     width = max(len(name) for name, _ in rows) + 2
     return [name.ljust(width) + text for name, text in rows]
+
+
+def material_lines(scene, surfaces) -> list[str]:
+    """Return a table of materials by area, one name per line, and one line for the rest."""
+    s = surfaces
+    worn = np.concatenate([m.face_material for m in (scene.static, *(m.mesh for m in scene.mobiles))])
+    every = zip(s.faces, s.paint, strict=True)
+    textured = np.concatenate([np.zeros(len(f), bool) if p is None else p.face_texture >= 0 for f, p in every])
+    # Loading copies materials to change their sides: copies of one name share a line.
+    names = [m.name for m in scene.materials]
+    number = np.array([names.index(name) for name in names], np.int64)[worn]
+    whole = max(float(s.areas.sum()), 1e-300)
+    rows = []
+    for k in np.unique(number):
+        faces = np.flatnonzero(number == k)
+        area = float(s.areas[faces].sum())
+        rho = (s.reflectance[faces] * s.areas[faces, None]).sum(axis=0) / max(area, 1e-300)
+        cells = f'"{names[k]}"', triple(np.round(rho, 3)), f"{len(faces):,}", f"{100 * area / whole:.3g} %"
+        rows.append((area, names[k], (*cells, _kind(s.two_sided[faces], textured[faces], s.emission[faces]))))
+    rows.sort(key=lambda row: -row[0])
+    shown = [HEAD, *(cells for *_, cells in rows[:LISTED])]
+    widths = [max(len(row[k]) for row in shown) + 2 for k in range(len(HEAD))]
+    lines = ["".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in shown]
+    rest = rows[LISTED:]
+    if rest:
+        share = 100 * sum(area for area, *_ in rest) / whole
+        named = ", ".join(f'"{name}"' for _, name, _ in rest)
+        lines.append(f"and {len(rest)} more on {share:.3g} % of the area: {named}")
+    return lines
+
+
+def _kind(two_sided: np.ndarray, textured: np.ndarray, emission: np.ndarray) -> str:
+    """Return sides, texture and emission of the faces of a material, in words."""
+    words = [" and ".join("two-sided" if k else "one-sided" for k in np.unique(two_sided))]
+    if textured.any():
+        words.append("mean of its texture" if textured.all() else "partly textured")
+    if emission.any():
+        words.append(f"emits {triple(emission.max(axis=0))}")
+    return ", ".join(words)
+
+
+def triple(values) -> str:
+    """Return three numbers in brackets, to four digits."""
+    return "(" + ", ".join(f"{v + 0.0:.4g}" for v in values) + ")"  # + 0.0: no "-0"

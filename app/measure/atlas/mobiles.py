@@ -1,4 +1,4 @@
-"""Mobiles and lamps in places where none should be: at, in and over each other, in walls, out of the scene."""
+"""Mobiles and lamps in odd places: at, in and over each other, in walls, out of the scene."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def sparks() -> Iterator[Row]:
 
 
 def swallowed() -> Row:
-    """A closed mobile over a bulb: what comes out?"""
+    """Measure the light that leaves a closed mobile over a bulb."""
     bulb = PointLight("bulb", (0.5, 0.5, 0.2), (10.0,) * 3)
     walls = box((0, 0, 0), (1, 1, 1), 8, 0, inward=True)
     looks = (GREY,), (0.5, -1.9, 0.8), (0.5, 0.5, 0.4), (bulb,)
@@ -83,7 +83,7 @@ def swallowed() -> Row:
 
 
 def laid_over() -> Iterator[Row]:
-    """A mobile flush over the lamp: what comes out, of what it gives when it is free?"""
+    """Measure the light that passes a mobile flush over the lamp / the light of the free lamp."""
     plate = Mobile("plate", box((-0.15, -0.15, -0.01), (0.15, 0.15, 0.0), 2, 0), Pose((0.5, 0.5, 0.98)))
     place = lit_room(plate)
     solver = solved(place, 20_000, poses={"plate": Pose((0.5, 0.5, 5.0))}, **SETTING)
@@ -107,7 +107,7 @@ def laid_over() -> Iterator[Row]:
 
 
 def under_a_box() -> Row:
-    """Is there light under what stands exactly on the floor?"""
+    """Measure light under a box that stands exactly on the floor."""
     place = lit_room(block(0.25, 0.4))
     solver = solved(place, 40_000, **{**SETTING, "radius": 0.08})
     p, n = solver.receivers.positions, solver.receivers.normals
@@ -127,7 +127,7 @@ def under_a_box() -> Row:
 
 
 def odd_places() -> Iterator[Row]:
-    """Mobiles that touch, cross, leave and swallow: what do frames differ by from solutions from scratch?"""
+    """Measure frames against solutions from scratch for mobiles that touch, cross, leave and swallow."""
     small = Mobile("small", box((-0.05, -0.05, 0.1), (0.05, 0.05, 0.2), 2), Pose((0.5, 0.5, 0.0)))
     places = {
         "on the floor, another inside it": (0.5, 0.5, 0.0),
@@ -149,7 +149,7 @@ def odd_places() -> Iterator[Row]:
 
 
 def off(poses) -> float:
-    """Return how much E differs most, at poses, from what a solution from scratch gives [W/m2]; NaN is infinite."""
+    """Return the largest difference [W/m2] of E from a solution from scratch, inf for NaN."""
     solver = solved(lit_room(*poses), 4000, poses={m.name: m.pose for m in poses}, **SETTING)
     difference = np.abs(solver.irradiance - solver.from_scratch()).max()
     return float(difference) if np.isfinite(solver.irradiance).all() else math.inf

@@ -1,4 +1,4 @@
-"""Where the rest fails: impact count on small faces, k-nearest sums, bright rooms, scale, mobiles that touch."""
+"""Other failures: impact count on small faces, k-nearest sums, bright rooms, scale, mobiles that touch."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def rows() -> Iterator[Row]:
 
 
 def textbook() -> Iterator[Row]:
-    """The k-th hit says how far k hits reach; counting it too overestimates."""
+    """The k-th hit sets the radius of the circle; counting it too overestimates."""
     meshes = [fan((2.2 * i, 2.2 * j, 0), 360) for i in range(12) for j in range(12)]
     field = scene(joined(*meshes), (BLACK,), (12, -20, 24), (12, 12, 0), (SUN,))
     apexes = near(*[(2.2 * i, 2.2 * j, 0) for i in range(12) for j in range(12)])
@@ -110,7 +110,7 @@ def blocked_spot():
 
 
 def naive_sums() -> Row:
-    """Eq. 2.4 with k nearest: each part is divided by a circle of its own, so what is taken out can exceed what was."""
+    """Eq. 2.4 with k nearest: each part is divided by its own circle, so the removed part can exceed the whole."""
     place = blocked_spot()
     solver = solved(place, 20_000, **NEAREST)
     model, estimate, frame = solver.model, solver.frame_parts().background.estimate, solver.frame_parts().change
@@ -148,7 +148,7 @@ def naive_sums() -> Row:
 
 
 def bright_rooms() -> Iterator[Row]:
-    """In a closed room all light together arrives Phi (1 + rho + rho^2 ...): a path is cut after MAX_SEGMENTS."""
+    """Flux arriving in a closed room is Phi (1 + rho + rho^2 ...); paths end after MAX_SEGMENTS."""
     for rho in (0.5, 0.9, 0.98, 0.999):
         room = furnace(4, reflectance=rho)
 
@@ -164,7 +164,7 @@ def bright_rooms() -> Iterator[Row]:
             f"(1 - ρ^{MAX_SEGMENTS}) / (1 - ρ): paths end after {MAX_SEGMENTS} segments",
             (1 - rho**MAX_SEGMENTS) / (1 - rho),
             arrived,
-            f"what is cut is told, from 2 % on in a sentence: ρ^{MAX_SEGMENTS - 1}",
+            f"the truncated flux is reported, above 2 % as a warning: ρ^{MAX_SEGMENTS - 1}",
             truncated,
             aim=rho ** (MAX_SEGMENTS - 1),
             what="flux that arrives / emitted; truncated / emitted",
@@ -173,7 +173,7 @@ def bright_rooms() -> Iterator[Row]:
 
 
 def beside_a_mobile() -> Row:
-    """The foot of a mobile on the floor: what it covers of a disc is missing, as beside a wall."""
+    """The foot of a mobile on the floor: the part of a disc that it covers is missing, as beside a wall."""
     glow, grey = Material("glow", (0.5,) * 3, (1.0, 1.0, 1.0)), Material("grey", (0.5,) * 3)
     radius, half, gap = 0.1, 0.195, 0.005
     block = Mobile("block", box((-half, -half, 0), (half, half, 0.003), 4, 1), Pose((0.5, 0.5, 0.0)))

@@ -1,4 +1,4 @@
-"""Where photon maps fail: at borders, on small surfaces, across walls, and by counting the k-th hit."""
+"""Failures of photon maps: at borders, on small surfaces, across walls."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def borders() -> Iterator[Row]:
             "border correction: divide by the angle of the fan (2.9.1)",
             h,
             known=HALF_A_HIT * angle / 360,
-            cost="none a frame",
+            cost="none per frame",
             view=View(field, photons, map_, corrected) if (name, angle) == ("fan", 180) else None,
             title="A photon map at a border vertex",
         )
@@ -89,7 +89,7 @@ def corners() -> Iterator[Row]:
 
 
 def small_surfaces() -> Iterator[Row]:
-    """A surface smaller than what k hits need: all its hits are divided by the largest circle."""
+    """A surface with fewer than k hits: all its hits are divided by the largest circle."""
     sizes = (0.15, 0.2, 0.3)
     # Parallel light comes from a disc that covers the scene: two specks far out let it cover all tangent discs.
     meshes = [sheet((-2 + 8 * k, -2 + 26 * k, 0), (0.01, 0, 0), (0, 0.01, 0)) for k in (0, 1)]

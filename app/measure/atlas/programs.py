@@ -1,4 +1,4 @@
-"""Where programs fail: many moves, none, extreme scales and places, odd meshes, rays at edges, no photons."""
+"""Failures of programs: many moves, none, extreme scales and places, odd meshes, rays at edges, no photons."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def rows() -> Iterator[Row]:
 
 
 def drift() -> Row:
-    """A thousand jumps, and back to the start: what has changed?"""
+    """Measure the difference after a thousand jumps and a return to the start."""
     place = lit_room(block())
     solver = solved(place, 2000, **SETTING)
     start, begun = dict(solver.poses), solver.irradiance.copy()
@@ -48,7 +48,7 @@ def drift() -> Row:
 
 
 def at_rest() -> Iterator[Row]:
-    """A mobile that does not move, and one that moves by less than a pixel: what flickers?"""
+    """Measure flicker for a mobile that does not move and one that moves by less than a pixel."""
     solver = solved(lit_room(block()), 20_000, **COUNT)
     rows, areas = solver.surfaces.receiver_range(0), solver.receivers.areas
     a_photon = float(solver.fates["emitted"][1]) / solver.photons_traced
@@ -102,7 +102,7 @@ def soup() -> Row:
     loose = Mesh(points, np.array(faces, np.int32), np.zeros(len(faces), np.int32))
     middles = near(*[(x, y, 0) for x in (0.3, 0.5, 0.7) for y in (0.3, 0.5, 0.7)])
 
-    def with_area(receivers):  # those of faces without any get no light, and nobody sees them
+    def with_area(receivers):  # receivers of faces without area get no light and are never visible
         return middles(receivers) & (receivers.areas > 1e-9)
 
     ((found,),) = ratios(replace(room, static=loose), 50_000, [with_area], [SETTING], truth=FURNACE)
@@ -132,7 +132,7 @@ def at_edges() -> Iterator[Row]:
         yield Row(
             f"edges_{name}",
             f"rays from the middle of a closed room to its {name}",
-            "0 slip through, but for rounding; those are told as escaped",
+            "0 slip through, except by rounding; those count as escaped",
             0.0,
             Number(float((face < 0).mean())),
             known=0.002,

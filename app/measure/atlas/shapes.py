@@ -1,4 +1,4 @@
-"""The small surfaces that the failure atlas is made of, and the areas that its predictions need."""
+"""Small surfaces of the failure atlas, and the areas that its predictions need."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def scene(mesh: Mesh, materials, eye, target, lights=(), mobiles=(), fov: float 
 
 
 def furnace(divisions: int, *more: Mesh, low=(0.0, 0, 0), high=(1.0, 1, 1), reflectance: float = 0.5) -> Scene:
-    """A closed room whose surfaces all emit Le = 1 and reflect: E = pi / (1 - rho), whatever else stands in it."""
+    """A closed room whose surfaces all emit Le = 1 and reflect: E = pi / (1 - rho) everywhere."""
     glow = Material("glow", (reflectance,) * 3, (1.0, 1.0, 1.0))
     room = joined(box(low, high, divisions, inward=True), *more)
     return scene(room, (glow,), (0.5, -1.9, 1.1), (0.5, 0.5, 0.4))

@@ -1,4 +1,4 @@
-"""Where discs fail: beside walls, in corners, under furniture, on curves, at shadow edges, and by their size."""
+"""Failures of discs: beside walls, in corners, under furniture, on curves, at shadow edges, by their size."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def rows() -> Iterator[Row]:
 
 
 def walls_and_corners() -> Iterator[Row]:
-    """In a furnace E is the same everywhere; what a wall hides of a disc is missing."""
+    """In a furnace E is the same everywhere; the part of a disc behind a wall is missing."""
     room, radius = furnace(20), 0.1
     along = np.linspace(0.3, 0.7, 9)
     places = {
@@ -49,7 +49,7 @@ def walls_and_corners() -> Iterator[Row]:
             m,
             "artifact control: divide by the reachable area",
             h,
-            cost="24 % of a frame's time",
+            cost="24 % of frame time",
             view=View(room, 100_000, *settings) if key == "corner" else None,
             title="A disc in a corner, at an edge, before a wall",
         )
@@ -151,7 +151,7 @@ def larger_than_the_room() -> Iterator[Row]:
 
 
 def smaller_and_smaller() -> Iterator[Row]:
-    """Noise of a disc is that of its count: 1 / sqrt(N E pi r² / Phi), so it goes with 1 / r."""
+    """Noise of a disc is the noise of its count, 1 / sqrt(N E pi r² / Phi), so it goes with 1 / r."""
     room, photons, seeds = furnace(16), 20_000, 3
     flux = 6 * math.pi  # of the room's walls
     for radius in (0.04, 0.02, 0.01):

@@ -90,7 +90,7 @@ def _estimators(measured: dict) -> str:
                       zip((a, b, a + b), theirs[:3], strict=True)), f"{error:.1f} % ({theirs[3]:g} %)"])  # fmt: skip
     body = table(["", "simulation", "illumination", "total", "error"], lines)
     note = "Error against tangent_plane with 1,000,000 photons (the report: 100 million), radius 1 %; all threads."
-    return _section("Table 2.1: a frame by estimator", f"{body}\n\n{note}")
+    return _section("Table 2.1: frames by estimator", f"{body}\n\n{note}")
 
 
 def _searches(measured: dict, theirs: dict, radii) -> str:

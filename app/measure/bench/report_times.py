@@ -81,7 +81,7 @@ def _times(solver, photons: int, radii, sets: dict, bar: Bar) -> dict[tuple[str,
 
 
 def _pretests(solver, bar: Bar) -> dict[tuple[str, str], tuple[float, float]]:
-    """Return seconds for all segments of 10,000 photons and for a frame's, by (search, pre-test)."""
+    """Return seconds by (search, pre-test) for all segments of 10,000 photons and for those of a frame."""
     from gi_core.discs.search import PRETESTS
     from gi_core.instruments.search_timing import SearchTrial, frame_lines, photon_lines, static_discs
 
@@ -97,7 +97,7 @@ def _pretests(solver, bar: Bar) -> dict[tuple[str, str], tuple[float, float]]:
 
 
 def _estimators(solver, bar: Bar) -> dict[str, tuple[float, float, float]]:
-    """Return milliseconds of simulation and illumination of a frame, and the error, of table 2.1's two methods."""
+    """Return simulation and illumination [ms] per frame and the error [%] of the estimators of table 2.1."""
     solver.configure(estimator="tangent_plane", radius=0.01 * solver.scene_size, photons=REFERENCE)
     solve(solver, bar)
     lap = motion.walk(motion.paths_of(solver), STEP * solver.scene_size, FRAMES)

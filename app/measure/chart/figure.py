@@ -8,8 +8,7 @@ from pathlib import Path
 from app.measure.chart.report import REPORT, SCENES
 from app.measure.chart.rival import RIVAL
 from app.measure.chart.settings import TUNED
-from app.measure.chart.tuned import BUDGET
-from app.settings import UsageError
+from app.settings import BUDGET, UsageError
 
 PANELS = {
     "all": "All receivers",

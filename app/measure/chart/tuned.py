@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from app.measure.chart.settings import TUNED, Choice
-from app.rest.tuning import tune
+from app.rest.tuning import finished, tune
+from app.settings import BUDGET
 
-BUDGET = 16.0  # ms a frame, the panel's own
 LATE = 1.1  # of the budget: a frame of this length still keeps it
 JUDGED = {"all": "all receivers", "affected": "receivers that mobiles change", "mobile": "mobiles"}
 
@@ -17,8 +17,6 @@ def tuned_choice(solver, traced: int, bar) -> Choice:
 
     Its frame uses the largest photon subset that is predicted to keep the budget.
     """
-    from app.rest.tuning import finished
-
     found = finished(tune(solver, 1e-3 * BUDGET), bar)
     setting = found.choice.setting
     prefixes = [n for n in solver.prefixes if n <= max(found.choice.frame, solver.prefixes[0])]

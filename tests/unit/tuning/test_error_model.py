@@ -181,7 +181,7 @@ def test_the_command_prints_trials_and_choice(monkeypatch, capsys):
     monkeypatch.setattr("gi_core.tuning.setting_trials.MOST_PATHS", 32)
     assert cli.main(["tune", "cornell", "--photons", "8192", "--check", "--budget", "30"]) == 0
     text = capsys.readouterr().out
-    assert "impact_count" in text and "for frames of 30 ms: " in text and "found: " in text
+    assert "impact_count" in text and "for frames of 30 ms: " in text and "measured: " in text
     assert "\ngi-viewer cornell --estimator " in text
     monkeypatch.setattr("app.settings.open_scene", lambda settings: plane_scene())
     assert cli.main(["tune", "plane"]) == 2
