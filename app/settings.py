@@ -144,12 +144,12 @@ def check_names(settings: Settings) -> None:
 
 def make_solver(scene: Scene, settings: Settings) -> Solver:
     """Return a solver for the scene; nothing is traced yet. Raises UsageError, SceneError for an unknown name."""
-    from gi_core.estimators import ESTIMATORS
+    from gi_core.estimators import DEFAULT, ESTIMATORS
     from gi_core.scene import SceneError
     from gi_core.solver import Solver
 
     check_names(settings)
-    estimator = settings.estimator or scene.defaults.estimator or "tangent_plane"
+    estimator = settings.estimator or scene.defaults.estimator or DEFAULT
     if estimator not in ESTIMATORS:
         raise SceneError(
             f'{scene.name}: [defaults]: estimator must be one of {", ".join(ESTIMATORS)}, got "{estimator}"'

@@ -15,7 +15,7 @@ from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import SEARCHES
 from gi_core.display.dilation import Drawn, dilated
 from gi_core.display.probes import probe_irradiance
-from gi_core.estimators import ESTIMATORS
+from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting, number
 from gi_core.frames.background import Background, Photons, add_fates
 from gi_core.frames.frame import Changes, FrameSize, changes_of, frame_light, light_from_scratch
@@ -41,7 +41,7 @@ MANY_RECEIVERS = 30_000  # their regions take half a second and more to find
 MORE, LATE_MORE = 1.41, 1.19  # times as many photons are shown next: where sums are additive a picture costs a frame,
 LATE = 1 << 18  # which is little beside so many photons ...
 MUCH_MORE = 2.0  # ... elsewhere everything is estimated anew
-CHOICES = {"estimator": tuple(ESTIMATORS), "search": tuple(SEARCHES)}
+CHOICES = {"estimator": ESTIMATORS, "search": SEARCHES}
 NO_FACTS = ControlFacts(0.0, 0, 0)
 
 
@@ -67,7 +67,7 @@ class Solver:
     def __init__(
         self,
         scene: Scene,
-        estimator: str = "tangent_plane",
+        estimator: str = DEFAULT,
         photons: int | None = None,
         radius: float | None = None,
         neighbours: int | None = None,
@@ -303,7 +303,7 @@ class Solver:
         clock, size = StageTimer(), self._size(self._shown.estimate.photons if photons is None else photons, paths)
         at = self.model.transforms(poses)
         frame, light = frame_light(self.model, self._photons, self._shown, self._source, at, size, self._room, clock)
-        changes, facts = changes_of(frame), getattr(self._shown.estimate, "control_facts", NO_FACTS)
+        changes, facts = changes_of(frame), self._shown.estimate.control_facts
         gathered, gathering = self.uses_gathered, clock.seconds.get("gather", 0.0)
         rest = sum(clock.seconds.values()) - gathering
         self.budget.took(*size, rest, gathering if self._source.rays_traced else None)
@@ -429,7 +429,8 @@ class Solver:
     @property
     def search_summary(self) -> str:
         """What the disc search over the static part has built, in words; "" where there is none."""
-        return "" if self._shown is None else getattr(self._shown.estimate, "search_summary", "")
+        searches = [] if self._shown is None else self._shown.estimate.searches
+        return searches[0].told() if searches else ""
 
     @property
     def segments_total(self) -> int:

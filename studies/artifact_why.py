@@ -37,7 +37,7 @@ def reaches(solver: Solver, rows: np.ndarray) -> np.ndarray:
     """Return how far the regions of static receivers reach (n, RAYS) [m] in the solver's frame."""
     estimate, r = solver.frame_parts().background.estimate, solver.radius
     contact = estimate._contact.met(solver.frame_parts().change.at).contacts[0]
-    alone = estimate._searches[0].discs.regions
+    alone = estimate.searches[0].discs.regions
     out = np.full((len(rows), RAYS), r)
     for j, i in enumerate(rows):
         if alone.row[i] >= 0:

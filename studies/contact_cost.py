@@ -26,7 +26,7 @@ from gi_core.solver import Solver
 def without_contact(solver: Solver) -> Iterator[None]:
     """Compute frames meanwhile with the region of each object alone."""
     estimate = solver.frame_parts().background.estimate
-    kept, discs = estimate._contact, [s.discs for s in estimate._searches]
+    kept, discs = estimate._contact, [s.discs for s in estimate.searches]
     estimate._contact = ContactDiscs(estimate.model, estimate.radius, discs, False)
     try:
         yield

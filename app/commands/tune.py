@@ -55,9 +55,9 @@ def _laws(found: Tuned) -> list[str]:
             f"{_name(law.setting):<32}{100 * (law.noise / 1e6) ** 0.5:>11.1f} %{100 * law.bias:>6.1f} %"
             f"{1e3 * law.start:>11.1f} ms{1e8 * law.slope:>13.1f} ms"
         )
-    if found.exponents:
-        powers = ", ".join(f"{letter} r^{found.exponents[letter]:.2f}" for letter in ("A", "B", "c"))
-        lines.append(f"with the radius of the disc: {powers} (A / photons: noise squared; B: bias; c: time per photon)")
+    for name, exponents in found.exponents.items():
+        powers = ", ".join(f"{letter} r^{exponents[letter]:.2f}" for letter in ("A", "B", "c"))
+        lines.append(f"{name}, by radius: {powers} (A / photons: noise squared; B: bias; c: time per photon)")
     return lines
 
 
@@ -94,11 +94,10 @@ def _gathered(found: Tuned) -> str:
 
 
 def _name(setting) -> str:
-    if setting.estimator == "tangent_plane":
-        return f"tangent_plane, radius {setting.radius:.3g} m"
-    if setting.estimator == "photon_map":
-        return f"photon_map, k {setting.neighbours}"
-    return setting.estimator
+    from gi_core.estimators import ESTIMATORS
+
+    summary = ESTIMATORS[setting.estimator].summary(setting)
+    return f"{setting.estimator}, {summary}" if summary else setting.estimator
 
 
 def checked(solver, found: Tuned, bar) -> str:

@@ -23,6 +23,8 @@ LIBRARIES = ("numpy", "numba", "embreex", "trimesh", "moderngl", "glfw", "imgui-
 
 def info(settings: Settings) -> list[str]:
     """Return the lines to print. Raises SceneError, UsageError."""
+    from gi_core.estimators import CHEAPEST, DEFAULT
+
     with Bar() as bar:
         bar("loading", 0.0)
         scene = open_scene(settings)
@@ -31,10 +33,9 @@ def info(settings: Settings) -> list[str]:
         chosen = replace(settings, photons=solver.photons, radius=solver.radius, neighbours=solver.neighbours)
         bar("tracing", 0.5)
         control = _control(solver, settings)
-        # impact_count needs no search structure, so its fates of photons take the least time.
-        solver.configure(estimator="impact_count", photons=min(PILOT, chosen.photons))
+        solver.configure(estimator=CHEAPEST, photons=min(PILOT, chosen.photons))
         solver.solve()
-        estimator = settings.estimator or scene.defaults.estimator or "tangent_plane"
+        estimator = settings.estimator or scene.defaults.estimator or DEFAULT
         rows = [*_contents(scene, solver), *_lights(scene, solver), *_choices(settings, chosen, estimator, solver)]
         rows += [control, ("disc search", _search(solver))]
         cut_off = caveats(solver).get("truncated")
@@ -45,9 +46,11 @@ def info(settings: Settings) -> list[str]:
 
 def _control(solver, settings: Settings) -> tuple[str, str]:
     """Return the share of receivers that artifact control corrects; this needs geometry but no photons."""
+    from gi_core.estimators import DEFAULT
+
     if not settings.control:
         return "artifact control", "off"
-    solver.configure(estimator="tangent_plane", photons=0)
+    solver.configure(estimator=DEFAULT, photons=0)
     solver.solve()
     facts = solver.control_facts
     text = f"{100 * facts.share:.1f} % of the receivers"
@@ -59,8 +62,9 @@ def _control(solver, settings: Settings) -> tuple[str, str]:
 def _search(solver) -> str:
     """Return the structure of the disc search, built without regions, which do not affect it."""
     from gi_core.discs.search import SEARCHES
+    from gi_core.estimators import DEFAULT
 
-    solver.configure(estimator="tangent_plane", control=False, photons=0)
+    solver.configure(estimator=DEFAULT, control=False, photons=0)
     solver.solve()
     there = ", ".join(name for name in SEARCHES if name != solver.setting.search)
     return f"{solver.search_summary}; there are also {there}"

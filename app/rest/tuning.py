@@ -21,7 +21,7 @@ class Tuned(NamedTuple):
 
     choice: Choice
     laws: tuple[Law, ...]  # one a trial
-    exponents: dict[str, float]  # of the disc's radius in each part of the law
+    exponents: dict[str, dict[str, float]]  # by estimator: of the disc's radius in each part of the law
     paths: int | None = None  # that mobiles gather in a frame; None: their light is the photons'
 
 
@@ -43,8 +43,7 @@ def tune(solver: Solver, budget: float, error: float | None = None) -> Generator
         what = f"trying {candidate['estimator']}"
         tried = yield from _told(what, setting_trials.trial(judge, sticks, paths, **candidate), share, 0.0)
         found.append(error_model.law_of(tried))
-    discs, exponents = error_model.over_radii([law for law in found if law.setting.estimator == "tangent_plane"])
-    known = [*discs, *(law for law in found if law.setting.estimator != "tangent_plane")]
+    known, exponents = error_model.between_radii(found)
     if error is None:
         choice = error_model.within_time(known, budget, solver.photons)
     else:
@@ -54,8 +53,14 @@ def tune(solver: Solver, budget: float, error: float | None = None) -> Generator
 
 def candidates(solver: Solver) -> list[dict]:
     """Return the settings that are tried, as fields of Setting."""
-    discs = [{"estimator": "tangent_plane", "radius": r * solver.radius} for r in RADII]
-    return [*discs, {"estimator": "photon_map", "neighbours": NEIGHBOURS}, {"estimator": "impact_count"}]
+    from gi_core.estimators import ESTIMATORS
+
+    tried = {"radius": [r * solver.radius for r in RADII], "neighbours": [NEIGHBOURS], None: [None]}
+    return [
+        {"estimator": name} | ({kind.smoothing: value} if kind.smoothing else {})
+        for name, kind in ESTIMATORS.items()
+        for value in tried[kind.smoothing]
+    ]
 
 
 def _paths(solver: Solver, frames: list, budget: float) -> int | None:

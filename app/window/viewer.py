@@ -192,7 +192,7 @@ class Viewer:
             window.rename(new.settings.scene)
         if self._software:
             new.light.grace = SOFTWARE_GRACE
-        self.estimators = {key: _about(kind) for key, kind in ESTIMATORS.items()}
+        self.estimators = {key: kind.about for key, kind in ESTIMATORS.items()}
         if new.settings.exposure is None:
             given = new.solver.scene.defaults.exposure
             exposure = metering.metered(new, self.viewport.camera) if given is None else given
@@ -230,12 +230,6 @@ class Viewer:
 
     def _do(self, action: str) -> None:
         self._guard(action, lambda: act(self, action))
-
-
-def _about(estimator: type) -> str:
-    """Return the first paragraph of the docstring of an estimator's module."""
-    text = sys.modules[estimator.__module__].__doc__ or estimator.__doc__ or ""
-    return " ".join(text.strip().split("\n\n")[0].split())
 
 
 def run(settings: Settings, *, frames: int | None = None, screenshot: str | Path | None = None) -> int:

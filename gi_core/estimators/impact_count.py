@@ -7,11 +7,13 @@ face, on the side it hit, and nothing is ever stale.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.discs.contact.stale_receivers import ControlFacts
+from gi_core.discs.search import Search
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums, carried
@@ -46,20 +48,28 @@ def _take_out(side, flux, offsets, photon, vertex, front, back, sums, touched):
 class ImpactCount:
     """See the module; radius and neighbours play no part."""
 
-    additive = True  # sums of parts are sums of the whole: preparing costs nothing
-    bytes_a_hit = 0  # nothing is kept a hit
-    controlled = False  # artifact control is not for it
-    on_faces = True  # probes need a face to count on
+    about = "Impact Count (Patanaik and Mudur 1992): the flux of the photons that hit a face, over the face's area."
+    additive, controlled, on_faces = True, False, True
+    smoothing = None
+    compile_seconds = 1
+    bytes_a_hit = 0
+    stale = 0
 
     def __init__(self, model: Model, setting: Setting):
         self.model, self._corners = model, (model.surfaces.corner_front, model.surfaces.corner_back)
         # Receiver areas are a third of each face around; the mean divides by the whole faces.
         self.area = 3 * model.object_receivers.areas
-        self.photons = 0  # photons that were prepared
-        self.prefixes = SubsetStore()  # sums of the background by the photons they cover
+        self.photons = 0
+        self.prefixes = SubsetStore()  # sums of the background
+        self.control_facts = ControlFacts(0.0, 0, 0)
+        self.searches: list[Search] = []
         self._background = np.zeros((len(self.area), 3), np.int64)
         self._added = ThreadSums(len(self.area), model.threads)
         self._frame = FrameSums(len(self.area), model.surfaces.receiver_range(0).stop, 1)
+
+    @staticmethod
+    def summary(setting: Setting) -> str:
+        return ""
 
     def build(self) -> Iterator[None]:
         """Nothing to build."""
@@ -98,7 +108,7 @@ class ImpactCount:
             self._frame.clear()  # or the next frame would begin with half of this one
             raise
 
-    def from_scratch(self, parts, at: Transforms) -> Evaluated:
+    def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
         """Return what irradiance is read from, from all current segments (an iterable of Segments)."""
         sums, new_suffixes, kept_prefixes = Sums.zeros(len(self.area)), Sums.zeros(len(self.area)), CutFlux()
         for segments in parts:

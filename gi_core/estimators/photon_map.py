@@ -16,7 +16,7 @@ Other receivers do that in either case: near an edge, half of the hits of their 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ import numpy as np
 from gi_core.base.jit import allocating, kernel
 from gi_core.base.threads import run_ranges
 from gi_core.discs.contact.stale_receivers import ControlFacts
+from gi_core.discs.search import Search
 from gi_core.estimators.setting import Setting
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
@@ -54,10 +55,11 @@ class _Prepared(NamedTuple):
 class PhotonMap:
     """See the module; `radius` [m] bounds the search, `neighbours` is k."""
 
-    additive = False  # see the module: preparing estimates every receiver
-    bytes_a_hit = 96  # of memory: a hit is kept as it was added, and sorted
-    controlled = False  # artifact control is not for it
-    on_faces = False  # probes are receivers like any other
+    about = "Photon Maps (Jensen 2001): the k nearest hits, no farther than the radius."
+    additive, controlled, on_faces = False, False, False
+    smoothing = "neighbours"
+    compile_seconds = 5
+    bytes_a_hit = 96  # a hit is kept as it was added, and sorted
 
     def __init__(self, model: Model, setting: Setting):
         self.model, self.radius, self.k, self.textbook = model, setting.radius, setting.neighbours, setting.textbook
@@ -67,13 +69,18 @@ class PhotonMap:
             self._share = model.covered_share
         self._side = np.where(self._share < 1, model.receiver_sides, NONE).astype(np.int32)
         self.control_facts = ControlFacts(float((self._share < 1).mean()) if len(self._share) else 0.0, 0, 0)
-        self.stale = 0  # receivers estimated again in the last frame
+        self.stale = 0
+        self.searches: list[Search] = []
         self._parts: list[Hits] = []
-        self.photons = 0  # photons that were prepared
-        self.prefixes = SubsetStore()  # _Prepared by the photons it covers
+        self.photons = 0
+        self.prefixes = SubsetStore()  # of _Prepared
         self._static = model.surfaces.receiver_range(0)
         points, normals = self._receivers(model.static, self._static)
         self._receiver_grid = build(_as_hits(points, normals), self.radius)
+
+    @staticmethod
+    def summary(setting: Setting) -> str:
+        return f"k {setting.neighbours}" + (", as in textbooks" if setting.textbook else "")
 
     def build(self) -> Iterator[None]:
         """Nothing to build: hits are indexed by prepare()."""
@@ -141,7 +148,7 @@ class PhotonMap:
         changed[self._static.stop >> CHUNK_BITS :] = len(sums) > self._static.stop
         return Evaluated(sums, area, changed, self._not_additive, 0.0)
 
-    def from_scratch(self, parts, at: Transforms) -> Evaluated:
+    def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
         """Return what irradiance is read from, from all current segments (an iterable of Segments)."""
         hits = _joined([self._hits(p, at) for p in parts])
         grid = build(hits, CELL_SHARE * self.radius)

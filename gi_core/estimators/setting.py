@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -21,10 +22,10 @@ class Setting(NamedTuple):
     border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc, see `gi_core.geometry.border_angle`
     textbook: bool = False  # photon_map counts the k-th hit too, as in the report: k / (k - 1) too much
 
-    def changed(self, choices: dict[str, tuple], **values) -> Setting:
+    def changed(self, choices: Mapping[str, Mapping], **values) -> Setting:
         """Return the setting with some values replaced; None keeps what it is.
 
-        choices: what is allowed, for fields that name something. Raises SceneError for a bad value.
+        choices: the registries of fields that name something. Raises SceneError for a bad value.
         """
         checked = {}
         for name, value in values.items():

@@ -9,7 +9,7 @@ so are, with artifact control, static receivers whose regions a mobile enters (`
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from gi_core.discs.contact.contact import Met
 from gi_core.discs.contact.stale_receivers import ContactDiscs, ControlFacts, room_for_contacts
 from gi_core.discs.crossing_cache import Crossings
 from gi_core.discs.region import regions, whole_discs
-from gi_core.discs.search import SEARCHES
+from gi_core.discs.search import SEARCHES, Search
 from gi_core.discs.search.predicate import Discs, lines, share
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
@@ -45,30 +45,36 @@ class Job(NamedTuple):
 class TangentPlane:
     """See the module; `radius` [m] is the disc's."""
 
-    additive = True  # sums of parts are sums of the whole: preparing costs nothing
-    controlled = True  # artifact control is its
-    on_faces = False  # probes are receivers like any other
+    about = "Density Estimation on the Tangent Plane (Lastra et al. 2002): the flux of the segments that cross a disc."
+    additive, controlled, on_faces = True, True, False
+    smoothing = "radius"
+    compile_seconds = 12
 
     def __init__(self, model: Model, setting: Setting):
         self.model, self.radius, self.control = model, setting.radius, setting.control
         self._search = SEARCHES[setting.search]
         self.area = np.full(len(model.object_receivers.areas), math.pi * self.radius * self.radius)
-        self.control_facts = ControlFacts(0.0, 0, 0)  # of the last frame
-        self.photons = 0  # photons that were prepared
-        self.prefixes = SubsetStore()  # sums of the background by the photons they cover
+        self.control_facts = ControlFacts(0.0, 0, 0)
+        self.stale = 0
+        self.photons = 0
+        self.prefixes = SubsetStore()  # sums of the background
+        self.searches: list[Search] = []
         self._background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
         self._crossings = Crossings()  # of the background, with static receivers
-        self._searches: list = []
         self._contact: ContactDiscs | None = None
         self._areas = self.area.copy()  # of the last frame ...
         self._differ = np.empty(0, np.int64)  # ... and where they are not `area`
         self._added = ThreadSums(len(self._background), model.threads)
         self._frame = FrameSums(len(self.area), len(self._background), model.threads)
 
+    @staticmethod
+    def summary(setting: Setting) -> str:
+        return f"radius {setting.radius:.3g} m"
+
     def build(self) -> Iterator[None]:
         """Find reachable regions and index the discs of every object, in steps of a few ms."""
         own, r = self.model.receiver_sides, self.model.object_receivers
-        self._searches = []
+        self.searches = []
         for o in range(self.model.surfaces.objects):
             rows = self.model.surfaces.receiver_range(o)
             if self.control:
@@ -80,21 +86,16 @@ class TangentPlane:
             positions = np.ascontiguousarray(r.positions[rows], np.float32)
             normals = np.ascontiguousarray(r.normals[rows], np.float32)
             discs = Discs(positions, normals, own[rows], self.model.backs(o), np.float32(self.radius), region)
-            self._searches.append(self._search(discs))
+            self.searches.append(self._search(discs))
             yield
-        self._contact = ContactDiscs(self.model, self.radius, [s.discs for s in self._searches], self.control)
+        self._contact = ContactDiscs(self.model, self.radius, [s.discs for s in self.searches], self.control)
         yield from self._contact.build()
         self._areas = self.area.copy()
 
     @property
     def bytes_a_hit(self) -> int:
-        """Memory that is kept a path vertex: what each segment crosses."""
+        """What each segment crosses."""
         return self._crossings.bytes_a_vertex
-
-    @property
-    def search_summary(self) -> str:
-        """What the search over the static part's discs has built, in words."""
-        return self._searches[0].told() if self._searches else ""
 
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add background segments to the sums of static receivers; several threads may, each with its number."""
@@ -141,6 +142,7 @@ class TangentPlane:
             self._frame.clear()  # or the next frame would begin with half of this one
             raise
         out.sums[rows], out.brought[rows] = stale, NOT_ADDITIVE
+        self.stale = len(rows)
         self.control_facts = self._contact.facts(met)
         return out
 
@@ -151,7 +153,7 @@ class TangentPlane:
         self._areas[self._differ] = areas
         return self._areas
 
-    def from_scratch(self, parts, at: Transforms) -> Evaluated:
+    def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
         """Return what irradiance is read from, from all current segments (an iterable of Segments)."""
         added, new_suffixes = (ThreadSums(len(self.area), self.model.threads) for _ in range(2))
         sums, brought = np.zeros((2, len(self.area), 3), np.int64)
@@ -191,7 +193,7 @@ class TangentPlane:
         self, o: int, segments: Segments, at: Transforms, sign: int, sums: Sums, part: int = 0, parts: int = 1
     ) -> None:
         """Do one of `parts` shares of a job. Making lines ready twice is cheaper than waiting for another thread."""
-        search = self._searches[o]
+        search = self.searches[o]
         if not search.parts_share_lines:
             first, last = share(segments.size, part, parts)
             segments, part, parts = Segments(*(a[first:last] for a in segments)), 0, 1

@@ -12,7 +12,7 @@ import numpy as np
 
 from gi_core.base import memory
 from gi_core.base.threads import run_ranges
-from gi_core.estimators import ESTIMATORS
+from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.estimators.setting import Setting
 from gi_core.geometry.radiosity import irradiance
 from gi_core.model import Model
@@ -34,7 +34,7 @@ class Background:
 
     def __init__(self, model: Model, setting: Setting):
         self.setting, self._model = setting, model
-        self.estimate = ESTIMATORS[setting.estimator](model, setting)
+        self.estimate: Estimator = ESTIMATORS[setting.estimator](model, setting)
         self.added = 0  # photons
         self.built = False
         self.pace = Pace()

@@ -27,7 +27,7 @@ from gi_core.base.jit import cache_folder
 from gi_core.base.nearest_points import count_within, nearest
 from gi_core.base.threads import available_cores
 from gi_core.discs.search import SEARCHES
-from gi_core.estimators import ESTIMATORS
+from gi_core.estimators import CHEAPEST, DEFAULT, ESTIMATORS
 from gi_core.files.completion.pilot import Rays, useful_box
 from gi_core.files.completion.refinement import refined
 from gi_core.gather.denoise import denoise
@@ -42,8 +42,8 @@ from gi_core.solver import Solver
 
 FROM_BEHIND = "--from-behind"
 STAMP = "complete"
-# Seconds of one core per step, for an even progress bar; 1 for other steps.
-COSTS = {"photon tracing": 13, "tangent_plane": 12, "photon_map": 5, "ray_cache": 8, "reference": 6}
+# Seconds of one core per step, for an even progress bar; 1 for other steps. Estimators name their own.
+COSTS = {"photon tracing": 13, "ray_cache": 8, "reference": 6}
 # Upright at a corner of the floor: mobile and floor shorten regions of each other.
 TOUCHING = Pose((1.0, 0.95, 0.45), (0.5**0.5, 0.5**0.5, 0.0, 0.0))
 
@@ -64,15 +64,19 @@ def is_warm() -> bool:
 def compile_kernels() -> Iterator[Step]:
     """Run a tiny scene through every kernel; yield before each step and once at the end."""
     parts = _parts()
-    total, done = sum(COSTS.get(name, 1) for name, _ in parts), 0
+    total, done = sum(_cost(name) for name, _ in parts), 0
     with _from_behind():
         for name, run in parts:
             yield Step(done, total, name.replace("_", " "))
             run()
-            done += COSTS.get(name, 1)
+            done += _cost(name)
     cache_folder().mkdir(parents=True, exist_ok=True)
     (cache_folder() / STAMP).touch()
     yield Step(total, total, "ready")
+
+
+def _cost(name: str) -> int:
+    return ESTIMATORS[name].compile_seconds if name in ESTIMATORS else COSTS.get(name, 1)
 
 
 def _parts() -> list[tuple[str, Callable[[], None]]]:
@@ -114,7 +118,7 @@ def _compile_backwards() -> None:
 
 
 def _trace() -> Solver:
-    solver = Solver(_tiny_scene(), "impact_count", photons=64, radius=0.1, neighbours=4)
+    solver = Solver(_tiny_scene(), CHEAPEST, photons=64, radius=0.1, neighbours=4)
     solver.solve()
     _see_texture()
     return solver
@@ -139,7 +143,7 @@ def _estimate(solver: Solver, name: str) -> None:
 
 
 def _search(solver: Solver, name: str) -> None:
-    solver.configure(estimator="tangent_plane", search=name)
+    solver.configure(estimator=DEFAULT, search=name)
     solver.solve()
 
 

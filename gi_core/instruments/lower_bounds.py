@@ -13,9 +13,10 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
+from gi_core.discs.search import Search
 from gi_core.discs.search.disc_grid import CELL_RADII, discs_in_cells
 from gi_core.discs.search.predicate import Discs, Lines, lines, to_list
-from gi_core.estimators import ESTIMATORS
+from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.photons.flux_sums import Sums
 from gi_core.photons.paths import Segments, empty_segments, segments_at, segments_of, take
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, rays_to_object
@@ -59,8 +60,8 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
         ("estimate", 2 * SUM_BYTES * receivers + VERTEX_BYTES * changes.old_segments),
         ("read out", (2 * SUM_BYTES + 8) * receivers),
     ]
-    if hasattr(estimate, "stale"):  # a query of k nearest hits reads k hits at the least
-        moved.append(("estimate", (estimate.stale + _on_mobiles(solver)) * estimate.k * HIT_BYTES))
+    if estimate.smoothing == "neighbours":  # a query of k nearest hits reads k hits at the least
+        moved.append(("estimate", (estimate.stale + _on_mobiles(solver)) * solver.neighbours * HIT_BYTES))
     work = [w for w in _rays(solver) if w.count]
     work += [copied(stage, size, threads) for stage, size in moved if size]
     if searches := _searches(solver):
@@ -73,7 +74,7 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
     return work
 
 
-def estimate_of(solver: Solver):
+def estimate_of(solver: Solver) -> Estimator:
     """Return the estimator of the solver's frames."""
     return solver.frame_parts().background.estimate
 
@@ -103,7 +104,7 @@ def _searches(solver: Solver) -> list[tuple[Discs, Lines, int]]:
     """Return discs, lines and number of disc intersections of each search of the last frame; none without discs."""
     model, change = solver.model, solver.frame_parts().change
     out = []
-    for o, search in enumerate(getattr(estimate_of(solver), "_searches", ())):
+    for o, search in enumerate(estimate_of(solver).searches):
         segments = (change.new_suffixes, *change.near_mobiles)[o]
         over = lines(segments, change.at.rotation[o], change.at.position[o], model, solver.radius)
         out.append((search.discs, over, _intersections(search, over)))
@@ -114,10 +115,10 @@ def _looked_up(solver: Solver) -> int:
     """Return the number of disc intersections of removed suffixes, which frames look up in a cache."""
     model, removed = solver.model, solver.frame_parts().change.removed_suffixes.segments(solver.model.threads)
     over = lines(removed, model.static.rotation[0], model.static.position[0], model, solver.radius)
-    return _intersections(estimate_of(solver)._searches[0], over)
+    return _intersections(estimate_of(solver).searches[0], over)
 
 
-def _intersections(search, over: Lines) -> int:
+def _intersections(search: Search, over: Lines) -> int:
     return search.splat(over, 1, Sums.zeros(len(search.discs.positions)))
 
 

@@ -98,6 +98,21 @@ def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return float(slope), float(intercept)
 
 
+def between_radii(laws: Sequence[Law]) -> tuple[list[Law], dict[str, dict[str, float]]]:
+    """Return laws at FINE radii for estimators tried at several, the other laws as they are; and exponents.
+
+    exponents: by estimator, as over_radii() returns them.
+    """
+    made: list[Law] = []
+    exponents = {}
+    for name in dict.fromkeys(law.setting.estimator for law in laws):
+        own = [law for law in laws if law.setting.estimator == name]
+        if len({law.setting.radius for law in own}) > 1:
+            own, exponents[name] = over_radii(own)
+        made += own
+    return made, exponents
+
+
 def over_radii(laws: Sequence[Law]) -> tuple[list[Law], dict[str, float]]:
     """Return laws at FINE radii between those of `laws` (one a radius), and the exponent of the radius in each part."""
     if len(laws) < 2:

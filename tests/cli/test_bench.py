@@ -50,7 +50,7 @@ def test_every_number_is_written_and_the_light_is_that_from_scratch(measured, es
     assert 0 < f["min"] <= f["median"] <= f["p95"] <= f["max"]
     assert 0 < f["cpu"] and (n["load"] is None or n["load"] >= 0)
     assert n["photons"] == 2000 and n["first_frame_ms"] > 0 and n["from_scratch_ms"] > 0 and n["stages_ms"]
-    assert (n["photon_map"] is None) == (estimator != "photon_map")
+    assert (n["queries"] is None) == (estimator != "photon_map")
 
 
 def test_the_step_that_is_asked_for_is_gone(measured, monkeypatch):
@@ -63,7 +63,7 @@ def test_the_step_that_is_asked_for_is_gone(measured, monkeypatch):
 
 
 def test_queries_of_photon_map_are_compared_with_a_full_estimate(measured):
-    q = measured("--estimator", "photon_map")[0]["photon_map"]
+    q = measured("--estimator", "photon_map")[0]["queries"]
     assert 0 < q["stale_share"] < 1 and q["queries"] > 0 and q["us_a_query"] > 0
     assert q["allowed_ms"] == pytest.approx(q["full_estimate_ms"] * q["stale_share"])
 

@@ -13,7 +13,7 @@ from app import __main__ as cli
 from app.measure.chart import measure, pictures, tuned
 from app.measure.chart import run as chart_run
 from app.measure.chart import settings as chart_settings
-from app.measure.chart.figure import STYLES, draw, front
+from app.measure.chart.figure import draw, front, styles
 from app.measure.chart.measure import Walk, errors, flicker, make_walk
 from app.measure.chart.report import REPORT, beside, choice_like
 from app.measure.chart.results import KEY, Results
@@ -60,7 +60,7 @@ def test_a_run_is_measured_once_resumed_and_drawn(small, tmp_path, capsys, monke
     monkeypatch.setattr(chart_run.Run, "_row", lambda self, c, *a: measured.append(c) or row(self, c, *a))
     assert command(out) == 0
     first = table(out)
-    assert {r["curve"] for r in first} == set(STYLES) - {TUNED} and len(measured) == 12 and len(first) == 12 + 2
+    assert {r["curve"] for r in first} == set(styles()) - {TUNED} and len(measured) == 12 and len(first) == 12 + 2
     for r in first:
         assert 0 < float(r["total all"]) < 2 and float(r["frame_ms"]) > 0 and float(r["truth all"]) < 0.2
     said = capsys.readouterr().out
@@ -176,7 +176,7 @@ def test_settings_that_are_given_are_not_varied():
     given = choices(replace(SMALL, radius=0.02, estimator="tangent_plane"), solver, FULL)
     assert {(c.estimator, c.photons) for c in given} == {("tangent_plane", 8192)}
     assert not any(c.control for c in choices(replace(SMALL, control=False), solver, FULL))
-    assert {c.curve for c in every} | {c.curve for c in rival_choices(FULL.paths)} == set(STYLES) - {TUNED}
+    assert {c.curve for c in every} | {c.curve for c in rival_choices(FULL.paths)} == set(styles()) - {TUNED}
 
 
 def test_receivers_without_area_are_not_watched(tmp_path):

@@ -55,7 +55,7 @@ def table(n: dict) -> list[str]:
         ("changed", f"{n['segments_changed']:,.0f} segments, old and new (median)"),
         ("per cut", f"{per_cut:.2f} us per photon that is cut" if per_cut is not None else "no photon was cut"),
         ("control", _concerned(n)),
-        *_stale(n["photon_map"]),
+        *_stale(n["queries"]),
         ("from scratch", f"{n['from_scratch_ms']:.1f} ms, {n['from_scratch_ratio']:.1f} frames"),
         ("first frame", f"{n['first_frame_ms']:.0f} ms, after {n['prepare_ms']:.0f} ms of preparing the scene"),
         ("peak memory", f"{peak:.0f} MB" if peak is not None else "unknown on this platform"),

@@ -11,8 +11,9 @@ from pathlib import Path
 from app.cli.progress import Bar
 from app.cli.writable import check_writable
 from app.measure.bench.row import Failed, run_apart
-from app.measure.bench.rows import ESTIMATORS, PHOTONS, Row
+from app.measure.bench.rows import PHOTONS, Row
 from app.settings import Settings, UsageError
+from gi_core.estimators import ESTIMATORS
 
 COLUMNS = ("date", "commit", "machine", "processor", "load", "case", "frame_ms", "cpu_ms", "first_frame_ms",
            "from_scratch_ms")  # fmt: skip

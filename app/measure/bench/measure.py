@@ -79,7 +79,7 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
         "segments": solver.segments_total,
         "segments_changed": middle["changed"],
         "us_per_cut_photon": middle.get("us per cut"),
-        "photon_map": _queries(solver, middle["stale"], stages_ms),
+        "queries": _queries(solver, middle["stale"], stages_ms),
         "from_scratch_ms": 1e3 * scratch,
         "from_scratch_ratio": 1e3 * scratch / middle["ms"],
         "prepare_ms": 1e3 * (prepared - started),
@@ -114,7 +114,7 @@ def _walk(solver, lap: list[dict], bar: Bar) -> Walked:
             "changed": changes.old_segments + changes.new_segments,
             "in contact": facts.stale,
             "on mobiles": facts.on_mobiles,
-            "stale": getattr(estimate_of(solver), "stale", 0),
+            "stale": estimate_of(solver).stale,
         }
         if changes.photons_cut:
             numbers["us per cut"] = 1e6 * clock / changes.photons_cut
@@ -144,7 +144,7 @@ def _queries(solver, stale: float, stages_ms: dict[str, float]) -> dict | None:
     """
     from gi_core.instruments import lower_bounds
 
-    if not hasattr(lower_bounds.estimate_of(solver), "stale"):
+    if lower_bounds.estimate_of(solver).additive:
         return None
     static = solver.surfaces.receiver_range(0).stop
     queries = stale + len(solver.irradiance) - static

@@ -16,6 +16,8 @@ from app.measure.bench.bounds import best_seconds
 from app.measure.bench.report import DISC_INDEX, ESTIMATORS, RAY_CACHE, SECOND_RADII, TREE_RADII, Times, markdown
 from app.measure.machine import commit, processor
 from app.settings import STEP, Settings, UsageError, make_solver, open_scene
+from gi_core.discs.search.disc_index import DiscIndex
+from gi_core.estimators import CHEAPEST, DEFAULT
 
 GROUND, TREE = ("ground", "skirt"), ("bark", "leaf")  # materials of the scene `tree`
 MORE_RADII = (0.05, 0.07, 0.10)  # beyond the report's: the searches cross there
@@ -49,7 +51,7 @@ def tables(settings: Settings, out: Path) -> str:
 
 
 def _solver(scene: str, settings: Settings, bar: Bar):
-    asked = Settings(scene=scene, photons=20_000, estimator="impact_count", seed=settings.seed, control=False)
+    asked = Settings(scene=scene, photons=20_000, estimator=CHEAPEST, seed=settings.seed, control=False)
     solver = make_solver(open_scene(asked), asked)
     solve(solver, bar)
     return solver
@@ -74,8 +76,8 @@ def _times(solver, photons: int, radii, sets: dict, bar: Bar) -> dict[tuple[str,
                 bar(f"{solver.scene.name}: {search}, radius {radius:g}", k / len(radii))
                 trial = SearchTrial(search, discs)
                 run, few = trial.run(every), trial.run(changed)
-                grids = getattr(trial.search, "grids", None)
-                cells = (grids[0].cell_radii, grids[0].discs_a_cell) if grids else None
+                grid = trial.search.grids[0] if isinstance(trial.search, DiscIndex) else None
+                cells = (grid.cell_radii, grid.discs_a_cell) if grid else None
                 out[name, search, radius] = Times(best_seconds(run), best_seconds(few), len(every.low), run(), cells)
     return out
 
@@ -98,7 +100,7 @@ def _pretests(solver, bar: Bar) -> dict[tuple[str, str], tuple[float, float]]:
 
 def _estimators(solver, bar: Bar) -> dict[str, tuple[float, float, float]]:
     """Return simulation and illumination [ms] per frame and the error [%] of the estimators of table 2.1."""
-    solver.configure(estimator="tangent_plane", radius=0.01 * solver.scene_size, photons=REFERENCE)
+    solver.configure(estimator=DEFAULT, radius=0.01 * solver.scene_size, photons=REFERENCE)
     solve(solver, bar)
     lap = motion.walk(motion.paths_of(solver), STEP * solver.scene_size, FRAMES)
     static = solver.surfaces.receiver_range(0)

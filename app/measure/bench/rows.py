@@ -7,15 +7,14 @@ from dataclasses import asdict, replace
 from typing import NamedTuple
 
 from app.settings import Settings
+from gi_core.estimators import DEFAULT, ESTIMATORS
 
-ESTIMATORS = ("tangent_plane", "impact_count", "photon_map")
 PHOTONS = (10_000, 100_000, 1_000_000)
 LARGE = 10_000_000  # only with --large: minutes and gigabytes
-LARGE_ESTIMATORS = ("tangent_plane", "impact_count")  # photon_map keeps every hit: twice the memory
 TRIANGLES = (72_000, 300_000, 1_000_000)  # the shipped tree has 72,000; surfaces are only cut finer
 GROWTH_PHOTONS = 100_000  # of rows that vary triangles or sides
 NEIGHBOURS = 50
-SLOW, SLOW_STEP = f"{PHOTONS[-1]} photons, tangent_plane, slow drag", 0.003  # of the scene size: 3 mm in a room of 1 m
+SLOW, SLOW_STEP = f"{PHOTONS[-1]} photons, {DEFAULT}, slow drag", 0.003  # of the scene size: 3 mm in a room of 1 m
 
 
 class Row(NamedTuple):
@@ -38,14 +37,14 @@ def rows(settings: Settings, frames: int, large: bool) -> list[Row]:
     base = replace(settings, control=False, neighbours=settings.neighbours or NEIGHBOURS)
     out = []
 
-    def add(key: str, photons: int, estimator: str = "tangent_plane", control: bool = False, **variant) -> None:
+    def add(key: str, photons: int, estimator: str = DEFAULT, control: bool = False, **variant) -> None:
         wanted = replace(base, photons=photons, estimator=estimator, control=control)
         out.append(Row(key, wanted, frames, variant))
 
     for photons in PHOTONS:
         for estimator in ESTIMATORS:
             add(photons_key(photons, estimator), photons, estimator)
-        add(photons_key(photons, "tangent_plane", control=True), photons, control=True)
+        add(photons_key(photons, DEFAULT, control=True), photons, control=True)
     add(SLOW, PHOTONS[-1], step=SLOW_STEP)
     for sides in ("one-sided", "two-sided"):
         add(sides, GROWTH_PHOTONS, two_sided=sides == "two-sided")
@@ -53,8 +52,9 @@ def rows(settings: Settings, frames: int, large: bool) -> list[Row]:
         for radius in ("scaled", "fixed"):
             add(triangles_key(triangles, radius), GROWTH_PHOTONS, triangles=triangles, radius=radius)
     if large:
-        for estimator in LARGE_ESTIMATORS:
-            add(photons_key(LARGE, estimator), LARGE, estimator)
+        for estimator, kind in ESTIMATORS.items():
+            if kind.additive:  # others keep every hit: twice the memory
+                add(photons_key(LARGE, estimator), LARGE, estimator)
     return out
 
 

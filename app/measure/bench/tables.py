@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from app.measure.bench.rows import ESTIMATORS, LARGE, PHOTONS, SLOW, TRIANGLES, photons_key, triangles_key
+from app.measure.bench.rows import LARGE, PHOTONS, SLOW, TRIANGLES, photons_key, triangles_key
 from app.settings import STEP
+from gi_core.estimators import DEFAULT, ESTIMATORS
 
 
 def markdown(sweep: dict) -> str:
@@ -64,14 +65,14 @@ def _growth_with_photons(have: dict) -> str:
     """Frames should grow with the photons cut, plus a scan of all photons, which has its own column."""
     lines = []
     for n, estimator, control in _all_photons(have):
-        if estimator != "tangent_plane" or control:
+        if estimator != DEFAULT or control:
             continue
         r = have[photons_key(n, estimator)]
         scan = sum(ms for name, ms in r["stages_ms"].items() if "scan" in name)
         cut, rest = r["share_cut"] * r["photons"], r["frame_ms"]["median"] - scan
         lines.append([f"{n:,}", f"{cut:,.0f}", _ms(scan), _ms(rest), _number(1e3 * rest / cut if cut else None)])
     head = ["photons", "cut", "scan", "all else", "all else, us per cut photon"]
-    return _section("Growth with photons (tangent_plane)", table(head, lines))
+    return _section(f"Growth with photons ({DEFAULT})", table(head, lines))
 
 
 def _growth_with_triangles(have: dict) -> str:
@@ -109,12 +110,12 @@ def _crossings(r: dict) -> float:
 
 
 def _comparisons(have: dict) -> str:
-    pairs = [(f"impact_count against tangent_plane, {n:,} photons", photons_key(n, "impact_count"),
-              photons_key(n, "tangent_plane")) for n in (*PHOTONS, LARGE)]  # fmt: skip
-    pairs += [(f"artifact control on against off, {n:,} photons", photons_key(n, "tangent_plane", control=True),
-               photons_key(n, "tangent_plane")) for n in PHOTONS]  # fmt: skip
+    pairs = [(f"{other} against {DEFAULT}, {n:,} photons", photons_key(n, other), photons_key(n, DEFAULT))
+             for other in ESTIMATORS if other != DEFAULT for n in (*PHOTONS, LARGE)]  # fmt: skip
+    pairs += [(f"artifact control on against off, {n:,} photons", photons_key(n, DEFAULT, control=True),
+               photons_key(n, DEFAULT)) for n in PHOTONS]  # fmt: skip
     pairs.append((f"a slow drag against {100 * STEP:g} % per frame, {PHOTONS[-1]:,} photons", SLOW,
-                  photons_key(PHOTONS[-1], "tangent_plane")))  # fmt: skip
+                  photons_key(PHOTONS[-1], DEFAULT)))  # fmt: skip
     pairs.append(("everything two-sided against one-sided", "two-sided", "one-sided"))
     lines = []
     for title, a, b in pairs:
@@ -126,34 +127,36 @@ def _comparisons(have: dict) -> str:
 
 def _queries(have: dict) -> str:
     lines = []
-    for n in (*PHOTONS, LARGE):
-        r = have.get(photons_key(n, "photon_map"))
-        if r is None or r["photon_map"] is None:
+    for n, estimator, control in _all_photons(have):
+        r = have[photons_key(n, estimator, control)]
+        q = r["queries"]
+        if q is None:
             continue
-        q = r["photon_map"]
         share = f"{100 * q['stale_share']:.2f} %"
         frame = r["frame_ms"]["median"]
         lines.append([
-            f"{n:,}", _ms(frame), share, f"{q['queries']:,.0f}", _number(q["us_a_query"]), _ms(q["full_estimate_ms"]),
-            _ms(q["allowed_ms"]), _times(frame / q["allowed_ms"] if q["allowed_ms"] else None),
+            estimator, f"{n:,}", _ms(frame), share, f"{q['queries']:,.0f}", _number(q["us_a_query"]),
+            _ms(q["full_estimate_ms"]), _ms(q["allowed_ms"]),
+            _times(frame / q["allowed_ms"] if q["allowed_ms"] else None),
         ])  # fmt: skip
-    head = ["photons", "frame", "stale", "queries", "us per query", "full estimate", "x stale share", "frame / that"]
-    return _section("photon_map", table(head, lines))
+    head = ["estimator", "photons", "frame", "stale", "queries", "us per query", "full estimate", "x stale share",
+            "frame / that"]  # fmt: skip
+    return _section("Receivers estimated again", table(head, lines))
 
 
 def _stages(have: dict) -> str:
     """Return time and bound of each stage at the largest number of photons measured."""
-    counts = [n for n, estimator, control in _all_photons(have) if estimator == "tangent_plane" and not control]
+    counts = [n for n, estimator, control in _all_photons(have) if estimator == DEFAULT and not control]
     if not counts:
         return ""
-    r = have[photons_key(max(counts), "tangent_plane")]
+    r = have[photons_key(max(counts), DEFAULT)]
     lines = []
     for name, ms in r["stages_ms"].items():
         known = r["bounds"]["stages"].get(name, {"bound_ms": None, "ratio": None})
         lines.append([name, _ms(ms), _ms(known["bound_ms"]), _times(known["ratio"])])
     lines.append(["whole frame", _ms(r["frame_ms"]["median"]), _ms(r["bounds"]["frame_bound_ms"]),
                   _times(r["bounds"]["frame_ratio"])])  # fmt: skip
-    title = f"Stages of a frame at {max(counts):,} photons (tangent_plane), and their bounds"
+    title = f"Stages of a frame at {max(counts):,} photons ({DEFAULT}), and their bounds"
     return _section(title, table(["stage", "took", "bound", "ratio"], lines))
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from app.measure.chart.report import REPORT, SCENES
 from app.measure.chart.rival import RIVAL
-from app.measure.chart.settings import TUNED
+from app.measure.chart.settings import DRAGGED, GATHERED, NO_CONTROL, TUNED
 from app.settings import BUDGET, UsageError
+from gi_core.estimators import ESTIMATORS
 
 PANELS = {
     "all": "All receivers",
@@ -18,16 +19,9 @@ PANELS = {
     "border": "At borders and corners",
 }
 # Okabe and Ito's colours, which the colour-blind distinguish; markers repeat the distinction.
-STYLES = {
-    "tangent_plane": ("#0072B2", "o"),
-    "tangent_plane, while dragged": ("#56B4E9", "s"),
-    "tangent_plane, gathered light": ("#7A5195", "P"),
-    "tangent_plane, no control": ("#009E73", "v"),
-    "impact_count": ("#D55E00", "^"),
-    "photon_map": ("#CC79A7", "D"),
-    TUNED: ("#000000", "*"),
-    RIVAL: ("#555555", "X"),
-}
+OWN = (("#0072B2", "o"), ("#CC79A7", "D"), ("#D55E00", "^"), ("#B59F00", "<"), ("#8C510A", ">"))  # per estimator
+VARIANTS = {DRAGGED: ("#56B4E9", "s"), GATHERED: ("#7A5195", "P"), NO_CONTROL: ("#009E73", "v")}
+OTHERS = {TUNED: ("#000000", "*"), RIVAL: ("#555555", "X")}
 RATES = {1000 / 60: "16.7 ms", 40.0: "40 ms"}
 NOTE = {
     "of": "error: sum of area x |E - truth| / sum of area x truth, luminance,\nat {points:,} receivers per pose, "
@@ -38,6 +32,15 @@ NOTE = {
     "picture by tangent_plane, not from the truth.",
 }
 INK, FAINT, BEST = "#222222", "#DDDDDD", "#E6C200"
+
+
+def styles() -> dict[str, tuple[str, str]]:
+    """Return colour and shape of every curve, in the order of the legend."""
+    out = {}
+    for k, name in enumerate(ESTIMATORS):
+        out[name] = OWN[k % len(OWN)]
+        out |= {name + variant: style for variant, style in VARIANTS.items() if ESTIMATORS[name].controlled}
+    return out | OTHERS
 
 
 def need_matplotlib() -> None:
@@ -79,13 +82,13 @@ def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, float], about: dict) -> None:
-    points = {curve: _points(rows, curve, name) for curve in STYLES}
+    points = {curve: _points(rows, curve, name) for curve in styles()}
     every = [p for curve, own in points.items() if curve not in (RIVAL, TUNED) for p in own]
     best = front(every)
     if best:
         axis.plot(*_columns(best), color=BEST, linewidth=8, alpha=0.45, solid_capstyle="round", zorder=1)
     for curve, own in points.items():
-        colour, shape = STYLES[curve]
+        colour, shape = styles()[curve]
         if own and curve == TUNED:
             axis.plot(*_columns(own), shape, color=colour, markersize=15, markeredgecolor="white", zorder=5)
         elif own:
@@ -95,7 +98,7 @@ def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, flo
     if report:
         for then in REPORT:
             y = then.total if then.total is not None else then.noise
-            axis.plot(1e3 * then.seconds, 100 * y, STYLES[then.estimator][1], color=STYLES[then.estimator][0],
+            axis.plot(1e3 * then.seconds, 100 * y, styles()[then.estimator][1], color=styles()[then.estimator][0],
                       markerfacecolor="none", markersize=8, markeredgewidth=1.4, zorder=4)  # fmt: skip
     axis.set(xscale="log", yscale="log", xlim=span, title=title)
     axis.set_xlabel("GI frame, median [ms]")
@@ -112,10 +115,10 @@ def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, flo
 def _legend(axis, rows: list[dict], about: dict) -> None:
     """Draw the legend and the conditions into the last panel."""
     axis.axis("off")
-    there = [curve for curve in STYLES if any(r["curve"] == curve for r in rows)]
+    there = [curve for curve in styles() if any(r["curve"] == curve for r in rows)]
     y = 0.97
     for curve in there:
-        colour, shape = STYLES[curve]
+        colour, shape = styles()[curve]
         axis.plot([0.02, 0.10], [y, y], "-" + shape, color=colour, linewidth=2, markersize=7, transform=axis.transAxes)
         axis.text(0.14, y, _named(curve), color=colour, weight="bold", va="center", transform=axis.transAxes)
         y -= 0.075

@@ -21,6 +21,7 @@ from app.measure.chart.settings import Choice, choices, effort
 from app.measure.chart.tuned import nearness, tuned_choice
 from app.measure.machine import commit, load, processor
 from app.settings import STEP, Settings, make_solver
+from gi_core.estimators import CHEAPEST, DEFAULT
 
 LIMIT_SEED = 1000  # added to the seed: the limit must not share photons with the rows
 FIXED = 60_000  # photons of about the same time as the fixed cost of a row
@@ -35,7 +36,7 @@ class Run:
         self.effort = effort(quick)
         self.frames, self.points = frames or self.effort.frames, points or self.effort.points
         started = time.perf_counter()
-        self.base = make_solver(scene, replace(settings, estimator="impact_count"))
+        self.base = make_solver(scene, replace(settings, estimator=CHEAPEST))
         self._prepare_seconds = time.perf_counter() - started
         self.choices = choices(settings, self.base, self.effort)
         if not quick and settings.estimator is None:
@@ -98,7 +99,7 @@ class Run:
     def measure_tuned(self, walk: measure.Walk) -> None:
         """Measure the choice of `tune` on this scene and machine."""
         most = max(c.traced for c in self.choices)
-        plain = Choice("tangent_plane", most, most, self.base.radius, self.base.neighbours, True, "best", paths=64)
+        plain = Choice(DEFAULT, most, most, self.base.radius, self.base.neighbours, True, "best", paths=64)
         solver, _ = self.solved(plain)
         self.results.add(self._row(tuned_choice(solver, most, self.bar), None, walk))
 
@@ -148,7 +149,7 @@ class Run:
             self._trace(n)
         self.bar("the light of many photons", 0.0)
         s = self.base
-        finest = self._limit(Choice("tangent_plane", 0, 0, s.radius, s.neighbours, self.settings.control, "photons"))
+        finest = self._limit(Choice(DEFAULT, 0, 0, s.radius, s.neighbours, self.settings.control, "photons"))
         seed = self.settings.seed
         found = truth.cases(finest, self.lap, self.truth_frames, self.points, self.effort.truth, seed, self.bar)
         return measure.make_walk(finest, self.lap, found, seed)
@@ -156,7 +157,7 @@ class Run:
     def _limit(self, choice: Choice):
         """Return a solver of the same family with very many photons, other ones."""
         if self._limits is None:
-            settings = replace(self.settings, estimator="impact_count", seed=self.settings.seed + LIMIT_SEED)
+            settings = replace(self.settings, estimator=CHEAPEST, seed=self.settings.seed + LIMIT_SEED)
             self._limits = make_solver(self.scene, replace(settings, photons=self.effort.limit_photons))
             self._limits.solve()
         limit = self._limits.twin()

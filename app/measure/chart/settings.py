@@ -5,8 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from app.settings import Settings
+from gi_core.estimators import DEFAULT, ESTIMATORS
+from gi_core.estimators.setting import Setting
 
 TUNED = "tune's choice"
+DRAGGED, GATHERED, NO_CONTROL = ", while dragged", ", gathered light", ", no control"  # curves of an estimator
 
 
 class Effort(NamedTuple):
@@ -87,11 +90,11 @@ class Choice(NamedTuple):
         if self.tuned:
             return TUNED
         if self.light == "best":
-            return f"{self.estimator}, gathered light"
+            return f"{self.estimator}{GATHERED}"
         if self.traced > self.photons:
-            return f"{self.estimator}, while dragged"
-        if self.estimator == "tangent_plane" and not self.control:
-            return "tangent_plane, no control"
+            return f"{self.estimator}{DRAGGED}"
+        if self.estimator in ESTIMATORS and ESTIMATORS[self.estimator].controlled and not self.control:
+            return f"{self.estimator}{NO_CONTROL}"
         return self.estimator
 
     def summary(self) -> str:
@@ -101,11 +104,9 @@ class Choice(NamedTuple):
             words[0] += f" of {self.traced:,}"
         if self.paths:
             words.append(f"{self.paths} paths per vertex of the mobiles")
-        if self.estimator == "tangent_plane":
-            words.append(f"radius {self.radius:.3g} m")
-        if self.estimator == "photon_map":
-            words.append(f"k {self.neighbours}" + (", as in textbooks" if self.textbook else ""))
-        return ", ".join(words)
+        setting = Setting(self.estimator, self.radius, self.neighbours, textbook=self.textbook)
+        words.append(ESTIMATORS[self.estimator].summary(setting))
+        return ", ".join(filter(None, words))
 
 
 def choices(settings: Settings, solver, effort: Effort) -> list[Choice]:
@@ -120,26 +121,25 @@ def choices(settings: Settings, solver, effort: Effort) -> list[Choice]:
         if settings.neighbours
         else effort.neighbours or (solver.neighbours,)
     )
-    wanted = (settings.estimator,) if settings.estimator else ("tangent_plane", "impact_count", "photon_map")
     most, r, k = counts[-1], solver.radius, solver.neighbours
     out = []
 
-    def add(estimator, radius=r, neighbours=k, control=True) -> None:
+    def add(estimator: str, radius: float = r, neighbours: int = k, control: bool = False) -> None:
         for n in counts:
             out.append(Choice(estimator, n, n, radius, neighbours, control, "photons"))
 
-    if "tangent_plane" in wanted:
-        for share in radii if settings.control else ():
-            add("tangent_plane", radius=_round(share * r))
-            if share == 1.0:  # a drag: frames of a photon subset, static light of all photons
-                out += [Choice("tangent_plane", n, most, r, k, True, "photons") for n in counts[:-1]]
-                out += [Choice("tangent_plane", n, most, r, k, True, "best", paths=p) for n, p in _gathered(counts)]
-        add("tangent_plane", control=False)
-    if "impact_count" in wanted:
-        add("impact_count", control=False)
-    if "photon_map" in wanted:
-        for neighbours in ks:
-            add("photon_map", neighbours=neighbours, control=False)
+    for name in (settings.estimator,) if settings.estimator else ESTIMATORS:
+        kind = ESTIMATORS[name]
+        control = kind.controlled and settings.control
+        values = {"radius": [_round(share * r) for share in radii], "neighbours": list(ks), None: [None]}
+        if control or not kind.controlled:
+            for value in values[kind.smoothing]:
+                add(name, control=control, **({kind.smoothing: value} if kind.smoothing else {}))
+        if control and name == DEFAULT:  # a drag: frames of a photon subset, static light of all photons
+            out += [Choice(name, n, most, r, k, True, "photons") for n in counts[:-1]]
+            out += [Choice(name, n, most, r, k, True, "best", paths=p) for n, p in _gathered(counts)]
+        if kind.controlled:
+            add(name)
     return out
 
 

@@ -1,0 +1,43 @@
+"""The contract of a disc search: which segments cross which discs, and their flux added to the discs' sums."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from gi_core.discs.search.predicate import Discs, Lines
+from gi_core.photons.flux_sums import Sums
+
+
+class Search(Protocol):
+    """A search over the discs of one object, made once and used by every frame.
+
+    All searches accept the same crossings bit for bit: each proposes candidates, `predicate.counts` decides.
+    """
+
+    @property
+    def discs(self) -> Discs:
+        """The discs (n) that it was made from, in the object's space. Read by contact handling and instruments."""
+
+    @property
+    def parts_share_lines(self) -> bool:
+        """Whether a share of the work is some discs with all lines (True), or some lines with all discs (False).
+
+        Where False, the estimator prepares only the lines of the share.
+        """
+
+    def __init__(self, discs: Discs, pretest: str = "none") -> None:
+        """Build over discs; no disc at all is allowed.
+
+        pretest: a key of `PRETESTS`, for the report's tables: it changes the time, not the crossings.
+        """
+
+    def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+        """Add sign x flux of the lines to the sums of the discs that they cross; return the number of crossings.
+
+        lines: (k) segments in the discs' space (`predicate.lines`), zero of them allowed; sign: 1 or -1; sums: int64
+        fixed-point units, one row per disc; part: does this one of `parts` equal shares. Threads call it at the same
+        time, each with its own part and sums. Called by tangent_plane for background and frames.
+        """
+
+    def told(self) -> str:
+        """Return a summary of what was built, which starts with the search's name. Shown by `info` and the panel."""

@@ -1,0 +1,96 @@
+"""The contract of an estimator: irradiance at receivers from the paths of photons.
+
+Order of use: `build()` once; `add_background()` with the next photons and `prepare()`, again and again;
+`wanted()` and `evaluate()` per frame. Sums are fixed-point flux units; irradiance [W/m2] is
+sums x flux unit / (photons x area). R: all receivers, n: those of the static part, which come first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from gi_core.discs.contact.stale_receivers import ControlFacts
+from gi_core.discs.search import Search
+from gi_core.estimators.setting import Setting
+from gi_core.model import Model
+from gi_core.photons.flux_sums import Evaluated
+from gi_core.photons.paths import Segments
+from gi_core.photons.prefixes import SubsetStore
+from gi_core.rays.accelerator import Transforms
+from gi_core.retrace.cuts import PoseChange, Wanted
+
+
+class Estimator(Protocol):
+    """An estimate of the light of the photons added so far, under one setting."""
+
+    # Facts that are read from the class, before one is made.
+    about: ClassVar[str]  # one sentence: the tooltip of the panel's combo
+    additive: ClassVar[bool]  # sums of parts are sums of the whole: preparing costs next to nothing
+    controlled: ClassVar[bool]  # the setting `control` (artifact control) has an effect
+    on_faces: ClassVar[bool]  # light is counted by faces: a probe takes that of the face beneath it
+    smoothing: ClassVar[str | None]  # the field of Setting that trades noise for bias, "radius" or "neighbours"
+    compile_seconds: ClassVar[int]  # of one core, for its kernels: the share of the bar while they compile
+
+    # Facts about the photons added and about the last frame.
+    photons: int  # photons that the last prepare() covered; 0 before
+    prefixes: SubsetStore  # by number of photons: the prefixes that evaluate() and background() know
+    control_facts: ControlFacts  # receivers that corrections concern; zeros where there are none
+    stale: int  # static receivers whose sums the last frame computed afresh; 0 where it only added and subtracted
+    searches: list[Search]  # over the discs of each object, static part first; empty without discs or before build()
+
+    @property
+    def bytes_a_hit(self) -> int:
+        """Bytes kept per path vertex, beside the paths; 0: none. The solver bounds photons by free memory with it."""
+
+    def __init__(self, model: Model, setting: Setting) -> None:
+        """Hold a scene and a setting; work that takes long belongs into build()."""
+
+    @staticmethod
+    def summary(setting: Setting) -> str:
+        """Return the values of a setting that its light depends on, in words; "" for none. Shown by tune and chart."""
+
+    def build(self) -> Iterator[None]:
+        """Build what does not depend on photons, in steps of a few ms: the window stays live meanwhile.
+
+        An estimator with nothing to build returns `iter(())`.
+        """
+
+    def add_background(self, segments: Segments, thread: int) -> None:
+        """Add segments (k) of the next photons, traced through the static part alone.
+
+        Several threads call it at the same time, each with its own number; in any order of the photons.
+        """
+
+    def prepare(self, photons: int) -> Iterator[None]:
+        """Estimate static receivers from all that was added, the first `photons`, in steps of a few ms.
+
+        The estimate is kept in `prefixes`, known once the steps have run through. Where sums are additive there are
+        no steps: `iter(())`.
+        """
+
+    def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return sums (n, 3) int64 and area (n,) float64 [m2] of static receivers, without mobiles, of a prefix.
+
+        Neither is changed later. An area of 0 means that the receiver can see no light.
+        """
+
+    def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
+        """Return which current segments evaluate() needs at these poses, besides those that change.
+
+        mobiles: whether receivers on mobiles are estimated; False where they are path traced.
+        """
+
+    def evaluate(self, frame: PoseChange) -> Evaluated:
+        """Return sums (R, 3), areas (R,) and what changed at the frame's poses, from the prefix `frame.photons`.
+
+        Valid until the next call. Where it raises, the next call is as if this one had not been made.
+        """
+
+    def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
+        """Return what evaluate() must equal bit for bit, from all current segments, whole photons per part.
+
+        Called by tests and by `bench`, which compare; it uses nothing that was added.
+        """

@@ -1,0 +1,163 @@
+"""A new estimator is one class and one entry of the registry: solver, command line, chart and window then have it."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import pytest
+
+from app import __main__ as cli
+from app.measure.bench import rows as bench_rows
+from app.measure.chart import pictures
+from app.measure.chart import settings as chart_settings
+from app.rest.tuning import candidates
+from app.settings import Settings, make_solver, open_scene
+from gi_core.discs.contact.stale_receivers import ControlFacts
+from gi_core.discs.search import Search
+from gi_core.estimators import CHEAPEST, ESTIMATORS, Estimator
+from gi_core.estimators.setting import Setting
+from gi_core.model import Model
+from gi_core.photons.flux_sums import NOT_ADDITIVE, Evaluated
+from gi_core.photons.paths import Segments
+from gi_core.photons.prefixes import SubsetStore
+from gi_core.rays.accelerator import Transforms
+from gi_core.retrace.cuts import PoseChange, Wanted
+from tests.support.viewer_hand import errors, keys
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+
+SCENE = ["cornell", "--max-edge", "0.2", "--estimator", "toy"]
+
+
+class Toy:
+    """The flux of the hits on each receiver's faces, added up by numpy alone."""
+
+    about = "Hits by face."
+    additive, controlled, on_faces = True, False, True
+    smoothing = None
+    compile_seconds = 0
+    bytes_a_hit = 0
+    stale = 0
+
+    def __init__(self, model: Model, setting: Setting):
+        self.model, self.area = model, 3 * model.object_receivers.areas
+        self.photons, self.prefixes = 0, SubsetStore()
+        self.control_facts = ControlFacts(0.0, 0, 0)
+        self.searches: list[Search] = []
+        self._parts = [self._sums_of()]
+
+    @staticmethod
+    def summary(setting: Setting) -> str:
+        return ""
+
+    def build(self) -> Iterator[None]:
+        return iter(())
+
+    def add_background(self, segments: Segments, thread: int) -> None:
+        self._parts.append(self._sums_of(segments))
+
+    def prepare(self, photons: int) -> Iterator[None]:
+        self._parts = [sum(self._parts)]
+        self.prefixes[photons] = self._parts[0][self.model.surfaces.receiver_range(0)]
+        self.photons = photons
+        return iter(())
+
+    def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
+        return self.prefixes[photons], self.area[self.model.surfaces.receiver_range(0)]
+
+    def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
+        return Wanted.changes(self.model, mobiles)
+
+    def evaluate(self, frame: PoseChange) -> Evaluated:
+        sums = self._sums_of(frame.kept_prefixes, frame.new_suffixes) - self._sums_of(frame.removed_suffixes.segments())
+        sums[self.model.surfaces.receiver_range(0)] += self.prefixes[frame.photons]
+        return self._read(sums)
+
+    def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
+        return self._read(self._sums_of(*parts))
+
+    def _read(self, sums: np.ndarray) -> Evaluated:
+        return Evaluated.of_all(sums, self.area, np.full(len(sums), NOT_ADDITIVE), 0.0)
+
+    def _sums_of(self, *parts: Segments) -> np.ndarray:
+        sums, s = np.zeros((len(self.area), 3), np.int64), self.model.surfaces
+        for segments in parts:
+            hit = np.flatnonzero(segments.hit_side >= 0)
+            face, back = segments.hit_side[hit] >> 1, segments.hit_side[hit] & 1 == 1
+            corners = np.where(back[:, None], s.corner_back[face], s.corner_front[face])
+            segment, corner = np.nonzero(corners >= 0)
+            np.add.at(sums, corners[segment, corner], segments.flux[hit[segment]])
+        return sums
+
+
+@pytest.fixture(autouse=True)
+def registered(monkeypatch) -> type[Estimator]:
+    monkeypatch.setitem(ESTIMATORS, "toy", Toy)
+    return Toy
+
+
+def test_a_frame_equals_from_scratch_and_the_shipped_estimator_of_the_same_light():
+    settings = Settings("cornell", max_edge=0.2, photons=5000, estimator="toy")
+    solver = make_solver(open_scene(settings), settings)
+    solver.solve()
+    (name, pose), *_ = solver.poses.items()
+    solver.move(name, pose._replace(position=tuple(np.add(pose.position, (0.1, 0.0, 0.05)))))
+    lit = solver.irradiance
+    assert solver.changes.photons_cut and lit.any() and np.array_equal(lit, solver.from_scratch())
+    solver.configure(estimator=CHEAPEST)
+    solver.solve()
+    np.testing.assert_allclose(lit, solver.irradiance, rtol=1e-12)
+
+
+def test_info_render_and_bench_take_it(tmp_path, capsys):
+    assert cli.main(["info", *SCENE]) == 0
+    assert "toy: as asked" in capsys.readouterr().out
+    few = ["--photons", "2000"]
+    assert cli.main(["render", *SCENE, *few, "--size", "48x32", "--out", str(tmp_path / "toy.png")]) == 0
+    assert cli.main(["bench", *SCENE, *few, "--frames", "2"]) == 0
+    said = capsys.readouterr().out
+    assert "toy" in said and "same bits     yes" in said
+    assert cli.main(["info", "cornell", "--estimator", "tay"]) == 2
+    assert "toy" in capsys.readouterr().err
+
+
+def test_sweep_and_tune_try_it():
+    solver = make_solver(open_scene(settings := Settings("cornell", max_edge=0.2, photons=100)), settings)
+    assert {"estimator": "toy"} in candidates(solver)
+    every = {row.settings.estimator for row in bench_rows.rows(settings, 1, large=True)}
+    assert every == set(ESTIMATORS)
+
+
+def test_the_chart_draws_its_curve(tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib")
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "reference"))
+    less = chart_settings.QUICK._replace(photons=(4096,), limit_photons=32_768, truth=0.1, picture_truth=0.3)
+    monkeypatch.setattr(chart_settings, "QUICK", less)
+    monkeypatch.setattr(pictures, "SIZE", (60, 40))
+    out = tmp_path / "chart"
+    assert cli.main(["chart", *SCENE, "--quick", "--frames", "2", "--points", "60", "--out", str(out)]) == 0
+    with open(out / "results.csv", newline="") as file:
+        assert "toy" in {row["curve"] for row in csv.DictReader(file)}
+    assert "toy" in (out / "chart.svg").read_text()
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_the_window_has_it_in_the_combo_and_under_a_key(play):
+    def script(hand, viewer):
+        session, number = viewer.session, list(ESTIMATORS).index("toy")
+        hand.wait_for_light()
+        hand.ctx.set_ref("Panel")
+        hand.ctx.combo_click("##Estimator/Toy")
+        hand.wait_for_light()
+        assert session.solver.estimator == session.settings.estimator == "toy"
+        hand.press(keys()._1)
+        hand.wait_for_light()
+        assert session.solver.estimator == list(ESTIMATORS)[0]
+        hand.press((keys()._1, keys()._2, keys()._3, keys()._4)[number])
+        hand.wait_for_light()
+        assert session.solver.estimator == "toy" and session.irradiance.any()
+
+    assert errors(play(script)) == []
