@@ -8,7 +8,7 @@ sums x flux unit / (photons x area). R: all receivers, n: those of the static pa
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -27,12 +27,12 @@ class Estimator(Protocol):
     """An estimate of the light of the photons added so far, under one setting."""
 
     # Facts that are read from the class, before one is made.
-    about: ClassVar[str]  # one sentence: the tooltip of the panel's combo
-    additive: ClassVar[bool]  # sums of parts are sums of the whole: preparing costs next to nothing
-    controlled: ClassVar[bool]  # the setting `control` (artifact control) has an effect
-    on_faces: ClassVar[bool]  # light is counted by faces: a probe takes that of the face beneath it
-    smoothing: ClassVar[str | None]  # the field of Setting that trades noise for bias, "radius" or "neighbours"
-    compile_seconds: ClassVar[int]  # of one core, for its kernels: the share of the bar while they compile
+    about: str  # one sentence: the tooltip of the panel's combo
+    additive: bool  # sums of parts are sums of the whole: preparing costs next to nothing
+    controlled: bool  # the setting `control` (artifact control) has an effect
+    on_faces: bool  # light is counted by faces: a probe takes that of the face beneath it
+    smoothing: str | None  # the field of Setting that trades noise for bias, "radius" or "neighbours"
+    compile_seconds: int  # of one core, for its kernels: the share of the bar while they compile
 
     # Facts about the photons added and about the last frame.
     photons: int  # photons that the last prepare() covered; 0 before

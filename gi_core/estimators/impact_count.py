@@ -50,7 +50,7 @@ class ImpactCount:
 
     about = "Impact Count (Patanaik and Mudur 1992): the flux of the photons that hit a face, over the face's area."
     additive, controlled, on_faces = True, False, True
-    smoothing = None
+    smoothing: str | None = None
     compile_seconds = 1
     bytes_a_hit = 0
     stale = 0

@@ -57,7 +57,7 @@ class PhotonMap:
 
     about = "Photon Maps (Jensen 2001): the k nearest hits, no farther than the radius."
     additive, controlled, on_faces = False, False, False
-    smoothing = "neighbours"
+    smoothing: str | None = "neighbours"
     compile_seconds = 5
     bytes_a_hit = 96  # a hit is kept as it was added, and sorted
 

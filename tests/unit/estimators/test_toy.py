@@ -36,7 +36,7 @@ class Toy:
 
     about = "Hits by face."
     additive, controlled, on_faces = True, False, True
-    smoothing = None
+    smoothing: str | None = None
     compile_seconds = 0
     bytes_a_hit = 0
     stale = 0
