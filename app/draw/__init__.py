@@ -1,1 +1,1 @@
-"""Light becomes pixels: vertex colours, OpenGL, ray casting, tone map, camera, paths of mobiles."""
+"""Drawing: vertex colours, OpenGL, ray casting, tone map, camera, paths of mobiles."""

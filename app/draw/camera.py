@@ -1,6 +1,6 @@
-"""A turntable camera: it looks at a pivot from a yaw, a pitch and a distance, and never rolls.
+"""A turntable camera: pivot, distance, yaw and pitch, no roll.
 
-Every operation returns a new camera, so an animation is two cameras and a number between 0 and 1.
+Every operation returns a new camera; an animation blends two cameras.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ import numpy as np
 from gi_core.scene import Camera, Pose
 from gi_core.scene.pose import rotation, to_world
 
-STEEPEST = np.radians(89.0)  # at 90 the side-ways direction has no answer
-ORBIT_SPEED = np.radians(180.0)  # of a drag across the picture's height
-DOLLY_STEP = 0.88  # what one notch of the wheel leaves of the distance
-NEAREST, FARTHEST = 0.01, 30.0  # of the scene's radius: the range of distances
+MAX_PITCH = np.radians(89.0)  # at 90 degrees the yaw is undefined
+ORBIT_SPEED = np.radians(180.0)  # per picture height
+DOLLY_STEP = 0.88  # factor of the distance per notch of the wheel
+MIN_DISTANCE, MAX_DISTANCE = 0.01, 30.0  # of the scene's radius
 NEAR_SHARE = 1e-3  # of the far plane: 24 bits of depth then resolve 1e-4 of the scene
 DEFAULT_VIEW = (np.radians(30.0), np.radians(22.0))  # yaw, pitch of a scene without a camera
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """A box around the scene."""
+    """An axis-aligned box [m]."""
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
@@ -38,7 +38,7 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Turntable:
-    """Where the camera is; lengths in metres, angles in radians."""
+    """A camera; lengths in metres, angles in radians."""
 
     pivot: tuple[float, float, float]
     distance: float
@@ -71,7 +71,7 @@ class Turntable:
         return M
 
     def projection(self, aspect: float) -> np.ndarray:
-        """Return the (4, 4) float64 eye-to-clip matrix; the planes hug the scene's bounds."""
+        """Return the (4, 4) float64 eye-to-clip matrix; near and far plane enclose the scene's bounds."""
         far = float(np.linalg.norm(self.eye() - self.bounds.centre)) + 1.05 * self.bounds.radius
         near = max(far - 2.1 * self.bounds.radius, far * NEAR_SHARE)
         t = np.tan(self.fov / 2)
@@ -89,42 +89,42 @@ class Turntable:
         return self.eye(), d / np.linalg.norm(d)
 
     def project(self, point, aspect: float) -> tuple[float, float] | None:
-        """Return where a point appears in the picture, None behind the eye."""
+        """Return the picture position (u, v) of a point, None behind the eye."""
         x, y, _, w = self.projection(aspect) @ self.view() @ [*point, 1.0]
         return ((x / w + 1) / 2, (1 - y / w) / 2) if w > 0 else None
 
     # Motions ----------------------------------------------------------------------------------------
 
     def orbit(self, dx: float, dy: float) -> Turntable:
-        """Turn by a drag, in picture heights; the scene follows the hand."""
-        pitch = float(np.clip(self.pitch + dy * ORBIT_SPEED, -STEEPEST, STEEPEST))
+        """Turn by a drag, in picture heights; the scene follows the cursor."""
+        pitch = float(np.clip(self.pitch + dy * ORBIT_SPEED, -MAX_PITCH, MAX_PITCH))
         return replace(self, yaw=self.yaw - dx * ORBIT_SPEED, pitch=pitch)
 
     def pan(self, dx: float, dy: float) -> Turntable:
-        """Shift by a drag, in picture heights; what lies at the pivot's depth stays under the hand."""
+        """Shift by a drag, in picture heights; points at the pivot's depth stay under the cursor."""
         right, upward, _ = self.basis()
         height = 2 * self.distance * np.tan(self.fov / 2)
         pivot = np.array(self.pivot) + height * (dy * upward - dx * right)
         away = pivot - self.bounds.centre
         length = float(np.linalg.norm(away))
-        if length > 3 * self.bounds.radius:  # nobody finds back from farther
+        if length > 3 * self.bounds.radius:  # limit: the scene stays findable
             pivot = self.bounds.centre + away * (3 * self.bounds.radius / length)
         return replace(self, pivot=tuple(pivot))
 
     def dolly(self, notches: float) -> Turntable:
-        """Go nearer by notches of the wheel."""
+        """Approach the pivot by notches of the wheel."""
         r = self.bounds.radius
         distance = self.distance * DOLLY_STEP ** float(np.clip(notches, -100, 100))
-        return replace(self, distance=float(np.clip(distance, NEAREST * r, FARTHEST * r)))
+        return replace(self, distance=float(np.clip(distance, MIN_DISTANCE * r, MAX_DISTANCE * r)))
 
     def centred(self, point) -> Turntable:
-        """Make a point the pivot: it comes to the middle at the depth that it has, seen from the same side."""
+        """Make a point the pivot, at its present depth; the view direction stays."""
         depth = float((np.asarray(point, np.float64) - self.eye()) @ self.basis()[2])
-        near = NEAREST * self.bounds.radius
+        near = MIN_DISTANCE * self.bounds.radius
         return replace(self, pivot=tuple(map(float, point)), distance=max(depth, near))
 
     def towards(self, other: Turntable, t: float) -> Turntable:
-        """Return the camera a share t in [0, 1] of the way to another, slow at both ends, by the shorter turn."""
+        """Return the blend with another camera at t in [0, 1], eased at both ends, by the shorter turn."""
         t = float(np.clip(t, 0, 1))
         s = t * t * (3 - 2 * t)
         turn = (other.yaw - self.yaw + np.pi) % (2 * np.pi) - np.pi
@@ -139,7 +139,7 @@ class Turntable:
         )
 
     def as_camera(self) -> Camera:
-        """Return the same view as a scene's camera."""
+        """Return the same view as a camera record."""
         return Camera(tuple(map(float, self.eye())), tuple(map(float, self.pivot)), float(np.degrees(self.fov)))
 
 
@@ -147,7 +147,7 @@ def frame_of(up) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return unit vectors east, north, up, right-handed; yaw 0 is east."""
     up = np.asarray(up, np.float64)
     up = up / np.linalg.norm(up)
-    # Start from the axis that `up` leans on least; for up = y that makes east = x or z, whichever is first.
+    # East starts from the axis least parallel to `up`.
     axis = np.eye(3)[int(np.argmin(np.abs(up)))]
     east = axis - (axis @ up) * up
     east = east / np.linalg.norm(east)
@@ -155,9 +155,10 @@ def frame_of(up) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def from_camera(camera: Camera | None, up, bounds: Bounds, lit: Bounds | None = None) -> Turntable:
-    """Return the turntable that shows what a scene's camera shows.
+    """Return the turntable with the view of a scene's camera.
 
-    Without one: what light reaches (`lit`, else all) from above a corner; a ground slab may be far larger.
+    Without a camera it frames the box that light reaches (`lit`, default all) from above a corner; a ground slab may
+    be far larger than that box.
     """
     if camera is None:
         lit = lit or bounds
@@ -171,7 +172,7 @@ def from_camera(camera: Camera | None, up, bounds: Bounds, lit: Bounds | None = 
     if distance == 0:
         return from_camera(None, up, bounds, lit)
     back = back / distance
-    pitch = float(np.clip(np.arcsin(np.clip(back @ upward, -1, 1)), -STEEPEST, STEEPEST))
+    pitch = float(np.clip(np.arcsin(np.clip(back @ upward, -1, 1)), -MAX_PITCH, MAX_PITCH))
     flat = abs(back @ upward) > 1 - 1e-9
     yaw = 0.0 if flat else float(np.arctan2(back @ north, back @ east))
     return Turntable(
@@ -186,7 +187,7 @@ def from_camera(camera: Camera | None, up, bounds: Bounds, lit: Bounds | None = 
 
 
 def scene_bounds(solver, poses) -> Bounds:
-    """Return the box round everything, mobiles at their poses."""
+    """Return the box around all vertices, mobiles at their poses."""
     surfaces = solver.surfaces
     points = [surfaces.vertices[0]]
     for mobile, vertices in zip(solver.scene.mobiles, surfaces.vertices[1:], strict=True):

@@ -1,7 +1,7 @@
-"""A colour map for values with a sign: blue below zero, light grey at zero, red above.
+"""A diverging colour map: blue below zero, light grey at zero, red above.
 
-Each arm is a straight line in Oklab (Ottosson 2020), where equal distances look equally different; both ends are
-equally dark, so that neither sign looks worse than the other, and blue and red are told apart by the colour blind.
+Each arm is a straight line in Oklab (Ottosson 2020), a perceptually uniform space. Both ends are equally dark, so
+neither sign looks worse; colour-blind readers can distinguish blue and red.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 ZERO = (0.93, 0.0, 0.0)  # Oklab L, a, b
 BELOW = (0.44, -0.028, -0.165)  # at -1
 ABOVE = (0.44, 0.155, 0.075)  # at +1
-UNKNOWN = (0.24, 0.245, 0.255)  # display colour where there is no value; darker than any on the map
+UNKNOWN = (0.24, 0.245, 0.255)  # display colour of nan, darker than the map
 
 _CUBE_ROOTS = np.array(
     [[1, 0.3963377774, 0.2158037573], [1, -0.1055613458, -0.0638541728], [1, -0.0894841775, -1.2914855480]]

@@ -1,4 +1,4 @@
-"""One object on the graphics card: its buffers, and what of it is drawn at once."""
+"""GL buffers and vertex arrays of one object, and its draw calls."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from gi_core.scene.types import Texture
 
 
-class Run(NamedTuple):
-    """Indices that are drawn at once."""
+class DrawCall(NamedTuple):
+    """A range of indices with one texture and one culling rule."""
 
     first: int
     count: int
@@ -25,7 +25,7 @@ class Run(NamedTuple):
 
 
 class Layer(NamedTuple):
-    """One set of colours of an object, and what draws them."""
+    """One set of vertex colours of an object, and the vertex arrays that use it."""
 
     colours: object  # buffer: radiance and weight of front and back
     lit: object  # vertex array without textures
@@ -34,18 +34,18 @@ class Layer(NamedTuple):
 
 
 class DrawnObject:
-    """Buffers of one object. Two-sided faces come last, so that culling can leave them out.
+    """Buffers of one object. One-sided faces come first, so that culling covers one range.
 
-    There may be a second layer of colours beside the first: what is drawn right of a wipe's line.
+    A second layer of colours is the right side of a wipe.
     """
 
     def __init__(self, ctx, surface, textured, cut_out, mask, mesh: DrawMesh) -> None:
         self.ctx = ctx
         self._programs = surface, textured, cut_out
         self._one_sided = mesh.back < 0
-        order, self._runs = _runs(mesh)
+        order, self._calls = _draw_calls(mesh)
         self.indices = 3 * len(order)
-        self._one_sided_indices = sum(r.count for r in self._runs if r.one_sided)
+        self._one_sided_indices = sum(call.count for call in self._calls if call.one_sided)
         self._colours = np.ones((len(mesh.positions), 8), np.float32)
         self._corners = np.zeros((0, 3))  # of its box, object space
         if len(mesh.positions):
@@ -60,7 +60,7 @@ class DrawnObject:
         if mesh.uv is not None:
             self._places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
             self._owned.append(self._places)
-        self.has_holes = any(run.texture is not None and run.texture.cover is not None for run in self._runs)
+        self.has_holes = any(call.texture is not None and call.texture.cover is not None for call in self._calls)
         self._layers: dict[int, Layer] = {}
         self._layer(0)
 
@@ -69,7 +69,7 @@ class DrawnObject:
         return self._places is not None
 
     def _layer(self, k: int) -> Layer:
-        """Return a layer, made where there is none yet."""
+        """Return a layer, creating it at first use."""
         if k not in self._layers:
             surface, textured, cut_out = self._programs
             colours = self.ctx.buffer(bytes(max(self._colours.nbytes, 32)), dynamic=True)
@@ -93,22 +93,22 @@ class DrawnObject:
             self._layer(layer).colours.write(self._colours)
 
     def draw(self, cull: bool, layer: int = 0) -> None:
-        """Draw everything in its vertex colours."""
+        """Draw all triangles in vertex colours."""
         split, lit = self._one_sided_indices if cull else 0, self._layer(layer).lit
         self._part(lit, 0, split, True)
         self._part(lit, split, self.indices - split, False)
 
     def draw_textured(self, textures: GLTextures, cull: bool, layer: int = 0) -> None:
-        """Draw run after run, each with its texture."""
+        """Draw all calls, each with its texture."""
         of = self._layer(layer)
-        for run in self._runs:
+        for call in self._calls:
             vertices = of.lit
-            if run.texture is not None:
-                vertices = of.textured if run.texture.cover is None else of.cut_out
-                textures.of(run.texture).use(0)
-                vertices.program["mirrored"] = tuple(float(way == "mirror") for way in run.texture.wrap)
-                vertices.program["emission"] = run.emission
-            self._part(vertices, run.first, run.count, cull and run.one_sided)
+            if call.texture is not None:
+                vertices = of.textured if call.texture.cover is None else of.cut_out
+                textures.of(call.texture).use(0)
+                vertices.program["mirrored"] = tuple(float(way == "mirror") for way in call.texture.wrap)
+                vertices.program["emission"] = call.emission
+            self._part(vertices, call.first, call.count, cull and call.one_sided)
 
     def mark(self) -> None:
         self._part(self._marked, 0, self.indices, False)
@@ -123,7 +123,7 @@ class DrawnObject:
         vertices.render(moderngl.TRIANGLES, vertices=count, first=first)
 
     def rectangle(self, to_clip: np.ndarray, size: tuple[int, int], margin: float) -> tuple[int, int, int, int]:
-        """Return (x, y, width, height) in pixels that hold the object; everything where it reaches behind the eye."""
+        """Return the object's pixel rectangle (x, y, width, height); the whole picture if it reaches behind the eye."""
         corners = np.c_[self._corners, np.ones(len(self._corners))] @ to_clip.T
         w, h = size
         if not len(corners) or corners[:, 3].min() <= 1e-6 * np.abs(corners).max():
@@ -138,8 +138,8 @@ class DrawnObject:
             thing.release()
 
 
-def _runs(mesh: DrawMesh) -> tuple[np.ndarray, list[Run]]:
-    """Return an order of the triangles, and what to draw of them at once: by side, texture, and emission under it."""
+def _draw_calls(mesh: DrawMesh) -> tuple[np.ndarray, list[DrawCall]]:
+    """Return an order of the triangles (F,) and its draw calls, by side, texture and emission."""
     corner = mesh.triangles[:, 0]
     kind = (mesh.back[corner] >= 0).astype(np.int64)
     if mesh.texture is not None:
@@ -148,10 +148,10 @@ def _runs(mesh: DrawMesh) -> tuple[np.ndarray, list[Run]]:
         textures = len(mesh.textures) + 1
         kind = (kind * textures + mesh.texture[corner] + 1) * (np.max(glow) + 1) + glow
     _, ones, counts = np.unique(kind, return_index=True, return_counts=True)
-    runs, first = [], 0
+    calls, first = [], 0
     for one, count in zip(ones, counts, strict=True):
         v = corner[one]
         texture = None if mesh.texture is None or mesh.texture[v] < 0 else mesh.textures[mesh.texture[v]]
-        runs.append(Run(first, 3 * int(count), bool(mesh.back[v] < 0), texture, tuple(mesh.emission[v])))
+        calls.append(DrawCall(first, 3 * int(count), bool(mesh.back[v] < 0), texture, tuple(mesh.emission[v])))
         first += 3 * int(count)
-    return np.argsort(kind, kind="stable"), runs
+    return np.argsort(kind, kind="stable"), calls

@@ -1,4 +1,4 @@
-"""Textures on the graphics card: each image once, however many objects wear it."""
+"""GL textures: each image is uploaded once for all objects."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from gi_core.scene.types import Texture
 
 SRGB8, SRGB8_ALPHA8 = 0x8C41, 0x8C43  # decoded to linear by the sampler, before filtering
 ANISOTROPY = 8.0  # samples at a grazing angle, as in `gi_core.geometry.texture_filter`
-# Drivers that draw on the processor: there it takes half as long again, and Mesa's blurs what is near.
-PLAIN = ("llvmpipe", "softpipe", "swiftshader", "software")
+# Software drivers: anisotropic filtering takes 1.5 times as long there, and Mesa's blurs near surfaces.
+SOFTWARE_DRIVERS = ("llvmpipe", "softpipe", "swiftshader", "software")
 
 
 class GLTextures:
-    """Uploads textures and gives them back."""
+    """Uploaded textures by image."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx
         self._loaded: dict[Texture, moderngl.Texture] = {}
         self._largest = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
-        plain = any(name in ctx.info["GL_RENDERER"].lower() for name in PLAIN)
+        plain = any(name in ctx.info["GL_RENDERER"].lower() for name in SOFTWARE_DRIVERS)
         self._anisotropy = 1.0 if plain else min(ANISOTROPY, ctx.max_anisotropy)
 
     def keep(self, textures: Iterable[Texture]) -> None:
-        """Have exactly these on the card."""
+        """Upload missing textures and release all others."""
         wanted = dict.fromkeys(textures)
         for gone in [t for t in self._loaded if t not in wanted]:
             self._loaded.pop(gone).release()
@@ -45,7 +45,7 @@ class GLTextures:
         h, w = pixels.shape[:2]
         stored = SRGB8
         if texture.cover is not None:
-            step = -(-texture.cover.shape[0] // h)  # of a copy each texel takes one of those it stands for
+            step = -(-texture.cover.shape[0] // h)  # nearest texel of a reduced copy
             cover = texture.cover[::step, ::step][:h, :w, None]
             pixels, stored = np.concatenate([pixels, cover], axis=2), SRGB8_ALPHA8
         data = np.ascontiguousarray(pixels)

@@ -1,7 +1,7 @@
-"""The exposure that suits the view, from the light on the receivers in it.
+"""Light meter: exposure of a view, from the radiance of the receivers in it.
 
-The first picture is noisy, and the median of noisy values is too low: it would make every scene too bright.
-So the radiance is averaged over patches first.
+The first picture is noisy, and the median of noisy values is too low. Patch means replace single values, otherwise
+every scene would come out too bright.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from app.draw.vertex_colours import mean_radiance
 if TYPE_CHECKING:
     from app.session.session import Session
 
-PATCH = 0.1  # of the scene size
+PATCH_SIZE = 0.1  # of the scene size
 
 
 def metered(session: Session, camera: Turntable) -> float:
-    """Return the exposure [EV] that puts the median radiance in view at mid-grey; nothing in view: of all surfaces."""
+    """Return the exposure [EV] that maps the median radiance in view, else of all surfaces, to mid-grey."""
     solver = session.solver
     receivers = solver.receivers
     radiance = np.zeros_like(receivers.positions)
@@ -40,11 +40,11 @@ def metered(session: Session, camera: Turntable) -> float:
         receivers.positions, receivers.normals, areas, eye.position, eye.target, eye.vertical_fov_degrees
     )
     weights = weights if weights.sum() > 0 else areas
-    return meter(*_patches(receivers.positions, receivers.normals, radiance, weights, PATCH * solver.scene_size))
+    return meter(*_patches(receivers.positions, receivers.normals, radiance, weights, PATCH_SIZE * solver.scene_size))
 
 
 def _patches(positions, normals, radiance, weights, size) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean radiance (n, 3) and weight (n,) of cells of a grid, each facing one of six ways."""
+    """Return mean radiance (n, 3) and weight (n,) per grid cell and axis direction of the normal."""
     seen = weights > 0
     w = weights[seen]
     if not len(w):

@@ -1,4 +1,4 @@
-"""Where the mobiles are in frame i: along their paths, at a constant step or spread over the whole path."""
+"""Poses of mobiles per frame: along their paths, at a constant step or spread over the whole path."""
 
 from __future__ import annotations
 
@@ -12,26 +12,28 @@ from gi_core.scene.pose import pose_at, rotation
 if TYPE_CHECKING:
     from gi_core.solver import Solver
 
-CIRCLE = 0.25  # of the scene size: radius of the circle that a mobile without a path goes round
-CORNERS = 64  # of that circle
-STEPS_PER_INTERVAL = 32  # a key-frame interval: how finely a path's length is measured
+CIRCLE_RADIUS = 0.25  # of the scene size: path of a mobile without one
+CIRCLE_CORNERS = 64
+LENGTH_SAMPLES = 32  # of a path's length, per key-frame interval
 
 
 def paths_of(solver: Solver) -> dict[str, KeyFrames]:
-    """Return the path of each mobile that moves: those of the scene, else a circle for the first mobile.
+    """Return the paths of the scene's mobiles, else a circle for the first mobile.
 
-    The circle goes round the middle of the box that holds the central 98 % of the light's hits.
+    The circle's centre is that of the box of the central 98 % of photon hits.
     """
     scene, chosen = solver.scene, solver.chosen
     paths = {m.name: m.path for m in scene.mobiles if m.path is not None}
     if paths or not scene.mobiles:
         return paths
     mobile = scene.mobiles[0]
-    return {mobile.name: _circle(mobile.pose, (chosen.low + chosen.high) / 2, scene.up, CIRCLE * solver.scene_size)}
+    return {
+        mobile.name: _circle(mobile.pose, (chosen.low + chosen.high) / 2, scene.up, CIRCLE_RADIUS * solver.scene_size)
+    }
 
 
 def spread(paths: dict[str, KeyFrames], frames: int) -> list[dict[str, Pose]]:
-    """Return the poses of each of `frames` pictures spread evenly over the time of the longest path."""
+    """Return the poses of `frames` frames, evenly spaced over the time of the longest path."""
     if not paths:
         return [{} for _ in range(frames)]
     start = min(float(p.times[0]) for p in paths.values())
@@ -40,9 +42,9 @@ def spread(paths: dict[str, KeyFrames], frames: int) -> list[dict[str, Pose]]:
 
 
 def walk(paths: dict[str, KeyFrames], step: float, frames: int) -> list[dict[str, Pose]]:
-    """Return the poses of each frame, every mobile having gone `step` [m] along its path since the last one.
+    """Return the poses of each frame; each mobile moves `step` [m] along its path per frame.
 
-    A closed path is gone round again, an open one there and back, so that every frame is a step.
+    A closed path repeats, an open one reverses, so that every frame is a step.
     """
     distances = step * np.arange(frames)
     columns = {name: [pose_at(p, t) for t in _times_at(p, distances)] for name, p in paths.items()}
@@ -50,16 +52,16 @@ def walk(paths: dict[str, KeyFrames], step: float, frames: int) -> list[dict[str
 
 
 def _times_at(path: KeyFrames, distances: np.ndarray) -> np.ndarray:
-    """Return the times [s] at which the path, repeated, has gone so far."""
+    """Return the times [s] at which the repeated path reaches the distances [m]."""
     if len(path.times) == 1:
         return np.full(len(distances), path.times[0])
     fine = np.interp(
-        np.arange(0, len(path.times) - 1 + 1e-9, 1 / STEPS_PER_INTERVAL), np.arange(len(path.times)), path.times
+        np.arange(0, len(path.times) - 1 + 1e-9, 1 / LENGTH_SAMPLES), np.arange(len(path.times)), path.times
     )
     points = np.stack([np.interp(fine, path.times, path.positions[:, k]) for k in range(3)], axis=1)
     gone = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)))])
     length = gone[-1]
-    if not length > 0:  # turns on the spot: a step is a hundredth of its time
+    if not length > 0:  # rotation in place: a step is 1/100 of its time
         gone, length = fine - fine[0], fine[-1] - fine[0]
         distances = np.arange(len(distances)) * length / 100
     closed = np.sqrt(((points[-1] - points[0]) ** 2).sum()) < 1e-3 * length
@@ -71,7 +73,7 @@ def _times_at(path: KeyFrames, distances: np.ndarray) -> np.ndarray:
 
 
 def _circle(pose: Pose, centre: np.ndarray, up, radius: float) -> KeyFrames:
-    """Return a closed path round `centre` at the pose's own height, starting towards the pose; no rotation."""
+    """Return a circle around `centre` at the pose's height, starting towards the pose, without rotation."""
     n = np.asarray(up, np.float64)
     n = n / np.sqrt((n * n).sum())
     out = np.asarray(pose.position) - centre
@@ -81,15 +83,17 @@ def _circle(pose: Pose, centre: np.ndarray, up, radius: float) -> KeyFrames:
         out = rotation(Pose())[int(np.argmin(np.abs(n)))]
         out = out - (out * n).sum() * n
     out = out / np.sqrt((out * out).sum())
-    turn = 2 * np.pi * np.arange(CORNERS + 1) / CORNERS
+    turn = 2 * np.pi * np.arange(CIRCLE_CORNERS + 1) / CIRCLE_CORNERS
     round_ = np.cos(turn)[:, None] * out + np.sin(turn)[:, None] * np.cross(n, out)
     positions = centre + height * n + radius * round_
     positions[-1] = positions[0]
-    return KeyFrames(np.linspace(0.0, 8.0, CORNERS + 1), positions, np.tile(pose.quaternion, (CORNERS + 1, 1)))
+    return KeyFrames(
+        np.linspace(0.0, 8.0, CIRCLE_CORNERS + 1), positions, np.tile(pose.quaternion, (CIRCLE_CORNERS + 1, 1))
+    )
 
 
 def play_head(path, seconds: float) -> float:
-    """Return the time on a path after playing for so long: round and round if it closes, else there and back."""
+    """Return the path time [s] after `seconds` of playback: a closed path repeats, an open one reverses."""
     first, length = float(path.times[0]), float(path.times[-1] - path.times[0])
     closed = np.allclose(path.positions[0], path.positions[-1]) and np.isclose(
         abs(float(np.dot(path.quaternions[0], path.quaternions[-1]))), 1.0

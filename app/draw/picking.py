@@ -1,7 +1,6 @@
-"""What lies under the cursor: one ray against the triangles that are drawn, mobiles at their poses.
+"""Picking: one ray against the drawn triangles, mobiles at their poses.
 
-Embree would answer faster, but it knows nothing of culling: through a wall that is not drawn one must be
-able to grab what stands behind it.
+Embree would be faster but ignores culling: a mobile behind a culled wall must be pickable.
 """
 
 from __future__ import annotations
@@ -18,8 +17,8 @@ if TYPE_CHECKING:
     from gi_core.geometry.surfaces import Surfaces
     from gi_core.scene.types import Paint
 
-BLOCK = 256  # faces to a box: 80k faces are 320 boxes, and a ray opens a handful of them
-EDGE = 1e-9  # barycentric slack, so that no ray slips between two triangles
+FACES_PER_BLOCK = 256  # 80k faces have 320 boxes, of which a ray enters few
+BARYCENTRIC_SLACK = 1e-9  # no ray passes between two adjacent triangles
 
 
 class Hit(NamedTuple):
@@ -30,14 +29,14 @@ class Hit(NamedTuple):
 
 
 class _Blocks(NamedTuple):
-    """Faces of one object in blocks that lie close together."""
+    """Faces of one object in blocks along a Morton curve."""
 
     order: np.ndarray  # (F,) int, face ids block after block
     corners: np.ndarray  # (F, 3, 3) float64 in that order
     two_sided: np.ndarray  # (F,) bool in that order
     low: np.ndarray  # (B, 3) boxes
     high: np.ndarray  # (B, 3)
-    paint: Paint | None  # in the order of the file, if any of its textures has holes
+    paint: Paint | None  # None unless a texture has holes
 
 
 class Picker:
@@ -50,14 +49,14 @@ class Picker:
         ]
 
     def pick(self, origin, direction, poses: list[Pose], cull: bool) -> Hit | None:
-        """Return the nearest face that a ray meets; `poses` are the mobiles', in the scene's order.
+        """Return the nearest hit of a ray; `poses` are the mobiles', in the scene's order.
 
-        With `cull`, backs of one-sided faces are not there, as on the screen; nor are holes of cutouts.
+        Holes of cutouts do not count, nor, with `cull`, backs of one-sided faces.
         """
         nearest: Hit | None = None
         for o, blocks in enumerate(self._objects):
             p, d = np.asarray(origin, np.float64), np.asarray(direction, np.float64)
-            if o:  # carry the ray into object space
+            if o:  # into object space
                 R = rotation(poses[o - 1])
                 p, d = R.T @ (p - np.array(poses[o - 1].position)), R.T @ d
             t, face = _nearest(blocks, p, d, cull)
@@ -70,7 +69,7 @@ def _blocks(corners: np.ndarray, two_sided: np.ndarray, paint: Paint | None) -> 
     if paint is not None and all(t.cover is None for t in paint.textures):
         paint = None
     order = _along_a_curve(corners.mean(axis=1)) if len(corners) else np.zeros(0, np.int64)
-    corners, starts = corners[order], np.arange(0, len(corners), BLOCK)
+    corners, starts = corners[order], np.arange(0, len(corners), FACES_PER_BLOCK)
     if not len(starts):
         return _Blocks(order, corners, two_sided, np.zeros((0, 3)), np.zeros((0, 3)), paint)
     low = np.minimum.reduceat(corners.min(axis=1), starts)
@@ -80,7 +79,7 @@ def _blocks(corners: np.ndarray, two_sided: np.ndarray, paint: Paint | None) -> 
 
 
 def _along_a_curve(points: np.ndarray) -> np.ndarray:
-    """Return the order of points (n, 3) along a Morton curve: neighbours in it are neighbours in space."""
+    """Return the order (n,) of points (n, 3) along a Morton curve."""
     low, high = points.min(axis=0), points.max(axis=0)
     cell = ((points - low) / np.maximum(high - low, 1e-30) * 1023).astype(np.int64)
     code = np.zeros(len(points), np.int64)
@@ -91,8 +90,8 @@ def _along_a_curve(points: np.ndarray) -> np.ndarray:
 
 
 def _nearest(blocks: _Blocks, p: np.ndarray, d: np.ndarray, cull: bool) -> tuple[float, int]:
-    """Return distance and face, or (inf, -1)."""
-    with np.errstate(divide="ignore", invalid="ignore"):  # a ray along an axis divides by 0 on purpose
+    """Return distance [m] and face of the nearest hit, or (inf, -1)."""
+    with np.errstate(divide="ignore", invalid="ignore"):  # intended: a ray along an axis divides by 0
         a, b = (blocks.low - p) / d, (blocks.high - p) / d
     entry = np.fmax.reduce(np.fmin(a, b), axis=1)
     leave = np.fmin.reduce(np.fmax(a, b), axis=1)
@@ -101,33 +100,33 @@ def _nearest(blocks: _Blocks, p: np.ndarray, d: np.ndarray, cull: bool) -> tuple
     for k in opened[np.argsort(entry[opened])]:
         if entry[k] > best:
             break
-        of = slice(k * BLOCK, (k + 1) * BLOCK)
+        of = slice(k * FACES_PER_BLOCK, (k + 1) * FACES_PER_BLOCK)
         t, u, v = _distances(blocks.corners[of], p, d, cull, blocks.two_sided[of])
         if blocks.paint is not None:
             hit = np.flatnonzero(t < best)
-            there = _there(blocks.paint, blocks.order[of][hit], u[hit], v[hit])
-            t[hit[~there]] = np.inf
+            opaque = _is_opaque(blocks.paint, blocks.order[of][hit], u[hit], v[hit])
+            t[hit[~opaque]] = np.inf
         j = int(np.argmin(t))
         if t[j] < best:
-            best, face = float(t[j]), int(blocks.order[k * BLOCK + j])
+            best, face = float(t[j]), int(blocks.order[k * FACES_PER_BLOCK + j])
     return best, face
 
 
-def _there(paint: Paint, faces: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return whether faces (n,) are there (n,) bool at weights u, v (n,) of their second and third corners."""
-    there = np.ones(len(faces), bool)
+def _is_opaque(paint: Paint, faces: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return whether faces (n,) are opaque (n,) bool at barycentric weights u, v (n,) of corners 1 and 2."""
+    opaque = np.ones(len(faces), bool)
     at = paint.corner_uv[faces].astype(np.float64)
     at = at[:, 0] + u[:, None] * (at[:, 1] - at[:, 0]) + v[:, None] * (at[:, 2] - at[:, 0])
     for k in np.unique(paint.face_texture[faces]):
         if k >= 0 and paint.textures[k].cover is not None:
             rows = paint.face_texture[faces] == k
-            there[rows] = covered(paint.textures[k], at[rows])
-    return there
+            opaque[rows] = covered(paint.textures[k], at[rows])
+    return opaque
 
 
 def _distances(corners: np.ndarray, p: np.ndarray, d: np.ndarray, cull: bool, two_sided: np.ndarray):
-    """Return the distance (n,) to each triangle, inf where it is missed, and the weights (n,), (n,) of its second and
-    third corners there (Moeller and Trumbore 1997)."""
+    """Return distances (n,) to triangles, inf for a miss, and barycentric weights (n,), (n,) of corners 1 and 2
+    (Moeller and Trumbore 1997)."""
     e1, e2, s = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], p - corners[:, 0]
     h, q = np.cross(d, e2), np.cross(s, e1)
     det = (e1 * h).sum(axis=1)  # > 0: the ray meets the front
@@ -136,5 +135,5 @@ def _distances(corners: np.ndarray, p: np.ndarray, d: np.ndarray, cull: bool, tw
         seen &= (det > 0) | two_sided
     inverse = 1.0 / np.where(seen, det, 1.0)
     u, v, t = (s * h).sum(axis=1) * inverse, (q @ d) * inverse, (e2 * q).sum(axis=1) * inverse
-    hit = seen & (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1 + EDGE) & (t > 0)
+    hit = seen & (u >= -BARYCENTRIC_SLACK) & (v >= -BARYCENTRIC_SLACK) & (u + v <= 1 + BARYCENTRIC_SLACK) & (t > 0)
     return np.where(hit, t, np.inf), u, v

@@ -1,4 +1,4 @@
-"""PNG files that carry the parameters that made them, as tEXt entries."""
+"""PNG files with parameters as tEXt entries."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-KEYWORD = 79  # characters that the name of an entry may have
+KEYWORD_CHARACTERS = 79  # limit of the PNG standard
 
 
 def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: dict[str, object] | None = None) -> Path:
-    """Write (h, w, 3) or (h, w, 4) uint8 with one text entry a parameter; return the full path.
+    """Write (h, w, 3) or (h, w, 4) uint8 with one text entry per parameter; return the full path.
 
-    The file appears whole or not at all. Raises OSError where it cannot be written.
+    The file appears whole or not at all. Raises OSError.
     """
     path = Path(path).resolve()
     info = PngInfo()
     for key, value in (parameters or {}).items():
-        info.add_text(_latin(key)[:KEYWORD], _latin(value))
+        info.add_text(_latin(key)[:KEYWORD_CHARACTERS], _latin(value))
     data = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(picture)).save(data, "PNG", pnginfo=info)
-    # Not a tempfile: those are readable by nobody else, and the picture would stay so.
+    # Not a tempfile, which only its owner could read.
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
         part.write_bytes(data.getvalue())
@@ -42,5 +42,5 @@ def read_parameters(path: str | os.PathLike) -> dict[str, str]:
 
 
 def _latin(value: object) -> str:
-    """tEXt is Latin-1, names of entries too: anything else becomes an escape instead of an error."""
+    """Return text in Latin-1, as tEXt requires, with escapes for other characters."""
     return str(value).encode("latin-1", "backslashreplace").decode("latin-1")

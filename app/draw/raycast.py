@@ -1,8 +1,7 @@
-"""The picture without OpenGL: camera rays against the scene, Gouraud interpolation of the same vertex colours.
+"""The picture without OpenGL: ray casting, Gouraud interpolation of the same vertex colours.
 
-Textures are filtered over the whole pixel at every ray, as GL does it. Seen sides, culling, tone map and
-background follow the viewer's renderer, so that a picture from here and a screenshot from there differ only in
-their edges.
+Textures are filtered over the whole pixel per ray, as in GL. Sides, culling, tone map and background follow the
+renderer, so the two pictures differ only along edges.
 """
 
 from __future__ import annotations
@@ -22,12 +21,12 @@ from gi_core.rays.accelerator import Accelerator, Transforms, nearest_in_world
 from gi_core.scene.types import Texture
 
 BACKGROUND = (0.145, 0.15, 0.16)  # display values, those of the renderer (a test compares them)
-UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face, where it is drawn at all
-# Where the rays of a pixel go: a rotated grid, so that edges near the axes get all four levels.
-PIXEL_SAMPLES = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
-RAYS = 1 << 17  # a batch: enough for embree, small enough for the cache
-LAYERS = 64  # backs that a ray may pass through
-STEP_PAST = 4e-6  # of the scene's size and the distance gone: clears a face whose back is not drawn (float32: 6e-8)
+UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face without culling
+# Offsets of a pixel's rays: a rotated grid, so that edges near the axes get all four levels.
+PIXEL_OFFSETS = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
+RAYS_PER_BATCH = 1 << 17  # enough for Embree, small enough for the cache
+MAX_CULLED = 64  # culled faces along a ray
+CULLED_OFFSET = 4e-6  # of the scene size and the distance: step beyond a culled face (float32: 6e-8)
 
 
 class PictureScene(NamedTuple):
@@ -45,7 +44,7 @@ class PictureScene(NamedTuple):
 
 
 def place(meshes: Sequence[DrawMesh], at: Transforms) -> PictureScene:
-    """Carry the draw meshes (static part first) to where they are."""
+    """Return the draw meshes (static part first) in world space."""
     corners, draw, one_sided, first = [], [], [], 0
     for o, mesh in enumerate(meshes):
         points = mesh.positions.astype(np.float64) @ at.rotation[o].T + at.position[o]
@@ -100,9 +99,9 @@ def picture(
 ) -> np.ndarray:
     """Return the picture (height, width, 3) uint8.
 
-    `colours` has linear radiance of front and back (D, 3) an object; `size` is (width, height) pixels.
-    `textured`: multiply it by textures where there are any; `weights` has how much front and back count in their
-    triangles (D, 2) an object, None where all count the same.
+    `colours` has linear radiance of front and back (D, 3) per object; `size` is (width, height) pixels.
+    `textured`: multiply by textures; `weights` has the interpolation weights of front and back (D, 2) per object,
+    None for all 1.
     """
     width, height = size
     world = place(meshes, at)
@@ -111,16 +110,16 @@ def picture(
         np.concatenate([_weighted(c[side], w, side) for c, w in zip(colours, weights, strict=True)]) for side in (0, 1)
     )
     out = np.empty((height, width, 3), np.uint8)
-    rows = max(1, RAYS // (width * len(PIXEL_SAMPLES)))
+    rows = max(1, RAYS_PER_BATCH // (width * len(PIXEL_OFFSETS)))
     steps = _pixel_steps(camera, width, height) if textured and world.textures else None
     for top in range(0, height, rows):
         progress(top / height)
         bottom = min(top + rows, height)
         origins, directions = _rays(camera, width, height, top, bottom)
-        face, u, v = _first_seen(accelerator, at, world, origins, directions, cull)
+        face, u, v = _visible_faces(accelerator, at, world, origins, directions, cull)
         display = _shade(world, front, back, face, u, v, directions, exposure, tone_map, steps, origins[0])
-        # Averaged after the tone map, as the samples of a GL framebuffer are: a burnt-out lamp keeps clean edges.
-        mean = display.reshape(bottom - top, width, len(PIXEL_SAMPLES), 3).mean(axis=2, dtype=np.float32)
+        # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
+        mean = display.reshape(bottom - top, width, len(PIXEL_OFFSETS), 3).mean(axis=2, dtype=np.float32)
         out[top:bottom] = np.round(mean)
     return out
 
@@ -135,8 +134,8 @@ def _rays(camera: Turntable, width: int, height: int, top: int, bottom: int) -> 
     """Return origins and unit directions (n, 3) float32 of rows top..bottom: row, column, sample."""
     right, upward, forward = camera.basis()
     t = np.tan(camera.fov / 2)
-    x = (np.arange(width)[:, None] + PIXEL_SAMPLES[:, 0]) / width  # (width, samples)
-    y = (np.arange(top, bottom)[:, None] + PIXEL_SAMPLES[:, 1]) / height
+    x = (np.arange(width)[:, None] + PIXEL_OFFSETS[:, 0]) / width  # (width, samples)
+    y = (np.arange(top, bottom)[:, None] + PIXEL_OFFSETS[:, 1]) / height
     across = ((2 * x - 1) * t * width / height)[None, :, :, None]
     along = ((1 - 2 * y) * t)[:, None, :, None]
     d = (forward + across * right + along * upward).reshape(-1, 3)
@@ -145,12 +144,12 @@ def _rays(camera: Turntable, width: int, height: int, top: int, bottom: int) -> 
     return np.ascontiguousarray(origins), d.astype(np.float32)
 
 
-def _first_seen(accelerator, at, world: PictureScene, origins, directions, cull: bool):
-    """Return the face (n,) int32 that each ray shows, -1 for none, and barycentrics u, v of its corners 1, 2."""
+def _visible_faces(accelerator, at, world: PictureScene, origins, directions, cull: bool):
+    """Return the visible face (n,) int32 per ray, -1 for none, and barycentric weights u, v of corners 1, 2."""
     n = len(origins)
     face, u, v = np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32)
     going, o, d = np.arange(n), origins, directions
-    for _ in range(LAYERS):
+    for _ in range(MAX_CULLED):
         far = np.full(len(going), np.inf, np.float32)
         t, hit = nearest_in_world(accelerator, at, o, d, far)
         found = hit >= 0
@@ -165,15 +164,15 @@ def _first_seen(accelerator, at, world: PictureScene, origins, directions, cull:
         u[rows], v[rows] = _barycentrics(world.corners[hit[seen]], o[seen], d[seen])
         if not hidden.any():
             break
-        # Go on behind the faces whose backs are not drawn, and through holes.
-        past = t[hidden] * (1 + STEP_PAST) + np.float32(STEP_PAST * world.size)
+        # Continue behind culled faces and through holes.
+        past = t[hidden] * (1 + CULLED_OFFSET) + np.float32(CULLED_OFFSET * world.size)
         going, d = going[hidden], d[hidden]
         o = o[hidden] + past[:, None] * d
     return face, u, v
 
 
 def _cut_away(world: PictureScene, hit: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Return whether the texture leaves nothing (n,) where rays meet faces."""
+    """Return whether hits (n,) lie in holes of textures."""
     away = np.zeros(len(hit), bool)
     for t, texture in enumerate(world.textures):
         rows = np.flatnonzero(world.texture[hit] == t) if texture.cover is not None else ()
@@ -186,7 +185,7 @@ def _cut_away(world: PictureScene, hit: np.ndarray, o: np.ndarray, d: np.ndarray
 
 
 def _barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the weights of corners 1 and 2 where a ray meets a triangle, kept inside it."""
+    """Return barycentric weights of corners 1 and 2 at a ray's hit, clamped to the triangle."""
     e1, e2, s = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], o - corners[:, 0]
     h, q = np.cross(d, e2), np.cross(s, e1)
     det = (e1 * h).sum(axis=1)
@@ -215,17 +214,14 @@ def _shade(world: PictureScene, front, back, face, u, v, directions, exposure, t
 
 
 def _pixel_steps(camera: Turntable, width: int, height: int) -> np.ndarray:
-    """Return how far a ray at unit distance along the view goes sideways from one pixel to the next, (3, 3) float64.
-
-    The rows: a pixel to the right, a pixel down, the view direction.
-    """
+    """Return (3, 3) float64: offsets at unit depth for one pixel right and one pixel down, and the view direction."""
     right, upward, forward = camera.basis()
     step = 2 * np.tan(camera.fov / 2) / height  # pixels are square
     return np.stack([right * step, -upward * step, forward])
 
 
 def _colour(world: PictureScene, radiance, face, u, v, facing, eye, directions, steps) -> None:
-    """Multiply radiance (n, 3) by the textures of the faces seen, in place."""
+    """Multiply radiance (n, 3) by the visible faces' textures, in place."""
     number = world.texture[face]
     for t in np.unique(number[number >= 0]):
         rows = np.flatnonzero(number == t)

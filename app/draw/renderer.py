@@ -1,7 +1,7 @@
-"""Draws the scene with OpenGL 3.3 into a texture. Knows no window and no GUI: any context will do.
+"""OpenGL 3.3 renderer into a texture, on any context.
 
-Positions and textures go up once; colours go up when the light changes, linear and unconverted (float32:
-packing them smaller costs more than it saves). Texture, exposure, tone map and sRGB are applied per fragment.
+Positions and textures are uploaded once, colours when the light changes: linear float32, because packing costs more
+than it saves. Texture, exposure, tone map and sRGB are applied per fragment.
 """
 
 from __future__ import annotations
@@ -21,84 +21,83 @@ if TYPE_CHECKING:
     from app.draw.vertex_colours import DrawMesh
     from gi_core.scene.types import Texture
 
-BACKGROUND = (0.145, 0.15, 0.16)  # display values: dark and neutral, yet lighter than an unlit black patch
+BACKGROUND = (0.145, 0.15, 0.16)  # display values; lighter than an unlit black patch
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
 TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
-AS_IS = 3  # there: colours are ready for the display
+AS_IS = 3  # there: display colours
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """How to draw a frame."""
+    """Parameters of a drawn frame."""
 
     view_projection: np.ndarray  # (4, 4) float64 world to clip
-    models: tuple[np.ndarray, ...]  # one (4, 4) float64 object to world an object, the static part's included
+    models: tuple[np.ndarray, ...]  # (4, 4) float64 object to world, static part first
     exposure: float = 0.0  # [EV]
     tone_map: str = "aces"
     cull: bool = True
-    outlined: int = -1  # object with a line round it
+    outlined: int = -1  # object with an outline
     outline_width: float = 2.0  # pixels
-    textured: bool = True  # colours are multiplied by textures where there are any
+    textured: bool = True  # multiply colours by textures
     as_is: bool = False  # colours are display colours: no exposure, no tone map
-    split: float | None = None  # of the width: right of it the second layer of colours is drawn
+    split: float | None = None  # of the width; the second layer of colours is right of it
 
 
 class Renderer:
-    """Owns the GL objects of one scene and one picture; `release` gives them back."""
+    """GL objects of one scene and one picture; `release` frees them."""
 
     def __init__(self, ctx: moderngl.Context, samples: int = 4) -> None:
         self.ctx = ctx
         self._surface = _program(ctx, "surface.vert", "surface.frag")
         self._textured = _program(ctx, "surface.vert", "surface.frag", "TEXTURED")
-        # Apart, because a program that may discard a pixel cannot test its depth first.
+        # A separate program, because `discard` disables the early depth test.
         self._cut_out = _program(ctx, "surface.vert", "surface.frag", "TEXTURED", "CUT_OUT")
         self._textures = GLTextures(ctx)
         self._mask = _program(ctx, "surface.vert", "mask.frag")
         self._outline = _program(ctx, "screen.vert", "outline.frag")
         self._screen = ctx.vertex_array(self._outline, [])
         self._objects: list[DrawnObject] = []
-        self._worn: list[Texture] = []  # by them
+        self._used_textures: list[Texture] = []
         self._targets: _Targets | None = None
-        # Bound again after each picture: the GUI draws next and expects the window, and moderngl must not
-        # be left with a framebuffer bound that `resize` releases.
+        # Bound after each picture: the GUI draws to it next, and `resize` must not release a bound framebuffer.
         self._default = ctx.detect_framebuffer(0)
         self.samples = samples
         self.uploads = 0  # colour uploads so far
         self.draws = 0  # pictures so far
 
     def set_scene(self, meshes: tuple[DrawMesh, ...]) -> None:
-        """Take over the geometry: one DrawMesh an object. What was there before stays if that fails."""
+        """Upload the geometry, one DrawMesh per object; after an exception the old geometry stays."""
         programs = self._surface, self._textured, self._cut_out, self._mask
         textures, made = [t for mesh in meshes for t in mesh.textures], []
         try:
-            self._textures.keep([*self._worn, *textures])
+            self._textures.keep([*self._used_textures, *textures])
             for mesh in meshes:
                 made.append(DrawnObject(self.ctx, *programs, mesh))
         except Exception:
-            self._give_back(made)
+            self._release(made)
             raise
-        before, self._objects, self._worn = self._objects, made, textures
-        self._give_back(before)
+        before, self._objects, self._used_textures = self._objects, made, textures
+        self._release(before)
 
-    def _give_back(self, objects: list[DrawnObject]) -> None:
-        """Release objects, and the textures that nothing wears that is still there."""
+    def _release(self, objects: list[DrawnObject]) -> None:
+        """Release objects and unused textures."""
         for o in objects:
             o.release()
-        self._textures.keep(self._worn)
+        self._textures.keep(self._used_textures)
 
     def set_colours(
         self, o: int, front: np.ndarray, back: np.ndarray, layer: int = 0, weights: np.ndarray | None = None
     ) -> None:
-        """Take over linear radiance (D, 3) of both sides of an object's draw vertices; layer 1: right of the split.
+        """Upload linear radiance (D, 3) of both sides of an object's draw vertices; layer 1: right of the split.
 
-        weights (D, 2): how much they count in their triangles, front and back; None: all the same.
+        weights (D, 2): interpolation weights of front and back; None: all 1.
         """
         self._objects[o].upload(front, back, layer, weights)
         self.uploads += 1
 
     def resize(self, width: int, height: int, samples: int | None = None) -> None:
-        """Make the picture this many pixels; the old one is released (moderngl frees nothing by itself)."""
+        """Set the picture's size in pixels and release the old one, because moderngl frees nothing by itself."""
         samples = min(self.samples if samples is None else samples, self.ctx.max_samples)
         size = (max(int(width), 1), max(int(height), 1))
         if self._targets is None or (self._targets.size, self._targets.samples) != (size, samples):
@@ -107,7 +106,7 @@ class Renderer:
             self._targets = _Targets(self.ctx, size, samples)
 
     def draw(self, look: Look) -> None:
-        """Draw a picture of the size asked for by `resize`."""
+        """Draw a picture of the size set by `resize`."""
         targets, ctx = self._targets, self.ctx
         assert targets is not None, "resize first"
         targets.drawn.use()
@@ -127,7 +126,7 @@ class Renderer:
         for layer, area in _parts(targets.size, look.split):
             targets.drawn.scissor = area
             self._draw_layer(look, layer)
-        targets.drawn.scissor = None  # it would cut the copy too
+        targets.drawn.scissor = None  # it would clip the copy too
         if targets.drawn is not targets.picture:
             ctx.copy_framebuffer(targets.picture, targets.drawn)
         if look.outlined >= 0:
@@ -149,7 +148,7 @@ class Renderer:
     def _draw_outline(self, targets: _Targets, look: Look) -> None:
         ctx = self.ctx
         o = self._objects[look.outlined]
-        # The filter reads 25 texels a pixel: a software renderer does that only where the object is.
+        # The filter reads 25 texels per pixel: the scissor limits it to the object.
         model = look.models[look.outlined]
         area = o.rectangle(look.view_projection @ model, targets.size, look.outline_width)
         targets.mask.use()
@@ -198,7 +197,7 @@ class Renderer:
 
 
 class _Targets:
-    """Framebuffers of one size: many samples to draw into, one sample to show, a mask for the outline."""
+    """Framebuffers of one size: multisampled, resolved, and a mask for the outline."""
 
     def __init__(self, ctx, size: tuple[int, int], samples: int) -> None:
         self.size, self.samples = size, samples
@@ -225,7 +224,7 @@ class _Targets:
 
 
 def _parts(size: tuple[int, int], split: float | None) -> list[tuple[int, tuple[int, int, int, int] | None]]:
-    """Return (layer, (x, y, width, height) in pixels) of each part of the picture; None is all of it."""
+    """Return (layer, (x, y, width, height) in pixels) per part of the picture; None: the whole."""
     if split is None:
         return [(0, None)]
     w, h = size

@@ -1,4 +1,4 @@
-"""One solved scene in front of a camera: its picture and what is needed to make it again."""
+"""Picture of a solved scene by ray casting, and the parameters that reproduce it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from app.settings import Settings
 
 
 class Shot:
-    """A solved scene that is looked at: what a picture and the light meter need."""
+    """A solved scene with camera and exposure."""
 
     def __init__(self, solver, settings: Settings) -> None:
         self.solver, self.settings = solver, settings
@@ -28,11 +28,11 @@ class Shot:
         return colours(self.meshes[o], drawn, self.settings.show == "radiance")
 
     def weights(self, o: int) -> np.ndarray | None:
-        """Return how much front and back count in their triangles (D, 2), None: all the same."""
+        """Return interpolation weights of front and back (D, 2); None: all 1."""
         return weights(self.meshes[o], self.solver.as_drawn(self.solver.irradiance).weights)
 
     def take(self, progress=lambda fraction: None) -> np.ndarray:
-        """Return the picture (h, w, 3) uint8; the first one sets the exposure if nobody else does."""
+        """Return the picture (h, w, 3) uint8; the first one meters the exposure if the settings leave it open."""
         if self.exposure is None:
             self.exposure = metered(self, self.camera)
         model, s = self.solver.model, self.settings
@@ -52,7 +52,7 @@ class Shot:
         )
 
     def parameters(self) -> dict[str, object]:
-        """Return what is needed to make the same picture again."""
+        """Return the parameters that reproduce the picture."""
         s, solver, view = self.settings, self.solver, self.camera.as_camera()
         entries = {
             "software": "gi-viewer render",
@@ -77,7 +77,7 @@ class Shot:
 
 
 def home_camera(solver) -> Turntable:
-    """Return the scene's camera as the viewer opens with it."""
+    """Return the viewer's initial camera."""
     receivers = solver.receivers
     p = receivers.positions[receivers.areas > 0]
     low, high = (p.min(axis=0), p.max(axis=0)) if len(p) else (-np.ones(3), np.ones(3))

@@ -1,7 +1,7 @@
-"""From linear radiance to display values: exposure, tone map, sRGB; and the meter that chooses the exposure.
+"""Linear radiance to display values: exposure, tone map, sRGB; and the light meter.
 
 The fragment shader does the same arithmetic in the same order (exposure, tone map, sRGB encode, once each);
-`tests/unit/draw/test_tonemap.py` pins the numbers that both must give.
+`tests/unit/draw/test_tonemap.py` compares both.
 """
 
 from __future__ import annotations
@@ -10,26 +10,26 @@ import numpy as np
 
 from gi_core.geometry.error import luminance
 
-MID_GREY = 0.25  # linear, before the tone map: where the metered median lands; rooms look dim at 0.18
-BRIGHTEST = 2.0  # linear: the 95th percentile stays below it, so that a spot-lit stage is not burnt out
+MID_GREY = 0.25  # linear, before the tone map: target of the metered median; rooms look dim at 0.18
+MOST_95TH_PERCENTILE = 2.0  # linear; keeps a spot-lit stage from saturating
 ACES_EXPOSURE = 0.6
-LIT = 1e-4  # of the mean luminance: darker points are not lit and do not count
+LEAST_LIT = 1e-4  # of the mean luminance; darker points do not count
 
 
 def clip(c: np.ndarray) -> np.ndarray:
-    """Cut at 1, channel by channel: exact below white, flat above."""
+    """Return c clipped to [0, 1] per channel."""
     return np.clip(c, 0.0, 1.0)
 
 
 def reinhard(c: np.ndarray) -> np.ndarray:
-    """Return c / (1 + luminance): keeps hue, then cuts what is still over 1 (Reinhard et al. 2002, Eq. 3)."""
+    """Return c / (1 + luminance): keeps hue; clipped at 1 (Reinhard et al. 2002, Eq. 3)."""
     return np.clip(c / (1.0 + luminance(c)[..., None]), 0.0, 1.0)
 
 
 def aces(c: np.ndarray) -> np.ndarray:
-    """Return the filmic curve of the ACES reference rendering as fitted by Narkowicz 2015, channel by channel.
+    """Return the filmic curve of the ACES reference rendering as fitted by Narkowicz 2015, per channel.
 
-    The fit wants 0.6 of the exposure: without it mid-grey comes out at twice its brightness.
+    The fit applies to 0.6 of the exposure; without the factor mid-grey comes out twice as bright.
     """
     c = ACES_EXPOSURE * c
     return np.clip(c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14), 0.0, 1.0)
@@ -52,25 +52,25 @@ def to_display(radiance: np.ndarray, exposure: float, tone_map: str = "aces") ->
 def meter(radiance: np.ndarray, weights: np.ndarray | None = None) -> float:
     """Return the exposure [EV] that puts the weighted median of lit luminance at mid-grey.
 
-    `radiance` (n, 3) linear, `weights` (n,) >= 0 (area or solid angle). The lamp may burn out: it is a
-    small share of the weight. Nothing lit: 0.
+    `radiance` (n, 3) linear, `weights` (n,) >= 0 (area or solid angle). Lamps may saturate: they are a small share of
+    the weight. Without light: 0.
     """
     L = luminance(radiance)
     w = np.ones(len(L)) if weights is None else np.asarray(weights, np.float64)
     total = w.sum()
     if not total > 0 or not (L * w).sum() > 0:
         return 0.0
-    lit = (L > LIT * (L * w).sum() / total) & (w > 0)
+    lit = (L > LEAST_LIT * (L * w).sum() / total) & (w > 0)
     order = np.argsort(L[lit])
     L, share = L[lit][order], np.cumsum(w[lit][order])
     median, high = (L[np.searchsorted(share, q * share[-1])] for q in (0.5, 0.95))
-    return float(min(np.log2(MID_GREY / median), np.log2(BRIGHTEST / high)))
+    return float(min(np.log2(MID_GREY / median), np.log2(MOST_95TH_PERCENTILE / high)))
 
 
 def view_weights(
     positions: np.ndarray, normals: np.ndarray, areas: np.ndarray, eye, target, vertical_fov_degrees: float
 ) -> np.ndarray:
-    """Return the solid angle (n,) [sr] that each receiver fills in a camera's view, what hides it ignored.
+    """Return the solid angle (n,) [sr] of each receiver in a camera's view, without occlusion.
 
     A receiver counts inside the cone around the view axis through the picture's corners, if it faces the eye.
     """
@@ -82,6 +82,6 @@ def view_weights(
     facing = np.maximum((to_eye * normals).sum(axis=1), 0) / np.sqrt(distance2)
     corner = 1.6 * np.tan(np.radians(vertical_fov_degrees) / 2)  # half diagonal of a picture a little wider than high
     inside = along > 1 / np.sqrt(1 + corner * corner)
-    # Nearer than a tenth of the mean distance, area / distance^2 explodes: one receiver must not meter alone.
+    # Lower limit of a tenth of the mean distance: else one near receiver would dominate.
     floor = 0.01 * float(distance2.mean())
     return np.where(inside, areas * facing / np.maximum(distance2, floor), 0.0)

@@ -1,8 +1,8 @@
-"""What is drawn: each object's vertices split where their light or paint differs, and their colours.
+"""Draw meshes: vertices split by light and paint, with their colours.
 
-One mesh vertex is drawn once for every combination of front receiver, back receiver, reflectance, emission
-and place in a texture that meets there; colours are linear radiance, one for each side. Where there is a
-texture they are the radiance before it: E / pi times what multiplies the texture, without emission.
+A mesh vertex is drawn once per combination of front receiver, back receiver, reflectance, emission and texture
+coordinate. Colours are linear radiance per side. Under a texture they are E / pi times the texture's factor, without
+emission.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from gi_core.scene.types import Paint, Texture
 
 
 class DrawMesh(NamedTuple):
-    """One object, ready for a vertex buffer; positions are in object space."""
+    """Vertex data of one object, in object space."""
 
     positions: np.ndarray  # (D, 3) float32 [m]
     triangles: np.ndarray  # (F, 3) int32, into positions
     front: np.ndarray  # (D,) int32 receiver on the front
     back: np.ndarray  # (D,) int32 receiver on the back, -1 where one-sided
-    reflectance: np.ndarray  # (D, 3) float64 rho, or what multiplies the texture
+    reflectance: np.ndarray  # (D, 3) float64 rho, or the texture's factor
     emission: np.ndarray  # (D, 3) float64 Le [W/m2/sr]
-    textures: tuple[Texture, ...] = ()  # none: the three below are None
+    textures: tuple[Texture, ...] = ()  # empty: the three below are None
     texture: np.ndarray | None = None  # (D,) int32 into textures, -1: none; a triangle's vertices agree
     uv: np.ndarray | None = None  # (D, 2) float32
     texel: np.ndarray | None = None  # (D, 3) float64, mean of the texture round the vertex, 1 where none
 
 
 def draw_meshes(surfaces: Surfaces) -> tuple[DrawMesh, ...]:
-    """Return one DrawMesh an object: the static part, then the mobiles in their order."""
+    """Return one DrawMesh per object: the static part, then the mobiles in order."""
     return tuple(_draw_mesh(surfaces, o) for o in range(len(surfaces.vertices)))
 
 
@@ -52,7 +52,7 @@ def _draw_mesh(surfaces: Surfaces, o: int) -> DrawMesh:
         kind = np.repeat(_alike(plain), 3)
     else:
         kind = _painted_kind(paint, _alike(emission))
-    # Two by two: all four together do not fit into one number to be sorted.
+    # In pairs: four numbers together exceed 64 bits.
     draw = group_of((group_of((corner, front)), group_of((back, kind))))
     first = np.empty(int(draw.max()) + 1, np.int64)
     first[draw[::-1]] = np.arange(len(draw))[::-1]
@@ -68,7 +68,7 @@ def _draw_mesh(surfaces: Surfaces, o: int) -> DrawMesh:
     if paint is None or not (paint.face_texture >= 0).any():
         return mesh
     count = np.bincount(draw.reshape(-1), minlength=len(first))
-    # Of the product of colour and texture that light sees, what the texture brings.
+    # Texture factor in the product of colour and texture that light uses.
     under = np.maximum(paint.corner_colour.mean(axis=1), 1e-6)
     texels = np.where((paint.face_texture < 0)[:, None], 1.0, np.minimum(reflectance / under, 1.0)).repeat(3, axis=0)
     return mesh._replace(
@@ -80,12 +80,12 @@ def _draw_mesh(surfaces: Surfaces, o: int) -> DrawMesh:
 
 
 def _tints(paint: Paint) -> np.ndarray:
-    """Return what multiplies the texture at each corner (3 F, 3) float64."""
+    """Return the texture's factor per corner (3 F, 3) float64."""
     return paint.corner_colour.reshape(-1, 3).astype(np.float64)
 
 
 def _painted_kind(paint: Paint, emission: np.ndarray) -> np.ndarray:
-    """Number the corners (3 F,) so that equal ones look equal; emission is numbered by face (F,)."""
+    """Return class numbers (3 F,) of corners of equal paint and emission; `emission` (F,) holds class numbers."""
     kind = np.repeat(group_of((emission, paint.face_texture)), 3)
     colour, uv = (np.ascontiguousarray(c, np.float32) for c in (paint.corner_colour, paint.corner_uv))
     bits = [*colour.reshape(-1, 3).view(np.int32).T, uv.reshape(-1, 2).view(np.int64)[:, 0]]
@@ -95,20 +95,19 @@ def _painted_kind(paint: Paint, emission: np.ndarray) -> np.ndarray:
 
 
 def _alike(rows: np.ndarray) -> np.ndarray:
-    """Number the rows (n, c) so that equal ones have equal numbers."""
+    """Return class numbers (n,) of equal rows (n, c)."""
     return group_of([np.unique(column, return_inverse=True)[1].reshape(-1) for column in rows.T])
 
 
 def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = True) -> tuple[np.ndarray, np.ndarray]:
     """Return linear radiance (D, 3) float32 of the front and of the back of each draw vertex.
 
-    `irradiance` (R, 3) [W/m2]. The front shows rho E / pi + Le, the back rho E / pi and nothing where the
-    face is one-sided; under a texture both lack the texture's factor, and Le. Without reflectance both show
-    E / pi: every surface as if it were perfectly white.
+    `irradiance` (R, 3) [W/m2]. The front has rho E / pi + Le, the back rho E / pi, or 0 on a one-sided face. Under a
+    texture both lack the texture's value and Le. Without reflectance both are E / pi, as on white surfaces.
     """
     E_front = irradiance[draw.front]
     one_sided = draw.back < 0
-    E_back = irradiance[draw.back]  # -1 reads the last receiver: blanked below
+    E_back = irradiance[draw.back]  # -1 reads the last receiver: zeroed below
     E_back[one_sided] = 0.0
     if with_reflectance:
         emission = draw.emission
@@ -122,9 +121,9 @@ def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = Tru
 
 
 def weights(draw: DrawMesh, of_receivers: np.ndarray | None) -> np.ndarray | None:
-    """Return how much the front and the back of each draw vertex count in their triangles. (D, 2) float32; None: all 1.
+    """Return interpolation weights of front and back per draw vertex (D, 2) float32; None: all 1.
 
-    of_receivers (R,): what `gi_core.display.dilation.Drawn` says.
+    of_receivers (R,): the weights of `gi_core.display.dilation.Drawn`.
     """
     if of_receivers is None:
         return None
@@ -136,7 +135,7 @@ def weights(draw: DrawMesh, of_receivers: np.ndarray | None) -> np.ndarray | Non
 
 
 def mean_radiance(draw: DrawMesh, front: np.ndarray, back: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return `colours` (with reflectance) as seen from afar: times the mean of the texture, emission included."""
+    """Return `colours` (with reflectance) times the mean texture, plus emission, as seen from far away."""
     if draw.texture is None:
         return front, back
     glow = np.where((draw.texture < 0)[:, None], 0.0, draw.emission)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.draw.camera import STEEPEST, Bounds, Turntable, frame_of, from_camera
+from app.draw.camera import MAX_PITCH, Bounds, Turntable, frame_of, from_camera
 from gi_core.scene import Camera
 
 BOUNDS = Bounds((0.0, 0.0, 0.0), (2.0, 1.0, 3.0))
@@ -38,7 +38,7 @@ def test_shows_the_scene_camera(up):
 
 def test_camera_straight_down_and_camera_on_its_target_are_survived():
     down = from_camera(Camera((0, 5, 0), (0, 0, 0), 40.0), (0, 1, 0), BOUNDS)
-    assert np.isfinite(down.view()).all() and down.pitch <= STEEPEST
+    assert np.isfinite(down.view()).all() and down.pitch <= MAX_PITCH
     assert np.isfinite(from_camera(Camera((1, 1, 1), (1, 1, 1), 40.0), (0, 1, 0), BOUNDS).view()).all()
 
 
@@ -67,7 +67,7 @@ def test_orbit_keeps_pivot_and_distance_and_stops_at_the_poles():
     assert np.linalg.norm(o.eye() - np.array(c.pivot)) == pytest.approx(c.distance)
     for dy in (50.0, -50.0):
         steep = c.orbit(0, dy)
-        assert abs(steep.pitch) == pytest.approx(STEEPEST) and np.isfinite(steep.view()).all()
+        assert abs(steep.pitch) == pytest.approx(MAX_PITCH) and np.isfinite(steep.view()).all()
 
 
 def test_dragging_right_turns_the_scene_right():
