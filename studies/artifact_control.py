@@ -1,8 +1,8 @@
-"""The numbers and the picture of docs/artifact-control.md: small scenes without control, with it, and as they are.
+"""Numbers and picture of docs/artifact-control.md: small scenes without control, with control, and the reference.
 
     python -m studies.artifact_control [--times N] [--out FILE.webp]
 
-prints a line a scene and draws three pictures of each. Needs the repository: scenes are those of the tests.
+Prints one line per scene and draws three pictures of each. The scenes are in tests/support.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from gi_core.solver import Solver
 from tests.support import control_scenes as scenes
 
 SIZE = (300, 190)
-PATHS = 64  # of the reference a receiver; the error that this leaves is in the means of hundreds
+PATHS = 64  # of the reference per receiver; its noise is in the means over hundreds
 COLUMNS = ("without", "with", "reference")
 VIEWS = {  # name: (case, camera's position, target, exposure)
     "corner": (scenes.corner, (0.75, 0.75, 0.55), (0.0, 0.05, 0.1), -1.6),

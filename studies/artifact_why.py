@@ -1,11 +1,11 @@
-"""Why receivers beside a thing are off: what is noise, and what is light that changes within a disc.
+"""Error at receivers beside objects, split into noise and variation of light within a disc.
 
     python -m studies.artifact_why [--times N]
 
-On a flat floor a perfect count gives the mean of E over a receiver's region. That mean is gathered without photons, at
-points spread over the region: its distance from E at the receiver is what no number of photons cures (shape), the
-distance of the estimate from it is chance (noise). Then the same foretold for regions cut to be the same on
-opposite sides, down to half a radius. Needs the repository: scenes are those of the tests.
+On a flat floor a perfect estimate is the mean of E over a receiver's region. This mean is path traced at points
+of the region. *Shape* is its difference from E at the receiver, which no number of photons removes. *Noise* is the
+difference of the estimate from it. Shape is also predicted for regions cut to be symmetric, down to half a radius.
+The scenes are in tests/support.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ CASES = {
     "leg, white": lambda: scenes.leg(True),
     "book, white": lambda: scenes.book(),
 }
-PATHS, SPREAD, PATHS_THERE = 1024, 24, 64  # a receiver; points of its region, paths a point
+PATHS, SPREAD, PATHS_THERE = 1024, 24, 64  # paths per receiver; points per region; paths per point
 OPEN = 300  # receivers in the open that are looked at
-LEAST = 0.5  # of the radius: how far a symmetric region reaches whatever is on the other side
+LEAST = 0.5  # of the radius: least extent of a symmetric region
 
 
 def reaches(solver: Solver, rows: np.ndarray) -> np.ndarray:

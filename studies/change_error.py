@@ -1,10 +1,10 @@
-"""How far off what mobiles change is in frames of few photons, with and without what chance may have made of it.
+"""Error of the changes that mobiles cause, in frames of few photons, with and without shrinkage.
 
     python -m studies.change_error living_room cornell tree
 
-At three places of the mobiles' path, static light of all photons: luminance error (l1, gi_core.geometry.error) of the
-static part, by area, against the same static light changed as TRUTH photons of another seed say; of receivers that they
-change by less than TOUCHED of the mean, of the others, and of all.
+Poses: three places of the mobiles' path; static light of all photons. Luminance error (l1, gi_core.geometry.error) of
+the static part by area, against the same static light with changes by TRUTH photons of another seed. Classes:
+receivers whose change is less than TOUCHED of the mean, the others, and all.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ TOUCHED = 0.03
 
 
 def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
-    """Return irradiance (n, 3) of the static part as the last frame's sums tell it."""
+    """Return irradiance (n, 3) [W/m2] of the static part from the sums of the last frame."""
     estimate, frame = solver.frame_parts().background.estimate, solver.frame_parts().change
-    told: Evaluated = estimate.evaluate(frame)
+    sums: Evaluated = estimate.evaluate(frame)
     if keep_all:
-        told = told._replace(brought=np.full_like(told.brought, NOT_ADDITIVE))
+        sums = sums._replace(brought=np.full_like(sums.brought, NOT_ADDITIVE))
     resting, better = (solver.frame_parts().background.resting(n) for n in (photons, PHOTONS))
     flux_unit = solver.model.emitters.unit_flux / photons
-    return frame_irradiance(told, flux_unit, estimate.background(photons)[0], resting, better, 1)[: len(better)]
+    return frame_irradiance(sums, flux_unit, estimate.background(photons)[0], resting, better, 1)[: len(better)]
 
 
 def report(name: str) -> None:
-    """Print the lines of a scene."""
+    """Print the table of a scene."""
     settings = Settings(scene=name, photons=PHOTONS, light="best")
     scene = open_moving_scene(settings)
     solver, judge = (

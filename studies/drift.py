@@ -1,8 +1,8 @@
-"""Many moves, back to the start: `python -m studies.drift --scene cornell --photons 1000 --moves 100000`.
+"""Many moves and a return to the start: `python -m studies.drift --scene cornell --photons 1000 --moves 100000`.
 
-Prints moves, memory and ms a move every minute, so that a run that is cut short still tells something. Ctrl+C ends
-the moves early, and what there is is checked. Exit code 1 where light at the end differs by a bit from that of the
-start, or from a solution from scratch. `--trace` tells what Python's own allocations grew by. Linux alone.
+Prints moves, memory and ms per move every minute. Ctrl+C ends the moves early, and the light is still checked. Exit
+code 1 if the light differs by a bit from the first frame or from a solution from scratch. `--trace` prints the growth
+of Python's own allocations. Linux alone.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def along(paths: dict, k: int) -> dict:
 
 
 def anywhere(rng: np.random.Generator, low, high, names) -> dict:
-    """Return a pose anywhere in the scene, at any turn, of each mobile."""
+    """Return a random position and rotation in the scene per mobile."""
     from gi_core.scene import Pose
 
     poses = {}
@@ -66,7 +66,7 @@ def main() -> int:
         tracemalloc.start()
         first = tracemalloc.take_snapshot()
     stop = threading.Event()
-    for what in (signal.SIGINT, signal.SIGTERM):  # ends after a whole move: what there is is checked
+    for what in (signal.SIGINT, signal.SIGTERM):  # ends after a whole move; the light is checked
         signal.signal(what, lambda *_: stop.set())
     clock, changed, noted = time.perf_counter(), False, (0.0, 0)
     print(f"0 moves, {memory_use()}", flush=True)

@@ -1,9 +1,9 @@
-"""Throw damaged files at the loaders: `python -m studies.fuzz --cases 20000 --out DIR [--kinds obj,glb] [--seed 0]`.
+"""Damaged files for the loaders: `python -m studies.fuzz --cases 20000 --out DIR [--kinds obj,glb] [--seed 0]`.
 
 Guided by coverage: an input that reaches a new pair of lines of the loaders is kept and damaged further. Each case
 must end in a scene or in one sentence (SceneError), within 20 s of computing and a gigabyte, without a warning.
-What does not is written to DIR/found with its traceback; exit code 1 then. Cases run in a process of their own,
-which is started again when it dies: DIR/corpus keeps what was learnt. Linux alone (memory limit, alarm).
+Other cases go to DIR/found with their traceback, and the exit code is 1. A separate process runs the cases and is
+started again when it dies; DIR/corpus keeps the inputs. Linux alone (memory limit, alarm).
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from pathlib import Path
 
 from tests.support.fuzz_mutations import FULL_OBJ, mutate, seeds, surroundings
 
-MEMORY = 1 << 30  # bytes that a case may ask for beyond what the process has when it begins
+MEMORY = 1 << 30  # bytes that a case may allocate
 SECONDS = 20  # of computing, for a case
 PATIENCE, FIRST = 180, 900  # s that the supervisor waits for an answer; for the first, compiling included
 LONGEST = 700  # characters of a sentence
-WHOLE, LIT = 20, 100  # every so many cases, and what is new, is completed to a scene; and lit by 200 photons
+WHOLE, LIT = 20, 100  # every WHOLE-th case, and each with new lines, is completed; every LIT-th is lit by 200 photons
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -71,7 +71,7 @@ class Coverage:
 
 
 def check(path: Path, whole: bool, light: bool) -> str:
-    """Read a file and return what came of it; raises what a user must never see.
+    """Read a file and return the outcome; raises exceptions that a user must never see.
 
     whole: complete it to a scene as well (placing, camera, pilot trace: a second); light: and light that.
     """

@@ -1,8 +1,8 @@
-"""How soon the program ends when told to: `python -m studies.interrupts [--scene cornell] [--after 2 8 20]`.
+"""Time from an interrupt to the end of the program: `python -m studies.interrupts [--scene cornell] [--after 2 8 20]`.
 
-Starts commands and the window, lets each begin, presses Ctrl+C (SIGINT to the whole group, as a terminal does) or
-closes the window, and prints how long it takes to end, with which exit code, what it said, and what it left behind.
-Exit code 1 where something took longer than SOON, ended otherwise than it should, or left half a file. Linux alone.
+Starts commands and the window, presses Ctrl+C (SIGINT to the whole group, as a terminal does) or closes the window,
+and prints the time to the end, the exit code, the last lines and files left behind. Exit code 1 if an end took longer
+than SOON, had another exit code, or left a partial file. Linux alone.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SOON = 3.0  # s, on a busy machine
-STOPPED = 130  # exit code of a command; a window that is closed has done what it should: 0
+STOPPED = 130  # exit code of a command; a closed window ends with 0
 WINDOW = """
 import sys
 sys.path.insert(0, {root!r})
@@ -55,7 +55,7 @@ with interruptible(viewer):
 
 
 def commands(scene: str) -> dict[str, list[str]]:
-    """Return what is interrupted: every command that works for more than a moment."""
+    """Return the commands to interrupt: all that take more than a moment."""
     many, few = ["--photons", "20000000"], ["--photons", "5000"]
     return {
         "render": ["render", scene, "--out", "a.png", *many],
@@ -77,7 +77,7 @@ def started(command: list[str], folder: str) -> subprocess.Popen:
 
 
 def ended(name: str, process: subprocess.Popen, since: float, code: int) -> bool:
-    """Wait for the end and tell of it; return whether it was as it should be."""
+    """Wait for the end and print it; return whether it was as required."""
     try:
         _, err = process.communicate(timeout=60)
     except subprocess.TimeoutExpired:
@@ -86,8 +86,8 @@ def ended(name: str, process: subprocess.Popen, since: float, code: int) -> bool
         return False
     seconds, text = time.time() - since, err.decode().strip().splitlines()
     good = seconds < SOON and process.returncode == code and len(text) == int(code == STOPPED)
-    told = f"{name}: {seconds:.2f} s, exit code {process.returncode}, {' / '.join(text[-2:]) or 'not a word'}"
-    print(told + ("" if good else "  WRONG"), flush=True)
+    line = f"{name}: {seconds:.2f} s, exit code {process.returncode}, {' / '.join(text[-2:]) or 'not a word'}"
+    print(line + ("" if good else "  WRONG"), flush=True)
     return good
 
 

@@ -1,12 +1,12 @@
-"""How far off the resting light of a scene is, by each way to find it, and where.
+"""Error of a scene's light at rest, by estimator and gathered, everywhere and in view.
 
     python -m studies.light_error cornell room.glb+chair.glb --points 1000 --noise 1 --rounds 2
 
-Luminance error (l1, gi_core.geometry.error) of the static part's light without its mobiles, in percent: the photons' by
-every estimator, and what is gathered, before it is smoothed and after. The truth is gathered along other paths until
-its noise is `--noise`, kept on disk, and taken out in squares. *everywhere*: receivers drawn by area; *in view*: those
+Luminance error (l1, gi_core.geometry.error) [%] of the static part's light without mobiles: of photons by every
+estimator, and of gathered light before and after denoising. The truth uses other paths until its noise is `--noise`;
+it is kept on disk, and its noise is subtracted in squares. *everywhere*: receivers drawn by area; *in view*: those
 that the first view shows; *open*: without the unreached receivers of gi_core.display.dilation, which pictures fill.
-*noise* is what of the error everywhere the photons' scatter makes, told by another seed; *bias* is the rest.
+*noise*: the error everywhere due to photon noise, from another seed; *bias*: the rest.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def unreached_rows(solver, light: np.ndarray) -> np.ndarray:
 
 
 def gathered_light(solver, rounds: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Gather whole rounds; return the light (R, 3) before smoothing and after, and the noise told of the first."""
+    """Gather whole rounds; return light (R, 3) before and after denoising, and the predicted noise before it."""
     from gi_core.gather.static import StaticGather
 
     g = StaticGather(solver.model, solver.seed)
@@ -104,13 +104,13 @@ def scatter(E: np.ndarray, other: np.ndarray, of: Sample) -> float:
 def measure(
     what: str, points: int, noise: float, rounds: int, estimators: list[str], least: int | None = None, **settings
 ) -> list[str]:
-    """Return the lines of a scene's table; `least`: with every number of photons on the way from so many on."""
+    """Return the lines of a scene's table; least: smallest photon subset with a line, None for all photons alone."""
     from gi_core.geometry.error import bias_left
 
     solver = static_solver(what, **settings)
-    raw, smooth, told = gathered_light(solver, rounds)
+    raw, smooth, predicted = gathered_light(solver, rounds)
     of = sample(solver, raw, points, noise)
-    lines = [_line(f"gathered, {rounds} rounds (told {100 * told:.1f})", errors(raw, of))]
+    lines = [_line(f"gathered, {rounds} rounds (predicted {100 * predicted:.1f})", errors(raw, of))]
     lines.append(_line("the same, smoothed", errors(smooth, of)))
     other = static_solver(what, **settings | {"seed": 1})
     for estimator in estimators:
@@ -145,9 +145,7 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=1.0, help="of the truth [%%]")
     parser.add_argument("--rounds", type=int, default=2, help="of gathering")
     parser.add_argument("--estimators", nargs="+", default=list(ESTIMATORS), choices=list(ESTIMATORS))
-    parser.add_argument(
-        "--from", type=int, dest="least", metavar="N", help="tell of fewer photons too, from so many on"
-    )
+    parser.add_argument("--from", type=int, dest="least", metavar="N", help="also measure photon subsets from N on")
     for name, kind in (("photons", int), ("radius", float), ("max-edge", float)):
         parser.add_argument(f"--{name}", type=kind)
     asked = parser.parse_args()

@@ -1,9 +1,8 @@
-"""Whether memory is kept: `python -m studies.memory_levels [--cycles 20] [--scene cornell]`.
+"""Memory at equal settings over time: `python -m studies.memory_levels [--cycles 20] [--scene cornell]`.
 
-A session without a window is dragged about, set to other estimators, radii and photons, and every fourth time loaded
-again; then it goes back to where it began, and memory is told there. What malloc holds must be what it was after
-WARM cycles (kernels load at their first use, the reference of a few poses is kept); exit code 1 where it is not.
-What is resident beyond it is malloc's own: told before and after it is asked to give that back. Linux alone.
+A session without a window is dragged, switched to other estimators, radii and photons, and loaded again every fourth
+cycle. Then it returns to its first settings, and memory is measured. Exit code 1 if memory in use inside malloc
+exceeds its level after WARM cycles, when kernels and references are loaded. Linux alone.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ from dataclasses import replace
 from tests.support.memory_use import memory_use, trim
 
 WARM = 5  # cycles
-ALLOWED = 0.1  # of what is held then
+ALLOWED = 0.1  # of the level after WARM cycles
 FRAME = 1 / 60
 
 
 def rest(session, seconds: float = 0.0) -> None:
-    """Let light be completed, and what is done at rest go on for a while."""
+    """Complete the light and run work at rest for a while."""
     end = time.monotonic() + seconds
     while session.refining or time.monotonic() < end:
         session.tick(FRAME)

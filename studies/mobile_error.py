@@ -1,12 +1,11 @@
-"""How far off the light of a scene's mobiles is: by photons, and gathered, at the poses where the scene opens.
+"""Error of the light of a scene's mobiles, by photons and gathered, at the first poses.
 
     python -m studies.mobile_error cornell tree --photons 1048576 --noise 1.5 --seeds 8
 
-Luminance error (l1, gi_core.geometry.error) of all receivers on mobiles, weighted by area, against a truth gathered
-along other paths until its noise is `--noise` percent, which is taken out in squares; *signed*: how much too bright
-their sum is. Of gathering it is the mean over seeds, and is told apart: what seeds differ by, and what is left of their
-mean. CPU ms of one thread, the least of three: of a whole frame of so many photons, of the gathering alone where all
-mobiles have moved.
+Luminance error (l1, gi_core.geometry.error) of all receivers on mobiles, by area. The truth uses other paths until
+its noise is `--noise` percent, which is subtracted in squares. *signed*: relative error of the sum. Gathered light is
+the mean over seeds, with the variation between seeds and the remaining bias apart. CPU ms of one thread, the
+least of three: of a whole frame, and of gathering alone after all mobiles have moved.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ FRAMES = (1 << 14, 1 << 16, 1 << 18)  # photons, besides all
 
 
 def measured(call) -> tuple[object, float]:
-    """Return what a call returns and its least CPU time of three [ms]."""
+    """Return the result of a call and its least CPU time of three [ms]."""
     best = float("inf")
     for _ in range(STEPS):
         started = time.process_time()
@@ -42,7 +41,7 @@ def measured(call) -> tuple[object, float]:
 
 
 def report(name: str, photons: int, wanted: float, seeds: int) -> None:
-    """Print the lines of a scene."""
+    """Print the table of a scene."""
     solver = Solver(load_scene(name), photons=photons, threads=1)
     solver.solve()
     model, receivers, gather = solver.model, solver.receivers, MobileGather(solver.model, solver.seed)
@@ -73,7 +72,7 @@ def report(name: str, photons: int, wanted: float, seeds: int) -> None:
     steps, mobiles = count(1), np.arange(len(at.position))[:, None] > 0
 
     def moved(m: int) -> None:
-        """Gather with all mobiles a little further on: of what is kept from before, most is of no use."""
+        """Gather after a small move of all mobiles, which makes most cached hits useless."""
         away = at.position + 1e-6 * next(steps) * model.world.size * mobiles
         gather.irradiance(at._replace(position=away), static, m)
 

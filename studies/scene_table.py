@@ -1,12 +1,12 @@
-"""Every scene as a stranger would open it: what it takes, and a picture to look at.
+"""A table of scenes opened at default settings: time, memory and pictures of each.
 
     python -m studies.scene_table DIR cornell room.glb+chair.glb --out FOLDER --write docs/scenes-tried.md
 
-Each scene (a mesh or scene file, a folder of them, a shipped name; `+` adds a mobile) is opened at default settings
-in a process of its own, with a time limit, and goes through what the window goes through for a user who waits: a first
-picture, all photons, then gathered light until that takes over. Its row and two 1280 x 800 pictures stay in FOLDER, of
-the photons' light (as `render` draws it) and, NAME.gathered.png, of the gathered; a scene that has a row there is
-not opened again. `--write` puts the rows into a table; what people wrote in its last column stays.
+Each scene (a mesh or scene file, a folder of them, a shipped name; `+` adds a mobile) is opened by a separate process
+with a time limit. The process takes the steps of the window at rest: a first picture, all photons, gathered light
+until it replaces the photons' light. FOLDER keeps its row and two pictures of 1280 x 800: NAME.png of the photons'
+light, as `render` draws it, and NAME.gathered.png. A scene that has a row is not opened again. `--write` puts the rows
+into a table and keeps the remarks in its last column.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pathlib import Path
 from app.cli import values
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".toml")
-LIMIT = 600.0  # s a scene
+LIMIT = 600.0  # s per scene
 PATIENCE = 120.0  # CPU seconds that are spent on gathering, where it does not take over before
 BEGIN, END = "<!-- table -->", "<!-- end of table -->"
 HEAD = (
@@ -32,7 +32,7 @@ HEAD = (
 
 
 def cases(wanted: list[str]) -> list[tuple[str, str]]:
-    """Return (name in the table, what to open) of everything asked for; names carry no path but the last folder's."""
+    """Return (name in the table, scene to open) per scene; names have the last folder of the path alone."""
     found = []
     for what in wanted:
         folder = Path(what)

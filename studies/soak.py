@@ -1,10 +1,9 @@
-"""Use the viewer for hours in minutes: `python -m studies.soak --minutes 5 [--scene cornell] [--fresh] [--json FILE]`.
+"""Hours of use in minutes: `python -m studies.soak --minutes 5 [--scene cornell] [--fresh] [--json FILE]`.
 
-A window without a screen is driven as fast as it goes through what a user does in an hour and more: drags, turns,
-plays, undoes, switches estimators, radii and photons, resizes, folds the panel, loads the scene again. Every few
-seconds memory, what malloc has handed out of it, and frames are noted. Exit code 1 where memory still grows in the
-second half of what follows a minute of warm-up, where a frame left something wrong in the log, or where light at the
-end is not, bit for bit, that of a solution from scratch. Linux alone (it reads /proc).
+A window without a screen repeats a user's actions at full speed: drags, turns, play, undo, switches of estimator,
+radius and photons, resizes, panel folds, loads. Memory, memory in use inside malloc, and frames are recorded every few
+seconds. Exit code 1 if memory still grows in the second half after a minute of warm-up, if the log has an error, or
+if the last light differs by a bit from a solution from scratch. Linux alone (it reads /proc).
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ LEAST = 25.0  # MB
 
 
 def act(rng: random.Random, viewer, hand_over: dict) -> str:
-    """Do one thing that a user does; return what it was."""
+    """Perform one random action of a user; return its name."""
     session = viewer.session
     solver = session.solver
     name = rng.choice(list(session.poses)) if session.poses else None
@@ -110,7 +109,7 @@ def go_on(viewer, hand_over: dict) -> None:
 
 
 class Soak:
-    """Called once a frame by the viewer's own loop."""
+    """Called once per frame by the viewer's loop."""
 
     def __init__(self, viewer, minutes: float, seed: int, at_rest: float) -> None:
         """`at_rest`: seconds before the first action."""
@@ -189,7 +188,7 @@ def main() -> int:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the viewer, print what was noted, return the exit code."""
+    """Run the viewer, print the records, return the exit code."""
     from tests.support import viewer_support
 
     reason = viewer_support.screenless()

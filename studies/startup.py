@@ -1,9 +1,9 @@
-"""Where the time from launch to the first picture goes, in CPU seconds, so that a busy machine tells the same.
+"""CPU seconds from launch to the first picture, by stage.
 
     python -m studies.startup cornell tree room.glb+chair.glb --times 3
 
-Each scene is opened by a fresh process as the window does it, but for the window; the least of several runs counts.
-Kernels and byte code are compiled beforehand. `--profile` prints what most of the time went into instead.
+A fresh process opens each scene as the window does, without a window; the least of several runs counts. Kernels and
+byte code are compiled beforehand. `--profile` prints the most expensive functions instead.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ STAGES = ("imports", "loading", "settings", "meshes", "first picture")
 
 
 def as_installed() -> None:
-    """Compile what a program that is installed and has run once has compiled: Python's byte code, and kernels."""
+    """Compile byte code and kernels, as after installation and a first run."""
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     subprocess.run([sys.executable, "-m", "compileall", "-q", "app", "gi_core", "studies"], cwd=ROOT, check=True)
     subprocess.run([sys.executable, "-m", "gi_core.instruments.compile_ahead"], stdout=subprocess.DEVNULL, check=True)

@@ -1,13 +1,12 @@
-"""How far off the picture is ten seconds after launch.
+"""Error of the picture ten seconds after launch.
 
     python -m studies.ten_seconds living_room gallery room.glb+chair.glb
 
-CPU seconds stand for the clock: one core up to the first step, then two that together count GAIN times. That forgives
-other programs a share of the time, not that they slow down cores and caches: on a busy machine it foretells too long.
-Photons are taken in and static light is gathered, as the window does without --estimator, until the ten seconds are
-over (it also times frames and measures errors meanwhile, which is left out); then luminance error (l1) at receivers
-that the first view shows, drawn by area, against the unbiased reference, whose own noise is taken out in squares; and
-the same of all photons alone.
+CPU seconds stand for the clock: one core up to the first step, then two that together count GAIN times. This
+excludes the CPU time of other programs but not slower cores and caches, so times on a busy machine are too long.
+Photons are traced and static light is gathered as in the window without --estimator; frame timing and error
+measurement, which the window also does, are left out. Luminance error (l1) at receivers of the first view, drawn by
+area, against the unbiased reference, whose noise is subtracted in squares; and the same of all photons alone.
 """
 
 from __future__ import annotations
@@ -23,12 +22,12 @@ from gi_core.gather.reference_sample import draw_by_area
 from studies.startup import as_installed
 from tests.support.receiver_samples import in_view
 
-GAIN = 1.8  # CPU seconds that two threads use up in a second: they wait for each other now and then
+GAIN = 1.8  # CPU seconds per second of two threads, which sometimes wait for each other
 SECONDS = 10.0
 
 
 def measure(what: str, points: int, paths: int) -> str:
-    """Return a line of the table."""
+    """Return one line of the table."""
     from gi_core.instruments import compile_ahead
 
     assert compile_ahead.is_warm()
@@ -81,7 +80,7 @@ def _measure(what: str, points: int, paths: int) -> str:
 
 
 def _made_of(solver) -> str:
-    """Return what the picture is made of."""
+    """Return photons and gathered noise of the picture, in words."""
     g = solver.gathered
     return f"{solver.photons_traced:,}" + (f", gathered to {100 * g.noise:.1f} %" if solver.uses_gathered else "")
 

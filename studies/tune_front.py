@@ -1,10 +1,10 @@
-"""How near `gi-viewer tune` comes to the best that can be had: its choice beside every candidate measured in full.
+"""The choice of `gi-viewer tune` beside every candidate, measured in full.
 
     python -m studies.tune_front cornell tree --budget 16
 
-Each estimator and radius that tune tries, and its choice, is solved with all its photons; frames of every prefix are
-timed, and judged at poses and receivers of another seed than tune's own. *best*: the least error in motion of those
-whose frame keeps the budget; *ratio*: the error of tune's choice, in the largest frame of its that does, over that.
+Each estimator and radius that tune tries, and its choice, is solved with all its photons. Frames of every photon
+subset are timed, and their errors are measured at poses and receivers of another seed than tune's own. *best*: the
+least error in motion within the budget; *ratio*: error of tune's choice in its largest frame within the budget / best.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LATE = 1.1  # times the budget still keeps it: another moment of the machine
 
 
 def front(scene: str, budget: float, light: str) -> str:
-    """Return a line of the table; budget [ms]."""
+    """Return one line of the table; budget [ms]."""
     settings = Settings(scene=scene, budget=budget, light=light)
     with Bar() as bar:
         compile_kernels(bar)

@@ -40,6 +40,7 @@ def history(
 
     `run(spec) -> numbers` measures a row, or raises Failed. Raises UsageError for a file of other columns, OSError.
     """
+    file.parent.mkdir(parents=True, exist_ok=True)
     check_writable("--history", file)
     if plot:
         from app.measure.chart.figure import need_matplotlib
