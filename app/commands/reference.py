@@ -39,10 +39,10 @@ def reference(settings: Settings, error: float) -> dict:
     Raises SceneError, UsageError; Stopped when interrupted, with all paths on disk.
     """
     from app.rest import reference_run
-    from app.rest.reference_store import FOLDER, ReferenceStore, reference_folder
+    from app.rest.reference_store import FOLDER_VARIABLE, ReferenceStore, reference_folder
     from gi_core.model import Model
 
-    check_folder(FOLDER, reference_folder())
+    check_folder(FOLDER_VARIABLE, reference_folder())
     with Bar() as bar:
         bar("loading", 0.0)
         scene = open_scene(settings)

@@ -1,1 +1,1 @@
-"""Work while nothing moves: errors measured, light gathered, references kept."""
+"""Work at rest: static light, error measurements, references on disk, setting trials."""

@@ -1,4 +1,4 @@
-"""Settings measured so far, each with its error and the time of its frames: the points of the chart."""
+"""Points of the error chart: settings with measured error and frame time."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from gi_core.estimators.setting import Setting
 
-KEPT = 200
+MOST_POINTS = 200
 
 
 class MeasuredPoint(NamedTuple):
-    """A setting, as measured at rest."""
+    """A setting and its measurement at rest."""
 
     setting: Setting
     photons: int
     seconds: float  # of a GI frame of all photons
     error: float  # relative, l1, total
-    truth_noise: float  # of the reference that it was measured against
+    truth_noise: float  # of the reference
 
     @property
     def label(self) -> str:
-        """Return a line for each thing that makes this setting what it is."""
+        """Return the setting, one line per field."""
         s = self.setting
         photons = f"{self.photons:,} photons".replace(",", " ")
         lines = [s.estimator.replace("_", " "), photons, f"radius {s.radius:.3g} m"]
@@ -32,14 +32,14 @@ class MeasuredPoint(NamedTuple):
 
 
 class MeasuredPoints:
-    """One entry a setting: measured again, it is replaced. Read by the window's thread, added to by the solver's."""
+    """One point per setting, the newest. The solver's thread adds points, the window's thread reads them."""
 
     def __init__(self) -> None:
         self.all: tuple[MeasuredPoint, ...] = ()  # oldest first
 
     def add(self, point: MeasuredPoint) -> None:
         others = [p for p in self.all if p[:2] != point[:2]]
-        self.all = (*others[-KEPT + 1 :], point)
+        self.all = (*others[-MOST_POINTS + 1 :], point)
 
     def clear(self) -> None:
         self.all = ()

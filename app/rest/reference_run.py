@@ -1,4 +1,4 @@
-"""Gathering the unbiased answer until it is good enough: saved on the way, and whatever ends it."""
+"""A run of the reference to a given noise, saved at intervals and at its end."""
 
 from __future__ import annotations
 
@@ -9,24 +9,23 @@ from typing import NamedTuple
 from app.rest.reference_store import ReferenceStore
 from gi_core.gather.reference import Gathered
 
-SAVE_EVERY = 20.0  # s
+SAVE_SECONDS = 20.0
 
 
 class Reached(NamedTuple):
-    """Where a run is."""
+    """Progress of a run."""
 
     state: Gathered
-    noise: float  # l1 error that chance makes, of all receivers; inf before the second round
-    fraction: float  # 0 .. 1 of the paths that are foretold to be needed
-    seconds_left: float | None  # None: too early to tell
+    noise: float  # l1, over all receivers; inf before the second round
+    fraction: float  # 0 .. 1 of the predicted paths
+    seconds_left: float | None  # None: no prediction yet
 
 
 def run(store: ReferenceStore, error: float) -> Iterator[Reached]:
-    """Gather until the noise is at most `error` (0.01: 1 %); yields after each step, a last time when it is.
+    """Trace paths until the noise is at most `error` (0.01: 1 %); yield progress after each step and at the end.
 
-    What was gathered is saved every now and then and when the run ends, in whatever way: by Ctrl+C, by
-    closing the iterator; not where the disk does not allow it. A run that is good enough from the start gathers
-    nothing.
+    The state is saved every SAVE_SECONDS and at the end, also after Ctrl+C or a closed iterator; a failed save is
+    ignored. A stored state with little enough noise traces nothing.
     """
     state = store.load()
     if state is not None and (noise := state.noise(store.weights)) <= error:
@@ -45,7 +44,7 @@ def run(store: ReferenceStore, error: float) -> Iterator[Reached]:
                 per_path = None if noise == float("inf") else done * (noise / error) ** 2
             if not noise > error:  # nan: there is no light
                 break
-            if now - saved > SAVE_EVERY:
+            if now - saved > SAVE_SECONDS:
                 store.keep(state)
                 saved = now
             yield _reached(state, noise, done, per_path, before, now - started)

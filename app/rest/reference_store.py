@@ -1,8 +1,7 @@
-"""What has been gathered of the unbiased answer, kept on disk: a run that is interrupted goes on where it was.
+"""Files of references and static light: an interrupted run continues from its file.
 
-A file a question: it is named by a hash of everything that the answer depends on, so a scene that was edited, or
-another pose, finds nothing old. Files are written aside and put in place, so they are whole at any time.
-`GI_VIEWER_REFERENCE_DIR` names another folder than the user's cache.
+A file's name is a hash of all inputs of its result, so an edited scene or another pose never finds an outdated file.
+Files are replaced atomically. `GI_VIEWER_REFERENCE_DIR` overrides the folder in the user's cache.
 """
 
 from __future__ import annotations
@@ -23,27 +22,27 @@ from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Pose
 
-FORMAT = "gi-viewer reference 2"  # to be raised when paths change: old answers are then gathered anew
-FOLDER = "GI_VIEWER_REFERENCE_DIR"
-SEED = 0
+FORMAT = "gi-viewer reference 2"  # raise the number when paths change: old files are then ignored
+FOLDER_VARIABLE = "GI_VIEWER_REFERENCE_DIR"
+REFERENCE_SEED = 0
 
 
 def reference_folder() -> Path:
-    """Return the folder that holds what has been gathered."""
-    if FOLDER in os.environ:
-        return Path(os.environ[FOLDER])
+    """Return the folder of the files."""
+    if FOLDER_VARIABLE in os.environ:
+        return Path(os.environ[FOLDER_VARIABLE])
     return Path(platformdirs.user_cache_dir("gi-viewer", appauthor=False)) / "reference"
 
 
 class StateFile:
-    """What has been gathered at some points, on disk."""
+    """The state of a run at some points, in a file."""
 
     def __init__(self, key: str, points: int, folder: Path | None) -> None:
         self.path = (reference_folder() if folder is None else folder) / f"{key}.npz"
         self._points = points
 
     def load(self) -> Gathered | None:
-        """Return what has been gathered so far; None: nothing, or nothing that can be read."""
+        """Return the stored state; None without a readable file."""
         try:
             with np.load(self.path) as file:
                 state = Gathered(*(file[name] for name in Gathered._fields))
@@ -56,7 +55,7 @@ class StateFile:
         return state if fits else None
 
     def save(self, state: Gathered) -> None:
-        """Put what has been gathered in place of what was there. Raises OSError."""
+        """Replace the file by a state. Raises OSError."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         aside = self.path.with_name(f"{self.path.stem}.{os.getpid()}.part")
         try:
@@ -69,13 +68,13 @@ class StateFile:
             raise
 
     def keep(self, state: Gathered) -> None:
-        """Save where the disk allows it: a folder that cannot be written only means to gather again next time."""
+        """Save a state if possible; without a file the next run starts again."""
         with contextlib.suppress(OSError):
             self.save(state)
 
 
 class StaticStore(StateFile):
-    """The static part's light without mobiles, see `gi_core.gather.static`: the same file whatever moves in it."""
+    """The static part's light without mobiles, see `gi_core.gather.static`: one file for any mobiles."""
 
     def __init__(self, model: Model, seed: int, folder: Path | None = None) -> None:
         s, rows, faces = model.surfaces, model.surfaces.receiver_range(0), model.surfaces.face_range(0)
@@ -86,20 +85,20 @@ class StaticStore(StateFile):
 
 
 class ReferenceStore(StateFile):
-    """The unbiased irradiance of some receivers of a model at one set of poses, on disk and on the way there."""
+    """The reference of some receivers of a model at one set of poses: its file and its steps."""
 
     def __init__(
         self,
         model: Model,
         poses: Mapping[str, Pose] | None = None,
         rows: np.ndarray | None = None,
-        seed: int = SEED,
+        seed: int = REFERENCE_SEED,
         folder: Path | None = None,
         weights: np.ndarray | None = None,
     ) -> None:
-        """`poses`: those that differ from the scene's own; `rows` (n,): of these receivers only, in this order.
+        """`poses`: differences to the scene's poses; `rows` (n,): receivers, default all.
 
-        `weights` (n,): what each stands for, if not its own area; paths go where weight is.
+        `weights` (n,): weight of each receiver, default its area; the number of paths follows the weight.
         """
         self.model, self.seed = model, int(seed)
         self.poses = model.start_poses() | dict(poses or {})
@@ -111,14 +110,14 @@ class ReferenceStore(StateFile):
         super().__init__(self.key(), len(self.rows), folder)
 
     def key(self) -> str:
-        """Return the hash of all that the answer depends on."""
+        """Return the hash of all inputs."""
         s = self.model.surfaces
         poses = np.array([[*self.poses[name].position, *self.poses[name].quaternion] for name in self.model.names])
         arrays = (*s.vertices, *s.faces, s.reflectance, s.emission, s.two_sided, self.positions, self.normals)
         return _digest(self.model, self.seed, "at poses", poses, *arrays, self.weights)
 
     def steps(self, **more) -> Iterator[Gathered]:
-        """Go on from what is there, without end; nothing is saved. `more` is for gather_rounds()."""
+        """Continue from the stored state, without end or saving. `more`: arguments of gather_rounds()."""
         return gather_rounds(
             self.model.scene, self.positions, self.normals, self.seed, self.weights, self.poses,
             model=self.model, state=self.load(), **more,
@@ -126,7 +125,7 @@ class ReferenceStore(StateFile):
 
 
 def _digest(model: Model, seed: int, kind: str, *arrays: np.ndarray) -> str:
-    """Return a name for a scene's lights, a seed and some arrays."""
+    """Return a hash of a scene's lights, a seed and arrays, 24 hex digits."""
     digest = hashlib.sha256(FORMAT.encode())
     for light in model.scene.lights:
         digest.update(repr((type(light).__name__, [np.asarray(v).tolist() for v in light[1:]])).encode())

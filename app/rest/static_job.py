@@ -1,4 +1,4 @@
-"""The static part's light, gathered in pieces while everything rests and kept on disk: see `gi_core.gather.static`."""
+"""The job of gathering the static part's light at rest, in short tasks, with its file: see `gi_core.gather.static`."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from gi_core.solver import Solver
 
-SAVE_EVERY = 20.0  # s
+SAVE_SECONDS = 20.0
 
 
 class Gathered(NamedTuple):
-    """How far it is."""
+    """Progress of the static light."""
 
     fraction: float  # 0 .. 1
-    noise: float  # relative, l1; inf: not yet known
-    used: bool  # the picture is made of it
+    noise: float  # relative l1; inf: unknown
+    used: bool  # the picture shows it
 
 
 class Gathering:
-    """One a solver. `next_work` hands out a piece at a time for the solver's thread; `told` is for any thread."""
+    """One per solver. The solver's thread runs the tasks of `next_work`; any thread may read `told`, the progress."""
 
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
         self._solver, self._clock = solver, clock
         self._steps = None
         self._store = None
-        self._saved_at, self._saved = 0.0, -1.0  # the fraction that was
+        self._saved_at, self._saved = 0.0, -1.0  # the saved fraction
         self.told = Gathered(0.0, float("inf"), False)
 
     def next_work(self) -> Callable[[], bool] | None:
-        """Return the next piece of work, None if nothing is left to do; it returns whether irradiance is new."""
+        """Return the next task, None at the end; the task returns whether irradiance has changed."""
         g = self._solver.gathered
-        finished = self._steps is None and g is not None and g.enough  # what is known has reached the picture too
+        finished = self._steps is None and g is not None and g.enough  # and its light is in the picture
         if self._solver.light != "best" or finished:
             self._tell()
             return None
@@ -51,8 +51,8 @@ class Gathering:
             self._steps = None
         self._tell()
         done = progress is None or solver.gathered.enough
-        state = solver.gathered.state  # None while there are single bounces alone: the store keeps whole paths
-        due = done or self._clock() - self._saved_at > SAVE_EVERY
+        state = solver.gathered.state  # None during single bounces: the file holds whole paths only
+        due = done or self._clock() - self._saved_at > SAVE_SECONDS
         if state is not None and self.told.fraction > self._saved and due:
             self._store.keep(state)
             self._saved_at, self._saved = self._clock(), self.told.fraction
@@ -65,7 +65,7 @@ class Gathering:
 
 
 def gather(solver: Solver, bar) -> None:
-    """Gather all of it at once, with the bar moving; what is there is kept, whatever ends it."""
+    """Gather all static light, showing progress; save it at the end or after an exception."""
     from app.rest.reference_store import StaticStore
 
     store = StaticStore(solver.model, solver.seed)

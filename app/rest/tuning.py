@@ -1,4 +1,4 @@
-"""Settings that choose themselves: trials on the scene at hand, then the best that their laws foretell."""
+"""Automatic settings: trials on the scene, then the best setting that the fitted error models predict."""
 
 from __future__ import annotations
 
@@ -9,39 +9,39 @@ if TYPE_CHECKING:
     from gi_core.solver import Solver
     from gi_core.tuning.error_model import Choice, Law
 
-RADII = (0.5, 0.71, 1.0, 1.41, 2.0)  # of the radius in use
-NEIGHBOURS = 80
-POSES = 2  # along the path
-TRIES = 3  # frames of each number of paths
+TRIAL_RADII = (0.5, 0.71, 1.0, 1.41, 2.0)  # of the current radius
+TRIAL_NEIGHBOURS = 80
+TRIAL_POSES = 2  # along the path
+FRAMES_PER_COUNT = 3  # timed frames per number of paths
 MOST_PHOTONS = 4_000_000
 
 
 class Tuned(NamedTuple):
-    """The choice and what it was chosen from."""
+    """A chosen setting and the error models behind it."""
 
     choice: Choice
-    laws: tuple[Law, ...]  # one a trial
-    exponents: dict[str, dict[str, float]]  # by estimator: of the disc's radius in each part of the law
-    paths: int | None = None  # that mobiles gather in a frame; None: their light is the photons'
+    laws: tuple[Law, ...]  # one per trial
+    exponents: dict[str, dict[str, float]]  # by estimator: power of the radius per part of the model
+    paths: int | None = None  # per mobile vertex and frame; None: photons light the mobiles
 
 
 def tune(solver: Solver, budget: float, error: float | None = None) -> Generator[tuple[str, float], None, Tuned]:
-    """Try settings on twins of a solver that has solved; yields what is being done and the share of it that is done.
+    """Try settings on twins of a solved solver; yield stage and fraction, return the choice.
 
-    budget: [s] a frame may take while something moves; error: relative l1 wanted at rest, None: the least that the
-    budget allows in motion.
+    budget: [s] per frame in motion; error: relative l1 at rest to reach, None: the least error in motion within the
+    budget.
     """
     from gi_core.tuning import error_model, setting_trials
 
     judge = solver.twin()
     frames = _frames(solver)
     paths = _paths(judge, frames, budget)
-    sticks = yield from _told("measuring the truth", setting_trials.yardsticks(judge, frames), 0.0, 0.3)
+    sticks = yield from _staged("tracing the reference", setting_trials.yardsticks(judge, frames), 0.0, 0.3)
     found, every = [], candidates(solver)
     for k, candidate in enumerate(every):
         share = 0.3 + 0.7 * k / len(every)
-        what = f"trying {candidate['estimator']}"
-        tried = yield from _told(what, setting_trials.trial(judge, sticks, paths, **candidate), share, 0.0)
+        stage = f"trying {candidate['estimator']}"
+        tried = yield from _staged(stage, setting_trials.trial(judge, sticks, paths, **candidate), share, 0.0)
         found.append(error_model.law_of(tried))
     known, exponents = error_model.between_radii(found)
     if error is None:
@@ -52,10 +52,10 @@ def tune(solver: Solver, budget: float, error: float | None = None) -> Generator
 
 
 def candidates(solver: Solver) -> list[dict]:
-    """Return the settings that are tried, as fields of Setting."""
+    """Return the settings to try, as fields of Setting."""
     from gi_core.estimators import ESTIMATORS
 
-    tried = {"radius": [r * solver.radius for r in RADII], "neighbours": [NEIGHBOURS], None: [None]}
+    tried = {"radius": [r * solver.radius for r in TRIAL_RADII], "neighbours": [TRIAL_NEIGHBOURS], None: [None]}
     return [
         {"estimator": name} | ({kind.smoothing: value} if kind.smoothing else {})
         for name, kind in ESTIMATORS.items()
@@ -64,14 +64,14 @@ def candidates(solver: Solver) -> list[dict]:
 
 
 def _paths(solver: Solver, frames: list, budget: float) -> int | None:
-    """Return how many paths mobiles will gather in frames of that time, after trying two numbers of them."""
-    for k, few in enumerate((None, 4) * TRIES):
-        solver.move_all(frames[k // 2 % len(frames)], None, few)  # each elsewhere than the one of as many before
+    """Return the paths per mobile vertex that fit a frame of `budget` [s], after frames of two path counts."""
+    for k, few in enumerate((None, 4) * FRAMES_PER_COUNT):
+        solver.move_all(frames[k // 2 % len(frames)], None, few)  # each at another pose than the last of its count
     return solver.size_within(budget)[1]
 
 
 def measured(solver: Solver, found: Tuned) -> tuple[float, float, int, float]:
-    """Return what a choice really does: errors at rest and in motion, photons of that frame, its seconds."""
+    """Return measured errors at rest and in motion, photons and seconds of the choice's frame."""
     from gi_core.tuning import setting_trials
 
     choice, (judge, sticks) = found.choice, judged(solver)
@@ -81,7 +81,7 @@ def measured(solver: Solver, found: Tuned) -> tuple[float, float, int, float]:
 
 
 def judged(solver: Solver) -> tuple[Solver, list]:
-    """Return a twin, and yardsticks other than those that settings are chosen by."""
+    """Return a twin and references independent of those that chose the setting."""
     from gi_core.tuning import setting_trials
 
     judge = solver.twin()
@@ -89,14 +89,14 @@ def judged(solver: Solver) -> tuple[Solver, list]:
 
 
 def _frames(solver: Solver) -> list:
-    """Return the poses at which settings are tried."""
+    """Return the poses of the trials."""
     from app.draw.motion import paths_of, spread
 
-    return spread(paths_of(solver), POSES + 2)[1:-1]
+    return spread(paths_of(solver), TRIAL_POSES + 2)[1:-1]
 
 
 def _returned(steps: Generator):
-    """Run steps to their end; return what they return."""
+    """Run steps to their end; return their result."""
     while True:
         try:
             next(steps)
@@ -104,18 +104,18 @@ def _returned(steps: Generator):
             return end.value
 
 
-def _told(what: str, steps: Generator, start: float, share: float) -> Generator:
-    """Run steps, telling each; return what they return."""
+def _staged(stage: str, steps: Generator, start: float, share: float) -> Generator:
+    """Run steps, yielding stage and fraction; return their result."""
     while True:
         try:
             done = next(steps)
         except StopIteration as end:
             return end.value
-        yield what, start + share * (done or 0.0)
+        yield stage, start + share * (done or 0.0)
 
 
 def finished(steps, bar) -> Tuned:
-    """Run tune() to its end, with the bar moving; return what it returns."""
+    """Run tune() to its end, showing progress; return its result."""
     while True:
         try:
             bar(*next(steps))

@@ -17,7 +17,7 @@ ROWS = np.arange(0, 60, 3)
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv(reference_store.FOLDER, str(tmp_path / "reference"))
+    monkeypatch.setenv(reference_store.FOLDER_VARIABLE, str(tmp_path / "reference"))
     return tmp_path / "reference"
 
 
@@ -59,7 +59,7 @@ def test_other_questions_have_other_names():
 @pytest.mark.parametrize("after", [1, 4])
 def test_an_interrupt_loses_nothing(after, monkeypatch):
     """Stopped by Ctrl+C after some steps and taken up again: the bits of a run that was not."""
-    monkeypatch.setattr(reference_run, "SAVE_EVERY", 1e9)
+    monkeypatch.setattr(reference_run, "SAVE_SECONDS", 1e9)
     whole = list(run(room(folder=reference_folder() / "other"), 0.02))[-1]
     steps = run(room(), 0.02)
     for _ in range(after):
@@ -73,7 +73,7 @@ def test_an_interrupt_loses_nothing(after, monkeypatch):
 
 
 def test_it_is_saved_on_the_way_too(monkeypatch):
-    monkeypatch.setattr(reference_run, "SAVE_EVERY", 0.0)
+    monkeypatch.setattr(reference_run, "SAVE_SECONDS", 0.0)
     steps = run(room(), 1e-9)
     for _ in range(3):
         next(steps)

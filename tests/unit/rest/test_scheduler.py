@@ -9,7 +9,7 @@ import pytest
 
 from app.draw import view_content
 from app.rest.reference_store import StateFile, StaticStore
-from app.rest.static_job import SAVE_EVERY
+from app.rest.static_job import SAVE_SECONDS
 from app.session.log import ERROR, Log
 from app.session.opening import Opened
 from app.session.session import Session
@@ -22,7 +22,7 @@ from tests.support.scene_builders import box_mobile, coloured_room
 
 SCENE = coloured_room((box_mobile(size=0.2),))
 UNLIT = replace(SCENE, materials=tuple(m._replace(emission=(0.0,) * 3) for m in SCENE.materials), lights=())
-TASK = 0.4 * SAVE_EVERY  # s of the test's clock that each task takes: every third is past a save
+TASK = 0.4 * SAVE_SECONDS  # s of the test's clock that each task takes: every third is past a save
 
 
 @pytest.fixture(autouse=True)
