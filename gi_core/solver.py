@@ -214,7 +214,7 @@ class Solver:
 
     def _affordable(self, b: Background) -> int:
         """Return the photons wanted, or as many as memory holds."""
-        goal = self._photons.affordable(self._goal, b.estimate.bytes_a_hit)
+        goal = self._photons.affordable(self._goal, b.estimate.bytes_per_hit)
         self.memory_full = goal < self._goal
         return goal
 

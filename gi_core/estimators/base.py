@@ -28,7 +28,7 @@ class Estimator(Protocol):
 
     # Facts that are read from the class, before one is made.
     about: str  # one sentence: the tooltip of the panel's combo
-    additive: bool  # sums of parts are sums of the whole: preparing costs next to nothing
+    additive: bool  # sums of parts add up to sums of the whole: prepare() costs next to nothing
     controlled: bool  # the setting `control` (artifact control) has an effect
     on_faces: bool  # light is counted by faces: a probe takes that of the face beneath it
     smoothing: str | None  # the field of Setting that trades noise for bias, "radius" or "neighbours"
@@ -36,14 +36,14 @@ class Estimator(Protocol):
 
     # Facts about the photons added and about the last frame.
     photons: int  # photons that the last prepare() covered; 0 before
-    prefixes: SubsetStore  # by number of photons: the prefixes that evaluate() and background() know
+    prefixes: SubsetStore  # photon subsets that evaluate() and background() accept
     control_facts: ControlFacts  # receivers that corrections concern; zeros where there are none
     stale: int  # static receivers whose sums the last frame computed afresh; 0 where it only added and subtracted
     searches: list[Search]  # over the discs of each object, static part first; empty without discs or before build()
 
     @property
-    def bytes_a_hit(self) -> int:
-        """Bytes kept per path vertex, beside the paths; 0: none. The solver bounds photons by free memory with it."""
+    def bytes_per_hit(self) -> int:
+        """Bytes stored per path vertex besides the path itself. The solver bounds photons by free memory with it."""
 
     def __init__(self, model: Model, setting: Setting) -> None:
         """Hold a scene and a setting; work that takes long belongs into build()."""
@@ -72,25 +72,25 @@ class Estimator(Protocol):
         """
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (n, 3) int64 and area (n,) float64 [m2] of static receivers, without mobiles, of a prefix.
+        """Return sums (n, 3) int64 and area (n,) float64 [m2] of static receivers, without mobiles, of a photon subset.
 
         Neither is changed later. An area of 0 means that the receiver can see no light.
         """
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
-        """Return which current segments evaluate() needs at these poses, besides those that change.
+        """Return the current segments that evaluate() needs at these poses, besides path changes.
 
         mobiles: whether receivers on mobiles are estimated; False where they are path traced.
         """
 
     def evaluate(self, frame: PoseChange) -> Evaluated:
-        """Return sums (R, 3), areas (R,) and what changed at the frame's poses, from the prefix `frame.photons`.
+        """Return sums (R, 3), areas (R,) and what changed at the frame's poses, from the photon subset `frame.photons`.
 
         Valid until the next call. Where it raises, the next call is as if this one had not been made.
         """
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
-        """Return what evaluate() must equal bit for bit, from all current segments, whole photons per part.
+        """Return the sums from all current segments, whole photons per part; evaluate() must equal them bit for bit.
 
-        Called by tests and by `bench`, which compare; it uses nothing that was added.
+        Tests and `bench` compare the two. It uses nothing that was added.
         """

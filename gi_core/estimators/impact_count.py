@@ -1,8 +1,7 @@
 """Impact Count (Patanaik and Mudur 1992; report 1.2, 2.5.1).
 
-E of a face = flux of the photons that hit it / its area; E of a vertex = the area-weighted mean over
-its faces, which is the flux on all of them / their area. So a hit adds to the three receivers of its
-face, on the side it hit, and nothing is ever stale.
+E of a face = flux of its hits / its area. E of a vertex = the area-weighted mean over its faces, which is their flux /
+their area. A hit therefore adds to the three receivers of its face on the side of the hit, and no receiver is stale.
 """
 
 from __future__ import annotations
@@ -39,25 +38,25 @@ def _deposit(side, flux, front, back, sign, sums, touched):
 
 @kernel
 def _take_out(side, flux, offsets, photon, vertex, front, back, sums, touched):
-    """Subtract the hits of background paths from those of some photons' vertices on."""
+    """Subtract the hits of background paths behind the given vertices."""
     for j in range(len(photon)):
         v, end = vertex[j], offsets[photon[j] + 1]
         _deposit(side[v + 1 : end], flux[v : end - 1], front, back, -1, sums, touched)
 
 
 class ImpactCount:
-    """See the module; radius and neighbours play no part."""
+    """See the module; radius and neighbours have no effect."""
 
     about = "Impact Count (Patanaik and Mudur 1992): the flux of the photons that hit a face, over the face's area."
     additive, controlled, on_faces = True, False, True
     smoothing: str | None = None
     compile_seconds = 1
-    bytes_a_hit = 0
+    bytes_per_hit = 0
     stale = 0
 
     def __init__(self, model: Model, setting: Setting):
         self.model, self._corners = model, (model.surfaces.corner_front, model.surfaces.corner_back)
-        # Receiver areas are a third of each face around; the mean divides by the whole faces.
+        # A receiver's area is a third of its faces; the mean divides by whole faces.
         self.area = 3 * model.object_receivers.areas
         self.photons = 0
         self.prefixes = SubsetStore()  # sums of the background
@@ -76,27 +75,27 @@ class ImpactCount:
         return iter(())
 
     def add_background(self, segments: Segments, thread: int) -> None:
-        """Add the hits of background segments; several threads may, each with its number."""
+        """Add the hits of background segments. Thread safe for different `thread` numbers."""
         self._deposit(segments, 1, self._added[thread])
 
     def prepare(self, photons: int) -> Iterator[None]:
-        """Let frames use all that was added, which is the first `photons`; kept by that prefix."""
+        """Store the sums of all that was added, the first `photons`, as a photon subset."""
         self._added.move_to(self._background)
         self.prefixes[photons] = self._background.copy()
         self.photons = photons
         return iter(())
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a prefix."""
+        """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
         rows = self.model.surfaces.receiver_range(0)
         return self.prefixes[photons][rows], self.area[rows]
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
-        """Return the segments that a frame at these poses must hold: nothing but what changes."""
+        """Return the needs of a frame: path changes only."""
         return Wanted.changes(self.model, mobiles)
 
     def evaluate(self, frame: PoseChange) -> Evaluated:
-        """Return what the frame's irradiance is read from, valid until the next call."""
+        """Return the frame's sums and areas, valid until the next call."""
         added, new_suffixes = self._frame.added[0], self._frame.new_suffixes[0]
         corners, paths, t = self._corners, frame.removed_suffixes.paths, frame.removed_suffixes
         try:
@@ -105,11 +104,11 @@ class ImpactCount:
             self._deposit(frame.new_suffixes, 1, new_suffixes)
             return self._frame.collect(self.background(frame.photons)[0], self.area, frame.kept_prefixes.flux)
         except BaseException:
-            self._frame.clear()  # or the next frame would begin with half of this one
+            self._frame.clear()  # the next frame must not start with half of this one
             raise
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
-        """Return what irradiance is read from, from all current segments (an iterable of Segments)."""
+        """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""
         sums, new_suffixes, kept_prefixes = Sums.zeros(len(self.area)), Sums.zeros(len(self.area)), CutFlux()
         for segments in parts:
             self._deposit(segments, 1, sums)

@@ -1,16 +1,17 @@
 """Photon Maps (Jensen 2001; report 1.2, 2.9): the k nearest hits, no farther than the radius.
 
-With k hits inside, E = flux of the k - 1 nearest / (pi r_k^2): the k-th only says how far they
-reach, which makes the density unbiased (Garcia, Urena, Sbert 2012). The setting `textbook` counts it too,
-which overestimates by k / (k - 1). With fewer than k, E = flux of all / (pi radius^2).
-(Photons of a Sobol sequence lie more evenly than independent ones, which makes the estimate up to 1 / 2k low.)
-Eq. 2.8 is false here: r_k depends on the whole set, so a frame estimates again each receiver that a
-changed hit concerns. Distances are those in the world.
+With k hits inside, E = flux of the k - 1 nearest / (pi r_k^2). The k-th hit defines the radius only, which makes the
+estimate unbiased (Garcia, Urena, Sbert 2012). The setting `textbook` counts it too, which overestimates by k / (k - 1).
+With fewer than k hits, E = flux of all / (pi radius^2). Photons of a Sobol sequence are more even than random ones,
+so the estimate is up to 1 / 2k too low. Distances are those in the world.
 
-At a border the surface covers only alpha / 2 pi of a disc. With `border_correction` a receiver there looks for
-hits on its own side of its own patch, and divides by that part of the disc (2.9.1). Without, it takes
-hits on all surfaces round it, as Jensen's sphere does: where two walls meet, the other's make up for some.
-Other receivers do that in either case: near an edge, half of the hits of their sphere are on the other wall.
+Eq. 2.8 is false here, because r_k depends on all hits. A frame estimates each stale receiver again: each one with a
+changed hit within its radius.
+
+At a border the surface covers only alpha / 2 pi of a disc. With `border_correction` a receiver there uses hits on its
+own side of its own patch, and divides by that part of the disc (2.9.1). Without it, hits on all surfaces in Jensen's
+sphere count, so a second wall partly compensates. All other receivers use Jensen's sphere: near an edge, half of their
+hits lie on the other wall.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ from gi_core.scene.pose import to_world_at
 
 CELL_SHARE = 0.25  # of the radius: finer cells cost more visits than they save tests
 NEVER = np.int32(1 << 30)  # bounce of the cut of a photon that is not cut
-QUERY_GRAIN = 256  # receivers a thread
-QUERY_STEP = 1024  # receivers a step of prepare(): some 5 ms
+QUERY_GRAIN = 256  # receivers per thread
+QUERY_STEP = 1024  # receivers per step of prepare(): some 5 ms
 
 
 class _Prepared(NamedTuple):
@@ -47,9 +48,9 @@ class _Prepared(NamedTuple):
 
     sums: np.ndarray  # (R, 3) int64 of static receivers
     area: np.ndarray  # (R,) float64 [m2]
-    reach2: np.ndarray  # (R,) float32, squared distance within which a hit matters [m2]
+    reach2: np.ndarray  # (R,) float32 [m2], squared distance within which a changed hit makes a receiver stale
     grid: HitGrid
-    cut_bounce: np.ndarray  # (photons,) int32, NEVER but while a frame is computed
+    cut_bounce: np.ndarray  # (photons,) int32, NEVER except while a frame is computed
 
 
 class PhotonMap:
@@ -59,11 +60,11 @@ class PhotonMap:
     additive, controlled, on_faces = False, False, False
     smoothing: str | None = "neighbours"
     compile_seconds = 5
-    bytes_a_hit = 96  # a hit is kept as it was added, and sorted
+    bytes_per_hit = 96  # each hit is stored twice: as added, and sorted
 
     def __init__(self, model: Model, setting: Setting):
         self.model, self.radius, self.k, self.textbook = model, setting.radius, setting.neighbours, setting.textbook
-        # The share of a disc that photons hit, and where it is not all, the side that a hit must be on.
+        # The share of a disc that the surface covers; where it is below 1, the side on which hits count.
         self._share, self._side = np.ones(len(model.object_receivers.areas)), None
         if setting.border_correction:
             self._share = model.covered_share
@@ -83,17 +84,17 @@ class PhotonMap:
         return f"k {setting.neighbours}" + (", as in textbooks" if setting.textbook else "")
 
     def build(self) -> Iterator[None]:
-        """Nothing to build: hits are indexed by prepare()."""
+        """Nothing to build; prepare() indexes the hits."""
         return iter(())
 
     def add_background(self, segments: Segments, thread: int) -> None:
-        """Add the hits of background segments; several threads may."""
+        """Add the hits of background segments. Thread safe."""
         self._parts.append(self._hits(segments, self.model.static))
 
     def prepare(self, photons: int) -> Iterator[None]:
-        """Index the hits added, which are those of the first `photons`, and estimate static receivers, in steps.
+        """Index all hits added, those of the first `photons`, and estimate static receivers, in steps.
 
-        Kept by that prefix; until it has run through, evaluate() knows the earlier ones only.
+        The photon subset is available to evaluate() after the last step.
         """
         grid = yield from build_steps(list(self._parts), CELL_SHARE * self.radius)
         uncut = np.full(max(photons, 1), NEVER, np.int32)
@@ -109,21 +110,21 @@ class PhotonMap:
         self.photons = photons
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a prefix."""
+        """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
         return self.prefixes[photons].sums, self.prefixes[photons].area
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
-        """Return the segments that a frame at these poses must hold: nothing but what changes."""
+        """Return the needs of a frame: path changes only."""
         return Wanted.changes(self.model, mobiles)
 
     def evaluate(self, frame: PoseChange) -> Evaluated:
-        """Return what the frame's irradiance is read from."""
+        """Return the frame's sums and areas."""
         background = self.prefixes[frame.photons]
         changed = [self._hits(s, frame.at) for s in (frame.kept_prefixes, frame.new_suffixes)]
         added = build(_joined(changed), CELL_SHARE * self.radius)
         removed = self._hits(frame.removed_suffixes.segments(self.model.threads), frame.at)
 
-        # Which static receivers does a changed hit concern?
+        # Static receivers with a changed hit within their radius are stale.
         stale = np.zeros(self._static.stop, bool)
         for hits in (removed, added.hits):
             _mark(hits.position, self._receiver_grid, background.reach2, self.radius, stale)
@@ -135,7 +136,7 @@ class PhotonMap:
         sums[self._static], area[self._static] = background.sums, background.area
         if frame.near_mobiles:
             rows = np.concatenate([rows, np.arange(self._static.stop, len(sums))])
-        # A photon's hits are gone from the end of the segment that is cut.
+        # The background hits of a cut photon are removed from the end of the cut segment on.
         points, normals = self._receivers(frame.at, rows)
         try:
             background.cut_bounce[frame.removed_suffixes.photon] = frame.removed_suffixes.bounce
@@ -149,7 +150,7 @@ class PhotonMap:
         return Evaluated(sums, area, changed, self._not_additive, 0.0)
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
-        """Return what irradiance is read from, from all current segments (an iterable of Segments)."""
+        """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""
         hits = _joined([self._hits(p, at) for p in parts])
         grid = build(hits, CELL_SHARE * self.radius)
         uncut = np.full(int(hits.photon.max(initial=0)) + 1, NEVER, np.int32)
@@ -160,7 +161,7 @@ class PhotonMap:
 
     @property
     def _not_additive(self) -> np.ndarray:
-        """Sums of k nearest are not additive."""
+        """NOT_ADDITIVE for all receivers, (R,) int64: sums of the k nearest hits are not additive."""
         return np.full(len(self.model.object_receivers.areas), NOT_ADDITIVE)
 
     def _hits(self, segments: Segments, at: Transforms) -> Hits:
@@ -213,7 +214,7 @@ def _joined(parts: list[Hits]) -> Hits:
 
 
 def _as_hits(points: np.ndarray, normals: np.ndarray) -> Hits:
-    """Let receivers be indexed as hits are; `photon` numbers them."""
+    """Return receivers as hits, for indexing; `photon` is the receiver's index."""
     n = len(points)
     return Hits(points, normals, np.zeros((n, 3), np.int32), np.arange(n), *(np.zeros(n, np.int32),) * 2)
 
@@ -247,7 +248,7 @@ def _estimate(
 
 @kernel
 def _mark(position, receivers, reach2, radius, stale):
-    """Mark receivers whose estimate a hit at one of the positions concerns."""
+    """Mark receivers with one of the positions within their radius as stale."""
     (points, _, _, index, _, _), low, cell, shape, first = receivers
     for k in range(len(position)):
         x, y, z = position[k, 0], position[k, 1], position[k, 2]

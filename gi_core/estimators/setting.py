@@ -1,4 +1,4 @@
-"""How irradiance is estimated from the photons: what an estimator is made with, and the rules for its values."""
+"""Settings of an estimator, and the valid range of each value."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class Setting(NamedTuple):
     radius: float  # of the disc, or the largest of a search [m]
     neighbours: int  # k of photon_map
     control: bool = True  # artifact control of tangent_plane, see `gi_core.discs.region`
-    search: str = "disc_index"  # a key of `gi_core.discs.search.SEARCHES`: how tangent_plane finds crossings
+    search: str = "disc_index"  # a key of `gi_core.discs.search.SEARCHES`: how tangent_plane finds disc intersections
     border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc, see `gi_core.geometry.border_angle`
     textbook: bool = False  # photon_map counts the k-th hit too, as in the report: k / (k - 1) too much
 
     def changed(self, choices: Mapping[str, Mapping], **values) -> Setting:
-        """Return the setting with some values replaced; None keeps what it is.
+        """Return the setting with the given values replaced; None keeps a value.
 
         choices: the registries of fields that name something. Raises SceneError for a bad value.
         """
@@ -46,7 +46,7 @@ _WHOLE = {"photons": (0, MAX_PHOTONS), "neighbours": (1, 100_000), "threads": (1
 
 
 def number(name: str, value, kept=None):
-    """Return a number that is set, checked by the rule for its name; `kept` for None. Raises SceneError."""
+    """Return `value` as a number in the valid range of its name, or `kept` for None. Raises SceneError."""
     if value is None:
         return kept
     low, high = _WHOLE.get(name, (0, np.inf))

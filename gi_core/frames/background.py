@@ -25,7 +25,7 @@ PART = 4096  # photons that a thread traces, or splats, in one go: their rays an
 PART_GRAIN = 256  # photons a thread
 FIRST_SECONDS = 1e-5  # of a photon, before any are known
 LEAST_CHUNK, LARGEST_CHUNK = 64, 1 << 16  # photons a step
-BYTES_A_VERTEX = 40  # of a path as it is stored, twice: whole and coarse
+BYTES_PER_VERTEX = 40  # of a path as it is stored, twice: whole and coarse
 SPARE_MEMORY = 1 << 30  # bytes that are left to others, and to what frames need
 
 
@@ -78,13 +78,13 @@ class Photons:
         paths = self._store.prefix(photons)
         return paths, self._coarse.prefix(len(paths.side))
 
-    def affordable(self, wanted: int, bytes_a_hit: int) -> int:
-        """Return how many of the photons wanted memory holds; an estimator keeps bytes_a_hit more a path vertex."""
+    def affordable(self, wanted: int, bytes_per_hit: int) -> int:
+        """Return how many of the photons wanted memory holds; an estimator keeps bytes_per_hit more a path vertex."""
         left = memory.available()
         if not self.count or left is None or wanted <= self.count:
             return wanted
         vertices = len(self._store.prefix(self.count).side) / self.count
-        more = max(left - SPARE_MEMORY, 0) / (vertices * (BYTES_A_VERTEX + bytes_a_hit))
+        more = max(left - SPARE_MEMORY, 0) / (vertices * (BYTES_PER_VERTEX + bytes_per_hit))
         return min(wanted, self.count + int(more))
 
     def bring_in(self, b: Background, until: int, wanted: int, seconds: float) -> str:

@@ -19,7 +19,7 @@ from gi_core.scene.pose import as_pose
 from gi_core.scene.types import Pose, Scene
 
 STREAM = 0x9E1E  # separates the reference's random numbers from those of photons with the same seed
-PATHS_A_POINT = 1 << 32  # path k of point i has number i * PATHS_A_POINT + k, whatever the number of paths
+PATHS_PER_POINT = 1 << 32  # path k of point i has number i * PATHS_PER_POINT + k, whatever the number of paths
 
 
 class Gatherer:
@@ -45,7 +45,7 @@ class Gatherer:
 
         Paths come in sets of 2^m, see strata.py; `stream` selects independent paths of the same numbers.
         """
-        path = (rows[:, None] * PATHS_A_POINT + first + np.arange(count)).reshape(-1)
+        path = (rows[:, None] * PATHS_PER_POINT + first + np.arange(count)).reshape(-1)
         start = (np.repeat(a[rows], count, axis=0) for a in (self.positions, self._normals))
         seed = self._seed ^ (stream << 24)
         values = gather(self.model, self._at, self._lights, seed, path, *start, self._light_sampling, m)

@@ -17,7 +17,7 @@ import numpy as np
 
 from gi_core.base import strata
 from gi_core.base.jit import kernel
-from gi_core.gather.point_gather import PATHS_A_POINT, Gatherer
+from gi_core.gather.point_gather import PATHS_PER_POINT, Gatherer
 from gi_core.geometry.error import luminance, noise_of_truth, small_sample_bias
 from gi_core.model import Model
 from gi_core.scene.types import Pose, Scene
@@ -83,7 +83,7 @@ def reference_irradiance(
     0. The standard error of one path is inf.
     Raises SceneError for a bad pose, ValueError for bad points or paths.
     """
-    if not 1 <= int(paths) < PATHS_A_POINT:
+    if not 1 <= int(paths) < PATHS_PER_POINT:
         raise ValueError(f"paths must be a whole number >= 1, got {paths}")
     gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model)
     s = nothing_gathered(len(gatherer.positions))

@@ -24,7 +24,7 @@ def chunks_of(receivers: int) -> int:
     return (receivers + CHUNK - 1) >> CHUNK_BITS
 
 
-class Log(NamedTuple):
+class IntersectionLog(NamedTuple):
     """Record of the disc intersections that a kernel accumulates; empty arrays record nothing."""
 
     line: np.ndarray  # (room,) int32, index among the lines of the call
@@ -33,7 +33,7 @@ class Log(NamedTuple):
     count: np.ndarray  # (1,) int64, intersections, including those beyond the room
 
     @classmethod
-    def of(cls, room: int) -> Log:
+    def of(cls, room: int) -> IntersectionLog:
         """Return a record with room for that many intersections."""
         line, receiver = np.empty(room, np.int32), np.empty(room, np.int32)
         return cls(line, receiver, np.empty(room, np.float32), np.zeros(1, np.int64))
@@ -45,11 +45,11 @@ class Sums(NamedTuple):
     flux: np.ndarray  # (n, 3) int64, fixed-point units
     touched: np.ndarray  # (chunks,) bool, of all receivers
     first: int  # the receiver of row 0 of `flux`
-    log: Log
+    log: IntersectionLog
 
     @classmethod
     def zeros(cls, receivers: int) -> Sums:
-        return cls(np.zeros((receivers, 3), np.int64), np.zeros(chunks_of(receivers), bool), 0, Log.of(0))
+        return cls(np.zeros((receivers, 3), np.int64), np.zeros(chunks_of(receivers), bool), 0, IntersectionLog.of(0))
 
     def of(self, rows: slice) -> Sums:
         """Return a view of the receivers in `rows`."""

@@ -28,7 +28,7 @@ ALL, PROBED, REST = 0, 1, 2  # subsets of a receiver's directions
 _STRIDE = RAYS // PROBES
 
 
-class Contact(NamedTuple):
+class ShortenedRegions(NamedTuple):
     """Receivers of one object whose regions other objects shorten, and their regions at the pose."""
 
     rows: np.ndarray  # (n,) int64, index within the object, ascending
@@ -36,17 +36,17 @@ class Contact(NamedTuple):
     area: np.ndarray  # (n,) float64 [m2]
 
 
-NOTHING = Contact(np.empty(0, np.int64), np.empty((0, RAYS, 2), np.uint8), np.empty(0))
+NO_REGIONS = ShortenedRegions(np.empty(0, np.int64), np.empty((0, RAYS, 2), np.uint8), np.empty(0))
 
 
-class Met(NamedTuple):
+class PoseContacts(NamedTuple):
     """Regions that objects shorten of each other, at some poses."""
 
-    contacts: tuple[Contact, ...]  # per object
-    floor: tuple[np.ndarray, ...]  # per mobile: (n,) int64, static receivers whose regions it shortens
+    regions: tuple[ShortenedRegions, ...]  # per object
+    static_rows: tuple[np.ndarray, ...]  # per mobile: (n,) int64, static receivers whose regions it shortens
 
 
-class Contacts:
+class ContactSearch:
     """Search for contacts at any poses; `regions`: those of each object alone. radius [m]."""
 
     def __init__(self, model: Model, radius: float, regions: list[Regions]):
@@ -68,22 +68,22 @@ class Contacts:
         yield
         self._cells = yield from surface_cells(s.vertices[0], s.faces[0], 1.001 * self._radius)
 
-    def at(self, at: Transforms, mobiles: bool) -> Met:
+    def at(self, at: Transforms, mobiles: bool) -> PoseContacts:
         """Return the contacts at poses `at`, on static receivers and, if `mobiles`, on receivers of mobiles."""
         objects = self._model.surfaces.objects
-        contacts, floor = [NOTHING] * objects, ()
+        shortened, static_rows = [NO_REGIONS] * objects, ()
         for o in range(objects if mobiles else 1):
             found = [self._shortened(o, b, at) for b in range(objects) if b != o]
             if o == 0:
-                floor = tuple(rows for rows, _ in found)
-            contacts[o] = self._contact(o, found)
-        return Met(tuple(contacts), floor)
+                static_rows = tuple(rows for rows, _ in found)
+            shortened[o] = self._regions_of(o, found)
+        return PoseContacts(tuple(shortened), static_rows)
 
-    def _contact(self, o: int, found) -> Contact:
+    def _regions_of(self, o: int, found) -> ShortenedRegions:
         """Return the shortened regions of object o from pairs of rows and distances (n, RAYS) float32 [m]."""
         found = [(rows, distances) for rows, distances in found if len(rows)]
         if not found:
-            return NOTHING
+            return NO_REGIONS
         rows, where = np.unique(np.concatenate([rows for rows, _ in found]), return_inverse=True)
         shortest = np.full((len(rows), RAYS), np.float32(self._radius))
         first = 0
@@ -97,7 +97,7 @@ class Contacts:
         before[has] = alone.reach[alone.row[rows[has]]]
         reach = np.minimum(before, levels(shortest, self._radius)[:, :, None])
         keep = (reach < before).any(axis=(1, 2)) & (alone.area[rows] > 0)
-        return Contact(rows[keep], reach[keep], polygon_areas(reach[keep], self._radius))
+        return ShortenedRegions(rows[keep], reach[keep], polygon_areas(reach[keep], self._radius))
 
     def _shortened(self, o: int, b: int, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
         """Return receivers of object o whose discs object b enters, and the distances (n, RAYS) float32 [m] to it."""
@@ -106,13 +106,13 @@ class Contacts:
         if len(rows) and b == 0:
             # Near a wall most receivers of a mobile hit nothing: test a few directions first.
             self._look(o, b, at, rows, PROBED, distances)
-            met = (distances < np.float32(self._radius)).any(axis=1)
-            rows, distances = rows[met], distances[met]
+            hit = (distances < np.float32(self._radius)).any(axis=1)
+            rows, distances = rows[hit], distances[hit]
             self._look(o, b, at, rows, REST, distances)
         elif len(rows):
             self._look(o, b, at, rows, ALL, distances)
-        met = (distances < np.float32(self._radius)).any(axis=1)
-        return rows[met], distances[met]
+        hit = (distances < np.float32(self._radius)).any(axis=1)
+        return rows[hit], distances[hit]
 
     def _candidates(self, o: int, b: int, at: Transforms) -> np.ndarray:
         """Return the receivers (n,) int64 of object o whose discs may come near object b, in any order."""

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.threads import run_ranges
-from gi_core.discs.contact.contact import NOTHING, Contacts, Met
+from gi_core.discs.contact.contact import NO_REGIONS, ContactSearch, PoseContacts
 from gi_core.discs.region import RAYS, Regions
 from gi_core.discs.search.brute_force import BruteForce
 from gi_core.discs.search.disc_grid import DiscGrid
@@ -51,8 +51,8 @@ class ContactDiscs:
     def __init__(self, model: Model, radius: float, discs: list[Discs], control: bool):
         """discs: one per object, of mobiles with room_for_contacts(). Without `control` there are no contacts."""
         self.model, self.radius, self._discs = model, radius, discs
-        self._contacts = Contacts(model, radius, [d.regions for d in discs]) if control else None
-        self._known: tuple[Transforms, bool, Met] | None = None
+        self._contacts = ContactSearch(model, radius, [d.regions for d in discs]) if control else None
+        self._known: tuple[Transforms, bool, PoseContacts] | None = None
         count = sum(len(d.regions.row) for d in discs)
         self.share = sum(int((d.regions.row >= 0).sum()) for d in discs) / max(count, 1)
 
@@ -61,10 +61,10 @@ class ContactDiscs:
         if self._contacts and self.model.surfaces.objects > 1:
             yield from self._contacts.build()
 
-    def met(self, at: Transforms, mobiles: bool) -> Met:
+    def contacts_at(self, at: Transforms, mobiles: bool) -> PoseContacts:
         """Return the contacts at poses `at`, with or without those on mobiles; the last result is cached."""
         if not self._knows(at, mobiles):
-            alone = Met((NOTHING,) * len(at.position), (NOTHING.rows,) * (len(at.position) - 1))
+            alone = PoseContacts((NO_REGIONS,) * len(at.position), (NO_REGIONS.rows,) * (len(at.position) - 1))
             together = self._contacts is not None and len(at.position) > 1
             self._known = at, mobiles, self._contacts.at(at, mobiles) if together else alone
         return self._known[-1]
@@ -74,9 +74,9 @@ class ContactDiscs:
             return False
         return all(np.array_equal(a, b) for a, b in zip(self._known[0], at, strict=True))
 
-    def facts(self, met: Met) -> ControlFacts:
+    def facts(self, contacts: PoseContacts) -> ControlFacts:
         """Return the numbers of receivers under artifact control."""
-        floor, *others = (len(c.rows) for c in met.contacts)
+        floor, *others = (len(c.rows) for c in contacts.regions)
         return ControlFacts(self.share, floor, sum(others))
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
@@ -84,7 +84,7 @@ class ContactDiscs:
         m, boxes = self.model, []
         around = np.zeros(len(at.position) - 1)
         positions, normals = m.object_receivers.positions, m.object_receivers.normals
-        for k, rows in enumerate(self.met(at, mobiles).floor):
+        for k, rows in enumerate(self.contacts_at(at, mobiles).static_rows):
             if len(rows):
                 # A segment counts up to 2 r behind its hit on a concave side, up to eps on others.
                 own = m.receiver_sides[rows]
@@ -99,9 +99,9 @@ class ContactDiscs:
         return Wanted(self.radius if mobiles else 0.0, np.array(boxes).reshape(-1, 2, 3), around, mobiles)
 
     @contextmanager
-    def regions_of(self, met: Met) -> Iterator[None]:
+    def regions_of(self, contacts: PoseContacts) -> Iterator[None]:
         """Use the shortened regions of discs on mobiles in this context; searches must not copy regions."""
-        contacts, before = met.contacts, []
+        contacts, before = contacts.regions, []
         for discs, contact in zip(self._discs[1:], contacts[1:], strict=True):
             row, reach, _ = discs.regions
             before.append(row[contact.rows])
@@ -115,27 +115,27 @@ class ContactDiscs:
             for discs, contact, rows in zip(self._discs[1:], contacts[1:], before, strict=True):
                 discs.regions.row[contact.rows] = rows
 
-    def areas_of(self, met: Met) -> tuple[np.ndarray, np.ndarray]:
+    def areas_of(self, contacts: PoseContacts) -> tuple[np.ndarray, np.ndarray]:
         """Return the receivers (n,) int64 of all objects with shortened regions, and their areas (n,) [m2]."""
-        first, contacts = self.model.surfaces.first_receiver, met.contacts
+        first, contacts = self.model.surfaces.first_receiver, contacts.regions
         rows = [first[o] + c.rows for o, c in enumerate(contacts)]
         return np.concatenate(rows), np.concatenate([c.area for c in contacts])
 
-    def static_discs(self, met: Met) -> Discs:
+    def static_discs(self, contacts: PoseContacts) -> Discs:
         """Return the discs of stale receivers with their shortened regions."""
-        contact, d = met.contacts[0], self._discs[0]
+        contact, d = contacts.regions[0], self._discs[0]
         rows, n = contact.rows, len(contact.rows)
         region = Regions(np.arange(n, dtype=np.int32), contact.reach, contact.area)
         alone = np.full(n, NONE, np.int32)  # one disc per receiver: few are two-sided
         return Discs(d.positions[rows], d.normals[rows], d.own[rows], alone, d.radius, region)
 
-    def static_sums(self, parts, at: Transforms, met: Met) -> tuple[np.ndarray, np.ndarray]:
+    def static_sums(self, parts, at: Transforms, contacts: PoseContacts) -> tuple[np.ndarray, np.ndarray]:
         """Return stale receivers (n,) int64 and their sums (n, 3) int64 over parts (an iterable of Segments)."""
-        rows = met.contacts[0].rows
+        rows = contacts.regions[0].rows
         n = len(rows)
         if not n:
             return rows, np.zeros((0, 3), np.int64)
-        discs = self.static_discs(met)
+        discs = self.static_discs(contacts)
         search = BruteForce(discs) if n <= FEW else DiscGrid(discs, np.flatnonzero(to_list(discs)))
         sums = [Sums.zeros(n) for _ in range(self.model.threads)]
         for segments in parts:

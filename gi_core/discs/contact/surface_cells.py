@@ -15,7 +15,7 @@ from gi_core.base.jit import kernel
 from gi_core.photons.hit_grid import cell_of
 
 MOST_CELLS = 1 << 22  # 4 MB; cells grow instead
-FACES_A_STEP = 4096
+FACES_PER_STEP = 4096
 
 
 class SurfaceCells(NamedTuple):
@@ -37,8 +37,8 @@ def surface_cells(vertices: np.ndarray, faces: np.ndarray, reach: float) -> Gene
         cell *= 1.26
     shape = np.floor((high - low) / cell).astype(np.int64) + 1
     near = np.zeros(int(shape.prod()), bool)
-    for first in range(0, len(faces), FACES_A_STEP):
-        _mark(vertices, faces[first : first + FACES_A_STEP], reach, low, cell, shape, near)
+    for first in range(0, len(faces), FACES_PER_STEP):
+        _mark(vertices, faces[first : first + FACES_PER_STEP], reach, low, cell, shape, near)
         yield
     return SurfaceCells(near, low, cell, shape)
 

@@ -33,7 +33,7 @@ def test_photons_end_where_memory_does(estimator, monkeypatch):
         real(store, *given)
         taken[0] = store.photons
 
-    a_photon = 4 * (background.BYTES_A_VERTEX + wanted._background().estimate.bytes_a_hit)
+    a_photon = 4 * (background.BYTES_PER_VERTEX + wanted._background().estimate.bytes_per_hit)
     monkeypatch.setattr(background.PathStore, "append", counted)
     monkeypatch.setattr(memory, "available", lambda: background.SPARE_MEMORY + (20_000 - taken[0]) * a_photon)
     assert list(wanted.solve_steps())[-1].stage == "done"

@@ -38,7 +38,7 @@ class Toy:
     additive, controlled, on_faces = True, False, True
     smoothing: str | None = None
     compile_seconds = 0
-    bytes_a_hit = 0
+    bytes_per_hit = 0
     stale = 0
 
     def __init__(self, model: Model, setting: Setting):

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import allocating, kernel
-from gi_core.photons.flux_sums import CHUNK_BITS, Log, Sums
+from gi_core.photons.flux_sums import CHUNK_BITS, IntersectionLog, Sums
 from gi_core.photons.paths import Segments, grown
 from gi_core.retrace.removed_suffixes import RemovedSuffixes
 
-MOST_A_PHOTON = 64  # entries per photon: half a GB per million photons. Beyond it, frames search for removed suffixes
+MOST_PER_PHOTON = 64  # entries per photon: half a GB per million photons. Beyond it, frames search for removed suffixes
 MOST = 1 << 32  # entries: indices have 32 bits
 GUESS = 3  # entries per vertex, assumed before any are known
 ROOM = 4  # entries per segment in the first allocation
@@ -35,34 +35,34 @@ class _Part(NamedTuple):
     distance: np.ndarray  # (n,) float32 [m]
 
 
-class Crossings:
+class IntersectionCache:
     """Disc intersections of background segments, by start vertex; append-only."""
 
     def __init__(self):
-        self.kept = True  # False: there were too many, and the cache is empty
+        self.complete = True  # False: there were too many, and the cache is empty
         self._parts: list[_Part] = []  # not merged yet
         self._photons = self._vertices = 0
         self._first = np.zeros(1, np.uint32)  # (vertices + 1,), first entry of each vertex
         self._receiver, self._distance = np.empty(0, np.int32), np.empty(0, np.float32)
 
     @property
-    def bytes_a_vertex(self) -> int:
+    def bytes_per_vertex(self) -> int:
         """Bytes of the cache per path vertex; an estimate before photons are known."""
-        crossings = int(self._first[self._vertices]) / self._vertices if self._vertices else GUESS
-        return 4 + int(8 * crossings) if self.kept else 0
+        entries = int(self._first[self._vertices]) / self._vertices if self._vertices else GUESS
+        return 4 + int(8 * entries) if self.complete else 0
 
-    def find(self, segments: Segments, splat: Callable[[int, Log], None]) -> None:
+    def find(self, segments: Segments, splat: Callable[[int, IntersectionLog], None]) -> None:
         """Call `splat(sign, log)`, which adds sign x segments to sums, and cache the intersections that it records.
 
         segments: all of consecutive photons, photon-major. Thread safe for disjoint photons.
         """
-        log = Log.of(1 + ROOM * segments.size if self.kept else 0)
+        log = IntersectionLog.of(1 + ROOM * segments.size if self.complete else 0)
         splat(1, log)
-        if not self.kept or not segments.size:
+        if not self.complete or not segments.size:
             return
         n = int(log.count[0])
         if n > len(log.line):
-            log = Log.of(n)
+            log = IntersectionLog.of(n)
             splat(0, log)  # sign 0: record only, the sums have them already
         photons = int((segments.bounce == 0).sum())
         count = np.zeros(segments.size + photons, np.uint32)
@@ -71,14 +71,14 @@ class Crossings:
         self._parts.append(_Part(int(segments.photon[0]), photons, count, receiver, distance))
 
     def settle(self) -> None:
-        """Merge the parts, which now cover all photons up to some last one, for take_out()."""
+        """Merge the parts, which now cover all photons up to some last one, for subtract()."""
         photons, at, end = self._photons, self._vertices, int(self._first[self._vertices])
         parts = sorted(self._parts, key=lambda part: part.photon)
         photons += sum(p.photons for p in parts)
         n = end + sum(len(p.receiver) for p in parts)
-        if n > min(MOST_A_PHOTON * photons, MOST - 1):
+        if n > min(MOST_PER_PHOTON * photons, MOST - 1):
             self.__init__()
-            self.kept = False
+            self.complete = False
             return
         self._first = grown(self._first, at + sum(len(p.count) for p in parts) + 1)
         self._receiver, self._distance = grown(self._receiver, n), grown(self._distance, n)
@@ -89,10 +89,10 @@ class Crossings:
             at, end = at + len(p.count), entries.stop
         self._photons, self._vertices, self._parts = photons, at, []
 
-    def take_out(self, removed_suffixes: RemovedSuffixes, first: int, last: int, sums: Sums) -> int:
+    def subtract(self, removed_suffixes: RemovedSuffixes, first: int, last: int, sums: Sums) -> int:
         """Subtract removed suffixes first .. last - 1 from the sums; return the number of intersections."""
         t = removed_suffixes
-        return _take_out(
+        return _subtract(
             self._first, self._receiver, self._distance, t.paths.offsets, t.paths.flux, t.photon, t.vertex, t.low,
             first, last, sums.flux, sums.touched, sums.first,
         )  # fmt: skip
@@ -118,7 +118,7 @@ def _by_vertex(bounce, log, n, count, receiver, distance):
 
 
 @kernel
-def _take_out(first, receiver, distance, offsets, flux, photon, vertex, low, a, b, sums, touched, base):
+def _subtract(first, receiver, distance, offsets, flux, photon, vertex, low, a, b, sums, touched, base):
     total = 0
     for j in range(a, b):
         v, end = vertex[j], offsets[photon[j] + 1] - 1

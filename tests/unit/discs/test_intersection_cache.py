@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.discs import crossing_cache
-from gi_core.discs.crossing_cache import Crossings
+from gi_core.discs import intersection_cache
+from gi_core.discs.intersection_cache import IntersectionCache
 from gi_core.discs.search import SEARCHES
 from gi_core.photons.prefixes import LOWEST
 from gi_core.scene import Pose
@@ -64,15 +64,15 @@ def test_a_walk_through_poses_prefixes_and_estimators_equals_from_scratch(contro
 def test_searching_for_tails_gives_the_same(search, monkeypatch):
     looked_up = solver_of(search=search)
     looked_up.solve()
-    monkeypatch.setattr(crossing_cache, "MOST_A_PHOTON", 0)
+    monkeypatch.setattr(intersection_cache, "MOST_PER_PHOTON", 0)
     searched = solver_of(search=search)
     searched.solve()
-    assert looked_up.frame_parts().background.estimate._crossings.kept
-    assert not searched.frame_parts().background.estimate._crossings.kept
+    assert looked_up.frame_parts().background.estimate._intersections.complete
+    assert not searched.frame_parts().background.estimate._intersections.complete
     assert (
-        searched.frame_parts().background.estimate.bytes_a_hit
+        searched.frame_parts().background.estimate.bytes_per_hit
         == 0
-        < looked_up.frame_parts().background.estimate.bytes_a_hit
+        < looked_up.frame_parts().background.estimate.bytes_per_hit
     )
     for pose in walk()[::5]:
         for solver in (looked_up, searched):
@@ -89,14 +89,14 @@ def test_a_log_that_is_too_small_is_begun_again(monkeypatch):
         return solver.irradiance, solver.resting_irradiance
 
     frame, resting = light()
-    monkeypatch.setattr(crossing_cache, "ROOM", 0)
+    monkeypatch.setattr(intersection_cache, "ROOM", 0)
     calls = []
-    find = Crossings.find
+    find = IntersectionCache.find
 
     def counted(self, segments, splat):
         find(self, segments, lambda sign, log: (calls.append(sign), splat(sign, log)))
 
-    monkeypatch.setattr(Crossings, "find", counted)
+    monkeypatch.setattr(IntersectionCache, "find", counted)
     again, at_rest = light()
     assert 0 in calls
     assert np.array_equal(frame, again)
@@ -124,12 +124,12 @@ def test_threads_and_parts_do_not_show(monkeypatch):
 
 @pytest.mark.parametrize("off", [-0.3, 0.3])
 def test_the_comparison_sees_a_cut_that_is_elsewhere(off, monkeypatch):
-    real = Crossings.take_out
+    real = IntersectionCache.subtract
 
     def shifted(self, removed_suffixes, *others):
         real(self, removed_suffixes._replace(low=(removed_suffixes.low + np.float32(off)).astype(np.float32)), *others)
 
-    monkeypatch.setattr(Crossings, "take_out", shifted)
+    monkeypatch.setattr(IntersectionCache, "subtract", shifted)
     solver = solver_of(control=False)
     solver.solve()
     solver.move("box", Pose((0.5, 0.45, 0.25)))
