@@ -83,7 +83,7 @@ def test_the_table_has_frame_bound_and_memory(measured):
     assert "7.0 threads ran or waited" in busy and "CPU" in busy
 
 
-def test_bounds_are_sums_of_their_work_and_below_what_was_measured(measured, estimator):
+def test_bounds_are_sums_of_work_and_below_measured_times(measured, estimator):
     """The machine may be busy with something else, so only a bound above the whole frame is an error."""
     n, _ = measured("--estimator", estimator)
     b = n["bounds"]

@@ -1,4 +1,4 @@
-"""`gi-viewer bench --tables`: what is measured, and what is made of it; how long things take is no test's business."""
+"""`gi-viewer bench --tables`: measurements and tables; times are not tested."""
 
 from __future__ import annotations
 

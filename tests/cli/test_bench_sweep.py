@@ -1,4 +1,4 @@
-"""`bench --sweep`: which rows, resumed where it was stopped, whole files, tables; the variants of a scene."""
+"""`bench --sweep`: rows, resumption, complete files, tables; variants of a scene."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_every_estimator_there_is_has_its_rows(estimator):
     assert {photons_key(n, estimator) for n in bench_rows.PHOTONS} <= keys
 
 
-def test_a_sweep_that_was_stopped_goes_on_with_what_is_missing(tmp_path):
+def test_stopped_sweep_resumes_with_missing_rows(tmp_path):
     """Stopped in the fifth row, which is not there then; files are whole; the second run measures only the rest."""
     asked = []
 
@@ -130,7 +130,7 @@ def test_the_command_writes_and_prints_the_tables(tmp_path, monkeypatch, capsys)
     assert text.strip() == (tmp_path / "new" / "sweep.md").read_text().strip()
 
 
-def test_tables_hold_what_was_measured_and_say_when_bits_differ():
+def test_tables_hold_measurements_and_flag_differing_bits():
     every = {row.key: numbers(row.spec(), ms=20.0) for row in rows(TREE, 10, large=True)}
     every["two-sided"]["frame_ms"]["median"] = 24.0
     sweep = {"scene": "tree", "commit": "abc", "processor": "chip", "rows": every, "failed": {}}
@@ -166,7 +166,7 @@ def tree():
     return load_scene("tree")
 
 
-def test_a_scene_is_cut_finer_without_changing_its_surfaces_and_never_made_coarser():
+def test_refinement_keeps_surfaces_and_never_coarsens():
     room = load_scene("cornell")
     settings, faces = Settings("cornell", photons=100, control=False), len(room.static.faces)
     same, _ = vary(room, settings, {"triangles": 100, "radius": "fixed"})

@@ -1,4 +1,4 @@
-"""The chart: what is measured, resumed where it was stopped, drawn; errors and shares are those that it says."""
+"""The chart: measurement, resumption, drawing; its errors and shares are correct."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def run_of(out) -> chart_run.Run:
     return chart_run.Run(open_scene(settings), settings, True, 3, 60, out, Silent())
 
 
-def test_without_matplotlib_one_sentence_says_what_to_install(tmp_path, monkeypatch, capsys):
+def test_missing_matplotlib_gets_one_sentence(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert command(tmp_path / "chart") == 2
     assert "pip install matplotlib" in capsys.readouterr().err
@@ -235,7 +235,7 @@ def test_flicker_and_jump():
     assert steady.tolist() == [True, False, False] and moved.tolist() == [False, True, True]
 
 
-def test_the_front_is_what_nothing_beats():
+def test_front_is_the_pareto_set():
     points = [(1, 9), (2, 9.5), (3, 4), (3, 5), (4, 4), (5, 1)]
     assert front(points) == [(1, 9), (3, 4), (5, 1)] and front([]) == []
 

@@ -100,7 +100,7 @@ WORDS = {
 
 
 @pytest.mark.parametrize("command", OPTIONS)
-def test_every_command_takes_the_scene_and_no_option_that_it_does_not_read(command, capsys):
+def test_every_command_has_a_scene_and_only_options_it_reads(command, capsys):
     scene = "x.toml --mobile a.glb --mobile b.glb --max-edge 0.1 --up z --allow-outside"
     scene += " --pose chair=-1,2,3 --pose lamp=a=0,0,0,1,0,0,0"
     s = settings(*command.split(), *scene.split())
@@ -169,20 +169,20 @@ def test_bad_usage_is_code_2(bad, capsys):
     ("typed", "meant"),
     [("--photon 10 --radios 2", "--radius"), ("rendr tree", "render"), ("bench --jsn a.json", "--json")],
 )
-def test_a_mistyped_word_is_told_with_the_one_meant(typed, meant, capsys):
+def test_mistyped_option_gets_a_suggestion(typed, meant, capsys):
     assert cli.main(typed.split()) == 2
     said = one_line(capsys.readouterr().err)
     assert f"did you mean {meant}?" in said and "--help" in said
 
 
-def test_a_mistyped_scene_is_told_with_the_one_meant(capsys):
+def test_mistyped_scene_gets_a_suggestion(capsys):
     assert cli.main(["info", "cornel"]) == 3
     assert "did you mean cornell?" in one_line(capsys.readouterr().err)
     assert cli.main(["info", "zzz"]) == 3
     assert "did you mean" not in one_line(capsys.readouterr().err)
 
 
-def test_a_picture_that_is_replaced_is_told_unless_it_was_named(capsys, tmp_path, monkeypatch):
+def test_replaced_default_picture_is_reported(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     command = ["render", *FAST, "--size", "32x24"]
     assert cli.main(command) == 0 and capsys.readouterr().err == ""
@@ -272,7 +272,7 @@ def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
         (["--photons", "many"], "argument --photons: must be a number, got many"),
     ],
 )
-def test_values_out_of_range_are_told_in_words(words, told, capsys):
+def test_values_out_of_range_get_a_sentence(words, told, capsys):
     assert cli.main(["render", "cornell", *words]) == 2
     assert told in capsys.readouterr().err
 
@@ -300,7 +300,7 @@ def test_choosing_an_estimator_shows_its_own_light():
 
 @pytest.mark.parametrize("name", ["estimator", "search"])
 @pytest.mark.parametrize("command", [[], ["render"], ["chart"], ["info"]])
-def test_unknown_names_are_refused_before_anything_is_compiled_loaded_or_opened(monkeypatch, capsys, command, name):
+def test_unknown_names_are_refused_before_any_work(monkeypatch, capsys, command, name):
     from app.window import viewer, window
     from gi_core.instruments import compile_ahead
 

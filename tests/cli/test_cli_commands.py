@@ -1,4 +1,4 @@
-"""What commands print: paths, what info tells, Ctrl+C, the progress bar, names of any alphabet."""
+"""Output of commands: paths, info, Ctrl+C, progress bar, names of any alphabet."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_render_prints_the_full_path(capsys, tmp_path, monkeypatch):
     assert read_parameters(tmp_path / "a.png")["pose pawn"].startswith("0.3,0.05,0.2,")
 
 
-def test_info_says_what_is_there_and_why(capsys, estimator):
+def test_info_lists_contents_and_reasons(capsys, estimator):
     assert cli.main(["info", *FAST, "--radius", "0.02"]) == 0
     text = capsys.readouterr().out
     assert "Python threads over kernels that release the GIL" in text
@@ -76,7 +76,7 @@ def test_info_gives_no_advice_about_lights_that_are_the_programs_own(capsys, tmp
     assert float(text.partition("truncated")[0].rpartition("absorbed, ")[2].split(" %")[0]) > 80  # and yet escaped
 
 
-def test_a_word_too_many_and_a_name_mistyped_are_told_with_what_was_meant(capsys, tmp_path):
+def test_extra_words_and_mistyped_names_get_a_suggestion(capsys, tmp_path):
     write_obj(tmp_path / "kitchen.obj")
     for words, told in (
         (["bake", "room.glb"], "there is no command bake; there are render, bench"),

@@ -1,4 +1,4 @@
-"""Everything that the documentation shows is true: examples run, tables are complete, sentences are the program's."""
+"""The documentation is correct: examples run, tables are complete, quoted messages are the program's."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def complaint(line: str) -> str:
 
 
 @pytest.mark.parametrize("title", UNKNOWN)
-def test_every_key_that_the_program_knows_is_in_the_table_and_no_other(title, monkeypatch, tmp_path):
+def test_table_has_exactly_the_keys_of_the_program(title, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     bring("room.obj")
     sentence = complaint(UNKNOWN[title])

@@ -1,4 +1,4 @@
-"""The wheel is whole: a picture is rendered from it in an empty folder, and the README's commands are CI's."""
+"""The wheel is complete: it renders in an empty folder; the README's commands are those of CI."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def test_colours_are_rho_E_over_pi_plus_emission_on_the_front_only():
     np.testing.assert_allclose(white, E[draw.front] / np.pi, rtol=1e-6)
 
 
-def test_one_sided_backs_are_black_and_corners_with_twins_keep_theirs():
+def test_one_sided_backs_are_black_and_split_corners_keep_colour():
     surfaces, receivers = flatten(card())
     (draw,) = draw_meshes(surfaces)
     _, back = colours(draw, np.ones((len(receivers.areas), 3)))
@@ -114,7 +114,7 @@ def test_gouraud_is_linear_across_a_triangle():
     np.testing.assert_allclose(linear[inside], expected[inside], atol=0.006)
 
 
-def test_a_vertex_of_next_to_no_weight_leaves_its_triangles_to_the_others():
+def test_a_vertex_of_small_weight_hardly_counts():
     """A card of light 1 whose middle vertex is dark: a dip where all weigh the same, none where that one does not."""
     scene, settings = card(), replace(SMALL, exposure=0.0, size=(65, 65), show="irradiance")
     shot = shot_of(scene, settings, np.pi)
@@ -276,7 +276,7 @@ def test_the_meter_sees_textures_by_their_mean():
     assert exposures[0] > metered(shot_of(room(), SMALL, 1.0), shot_of(room(), SMALL, 1.0).camera) + 2
 
 
-def test_draw_vertices_split_at_seams_of_an_image_and_share_their_light():
+def test_draw_vertices_split_at_texture_seams_share_light():
     """Two quads with one edge in common: other coordinates on either side split its vertices, not its receivers."""
     mesh = quad((0, 0, 0), (2, 0, 0), (0, 1, 0), (2, 1))
     uv = mesh.vertices[mesh.faces][..., :2].astype(np.float32)

@@ -1,4 +1,4 @@
-"""`render`: what its files carry, frames along a path, and the path itself."""
+"""`render`: parameters in its files, frames along a path, and the path itself."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def room_instead_of_a_file(monkeypatch):
     monkeypatch.setattr(render, "open_scene", lambda settings: room())
 
 
-def test_a_picture_carries_what_made_it(tmp_path, room_instead_of_a_file):
+def test_picture_carries_its_parameters(tmp_path, room_instead_of_a_file):
     (path,) = render.render(SMALL, tmp_path / "a.png")
     entries = read_parameters(path)
     assert path == (tmp_path / "a.png").resolve() and Image.open(path).size == (96, 72)

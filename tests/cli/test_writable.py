@@ -1,4 +1,4 @@
-"""A place that cannot be written is refused before the work, in one sentence; kernels do without their folder."""
+"""Unwritable paths are refused before the work, in one sentence; kernels work without their folder."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_commands_refuse_before_the_work(tmp_path, sealed, command, capsys, monk
 
 
 @pytest.mark.slow
-def test_without_a_folder_for_kernels_it_says_so_and_works(tmp_path):
+def test_missing_kernel_folder_is_reported_and_harmless(tmp_path):
     """The folder above is a file; what is compiled goes where it ends with the process."""
     (tmp_path / "cache").write_text("")
     code = (
@@ -80,7 +80,7 @@ def test_without_a_folder_for_kernels_it_says_so_and_works(tmp_path):
         assert not os.path.exists(folder)
 
 
-def test_what_is_gathered_without_a_place_to_keep_it_is_used_all_the_same(monkeypatch, capsys, tmp_path):
+def test_gathered_light_is_used_without_a_writable_folder(monkeypatch, capsys, tmp_path):
     """The folder is a file: nothing can be made in it, whoever asks."""
     from app.rest.reference_job import Truth
     from app.rest.reference_store import ReferenceStore

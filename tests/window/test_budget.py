@@ -1,4 +1,4 @@
-"""The budget: one prefix of the photons throughout a motion, all of them at rest. Counted, on a clock held still."""
+"""The time budget: one photon subset per motion, all photons at rest. Counted on a test clock."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def drag(s: Session, frames: int, first: int = 0) -> list[int]:
     return shown
 
 
-def test_a_drag_keeps_to_one_prefix_and_all_photons_are_shown_when_it_is_released():
+def test_drag_uses_one_subset_and_release_all_photons():
     s = make()
     s.begin_drag()
     assert drag(s, 40) == [500] * 40
@@ -77,7 +77,7 @@ def test_a_drag_keeps_to_one_prefix_and_all_photons_are_shown_when_it_is_release
     assert s.solver.moved_with[settled:] == [1000], "once is enough"
 
 
-def test_all_photons_are_shown_while_an_object_is_held_still_and_the_same_prefix_after_that():
+def test_held_still_shows_all_photons_then_the_same_subset():
     s = make()
     s.begin_drag()
     drag(s, 5)
@@ -108,7 +108,7 @@ def test_off_means_all_photons_always():
     assert drag(s, 10) == [1000] * 10
 
 
-def test_frames_that_keep_missing_the_budget_take_fewer_photons_and_never_more_again():
+def test_frames_over_budget_reduce_the_subset_for_good():
     """The solver believes that all fit; they take 20 ms of 8. Down a step a few late frames later, until they fit."""
     s = make(budget=8.0, wrong=0.3)
     s.begin_drag()
@@ -174,7 +174,7 @@ def test_refinement_goes_on_at_rest_with_the_prefix_left_behind():
     assert s.light.photons_shown == 1000
 
 
-def test_at_rest_the_frames_of_prefixes_are_timed_once_for_the_first_drag_and_nothing_of_it_is_shown():
+def test_subsets_are_timed_once_at_rest_and_not_shown():
     """Smallest first, three times each, up to one that takes longer than the budget; then all photons as before."""
     s = make()
     timed = [photons for what, photons in s.solver.log if what == "timed"]
@@ -206,7 +206,7 @@ def test_a_drag_that_begins_while_frames_are_timed_goes_first():
     assert s.light.photons_shown == 1000 and s.solver.photons_traced == 1000
 
 
-def test_settling_that_fails_is_told_once_and_the_drag_goes_on():
+def test_failed_settling_is_logged_once_and_the_drag_goes_on():
     s = make()
     s.begin_drag()
     drag(s, 3)

@@ -1,4 +1,4 @@
-"""The turntable: what it shows of a scene's camera, and what each motion keeps."""
+"""The turntable: agreement with the scene's camera, and invariants of each motion."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_a_point_made_pivot_comes_to_the_middle_at_its_depth():
     assert (p.yaw, p.pitch) == (c.yaw, c.pitch)
 
 
-def test_the_way_home_starts_here_ends_there_and_takes_the_shorter_turn():
+def test_blend_has_both_ends_and_the_shorter_turn():
     a = camera().orbit(0.97, 0.1).dolly(3)  # nearly half a turn
     b = camera()
     assert np.allclose(a.towards(b, 0).eye(), a.eye())

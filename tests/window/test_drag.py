@@ -1,4 +1,4 @@
-"""Drags as pure functions: what each mode keeps, and that no ray flings an object away."""
+"""Drags as pure functions: invariants of each mode; no ray moves an object out of bounds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The static light gathered while the window rests: it reaches the picture, waits for a drag, and is kept on disk."""
+"""Static light gathered at rest: it reaches the picture, waits for a drag, and is saved."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def rest_until(session: Session, done, seconds: float = 300.0) -> None:
         session.tick(1 / 60)
 
 
-def test_it_reaches_the_picture_and_the_disk_and_is_there_at_once_next_time():
+def test_static_light_is_shown_saved_and_loaded_again():
     first = opened()
     rest_until(first, lambda: first.gathering.told.fraction == 1.0 and first.gathering.next_work() is None)
     first.tick(1 / 60)
@@ -85,7 +85,7 @@ def test_switched_on_and_off_in_the_panel():
     session.close()
 
 
-def test_what_was_gathered_is_kept_when_it_is_interrupted(monkeypatch):
+def test_interrupted_gathering_keeps_its_state(monkeypatch):
     solver = Solver(SCENE, photons=100, radius=0.06)
     solver.configure(light="best")
     solver.solve()

@@ -1,4 +1,4 @@
-"""Picking, which must see what is drawn."""
+"""Picking agrees with drawing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def picking_scene(two_sided=False) -> Scene:
 
 @pytest.mark.parametrize("cull", [True, False])
 @pytest.mark.parametrize("two_sided", [True, False])
-def test_picking_meets_what_a_loop_over_all_triangles_meets(cull, two_sided):
+def test_picking_equals_a_loop_over_all_triangles(cull, two_sided):
     scene = picking_scene(two_sided)
     surfaces, _ = flatten(scene)
     poses = [m.pose for m in scene.mobiles]
@@ -80,7 +80,7 @@ def test_picking_along_axes_and_in_an_empty_scene():
 
 
 @pytest.mark.gl
-def test_picking_sees_what_is_drawn(draw):
+def test_picking_respects_culling(draw):
     """At pixel centres away from edges, the picked object's colour is the colour on the screen."""
     scene = picking_scene()
     surfaces, receivers = flatten(scene)

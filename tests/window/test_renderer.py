@@ -63,7 +63,7 @@ def test_colours_run_linearly_between_vertices(draw):
 
 
 @pytest.mark.gl
-def test_vertices_of_next_to_no_weight_leave_their_triangles_to_the_others(ctx):
+def test_vertices_of_small_weight_hardly_count(ctx):
     """A square, dark on the left; each side has weights of its own."""
     from app.draw.renderer import Look, Renderer
 

@@ -1,4 +1,4 @@
-"""What a frame does: one thing, within its budget. Counted on a solver that only counts, with a clock held still."""
+"""Frames of a session: one job per frame, within its budget. Counted on a counting solver and a test clock."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_a_held_slider_that_rests_is_taken_over_once(session):
     assert session.solver.count("configure") == 1
 
 
-def test_only_what_changed_reaches_the_solver(session):
+def test_only_changed_settings_reach_the_solver(session):
     session.want(replace(session.settings, exposure=3.0, tone_map="clip", cull=False))
     frame(session)
     assert session.solver.count("configure") == 0
@@ -110,7 +110,7 @@ def test_the_old_picture_stays_until_the_new_one_is_there(session):
     assert frames > 3 and session.irradiance is not old
 
 
-def test_a_setting_that_the_solver_refuses_is_told_and_taken_back(session):
+def test_refused_setting_is_logged_and_reverted(session):
     session.want(replace(session.settings, estimator="unknown", tone_map="clip"))
     frame(session)
     assert session.settings.estimator == "tangent_plane" and session.settings.tone_map == "clip"
@@ -154,7 +154,7 @@ def test_a_move_never_waits_for_a_long_step_and_is_not_forgotten():
     assert s.poses["block"] == start
 
 
-def test_moves_that_take_longer_than_a_frame_follow_as_fast_as_they_can():
+def test_slow_moves_follow_without_a_queue():
     """Each takes 150 ms: the window goes on, skips poses that are no longer wanted, and ends where the hand ends."""
     s = make(step_seconds=0.15)
     while s.refining:
@@ -229,7 +229,7 @@ def test_play_head_goes_there_and_back_or_round():
     assert [play_head(ring, t) for t in (0, 1, 1.5, 2, 3)] == pytest.approx([1, 2, 2.5, 1, 2])
 
 
-def test_an_exception_while_refining_or_moving_is_told_and_survived(session):
+def test_exception_in_refinement_or_move_is_logged(session):
     session.solver.solve_steps = lambda: iter_raising("embree lost its scene")
     session.want(replace(session.settings, radius=0.01))
     for _ in range(4):
@@ -259,7 +259,7 @@ def test_the_same_error_every_frame_is_one_line():
     assert [e.text for e in log.entries] == ["a", "b c"]
 
 
-def test_opening_fills_in_what_was_left_open():
+def test_opening_fills_in_open_settings():
     opened = support.opened(Settings(scene="room"))
     s = Session(Settings(scene="room"), Log(), open_with=lambda settings: None)
     s.settings = replace(s.settings, tone_map="clip")  # changed in the panel meanwhile
@@ -273,7 +273,7 @@ def test_opening_fills_in_what_was_left_open():
     assert [m.shape for m in s.models()] == [(4, 4)] * 2
 
 
-def test_kernels_are_compiled_in_a_process_of_its_own_whose_steps_are_shown(monkeypatch, tmp_path):
+def test_kernels_compile_in_a_process_with_progress(monkeypatch, tmp_path):
     """The real child process, given a tiny program instead of the compiler; then one that fails."""
     from app.session.opening import COMPILING, Opening
     from gi_core.instruments import compile_ahead
@@ -326,7 +326,7 @@ def test_the_meter_is_not_fooled_by_noise():
     assert few == pytest.approx(many, abs=0.15)
 
 
-def test_opening_tells_what_went_wrong_and_can_be_cancelled():
+def test_opening_reports_its_error_and_can_be_cancelled():
     def bad(settings):
         raise ValueError("scenes/x.toml: no such thing")
 

@@ -1,4 +1,4 @@
-"""The window's life: opening, failing, closing, pictures of it, and what is said where none can be had."""
+"""The window: opening, failures, closing, screenshots, and the message without OpenGL."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ pytest_plugins = ["tests.support.viewer_fixtures"]
 pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 
-def test_the_window_lives_while_the_scene_opens(play):
+def test_frames_go_on_while_the_scene_opens(play):
     """Frames go on behind a loader that takes its time, its phase is shown, and then there is light."""
     from app.session.opening import Opening
 
@@ -51,7 +51,7 @@ def test_the_window_lives_while_the_scene_opens(play):
     assert errors(viewer) == []
 
 
-def test_an_exception_in_a_stage_is_told_in_the_window_which_lives_on(play):
+def test_exception_in_a_stage_is_logged_and_frames_go_on(play):
     def script(hand, viewer):
         hand.wait_for_light()
         draw = viewer.renderer.draw
@@ -74,7 +74,7 @@ def test_an_exception_in_a_stage_is_told_in_the_window_which_lives_on(play):
     play(script)
 
 
-def test_a_scene_that_cannot_be_used_closes_the_window_with_its_sentence(monkeypatch):
+def test_unusable_scene_closes_the_window_with_its_sentence(monkeypatch):
     import app.window.viewer
     from app.session.opening import Opening
 
@@ -86,7 +86,7 @@ def test_a_scene_that_cannot_be_used_closes_the_window_with_its_sentence(monkeyp
         app.window.viewer.run(support.SETTINGS)
 
 
-def test_a_failure_of_our_own_at_the_start_is_shown_and_the_window_stays(play):
+def test_defect_at_the_start_is_shown_in_the_window(play):
     from app.session.opening import Opening
 
     def broken(settings):

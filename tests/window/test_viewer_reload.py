@@ -1,4 +1,4 @@
-"""A scene loaded again and another one dropped on the window: what stays, what does not, and what a failure leaves."""
+"""Reloads and dropped scenes: settings that stay, settings that go, and the state after a failure."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Files:
 
 
 def again(hand, viewer) -> None:
-    """Load again and wait until it is there, or is not to be had."""
+    """Reload and wait for success or failure."""
     before = viewer.session
     hand.press(keys().f5)
     hand.wait(lambda: viewer.succession.coming is None)
@@ -66,7 +66,7 @@ def drop(monkeypatch):
     return drop
 
 
-def test_what_the_user_set_and_moved_stays_and_the_files_say_the_rest(play):
+def test_reload_keeps_the_users_settings_and_poses(play):
     files = Files()
 
     def script(hand, viewer):
@@ -168,7 +168,7 @@ def test_a_failed_load_keeps_the_old_scene_and_says_why(play):
     play(script, open_with=files.open)
 
 
-def test_a_scene_that_the_card_does_not_take_leaves_the_old_one_drawn(play, monkeypatch):
+def test_failed_upload_keeps_the_old_scene(play, monkeypatch):
     from app.draw import renderer
 
     files = Files()

@@ -1,4 +1,4 @@
-"""What mouse and keys do in the window, driven with ImGui's test engine as a hand would."""
+"""Mouse and keys in the window, driven by ImGui's test engine."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_dragging_a_mobile_moves_it_and_its_light_in_the_same_frame(play):
         hand.wait_for_light()
         start, before = session.poses["block"], hand.pixels()
 
-        # Hovering tells what a drag would do.
+        # A hovered mobile has a hint.
         hand.move(hand.at(BLOCK_FRONT))
         assert viewport.hover is not None and "Shift: up and down" in viewport.hint()
         hand.pixels()
@@ -176,11 +176,16 @@ def test_keys(play, folder):
     viewer = play(script, quits=True)
     assert errors(viewer) == []
     assert viewer.params.app_shall_exit
-    told = read_parameters(folder / "gi-viewer-001.png")
-    assert told["scene"] == "room" and told["estimator"] == "tangent_plane" and told["photons"] == "20000"
-    assert told["radius"] == "0.06 m" and told["neighbours"] == "40" and told["seed"] == "0"
-    assert told["pose block"].count(",") == 6 and "EV" in told["exposure"]
-    assert told["camera"].startswith("position 0.5,0.55,2.9 target 0.5,0.45,0.5")
+    parameters = read_parameters(folder / "gi-viewer-001.png")
+    assert parameters["scene"] == "room" and parameters["photons"] == "20000"
+    assert parameters["estimator"] == "tangent_plane"
+        parameters["scene"] == "room"
+        and parameters["estimator"] == "tangent_plane"
+        and parameters["photons"] == "20000"
+    )
+    assert parameters["radius"] == "0.06 m" and parameters["neighbours"] == "40" and parameters["seed"] == "0"
+    assert parameters["pose block"].count(",") == 6 and "EV" in parameters["exposure"]
+    assert parameters["camera"].startswith("position 0.5,0.55,2.9 target 0.5,0.45,0.5")
     from PIL import Image
 
     with Image.open(folder / "gi-viewer-001.png") as picture:

@@ -1,4 +1,4 @@
-"""What is done at rest: errors are told rightly and by the right light, in pieces, and never in a drag's way."""
+"""Error measurement at rest: correct numbers, for the current light, in short tasks, without delay of a drag."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
     assert 0.5 * r.total < np.hypot(r.noise, r.truth_noise) < 1.2 * r.total
 
 
-def test_a_new_setting_is_told_by_the_same_reference_and_adds_a_point(solver):
+def test_new_setting_uses_the_same_reference_and_adds_a_point(solver):
     appraisal = Appraisal(solver, time.perf_counter)
     finish(appraisal, solver, 1)
     truth = appraisal.truth(solver.poses, False)
@@ -95,7 +95,7 @@ def test_a_new_setting_is_told_by_the_same_reference_and_adds_a_point(solver):
     assert len(other.points.all) == 2, "a setting is one point"
 
 
-def test_a_large_scene_is_measured_at_a_stated_choice_of_its_receivers(solver, monkeypatch):
+def test_large_scene_is_measured_at_sampled_receivers(solver, monkeypatch):
     monkeypatch.setattr(module, "ALL", 100)
     monkeypatch.setattr(module, "SOME", 300)
     monkeypatch.setattr(module, "GOOD_PICTURE", 0.05)
@@ -112,7 +112,7 @@ def test_a_large_scene_is_measured_at_a_stated_choice_of_its_receivers(solver, m
     assert appraisal.report == r, "the numbers remain those of the choice"
 
 
-def test_another_estimator_sees_what_a_solver_of_its_own_would(solver):
+def test_comparison_equals_a_solver_of_that_estimator(solver):
     alone = Solver(support.room(), "photon_map", photons=20_000, radius=0.06)
     alone.solve()
     appraisal = Appraisal(solver, time.perf_counter)
@@ -134,7 +134,7 @@ def test_another_estimator_sees_what_a_solver_of_its_own_would(solver):
     assert appraisal.other.seen is None and appraisal.other._twin is None, "its memory is given back"
 
 
-def test_a_reference_at_the_poses_of_the_start_is_there_at_once_next_time(solver, folder):
+def test_reference_at_start_poses_is_loaded_again(solver, folder):
     first = Appraisal(solver, time.perf_counter)
     gathered = finish(first, solver, 1)
     (file,) = folder.iterdir()
@@ -234,7 +234,7 @@ def rest(s, until, seconds=60.0):
         s.tick(FRAME)
 
 
-def test_the_reference_and_errors_come_when_everything_rests_and_go_when_something_moves(session):
+def test_reference_and_errors_come_at_rest_and_go_with_a_move(session):
     s = session
     rest(s, lambda: not s.refining)
     plain = view_content.shown(s)
