@@ -21,7 +21,7 @@ from gi_core.frames.background import Background, Photons, add_fates
 from gi_core.frames.frame import Changes, FrameSize, changes_of, frame_light, light_from_scratch
 from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.light_source import LightSource
-from gi_core.gather.reference import Gathered
+from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
@@ -323,7 +323,7 @@ class Solver:
 
     # -- gathering --------------------------------------------------------------------------------
 
-    def gather_steps(self, state: Gathered | None = None) -> Iterator[Progress]:
+    def gather_steps(self, state: ReferenceState | None = None) -> Iterator[Progress]:
         """Gather the static part's light in steps of some 30 ms until it is known to 0.7 % (`gi_core.gather.static`).
 
         Used by frames where `light` is "best". May be abandoned between steps and begun again;

@@ -46,7 +46,6 @@ def static_solver(what: str, **settings):
 
 def sample(solver, light: np.ndarray, points: int, noise: float) -> Sample:
     """Draw receivers and gather the truth there; `light` (R, 3) says which of them are unreached."""
-    from app.rest.reference_run import run
     from app.rest.reference_store import ReferenceStore
 
     areas = solver.receivers.areas
@@ -58,7 +57,8 @@ def sample(solver, light: np.ndarray, points: int, noise: float) -> Sample:
         w = np.zeros(len(rows))
         w[np.searchsorted(rows, drawn)] = times
         weights += [w, w * is_open]
-    *_, reached = run(ReferenceStore(solver.model, rows=rows, seed=TRUTH_SEED, weights=weights[0] + weights[2]), noise)
+    store = ReferenceStore(solver.model, rows=rows, seed=TRUTH_SEED, weights=weights[0] + weights[2])
+    *_, reached = store.gather(noise)
     of_truth = np.array([reached.state.noise(w) for w in weights])
     return Sample(rows, np.array(weights), reached.state.mean, of_truth)
 

@@ -20,9 +20,8 @@ import numpy as np
 from gi_core.files.load import load_scene
 from gi_core.frames.light_source import PATHS
 from gi_core.gather.mobile import MobileGather
-from gi_core.gather.reference import gather_rounds
+from gi_core.gather.reference_sample import gather_sample
 from gi_core.geometry.error import bias_left, luminance, relative_error
-from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.solver import Solver
 
 STEPS = 3  # of which the fastest counts
@@ -45,17 +44,14 @@ def report(name: str, photons: int, wanted: float, seeds: int) -> None:
     solver = Solver(load_scene(name), photons=photons, threads=1)
     solver.solve()
     model, receivers, gather = solver.model, solver.receivers, MobileGather(solver.model, solver.seed)
-    rows = slice(gather.first, None)
-    points, normals = (a[rows] for a in evaluation_points(model.surfaces, receivers))
+    rows = np.arange(gather.first, len(receivers.areas))
     w = receivers.areas[rows]
-    for truth in gather_rounds(solver.scene, points, normals, TRUTH_SEED, w, solver.poses, model=model):
-        noise = truth.noise(w)
-        if noise <= 1e-2 * wanted:
-            break
-    light = float((w * luminance(truth.mean)).sum())
+    *_, truth = gather_sample(model, solver.poses, rows, w, TRUTH_SEED, 1e-2 * wanted)
+    noise = truth.noise
+    light = float((w * luminance(truth.irradiance)).sum())
 
     def error(E: np.ndarray) -> float:
-        return relative_error(E, truth.mean, w).l1
+        return relative_error(E, truth.irradiance, w).l1
 
     def line(what: str, total: float, parts: str, E: np.ndarray, ms: float) -> None:
         signed = float((w * luminance(E)).sum()) / light - 1

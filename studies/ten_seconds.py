@@ -18,7 +18,6 @@ import sys
 import tempfile
 import time
 
-from gi_core.gather.reference_sample import draw_by_area
 from studies.startup import as_installed
 from tests.support.receiver_samples import in_view
 
@@ -26,22 +25,20 @@ GAIN = 1.8  # CPU seconds per second of two threads, which sometimes wait for ea
 SECONDS = 10.0
 
 
-def measure(what: str, points: int, paths: int) -> str:
+def measure(what: str, points: int, noise: float) -> str:
     """Return one line of the table."""
     from gi_core.instruments import compile_ahead
 
     assert compile_ahead.is_warm()
     with tempfile.TemporaryDirectory() as folder:
         os.environ["GI_VIEWER_REFERENCE_DIR"] = folder  # nothing is known from before
-        return _measure(what, points, paths)
+        return _measure(what, points, noise)
 
 
-def _measure(what: str, points: int, paths: int) -> str:
+def _measure(what: str, points: int, noise: float) -> str:
     from app.rest.static_job import Gathering
     from app.settings import Settings, make_solver, open_scene
-    from gi_core.gather.reference import reference_irradiance
-    from gi_core.geometry.error import bias_left, noise_of_truth, relative_error
-    from gi_core.geometry.evaluation_points import evaluation_points
+    from gi_core.gather.reference_sample import draw_by_area, gather_sample
 
     static, *mobiles = what.split("+")
     settings = Settings(scene=static, mobiles=tuple(mobiles), light="best")
@@ -67,15 +64,12 @@ def _measure(what: str, points: int, paths: int) -> str:
     solver.move_all({})
     by_photons = solver.irradiance
     rows, weights = draw_by_area(in_view(solver), solver.receivers.areas, points, 10)
-    positions, normals = (a[rows] for a in evaluation_points(solver.surfaces, solver.receivers))
-    truth, error = reference_irradiance(solver.scene, positions, normals, paths, 1, solver.poses, model=solver.model)
-    noise = noise_of_truth(error, truth, weights)
-    told = [relative_error(E[rows], truth, weights).l1 for E in (then[2], by_photons)]
-    at_ten, at_rest = (100 * bias_left(total, noise) for total in told)
+    *_, sample = gather_sample(solver.model, solver.poses, rows, weights, 1, noise)
+    at_ten, at_rest = (100 * sample.error(E) for E in (then[2], by_photons))
     name = "+".join(part.rpartition("/")[2] for part in what.split("+"))
     return (
         f"| {name} | {first:.1f} s | {then[1]} | {at_ten:.1f} % | {all_photons:,} | {ready:.1f} s "
-        f"| {at_rest:.1f} % | {100 * noise:.1f} % |"
+        f"| {at_rest:.1f} % | {100 * sample.noise:.1f} % |"
     )
 
 
@@ -89,16 +83,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="+")
     parser.add_argument("--points", type=int, default=400)
-    parser.add_argument("--paths", type=int, default=4000)
+    parser.add_argument("--noise", type=float, default=1.0, help="of the truth [%%]")
     parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.one:
-        print(measure(asked.scenes[0], asked.points, asked.paths), flush=True)
+        print(measure(asked.scenes[0], asked.points, 1e-2 * asked.noise), flush=True)
         return
     as_installed()
     print("| scene | first picture | photons shown at 10 s | error | photons | ready | error | noise of truth |")
     for what in asked.scenes:
-        options = ["--one", "--points", str(asked.points), "--paths", str(asked.paths)]
+        options = ["--one", "--points", str(asked.points), "--noise", str(asked.noise)]
         subprocess.run([sys.executable, "-m", "studies.ten_seconds", what, *options], check=True)
 
 

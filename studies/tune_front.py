@@ -27,7 +27,7 @@ def front(scene: str, budget: float, light: str) -> str:
         solver = make_solver(open_moving_scene(settings), settings)
         solve(solver, bar)
         found = finished(tune(solver, 1e-3 * budget), bar)
-        judge, sticks = judged(solver)
+        judge, samples = judged(solver)
 
         def least(photons: int, **setting) -> tuple[float, int, float]:
             """Return error, photons and ms of the best frame of a setting that keeps the budget."""
@@ -35,7 +35,7 @@ def front(scene: str, budget: float, light: str) -> str:
             judge.solve()
             out = [(float("inf"), 0, 0.0)]
             for prefix in judge.prefixes:
-                _, moving, used, seconds = errors_of(judge, sticks, prefix, found.paths)
+                _, moving, used, seconds = errors_of(judge, samples, prefix, found.paths)
                 if 1e3 * seconds > LATE * budget:
                     break
                 out.append((moving, used, 1e3 * seconds))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import time
 from typing import TYPE_CHECKING
 
 from app.cli import options, values
@@ -38,7 +39,6 @@ def reference(settings: Settings, error: float) -> dict:
 
     Raises SceneError, UsageError; Stopped when interrupted, with all paths on disk.
     """
-    from app.rest import reference_run
     from app.rest.reference_store import FOLDER_VARIABLE, ReferenceStore, reference_folder
     from gi_core.model import Model
 
@@ -48,10 +48,13 @@ def reference(settings: Settings, error: float) -> dict:
         scene = open_scene(settings)
         compile_kernels(bar)
         store = ReferenceStore(Model(scene), seed=settings.seed)
-        reached = None
+        started, first = time.monotonic(), None
         try:
-            for reached in reference_run.run(store, error):
-                bar(f"gathering{time_left(reached.seconds_left)}", reached.fraction)
+            for reached in store.gather(error):
+                first = first or reached.fraction
+                done = reached.fraction - first
+                left = (1 - reached.fraction) * (time.monotonic() - started) / done if done else None
+                bar(f"gathering{time_left(left)}", reached.fraction)
         except KeyboardInterrupt:
             raise Stopped(_kept(store)) from None
     light = (store.weights[:, None] * reached.state.mean).sum(axis=0) / store.weights.sum()

@@ -20,7 +20,6 @@ from app.rest.comparison import OtherLook
 from app.rest.measured_points import MeasuredPoint, MeasuredPoints
 from app.rest.reference_job import Truth
 from app.worker import Task
-from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import bias_left, noise_from_prefix, prefix_to_compare, relative_error
 
 if TYPE_CHECKING:
@@ -95,7 +94,7 @@ class Appraisal:
     def picture(self, poses: Mapping[str, Pose]) -> np.ndarray | None:
         """Return the reference at all receivers (R, 3), nan where nothing is known; None before the first step."""
         truth = self.truth(poses, True)
-        if truth is None or truth.state is None:
+        if truth is None:
             return None
         E = np.full((len(self._areas), 3), np.nan)
         E[truth.rows] = truth.irradiance
@@ -177,7 +176,9 @@ class Appraisal:
         return fewer
 
     def _gather(self, version: object, irradiance: np.ndarray, everywhere: bool) -> None:
-        """Bring the reference on by a step, and tell the error anew."""
+        """Gather a step of the reference, and report the error again."""
+        from gi_core.gather.reference_sample import draw_by_area
+
         key = self._key(self._solver.poses, everywhere)
         truth = self._truths.pop(key, None)
         if truth is None:

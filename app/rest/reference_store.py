@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import time
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -17,7 +18,8 @@ from pathlib import Path
 import numpy as np
 import platformdirs
 
-from gi_core.gather.reference import Gathered, gather_rounds, nothing_gathered
+from gi_core.gather.reference import PATHS_PER_STEP, ReferenceRounds, ReferenceState
+from gi_core.gather.reference_sample import Reached, gather_until
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Pose
@@ -25,6 +27,7 @@ from gi_core.scene.types import Pose
 FORMAT = "gi-viewer reference 2"  # raise the number when paths change: old files are then ignored
 FOLDER_VARIABLE = "GI_VIEWER_REFERENCE_DIR"
 REFERENCE_SEED = 0
+SAVE_SECONDS = 20.0
 
 
 def reference_folder() -> Path:
@@ -41,20 +44,20 @@ class StateFile:
         self.path = (reference_folder() if folder is None else folder) / f"{key}.npz"
         self._points = points
 
-    def load(self) -> Gathered | None:
+    def load(self) -> ReferenceState | None:
         """Return the stored state; None without a readable file."""
         try:
             with np.load(self.path) as file:
-                state = Gathered(*(file[name] for name in Gathered._fields))
+                state = ReferenceState(*(file[name] for name in ReferenceState._fields))
         except (OSError, ValueError, KeyError, EOFError, MemoryError, NotImplementedError, RuntimeError):
             return None
         except (zipfile.BadZipFile, zlib.error):
             return None
-        empty = nothing_gathered(self._points)
+        empty = ReferenceState.empty(self._points)
         fits = all((a.shape, a.dtype) == (b.shape, b.dtype) for a, b in zip(state, empty, strict=True))
         return state if fits else None
 
-    def save(self, state: Gathered) -> None:
+    def save(self, state: ReferenceState) -> None:
         """Replace the file by a state. Raises OSError."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         aside = self.path.with_name(f"{self.path.stem}.{os.getpid()}.part")
@@ -67,7 +70,7 @@ class StateFile:
                 aside.unlink(missing_ok=True)
             raise
 
-    def keep(self, state: Gathered) -> None:
+    def keep(self, state: ReferenceState) -> None:
         """Save a state if possible; without a file the next run starts again."""
         with contextlib.suppress(OSError):
             self.save(state)
@@ -116,12 +119,29 @@ class ReferenceStore(StateFile):
         arrays = (*s.vertices, *s.faces, s.reflectance, s.emission, s.two_sided, self.positions, self.normals)
         return _digest(self.model, self.seed, "at poses", poses, *arrays, self.weights)
 
-    def steps(self, **more) -> Iterator[Gathered]:
-        """Continue from the stored state, without end or saving. `more`: arguments of gather_rounds()."""
-        return gather_rounds(
-            self.model.scene, self.positions, self.normals, self.seed, self.weights, self.poses,
-            model=self.model, state=self.load(), **more,
-        )  # fmt: skip
+    def rounds(self, even: bool = False, load: bool = True) -> ReferenceRounds:
+        """Return rounds from the stored state on (`load`); `even`: without a state, uniform paths for a picture."""
+        state = self.load() if load else None
+        weights = None if even and state is None else self.weights
+        given = self.model.scene, self.positions, self.normals, self.seed, weights, self.poses
+        return ReferenceRounds(*given, model=self.model, state=state)
+
+    def gather(self, error: float) -> Iterator[Reached]:
+        """Gather until the noise is at most `error` (0.01: 1 %), as gather_until() does.
+
+        The state is saved every SAVE_SECONDS and at any end (Ctrl+C and a closed iterator too), if possible.
+        """
+        rounds, saved = self.rounds(), time.monotonic()
+        before = rounds.state.sets.sum(), np.isnan(rounds.state.pilot).sum()
+        try:
+            for reached in gather_until(rounds, self.weights, error, step=8 * PATHS_PER_STEP):
+                if time.monotonic() - saved > SAVE_SECONDS:
+                    self.keep(reached.state)
+                    saved = time.monotonic()
+                yield reached
+        finally:
+            if before != (rounds.state.sets.sum(), np.isnan(rounds.state.pilot).sum()):
+                self.keep(rounds.state)
 
 
 def _digest(model: Model, seed: int, kind: str, *arrays: np.ndarray) -> str:

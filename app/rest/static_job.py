@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from gi_core.solver import Solver
 
-SAVE_SECONDS = 20.0
 
-
-class Gathered(NamedTuple):
+class GatherProgress(NamedTuple):
     """Progress of the static light."""
 
     fraction: float  # 0 .. 1
@@ -27,7 +25,7 @@ class Gathering:
         self._steps = None
         self._store = None
         self._saved_at, self._saved = 0.0, -1.0  # the saved fraction
-        self.told = Gathered(0.0, float("inf"), False)
+        self.told = GatherProgress(0.0, float("inf"), False)
 
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""
@@ -39,10 +37,10 @@ class Gathering:
         return self._step
 
     def _step(self) -> bool:
+        from app.rest.reference_store import SAVE_SECONDS, StaticStore
+
         solver = self._solver
         if self._steps is None:
-            from app.rest.reference_store import StaticStore
-
             self._store = StaticStore(solver.model, solver.seed)
             self._steps = solver.gather_steps(self._store.load() if solver.gathered is None else None)
             self._saved_at = self._clock()
@@ -61,7 +59,7 @@ class Gathering:
     def _tell(self) -> None:
         g, solver = self._solver.gathered, self._solver
         if g is not None:
-            self.told = Gathered(g.fraction, g.noise, solver.uses_gathered)
+            self.told = GatherProgress(g.fraction, g.noise, solver.uses_gathered)
 
 
 def gather(solver: Solver, bar) -> None:

@@ -36,12 +36,12 @@ def tune(solver: Solver, budget: float, error: float | None = None) -> Generator
     judge = solver.twin()
     frames = _frames(solver)
     paths = _paths(judge, frames, budget)
-    sticks = yield from _staged("tracing the reference", setting_trials.yardsticks(judge, frames), 0.0, 0.3)
+    samples = yield from _staged("tracing the reference", setting_trials.reference_samples(judge, frames), 0.0, 0.3)
     found, every = [], candidates(solver)
     for k, candidate in enumerate(every):
         share = 0.3 + 0.7 * k / len(every)
         stage = f"trying {candidate['estimator']}"
-        tried = yield from _staged(stage, setting_trials.trial(judge, sticks, paths, **candidate), share, 0.0)
+        tried = yield from _staged(stage, setting_trials.trial(judge, samples, paths, **candidate), share, 0.0)
         found.append(error_model.law_of(tried))
     known, exponents = error_model.between_radii(found)
     if error is None:
@@ -74,10 +74,10 @@ def measured(solver: Solver, found: Tuned) -> tuple[float, float, int, float]:
     """Return measured errors at rest and in motion, photons and seconds of the choice's frame."""
     from gi_core.tuning import setting_trials
 
-    choice, (judge, sticks) = found.choice, judged(solver)
+    choice, (judge, samples) = found.choice, judged(solver)
     judge.configure(photons=choice.photons, **choice.setting._asdict())
     judge.solve()
-    return setting_trials.errors_of(judge, sticks, choice.frame, found.paths)
+    return setting_trials.errors_of(judge, samples, choice.frame, found.paths)
 
 
 def judged(solver: Solver) -> tuple[Solver, list]:
@@ -85,7 +85,7 @@ def judged(solver: Solver) -> tuple[Solver, list]:
     from gi_core.tuning import setting_trials
 
     judge = solver.twin()
-    return judge, _returned(setting_trials.yardsticks(judge, _frames(solver), seed=1))
+    return judge, _returned(setting_trials.reference_samples(judge, _frames(solver), seed=1))
 
 
 def _frames(solver: Solver) -> list:

@@ -11,7 +11,7 @@ import numpy as np
 from gi_core.display.dilation import NONE_UNREACHED, Dilation
 from gi_core.frames.background import Background
 from gi_core.gather.mobile import MobileGather
-from gi_core.gather.reference import Gathered
+from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import noise_from_prefix, prefix_to_compare
 from gi_core.model import Model
@@ -63,7 +63,7 @@ class LightSource:
         """Whether frames start from gathered static light: it is asked for, and has less noise than the photons."""
         return self.light == "best" and not self.prefix_only and self._less_noise
 
-    def gather(self, state: Gathered | None) -> StaticGather:
+    def gather(self, state: ReferenceState | None) -> StaticGather:
         """Return the gathering of the static light, begun with `state` or gone on with; arguments as of StaticGather.
 
         Raises ValueError for the state of another scene.

@@ -28,7 +28,7 @@ class Gatherer:
     def __init__(
         self, scene: Scene, positions, normals, seed: int, poses=None, light_sampling=True, model=None, mobiles=True
     ):
-        """Arguments and errors are those of gather_rounds()."""
+        """Arguments and errors are those of ReferenceRounds."""
         positions, normals = _checked(positions, normals)
         self.model = model or Model(scene)
         self._at = self.model.transforms(_poses(self.model, poses)) if mobiles else self.model.static

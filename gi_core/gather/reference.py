@@ -1,6 +1,6 @@
 """The unbiased reference: irradiance at points by path tracing.
 
-reference_irradiance() traces the same number of independent paths at every point. gather_rounds() is progressive: it
+reference_irradiance() traces the same number of independent paths at every point. ReferenceRounds is progressive: it
 distributes paths by need, can be stopped at any time, and continues from its state.
 
 A pilot of a few paths per point estimates the variance of each point. The paths per round follow from the pilot alone,
@@ -10,7 +10,7 @@ independent of their values, and means are unbiased. The paths of a point in one
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -28,10 +28,10 @@ AIM = 0.01  # relative l1 error for which sets are sized, assuming independent p
 ROUNDS = 8  # ... in this many rounds; stratified sets need about half of them
 FLOOR = 0.1  # of the mean deviation: least deviation of a point, since eight paths may all miss
 EVEN_SET = 4  # log2 of the paths per point and round without weights
-PATHS_PER_STEP = 1 << 16  # some 0.2 s
+PATHS_PER_STEP = 1 << 13  # some 30 ms: a drag waits for one step at most
 
 
-class Gathered(NamedTuple):
+class ReferenceState(NamedTuple):
     """State of progressive path tracing at n points."""
 
     pilot: np.ndarray  # (n, 2) float64 [W/m2], luminance: mean and deviation of a path; nan: not yet traced
@@ -39,6 +39,18 @@ class Gathered(NamedTuple):
     sets: np.ndarray  # (n,) int32, rounds traced at each point
     mean: np.ndarray  # (n, 3) float64 [W/m2], irradiance, 0 before the first set
     squares: np.ndarray  # (n, 3) float64, sum of squared differences of sets from the mean
+
+    @classmethod
+    def empty(cls, n: int) -> ReferenceState:
+        """Return the state of n points before the first path."""
+        return cls(
+            np.full((n, 2), np.nan), np.full(n, -1, np.int8), np.zeros(n, np.int32), np.zeros((n, 3)), np.zeros((n, 3))
+        )
+
+    @property
+    def rounds(self) -> int:
+        """Rounds that have come to all points; 0 without points."""
+        return int(self.sets.min()) if len(self.sets) else 0
 
     @property
     def standard_error(self) -> np.ndarray:
@@ -52,17 +64,10 @@ class Gathered(NamedTuple):
         return self.sets.astype(np.int64) << np.maximum(self.log2_set, 0).astype(np.int64)
 
     def noise(self, weights: np.ndarray, rows=slice(None)) -> float:
-        """Return the relative l1 noise, as error.noise_of_truth(); inf before the second round is complete."""
-        if not len(self.sets) or self.sets.min() < 2:
+        """Return the relative l1 noise, as error.noise_of_truth(): inf before two rounds, nan without points."""
+        if len(self.sets) and self.rounds < 2:
             return float("inf")
         return noise_of_truth(self.standard_error / small_sample_bias(self.sets[:, None]), self.mean, weights, rows)
-
-
-def nothing_gathered(n: int) -> Gathered:
-    """Return the state of n points before the first path."""
-    return Gathered(
-        np.full((n, 2), np.nan), np.full(n, -1, np.int8), np.zeros(n, np.int32), np.zeros((n, 3)), np.zeros((n, 3))
-    )
 
 
 def reference_irradiance(
@@ -85,68 +90,67 @@ def reference_irradiance(
     """
     if not 1 <= int(paths) < PATHS_PER_POINT:
         raise ValueError(f"paths must be a whole number >= 1, got {paths}")
-    gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model)
-    s = nothing_gathered(len(gatherer.positions))
-    s.log2_set[:] = 0
-    for _ in _rounds(gatherer, s, PATHS_PER_STEP, int(paths)):
-        pass
-    return s.mean, s.standard_error
+    gathered = ReferenceRounds(scene, positions, normals, seed, None, poses, light_sampling, model)
+    gathered.state.log2_set[:] = 0
+    while len(gathered.state.sets) and gathered.state.rounds < paths:
+        gathered.step(PATHS_PER_STEP, int(paths))
+    return gathered.state.mean, gathered.state.standard_error
 
 
-def gather_rounds(
-    scene: Scene,
-    positions: np.ndarray,
-    normals: np.ndarray,
-    seed: int,
-    weights: np.ndarray | None = None,
-    poses: Mapping[str, Pose | np.ndarray] | None = None,
-    light_sampling: bool = True,
-    model: Model | None = None,
-    state: Gathered | None = None,
-    step: int = PATHS_PER_STEP,
-    mobiles: bool = True,
-    rounds: int = ROUNDS,
-) -> Iterator[Gathered]:
-    """Trace paths without end; yield the state about every `step` paths.
+class ReferenceRounds:
+    """Rounds of paths at points, without end. Each step changes the arrays of `state`, a ReferenceState, in place."""
 
-    Points, poses and options are those of reference_irradiance(); without `mobiles`, of the static part alone.
-    `weights` (n,) >= 0, usually areas: paths are distributed to minimise the weighted l1 error; None: uniformly.
-    `state`: continue from a copy of it, with the same bits as without a break. The yielded state shares its arrays:
-    copy what must stay. `rounds`: rounds of independent paths until AIM; more rounds give earlier results, fewer are
-    better stratified. Raises SceneError for a bad pose, ValueError for bad points, weights, or a state of other points.
-    """
-    gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles)
-    n = len(gatherer.positions)
-    if weights is not None:
-        weights = np.asarray(weights, np.float64)
-        if weights.shape != (n,) or not (np.isfinite(weights).all() and (weights >= 0).all()):
-            raise ValueError(f"weights must be {n} finite numbers >= 0, one per point")
-    if state is not None and len(state.sets) != n:
-        raise ValueError(f"the state has {len(state.sets)} points, but there are {n}")
-    s = nothing_gathered(n) if state is None else Gathered(*(a.copy() for a in state))
-    if n == 0:
-        while True:
-            yield s
-    if weights is not None:
-        yield from _pilot(gatherer, s, step)
-    if s.log2_set.min() < 0:
-        s.log2_set[:] = EVEN_SET if weights is None else set_sizes(s.pilot, weights, rounds)
-    while True:
-        yield from _rounds(gatherer, s, step, int(s.sets.min()) + 1)
+    def __init__(
+        self,
+        scene: Scene,
+        positions: np.ndarray,
+        normals: np.ndarray,
+        seed: int,
+        weights: np.ndarray | None = None,
+        poses: Mapping[str, Pose | np.ndarray] | None = None,
+        light_sampling: bool = True,
+        model: Model | None = None,
+        state: ReferenceState | None = None,
+        mobiles: bool = True,
+        rounds: int = ROUNDS,
+    ):
+        """Points, poses and options are those of reference_irradiance(); without `mobiles`, of the static part alone.
 
+        weights (n,) >= 0, usually areas: paths are distributed to minimise the weighted l1 error; None: uniformly.
+        state: continue from a copy of it, with the same bits as without a break. rounds: rounds of independent paths
+        until AIM; more rounds give earlier results, fewer are better stratified. Raises SceneError for a bad pose,
+        ValueError for bad points, weights, or a state of other points.
+        """
+        self._gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles)
+        n = len(self._gatherer.positions)
+        if weights is not None:
+            weights = np.asarray(weights, np.float64)
+            if weights.shape != (n,) or not (np.isfinite(weights).all() and (weights >= 0).all()):
+                raise ValueError(f"weights must be {n} finite numbers >= 0, one per point")
+        if state is not None and len(state.sets) != n:
+            raise ValueError(f"the state has {len(state.sets)} points, but there are {n}")
+        self._weights, self._rounds = weights, rounds
+        self.state = ReferenceState.empty(n) if state is None else ReferenceState(*(a.copy() for a in state))
 
-def _rounds(gatherer: Gatherer, s: Gathered, step: int, end: int) -> Iterator[Gathered]:
-    """Trace sets until every point has `end` of them, in steps of about `step` paths."""
-    while len(s.sets) and (now := int(s.sets.min())) < end:
-        sets = min(end - now, max(1, step // int((1 << s.log2_set.astype(np.int64)).sum())))
-        for m in map(int, np.unique(s.log2_set)):
-            due = np.flatnonzero((s.sets == now) & (s.log2_set == m))
-            at_once = max(1, step // (sets << m))
-            for first in range(0, len(due), at_once):
-                rows = due[first : first + at_once]
-                values = gatherer.paths(rows, now << m, sets << m, m)
-                _take_in(values, 1 << m, rows, s.sets, s.mean, s.squares)
-                yield s
+    def step(self, paths: int = PATHS_PER_STEP, end: int | None = None) -> None:
+        """Trace about `paths` paths of the pilot or of one round; end: of several rounds at once, up to that one."""
+        s = self.state
+        if not len(s.sets):
+            return
+        if self._weights is not None and len(rows := np.flatnonzero(np.isnan(s.pilot[:, 0]))):
+            rows = rows[: max(1, paths // PILOT)]
+            light = luminance(self._gatherer.paths(rows, 0, PILOT, stream=PILOT_STREAM))
+            s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
+            return
+        if s.log2_set.min() < 0:
+            s.log2_set[:] = EVEN_SET if self._weights is None else set_sizes(s.pilot, self._weights, self._rounds)
+        now = s.rounds
+        sets = 1 if end is None else min(end - now, max(1, paths // int((1 << s.log2_set.astype(np.int64)).sum())))
+        due = np.flatnonzero(s.sets == now)
+        m = int(s.log2_set[due].min())
+        rows = due[s.log2_set[due] == m][: max(1, paths // (sets << m))]
+        values = self._gatherer.paths(rows, now << m, sets << m, m)
+        _take_in(values, 1 << m, rows, s.sets, s.mean, s.squares)
 
 
 def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> np.ndarray:
@@ -163,16 +167,6 @@ def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> n
     needed = (np.sqrt(2 / np.pi) * (weights * scatter / np.sqrt(share)).sum() / (AIM * light)) ** 2 * share
     m = np.round(np.log2(np.maximum(needed / rounds, 1)))
     return np.minimum(m, strata.LARGEST).astype(np.int8)
-
-
-def _pilot(gatherer: Gatherer, s: Gathered, step: int) -> Iterator[Gathered]:
-    todo = np.flatnonzero(np.isnan(s.pilot[:, 0]))
-    at_once = max(1, step // PILOT)
-    for first in range(0, len(todo), at_once):
-        rows = todo[first : first + at_once]
-        light = luminance(gatherer.paths(rows, 0, PILOT, stream=PILOT_STREAM))
-        s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
-        yield s
 
 
 @kernel

@@ -1,8 +1,48 @@
-"""Receivers drawn by area, at which the reference is gathered."""
+"""The reference at receivers drawn by area, and the error of a picture against it."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
 import numpy as np
+
+from gi_core.gather.reference import PATHS_PER_STEP, ReferenceRounds, ReferenceState
+from gi_core.geometry.error import relative_error
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.model import Model
+from gi_core.scene.types import Pose
+
+
+class Reached(NamedTuple):
+    """How far the reference is at some points."""
+
+    state: ReferenceState  # changes with the next step
+    noise: float  # relative l1; inf before the second round, nan without light
+    fraction: float  # 0 .. 1 of the paths that are needed, as far as is known
+
+
+class ReferenceSample(NamedTuple):
+    """Receivers and the reference there."""
+
+    rows: np.ndarray  # (n,) receivers
+    weights: np.ndarray  # (n,) float64, area or count of draws
+    irradiance: np.ndarray  # (n, 3) float64 [W/m2]
+    noise: float  # of the reference, relative l1
+    fraction: float  # 0 .. 1 of the paths that are needed
+
+    def squared_error(self, E: np.ndarray) -> float:
+        """Return the squared relative l1 error of irradiance E (R, 3) less that of the reference's noise.
+
+        It may be negative, so that means over samples are right. 0 where the reference is black.
+        """
+        l1 = relative_error(E[self.rows], self.irradiance, self.weights).l1
+        return 0.0 if math.isnan(l1) else l1 * l1 - self.noise**2
+
+    def error(self, E: np.ndarray) -> float:
+        """Return the relative l1 error of irradiance E (R, 3) without the reference's noise."""
+        return math.sqrt(max(self.squared_error(E), 0.0))
 
 
 def draw_by_area(rows: np.ndarray, areas: np.ndarray, count: int, seed) -> tuple[np.ndarray, np.ndarray]:
@@ -14,3 +54,39 @@ def draw_by_area(rows: np.ndarray, areas: np.ndarray, count: int, seed) -> tuple
     share = areas[rows] / areas[rows].sum()
     drawn, times = np.unique(np.random.default_rng(seed).choice(rows, count, p=share), return_counts=True)
     return drawn, times.astype(np.float64)
+
+
+def gather_until(
+    rounds: ReferenceRounds, weights: np.ndarray, noise: float, most_paths: float = math.inf, step: int = PATHS_PER_STEP
+) -> Iterator[Reached]:
+    """Gather until the noise is at most `noise` (relative l1) or there are `most_paths` paths and two rounds.
+
+    Yields after each step of some `step` paths and at the end; a state that is good enough gathers nothing.
+    """
+    s, looked_at, found, needed = rounds.state, -1, math.inf, math.inf
+    while True:
+        paths = int(s.paths.sum())
+        if s.rounds != looked_at:
+            looked_at, found = s.rounds, s.noise(weights)
+            needed = min(math.inf if math.isinf(found) else paths * (found / noise) ** 2, most_paths)
+        if not found > noise or (paths >= most_paths and looked_at > 1):
+            break
+        rounds.step(step)
+        yield Reached(s, found, min(paths / needed, 1.0))
+    yield Reached(s, found, 1.0)
+
+
+def gather_sample(
+    model: Model,
+    poses: Mapping[str, Pose],
+    rows: np.ndarray,
+    weights: np.ndarray,
+    seed: int,
+    noise: float,
+    most_paths: float = math.inf,
+) -> Iterator[ReferenceSample]:
+    """Gather the reference at some receivers at all mobiles' poses, as gather_until() does; the last is the answer."""
+    points, normals = (a[rows] for a in evaluation_points(model.surfaces, model.receivers_at(poses)))
+    rounds = ReferenceRounds(model.scene, points, normals, seed, weights, poses, model=model)
+    for reached in gather_until(rounds, weights, noise, most_paths):
+        yield ReferenceSample(rows, weights, reached.state.mean, reached.noise, reached.fraction)

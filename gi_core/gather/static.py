@@ -14,7 +14,7 @@ import numpy as np
 
 from gi_core.gather.denoise import denoise
 from gi_core.gather.final_gather import FinalGather
-from gi_core.gather.reference import Gathered, gather_rounds
+from gi_core.gather.reference import ReferenceRounds, ReferenceState
 from gi_core.geometry.error import luminance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
@@ -23,7 +23,6 @@ from gi_core.model import Model
 ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation the error is within a percent
 LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
 ROUNDS = 24  # until 1 % noise; the first noise is known after two
-PATHS_PER_STEP = 1 << 13  # paths per step: some 30 ms, since a drag that begins waits for it
 
 
 class StaticGather:
@@ -33,7 +32,7 @@ class StaticGather:
     result. deviation (n,) [W/m2]: standard error of its luminance. state: the whole paths so far, or None.
     """
 
-    def __init__(self, model: Model, seed: int, state: Gathered | None = None):
+    def __init__(self, model: Model, seed: int, state: ReferenceState | None = None):
         """state: of an earlier run with the same scene and seed. Raises ValueError for the state of another scene."""
         rows = model.surfaces.receiver_range(0)
         points, normals = evaluation_points(model.surfaces, model.object_receivers)
@@ -85,7 +84,9 @@ class StaticGather:
                 return
 
     def _whole_paths(self) -> Iterator[bool | None]:
-        rounds, looked_at = self._rounds(), 1
+        given = self._model.scene, *self._points, self._seed, self._paid
+        rounds = ReferenceRounds(*given, model=self._model, state=self.state, mobiles=False, rounds=ROUNDS)
+        looked_at = 1
         while not self.enough:
             if (done := _complete_rounds(self.state)) > looked_at:
                 looked_at, noise = done, self.state.noise(self.weights)
@@ -93,14 +94,9 @@ class StaticGather:
                     yield from self._take_over(self.state.mean, self.state.standard_error, noise)
                 self._left = noise
             else:
-                self.state = next(rounds)
+                rounds.step()
+                self.state = rounds.state
                 yield False
-
-    def _rounds(self) -> Iterator[Gathered]:
-        given = self._model.scene, *self._points, self._seed, self._paid
-        return gather_rounds(
-            *given, model=self._model, state=self.state, step=PATHS_PER_STEP, mobiles=False, rounds=ROUNDS
-        )
 
     def _known(self, photons: np.ndarray) -> np.ndarray:
         """Return the irradiance (n, 3) [W/m2] at the ends of single bounces: of the last pair, else of photons.
@@ -123,7 +119,7 @@ class StaticGather:
         yield True
 
 
-def _complete_rounds(state: Gathered | None) -> int:
+def _complete_rounds(state: ReferenceState | None) -> int:
     """Return the number of rounds if all points have the same, else 0."""
     if state is None or not len(state.sets) or state.sets.min() < state.sets.max():
         return 0

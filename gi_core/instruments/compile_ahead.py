@@ -32,7 +32,7 @@ from gi_core.files.completion.pilot import Rays, useful_box
 from gi_core.files.completion.refinement import refined
 from gi_core.gather.denoise import denoise
 from gi_core.gather.mobile import MobileGather
-from gi_core.gather.reference import gather_rounds
+from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.geometry.texture_filter import lookup
 from gi_core.geometry.texture_footprint import footprints
@@ -169,9 +169,7 @@ def _tiny_scene() -> Scene:
 def _gather() -> None:
     """Compile the kernels of path gathering and denoising."""
     up = np.array([[0.0, 0.0, 1.0]])
-    for state in gather_rounds(_tiny_scene(), 0.1 * up, up, 0):
-        if state.sets[0] == 2:
-            break
+    ReferenceRounds(_tiny_scene(), 0.1 * up, up, 0).step()
     scene = _tiny_scene()
     (mobile,) = scene.mobiles
     model = Model(replace(scene, mobiles=(mobile, mobile._replace(name="above it", pose=Pose((0.0, 0.0, 0.7))))))

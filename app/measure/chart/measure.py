@@ -9,10 +9,11 @@ import numpy as np
 
 from app.measure.chart.settings import Choice
 from app.measure.chart.truth import Case, background_of, light_of, steady_and_moved
+from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import noise_of_truth, relative_error
 from gi_core.geometry.receiver_classes import CLASSES
 
-WATCHED = 3000  # static receivers whose light is recorded in every frame
+WATCHED = 3000  # draws of static receivers whose light is recorded in every frame
 
 
 class Walk(NamedTuple):
@@ -21,7 +22,7 @@ class Walk(NamedTuple):
     lap: list  # poses of each frame
     cases: list[Case]
     watched: np.ndarray  # (n,) static receivers
-    areas: np.ndarray  # (n,) float64 [m2]
+    areas: np.ndarray  # (n,) float64, in proportion to the area per receiver
     steady: np.ndarray  # (n,) bool, of the watched: not changed by mobiles
     moved: np.ndarray  # (n,) bool, of the watched: changed by mobiles
     change: float  # sum over frames and moved receivers of area x change from frame to frame, by the most photons
@@ -39,15 +40,13 @@ def make_walk(finest, lap: list, cases: list[Case], seed: int) -> Walk:
     """Return the walk, with the changes that the solver of most photons finds."""
     static = finest.surfaces.receiver_range(0).stop
     areas = finest.receivers.areas[:static]
-    count = min(WATCHED, int((areas > 0).sum()))
-    some = np.random.default_rng(seed).choice(static, count, replace=False, p=areas / areas.sum())
-    watched = np.sort(some)
+    watched, weights = draw_by_area(np.flatnonzero(areas > 0), areas, WATCHED, seed)
     background = light_of(background_of(finest), watched)
-    ones = np.ones(len(watched))  # drawn by area: equal weights
-    blank = Walk(lap, [], watched, ones, np.zeros(len(watched), bool), np.zeros(len(watched), bool), 0.0)
+    nothing = np.zeros(len(watched), bool)
+    blank = Walk(lap, [], watched, weights, nothing, nothing, 0.0)
     light = go(finest, blank).light
-    steady, moved = steady_and_moved(light, background, ones)
-    return Walk(lap, cases, watched, ones, steady, moved, _jump(light[:, moved], ones[moved]))
+    steady, moved = steady_and_moved(light, background, weights)
+    return Walk(lap, cases, watched, weights, steady, moved, _jump(light[:, moved], weights[moved]))
 
 
 def go(solver, walk: Walk, photons: int | None = None, paths: int | None = None) -> Recorded:

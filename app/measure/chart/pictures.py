@@ -11,7 +11,6 @@ from app.draw import raycast
 from app.draw.shot import Shot
 from app.measure.chart.run import Run
 from app.measure.chart.settings import Choice
-from app.rest.reference_run import run as gather
 from app.rest.reference_store import ReferenceStore
 from gi_core.estimators import ESTIMATORS
 from gi_core.geometry.error import relative_error, signed_error
@@ -48,7 +47,7 @@ def pictures(run: Run, rows: list[dict]) -> list[Picture]:
     solver = run.base.twin()
     solver.move_all(poses)
     store = ReferenceStore(solver.model, solver.poses, seed=run.settings.seed)
-    for reached in gather(store, run.effort.picture_truth):
+    for reached in store.gather(run.effort.picture_truth):
         run.bar("truth of the pictures", reached.fraction)
     truth, areas = reached.state.mean, store.weights
     solver.irradiance = truth

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.rest.reference_run import run
 from app.rest.reference_store import ReferenceStore
+from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import luminance
 from gi_core.geometry.receiver_classes import CLASSES, receiver_classes
 
@@ -49,7 +49,7 @@ def cases(solver, lap: list[dict], frames: list[int], points: int, error: float,
         sides = receiver_classes(solver.surfaces, solver.receivers, solver.irradiance, background)
         rows, weights, kind = choose(sides, areas, points, np.random.default_rng([seed, frame]))
         store = ReferenceStore(solver.model, solver.poses, rows, seed, weights=weights)
-        for reached in run(store, error):
+        for reached in store.gather(error):
             progress(f"truth {k + 1} of {len(frames)}", (k + reached.fraction) / len(frames))
         out.append(Case(frame, rows, weights, kind, reached.state.mean, reached.state.standard_error))
     solver.move_all(start)
@@ -70,11 +70,8 @@ def choose(sides: dict[str, np.ndarray], areas: np.ndarray, points: int, random)
         if count >= len(mine):
             rows.append(mine), weights.append(areas[mine])
         else:
-            # Systematic sampling: evenly spaced marks along the running area do not take both of two neighbours.
-            running = np.cumsum(areas[mine])
-            marks = (np.arange(count) + random.random()) * running[-1] / count
-            hit, times = np.unique(np.searchsorted(running, marks).clip(max=len(mine) - 1), return_counts=True)
-            rows.append(mine[hit]), weights.append(times * running[-1] / count)
+            drawn, times = draw_by_area(mine, areas, count, random)
+            rows.append(drawn), weights.append(times * areas[mine].sum() / count)
         kind.append(np.full(len(rows[-1]), number))
     return np.concatenate(rows), np.concatenate(weights), np.concatenate(kind)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from app.rest.live_error import Report
     from app.rest.measured_points import MeasuredPoint
-    from app.rest.static_job import Gathered
+    from app.rest.static_job import GatherProgress
     from app.session.reload import Succession
     from app.session.session import Session
     from gi_core.discs.contact.stale_receivers import ControlFacts
@@ -43,7 +43,7 @@ class Facts:
     notes: tuple[str, ...] = ()
     report: Report | None = None  # of errors; None until measured
     points: tuple[MeasuredPoint, ...] = ()  # of the error chart
-    gathered: Gathered | None = None  # progress of the static light; None: photons only
+    gathered: GatherProgress | None = None  # progress of the static light; None: photons only
     search_summary: str = ""  # size of the disc search's index; "": the estimator has none
     loading: tuple[str, float | None] | None = None  # phase and fraction of the scene being opened
     load_problem: str = ""  # of the last scene that failed to open

@@ -7,7 +7,7 @@ import pytest
 
 from gi_core.base import strata
 from gi_core.gather import reference as rounds
-from gi_core.gather.reference import gather_rounds, nothing_gathered, reference_irradiance, set_sizes
+from gi_core.gather.reference import PATHS_PER_STEP, ReferenceRounds, ReferenceState, reference_irradiance, set_sizes
 from gi_core.model import Model
 from gi_core.scene.types import SkyLight
 from tests.support import closed_form
@@ -18,11 +18,12 @@ P, N = build.ROOM_POINTS
 UNEVEN = np.array([1.0, 0.01, 30.0, 0.5, 4.0])
 
 
-def gathered(scene, sets: int, seed=0, points=(P, N), **more):
+def gathered(scene, sets: int, seed=0, points=(P, N), step=PATHS_PER_STEP, **more):
     """Return the state once every point has so many sets."""
-    for state in gather_rounds(scene, *points, seed, **more):
-        if state.sets.min() >= sets:
-            return state
+    rounds = ReferenceRounds(scene, *points, seed, **more)
+    while rounds.state.rounds < sets:
+        rounds.step(step)
+    return rounds.state
 
 
 # -- even numbers -------------------------------------------------------------------------------------
@@ -108,11 +109,12 @@ def test_set_sizes_follow_weight_and_scatter():
 
 def test_resumed_is_uninterrupted_bit_for_bit():
     """At every step: in the pilot, within a round, between two."""
-    scene, more = build.coloured_room(), {"weights": UNEVEN, "step": 16}
-    whole, state, steps = gathered(scene, 3, 7, **more), None, 0
-    while state is None or state.sets.min() < 3:
-        state = next(gather_rounds(scene, P, N, 7, state=state, **more))
-        steps += 1
+    scene = build.coloured_room()
+    whole, state, steps = gathered(scene, 3, 7, step=16, weights=UNEVEN), None, 0
+    while state is None or state.rounds < 3:
+        rounds = ReferenceRounds(scene, P, N, 7, UNEVEN, state=state)
+        rounds.step(16)
+        state, steps = rounds.state, steps + 1
     assert steps > 12
     for a, b in zip(state, whole, strict=True):
         assert np.array_equal(a, b)
@@ -131,7 +133,7 @@ def test_the_state_given_is_left_alone():
     scene = build.coloured_room()
     first = gathered(scene, 1, 7)
     kept = [a.copy() for a in first]
-    next(gather_rounds(scene, P, N, 7, state=first))
+    ReferenceRounds(scene, P, N, 7, state=first).step()
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, kept, strict=True))
 
 
@@ -140,21 +142,23 @@ def test_the_state_given_is_left_alone():
 
 def test_no_points_no_normal_no_light():
     sky = build.plane_scene(SkyLight("s", (1.0,) * 3))
-    none = next(gather_rounds(sky, np.zeros((0, 3)), np.zeros((0, 3)), 0, np.zeros(0)))
-    assert none.noise(np.zeros(0)) == np.inf
+    none = ReferenceRounds(sky, np.zeros((0, 3)), np.zeros((0, 3)), 0, np.zeros(0))
+    none.step()
+    assert np.isnan(none.state.noise(np.zeros(0))) and none.state.rounds == 0
     without = gathered(sky, 2, 0, (np.zeros((2, 3)), np.array([[0, 0, 1.0], [0, 0, 0]])), weights=np.ones(2))
     assert without.mean[1].tolist() == [0, 0, 0] and without.mean[0] == pytest.approx(np.pi)
     dark = gathered(build.plane_scene(), 2, 0, weights=UNEVEN)
     assert not dark.mean.any() and np.isnan(dark.noise(UNEVEN))
-    assert np.isinf(nothing_gathered(2).standard_error).all() and nothing_gathered(2).noise(np.ones(2)) == np.inf
+    empty = ReferenceState.empty(2)
+    assert np.isinf(empty.standard_error).all() and empty.noise(np.ones(2)) == np.inf
 
 
 def test_bad_arguments_are_refused():
     scene = build.coloured_room()
     with pytest.raises(ValueError, match="5 finite numbers >= 0"):
-        next(gather_rounds(scene, P, N, 0, -UNEVEN))
+        ReferenceRounds(scene, P, N, 0, -UNEVEN)
     with pytest.raises(ValueError, match="the state has 2 points, but there are 5"):
-        next(gather_rounds(scene, P, N, 0, state=nothing_gathered(2)))
+        ReferenceRounds(scene, P, N, 0, state=ReferenceState.empty(2))
 
 
 def test_noise_of_few_rounds_is_not_told_too_small():
@@ -162,10 +166,7 @@ def test_noise_of_few_rounds_is_not_told_too_small():
     scene = build.coloured_room()
     points = tuple(np.tile(a, (200, 1)) for a in (P, N))
     weights, noise = np.ones(1000), {}
-    for state in gather_rounds(scene, *points, 0):
-        if state.sets.min() == state.sets.max() and state.sets[0] in (2, 8):
-            noise[int(state.sets[0])] = state.noise(weights)
-        if len(noise) == 2:
-            break
+    for sets in (2, 8):
+        noise[sets] = gathered(scene, sets, 0, points).noise(weights)
     assert noise[2] == pytest.approx(2 * noise[8], rel=0.05)
     assert rounds.ROUNDS > 4  # so many are far from two

@@ -9,7 +9,7 @@ import pytest
 
 from gi_core.gather import static
 from gi_core.gather.denoise import denoise
-from gi_core.gather.reference import Gathered, reference_irradiance
+from gi_core.gather.reference import ReferenceState, reference_irradiance
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
@@ -28,8 +28,8 @@ def solved(photons: int, **settings) -> Solver:
     return solver
 
 
-def kept(state: Gathered) -> Gathered:
-    return Gathered(*(a.copy() for a in state))
+def kept(state: ReferenceState) -> ReferenceState:
+    return ReferenceState(*(a.copy() for a in state))
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +137,7 @@ def test_a_scene_without_light_needs_nothing():
 
 
 def test_a_state_of_another_scene_is_refused(gathered):
-    state = Gathered(*(a[:-1].copy() for a in gathered.gathered.state))
+    state = ReferenceState(*(a[:-1].copy() for a in gathered.gathered.state))
     with pytest.raises(ValueError, match="the state has"):
         list(solved(100).gather_steps(state))
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.rest import reference_run, reference_store
-from app.rest.reference_run import run
+from app.rest import reference_store
 from app.rest.reference_store import ReferenceStore, reference_folder
 from gi_core.model import Model
 from gi_core.scene.types import Pose
@@ -32,12 +31,12 @@ def room(**more) -> ReferenceStore:
 def test_what_is_saved_is_loaded(folder):
     s = room()
     assert reference_folder() == folder and s.load() is None
-    *_, last = run(s, 0.2)
+    *_, last = s.gather(0.2)
     assert 0 < last.noise <= 0.2 and last.fraction == 1
     again = room().load()
     assert all(np.array_equal(a, b) for a, b in zip(again, last.state, strict=True))
     assert len(list(folder.iterdir())) == 1  # nothing lies aside
-    assert len(list(run(room(), 0.2))) == 1  # nothing to do
+    assert len(list(room().gather(0.2))) == 1  # nothing to do
 
 
 def test_other_questions_have_other_names():
@@ -59,22 +58,22 @@ def test_other_questions_have_other_names():
 @pytest.mark.parametrize("after", [1, 4])
 def test_an_interrupt_loses_nothing(after, monkeypatch):
     """Stopped by Ctrl+C after some steps and taken up again: the bits of a run that was not."""
-    monkeypatch.setattr(reference_run, "SAVE_SECONDS", 1e9)
-    whole = list(run(room(folder=reference_folder() / "other"), 0.02))[-1]
-    steps = run(room(), 0.02)
+    monkeypatch.setattr(reference_store, "SAVE_SECONDS", 1e9)
+    whole = list(room(folder=reference_folder() / "other").gather(0.02))[-1]
+    steps = room().gather(0.02)
     for _ in range(after):
         next(steps)
     with pytest.raises(KeyboardInterrupt):
         steps.throw(KeyboardInterrupt)
     there = room().load()
     assert there is not None and there.sets.sum() < whole.state.sets.sum()
-    *_, resumed = run(room(), 0.02)
+    *_, resumed = room().gather(0.02)
     assert all(np.array_equal(a, b) for a, b in zip(resumed.state, whole.state, strict=True))
 
 
 def test_it_is_saved_on_the_way_too(monkeypatch):
-    monkeypatch.setattr(reference_run, "SAVE_SECONDS", 0.0)
-    steps = run(room(), 1e-9)
+    monkeypatch.setattr(reference_store, "SAVE_SECONDS", 0.0)
+    steps = room().gather(1e-9)
     for _ in range(3):
         next(steps)
     assert room().load() is not None
@@ -83,7 +82,7 @@ def test_it_is_saved_on_the_way_too(monkeypatch):
 
 def test_a_damaged_file_counts_for_nothing():
     s = room()
-    *_, last = run(s, 0.3)
+    *_, last = s.gather(0.3)
     whole = s.path.read_bytes()
     for contents in (b"", b"no zip", whole[: len(whole) // 2]):
         s.path.write_bytes(contents)
@@ -93,7 +92,7 @@ def test_a_damaged_file_counts_for_nothing():
 
 
 def test_the_end_is_foretold():
-    seen = [r for r in run(room(), 0.004) if r.seconds_left is not None]
+    seen = [r for r in room().gather(0.004) if r.fraction > 0]
     assert len(seen) > 3
     fractions = [r.fraction for r in seen]
     assert fractions[-1] == 1 and all(0 <= f <= 1 for f in fractions)

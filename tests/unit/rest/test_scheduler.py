@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from app.draw import view_content
-from app.rest.reference_store import StateFile, StaticStore
-from app.rest.static_job import SAVE_SECONDS
+from app.rest.reference_store import SAVE_SECONDS, StateFile, StaticStore
 from app.session.log import ERROR, Log
 from app.session.opening import Opened
 from app.session.session import Session
 from app.settings import Settings
 from gi_core.gather import static
-from gi_core.gather.reference import nothing_gathered
+from gi_core.gather.reference import ReferenceState
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
 from tests.support.scene_builders import box_mobile, coloured_room
@@ -121,7 +120,7 @@ def test_a_job_that_fails_ends_nothing_else(job, monkeypatch, capfd):
 @pytest.mark.parametrize("what", ["empty", "text", "truncated", "another shape", "another type", "a number"])
 def test_a_stored_file_that_cannot_be_used_counts_as_none(what, folder):
     file = StateFile("key", 5, folder)
-    state = nothing_gathered(5)
+    state = ReferenceState.empty(5)
     file.save(state)
     whole = file.path.read_bytes()
     assert file.load() is not None

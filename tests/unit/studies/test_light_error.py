@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gi_core.gather.reference_sample import draw_by_area
 from gi_core.scene.types import Camera, Scene
 from gi_core.solver import Solver
 from studies import light_error
@@ -47,13 +46,6 @@ def test_what_lies_a_hair_under_something_else_is_not_in_view():
     under = (np.abs(p[:, :2]) < 0.49).all(axis=1) & (p[:, 2] == 0)
     assert under.sum() > 50 and (seen[(np.abs(seen[:, :2]) < 0.49).all(axis=1), 2] > 0).all()
     assert (seen[:, 2] == 0).sum() > 50
-
-
-def test_a_draw_is_by_area_and_counts_repeats():
-    areas = np.array([0.0, 1.0, 3.0, 0.0, 4.0])
-    rows, times = draw_by_area(np.array([1, 2, 4]), areas, 8000, 1)
-    assert rows.tolist() == [1, 2, 4] and times.sum() == 8000
-    assert np.abs(times - [1000, 3000, 4000]).max() < 200  # four deviations
 
 
 def test_covered_floor_is_left_out_where_only_the_open_is_asked_for(solver, monkeypatch, tmp_path):

@@ -15,7 +15,7 @@ from gi_core.estimators.setting import Setting
 from gi_core.scene import Pose
 from gi_core.solver import Solver
 from gi_core.tuning.error_model import Choice, Law, law_of, over_radii, within_error, within_time
-from gi_core.tuning.setting_trials import RECEIVERS, Trial, trial, yardsticks
+from gi_core.tuning.setting_trials import RECEIVERS, Trial, reference_samples, trial
 from tests.support.scene_builders import box_mobile, coloured_room, plane_scene
 
 COUNTS = np.array([8192, 16384, 32768, 65536, 131072])
@@ -125,15 +125,16 @@ def finished(steps):
 def test_a_trial_foretells_what_more_photons_do(solver, monkeypatch):
     """From 16,384 photons to 60,000: noise falls to about half."""
     judge = solver.twin()
-    sticks = finished(yardsticks(judge, [{"box": Pose((0.55, 0.5, 0.35))}]))
-    assert len(sticks[0].rows) > 30 and 0 < sticks[0].noise < 0.05
-    assert sticks[0].weights.sum() == RECEIVERS, "large receivers are drawn more than once"
+    samples = finished(reference_samples(judge, [{"box": Pose((0.55, 0.5, 0.35))}]))
+    _, sample = samples[0]
+    assert len(sample.rows) > 30 and 0 < sample.noise < 0.05
+    assert sample.weights.sum() == RECEIVERS, "large receivers are drawn more than once"
     monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 16_384)
-    law = law_of(finished(trial(judge, sticks, radius=0.08)))
+    law = law_of(finished(trial(judge, samples, radius=0.08)))
     assert law.noise > 0 and law.slope >= 0
     before = solver.irradiance.copy()
     monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 60_000)
-    large = finished(trial(judge, sticks, radius=0.08))
+    large = finished(trial(judge, samples, radius=0.08))
     assert law.error(60_000) == pytest.approx(math.sqrt(large.alone[-1]), rel=0.5)
     assert np.array_equal(solver.irradiance, before), "trials leave the solver alone"
     solver.move_all({})
@@ -148,8 +149,8 @@ def test_the_static_light_of_all_photons_helps_frames_of_few(monkeypatch):
         solver = Solver(SCENE, photons=60_000, radius=0.08, seed=seed)
         solver.solve()
         judge = solver.twin()
-        sticks = finished(yardsticks(judge, [{"box": Pose((0.55, 0.5, 0.35))}]))
-        large = finished(trial(judge, sticks, radius=0.08))
+        samples = finished(reference_samples(judge, [{"box": Pose((0.55, 0.5, 0.35))}]))
+        large = finished(trial(judge, samples, radius=0.08))
         alone, moving = alone + large.alone, moving + large.moving
     ratio = moving / alone
     assert (ratio[:2] < 0.8).all(), "few photons gain"
