@@ -179,10 +179,6 @@ def test_keys(play, folder):
     parameters = read_parameters(folder / "gi-viewer-001.png")
     assert parameters["scene"] == "room" and parameters["photons"] == "20000"
     assert parameters["estimator"] == "tangent_plane"
-        parameters["scene"] == "room"
-        and parameters["estimator"] == "tangent_plane"
-        and parameters["photons"] == "20000"
-    )
     assert parameters["radius"] == "0.06 m" and parameters["neighbours"] == "40" and parameters["seed"] == "0"
     assert parameters["pose block"].count(",") == 6 and "EV" in parameters["exposure"]
     assert parameters["camera"].startswith("position 0.5,0.55,2.9 target 0.5,0.45,0.5")
