@@ -5,6 +5,7 @@ Only the standard library is imported at the top, so that `--help` and `--versio
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -114,7 +115,7 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
     Raises SceneError for a mobile that the scene does not have and for a pose that is not rigid.
     """
     from gi_core.scene import Pose, SceneError
-    from gi_core.scene.pose import as_pose
+    from gi_core.scene.pose import as_pose, four, three
 
     known = {m.name: m for m in scene.mobiles}
     poses = {}
@@ -125,7 +126,7 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
                 f'{scene.name}: --pose names the mobile "{name}", but the mobiles of this scene are: {there}'
             )
         quaternion = numbers[3:] or known[name].pose.quaternion
-        poses[name] = as_pose(Pose(tuple(numbers[:3]), tuple(quaternion)), f"--pose {name}")
+        poses[name] = as_pose(Pose(three(numbers[:3]), four(quaternion)), f"--pose {name}")
     return poses
 
 
@@ -137,7 +138,8 @@ def check_names(settings: Settings) -> None:
     from gi_core.discs.search import SEARCHES
     from gi_core.estimators import ESTIMATORS
 
-    for (name, value), known in zip(given, (ESTIMATORS, SEARCHES), strict=True):
+    known_names: tuple[Mapping[str, object], ...] = ESTIMATORS, SEARCHES
+    for (name, value), known in zip(given, known_names, strict=True):
         if value is not None and value not in known:
             raise UsageError(f'--{name} must be one of {", ".join(known)}, got "{value}"')
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -61,7 +62,7 @@ class Model:
     def start_poses(self) -> dict[str, Pose]:
         return {m.name: as_pose(m.pose, f'{self.scene.name}: mobile "{m.name}"') for m in self.scene.mobiles}
 
-    def transforms(self, poses: dict[str, Pose]) -> Transforms:
+    def transforms(self, poses: Mapping[str, Pose]) -> Transforms:
         """Return the transforms of all objects at the given poses."""
         return transforms([poses[name] for name in self.names])
 

@@ -41,7 +41,7 @@ MANY_RECEIVERS = 30_000  # their regions take half a second and more to find
 MORE, LATE_MORE = 1.41, 1.19  # times as many photons are shown next: where sums are additive a picture costs a frame,
 LATE = 1 << 18  # which is little beside so many photons ...
 MUCH_MORE = 2.0  # ... elsewhere everything is estimated anew
-CHOICES = {"estimator": ESTIMATORS, "search": SEARCHES}
+CHOICES: dict[str, Mapping] = {"estimator": ESTIMATORS, "search": SEARCHES}
 NO_FACTS = ControlFacts(0.0, 0, 0)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gi_core.scene import Camera, Pose
-from gi_core.scene.pose import rotation, to_world
+from gi_core.scene.pose import rotation, three, to_world
 
 MAX_PITCH = np.radians(89.0)  # at 90 degrees the yaw is undefined
 ORBIT_SPEED = np.radians(180.0)  # per picture height
@@ -121,7 +121,7 @@ class Turntable:
         """Make a point the pivot, at its present depth; the view direction stays."""
         depth = float((np.asarray(point, np.float64) - self.eye()) @ self.basis()[2])
         near = MIN_DISTANCE * self.bounds.radius
-        return replace(self, pivot=tuple(map(float, point)), distance=max(depth, near))
+        return replace(self, pivot=three(point), distance=max(depth, near))
 
     def towards(self, other: Turntable, t: float) -> Turntable:
         """Return the blend with another camera at t in [0, 1], eased at both ends, by the shorter turn."""
@@ -140,7 +140,7 @@ class Turntable:
 
     def as_camera(self) -> Camera:
         """Return the same view as a camera record."""
-        return Camera(tuple(map(float, self.eye())), tuple(map(float, self.pivot)), float(np.degrees(self.fov)))
+        return Camera(three(self.eye()), three(self.pivot), float(np.degrees(self.fov)))
 
 
 def frame_of(up) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -176,12 +176,12 @@ def from_camera(camera: Camera | None, up, bounds: Bounds, lit: Bounds | None = 
     flat = abs(back @ upward) > 1 - 1e-9
     yaw = 0.0 if flat else float(np.arctan2(back @ north, back @ east))
     return Turntable(
-        tuple(map(float, camera.target)),
+        three(camera.target),
         distance,
         yaw,
         pitch,
         float(np.radians(camera.vertical_fov_degrees)),
-        tuple(map(float, up)),
+        three(up),
         bounds,
     )
 
@@ -196,7 +196,7 @@ def scene_bounds(solver, poses) -> Bounds:
     if not points:
         return Bounds((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
     low, high = np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)
-    return Bounds(tuple(map(float, low)), tuple(map(float, high)))
+    return Bounds(three(low), three(high))
 
 
 def matrix(pose: Pose) -> np.ndarray:

@@ -18,7 +18,7 @@ class DrawCall(NamedTuple):
     """A range of indices with one texture and one culling rule."""
 
     first: int
-    count: int
+    indices: int
     one_sided: bool
     texture: Texture | None
     emission: tuple[float, float, float]
@@ -27,10 +27,10 @@ class DrawCall(NamedTuple):
 class Layer(NamedTuple):
     """One set of vertex colours of an object, and the vertex arrays that use it."""
 
-    colours: object  # buffer: radiance and weight of front and back
-    lit: object  # vertex array without textures
-    textured: object | None  # vertex array for textures, None where there are none
-    cut_out: object | None  # the same for textures with holes
+    colours: moderngl.Buffer  # radiance and weight of front and back
+    lit: moderngl.VertexArray  # without textures
+    textured: moderngl.VertexArray | None  # for textures, None where there are none
+    cut_out: moderngl.VertexArray | None  # the same for textures with holes
 
 
 class DrawnObject:
@@ -45,7 +45,7 @@ class DrawnObject:
         self._one_sided = mesh.back < 0
         order, self._calls = _draw_calls(mesh)
         self.indices = 3 * len(order)
-        self._one_sided_indices = sum(call.count for call in self._calls if call.one_sided)
+        self._one_sided_indices = sum(call.indices for call in self._calls if call.one_sided)
         self._colours = np.ones((len(mesh.positions), 8), np.float32)
         self._corners = np.zeros((0, 3))  # of its box, object space
         if len(mesh.positions):
@@ -108,7 +108,7 @@ class DrawnObject:
                 textures.of(call.texture).use(0)
                 vertices.program["mirrored"] = tuple(float(way == "mirror") for way in call.texture.wrap)
                 vertices.program["emission"] = call.emission
-            self._part(vertices, call.first, call.count, cull and call.one_sided)
+            self._part(vertices, call.first, call.indices, cull and call.one_sided)
 
     def mark(self) -> None:
         self._part(self._marked, 0, self.indices, False)

@@ -15,12 +15,13 @@ from app.draw.tonemap import meter, view_weights
 from app.draw.vertex_colours import mean_radiance
 
 if TYPE_CHECKING:
+    from app.draw.shot import Shot
     from app.session.session import Session
 
 PATCH_SIZE = 0.1  # of the scene size
 
 
-def metered(session: Session, camera: Turntable) -> float:
+def metered(session: Session | Shot, camera: Turntable) -> float:
     """Return the exposure [EV] that maps the median radiance in view, else of all surfaces, to mid-grey."""
     solver = session.solver
     receivers = solver.receivers

@@ -159,7 +159,7 @@ class Renderer:
         o.mark()
         targets.picture.use()
         ctx.enable_only(ctx.BLEND)
-        ctx.blend_func = ctx.SRC_ALPHA, ctx.ONE_MINUS_SRC_ALPHA, ctx.ZERO, ctx.ONE
+        ctx.blend_func = ctx.SRC_ALPHA, ctx.ONE_MINUS_SRC_ALPHA, ctx.ZERO, ctx.ONE  # type: ignore[assignment]
         targets.mask.color_attachments[0].use(0)
         self._outline["mask"] = 0
         self._outline["line"] = OUTLINE

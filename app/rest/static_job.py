@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from gi_core.solver import Solver
+    from app.rest.reference_store import StaticStore
+    from gi_core.solver import Progress, Solver
 
 
 class GatherProgress(NamedTuple):
@@ -22,8 +23,8 @@ class Gathering:
 
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
         self._solver, self._clock = solver, clock
-        self._steps = None
-        self._store = None
+        self._steps: Iterator[Progress] | None = None
+        self._store: StaticStore | None = None
         self._saved_at, self._saved = 0.0, -1.0  # the saved fraction
         self.told = GatherProgress(0.0, float("inf"), False)
 

@@ -20,7 +20,9 @@ from app.settings import Settings, make_solver, open_scene
 from app.worker import without_frames
 
 if TYPE_CHECKING:
+    from app.draw.picking import Picker
     from gi_core.scene import Scene
+    from gi_core.solver import Solver
 
 IMPORTING, COMPILING, LOADING, TRACING = "importing", "compiling kernels", "loading scene", "tracing"
 
@@ -29,9 +31,9 @@ class Opened(NamedTuple):
     """A scene that has its first picture."""
 
     settings: Settings  # with every None filled in
-    solver: object
+    solver: Solver
     meshes: tuple  # DrawMesh an object
-    picker: object
+    picker: Picker
 
 
 class Opening:

@@ -26,6 +26,7 @@ from gi_core.scene import Pose
 from gi_core.scene.pose import pose_at
 
 if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
+    from app.draw.picking import Picker
     from gi_core.solver import Solver
 
 BUDGET = 0.008  # s that a frame waits for refinement
@@ -51,7 +52,7 @@ class Session:
         self.opening: Opening | None = open_with(settings)
         self.problem: BaseException | None = None  # why there is no scene
         self.meshes: tuple = ()
-        self.picker = None
+        self.picker: Picker | None = None
         self.dragging = False
         self.before_drag: dict[str, Pose] = {}  # poses when the drag, or playing, began
         self.playing = False

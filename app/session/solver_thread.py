@@ -11,7 +11,7 @@ from __future__ import annotations
 import enum
 import functools
 from collections.abc import Callable, Mapping, Set
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -70,7 +70,7 @@ class Solving:
         self._paths_there = 0
         self._worker = worker
         self._job: Job | None = None  # what the thread is doing
-        self._take: Callable[[Job], None]  # what to do with its result
+        self._take: Callable[[Job], object]  # what to do with its result
         self._steps = solver.solve_steps()  # what is still to be refined, None when nothing is
         self._timing = Timing.DUE
         self._moving: dict[str, Pose] = {}  # poses of the move under way
@@ -103,7 +103,7 @@ class Solving:
         """Where the mobiles are, or will be as soon as the thread gets there."""
         return {**self.poses_drawn, **self._moving, **self._pending}
 
-    def configure(self, changes: Mapping[str, object], patience: float) -> bool:
+    def configure(self, changes: Mapping[str, Any], patience: float) -> bool:
         """Change the solver's settings; False if it is busy for longer than one's patience. Raises what it raises."""
         if not self._wait(patience):
             return False
@@ -150,7 +150,7 @@ class Solving:
             last, self._timing = self._timing, Timing.DONE
             if last is Timing.DUE:
                 return False
-            size = ()
+            size: tuple = ()
         else:
             self._timing = Timing.BEGUN
             size = photons, solver.size_within(0.0)[1]
@@ -261,7 +261,8 @@ class Solving:
         self._begin(functools.partial(self._timed_move, self._moving, hasty, begins), take)
 
     def _timed_move(self, poses: Mapping[str, Pose], hasty: bool, begins: bool) -> float:
-        solver, size = self.solver, (None, None)
+        solver = self.solver
+        size: tuple[int | None, int | None] = None, None
         if begins:
             solver.budget.begin()
         if hasty:

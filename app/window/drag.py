@@ -12,7 +12,7 @@ import numpy as np
 
 from app.draw.camera import Bounds, Turntable, frame_of
 from gi_core.scene import Pose
-from gi_core.scene.pose import axis_angle, multiply_quaternions
+from gi_core.scene.pose import axis_angle, four, multiply_quaternions, three
 
 SLIDE, RAISE, FACE, TURN = "slide", "raise", "face", "turn"
 MODES = {
@@ -47,7 +47,7 @@ def room_for(bounds: Bounds, up) -> Bounds:
     low, high = np.array(bounds.low), np.array(bounds.high)
     missing = max(HEADROOM * float(np.linalg.norm(high - low)) - float(np.abs(up) @ (high - low)), 0.0)
     low, high = low + np.minimum(up, 0) * missing, high + np.maximum(up, 0) * missing
-    return Bounds(tuple(map(float, low)), tuple(map(float, high)))
+    return Bounds(three(low), three(high))
 
 
 def mode_of(shift: bool, alt: bool, ctrl: bool) -> str:
@@ -60,12 +60,12 @@ def dragged(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> Po
     if grab.mode == TURN:
         q = axis_angle(grab.camera.up, (u - grab.u) * aspect * TURN_SPEED)
         turned = np.array(multiply_quaternions(q, grab.pose.quaternion))
-        return grab.pose._replace(quaternion=tuple(map(float, turned / np.linalg.norm(turned))))
+        return grab.pose._replace(quaternion=four(turned / np.linalg.norm(turned)))
     if (u, v) == (grab.u, grab.v):
         return grab.pose
     target = _TARGETS[grab.mode](grab, u, v, aspect, bounds)
     shift = np.clip(target, *_room(grab, bounds)) - grab.point
-    return grab.pose._replace(position=tuple(float(c) for c in np.array(grab.pose.position) + shift))
+    return grab.pose._replace(position=three(np.array(grab.pose.position) + shift))
 
 
 def on_plane(origin, direction, point, normal) -> np.ndarray | None:

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import moderngl
 from imgui_bundle import hello_imgui, imgui, immapp, implot
 
 from app.draw import metering, view_content
@@ -50,7 +51,7 @@ class Viewer:
         self.succession = Succession(open_with or Opening)
         self._dropped: list[str] = []  # files dropped on the window
         self.viewport = Viewport(self.session)
-        self.ctx = None  # moderngl's, of the window
+        self.ctx: moderngl.Context | None = None  # of the window
         self.renderer: Renderer | None = None
         self.params = window.runner_params(settings, self.draw_viewport, self.draw_panel, self.draw_status)
         self.params.callbacks.show_gui = self._begin_frame

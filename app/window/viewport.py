@@ -36,12 +36,12 @@ class Viewport:
         self.grab: drag.Grab | None = None
         self.wipe = Wipe()
         self.shown: Shown | None = None  # content of the colour buffers
-        self.size = (1, 1)  # points
+        self.size = (1.0, 1.0)  # points
         self.origin = (0.0, 0.0)
         self._steering: tuple[str, int] | None = None  # ("orbit" or "pan", button)
         self._flight: tuple[Turntable, Turntable, float] | None = None
-        self._asked = None  # arguments of the last pick
-        self._drawn = None  # arguments of the last draw
+        self._asked: tuple | None = None  # arguments of the last pick
+        self._drawn: tuple | None = None  # arguments of the last draw
 
     def adopt(self, session: Session, keep_view: bool = False) -> None:
         """Show a ready session through the scene's camera; `keep_view`: through the user's, if it was moved."""

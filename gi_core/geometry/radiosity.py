@@ -28,11 +28,13 @@ def irradiance(sums: np.ndarray, flux_unit: float, area: np.ndarray) -> np.ndarr
     return out
 
 
-def radiosity(irradiance: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
+def radiosity(irradiance: np.ndarray, reflectance: np.ndarray | float) -> np.ndarray:
     """Return B (n, 3) [W/m2] of diffuse surfaces from E (n, 3) [W/m2] and rho (n, 3)."""
     return reflectance * irradiance
 
 
-def exitant_radiance(irradiance: np.ndarray, reflectance: np.ndarray, emission: np.ndarray) -> np.ndarray:
+def exitant_radiance(
+    irradiance: np.ndarray, reflectance: np.ndarray | float, emission: np.ndarray | float
+) -> np.ndarray:
     """Return L (n, 3) [W/m2/sr] of diffuse surfaces, emission Le (n, 3) included."""
     return radiosity(irradiance, reflectance) / math.pi + emission

@@ -6,6 +6,8 @@ last bit with the number of rows, and then a frame would differ from the same po
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from gi_core.scene.errors import SceneError
@@ -85,7 +87,19 @@ def quaternion_of(R: np.ndarray) -> tuple[float, float, float, float]:
     )
     q = K[int(np.argmax(np.diag(K)))]
     q = q / np.linalg.norm(q)
-    return tuple(float(c) for c in (q if q[0] >= 0 else -q))
+    return four(q if q[0] >= 0 else -q)
+
+
+def three(values: Iterable[float]) -> tuple[float, float, float]:
+    """Return three numbers, say of an array, as a tuple of Python floats."""
+    x, y, z = map(float, values)
+    return x, y, z
+
+
+def four(values: Iterable[float]) -> tuple[float, float, float, float]:
+    """Return four numbers as a tuple of Python floats."""
+    a, b, c, d = map(float, values)
+    return a, b, c, d
 
 
 def as_pose(pose: Pose | np.ndarray, where: str = "pose") -> Pose:
@@ -105,7 +119,7 @@ def as_pose(pose: Pose | np.ndarray, where: str = "pose") -> Pose:
                 f"{where}: the quaternion (w, x, y, z) of a pose must have length 1, got {length:.4g}; "
                 f"write [{instead}], and scale the mesh instead if that was meant"
             )
-        return Pose(tuple(map(float, position)), tuple(map(float, q / length)))
+        return Pose(three(position), four(q / length))
     M = np.asarray(pose, np.float64)
     if M.shape != (4, 4) or not np.isfinite(M).all():
         raise SceneError(f"{where}: a pose is a Pose or a finite 4 x 4 matrix, got shape {M.shape}")
@@ -116,7 +130,7 @@ def as_pose(pose: Pose | np.ndarray, where: str = "pose") -> Pose:
             f"{where}: poses must be rigid (rotation and translation only), got a matrix with R^T R off 1 by "
             f"{off:.3g} and det {np.linalg.det(R):.3g}; bake scale into the mesh"
         )
-    return Pose(tuple(map(float, M[:3, 3])), quaternion_of(R))
+    return Pose(three(M[:3, 3]), quaternion_of(R))
 
 
 def pose_at(path: KeyFrames, time: float) -> Pose:
@@ -125,10 +139,10 @@ def pose_at(path: KeyFrames, time: float) -> Pose:
     t = float(np.clip(time, times[0], times[-1]))
     k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, max(len(times) - 2, 0)))
     if len(times) == 1:
-        return Pose(tuple(map(float, path.positions[0])), tuple(map(float, path.quaternions[0])))
+        return Pose(three(path.positions[0]), four(path.quaternions[0]))
     u = (t - times[k]) / (times[k + 1] - times[k])
     position = path.positions[k] * (1 - u) + path.positions[k + 1] * u
-    return Pose(tuple(map(float, position)), _slerp(path.quaternions[k], path.quaternions[k + 1], u))
+    return Pose(three(position), _slerp(path.quaternions[k], path.quaternions[k + 1], u))
 
 
 def _slerp(a: np.ndarray, b: np.ndarray, u: float) -> tuple[float, float, float, float]:
@@ -141,4 +155,4 @@ def _slerp(a: np.ndarray, b: np.ndarray, u: float) -> tuple[float, float, float,
         angle = np.arccos(cosine)
         q = (np.sin((1 - u) * angle) * a + np.sin(u * angle) * b) / np.sin(angle)
     q = q / np.linalg.norm(q)
-    return tuple(float(c) for c in q)
+    return four(q)

@@ -63,13 +63,14 @@ def _check_mesh(where: str, mesh: Mesh, materials: int) -> None:
 
 def _check_light(scene: str, light: Light) -> None:
     where, key = f'{scene}: light "{light.name}"', FLUX_OF.get(type(light), "radiance")
-    strength = getattr(light, key)
+    strength = light._asdict()[key]
     if not _finite(strength, 3) or min(strength) < 0:
         raise SceneError(f"{where}: {key} must be three numbers >= 0, got {strength!r}")
-    for name in ("position", "direction"):
-        if hasattr(light, name) and not _finite(getattr(light, name), 3):
-            raise SceneError(f"{where}: {name} must be three finite numbers, got {getattr(light, name)!r}")
-    if hasattr(light, "direction") and not any(light.direction):
+    vectors = {name: value for name, value in light._asdict().items() if name in ("position", "direction")}
+    for name, vector in vectors.items():
+        if not _finite(vector, 3):
+            raise SceneError(f"{where}: {name} must be three finite numbers, got {vector!r}")
+    if not any(vectors.get("direction", (1,))):
         raise SceneError(f"{where}: direction must not be all 0")
     if isinstance(light, SpotLight) and not 0 <= light.inner_degrees <= light.outer_degrees <= 90:
         raise SceneError(

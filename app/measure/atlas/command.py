@@ -54,7 +54,8 @@ def atlas(out: Path, chapters: dict[str, Callable[[], Iterator[Row]]] = CHAPTERS
 def picture(view: View) -> np.ndarray:
     """Return a picture (h, w, 3) uint8 of irradiance with the setting that fails, and beside it with the remedy."""
     solver = solved(view.scene, view.photons, **view.fails)
-    sides, exposure = [], None
+    sides: list[np.ndarray] = []
+    exposure = None
     for setting in (view.helps, view.fails):  # the remedy decides the exposure
         if setting is not None:
             solver.configure(**setting)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +13,8 @@ from app.measure.atlas.shapes import BLACK, box, joined, scene, sheet
 from app.measure.atlas.tangent_plane import CONTROL
 from gi_core.scene import Material, Mobile, PointLight, Pose
 
-SETTING = {**CONTROL, "radius": 0.1}
-COUNT = {"estimator": "impact_count"}
+SETTING: dict[str, Any] = {**CONTROL, "radius": 0.1}
+COUNT: dict[str, Any] = {"estimator": "impact_count"}
 GREY = Material("grey", (0.5,) * 3)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from app.measure.atlas.tangent_plane import BARE, CONTROL
 from gi_core.base.fixed_point import MAX_SEGMENTS
 from gi_core.scene import Material, Mobile, Pose, SkyLight, SpotLight
 
-COUNT = {"estimator": "impact_count"}
-NEAREST = {"estimator": "photon_map", "neighbours": 20, "radius": 0.5}
+COUNT: dict[str, Any] = {"estimator": "impact_count"}
+NEAREST: dict[str, Any] = {"estimator": "photon_map", "neighbours": 20, "radius": 0.5}
 
 
 def rows() -> Iterator[Row]:
@@ -33,7 +34,7 @@ def textbook() -> Iterator[Row]:
     field = scene(joined(*meshes), (BLACK,), (12, -20, 24), (12, 12, 0), (SUN,))
     apexes = near(*[(2.2 * i, 2.2 * j, 0) for i in range(12) for j in range(12)])
     for k in (5, 20, 50):
-        map_ = {"estimator": "photon_map", "neighbours": k, "radius": 0.9}
+        map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": k, "radius": 0.9}
 
         def run(seed, map_=map_):
             solver, means = solved(field, 200_000, seed, **map_), []
@@ -73,7 +74,7 @@ def small_faces() -> Iterator[Row]:
     # Not parallel light: its photons lie more evenly than chance, by half where a face holds ten of them.
     sky = SkyLight("sky", (1 / math.pi,) * 3)
     field = scene(joined(*meshes), (BLACK,), (4.5, -3, 3.5), (4.5, 2.5, 0), (sky,))
-    spread = {name: [] for name in shapes}
+    spread: dict[str, list[float]] = {name: [] for name in shapes}
     for seed in range(seeds):
         solver = solved(field, photons, seed, **COUNT)
         p, areas = solver.receivers.positions, solver.receivers.areas
@@ -191,6 +192,6 @@ def beside_a_mobile() -> Row:
         h,
         known=0.03,  # a mobile cannot emit: the room is a little darker than a furnace
         aim_known=0.03,
-        view=View(room, 100_000, *settings),
+        view=View(room, 100_000, settings[0], settings[1]),
         title="A disc beside a mobile on the floor",
     )

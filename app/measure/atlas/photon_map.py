@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -45,7 +46,12 @@ def borders() -> Iterator[Row]:
     field, apexes = fans()
     photons = 350_000  # k hits of 30 degrees then reach 0.9 of a fan
     places = [near(*apexes[kind]) for kind in KINDS]
-    map_ = {"estimator": "photon_map", "neighbours": NEIGHBOURS, "radius": 1.0, "border_correction": False}
+    map_: dict[str, Any] = {
+        "estimator": "photon_map",
+        "neighbours": NEIGHBOURS,
+        "radius": 1.0,
+        "border_correction": False,
+    }
     corrected = {**map_, "border_correction": True}
     measured, helped = ratios(field, photons, places, [map_, corrected])
     for (name, angle), m, h in zip(KINDS, measured, helped, strict=True):
@@ -71,7 +77,7 @@ def corners() -> Iterator[Row]:
         "in a corner of three walls": (near(*np.indices((2, 2, 2)).reshape(3, -1).T), 0.75),
         "at the edge of two walls": (near(*[(x, 0, 0) for x in along], *[(x, 1, 1) for x in along]), 1.0),
     }
-    map_ = {"estimator": "photon_map", "neighbours": 200, "radius": 0.3, "border_correction": False}
+    map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 200, "radius": 0.3, "border_correction": False}
     settings = [map_, {**map_, "border_correction": True}]
     found, helped = ratios(room, 100_000, [p for p, _ in places.values()], settings, truth=2 * math.pi)
     for (where, (_, share)), m, h in zip(places.items(), found, helped, strict=True):
@@ -93,14 +99,14 @@ def small_surfaces() -> Iterator[Row]:
     sizes = (0.15, 0.2, 0.3)
     # Parallel light comes from a disc that covers the scene: two specks far out let it cover all tangent discs.
     meshes = [sheet((-2 + 8 * k, -2 + 26 * k, 0), (0.01, 0, 0), (0, 0.01, 0)) for k in (0, 1)]
-    corners = {s: [] for s in sizes}
+    corners: dict[float, list] = {s: [] for s in sizes}
     for i, s in enumerate(sizes):
         for j in range(COPIES):
             meshes.append(sheet((i * 2.0, j * 2.0, 0), (s, 0, 0), (0, s, 0)))
             corners[s].append((i * 2.0, j * 2.0, 0))
     field = scene(joined(*meshes), (BLACK._replace(reflectance=(0.5,) * 3),), (2, -2, 2.2), (2, 2.2, 0), (SUN,))
-    map_ = {"estimator": "photon_map", "neighbours": 10_000, "radius": 0.5, "border_correction": False}
-    plane = {"estimator": "tangent_plane", "radius": 0.2}
+    map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 10_000, "radius": 0.5, "border_correction": False}
+    plane: dict[str, Any] = {"estimator": "tangent_plane", "radius": 0.2}
     measured, helped = ratios(field, 500_000, [near(*corners[s]) for s in sizes], [map_, plane])
     for s, m, h in zip(sizes, measured, helped, strict=True):
         yield Row(
@@ -136,9 +142,9 @@ def line(x: float):
 def thin_wall() -> Iterator[Row]:
     """Hits on the lit side of a wall are found from the dark side; a disc reaches through it."""
     place, radius, photons = shaded_wall(), 0.2, 150_000
-    map_ = {"estimator": "photon_map", "neighbours": 10_000, "radius": radius}
-    bare = {"estimator": "tangent_plane", "radius": radius, "control": False}
-    plane = {**bare, "control": True}
+    map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 10_000, "radius": radius}
+    bare: dict[str, Any] = {"estimator": "tangent_plane", "radius": radius, "control": False}
+    plane: dict[str, Any] = {**bare, "control": True}
     dark, lit = -0.05, 0.1
     bare_name = "tangent_plane without control"
     places = [line(dark), line(lit)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -143,11 +144,11 @@ def at_edges() -> Iterator[Row]:
 
 def next_to_nothing() -> Iterator[Row]:
     """No photon, fewer photons than neighbours, a black room."""
-    common = {"title": "Next to nothing"}
+    common: dict[str, Any] = {"title": "Next to nothing"}
     dark = solved(lit_room(block()), 0, **SETTING)
     yield Row("none", "no photon", "0", 0.0, Number(float(dark.irradiance.max())), what="largest E [W/m2]", **common)
     ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (8, 8)), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (SUN,))
-    map_ = {"estimator": "photon_map", "neighbours": 1000, "radius": 0.5}
+    map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 1000, "radius": 0.5}
     ((found,),) = ratios(ground, 500, [near((0, 0, 0))], [map_], seeds=16)
     yield Row(
         "few", "photon_map, k = 1,000 of 500 photons", "no failure: all hits within the radius", 1.0, found, **common

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +13,8 @@ from app.measure.atlas.row import Number, Row, View, near, ratios, solved
 from app.measure.atlas.shapes import BLACK, ball, beyond, box, furnace, joined, scene, sheet
 from gi_core.scene import Material, PointLight
 
-BARE = {"estimator": "tangent_plane", "control": False}
-CONTROL = {"estimator": "tangent_plane", "control": True}
+BARE: dict[str, Any] = {"estimator": "tangent_plane", "control": False}
+CONTROL: dict[str, Any] = {"estimator": "tangent_plane", "control": True}
 FURNACE = 2 * math.pi  # E = pi Le / (1 - rho) with Le = 1, rho = 0.5
 
 
@@ -50,7 +51,7 @@ def walls_and_corners() -> Iterator[Row]:
             "artifact control: divide by the reachable area",
             h,
             cost="24 % of frame time",
-            view=View(room, 100_000, *settings) if key == "corner" else None,
+            view=View(room, 100_000, settings[0], settings[1]) if key == "corner" else None,
             title="A disc in a corner, at an edge, before a wall",
         )
 
@@ -71,7 +72,7 @@ def table_leg() -> Iterator[Row]:
         m,
         "artifact control: the part of the disc that is seen from its middle",
         h,
-        view=View(room, 50_000, *settings),
+        view=View(room, 50_000, settings[0], settings[1]),
         title="A disc round the leg of a table",
     )
 
@@ -145,7 +146,7 @@ def larger_than_the_room() -> Iterator[Row]:
             m,
             "artifact control",
             h,
-            view=View(room, 20_000, *settings) if radius == 1 else None,
+            view=View(room, 20_000, settings[0], settings[1]) if radius == 1 else None,
             title="A disc larger than the room",
         )
 

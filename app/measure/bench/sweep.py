@@ -29,7 +29,7 @@ def sweep(settings: Settings, frames: int, out: Path, large: bool = False, run: 
     out.mkdir(parents=True, exist_ok=True)
     file = out / "sweep.json"
     started = {"format": FORMAT, "scene": settings.scene, "commit": commit(), "processor": processor()}
-    done = _resumed(file, started) if file.exists() else {**started, "failed": {}, "rows": {}}
+    done: dict = _resumed(file, started) if file.exists() else {**started, "failed": {}, "rows": {}}
     wanted = rows(settings, frames, large)
     with Bar() as bar:
         for k, row in enumerate(wanted):

@@ -89,16 +89,15 @@ def row(choice: Choice, seen: Recorded, limit: list[np.ndarray] | None, walk: Wa
 
 def errors(E: list[np.ndarray], limit: list[np.ndarray] | None, cases: list[Case]) -> dict[str, float]:
     """Return noise, bias, total (l1), total (l2) and the noise of the truth, of all receivers and of each class."""
-    E, T, s, w, kind = (
-        np.concatenate(a) for a in (E, *zip(*(c[4:6] + (c.weights, c.kind) for c in cases), strict=True))
-    )
+    T, s, w, kind = (np.concatenate(a) for a in zip(*(c[4:6] + (c.weights, c.kind) for c in cases), strict=True))
+    found = np.concatenate(E)
     end = None if limit is None else np.concatenate(limit)
     out = {}
     for name in ("all", *CLASSES):
         of = slice(None) if name == "all" else kind == CLASSES.index(name)
-        out[f"noise {name}"] = float("nan") if end is None else relative_error(E, end, w, of).l1
+        out[f"noise {name}"] = float("nan") if end is None else relative_error(found, end, w, of).l1
         out[f"bias {name}"] = float("nan") if end is None else relative_error(end, T, w, of).l1
-        total = relative_error(E, T, w, of)
+        total = relative_error(found, T, w, of)
         out[f"total {name}"], out[f"total l2 {name}"] = total.l1, total.l2
         out[f"truth {name}"] = noise_of_truth(s, T, w, of)
         out[f"points {name}"] = len(kind[of])

@@ -15,6 +15,7 @@ from app.cli.progress import Bar, time_left
 from app.draw import motion
 from app.measure.chart import measure, truth
 from app.measure.chart import rival as chart_rival
+from app.measure.chart.measure import Walk
 from app.measure.chart.report import choices_like_the_report
 from app.measure.chart.results import KEY, Results
 from app.measure.chart.settings import Choice, choices, effort
@@ -22,6 +23,7 @@ from app.measure.chart.tuned import nearness, tuned_choice
 from app.measure.machine import commit, load, processor
 from app.settings import STEP, Settings, make_solver
 from gi_core.estimators import CHEAPEST, DEFAULT
+from gi_core.solver import Solver
 
 LIMIT_SEED = 1000  # added to the seed: the limit must not share photons with the rows
 FIXED = 60_000  # photons of about the same time as the fixed cost of a row
@@ -50,7 +52,7 @@ class Run:
         self.truth_frames = [(2 * k + 1) * self.frames // (2 * poses) for k in range(poses)]
         self._traced: dict[int, float] = {}  # s from the start to so many photons
         self._gather_seconds = 0.0
-        self._limits = None
+        self._limits: Solver | None = None
 
     def about(self) -> dict[str, object]:
         """Return the conditions of the measurement."""
@@ -75,7 +77,6 @@ class Run:
         walk = self._walk()
         works, done, started = [FIXED + c.photons for c in todo], 0, time.monotonic()
         for _, group in groupby(todo, key=lambda c: c.family):
-            group = list(group)
             limit = None
             for choice in group:
                 spent = time.monotonic() - started
@@ -96,7 +97,7 @@ class Run:
         if tuned:
             self.measure_tuned(walk)
 
-    def measure_tuned(self, walk: measure.Walk) -> None:
+    def measure_tuned(self, walk: Walk) -> None:
         """Measure the choice of `tune` on this scene and machine."""
         most = max(c.traced for c in self.choices)
         plain = Choice(DEFAULT, most, most, self.base.radius, self.base.neighbours, True, "best", paths=64)
@@ -143,7 +144,7 @@ class Run:
                     break
             self._gather_seconds = time.perf_counter() - started
 
-    def _walk(self) -> measure.Walk:
+    def _walk(self) -> Walk:
         for n in sorted({c.traced for c in self.choices}):
             self.bar("tracing", 0.0)
             self._trace(n)

@@ -131,7 +131,11 @@ def choices(settings: Settings, solver, effort: Effort) -> list[Choice]:
     for name in (settings.estimator,) if settings.estimator else ESTIMATORS:
         kind = ESTIMATORS[name]
         control = kind.controlled and settings.control
-        values = {"radius": [_round(share * r) for share in radii], "neighbours": list(ks), None: [None]}
+        values: dict[str | None, list] = {
+            "radius": [_round(share * r) for share in radii],
+            "neighbours": list(ks),
+            None: [None],
+        }
         if control or not kind.controlled:
             for value in values[kind.smoothing]:
                 add(name, control=control, **({kind.smoothing: value} if kind.smoothing else {}))

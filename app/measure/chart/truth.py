@@ -68,10 +68,12 @@ def choose(sides: dict[str, np.ndarray], areas: np.ndarray, points: int, random)
             continue
         count = max(1, round(SHARES[name] * points))
         if count >= len(mine):
-            rows.append(mine), weights.append(areas[mine])
+            rows.append(mine)
+            weights.append(areas[mine])
         else:
             drawn, times = draw_by_area(mine, areas, count, random)
-            rows.append(drawn), weights.append(times * areas[mine].sum() / count)
+            rows.append(drawn)
+            weights.append(times * areas[mine].sum() / count)
         kind.append(np.full(len(rows[-1]), number))
     return np.concatenate(rows), np.concatenate(weights), np.concatenate(kind)
 

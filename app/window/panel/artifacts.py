@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from imgui_bundle import imgui
 
@@ -32,7 +33,8 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     for field, (name, about) in SWITCHES.items():
         changed, on = imgui.checkbox(name, getattr(s, field))
         if changed:
-            s = replace(s, **{field: on})
+            change: dict[str, Any] = {field: on}
+            s = replace(s, **change)
         ui.tip(about)
     control = facts.control
     ui.number("Clipped discs", f"{100 * control.share:.1f} %", "Receivers whose discs are cut by walls or edges.")

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from app.rest.live_error import Report
     from app.rest.measured_points import MeasuredPoint
     from app.rest.static_job import GatherProgress
@@ -39,7 +41,7 @@ class Facts:
     mobiles: int
     playing: bool
     metered: float  # EV at load
-    probes: Mapping[str, object] = field(default_factory=dict)  # name -> irradiance (3,)
+    probes: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> irradiance (3,)
     notes: tuple[str, ...] = ()
     report: Report | None = None  # of errors; None until measured
     points: tuple[MeasuredPoint, ...] = ()  # of the error chart

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from imgui_bundle import imgui
 
@@ -21,7 +22,8 @@ def choice(s: Settings, name: str, field: str, choices: Mapping[str, str], about
     label(name)
     changed, k = imgui.combo(f"##{name}", keys.index(getattr(s, field)), list(choices.values()))
     tip(about)
-    return replace(s, **{field: keys[k]}) if changed else s
+    change: dict[str, Any] = {field: keys[k]}
+    return replace(s, **change) if changed else s
 
 
 def label(text: str) -> None:
