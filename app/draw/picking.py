@@ -28,7 +28,7 @@ class Hit(NamedTuple):
     point: np.ndarray  # (3,) float64, world
 
 
-class _Blocks(NamedTuple):
+class _FaceBlocks(NamedTuple):
     """Faces of one object in blocks along a Morton curve."""
 
     order: np.ndarray  # (F,) int, face ids block after block
@@ -65,17 +65,17 @@ class Picker:
         return nearest
 
 
-def _blocks(corners: np.ndarray, two_sided: np.ndarray, paint: Paint | None) -> _Blocks:
+def _blocks(corners: np.ndarray, two_sided: np.ndarray, paint: Paint | None) -> _FaceBlocks:
     if paint is not None and all(t.cover is None for t in paint.textures):
         paint = None
     order = _along_a_curve(corners.mean(axis=1)) if len(corners) else np.zeros(0, np.int64)
     corners, starts = corners[order], np.arange(0, len(corners), FACES_PER_BLOCK)
     if not len(starts):
-        return _Blocks(order, corners, two_sided, np.zeros((0, 3)), np.zeros((0, 3)), paint)
+        return _FaceBlocks(order, corners, two_sided, np.zeros((0, 3)), np.zeros((0, 3)), paint)
     low = np.minimum.reduceat(corners.min(axis=1), starts)
     high = np.maximum.reduceat(corners.max(axis=1), starts)
     pad = 1e-9 * max(float(np.abs(corners).max()), 1.0)
-    return _Blocks(order, corners, two_sided[order], low - pad, high + pad, paint)
+    return _FaceBlocks(order, corners, two_sided[order], low - pad, high + pad, paint)
 
 
 def _along_a_curve(points: np.ndarray) -> np.ndarray:
@@ -89,7 +89,7 @@ def _along_a_curve(points: np.ndarray) -> np.ndarray:
     return np.argsort(code, kind="stable")
 
 
-def _nearest(blocks: _Blocks, p: np.ndarray, d: np.ndarray, cull: bool) -> tuple[float, int]:
+def _nearest(blocks: _FaceBlocks, p: np.ndarray, d: np.ndarray, cull: bool) -> tuple[float, int]:
     """Return distance [m] and face of the nearest hit, or (inf, -1)."""
     with np.errstate(divide="ignore", invalid="ignore"):  # intended: a ray along an axis divides by 0
         a, b = (blocks.low - p) / d, (blocks.high - p) / d

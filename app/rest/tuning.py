@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
-    from gi_core.tuning.error_model import Choice, Law
+    from gi_core.tuning.error_model import Law, TunedChoice
 
 Result = TypeVar("Result")
 TRIAL_RADII = (0.5, 0.71, 1.0, 1.41, 2.0)  # of the current radius
@@ -20,7 +20,7 @@ MOST_PHOTONS = 4_000_000
 class Tuned(NamedTuple):
     """A chosen setting and the error models behind it."""
 
-    choice: Choice
+    choice: TunedChoice
     laws: tuple[Law, ...]  # one per trial
     exponents: dict[str, dict[str, float]]  # by estimator: power of the radius per part of the model
     paths: int | None = None  # per mobile vertex and frame; None: photons light the mobiles

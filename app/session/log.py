@@ -1,4 +1,4 @@
-"""What the window tells in its log line: the last message, and a few before it."""
+"""The log of the window: messages for the status line."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import traceback
 from collections import deque
 from typing import NamedTuple
 
-KEPT = 200
+MOST_ENTRIES = 200
 INFO, WARNING, ERROR = "info", "warning", "error"
 
 
-class Entry(NamedTuple):
+class LogEntry(NamedTuple):
     level: str
     text: str  # one line
     when: float  # monotonic seconds
@@ -19,17 +19,17 @@ class Entry(NamedTuple):
 
 class Log:
     def __init__(self) -> None:
-        self.entries: deque[Entry] = deque(maxlen=KEPT)
+        self.entries: deque[LogEntry] = deque(maxlen=MOST_ENTRIES)
 
     def __call__(self, text: str, level: str = INFO) -> None:
         line = " ".join(str(text).split())
-        if self.entries and self.entries[-1][:2] == (level, line):  # an error that comes back every frame is one line
-            self.entries[-1] = Entry(level, line, time.monotonic())
+        if self.entries and self.entries[-1][:2] == (level, line):  # an error in every frame is one entry
+            self.entries[-1] = LogEntry(level, line, time.monotonic())
             return
-        self.entries.append(Entry(level, line, time.monotonic()))
+        self.entries.append(LogEntry(level, line, time.monotonic()))
 
     def error(self, doing: str, problem: BaseException) -> None:
-        """Tell what failed and why, without a traceback."""
+        """Log an error as one line, without a traceback."""
         self(f"{doing}: {problem or type(problem).__name__}", ERROR)
 
     def failure(self, doing: str, problem: BaseException) -> None:
@@ -38,5 +38,5 @@ class Log:
         self.error(doing, problem)
 
     @property
-    def last(self) -> Entry | None:
+    def last(self) -> LogEntry | None:
         return self.entries[-1] if self.entries else None

@@ -59,7 +59,7 @@ class Law(NamedTuple):
         return self.noise / left if left > 0 else math.inf
 
 
-class Choice(NamedTuple):
+class TunedChoice(NamedTuple):
     """The setting chosen and what is expected of it."""
 
     setting: Setting
@@ -132,36 +132,36 @@ def over_radii(laws: Sequence[Law]) -> tuple[list[Law], dict[str, float]]:
     return made, exponents
 
 
-def within_time(laws: Sequence[Law], seconds: float, photons: int) -> Choice:
+def within_time(laws: Sequence[Law], seconds: float, photons: int) -> TunedChoice:
     """Choose the least error of a moving frame that takes no longer, with `photons` at rest."""
 
-    def found(law: Law) -> Choice:
+    def found(law: Law) -> TunedChoice:
         room = law.photons_within(seconds)
         return _choice(law, photons, min(max(room, FEWEST), photons), room >= FEWEST)
 
     return max(map(found, laws), key=lambda choice: (choice.met, -choice.moving_error))
 
 
-def within_error(laws: Sequence[Law], error: float, seconds: float, most: int) -> Choice:
+def within_error(laws: Sequence[Law], error: float, seconds: float, most: int) -> TunedChoice:
     """Choose the least time of a frame of all photons with no more error, or the least error of `most` photons.
 
     seconds: what a frame may take while something moves, with as many of the photons as fit.
     """
     most = min(most, MAX_PHOTONS)
 
-    def found(law: Law) -> Choice:
+    def found(law: Law) -> TunedChoice:
         needed = law.photons_for(error)
         photons = max(math.ceil(min(needed, most)), FEWEST)
         return _choice(law, photons, min(max(law.photons_within(seconds), FEWEST), photons), needed <= most)
 
-    def order(pair: tuple[Law, Choice]) -> tuple:
+    def order(pair: tuple[Law, TunedChoice]) -> tuple:
         law, choice = pair
         return choice.met, -law.seconds(choice.photons) if choice.met else -choice.error
 
     return max(((law, found(law)) for law in laws), key=order)[1]
 
 
-def _choice(law: Law, photons: int, frame: float, met: bool) -> Choice:
-    return Choice(
+def _choice(law: Law, photons: int, frame: float, met: bool) -> TunedChoice:
+    return TunedChoice(
         law.setting, int(photons), int(frame), law.error(photons), law.error(photons, frame), law.seconds(frame), met
     )

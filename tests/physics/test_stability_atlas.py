@@ -14,7 +14,7 @@ import pytest
 
 from app.measure.atlas import command, mobiles, others, photon_map, programs, tangent_plane
 from app.measure.atlas import page as atlas_page
-from app.measure.atlas.row import Number, Row, View, near, over_seeds, solved
+from app.measure.atlas.row import AtlasRow, Number, View, near, over_seeds, solved
 from app.measure.atlas.shapes import BLACK, ball, beyond, box, fan, scene, sheet
 from tests.support.significance import p_values, sidak
 
@@ -29,7 +29,7 @@ def p_value(number: Number, expected: float, known: float = 0.0) -> float:
     return float(p_values(number.mean - off, expected, number.error, max(number.runs - 1, 1)))
 
 
-def check(row: Row) -> None:
+def check(row: AtlasRow) -> None:
     m = row.measured
     if math.isinf(row.known):
         assert m.mean < row.predicted, row
@@ -143,7 +143,7 @@ def test_the_command_writes_a_page_with_pictures(tmp_path, capsys):
     ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (4, 4)), (BLACK,), (0, -3, 2), (0, 0, 0), ())
     setting = {"estimator": "tangent_plane", "radius": 0.1}
     rows = [
-        Row(
+        AtlasRow(
             "a",
             "where <a>",
             "1 - α",
@@ -153,7 +153,7 @@ def test_the_command_writes_a_page_with_pictures(tmp_path, capsys):
             Number(1.0),
             view=View(ground, 10, setting, setting),
         ),
-        Row("b", "b", "0", 0.0, Number(0.0)),
+        AtlasRow("b", "b", "0", 0.0, Number(0.0)),
     ]
     command.atlas(tmp_path / "new", {"Chapter": lambda: iter(rows)})
     assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["index.html"]
@@ -164,7 +164,7 @@ def test_the_command_writes_a_page_with_pictures(tmp_path, capsys):
 
 def test_rows_of_one_title_share_what_they_have_in_common():
     rows = [
-        Row(name, name, theory, 1.0, Number(1.0), "shade", Number(aim), aim=aim, title="Sun", known=0.1)
+        AtlasRow(name, name, theory, 1.0, Number(1.0), "shade", Number(aim), aim=aim, title="Sun", known=0.1)
         for name, theory, aim in (("noon", "bright", 0.0), ("dusk", "dim", 1.0))
     ]
     html = atlas_page.page({"Chapter": rows}, {})

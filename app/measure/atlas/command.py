@@ -15,7 +15,7 @@ from app.cli.writable import write_whole
 from app.draw.shot import Shot
 from app.measure.atlas import mobiles, others, photon_map, programs, tangent_plane
 from app.measure.atlas.page import page
-from app.measure.atlas.row import Row, View, solved
+from app.measure.atlas.row import AtlasRow, View, solved
 from app.settings import Settings
 
 CHAPTERS = {
@@ -30,10 +30,10 @@ SIZE = (420, 280)  # pixels of one side of a picture
 GAP = 6
 
 
-def atlas(out: Path, chapters: dict[str, Callable[[], Iterator[Row]]] = CHAPTERS) -> Path:
+def atlas(out: Path, chapters: dict[str, Callable[[], Iterator[AtlasRow]]] = CHAPTERS) -> Path:
     """Measure every row and write index.html into a folder; return its path. Raises OSError."""
     out.mkdir(parents=True, exist_ok=True)
-    measured: dict[str, list[Row]] = {}
+    measured: dict[str, list[AtlasRow]] = {}
     pictures: dict[str, np.ndarray] = {}
     done = 0
     with Bar() as bar:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from app.measure.atlas.row import SEEDS, Number, Row, View, over_seeds, solved
+from app.measure.atlas.row import SEEDS, AtlasRow, Number, View, over_seeds, solved
 from app.measure.atlas.shapes import BLACK, box, joined, scene, sheet
 from app.measure.atlas.tangent_plane import CONTROL
 from gi_core.scene import Material, Mobile, PointLight, Pose
@@ -18,7 +18,7 @@ COUNT: dict[str, Any] = {"estimator": "impact_count"}
 GREY = Material("grey", (0.5,) * 3)
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[AtlasRow]:
     """Measure what happens with mobiles and lamps in odd places."""
     yield from sparks()
     yield swallowed()
@@ -39,7 +39,7 @@ def block(half: float = 0.15, height: float = 0.3, at=(0.5, 0.5, 0.0)) -> Mobile
     return Mobile("block", box((-half, -half, 0), (half, half, height), 4), Pose(at))
 
 
-def sparks() -> Iterator[Row]:
+def sparks() -> Iterator[AtlasRow]:
     """A point light a hair above the floor: half of its flux arrives, within some millimetres."""
     for height in (1e-4, 1e-6):
         lamp = PointLight("spark", (0.01, 0.02, height), (1e3,) * 3)
@@ -50,7 +50,7 @@ def sparks() -> Iterator[Row]:
             return (float(solver.irradiance[:, 1] @ solver.receivers.areas) / 500.0,)
 
         (found,) = over_seeds(run, SEEDS)
-        yield Row(
+        yield AtlasRow(
             f"spark_{height:g}",
             f"impact_count, a point light {height:g} m over the floor",
             "no failure: half of its flux arrives",
@@ -65,14 +65,14 @@ def sparks() -> Iterator[Row]:
         )
 
 
-def swallowed() -> Row:
+def swallowed() -> AtlasRow:
     """Measure the light that leaves a closed mobile over a bulb."""
     bulb = PointLight("bulb", (0.5, 0.5, 0.2), (10.0,) * 3)
     walls = box((0, 0, 0), (1, 1, 1), 8, 0, inward=True)
     looks = (GREY,), (0.5, -1.9, 0.8), (0.5, 0.5, 0.4), (bulb,)
     place = scene(walls, *looks, (block(at=(0.5, 0.5, 0.05)),))
     solver = solved(place, 20_000, **SETTING)
-    return Row(
+    return AtlasRow(
         "swallowed",
         "tangent_plane, a bulb inside a closed mobile: the room",
         "0: each photon is cut on its way",
@@ -83,7 +83,7 @@ def swallowed() -> Row:
     )
 
 
-def laid_over() -> Iterator[Row]:
+def laid_over() -> Iterator[AtlasRow]:
     """Measure the light that passes a mobile flush over the lamp / the light of the free lamp."""
     plate = Mobile("plate", box((-0.15, -0.15, -0.01), (0.15, 0.15, 0.0), 2, 0), Pose((0.5, 0.5, 0.98)))
     place = lit_room(plate)
@@ -92,7 +92,7 @@ def laid_over() -> Iterator[Row]:
     free = solver.irradiance[below].mean()
     for name, height in {"0.1 mm under": 0.9899, "1 µm under": 0.99 - 1e-6, "flush with": 0.99}.items():
         solver.move("plate", Pose((0.5, 0.5, height)))
-        yield Row(
+        yield AtlasRow(
             f"over_{height:.7g}",
             f"tangent_plane, a plate {name} a lamp",
             "0, but for what leaves at the rim, or begins behind the lamp in a gap thinner than the offset of rays",
@@ -107,7 +107,7 @@ def laid_over() -> Iterator[Row]:
         )
 
 
-def under_a_box() -> Row:
+def under_a_box() -> AtlasRow:
     """Measure light under a box that stands exactly on the floor."""
     place = lit_room(block(0.25, 0.4))
     solver = solved(place, 40_000, **{**SETTING, "radius": 0.08})
@@ -115,7 +115,7 @@ def under_a_box() -> Row:
     static = np.arange(len(p)) < solver.surfaces.receiver_range(0).stop
     under = static & (p[:, 2] == 0) & (n[:, 2] > 0.9) & (np.abs(p[:, :2] - 0.5).max(axis=1) < 0.16)
     assert under.any()
-    return Row(
+    return AtlasRow(
         "under",
         "tangent_plane, the floor under a box that stands on it",
         "0: no leak",
@@ -127,7 +127,7 @@ def under_a_box() -> Row:
     )
 
 
-def odd_places() -> Iterator[Row]:
+def odd_places() -> Iterator[AtlasRow]:
     """Measure frames against solutions from scratch for mobiles that touch, cross, leave and swallow."""
     small = Mobile("small", box((-0.05, -0.05, 0.1), (0.05, 0.05, 0.2), 2), Pose((0.5, 0.5, 0.0)))
     places = {
@@ -138,7 +138,7 @@ def odd_places() -> Iterator[Row]:
         "10,000 km away": (1e7, -1e7, 1e7),
     }
     for k, (name, at) in enumerate(places.items()):
-        yield Row(
+        yield AtlasRow(
             f"odd_{k}",
             f"tangent_plane, a mobile {name}",
             "0: the bits of a solution from scratch, all finite",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from app.measure.atlas.photon_map import SUN
-from app.measure.atlas.row import SEEDS, Number, Row, View, near, over_seeds, ratios, solved
+from app.measure.atlas.row import SEEDS, AtlasRow, Number, View, near, over_seeds, ratios, solved
 from app.measure.atlas.shapes import BLACK, beyond, box, fan, furnace, joined, scene, sheet
 from app.measure.atlas.tangent_plane import BARE, CONTROL
 from gi_core.base.fixed_point import MAX_SEGMENTS
@@ -19,7 +19,7 @@ COUNT: dict[str, Any] = {"estimator": "impact_count"}
 NEAREST: dict[str, Any] = {"estimator": "photon_map", "neighbours": 20, "radius": 0.5}
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[AtlasRow]:
     """Measure every other failure."""
     yield from textbook()
     yield from small_faces()
@@ -28,7 +28,7 @@ def rows() -> Iterator[Row]:
     yield beside_a_mobile()
 
 
-def textbook() -> Iterator[Row]:
+def textbook() -> Iterator[AtlasRow]:
     """The k-th hit sets the radius of the circle; counting it too overestimates."""
     meshes = [fan((2.2 * i, 2.2 * j, 0), 360) for i in range(12) for j in range(12)]
     field = scene(joined(*meshes), (BLACK,), (12, -20, 24), (12, 12, 0), (SUN,))
@@ -45,7 +45,7 @@ def textbook() -> Iterator[Row]:
             return means[0] / means[1], means[1]
 
         ratio, unbiased = over_seeds(run, SEEDS)
-        yield Row(
+        yield AtlasRow(
             f"textbook_{k}",
             f"photon_map, textbook form, k = {k}",
             "k / (k - 1) of the unbiased form",
@@ -62,7 +62,7 @@ def textbook() -> Iterator[Row]:
         )
 
 
-def small_faces() -> Iterator[Row]:
+def small_faces() -> Iterator[AtlasRow]:
     """A face of area A is hit N E A / Phi times: its noise goes with 1 / sqrt(A), whatever its shape."""
     photons, seeds, copies = 200_000, 6, 100
     shapes = {"0.2 x 0.2": (0.2, 0.2), "0.05 x 0.05": (0.05, 0.05), "a sliver of 0.005 x 0.5": (0.005, 0.5)}
@@ -87,7 +87,7 @@ def small_faces() -> Iterator[Row]:
     for name, (w, h) in shapes.items():
         samples = np.concatenate(spread[name])
         expected = math.sqrt(flux / (photons * w * h / 2))
-        yield Row(
+        yield AtlasRow(
             f"face_{w:g}",
             f"impact_count, triangles half of {name} m, {photons:,} photons",
             "noise √(Φ / N E A): variance ~ 1 / area",
@@ -110,7 +110,7 @@ def blocked_spot():
     return scene(ground, (BLACK._replace(reflectance=(0.5,) * 3),), (0, -2.4, 1.8), (0, 0, 0.3), lights, (plate,))
 
 
-def naive_sums() -> Row:
+def naive_sums() -> AtlasRow:
     """Eq. 2.4 with k nearest: each part is divided by its own circle, so the removed part can exceed the whole."""
     place = blocked_spot()
     solver = solved(place, 20_000, **NEAREST)
@@ -126,7 +126,7 @@ def naive_sums() -> Row:
     before = read(*estimate.background(solver.photons_traced))
     naive = before - lost + gained
     exact = float(np.abs(solver.irradiance - solver.from_scratch()).max())
-    return Row(
+    return AtlasRow(
         "additive",
         "photon_map, Eq. 2.4 term by term: E_bg - E(tails) + E(branches), red, darkest receiver",
         "below 0: Eq. 2.8 is not additive",
@@ -148,7 +148,7 @@ def naive_sums() -> Row:
     )
 
 
-def bright_rooms() -> Iterator[Row]:
+def bright_rooms() -> Iterator[AtlasRow]:
     """Flux arriving in a closed room is Phi (1 + rho + rho^2 ...); paths end after MAX_SEGMENTS."""
     for rho in (0.5, 0.9, 0.98, 0.999):
         room = furnace(4, reflectance=rho)
@@ -159,7 +159,7 @@ def bright_rooms() -> Iterator[Row]:
             return arrived, float(solver.fates["truncated"][1]) / (6 * math.pi)
 
         arrived, truncated = over_seeds(run, SEEDS)
-        yield Row(
+        yield AtlasRow(
             f"rho_{rho:g}",
             f"closed room of reflectance {rho:g}: flux that arrives",
             f"(1 - ρ^{MAX_SEGMENTS}) / (1 - ρ): paths end after {MAX_SEGMENTS} segments",
@@ -173,7 +173,7 @@ def bright_rooms() -> Iterator[Row]:
         )
 
 
-def beside_a_mobile() -> Row:
+def beside_a_mobile() -> AtlasRow:
     """The foot of a mobile on the floor: the part of a disc that it covers is missing, as beside a wall."""
     glow, grey = Material("glow", (0.5,) * 3, (1.0, 1.0, 1.0)), Material("grey", (0.5,) * 3)
     radius, half, gap = 0.1, 0.195, 0.005
@@ -182,7 +182,7 @@ def beside_a_mobile() -> Row:
     places = near(*[(x, y, 0) for x in (0.3, 0.7) for y in (0.45, 0.55)], *[(x, 0.3, 0) for x in (0.45, 0.55)])
     settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
     (m,), (h,) = ratios(room, 100_000, [places], settings, truth=2 * math.pi)
-    return Row(
+    return AtlasRow(
         "mobile_foot",
         "tangent_plane without control, on the floor 5 mm beside a mobile 3 mm high",
         "the share of the disc that the mobile leaves free",

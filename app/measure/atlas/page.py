@@ -8,7 +8,7 @@ from itertools import groupby
 
 import numpy as np
 
-from app.measure.atlas.row import Row
+from app.measure.atlas.row import AtlasRow
 from app.measure.html_page import document, image, table
 
 TITLE = "Failure atlas"
@@ -19,14 +19,14 @@ INTRO = (
 )
 
 
-def predicted(row: Row) -> str:
+def predicted(row: AtlasRow) -> str:
     """Return the prediction of a row with its uncertainty."""
     if not np.isfinite(row.known):
         return f"< {row.predicted:.4g}"
     return f"{row.predicted:.4g}" + (f" ± {row.known:.1g}" if row.known else "")
 
 
-def page(measured: Mapping[str, Sequence[Row]], pictures: Mapping[str, np.ndarray]) -> str:
+def page(measured: Mapping[str, Sequence[AtlasRow]], pictures: Mapping[str, np.ndarray]) -> str:
     """Return the HTML of the page; pictures: (h, w, 3) uint8 by the keys of rows."""
     parts = [f"<p>{escape(INTRO)}</p>"]
     for title, rows in measured.items():
@@ -36,7 +36,7 @@ def page(measured: Mapping[str, Sequence[Row]], pictures: Mapping[str, np.ndarra
     return document(TITLE, parts)
 
 
-def _group(rows: list[Row], pictures: Mapping[str, np.ndarray]) -> list[str]:
+def _group(rows: list[AtlasRow], pictures: Mapping[str, np.ndarray]) -> list[str]:
     """Return the section of rows with one title: shared texts, a table, pictures."""
     head, columns = ["", "predicted", "measured"], [[row.where, predicted(row), str(row.measured)] for row in rows]
     if any(row.remedied is not None for row in rows):
@@ -49,7 +49,7 @@ def _group(rows: list[Row], pictures: Mapping[str, np.ndarray]) -> list[str]:
         if len(set(texts)) > 1:
             head.append(name.lower())
             columns = [[*line, text] for line, text in zip(columns, texts, strict=True)]
-        elif texts[0] and texts[0] != Row._field_defaults.get(field):
+        elif texts[0] and texts[0] != AtlasRow._field_defaults.get(field):
             shared.append(f"<b>{name}</b> {escape(texts[0])}")
     parts = [f"<h3>{escape(rows[0].title or rows[0].where)}</h3>", f"<p>{'; '.join(shared)}</p>", table(head, columns)]
     for row in rows:

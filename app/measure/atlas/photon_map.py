@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from app.measure.atlas.row import Row, View, near, ratios
+from app.measure.atlas.row import AtlasRow, View, near, ratios
 from app.measure.atlas.shapes import BLACK, beyond, box, fan, furnace, joined, scene, sheet
 from gi_core.scene import DirectionalLight
 
@@ -20,7 +20,7 @@ KINDS = [("isolated", a) for a in (30, 60, 90, 120)] + [("fan", a) for a in rang
 SPACING = 2.2
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[AtlasRow]:
     """Measure every failure of photon maps."""
     yield from borders()
     yield from corners()
@@ -41,7 +41,7 @@ def fans():
     return scene(joined(*meshes), (BLACK._replace(reflectance=(0.5,) * 3),), eye, tuple(middle), (SUN,)), apexes
 
 
-def borders() -> Iterator[Row]:
+def borders() -> Iterator[AtlasRow]:
     """Figs 2.9 and 2.10: hits fill alpha of the 2 pi round a border vertex, and are divided by the whole circle."""
     field, apexes = fans()
     photons = 350_000  # k hits of 30 degrees then reach 0.9 of a fan
@@ -55,7 +55,7 @@ def borders() -> Iterator[Row]:
     corrected = {**map_, "border_correction": True}
     measured, helped = ratios(field, photons, places, [map_, corrected])
     for (name, angle), m, h in zip(KINDS, measured, helped, strict=True):
-        yield Row(
+        yield AtlasRow(
             f"border_{name}_{angle}",
             f"photon_map, {name} vertex of {angle}°",
             "α / 2π of the truth: the report's bias 1 - α / 2π",
@@ -70,7 +70,7 @@ def borders() -> Iterator[Row]:
         )
 
 
-def corners() -> Iterator[Row]:
+def corners() -> Iterator[AtlasRow]:
     """Where walls meet, the sphere round a vertex holds hits on all of them: a quarter or half a circle each."""
     room, along = furnace(20), np.linspace(0.3, 0.7, 9)
     places = {
@@ -81,7 +81,7 @@ def corners() -> Iterator[Row]:
     settings = [map_, {**map_, "border_correction": True}]
     found, helped = ratios(room, 100_000, [p for p, _ in places.values()], settings, truth=2 * math.pi)
     for (where, (_, share)), m, h in zip(places.items(), found, helped, strict=True):
-        yield Row(
+        yield AtlasRow(
             f"map_corner_{share:g}",
             f"photon_map {where}",
             "what the walls fill of a circle: three quarters, two halves",
@@ -94,7 +94,7 @@ def corners() -> Iterator[Row]:
         )
 
 
-def small_surfaces() -> Iterator[Row]:
+def small_surfaces() -> Iterator[AtlasRow]:
     """A surface with fewer than k hits: all its hits are divided by the largest circle."""
     sizes = (0.15, 0.2, 0.3)
     # Parallel light comes from a disc that covers the scene: two specks far out let it cover all tangent discs.
@@ -109,7 +109,7 @@ def small_surfaces() -> Iterator[Row]:
     plane: dict[str, Any] = {"estimator": "tangent_plane", "radius": 0.2}
     measured, helped = ratios(field, 500_000, [near(*corners[s]) for s in sizes], [map_, plane])
     for s, m, h in zip(sizes, measured, helped, strict=True):
-        yield Row(
+        yield AtlasRow(
             f"small_{s:g}",
             f"photon_map, a square of {s:g} m alone, search radius 0.5 m",
             "its area over the circle's: s² / πR²",
@@ -139,7 +139,7 @@ def line(x: float):
     return near(*[(x, y, 0) for y in np.linspace(-0.5, 0.5, 21)])
 
 
-def thin_wall() -> Iterator[Row]:
+def thin_wall() -> Iterator[AtlasRow]:
     """Hits on the lit side of a wall are found from the dark side; a disc reaches through it."""
     place, radius, photons = shaded_wall(), 0.2, 150_000
     map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 10_000, "radius": radius}
@@ -156,7 +156,7 @@ def thin_wall() -> Iterator[Row]:
         also = ", and the hits on the wall" if setting is map_ else ""
         view = View(place, photons, setting, plane)
         key = "map" if setting is map_ else "disc"
-        yield Row(
+        yield AtlasRow(
             f"leak_{key}",
             f"{name}, 7 cm behind a wall {WALL * 1000:g} mm thin, radius {radius:g} m",
             "the share of the circle beyond the wall leaks in" + also,
@@ -169,7 +169,7 @@ def thin_wall() -> Iterator[Row]:
             what="E / that of the lit side",
             title="Across a thin wall",
         )
-        yield Row(
+        yield AtlasRow(
             f"beside_{key}",
             f"{name}, on the lit side, 7 cm before the wall",
             "the share of the circle behind the wall is missing" + also,

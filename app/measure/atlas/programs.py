@@ -11,13 +11,13 @@ import numpy as np
 
 from app.measure.atlas.mobiles import COUNT, SETTING, block, lit_room
 from app.measure.atlas.photon_map import SUN
-from app.measure.atlas.row import Number, Row, View, near, ratios, solved
+from app.measure.atlas.row import AtlasRow, Number, View, near, ratios, solved
 from app.measure.atlas.shapes import BLACK, furnace, scene, sheet
 from app.measure.atlas.tangent_plane import CONTROL, FURNACE
 from gi_core.scene import Mesh, Pose
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[AtlasRow]:
     """Measure every failure of programs."""
     yield drift()
     yield from at_rest()
@@ -27,7 +27,7 @@ def rows() -> Iterator[Row]:
     yield from next_to_nothing()
 
 
-def drift() -> Row:
+def drift() -> AtlasRow:
     """Measure the difference after a thousand jumps and a return to the start."""
     place = lit_room(block())
     solver = solved(place, 2000, **SETTING)
@@ -36,7 +36,7 @@ def drift() -> Row:
         solver.move("block", Pose(tuple(at)))
     assert not np.array_equal(solver.irradiance, begun)
     solver.move_all(start)
-    return Row(
+    return AtlasRow(
         "drift",
         "1,000 jumps and back to the start",
         "0 bits: each frame comes from the background alone",
@@ -48,7 +48,7 @@ def drift() -> Row:
     )
 
 
-def at_rest() -> Iterator[Row]:
+def at_rest() -> Iterator[AtlasRow]:
     """Measure flicker for a mobile that does not move and one that moves by less than a pixel."""
     solver = solved(lit_room(block()), 20_000, **COUNT)
     rows, areas = solver.surfaces.receiver_range(0), solver.receivers.areas
@@ -60,7 +60,7 @@ def at_rest() -> Iterator[Row]:
         new = solver.changes
         most = a_photon * (old.old_segments + old.new_segments + new.old_segments + new.new_segments)
         changed = float(np.abs(solver.irradiance[rows, 1] - before) @ areas[rows]) / most
-        yield Row(
+        yield AtlasRow(
             f"rest_{step:g}",
             f"impact_count, a mobile moves by {step:g} m",
             "only photons that are cut before or after can change",
@@ -72,7 +72,7 @@ def at_rest() -> Iterator[Row]:
         )
 
 
-def scales() -> Iterator[Row]:
+def scales() -> Iterator[AtlasRow]:
     """The same room a thousand times smaller and larger, and far from the origin."""
     cases = {f"a room of {s:g} m": (0.0, s) for s in (1e-3, 1e3)}
     cases |= {f"{d:g} sizes from the origin": (d, 1.0) for d in (3.0, 30.0)}
@@ -81,7 +81,7 @@ def scales() -> Iterator[Row]:
         middles = near(*(low + size * np.array([(0.5, 0.5, 0), (0.5, 0, 0.5)])), tolerance=1e-5 * size)
         setting = {**CONTROL, "radius": 0.1 * size}
         ((found,),) = ratios(room, 50_000, [middles], [setting], truth=FURNACE)
-        yield Row(
+        yield AtlasRow(
             f"scale_{low or size:g}",
             name,
             "no failure: 1",
@@ -93,7 +93,7 @@ def scales() -> Iterator[Row]:
         )
 
 
-def soup() -> Row:
+def soup() -> AtlasRow:
     """A room whose triangles share no vertex, among them a point, a needle and an edge."""
     room = furnace(20)
     mesh = room.static
@@ -107,7 +107,7 @@ def soup() -> Row:
         return middles(receivers) & (receivers.areas > 1e-9)
 
     ((found,),) = ratios(replace(room, static=loose), 50_000, [with_area], [SETTING], truth=FURNACE)
-    return Row(
+    return AtlasRow(
         "soup",
         "tangent_plane, a furnace of loose triangles, a point, a needle and an edge among them",
         "no failure: 1",
@@ -118,7 +118,7 @@ def soup() -> Row:
     )
 
 
-def at_edges() -> Iterator[Row]:
+def at_edges() -> Iterator[AtlasRow]:
     """Rays aimed at every vertex, and at the middle of every edge, of a closed room."""
     solver = solved(furnace(8), 1000, **COUNT)
     mesh, middle = solver.scene.static, np.full(3, 0.5)
@@ -130,7 +130,7 @@ def at_edges() -> Iterator[Row]:
         d = (d / np.linalg.norm(d, axis=1)[:, None]).astype(np.float32)
         origins, far = np.tile(middle, (len(d), 1)).astype(np.float32), np.full(len(d), 10.0, np.float32)
         _, face = solver.model.accelerator.nearest(0, origins, d, far)
-        yield Row(
+        yield AtlasRow(
             f"edges_{name}",
             f"rays from the middle of a closed room to its {name}",
             "0 slip through, except by rounding; those count as escaped",
@@ -142,18 +142,20 @@ def at_edges() -> Iterator[Row]:
         )
 
 
-def next_to_nothing() -> Iterator[Row]:
+def next_to_nothing() -> Iterator[AtlasRow]:
     """No photon, fewer photons than neighbours, a black room."""
     common: dict[str, Any] = {"title": "Next to nothing"}
     dark = solved(lit_room(block()), 0, **SETTING)
-    yield Row("none", "no photon", "0", 0.0, Number(float(dark.irradiance.max())), what="largest E [W/m2]", **common)
+    yield AtlasRow(
+        "none", "no photon", "0", 0.0, Number(float(dark.irradiance.max())), what="largest E [W/m2]", **common
+    )
     ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (8, 8)), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (SUN,))
     map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 1000, "radius": 0.5}
     ((found,),) = ratios(ground, 500, [near((0, 0, 0))], [map_], seeds=16)
-    yield Row(
+    yield AtlasRow(
         "few", "photon_map, k = 1,000 of 500 photons", "no failure: all hits within the radius", 1.0, found, **common
     )
     black = solved(furnace(4, reflectance=0.0), 2000, **COUNT)
     share = float(black.fates["absorbed"][1] / black.fates["emitted"][1])
     what = "flux absorbed at the first hit / emitted"
-    yield Row("black", "a black room", "no failure: 1", 1.0, Number(share), what=what, **common)
+    yield AtlasRow("black", "a black room", "no failure: 1", 1.0, Number(share), what=what, **common)

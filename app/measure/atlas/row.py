@@ -38,7 +38,7 @@ class View(NamedTuple):
     caption: str = "as it fails"  # without a remedy
 
 
-class Row(NamedTuple):
+class AtlasRow(NamedTuple):
     """One failure. Numbers are irradiance over truth unless `what` says otherwise."""
 
     key: str  # of its picture

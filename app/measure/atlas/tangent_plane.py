@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from app.measure.atlas.photon_map import SUN
-from app.measure.atlas.row import Number, Row, View, near, ratios, solved
+from app.measure.atlas.row import AtlasRow, Number, View, near, ratios, solved
 from app.measure.atlas.shapes import BLACK, ball, beyond, box, furnace, joined, scene, sheet
 from gi_core.scene import Material, PointLight
 
@@ -18,7 +18,7 @@ CONTROL: dict[str, Any] = {"estimator": "tangent_plane", "control": True}
 FURNACE = 2 * math.pi  # E = pi Le / (1 - rho) with Le = 1, rho = 0.5
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[AtlasRow]:
     """Measure every failure of density estimation on the tangent plane."""
     yield from walls_and_corners()
     yield from table_leg()
@@ -30,7 +30,7 @@ def rows() -> Iterator[Row]:
     yield lamp_near_a_surface()
 
 
-def walls_and_corners() -> Iterator[Row]:
+def walls_and_corners() -> Iterator[AtlasRow]:
     """In a furnace E is the same everywhere; the part of a disc behind a wall is missing."""
     room, radius = furnace(20), 0.1
     along = np.linspace(0.3, 0.7, 9)
@@ -42,7 +42,7 @@ def walls_and_corners() -> Iterator[Row]:
     settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
     found, helped = ratios(room, 100_000, [p for p, _, _ in places.values()], settings, truth=FURNACE)
     for (key, (_, share, where)), m, h in zip(places.items(), found, helped, strict=True):
-        yield Row(
+        yield AtlasRow(
             f"room_{key}",
             f"tangent_plane without control, {where}",
             "the share of the disc that light can reach",
@@ -56,7 +56,7 @@ def walls_and_corners() -> Iterator[Row]:
         )
 
 
-def table_leg() -> Iterator[Row]:
+def table_leg() -> Iterator[AtlasRow]:
     """A post stands in the disc: its foot hides its own area."""
     side, radius, gap = 0.1, 0.2, 0.05
     post = box((0.5, 0.45, 0), (0.5 + side, 0.45 + side, 0.6), 4)
@@ -64,7 +64,7 @@ def table_leg() -> Iterator[Row]:
     settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
     sides = near((0.5 - gap, 0.5, 0), (0.6 + gap, 0.5, 0), (0.55, 0.45 - gap, 0), (0.55, 0.55 + gap, 0))
     (m,), (h,) = ratios(room, 50_000, [sides], settings, truth=FURNACE)
-    yield Row(
+    yield AtlasRow(
         "leg",
         "tangent_plane without control, 5 cm beside a table leg of 10 cm, radius 20 cm",
         "1 - a² / πr²",
@@ -77,7 +77,7 @@ def table_leg() -> Iterator[Row]:
     )
 
 
-def curved_inside() -> Row:
+def curved_inside() -> AtlasRow:
     """Inside a sphere every tangent disc lies behind the surface: nothing would cross it before its hit.
 
     The concave rule is always on: on its own smooth patch a segment counts up to 2r behind its hit.
@@ -90,7 +90,7 @@ def curved_inside() -> Row:
         return np.abs(receivers.positions[:, 2]) < 0.7
 
     (m,), (h,) = ratios(hollow, 50_000, [belt], settings, truth=FURNACE)
-    return Row(
+    return AtlasRow(
         "concave",
         "tangent_plane, inside of a sphere: the surface rises through its own disc",
         "0 without the concave rule; 1 with it, which is always on",
@@ -104,7 +104,7 @@ def curved_inside() -> Row:
     )
 
 
-def curved_outside() -> Iterator[Row]:
+def curved_outside() -> Iterator[AtlasRow]:
     """Outside, the disc floats in front of the surface: of parallel light it measures E cos(theta) exactly."""
     grey = BLACK._replace(reflectance=(0.5,) * 3, two_sided=True)
     globe = scene(ball(1.0, 24), (grey,), (0, -3.6, 1.5), (0, 0, 0), (SUN,))
@@ -117,7 +117,7 @@ def curved_outside() -> Iterator[Row]:
     for k in (4, 8):
         cosine = math.cos(math.pi * k / 24)
         (m,), (h,) = ratios(globe, 100_000, [ring(k)], settings, truth=cosine)
-        yield Row(
+        yield AtlasRow(
             f"convex_{k * 180 // 24}",
             f"tangent_plane, outside of a sphere, light at {k * 180 // 24}° to its normal",
             "no failure: 1",
@@ -131,14 +131,14 @@ def curved_outside() -> Iterator[Row]:
         )
 
 
-def larger_than_the_room() -> Iterator[Row]:
+def larger_than_the_room() -> Iterator[AtlasRow]:
     """A disc that holds the whole wall measures its flux over the disc's area; the error saturates, nothing breaks."""
     room = furnace(4)
     middles = near((0.5, 0.5, 0), (0.5, 0.5, 1), (0, 0.5, 0.5), (1, 0.5, 0.5), (0.5, 0, 0.5), (0.5, 1, 0.5))
     for radius in (1.0, 4.0):
         settings = [{**BARE, "radius": radius}, {**CONTROL, "radius": radius}]
         (m,), (h,) = ratios(room, 20_000, [middles], settings, truth=FURNACE)
-        yield Row(
+        yield AtlasRow(
             f"huge_{radius:g}",
             f"tangent_plane without control, radius {radius:g} m in a room of 1 m",
             "wall over disc: 1 / πr²",
@@ -151,7 +151,7 @@ def larger_than_the_room() -> Iterator[Row]:
         )
 
 
-def smaller_and_smaller() -> Iterator[Row]:
+def smaller_and_smaller() -> Iterator[AtlasRow]:
     """Noise of a disc is the noise of its count, 1 / sqrt(N E pi r² / Phi), so it goes with 1 / r."""
     room, photons, seeds = furnace(16), 20_000, 3
     flux = 6 * math.pi  # of the room's walls
@@ -165,7 +165,7 @@ def smaller_and_smaller() -> Iterator[Row]:
             spread.append(E.std())
         error = np.mean(spread) / math.sqrt(2 * seeds * int(inner.sum()))
         expected = math.sqrt(flux / (photons * FURNACE * math.pi * radius * radius))
-        yield Row(
+        yield AtlasRow(
             f"noise_{radius:g}",
             f"tangent_plane, {photons:,} photons, radius {radius:g} m in a room of 1 m",
             "noise √(Φ / N E πr²)",
@@ -182,7 +182,7 @@ def smaller_and_smaller() -> Iterator[Row]:
         )
 
 
-def shadow_edge() -> Iterator[Row]:
+def shadow_edge() -> Iterator[AtlasRow]:
     """Half a floor in the shadow of a plate: a disc across the edge holds its share of light, lit or dark itself."""
     ground = sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (40, 40))
     plate = sheet((-1.5, -1.5, 1), (0, 3, 0), (1.5, 0, 0), (1, 1), 1)
@@ -192,7 +192,7 @@ def shadow_edge() -> Iterator[Row]:
     places = [near(*[(x, y, 0) for y in np.linspace(-0.6, 0.6, 25)]) for x in offsets]
     found, helped = ratios(half, 100_000, places, [coarse, fine])
     for x, m, h in zip(offsets, found, helped, strict=True):
-        yield Row(
+        yield AtlasRow(
             f"shadow_{'lit' if x > 0 else 'dark'}",
             f"tangent_plane, radius 0.2 m, 0.1 m {'before' if x > 0 else 'behind'} a hard shadow's edge",
             "the share of the disc that is lit: edges blur over ± r",
@@ -208,14 +208,14 @@ def shadow_edge() -> Iterator[Row]:
         )
 
 
-def lamp_near_a_surface() -> Row:
+def lamp_near_a_surface() -> AtlasRow:
     """A point light a height h over the floor: the disc's mean of I h / (h² + x²)^1.5, over I / h² at its foot."""
     h, radius = 0.1, 0.2
     lamp = PointLight("lamp", (0, 0, h), (4 * math.pi,) * 3)
     ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (40, 40)), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (lamp,))
     coarse, fine = {**CONTROL, "radius": radius}, {**CONTROL, "radius": 0.01}
     (m,), (n,) = ratios(ground, 200_000, [near((0, 0, 0))], [coarse, fine], truth=1 / h**2)
-    return Row(
+    return AtlasRow(
         "small_lamp",
         "tangent_plane, radius 0.2 m, at the foot of a point light 0.1 m above",
         "2h² / r² (1 - h / √(h² + r²))",

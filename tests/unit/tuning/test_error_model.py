@@ -14,7 +14,7 @@ from app.rest.tuning import tune
 from gi_core.estimators.setting import Setting
 from gi_core.scene import Pose
 from gi_core.solver import Solver
-from gi_core.tuning.error_model import Choice, Law, law_of, over_radii, within_error, within_time
+from gi_core.tuning.error_model import Law, TunedChoice, law_of, over_radii, within_error, within_time
 from gi_core.tuning.setting_trials import RECEIVERS, Trial, reference_samples, trial
 from tests.support.scene_builders import box_mobile, coloured_room, plane_scene
 
@@ -202,7 +202,7 @@ def test_the_printed_command_line_opens_the_window_with_the_choice():
         light="best",
     )  # fmt: skip
     setting = Setting("photon_map", 0.0123, 80, control=False)
-    found = Tuned(Choice(setting, 123_456, 8192, 0.01, 0.02, 0.03, True), (), {}, 16)
+    found = Tuned(TunedChoice(setting, 123_456, 8192, 0.01, 0.02, 0.03, True), (), {}, 16)
     command, *words = shlex.split(command_line(asked, found))
     assert command == "gi-viewer"
     assert settings_of(parse(words)) == replace(asked, **chosen, light="best")
