@@ -107,7 +107,7 @@ def main() -> None:
             error = f"{100 * np.abs(E - T)[of].mean() / T[of].mean():.1f}%"
             light, noise = f"{E[of].mean() / T[of].mean():.3f}", np.abs(E - M)[of].mean()
             print(line(name, where, areas(d[of], case.radius), T[of], M[of], noise, error, light), flush=True)
-        # Chance goes as 1 / sqrt(area): foretold from that of the regions as they are.
+        # Chance goes as 1 / sqrt(area): predicted from that of the regions as they are.
         of = beside[rows]
         even = np.minimum(d, np.maximum(np.roll(d, RAYS // 2, axis=1), LEAST * case.radius))
         more = np.sqrt(areas(d, case.radius) / areas(even, case.radius))

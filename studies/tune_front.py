@@ -61,7 +61,7 @@ def main() -> None:
     parser.add_argument("--budget", type=float, default=16.0, help="[ms]")
     parser.add_argument("--light", choices=LIGHTS, default="best")
     asked = parser.parse_args()
-    print("| scene | chosen | foretold in motion | found | best | ratio |\n|---|---|---|---|---|---|")
+    print("| scene | chosen | predicted in motion | found | best | ratio |\n|---|---|---|---|---|---|")
     for scene in asked.scenes:
         print(front(scene, asked.budget, asked.light), flush=True)
 

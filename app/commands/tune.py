@@ -42,18 +42,18 @@ def tuned_lines(settings: Settings, error: float | None, check: bool = False) ->
         solver = make_solver(scene, settings)
         solve(solver, bar)
         found = finished(tune(solver, 1e-3 * settings.budget, None if error is None else 1e-2 * error), bar)
-        lines = [*_laws(found), "", *_choice(found, settings.budget, error), command_line(settings, found)]
+        lines = [*_models(found), "", *_choice(found, settings.budget, error), command_line(settings, found)]
         if check:
             lines += ["", checked(solver, found, bar)]
     return lines
 
 
-def _laws(found: Tuned) -> list[str]:
+def _models(found: Tuned) -> list[str]:
     lines = [f"{'tried':<32}{'noise at 1e6':>13}{'bias':>8}{'frame: start':>14}{'per 1e5 photons':>16}"]
-    for law in found.laws:
+    for model in found.models:
         lines.append(
-            f"{_name(law.setting):<32}{100 * (law.noise / 1e6) ** 0.5:>11.1f} %{100 * law.bias:>6.1f} %"
-            f"{1e3 * law.start:>11.1f} ms{1e8 * law.slope:>13.1f} ms"
+            f"{_name(model.setting):<32}{100 * (model.noise / 1e6) ** 0.5:>11.1f} %{100 * model.bias:>6.1f} %"
+            f"{1e3 * model.start:>11.1f} ms{1e8 * model.slope:>13.1f} ms"
         )
     for name, exponents in found.exponents.items():
         powers = ", ".join(f"{letter} r^{exponents[letter]:.2f}" for letter in ("A", "B", "c"))

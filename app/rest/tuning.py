@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
-    from gi_core.tuning.error_model import Law, TunedChoice
+    from gi_core.tuning.error_model import ErrorModel, TunedChoice
 
-Result = TypeVar("Result")
 TRIAL_RADII = (0.5, 0.71, 1.0, 1.41, 2.0)  # of the current radius
 TRIAL_NEIGHBOURS = 80
 TRIAL_POSES = 2  # along the path
@@ -21,7 +20,7 @@ class Tuned(NamedTuple):
     """A chosen setting and the error models behind it."""
 
     choice: TunedChoice
-    laws: tuple[Law, ...]  # one per trial
+    models: tuple[ErrorModel, ...]  # one per trial
     exponents: dict[str, dict[str, float]]  # by estimator: power of the radius per part of the model
     paths: int | None = None  # per mobile vertex and frame; None: photons light the mobiles
 
@@ -43,7 +42,7 @@ def tune(solver: Solver, budget: float, error: float | None = None) -> Generator
         share = 0.3 + 0.7 * k / len(every)
         stage = f"trying {candidate['estimator']}"
         tried = yield from _staged(stage, setting_trials.trial(judge, samples, paths, **candidate), share, 0.0)
-        found.append(error_model.law_of(tried))
+        found.append(error_model.fitted(tried))
     known, exponents = error_model.between_radii(found)
     if error is None:
         choice = error_model.within_time(known, budget, solver.photons)
@@ -56,8 +55,7 @@ def candidates(solver: Solver) -> list[dict]:
     """Return the settings to try, as fields of Setting."""
     from gi_core.estimators import ESTIMATORS
 
-    radii = [r * solver.radius for r in TRIAL_RADII]
-    tried: dict[str | None, list] = {"radius": radii, "neighbours": [TRIAL_NEIGHBOURS], None: [None]}
+    tried = {"radius": [r * solver.radius for r in TRIAL_RADII], "neighbours": [TRIAL_NEIGHBOURS], None: [None]}
     return [
         {"estimator": name} | ({kind.smoothing: value} if kind.smoothing else {})
         for name, kind in ESTIMATORS.items()
@@ -97,7 +95,7 @@ def _frames(solver: Solver) -> list:
     return spread(paths_of(solver), TRIAL_POSES + 2)[1:-1]
 
 
-def _returned(steps: Generator[Any, None, Result]) -> Result:
+def _returned(steps: Generator):
     """Run steps to their end; return their result."""
     while True:
         try:
@@ -106,9 +104,7 @@ def _returned(steps: Generator[Any, None, Result]) -> Result:
             return end.value
 
 
-def _staged(
-    stage: str, steps: Generator[Any, None, Result], start: float, share: float
-) -> Generator[tuple[str, float], None, Result]:
+def _staged(stage: str, steps: Generator, start: float, share: float) -> Generator:
     """Run steps, yielding stage and fraction; return their result."""
     while True:
         try:

@@ -49,10 +49,10 @@ class Chosen(NamedTuple):
     escaped_first: float  # share of pilot photons that hit nothing
     low: np.ndarray  # (3,) [m], corner of the box of the central hits
     high: np.ndarray
-    foretold: Foretold | None  # of tangent_plane with the rule's photons for that radius; None: too few hits
+    predicted: Predicted | None  # of tangent_plane with the rule's photons for that radius; None: too few hits
 
 
-class Foretold(NamedTuple):
+class Predicted(NamedTuple):
     """Predicted error and time of a radius and a number of photons."""
 
     photons: int
@@ -74,12 +74,12 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
     size = recommended.scene_size or max(float((high - low).max()), 1e-9)
     radius = recommended.radius if radius is None else radius
     photons = recommended.photons if photons is None else photons  # 0 is a valid choice
-    foretold = None
+    predicted = None
     if len(pilot.hits) >= predict_error.FEWEST and (radius is None or photons is None):
-        foretold = _best(model, pilot, predict_error.places(model, pilot, low, high, size), size, radius)
-        radius = foretold.radius
+        predicted = _best(model, pilot, predict_error.places(model, pilot, low, high, size), size, radius)
+        radius = predicted.radius
     return Chosen(
-        (foretold.photons if foretold else FEWEST_PHOTONS) if photons is None else int(photons),
+        (predicted.photons if predicted else FEWEST_PHOTONS) if photons is None else int(photons),
         float(radius or _round(RADIUS_SHARE * size)),
         int(neighbours or recommended.neighbours or NEIGHBOURS),
         size,
@@ -87,27 +87,27 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
         first_flight,
         low,
         high,
-        foretold,
+        predicted,
     )
 
 
-def _best(model: Model, pilot, lit, size: float, radius: float | None) -> Foretold:
+def _best(model: Model, pilot, lit, size: float, radius: float | None) -> Predicted:
     """Return the candidate with the lowest predicted error, or that of the given radius [m]."""
     if radius:
-        return _foretell(model, pilot, lit, radius)
+        return _predict(model, pilot, lit, radius)
     largest = RADIUS_SHARE * size
     least = min(largest, LEAST_SPACINGS * lit.spacing)
     radii = [largest * 0.5 ** (k / 2) for k in range(RADII)]
-    tried = [_foretell(model, pilot, lit, _round(r)) for r in radii if r >= least]
+    tried = [_predict(model, pilot, lit, _round(r)) for r in radii if r >= least]
     return min(tried, key=lambda f: f.error)
 
 
-def _foretell(model: Model, pilot, lit, radius: float) -> Foretold:
+def _predict(model: Model, pilot, lit, radius: float) -> Predicted:
     before, each = costs(model, pilot.paths, radius)
     affordable = max(MOST_SECONDS - before, 0.5 * MOST_SECONDS) / each
     wanted = min(predict_error.photons_for(lit, radius, LEAST_NOISE), affordable, MOST_PHOTONS)
     photons = int(max(_round(wanted), FEWEST_PHOTONS))
-    return Foretold(
+    return Predicted(
         photons,
         float(radius),
         predict_error.noise(lit, radius, photons),

@@ -1,6 +1,6 @@
 """Error of an estimate on tangent discs, predicted from a small trace.
 
-Two laws with constants that were measured (docs/measurements.md, "The default rule"):
+Two formulas with measured constants (docs/measurements.md, "The default rule"):
 
 - Noise is that of counting: a disc that expects n photons has a relative error of sqrt(2 / (pi n)). Where light is
   dense n is large; the mean over places where photons land is the L1 error. The Sobol sequence removes a sixth of it.
@@ -21,20 +21,20 @@ from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices
 
-LIT_PLACES = 2000  # lit places looked at
-NEIGHBOURS = 8  # hits that a density is taken from
-TURNED = 0.3  # of the scene's size: as far apart as that are two hits whose normals differ by 1
-FEWEST = 100  # hits that tell something
+LIT_PLACES = 2000  # lit places sampled
+NEIGHBOURS = 8  # hits per density estimate
+TURNED = 0.3  # of the scene's size: distance that a difference of 1 between normals counts as
+FEWEST = 100  # hits needed for a prediction
 SOBOL = 0.82  # noise of the Sobol sequence over that of independent photons: 0.74 to 0.90 in six scenes
 OFF = 0.4  # of the light on uneven ground: 0.2 to 0.8 in six scenes
-DIRECTIONS = 8  # round a lit place
-LIFT = 0.05  # of the radius above the ground: what is lower hides little of a disc
-RIM = 0.7  # of the radius: half of a disc's area lies within
-BELOW = 0.3  # of the radius below the disc: ground farther down is another's
+DIRECTIONS = 8  # around a lit place
+OBSTACLE_HEIGHT = 0.05  # of the radius above the ground: lower obstacles hide little of a disc
+RIM = 0.7  # of the radius: half of a disc's area lies inside
+BELOW = 0.3  # of the radius below the disc: lower ground is another surface
 
 
 class Places(NamedTuple):
-    """Where light falls: some hits, each standing for as much flux as the next."""
+    """Lit places: a sample of hits of equal flux."""
 
     positions: np.ndarray  # (n, 3) float64 [m]
     normals: np.ndarray  # (n, 3) float64 unit, of the side that was hit
@@ -43,7 +43,7 @@ class Places(NamedTuple):
 
 
 class Pilot(NamedTuple):
-    """A small trace."""
+    """A pilot trace and its hits."""
 
     photons: int
     paths: PathVertices
@@ -52,25 +52,25 @@ class Pilot(NamedTuple):
 
 
 def pilot_of(model: Model, paths: PathVertices) -> Pilot:
-    """Return what the paths of a small trace say."""
+    """Return the hits of the paths of a pilot trace."""
     arrived = paths.side != NONE
-    arrived[paths.offsets[:-1]] = False  # a path's first vertex is on the light
+    arrived[paths.offsets[:-1]] = False  # the first vertex of a path is on the light
     side = paths.side[arrived]
     normals = model.world.normals[side >> 1] * np.where(side & 1, -1.0, 1.0)[:, None]
     return Pilot(len(paths.offsets) - 1, paths, paths.position[arrived].astype(np.float64), normals)
 
 
 def places(model: Model, pilot: Pilot, low: np.ndarray, high: np.ndarray, size: float) -> Places:
-    """Return lit places in the box, those that the scene's camera sees if it sees enough of them."""
+    """Return lit places in the box; only those in view of the scene's camera, if these are enough."""
     inside = ((pilot.hits >= low) & (pilot.hits <= high)).all(axis=1)
     rows = np.flatnonzero(inside if inside.sum() >= FEWEST else np.ones(len(inside), bool))
     seen = rows[_seen(model, pilot.hits[rows], pilot.normals[rows])]
     rows = seen if len(seen) >= FEWEST else rows
     rows = rows[np.linspace(0, len(rows) - 1, min(LIT_PLACES, len(rows))).astype(np.int64)]
-    # Hits on the other side of a board are far away: their normals are.
+    # Distances include normals, so hits on the other side of a board count as far away.
     apart = np.concatenate([pilot.hits, TURNED * size * pilot.normals], axis=1)
     k = min(NEIGHBOURS, len(apart) - 1)
-    reach, _ = nearest(apart, apart[rows], k + 1)  # the first is the hit itself
+    reach, _ = nearest(apart, apart[rows], k + 1)  # the nearest is the hit itself
     density = k / (math.pi * np.maximum(reach, 1e-6 * size) ** 2 * pilot.photons)
     static = model.surfaces.receiver_range(0)
     _, there = nearest(model.object_receivers.positions[static], pilot.hits[rows])
@@ -103,17 +103,17 @@ def noise(lit: Places, radius: float, photons: float) -> float:
 
 
 def photons_for(lit: Places, radius: float, wanted: float) -> float:
-    """Return how many photons bring noise() down to a value."""
+    """Return the photons for which noise() is `wanted`."""
     return (noise(lit, radius, 1e12) / wanted) ** 2 * 1e12
 
 
 def bias(model: Model, lit: Places, radius: float) -> float:
-    """Return the relative L1 error that no number of photons removes."""
+    """Return the relative l1 bias, which no number of photons removes; radius [m]."""
     return OFF * uneven(model, lit, radius)
 
 
 def uneven(model: Model, lit: Places, radius: float) -> float:
-    """Return the share of light that falls where a disc is not all on free, even ground."""
+    """Return the share of light at places whose disc is not entirely on free, flat ground; radius [m]."""
     n = lit.normals
     axis = np.eye(3)[np.abs(n).argmin(axis=1)]
     u = np.cross(n, axis)
@@ -121,7 +121,7 @@ def uneven(model: Model, lit: Places, radius: float) -> float:
     v = np.cross(n, u)
     angle = 2 * math.pi * np.arange(DIRECTIONS) / DIRECTIONS
     out = np.cos(angle)[:, None, None] * u + np.sin(angle)[:, None, None] * v
-    start = np.broadcast_to(lit.positions + LIFT * radius * n, out.shape)
+    start = np.broadcast_to(lit.positions + OBSTACLE_HEIGHT * radius * n, out.shape)
     free, _ = _nearest(model, start.reshape(-1, 3), out.reshape(-1, 3), np.full(out[..., 0].size, RIM * radius))
     rim = start + RIM * radius * out
     down = np.broadcast_to(-n, out.shape)

@@ -30,62 +30,62 @@ FEWEST = 1024  # photons of a frame
 EXPONENTS = {"noise": "A", "moving": "M", "bias": "B", "start": "s", "slope": "c"}
 
 
-class Law(NamedTuple):
-    """What a setting will do."""
+class ErrorModel(NamedTuple):
+    """Predicted error and frame time of a setting, see the module."""
 
     setting: Setting
     noise: float  # A
     moving: float  # M
     bias: float  # B
     start: float  # s [s]
-    slope: float  # c [s] a photon
+    slope: float  # c [s] per photon
 
     def error(self, photons: float, frame: float | None = None) -> float:
-        """Return the relative l1 error of so many photons, or of a frame of fewer of them."""
+        """Return the relative l1 error of `photons` photons, or of a frame of `frame` of them."""
         more = self.moving * max(1 / frame - 1 / photons, 0.0) if frame else 0.0
         return math.sqrt(self.noise / photons + more + self.bias**2)
 
     def seconds(self, photons: float) -> float:
-        """Return how long a frame takes [s]."""
+        """Return the time of a frame [s]."""
         return self.start + self.slope * photons
 
     def photons_within(self, seconds: float) -> float:
-        """Return how many photons a frame has time for."""
+        """Return the photons of a frame of the given time [s]."""
         return max((seconds - self.start) / max(self.slope, 1e-15), 0.0)
 
     def photons_for(self, error: float) -> float:
-        """Return how many photons bring the error down so far; inf if none do."""
+        """Return the photons for a relative l1 error; inf if the bias exceeds it."""
         left = error**2 - self.bias**2
         return self.noise / left if left > 0 else math.inf
 
 
 class TunedChoice(NamedTuple):
-    """The setting chosen and what is expected of it."""
+    """A chosen setting and its predicted errors and frame time."""
 
     setting: Setting
     photons: int  # at rest
-    frame: int  # photons of a frame while something moves
-    error: float  # at rest, where the mobiles change something
-    moving_error: float  # the same while something moves
-    seconds: float  # [s] a frame of `frame` photons
-    met: bool  # whether the time or the error asked for is kept
+    frame: int  # photons of a frame in motion
+    error: float  # relative l1 at rest, at receivers that mobiles change
+    moving_error: float  # the same in motion
+    seconds: float  # [s] per frame of `frame` photons
+    met: bool  # whether the requested time or error is reached
 
 
-def law_of(trial: Trial) -> Law:
-    """Return what fits a trial best, in least squares of squared errors and of times."""
+def fitted(trial: Trial) -> ErrorModel:
+    """Return the least-squares fit to the squared errors and the times of a trial."""
     inverse = 1 / trial.photons
     noise, bias2 = _line(inverse, trial.alone)
     apart = inverse - inverse[-1]
     more = trial.moving - trial.alone[-1]
     moving = max(float((apart * more).sum() / max((apart * apart).sum(), 1e-300)), 0.0) if len(apart) > 1 else noise
     slope, start = _line(trial.photons.astype(float), trial.seconds)
-    if slope == 0:  # all as fast as the slowest: something else took the time
+    if slope == 0:  # time does not grow with photons: use the slowest
         slope, start = float(trial.seconds[-1] / trial.photons[-1]), 0.0
-    return Law(trial.setting, noise, moving, math.sqrt(bias2), start, slope)
+    return ErrorModel(trial.setting, noise, moving, math.sqrt(bias2), start, slope)
 
 
 def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return slope and intercept, both >= 0, of the line nearest to points in relative distance."""
+    """Return slope and intercept, both >= 0, of the least-squares line by relative distance."""
     if len(x) == 1:
         return float(y[0] / x[0]), 0.0
     weight = 1 / np.maximum(y, 1e-3 * max(float(y.max()), 1e-30))
@@ -98,70 +98,78 @@ def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return float(slope), float(intercept)
 
 
-def between_radii(laws: Sequence[Law]) -> tuple[list[Law], dict[str, dict[str, float]]]:
-    """Return laws at FINE radii for estimators tried at several, the other laws as they are; and exponents.
+def between_radii(models: Sequence[ErrorModel]) -> tuple[list[ErrorModel], dict[str, dict[str, float]]]:
+    """Return models at FINE radii for estimators tried at several radii, the other models as given, and exponents.
 
     exponents: by estimator, as over_radii() returns them.
     """
-    made: list[Law] = []
+    made: list[ErrorModel] = []
     exponents = {}
-    for name in dict.fromkeys(law.setting.estimator for law in laws):
-        own = [law for law in laws if law.setting.estimator == name]
-        if len({law.setting.radius for law in own}) > 1:
+    for name in dict.fromkeys(model.setting.estimator for model in models):
+        own = [model for model in models if model.setting.estimator == name]
+        if len({model.setting.radius for model in own}) > 1:
             own, exponents[name] = over_radii(own)
         made += own
     return made, exponents
 
 
-def over_radii(laws: Sequence[Law]) -> tuple[list[Law], dict[str, float]]:
-    """Return laws at FINE radii between those of `laws` (one a radius), and the exponent of the radius in each part."""
-    if len(laws) < 2:
-        return list(laws), {}
-    tried = np.log([law.setting.radius for law in laws])
+def over_radii(models: Sequence[ErrorModel]) -> tuple[list[ErrorModel], dict[str, float]]:
+    """Return models at FINE radii over the range of `models` (one per radius), and the exponents by parameter."""
+    if len(models) < 2:
+        return list(models), {}
+    tried = np.log([model.setting.radius for model in models])
     fine = np.linspace(tried.min(), tried.max(), FINE)
     parts, exponents = {}, {}
     for name, letter in EXPONENTS.items():
-        values = np.log(np.maximum([getattr(law, name) for law in laws], LEAST[name]))
+        values = np.log(np.maximum([getattr(model, name) for model in models], LEAST[name]))
         exponents[letter], level = (float(v) for v in np.polyfit(tried, values, 1))
         parts[name] = np.exp(level + exponents[letter] * fine)
-    setting = laws[0].setting
+    setting = models[0].setting
     made = [
-        Law(setting._replace(radius=float(f"{math.exp(r):.3g}")), **{name: float(v[i]) for name, v in parts.items()})
+        ErrorModel(
+            setting._replace(radius=float(f"{math.exp(r):.3g}")), **{name: float(v[i]) for name, v in parts.items()}
+        )
         for i, r in enumerate(fine)
     ]
     return made, exponents
 
 
-def within_time(laws: Sequence[Law], seconds: float, photons: int) -> TunedChoice:
-    """Choose the least error of a moving frame that takes no longer, with `photons` at rest."""
+def within_time(models: Sequence[ErrorModel], seconds: float, photons: int) -> TunedChoice:
+    """Return the setting with the least error in motion within a frame time [s], with `photons` at rest."""
 
-    def found(law: Law) -> TunedChoice:
-        room = law.photons_within(seconds)
-        return _choice(law, photons, min(max(room, FEWEST), photons), room >= FEWEST)
+    def found(model: ErrorModel) -> TunedChoice:
+        room = model.photons_within(seconds)
+        return _choice(model, photons, min(max(room, FEWEST), photons), room >= FEWEST)
 
-    return max(map(found, laws), key=lambda choice: (choice.met, -choice.moving_error))
+    return max(map(found, models), key=lambda choice: (choice.met, -choice.moving_error))
 
 
-def within_error(laws: Sequence[Law], error: float, seconds: float, most: int) -> TunedChoice:
-    """Choose the least time of a frame of all photons with no more error, or the least error of `most` photons.
+def within_error(models: Sequence[ErrorModel], error: float, seconds: float, most: int) -> TunedChoice:
+    """Return the fastest setting that reaches a relative l1 error, or that of least error with `most` photons.
 
-    seconds: what a frame may take while something moves, with as many of the photons as fit.
+    seconds: time of a frame in motion [s], which uses as many of the photons as fit.
     """
     most = min(most, MAX_PHOTONS)
 
-    def found(law: Law) -> TunedChoice:
-        needed = law.photons_for(error)
+    def found(model: ErrorModel) -> TunedChoice:
+        needed = model.photons_for(error)
         photons = max(math.ceil(min(needed, most)), FEWEST)
-        return _choice(law, photons, min(max(law.photons_within(seconds), FEWEST), photons), needed <= most)
+        return _choice(model, photons, min(max(model.photons_within(seconds), FEWEST), photons), needed <= most)
 
-    def order(pair: tuple[Law, TunedChoice]) -> tuple:
-        law, choice = pair
-        return choice.met, -law.seconds(choice.photons) if choice.met else -choice.error
+    def order(pair: tuple[ErrorModel, TunedChoice]) -> tuple:
+        model, choice = pair
+        return choice.met, -model.seconds(choice.photons) if choice.met else -choice.error
 
-    return max(((law, found(law)) for law in laws), key=order)[1]
+    return max(((model, found(model)) for model in models), key=order)[1]
 
 
-def _choice(law: Law, photons: int, frame: float, met: bool) -> TunedChoice:
+def _choice(model: ErrorModel, photons: int, frame: float, met: bool) -> TunedChoice:
     return TunedChoice(
-        law.setting, int(photons), int(frame), law.error(photons), law.error(photons, frame), law.seconds(frame), met
+        model.setting,
+        int(photons),
+        int(frame),
+        model.error(photons),
+        model.error(photons, frame),
+        model.seconds(frame),
+        met,
     )

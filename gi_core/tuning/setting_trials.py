@@ -27,19 +27,19 @@ PosedSample = tuple[dict[str, Pose], ReferenceSample]  # the reference at one se
 
 
 class Trial(NamedTuple):
-    """What a setting did, for each of some numbers of photons."""
+    """Measured errors and times of a setting, for m numbers of photons."""
 
     setting: Setting
     photons: np.ndarray  # (m,) int64, ascending
-    alone: np.ndarray  # (m,) squared l1 error, truth's noise taken out, of so many photons and no more
-    moving: np.ndarray  # (m,) the same with the static light of the largest number
-    seconds: np.ndarray  # (m,) [s] a frame
+    alone: np.ndarray  # (m,) squared relative l1 error with that many photons, the reference's noise subtracted
+    moving: np.ndarray  # (m,) the same, with the static light of the most photons
+    seconds: np.ndarray  # (m,) [s] per frame
 
 
 def reference_samples(
     solver: Solver, frames: Sequence[Mapping[str, Pose]], seed: int = 0
 ) -> Generator[float, None, list[PosedSample]]:
-    """Gather the reference at some poses of the mobiles, at receivers drawn by area; yields the share that is done.
+    """Trace the reference at some poses, at receivers drawn by area; yields the fraction done.
 
     `solver` has solved; its poses change.
     """
@@ -65,10 +65,9 @@ def reference_samples(
 def trial(
     solver: Solver, samples: list[PosedSample], paths: int | None = None, **setting
 ) -> Generator[None, None, Trial]:
-    """Try a setting on a twin of a solver, in steps of some 20 ms or one frame; returns what it did.
+    """Try a setting on a twin of a solver, in steps of some 20 ms or one frame; the generator returns the trial.
 
-    paths: that mobiles gather, as of Solver.move_all(); `setting`: fields of Setting. Photons that the solver has
-    traced already are not traced again.
+    paths: per receiver of mobiles, as in Solver.move_all(); `setting`: fields of Setting. Traced photons are reused.
     """
     twin = solver.twin(fresh=True)
     twin.configure(photons=min(PHOTONS, solver.photons), prefix_only=True, **setting)
@@ -79,20 +78,22 @@ def trial(
     for kind, prefix_only in enumerate((True, False)):
         twin.configure(prefix_only=prefix_only)
         for n, count in enumerate(counts):
-            for p, (poses, sample) in enumerate(samples):  # in the inmost loop, so that something moves in each frame
+            for p, (poses, sample) in enumerate(samples):  # innermost: mobiles move in each frame
                 twin.move_all(poses, int(count), paths)
                 errors[kind, n] += sample.squared_error(twin.irradiance) / len(samples)
                 seconds[p, kind, n] = sum(twin.timings.values())
                 yield
-    # What else the machine does can only add time.
+    # Other load can only add time, so the minimum is taken.
     return Trial(twin.setting, counts, *np.maximum(errors, 0.0), seconds.min(axis=1).mean(axis=0))
 
 
 def errors_of(
     solver: Solver, samples: list[PosedSample], frame: int, paths: int | None = None
 ) -> tuple[float, float, int, float]:
-    """Return relative l1 errors at rest and of a frame of the prefix nearest to `frame` photons and so many
-    paths, that prefix and its seconds (the median)."""
+    """Return relative l1 errors at rest and in motion, the photons of a frame in motion, and its median seconds.
+
+    A frame in motion has the photon subset nearest to `frame` photons, and `paths` per receiver of mobiles.
+    """
     prefix = min(solver.prefixes, key=lambda n: abs(n - frame))
     at_rest = moving = 0.0
     seconds = []

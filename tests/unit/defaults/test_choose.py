@@ -47,17 +47,17 @@ def test_even_ground_gets_the_largest_radius_and_furniture_a_smaller_one():
     assert even.radius == pytest.approx(choose.RADIUS_SHARE * even.scene_size, rel=0.05)
     furnished = choose.choose(Model(room(*crates(12))), None, None, None)
     assert furnished.radius < 0.8 * even.radius
-    assert furnished.foretold.bias > 2 * even.foretold.bias
+    assert furnished.predicted.bias > 2 * even.predicted.bias
 
 
 def test_photons_bring_noise_down_to_the_limit_or_stop_at_what_time_and_memory_allow(monkeypatch):
     model = Model(room())
     chosen = choose.choose(model, None, None, None)
-    assert chosen.foretold.noise == pytest.approx(choose.LEAST_NOISE, rel=0.05)  # two digits of photons
+    assert chosen.predicted.noise == pytest.approx(choose.LEAST_NOISE, rel=0.05)  # two digits of photons
     monkeypatch.setattr(choose, "MOST_SECONDS", 1.0)
     hurried = choose.choose(model, None, None, None)
     assert hurried.photons < chosen.photons
-    assert hurried.foretold.seconds == pytest.approx(1.0, rel=0.05)
+    assert hurried.predicted.seconds == pytest.approx(1.0, rel=0.05)
     monkeypatch.setattr(choose, "MOST_PHOTONS", 50_000)
     assert choose.choose(model, None, None, None).photons == 50_000
 
@@ -84,7 +84,7 @@ def test_scenes_without_light_or_without_a_hit():
     for scene in (replace(room(), materials=(grey(0.5), grey(0.5))), plane_scene(), over):
         chosen = choose.choose(Model(scene), None, None, None)
         assert chosen.photons == choose.FEWEST_PHOTONS
-        assert chosen.foretold is None
+        assert chosen.predicted is None
         assert chosen.radius > 0
 
 
@@ -108,7 +108,7 @@ def test_noise_of_even_light_is_that_of_counting():
     assert predict_error.noise(lit, 0.1, predict_error.photons_for(lit, 0.1, 0.03)) == pytest.approx(0.03)
 
 
-def test_noise_foretold_is_about_that_of_two_solutions():
+def test_noise_predicted_is_about_that_of_two_solutions():
     scene = room()
     lit = lit_places(Model(scene))
     one, two = (Solver(scene, photons=40_000, radius=0.05, seed=s) for s in (1, 2))
@@ -146,7 +146,7 @@ def test_places_are_those_that_the_camera_sees():
 
 
 @pytest.mark.parametrize("radius", [0.01, 0.03])
-def test_work_foretold_is_about_what_the_disc_index_does(radius):
+def test_predicted_work_is_about_what_the_disc_index_does(radius):
     model = Model(room(*crates(12)))
     solver = Solver(model.scene, photons=64, radius=radius)
     solver.solve()
@@ -155,5 +155,5 @@ def test_work_foretold_is_about_what_the_disc_index_does(radius):
     s = segments_of(paths, model.eps, 0, 2000)
     over = lines(s, model.static.rotation[0], model.static.position[0], model, radius)
     counted = candidates(discs, over) / 2000
-    _, foretold = predict_cost.work(model, paths, radius)
-    assert 0.6 < foretold / counted < 1.6
+    _, predicted = predict_cost.work(model, paths, radius)
+    assert 0.6 < predicted / counted < 1.6

@@ -1,4 +1,4 @@
-"""Settings that choose themselves: laws are found again in trials made of them, and the choice is the best there is."""
+"""Automatic settings: error models are recovered from synthetic trials, and the recommendation is the best setting."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from app.rest.tuning import tune
 from gi_core.estimators.setting import Setting
 from gi_core.scene import Pose
 from gi_core.solver import Solver
-from gi_core.tuning.error_model import Law, TunedChoice, law_of, over_radii, within_error, within_time
+from gi_core.tuning.error_model import ErrorModel, TunedChoice, fitted, over_radii, within_error, within_time
 from gi_core.tuning.setting_trials import RECEIVERS, Trial, reference_samples, trial
 from tests.support.scene_builders import box_mobile, coloured_room, plane_scene
 
@@ -25,61 +25,61 @@ def setting(radius: float = 0.1) -> Setting:
     return Setting("tangent_plane", radius, 50)
 
 
-def made(law: Law) -> Trial:
-    alone = np.array([law.error(n) ** 2 for n in COUNTS])
-    moving = np.array([law.error(COUNTS[-1], n) ** 2 for n in COUNTS])
-    return Trial(law.setting, COUNTS, alone, moving, np.array([law.seconds(n) for n in COUNTS]))
+def made(model: ErrorModel) -> Trial:
+    alone = np.array([model.error(n) ** 2 for n in COUNTS])
+    moving = np.array([model.error(COUNTS[-1], n) ** 2 for n in COUNTS])
+    return Trial(model.setting, COUNTS, alone, moving, np.array([model.seconds(n) for n in COUNTS]))
 
 
-def like_photons(radius: float) -> Law:
-    """Return a law as theory has it: noise as 1 / r, bias as r^2, time as r."""
-    return Law(setting(radius), 10 / radius**2, 2 / radius**2, 4 * radius**2, 1e-3, 1e-6 * radius)
+def like_photons(radius: float) -> ErrorModel:
+    """Return a model as in theory: noise as 1 / r, bias as r^2, time as r."""
+    return ErrorModel(setting(radius), 10 / radius**2, 2 / radius**2, 4 * radius**2, 1e-3, 1e-6 * radius)
 
 
-def test_a_law_is_found_again():
-    law = Law(setting(), noise=900.0, moving=100.0, bias=0.03, start=2e-3, slope=1e-7)
-    found = law_of(made(law))
-    assert found[1:] == pytest.approx(law[1:], rel=1e-6)
-    without = law._replace(bias=0.0, start=0.0)
-    assert law_of(made(without))[1:] == pytest.approx(without[1:], rel=1e-6, abs=1e-5)
+def test_a_model_is_recovered():
+    model = ErrorModel(setting(), noise=900.0, moving=100.0, bias=0.03, start=2e-3, slope=1e-7)
+    found = fitted(made(model))
+    assert found[1:] == pytest.approx(model[1:], rel=1e-6)
+    without = model._replace(bias=0.0, start=0.0)
+    assert fitted(made(without))[1:] == pytest.approx(without[1:], rel=1e-6, abs=1e-5)
 
 
-def test_noise_in_a_trial_leaves_the_law_about_right():
-    law = Law(setting(), noise=900.0, moving=100.0, bias=0.03, start=2e-3, slope=1e-7)
-    rng, exact = np.random.default_rng(0), made(law)
+def test_noise_in_a_trial_leaves_the_model_about_right():
+    model = ErrorModel(setting(), noise=900.0, moving=100.0, bias=0.03, start=2e-3, slope=1e-7)
+    rng, exact = np.random.default_rng(0), made(model)
     shaken = exact._replace(alone=exact.alone * rng.normal(1, 0.1, 5), seconds=exact.seconds * rng.normal(1, 0.1, 5))
-    found = law_of(shaken)
-    assert found.error(1e6) == pytest.approx(law.error(1e6), rel=0.3)
-    assert found.seconds(1e6) == pytest.approx(law.seconds(1e6), rel=0.3)
+    found = fitted(shaken)
+    assert found.error(1e6) == pytest.approx(model.error(1e6), rel=0.3)
+    assert found.seconds(1e6) == pytest.approx(model.seconds(1e6), rel=0.3)
 
 
-def test_one_count_of_photons_is_enough_for_a_rough_law():
-    found = law_of(Trial(setting(), COUNTS[:1], np.array([0.01]), np.array([0.01]), np.array([4e-3])))
+def test_one_count_of_photons_is_enough_for_a_rough_model():
+    found = fitted(Trial(setting(), COUNTS[:1], np.array([0.01]), np.array([0.01]), np.array([4e-3])))
     assert found.error(4 * 8192) == pytest.approx(0.05)
     assert found.seconds(2 * 8192) == pytest.approx(8e-3)
 
 
 def test_exponents_of_the_radius_are_found_and_radii_in_between_follow_them():
     radii = (0.05, 0.07, 0.1, 0.14)
-    laws, exponents = over_radii([like_photons(r) for r in radii])
+    models, exponents = over_radii([like_photons(r) for r in radii])
     assert exponents == pytest.approx({"A": -2, "M": -2, "B": 2, "s": 0, "c": 1}, abs=1e-6)
-    assert laws[0].setting.radius == 0.05 and laws[-1].setting.radius == 0.14
-    for law in laws:
-        assert law.error(1e5) == pytest.approx(like_photons(law.setting.radius).error(1e5), rel=0.02)
+    assert models[0].setting.radius == 0.05 and models[-1].setting.radius == 0.14
+    for model in models:
+        assert model.error(1e5) == pytest.approx(like_photons(model.setting.radius).error(1e5), rel=0.02)
 
 
 @pytest.mark.parametrize("budget", [2e-3, 5e-3, 30e-3])
 def test_the_choice_for_a_time_is_the_best_of_all(budget):
-    laws = [like_photons(r) for r in np.linspace(0.02, 0.3, 40)]
-    choice = within_time(laws, budget, photons=1_000_000)
+    models = [like_photons(r) for r in np.linspace(0.02, 0.3, 40)]
+    choice = within_time(models, budget, photons=1_000_000)
     assert choice.met and choice.seconds <= budget * (1 + 1e-9)
-    others = [law.error(1e6, min(law.photons_within(budget), 1e6)) for law in laws]
+    others = [model.error(1e6, min(model.photons_within(budget), 1e6)) for model in models]
     assert choice.moving_error == pytest.approx(min(others), rel=1e-3)
 
 
 def test_more_time_asks_for_smaller_discs():
-    laws = [like_photons(r) for r in np.linspace(0.02, 0.3, 40)]
-    radii = [within_time(laws, t, 10_000_000).setting.radius for t in (1.2e-3, 5e-3, 100e-3)]
+    models = [like_photons(r) for r in np.linspace(0.02, 0.3, 40)]
+    radii = [within_time(models, t, 10_000_000).setting.radius for t in (1.2e-3, 5e-3, 100e-3)]
     assert radii[0] > radii[1] > radii[2]
 
 
@@ -89,19 +89,19 @@ def test_a_time_that_nothing_keeps_is_told():
 
 
 def test_the_choice_for_an_error_is_the_fastest_that_keeps_it():
-    laws = [like_photons(r) for r in np.linspace(0.02, 0.3, 40)]
-    choice = within_error(laws, 0.05, 16e-3, most=10_000_000)
+    models = [like_photons(r) for r in np.linspace(0.02, 0.3, 40)]
+    choice = within_error(models, 0.05, 16e-3, most=10_000_000)
     assert choice.met and choice.error <= 0.05
-    fitting = [law.seconds(law.photons_for(0.05)) for law in laws if law.photons_for(0.05) <= 10_000_000]
-    law = next(law for law in laws if law.setting == choice.setting)
-    assert law.seconds(choice.photons) == pytest.approx(min(fitting), rel=1e-3)
+    fitting = [model.seconds(model.photons_for(0.05)) for model in models if model.photons_for(0.05) <= 10_000_000]
+    model = next(model for model in models if model.setting == choice.setting)
+    assert model.seconds(choice.photons) == pytest.approx(min(fitting), rel=1e-3)
 
 
 def test_an_error_that_cannot_be_had_gives_the_least():
-    laws = [like_photons(r) for r in (0.1, 0.2)]
-    choice = within_error(laws, 1e-4, 16e-3, most=1_000_000)
+    models = [like_photons(r) for r in (0.1, 0.2)]
+    choice = within_error(models, 1e-4, 16e-3, most=1_000_000)
     assert not choice.met and choice.photons == 1_000_000
-    assert choice.error == pytest.approx(min(law.error(1e6) for law in laws))
+    assert choice.error == pytest.approx(min(model.error(1e6) for model in models))
 
 
 SCENE = coloured_room((box_mobile(size=0.2),))
@@ -130,12 +130,12 @@ def test_a_trial_foretells_what_more_photons_do(solver, monkeypatch):
     assert len(sample.rows) > 30 and 0 < sample.noise < 0.05
     assert sample.weights.sum() == RECEIVERS, "large receivers are drawn more than once"
     monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 16_384)
-    law = law_of(finished(trial(judge, samples, radius=0.08)))
-    assert law.noise > 0 and law.slope >= 0
+    model = fitted(finished(trial(judge, samples, radius=0.08)))
+    assert model.noise > 0 and model.slope >= 0
     before = solver.irradiance.copy()
     monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 60_000)
     large = finished(trial(judge, samples, radius=0.08))
-    assert law.error(60_000) == pytest.approx(math.sqrt(large.alone[-1]), rel=0.5)
+    assert model.error(60_000) == pytest.approx(math.sqrt(large.alone[-1]), rel=0.5)
     assert np.array_equal(solver.irradiance, before), "trials leave the solver alone"
     solver.move_all({})
     assert np.array_equal(solver.irradiance, before)
@@ -170,7 +170,7 @@ def test_tuning_ends_in_a_choice_that_the_solver_takes(solver, monkeypatch):
             break
     shares = [share for _, share in told]
     assert shares == sorted(shares) and 0 <= shares[0] and shares[-1] < 1
-    assert {law.setting.estimator for law in found.laws} == {"tangent_plane", "photon_map", "impact_count"}
+    assert {model.setting.estimator for model in found.models} == {"tangent_plane", "photon_map", "impact_count"}
     other = Solver(SCENE, photons=0)
     other.configure(photons=found.choice.photons, **found.choice.setting._asdict())
     other.solve()
