@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     from app.commands.render import render
     from app.settings import open_scene
 
-    open_scene(settings)  # what is wrong with the scene is told first, and alone
+    open_scene(settings)  # an error of the scene comes first, and alone
     print(f"gi-viewer: no window, so a picture is drawn into a file: {reason}", file=sys.stderr, flush=True)
     (path,) = render(settings, arguments.screenshot or Path(FALLBACK_PICTURE))
     print(f"The picture is in {path}")

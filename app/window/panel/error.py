@@ -73,5 +73,5 @@ def _percent(value: float | None, bound: str = "") -> str:
     if value is None or math.isnan(value):
         return ui.DASH
     if value <= 0:
-        return "below reference noise"
+        return "not measurable"
     return f"{bound}{100 * value:.{1 if value >= 0.00995 else 2}f} %"
