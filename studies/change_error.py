@@ -32,7 +32,7 @@ def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
     estimate, frame = solver.frame_parts().background.estimate, solver.frame_parts().change
     sums: Evaluated = estimate.evaluate(frame)
     if keep_all:
-        sums = sums._replace(brought=np.full_like(sums.brought, NOT_ADDITIVE))
+        sums = sums._replace(new_flux=np.full_like(sums.new_flux, NOT_ADDITIVE))
     resting, better = (solver.frame_parts().background.resting(n) for n in (photons, PHOTONS))
     flux_unit = solver.model.emitters.unit_flux / photons
     return frame_irradiance(sums, flux_unit, estimate.background(photons)[0], resting, better, 1)[: len(better)]

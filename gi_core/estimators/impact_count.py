@@ -15,7 +15,7 @@ from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
-from gi_core.photons.flux_sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums, carried
+from gi_core.photons.flux_sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums, mean_flux
 from gi_core.photons.paths import Segments
 from gi_core.photons.prefixes import SubsetStore
 from gi_core.rays.accelerator import Transforms
@@ -113,8 +113,8 @@ class ImpactCount:
         for segments in parts:
             self._deposit(segments, 1, sums)
             self._deposit(kept_prefixes.split_off(segments), 1, new_suffixes)
-        each = carried(kept_prefixes.flux, kept_prefixes.count)
-        return Evaluated.of_all(sums.flux, self.area, new_suffixes.flux.sum(axis=1), each)
+        flux_per_cut = mean_flux(kept_prefixes.flux, kept_prefixes.count)
+        return Evaluated.of_all(sums.flux, self.area, new_suffixes.flux.sum(axis=1), flux_per_cut)
 
     def _deposit(self, segments: Segments, sign: int, sums: Sums) -> None:
         _deposit(segments.hit_side, segments.flux, *self._corners, sign, sums.flux, sums.touched)

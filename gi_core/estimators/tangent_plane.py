@@ -31,7 +31,7 @@ from gi_core.photons.flux_sums import (
     IntersectionLog,
     Sums,
     ThreadSums,
-    carried,
+    mean_flux,
 )
 from gi_core.photons.paths import Segments
 from gi_core.photons.prefixes import SubsetStore
@@ -150,7 +150,7 @@ class TangentPlane:
         except BaseException:
             self._frame.clear()  # the next frame must not start with half of this one
             raise
-        out.sums[rows], out.brought[rows] = stale, NOT_ADDITIVE
+        out.sums[rows], out.new_flux[rows] = stale, NOT_ADDITIVE
         self.stale = len(rows)
         self.control_facts = self._contact.facts(contacts)
         return out
@@ -165,7 +165,7 @@ class TangentPlane:
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
         """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""
         added, new_suffixes = (ThreadSums(len(self.area), self.model.threads) for _ in range(2))
-        sums, brought = np.zeros((2, len(self.area), 3), np.int64)
+        sums, new_flux = np.zeros((2, len(self.area), 3), np.int64)
         kept_prefixes, stale, contacts = CutFlux(), 0, self._contact.contacts_at(at, mobiles=True)
         for segments in parts:
             with self._contact.regions_of(contacts):
@@ -173,12 +173,12 @@ class TangentPlane:
                 self._splat([*batches, SegmentBatch(0, kept_prefixes.split_off(segments), 1, new_suffixes)], at)
             stale = stale + self._contact.static_sums([segments], at, contacts)[1]
         added.move_to(sums)
-        new_suffixes.move_to(brought)
+        new_suffixes.move_to(new_flux)
         areas, (rows, areas_there) = self.area.copy(), self._contact.areas_of(contacts)
         areas[rows] = areas_there
-        brought, rows = brought.sum(axis=1), contacts.regions[0].rows
-        sums[rows], brought[rows] = stale, NOT_ADDITIVE
-        return Evaluated.of_all(sums, areas, brought, carried(kept_prefixes.flux, kept_prefixes.count))
+        new_flux, rows = new_flux.sum(axis=1), contacts.regions[0].rows
+        sums[rows], new_flux[rows] = stale, NOT_ADDITIVE
+        return Evaluated.of_all(sums, areas, new_flux, mean_flux(kept_prefixes.flux, kept_prefixes.count))
 
     def _splat(
         self, batches: list[SegmentBatch], at: Transforms, removed_suffixes: RemovedSuffixes | None = None

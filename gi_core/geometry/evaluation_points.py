@@ -8,9 +8,7 @@ from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 
 INWARD = 1e-2  # of the way to the mean centroid of a receiver's faces: well inside a cell, far from the wall
-EVALUATION_LIFT = (
-    1e-3  # of the mean distance to those centroids: a tenth of INWARD, so an edge point stays beside the wall
-)
+EVALUATION_LIFT = 1e-3  # of the mean distance to those centroids: a tenth of INWARD, so edge points stay near the wall
 
 
 def evaluation_points(surfaces: Surfaces, receivers: Receivers) -> tuple[np.ndarray, np.ndarray]:

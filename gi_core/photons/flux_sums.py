@@ -62,17 +62,17 @@ class Evaluated(NamedTuple):
     sums: np.ndarray  # (R, 3) int64, fixed-point units
     area: np.ndarray  # (R,) float64 [m2]
     changed: np.ndarray  # (chunks,) bool
-    brought: np.ndarray  # (R,) int64, flux of new suffixes, summed over channels; or NOT_ADDITIVE
-    carried: float  # mean flux units per cut photon, summed over channels
+    new_flux: np.ndarray  # (R,) int64, flux of new suffixes, summed over channels; or NOT_ADDITIVE
+    flux_per_cut: float  # mean flux units per cut photon, summed over channels
 
     @classmethod
-    def of_all(cls, sums: np.ndarray, area: np.ndarray, brought: np.ndarray, each: float) -> Evaluated:
+    def of_all(cls, sums: np.ndarray, area: np.ndarray, new_flux: np.ndarray, flux_per_cut: float) -> Evaluated:
         """Return sums in which all chunks count as changed."""
-        return cls(sums, area, np.ones(chunks_of(len(area)), bool), brought, each)
+        return cls(sums, area, np.ones(chunks_of(len(area)), bool), new_flux, flux_per_cut)
 
 
-def carried(flux: int, photons: int) -> float:
-    """Return `Evaluated.carried` of `photons` cut photons with `flux` units in total."""
+def mean_flux(flux: int, photons: int) -> float:
+    """Return `Evaluated.flux_per_cut` of `photons` cut photons with `flux` units in total."""
     return flux / max(photons, 1)
 
 
@@ -96,14 +96,14 @@ class ThreadSums:
 
 
 @kernel
-def _move(touched, flux, total, brought, first, last):
-    """Add touched chunks of `flux` to `total`, and summed over channels to `brought` if not empty; clear them."""
+def _move(touched, flux, total, new_flux, first, last):
+    """Add touched chunks of `flux` to `total`, and summed over channels to `new_flux` if not empty; clear them."""
     for chunk in range(first, last):
         if touched[chunk]:
             touched[chunk] = False
             for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(flux))):
-                if len(brought):
-                    brought[r] += flux[r, 0] + flux[r, 1] + flux[r, 2]
+                if len(new_flux):
+                    new_flux[r] += flux[r, 0] + flux[r, 1] + flux[r, 2]
                 for c in range(3):
                     total[r, c] += flux[r, c]
                     flux[r, c] = 0
@@ -114,7 +114,7 @@ class FrameSums:
 
     def __init__(self, receivers: int, static: int, threads: int):
         self._sums, self._static, self._threads = np.zeros((receivers, 3), np.int64), static, threads
-        self._brought = np.zeros(receivers, np.int64)
+        self._new_flux = np.zeros(receivers, np.int64)
         self.clear()
 
     def clear(self) -> None:
@@ -134,22 +134,22 @@ class FrameSums:
             changed |= part.touched
 
         def work(_, first, last):
-            _start(changed, background, self._sums, self._brought, first, last)
+            _start(changed, background, self._sums, self._new_flux, first, last)
             for part in added:
                 _move(part.touched, part.flux, self._sums, NOWHERE, first, last)
             for part in new_suffixes:
-                _move(part.touched, part.flux, self._sums, self._brought, first, last)
+                _move(part.touched, part.flux, self._sums, self._new_flux, first, last)
 
         run_ranges(work, len(changed), self._threads, CHUNK_GRAIN)
-        each = carried(int(kept_prefixes.sum(dtype=np.int64)), len(kept_prefixes))
-        return Evaluated(self._sums, area, changed, self._brought, each)
+        flux_per_cut = mean_flux(int(kept_prefixes.sum(dtype=np.int64)), len(kept_prefixes))
+        return Evaluated(self._sums, area, changed, self._new_flux, flux_per_cut)
 
 
 @kernel
-def _start(changed, background, sums, brought, first, last):
+def _start(changed, background, sums, new_flux, first, last):
     for chunk in range(first, last):
         if changed[chunk]:
             for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(sums))):
-                brought[r] = 0
+                new_flux[r] = 0
                 for c in range(3):
                     sums[r, c] = background[r, c] if r < len(background) else 0

@@ -95,9 +95,9 @@ def change(
     kept_prefixes = kept_prefixes._replace(hit=hit)
     clock("suffixes")
 
-    beside, on_mobiles = _seen(model, at, wanted, near, kept_prefixes, new_suffixes)
+    near_boxes, near_mobiles = _seen(model, at, wanted, near, kept_prefixes, new_suffixes)
     clock("mobiles")
-    return PoseChange(at, photons, kept_prefixes, removed_suffixes, new_suffixes, on_mobiles, beside, fates)
+    return PoseChange(at, photons, kept_prefixes, removed_suffixes, new_suffixes, near_mobiles, near_boxes, fates)
 
 
 def candidate_segments(model: Model, coarse: Coarse, at: Transforms, wanted: Wanted, room: ScanBuffers):
@@ -118,11 +118,11 @@ def _seen(
     reach = wanted.reach if wanted.mobiles else None
     current = [(part, select(model, at, part, reach, wanted.boxes)) for part in (near, kept_prefixes, new_suffixes)]
     current[0][1][:] &= _before_cut(near.photon, near.bounce, kept_prefixes.photon, kept_prefixes.bounce)
-    beside, *on_mobiles = (
+    near_boxes, *near_mobiles = (
         copy_selected([(part, np.flatnonzero(sees[o])) for part, sees in current], model.threads)
         for o in range(len(at.position) if wanted.mobiles else 1)
     )
-    return beside, tuple(on_mobiles)
+    return near_boxes, tuple(near_mobiles)
 
 
 def _cuts(model: Model, at: Transforms, near: Segments) -> tuple[np.ndarray, np.ndarray]:

@@ -76,23 +76,23 @@ def test_the_combination(resting, better, frame, expected):
     assert read_out(resting, better, frame, NOT_ADDITIVE, 0.0) == pytest.approx([expected] * 3)
 
 
-def read_out(resting, better, frame, brought, each) -> np.ndarray:
+def read_out(resting, better, frame, new_flux, flux_per_cut) -> np.ndarray:
     """Return the irradiance of one receiver, whose area is 1; sums are in thousandths."""
     sums, background = np.zeros((2, CHUNK, 3), np.int64)
     sums[0], background[0] = int(1000 * frame), int(1000 * resting)
     area, told = np.ones(CHUNK), np.zeros(CHUNK, np.int64)
-    told[0] = NOT_ADDITIVE if brought == NOT_ADDITIVE else int(3000 * brought)
+    told[0] = NOT_ADDITIVE if new_flux == NOT_ADDITIVE else int(3000 * new_flux)
     still, many = np.zeros((CHUNK, 3)), np.zeros((CHUNK, 3))
     still[0], many[0] = resting, better
     out = frame_irradiance(
-        Evaluated(sums, area, np.array([True]), told, 3000 * each), 1e-3, background, still, many, threads=1
+        Evaluated(sums, area, np.array([True]), told, 3000 * flux_per_cut), 1e-3, background, still, many, threads=1
     )
     assert not out[1:].any()
     return out[0]
 
 
 @pytest.mark.parametrize(
-    "resting, frame, brought, share",
+    "resting, frame, new_flux, share",
     [
         (8.0, 8.0, 0.0, 0.0),  # nothing came, nothing went
         (8.0, 8.0, 2.0, 0.0),  # as much came as went
@@ -106,10 +106,12 @@ def read_out(resting, better, frame, brought, each) -> np.ndarray:
         (8.0, 10.0, 6.0, 0.0),  # six came, four went: 2 apart where chance makes sqrt(6 + 2)
     ],
 )
-def test_what_chance_may_have_made_is_left_out(resting, frame, brought, share):
+def test_what_chance_may_have_made_is_left_out(resting, frame, new_flux, share):
     better = 3.0
     everything = better * frame / resting if frame < resting else better + frame - resting
-    assert read_out(resting, better, frame, brought, 1.0) == pytest.approx([better + share * (everything - better)] * 3)
+    assert read_out(resting, better, frame, new_flux, 1.0) == pytest.approx(
+        [better + share * (everything - better)] * 3
+    )
 
 
 @pytest.mark.parametrize(
@@ -124,8 +126,8 @@ def test_shrunk_changes_have_less_error(monkeypatch, estimator, unchanged, chang
 
     read_out = control_variate._read_out
 
-    def all_kept(changed, background, resting, better, same, sums, brought, *others):
-        return read_out(changed, background, resting, better, same, sums, np.full_like(brought, NOT_ADDITIVE), *others)
+    def all_kept(changed, background, resting, better, same, sums, new_flux, *others):
+        return read_out(changed, background, resting, better, same, sums, np.full_like(new_flux, NOT_ADDITIVE), *others)
 
     shrunk, whole = [], []
     for seed in range(3):
