@@ -19,7 +19,7 @@ from gi_core.rays.accelerator import Accelerator, Transforms, bounding_spheres, 
 from gi_core.rays.two_level import build_world, enclosing_sphere
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
-from gi_core.scene.types import Pose, Scene
+from gi_core.scene.types import PointLight, Pose, Scene, SpotLight
 from gi_core.scene.validate import check_scene
 
 BEHIND = -2  # in place of the back receiver's index: this receiver is a back, its front represents both
@@ -45,7 +45,9 @@ class Model:
             for o, m in enumerate(scene.mobiles, 1)
             for s in (-1, 1)
         ]
-        lights = np.array([light.position for light in scene.lights if hasattr(light, "position")], np.float64)
+        lights = np.array(
+            [light.position for light in scene.lights if isinstance(light, PointLight | SpotLight)], np.float64
+        )
         self.world = build_world(self.surfaces, self.accelerator, lights)
         _check_place(scene.name, self.world.size, self.surfaces.vertices[0], lights)
         # Directional and sky light must reach mobiles outside the static part.

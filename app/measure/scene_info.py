@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from importlib import metadata
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from app.cli.version import version
 from app.session.warnings import caveats
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
+
+if TYPE_CHECKING:
+    from gi_core.scene.types import Light
 
 PILOT = 20_000  # photons: the escaped share has an error of a third of a percent
 ESCAPES = 0.8  # of the photons at their first flight: info warns above it
@@ -122,11 +126,10 @@ def _lights(scene, solver) -> list[tuple[str, str]]:
     return rows
 
 
-def _strength(light) -> tuple[float, float, float]:
-    for name in ("flux", "intensity", "irradiance", "radiance"):
-        if hasattr(light, name):
-            return getattr(light, name)
-    raise TypeError(light)
+def _strength(light: Light) -> tuple[float, float, float]:
+    from gi_core.scene.validate import FLUX_OF
+
+    return light._asdict()[FLUX_OF.get(type(light), "radiance")]
 
 
 def _choices(asked: Settings, chosen: Settings, estimator: str, solver) -> list[tuple[str, str]]:

@@ -36,9 +36,11 @@ class Results:
 
     def add(self, numbers: dict) -> None:
         """Write the file with one more row. Raises OSError."""
-        self.every.append(self._under | {k: _text(v) for k, v in numbers.items()})
+        every = [*self.every, self._under | {k: _text(v) for k, v in numbers.items()}]
+        columns = dict.fromkeys(k for row in every for k in row)
+        self.every = [{k: row.get(k, "") for k in columns} for row in every]
         text = io.StringIO()
-        writer = csv.DictWriter(text, list(dict.fromkeys(k for row in self.every for k in row)), restval="")
+        writer = csv.DictWriter(text, list(columns))
         writer.writeheader()
         writer.writerows(self.every)
         write_whole(self.file, text.getvalue())

@@ -17,7 +17,7 @@ from gi_core.files.formats.winding import consistent_winding, turned_mesh
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.scene.pose import to_world
-from gi_core.scene.types import DirectionalLight, Mesh, Scene, SkyLight
+from gi_core.scene.types import DirectionalLight, Mesh, PointLight, Scene, SkyLight, SpotLight
 
 PLENTY = 300  # hits on one side of a body and none on the other: the other gets less than a third of a percent
 
@@ -87,7 +87,7 @@ def _volumes(mesh: Mesh, rows, turned, body, bodies: int) -> np.ndarray:
 
 def _must_be_seen(mesh: Mesh, scene: Scene) -> np.ndarray:
     """Return where lamps, mobiles and the camera are, (n, 3): a body that one of them is in is not dark inside."""
-    inside = [np.array(light.position) for light in scene.lights if hasattr(light, "position")]
+    inside = [np.array(light.position) for light in scene.lights if isinstance(light, PointLight | SpotLight)]
     inside += [to_world(m.pose, m.mesh.vertices).mean(axis=0) for m in scene.mobiles]
     inside += [np.array(scene.camera.position)] if scene.camera is not None else []
     emits = np.array([any(m.emission) for m in scene.materials])[mesh.face_material]

@@ -15,7 +15,7 @@ from gi_core.base.threads import available_cores
 from gi_core.base.vectors import box, central_box
 from gi_core.geometry.surfaces import face_normals, flatten
 from gi_core.rays.accelerator import Accelerator
-from gi_core.scene.types import DirectionalLight, Scene, SkyLight
+from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
 
 RAYS = 6000  # paths; with BOUNCES segments each some 20,000 hits
 BOUNCES = 4
@@ -144,7 +144,7 @@ def _starts(scene: Scene, rays: Rays, rng):
     mesh = scene.static
     normals, areas = face_normals(mesh)
     emission = np.array([max(m.emission) for m in scene.materials])[mesh.face_material] * areas
-    placed = [np.array(light.position) for light in scene.lights if hasattr(light, "position")]
+    placed = [np.array(light.position) for light in scene.lights if isinstance(light, PointLight | SpotLight)]
     distant = [light for light in scene.lights if isinstance(light, DirectionalLight | SkyLight)]
     kinds = [emission.any(), bool(placed), bool(distant)]
     n = RAYS // max(sum(kinds), 1)
