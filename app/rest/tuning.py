@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
     from gi_core.tuning.error_model import ErrorModel, TunedChoice
 
+Result = TypeVar("Result")
 TRIAL_RADII = (0.5, 0.71, 1.0, 1.41, 2.0)  # of the current radius
 TRIAL_NEIGHBOURS = 80
 TRIAL_POSES = 2  # along the path
@@ -55,7 +56,8 @@ def candidates(solver: Solver) -> list[dict]:
     """Return the settings to try, as fields of Setting."""
     from gi_core.estimators import ESTIMATORS
 
-    tried = {"radius": [r * solver.radius for r in TRIAL_RADII], "neighbours": [TRIAL_NEIGHBOURS], None: [None]}
+    radii = [r * solver.radius for r in TRIAL_RADII]
+    tried: dict[str | None, list] = {"radius": radii, "neighbours": [TRIAL_NEIGHBOURS], None: [None]}
     return [
         {"estimator": name} | ({kind.smoothing: value} if kind.smoothing else {})
         for name, kind in ESTIMATORS.items()
@@ -95,7 +97,7 @@ def _frames(solver: Solver) -> list:
     return spread(paths_of(solver), TRIAL_POSES + 2)[1:-1]
 
 
-def _returned(steps: Generator):
+def _returned(steps: Generator[Any, None, Result]) -> Result:
     """Run steps to their end; return their result."""
     while True:
         try:
@@ -104,7 +106,9 @@ def _returned(steps: Generator):
             return end.value
 
 
-def _staged(stage: str, steps: Generator, start: float, share: float) -> Generator:
+def _staged(
+    stage: str, steps: Generator[Any, None, Result], start: float, share: float
+) -> Generator[tuple[str, float], None, Result]:
     """Run steps, yielding stage and fraction; return their result."""
     while True:
         try:
