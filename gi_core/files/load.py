@@ -12,7 +12,7 @@ import numpy as np
 from gi_core.files.completion.completion import complete
 from gi_core.files.completion.dark_sides import one_sided_where_dark
 from gi_core.files.completion.lamp_orientation import facing_the_scene
-from gi_core.files.completion.refinement import refined
+from gi_core.files.completion.refinement import COARSEST, refined
 from gi_core.files.find import find_scene
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.materials_table import check_used, override, single
@@ -28,7 +28,6 @@ from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Scene
 MOST_RECEIVERS = 150_000  # a bare mesh is refined until it has about as many, both sides counted, or is fine enough
 
 SIZES = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
-MOBILE_EDGE = 1 / 12  # of its longest side: the longest edge of a mobile that no scene file describes
 
 
 def load_scene(
@@ -212,7 +211,7 @@ class _Builder:
 
 def _fine(mesh: Mesh) -> Mesh:
     """Return a mobile's mesh with flat sides split: one light value a corner would not show its shading."""
-    return tessellate(mesh, MOBILE_EDGE * float((mesh.vertices.max(axis=0) - mesh.vertices.min(axis=0)).max()))
+    return tessellate(mesh, COARSEST * float(np.ptp(mesh.vertices, axis=0).max()))
 
 
 def join(meshes: list[Mesh], materials) -> Mesh:

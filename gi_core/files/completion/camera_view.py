@@ -10,15 +10,18 @@ from gi_core.scene.types import Camera
 ASPECT = 1.6  # width over height of the window as it opens
 
 
+def unit(a: np.ndarray) -> np.ndarray:
+    """Return vectors (..., 3) with length 1; zero stays zero."""
+    return a / np.maximum(length(a), 1e-12)[..., None]
+
+
 def axes(position, target, up) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return unit vectors forward, right and upwards in the picture, (..., 3) each, of cameras (..., 3)."""
-    forward = np.subtract(target, position)
-    forward = forward / length(forward)[..., None]
+    forward = unit(np.subtract(target, position))
     right = cross(forward, np.asarray(up, np.float64))
     # Straight up or down: any direction may be right.
     other = cross(forward, np.eye(3)[np.argmin(np.abs(forward), axis=-1)])
-    right = np.where((length(right) < 1e-6)[..., None], other, right)
-    right = right / length(right)[..., None]
+    right = unit(np.where((length(right) < 1e-6)[..., None], other, right))
     return forward, right, cross(right, forward)
 
 
@@ -43,8 +46,7 @@ def picture_rays(cameras: list[Camera], up, columns: int, rows: int) -> np.ndarr
     _, (forward, right, above), half = _several(cameras, up)
     x, y = np.meshgrid((2 * np.arange(columns) + 1) / columns - 1, (2 * np.arange(rows) + 1) / rows - 1)
     x, y = x.reshape(-1) * half * ASPECT, y.reshape(-1) * half
-    d = forward + x[..., None] * right + y[..., None] * above
-    return d / length(d)[..., None]
+    return unit(forward + x[..., None] * right + y[..., None] * above)
 
 
 def _several(cameras: list[Camera], up):

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gi_core.files.completion.default_lights import headroom, lamp_below_ceiling, lamp_in_the_open, stand_of
+from gi_core.files.completion.floors import Column, floor_spot
+from gi_core.files.completion.pilot import Rays, is_lit, useful_box
+from gi_core.files.completion.placement import place, sized
+from gi_core.files.completion.viewpoint import default_camera
 from gi_core.scene.types import Scene
 
-if TYPE_CHECKING:
-    from gi_core.files.completion.pilot import Rays
-
-DEFAULT_COLUMN = 1 / 12  # of the scene's size: the height of the thing that a scene without mobiles is opened for
+DEFAULT_COLUMN = 1 / 12  # of the scene's size: height of the object that a scene without mobiles is shown for
 
 
 def complete(scene: Scene, unplaced, bare: bool, rays: Rays | None = None):
@@ -21,11 +22,8 @@ def complete(scene: Scene, unplaced, bare: bool, rays: Rays | None = None):
     unplaced: (index of a mobile, up axis of its file or None to take its coordinates as they are); rays: against the
     scene's static part, if there are some already.
     """
-    from gi_core.files.completion.pilot import Rays, is_lit, useful_box
-
     if not unplaced and is_lit(scene) and scene.camera is not None and not bare:
         return scene, None, None
-    from gi_core.files.completion.placement import place, sized
 
     rays = rays or Rays(scene)
     box = useful_box(scene, rays)
@@ -51,9 +49,6 @@ def _with_camera(scene: Scene, rays, box, waiting: list[int], standing: list[int
     It shows most of a room, or of the whole where there is none. If the first mobile finds no place in
     that picture, or would be lost in it, the mobile goes first, and the camera to it.
     """
-    from gi_core.files.completion.pilot import is_lit
-    from gi_core.files.completion.placement import place
-
     if standing:
         return _looking(scene, rays, box)
     empty, seen = _looking(replace(scene, mobiles=()), rays, box)
@@ -70,10 +65,6 @@ def _with_camera(scene: Scene, rays, box, waiting: list[int], standing: list[int
 
 def _looking(scene: Scene, rays, box):
     """Return the scene with a camera on its first mobile, or on where one would stand; and the box of what is lit."""
-    from gi_core.files.completion.default_lights import lamp_below_ceiling
-    from gi_core.files.completion.pilot import is_lit, useful_box
-    from gi_core.files.completion.viewpoint import default_camera
-
     subject, height = _subject(scene, rays, box)
     indoors = bool(np.isfinite(height))
     if not is_lit(scene) and indoors:
@@ -84,8 +75,6 @@ def _looking(scene: Scene, rays, box):
 
 def _with_light(scene: Scene, rays, box):
     """Return the scene with a lamp below whatever is above the first mobile."""
-    from gi_core.files.completion.default_lights import lamp_below_ceiling, lamp_in_the_open
-
     subject, height = _subject(scene, rays, box)
     if np.isfinite(height):
         return lamp_below_ceiling(scene, rays, subject, height)
@@ -94,10 +83,6 @@ def _with_light(scene: Scene, rays, box):
 
 def _subject(scene: Scene, rays, box) -> tuple[np.ndarray, float]:
     """Return where the first mobile stands (3,), or could stand, and the height [m] of what is above it, or inf."""
-    from gi_core.files.completion.default_lights import headroom, stand_of
-    from gi_core.files.completion.floors import Column, floor_spot
-    from gi_core.files.completion.pilot import is_lit
-
     if scene.mobiles:
         stand = stand_of(scene)
         return stand, headroom(scene, rays, box, stand)

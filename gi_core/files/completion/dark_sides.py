@@ -11,13 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from gi_core.base.grouping import group_of
-from gi_core.base.vectors import box, cross, dot, every, length
+from gi_core.base.vectors import cross, dot, every
 from gi_core.files.completion.pilot import Box
 from gi_core.files.formats.winding import consistent_winding, turned_mesh
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.surfaces import face_normals
-from gi_core.scene.pose import to_world
-from gi_core.scene.types import DirectionalLight, Mesh, PointLight, Scene, SkyLight, SpotLight
+from gi_core.scene.types import DirectionalLight, Mesh, Scene, SkyLight
 
 PLENTY = 300  # hits on one side of a body and none on the other: the other gets less than a third of a percent
 
@@ -46,10 +45,6 @@ def one_sided_where_dark(scene: Scene, box: Box) -> Scene:
     volume = _volumes(mesh, rows, found.turned, body, bodies)
     # Fronts of a closed body of negative volume look inwards.
     empty = closed & (np.where(volume > 0, back, front) == 0)
-    inside = _must_be_seen(mesh, scene)
-    for b in np.flatnonzero(empty):
-        own = np.flatnonzero(body == b)
-        empty[b] = not _holds_any(mesh.vertices[mesh.faces[rows[own]]], found.turned[own], inside)
     # The pilot starts sunlight where it lands: it does not count there.
     traced = found.orientable & (not any(isinstance(light, DirectionalLight | SkyLight) for light in scene.lights))
     keep_front = (empty & (volume > 0)) | (traced & (front >= PLENTY) & (back == 0))
@@ -83,30 +78,3 @@ def _volumes(mesh: Mesh, rows, turned, body, bodies: int) -> np.ndarray:
     p = mesh.vertices[mesh.faces[rows]] - mesh.vertices.mean(axis=0)
     v = dot(cross(p[:, 0], p[:, 1]), p[:, 2])
     return np.bincount(body, np.where(turned, -v, v), bodies)
-
-
-def _must_be_seen(mesh: Mesh, scene: Scene) -> np.ndarray:
-    """Return where lamps, mobiles and the camera are, (n, 3): a body that one of them is in is not dark inside."""
-    inside = [np.array(light.position) for light in scene.lights if isinstance(light, PointLight | SpotLight)]
-    inside += [to_world(m.pose, m.mesh.vertices).mean(axis=0) for m in scene.mobiles]
-    inside += [np.array(scene.camera.position)] if scene.camera is not None else []
-    emits = np.array([any(m.emission) for m in scene.materials])[mesh.face_material]
-    inside += list(mesh.vertices[mesh.faces[emits]].mean(axis=1))
-    return np.array(inside).reshape(-1, 3)
-
-
-def _holds_any(p: np.ndarray, turned: np.ndarray, inside: np.ndarray) -> bool:
-    """Tell whether any of the points `inside` is in a closed body of triangles p (F, 3, 3)."""
-    low, high = box(p)
-    within = every((inside > low) & (inside < high))
-    return any(abs(_turns_round(x, p, turned)) > 0.5 for x in inside[within])
-
-
-def _turns_round(x: np.ndarray, p: np.ndarray, turned: np.ndarray) -> float:
-    """Return how often a closed surface of triangles p (F, 3, 3) goes round the point x: 0 outside."""
-    a, b, c = (p[:, k] - x for k in range(3))
-    la, lb, lc = length(a), length(b), length(c)
-    over = dot(cross(a, b), c)
-    under = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
-    angle = 2 * np.arctan2(over, under)
-    return float(np.where(turned, -angle, angle).sum() / (4 * np.pi))

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gi_core.files.completion.pilot import Box, Rays, bottom_centre, horizontal
+from gi_core.files.completion.camera_view import unit
+from gi_core.files.completion.pilot import Box, Rays, bottom_centre, corners_of, horizontal, ring
 from gi_core.geometry.paint import join_paints
 from gi_core.scene.pose import to_world
 from gi_core.scene.types import Material, Mesh, Scene, SkyLight
@@ -17,9 +18,9 @@ LAMP_DROP = 0.03  # of the headroom: the lamp hangs that far below the ceiling
 LAMP_SIDE = 0.3  # of the headroom
 LEAST_SIDE = 0.08  # the same, where beams or furniture leave little room
 LOOK_UP = 0.3  # of the headroom: from there ceilings are sought, and the lamp must see it
-ASIDE, MUCH = (0.25, 0.5, 0.8), 1.3  # of the headroom: where else it may hang; and how much more room that must give
-OPEN_HEIGHT, OPEN_SIDE = 0.5, 0.8  # of the scene's size, above its highest point where there is no ceiling
-TOWARDS_CAMERA = 0.5  # of the scene's size: what is looked at is lit from where one looks
+ASIDE = (0.25, 0.5, 0.8)  # of the headroom: where else it may hang
+OPEN_AWAY = 0.5  # of the scene's size: without a ceiling, how far the lamp is above everything, and towards the camera
+OPEN_SIDE = 0.8  # of the scene's size
 SAID = "no light in the file: "  # the note about it begins so
 
 
@@ -43,49 +44,36 @@ def lamp_below_ceiling(scene: Scene, rays: Rays, stand: np.ndarray, height: floa
     Where a beam or a cupboard leaves it no room there, it hangs beside, in sight of what is below.
     """
     up = np.array(scene.up)
-    east, north = horizontal(up)
-    around = np.array([np.cos(a) * east + np.sin(a) * north for a in np.arange(8) * np.pi / 4])
+    around = ring(up, 8)
     low = stand + up * LOOK_UP * height
     best, side = stand + up * height * (1 - LAMP_DROP), 0.0
     for offset in (np.zeros(3), *(share * height * d for share in ASIDE for d in around)):
         above, _ = rays.hits((low + offset)[None], up[None])
         top = float(above[0]) + LOOK_UP * height
-        if not (top <= height * 1.5 and _sees(rays, low, low + offset)):
+        if not (top <= height * 1.5 and rays.sees(low, (low + offset)[None])[0]):
             continue  # under the sky, or behind a wall
         centre = stand + offset + up * top * (1 - LAMP_DROP)
-        if not _sees(rays, centre, low):
+        if not rays.sees(centre, low[None])[0]:
             continue
         t, _ = rays.hits(np.broadcast_to(centre, around.shape), around)
         free = min(LAMP_SIDE * height, 1.5 * float(t.min()))
-        if free > side * MUCH:
+        if free > side:
             best, side = centre, free
     where = "below what is above the mobile" if scene.mobiles else "below the ceiling"
-    return _with_lamp(scene, best, max(side, LEAST_SIDE * height), -up, east, where)
-
-
-def _sees(rays: Rays, a: np.ndarray, b: np.ndarray) -> bool:
-    """Tell whether nothing is between two places."""
-    d = b - a
-    length = float(np.sqrt((d * d).sum()))
-    return length == 0 or float(rays.hits(a[None], d[None] / length)[0][0]) > length
+    return _with_lamp(scene, best, max(side, LEAST_SIDE * height), -up, around[0], where)
 
 
 def lamp_in_the_open(scene: Scene, rays: Rays, box: Box) -> Scene:
     """Return the scene with a square lamp above everything, towards the camera, facing the middle; and a dim sky."""
     up = np.array(scene.up)
-    east, north = horizontal(up)
     middle = (box.low + box.high) / 2
-    corners = np.array([[(rays.low, rays.high)[(k >> a) & 1][a] for a in range(3)] for k in range(8)])
-    centre = middle + up * (float((corners @ up).max()) - float(middle @ up) + OPEN_HEIGHT * box.size)
+    centre = middle + up * (float((corners_of(rays.low, rays.high) @ up).max()) - float(middle @ up))
+    centre += OPEN_AWAY * box.size * up
     if scene.camera is not None:
         towards = np.subtract(scene.camera.position, middle)
-        towards -= (towards @ up) * up
-        length = np.sqrt((towards * towards).sum())
-        centre = centre + TOWARDS_CAMERA * box.size * towards / max(length, 1e-9 * box.size)
-    normal = middle - centre
-    normal /= np.sqrt((normal * normal).sum())
-    across = np.cross(normal, north)
-    across /= np.sqrt((across * across).sum())
+        centre = centre + OPEN_AWAY * box.size * unit(towards - (towards @ up) * up)
+    normal = unit(middle - centre)
+    across = unit(np.cross(normal, horizontal(up)[1]))
     sky = SkyLight("default sky", (SKY,) * 3)
     lit = _with_lamp(scene, centre, OPEN_SIDE * box.size, normal, across, "above the scene, under a dim sky")
     return replace(lit, lights=(*lit.lights, sky))

@@ -7,23 +7,23 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.nearest_points import count_within
+from gi_core.base.vectors import length
 from gi_core.files.completion.camera_view import axes, in_frame
-from gi_core.files.completion.pilot import Box, Rays, horizontal, sphere_directions, spread
+from gi_core.files.completion.pilot import Box, Rays, corners_of, horizontal, ring, sphere_directions, spread
 from gi_core.scene.types import Scene
 
 GRID = 28  # candidate columns along each horizontal side of the useful box
 LEVELS = (0.12, 0.35, 0.6, 0.9, 1.05)  # heights in the box from which candidates are sought downwards
 LEVEL_COSINE = 0.97  # a floor is level to 14 degrees
 CLEARANCE = 1.15  # of the mobile's own radius
-RING = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+RING = 12  # directions round a column
 SPHERE = 48  # directions that decide whether a place is inside a room
 CLOSED = 0.55  # share of them that hit something near: by an open front one is still indoors
-FRONTS = 0.6  # share of what they hit that turns its front there: from inside a solid one sees backs
-BACKS = 0.3  # less than that, in a closed place, and it is the inside of a wall or of the ground
+FRONTS = 0.6  # share of these hits on fronts: in a room; from inside a solid one sees backs
+BACKS = 0.3  # share of these hits on fronts: with fewer, a closed place is inside a wall or the ground
 ROOMY = 0.01  # share of the places that must be indoors: a nook in an armchair is no room
 LARGE = 0.5  # of the picture's height: the nearest floor is no nearer than makes the mobile so large
 SMALL = 0.06  # the same, for how far it may be
-FLANK = 0.95  # of its radius: what must be seen of a mobile on either side of its middle, not to stand behind a post
 MIDDLE = 0.75  # of the picture's half width and height that a mobile must stay in
 
 
@@ -51,16 +51,15 @@ def floor_spot(scene: Scene, rays: Rays, box: Box, column: Column, standing=(), 
     pilot's hits tell where it goes (in a dark one they only tell where surfaces are).
     """
     up = np.array(scene.up)
-    east, north = horizontal(up)
-    points = _candidates(rays, box, up, east, north)
+    points = _candidates(rays, box, up)
     if not len(points):
         centre = (box.low + box.high) / 2
         low = centre - up * float(up @ (centre - np.where(up > 0, box.low, box.high)))
         return Spot(low, np.inf, False, False, False)
-    headroom, free = _room_for(points, rays, box, column, up, east, north)
+    headroom, free = _room_for(points, rays, box, column, up)
     for middle, radius in standing:
         off = points + up * column.height / 2 - middle
-        free -= np.sqrt((off * off).sum(axis=1)) < radius + np.hypot(column.radius, column.height / 2)
+        free -= length(off) < radius + np.hypot(column.radius, column.height / 2)
     fits = (headroom > column.height * 1.02) & (free > 0.999)
 
     closed, fronts = _surroundings(points + up * min(column.height, box.size * 0.1), rays, box)
@@ -83,24 +82,24 @@ def floor_spot(scene: Scene, rays: Rays, box: Box, column: Column, standing=(), 
     return Spot(points[best], float(headroom[best]), bool(indoors[best]), bool(shown[best]), bool(fits[best]))
 
 
-def _room_for(points, rays: Rays, box: Box, column: Column, up, east, north):
+def _room_for(points, rays: Rays, box: Box, column: Column, up):
     """Return headroom (n,) [m], and the share (n,) of rays in and about a column that touch nothing."""
     height, radius = column
     lift = max(height * 0.02, 1e-4 * box.size)
     headroom, _ = rays.hits(points + up * lift, np.broadcast_to(up, points.shape))
-    ring = [np.cos(a) * east + np.sin(a) * north for a in RING]
+    around = ring(up, RING)
     free = np.zeros(len(points))
     for share in (0.1, 0.5, 0.9):
         start = points + up * max(share * height, lift)
-        for d in ring:
+        for d in around:
             t, _ = rays.hits(start, np.broadcast_to(d, points.shape))
             free += t > radius * CLEARANCE
-    for d in ring:
+    for d in around:
         for reach in (0.5, 1.0):
             start = points + d * radius * reach + up * height
             t, _ = rays.hits(start, np.broadcast_to(-up, points.shape))
             free += np.abs(t - height) < 2 * lift
-    return headroom + lift, free / (len(RING) * 5)
+    return headroom + lift, free / (RING * 5)
 
 
 def _surroundings(points, rays: Rays, box: Box) -> tuple[np.ndarray, np.ndarray]:
@@ -117,33 +116,27 @@ def _surroundings(points, rays: Rays, box: Box) -> tuple[np.ndarray, np.ndarray]
 def _near_in_view(points, rays: Rays, box: Box, column: Column, up, camera) -> tuple[np.ndarray, np.ndarray]:
     """Return which places (n,) show a column whole and unhidden, and a score (n,): near, and in the middle."""
     eye = np.array(camera.position)
-    distance = np.sqrt(((points + up * column.height / 2 - eye) ** 2).sum(axis=1))
+    distance = length(points + up * column.height / 2 - eye)
     heights = [in_frame(camera, up, points + up * share * column.height) for share in (0.0, 0.5, 1.0)]
     aside = np.abs(np.stack(heights)).max(axis=(0, 2))
     size = column.radius + column.height / 2
     picture = distance * np.tan(np.radians(camera.vertical_fov_degrees) / 2)  # half its height, there
     shown = (aside < MIDDLE) & (size < LARGE * picture) & (size > SMALL * picture)
     right = axes(camera.position, camera.target, up)[1]
-    seen, looks = np.zeros(len(points)), 0
-    for share in (0.1, 0.5, 0.95):
-        for side in (-FLANK, 0.0, FLANK):
-            to = points + up * max(share * column.height, 1e-3 * box.size) + right * side * column.radius - eye
-            length = np.sqrt((to * to).sum(axis=1))
-            t, _ = rays.hits(np.broadcast_to(eye, to.shape), to / np.maximum(length, 1e-12)[:, None])
-            seen += t > length - 2e-3 * box.size
-            looks += 1
-    shown &= seen == looks
-    seen *= 3 / looks
+    heights = [up * max(share * column.height, 1e-3 * box.size) for share in (0.1, 0.5, 0.95)]
+    looks = [points + h + side * column.radius * right for h in heights for side in (-1, -0.5, 0, 0.5, 1)]
+    seen = np.mean([rays.sees(eye, to) for to in looks], axis=0)
+    shown &= seen == 1
     # As far again as the nearest place costs as much as standing at the edge of the frame.
     nearest = distance[shown].min() if shown.any() else box.size
-    return shown, seen - distance / nearest - aside.clip(0, 3)
+    return shown, 3 * seen - distance / nearest - aside.clip(0, 3)
 
 
 def _where_one_looks(points, rays: Rays, box: Box, column: Column, up, there) -> np.ndarray:
     """Return a score (n,): in the room, or under the sky, as `there` (n,) says; central, with much in sight."""
     off = points - points[there if there.any() else slice(None)].mean(axis=0)
     off -= (off @ up)[:, None] * up
-    distance = np.sqrt((off * off).sum(axis=1)) / box.size
+    distance = length(off) / box.size
     return 3.0 * there + _outlook(points + up * 0.6 * column.height, rays, box) - 1.5 * distance
 
 
@@ -158,13 +151,7 @@ def _common(points, up, box: Box, rows) -> np.ndarray:
 def _outlook(points, rays: Rays, box: Box) -> np.ndarray:
     """Return the share (n,) of the lit scene that is seen from each place: a nook behind a cupboard sees little."""
     seen, _, weight = spread(box, 60)
-    total = np.zeros(len(points))
-    for target, w in zip(seen, weight, strict=True):
-        d = target - points
-        length = np.sqrt((d * d).sum(axis=1))
-        t, _ = rays.hits(points, d / np.maximum(length, 1e-12)[:, None])
-        total += w * (t > length - 2e-3 * box.size)
-    return total
+    return sum(w * rays.sees(points, np.broadcast_to(at, points.shape)) for at, w in zip(seen, weight, strict=True))
 
 
 def _light_on(points, box: Box, up) -> np.ndarray:
@@ -176,9 +163,10 @@ def _light_on(points, box: Box, up) -> np.ndarray:
     return np.minimum(counts / max(float(np.median(counts[counts > 0])) if counts.any() else 1.0, 1.0), 1.0)
 
 
-def _candidates(rays: Rays, box: Box, up, east, north):
+def _candidates(rays: Rays, box: Box, up):
     """Return level points (n, 3) that face up, found by rays down through the useful box."""
-    corners = np.array([[(box.low, box.high)[(k >> a) & 1][a] for a in range(3)] for k in range(8)])
+    east, north = horizontal(up)
+    corners = corners_of(box.low, box.high)
     u, v, h = corners @ east, corners @ north, corners @ up
     grid = (np.arange(GRID) + 0.5) / GRID
     found = []

@@ -6,17 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from gi_core.files.completion.pilot import Rays, cosine
+from gi_core.base.vectors import dot
+from gi_core.files.completion.pilot import SEED, Rays, cosine
 from gi_core.files.formats.winding import consistent_winding, turned_mesh
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.scene.types import Mesh, Scene
 
-SEED = 0x1A3B
 RAYS_PER_SIDE = 64  # rays from each side of a lamp
-NEAR, NEAR_OWN = 0.01, 0.25  # of the scene's extent, of the root of the lamp's area: what is nearer blocks a side
-BLOCKED, OPEN = 0.9, 0.5  # share of the rays that hit something near, or the lamp itself
-LAMP_LIFT = 1e-5  # of the extent: clears the lamp's own face
+NEAR = 0.25  # of the root of the lamp's area: what is nearer blocks a side
+BLOCKED, OPEN = 0.9, 0.5  # share of the rays that hit something near, or the lamp itself: from and up to which
 
 
 def facing_the_scene(scene: Scene) -> tuple[Scene, Rays | None]:
@@ -62,13 +61,12 @@ def _blocked(mesh: Mesh, rays: Rays, own, normals, areas, rng) -> float:
     u, v = np.sort(rng.random((2, RAYS_PER_SIDE)), axis=0)
     a, b, c = (mesh.vertices[mesh.faces[pick, k]] for k in range(3))
     n = normals[pick]
-    origins = a * u[:, None] + b * (v - u)[:, None] + c * (1 - v)[:, None] + n * LAMP_LIFT * rays.extent
+    origins = a * u[:, None] + b * (v - u)[:, None] + c * (1 - v)[:, None] + n * rays.lift
     d = cosine(n, rng)
     t, face = rays.hits(origins, d)
     # Above the lamp's own plane: a slanting ray under a ceiling goes far before it hits that.
-    height = t * (d * n).sum(axis=1)
-    near = min(NEAR * rays.extent, NEAR_OWN * float(np.sqrt(share[-1])))
-    return float(((height < near) | np.isin(face, own)).mean())
+    height = t * dot(d, n)
+    return float(((height < NEAR * np.sqrt(share[-1])) | np.isin(face, own)).mean())
 
 
 def _listed(names: list[str]) -> str:

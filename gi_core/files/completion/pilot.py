@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.threads import available_cores
-from gi_core.base.vectors import box, central_box
+from gi_core.base.vectors import box, central_box, dot, length
+from gi_core.files.completion.camera_view import unit
 from gi_core.geometry.surfaces import face_normals, flatten
 from gi_core.rays.accelerator import Accelerator
 from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
@@ -22,6 +23,8 @@ BOUNCES = 4
 SEED = 0x5EED
 LANDINGS = 4  # places tried for each that sun or sky shall reach
 PILOT_LIFT = 1e-5  # of the extent: clears the face that a ray starts on, in float32
+NEAR = 5e-4  # of the extent: a hit so near to a place is the surface that the place lies on
+CELL = 1 / 14  # of the box's size: light and sight are compared in cells of that size
 
 
 class Box(NamedTuple):
@@ -45,6 +48,7 @@ class Rays:
         v = scene.static.vertices[scene.static.faces.reshape(-1)]
         self.low, self.high = box(v)
         self.extent = float((self.high - self.low).max())
+        self.lift = PILOT_LIFT * self.extent
 
     def hits(self, origins, directions):
         """Return distance (n,), inf where nothing is hit, and face (n,), -1 there."""
@@ -52,6 +56,12 @@ class Rays:
         d = np.ascontiguousarray(directions, np.float32)
         t, face = self.accelerator.nearest(0, o, d, np.full(len(o), 8 * max(self.extent, 1e-9), np.float32))
         return np.where(face >= 0, t.astype(np.float64), np.inf), face
+
+    def sees(self, a, b) -> np.ndarray:
+        """Return whether nothing is between points a (n, 3) or (3,) and b (n, 3). (n,) bool."""
+        to = b - a
+        t, _ = self.hits(np.broadcast_to(a, to.shape), unit(to))
+        return t > length(to) - NEAR * self.extent
 
 
 def useful_box(scene: Scene, rays: Rays) -> Box:
@@ -69,12 +79,12 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
         points = origins[landed] + directions[landed] * t[landed, None]
         hits.append(points)
         n = rays.surfaces.normals[face[landed]]
-        facing = -np.sign((n * directions[landed]).sum(axis=1))
+        facing = -np.sign(dot(n, directions[landed]))
         go_on = (facing > 0) | rays.surfaces.two_sided[face[landed]]  # the back of a one-sided face absorbs
         sides.append(n * facing[:, None])
         np.add.at(side_hits, (face[landed], (facing < 0).astype(int)), 1)
         n = (n * facing[:, None])[go_on]
-        origins = points[go_on] + n * PILOT_LIFT * rays.extent
+        origins = points[go_on] + n * rays.lift
         directions = cosine(n, rng)
     found, facing = (np.concatenate(a) if a else np.zeros((0, 3)) for a in (hits, sides))
     low, high = rays.low, rays.high
@@ -97,7 +107,7 @@ def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     if not len(box.hits):
         return ((box.low + box.high) / 2)[None], np.zeros((1, 3)), np.ones(1)
-    cell = np.floor(box.hits / (box.size / 14)).astype(np.int64)
+    cell = np.floor(box.hits / (box.size * CELL)).astype(np.int64)
     _, one, count = np.unique(cell, axis=0, return_index=True, return_counts=True)
     chosen = np.random.default_rng(SEED).permutation(len(one))[:most]
     weight = np.sqrt(count[chosen])
@@ -108,9 +118,20 @@ def spread(box: Box, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def horizontal(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return two unit vectors that are horizontal and at right angles."""
     axis = np.eye(3)[int(np.argmin(np.abs(up)))]
-    east = np.cross(up, axis)
-    east /= np.sqrt((east * east).sum())
+    east = unit(np.cross(up, axis))
     return east, np.cross(up, east)
+
+
+def ring(up: np.ndarray, n: int) -> np.ndarray:
+    """Return n horizontal directions (n, 3), evenly around."""
+    east, north = horizontal(up)
+    a = np.arange(n)[:, None] * 2 * np.pi / n
+    return np.cos(a) * east + np.sin(a) * north
+
+
+def corners_of(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the eight corners (8, 3) of a box."""
+    return np.where((np.arange(8)[:, None] >> np.arange(3)) & 1, high, low)
 
 
 def bottom_centre(vertices: np.ndarray, up: np.ndarray) -> np.ndarray:
@@ -130,10 +151,7 @@ def sphere_directions(n: int) -> np.ndarray:
 
 def cosine(normals: np.ndarray, rng) -> np.ndarray:
     """Return a cosine-distributed direction about each unit normal."""
-    ball = rng.normal(size=normals.shape)
-    ball /= np.maximum(np.sqrt((ball * ball).sum(axis=1, keepdims=True)), 1e-12)
-    d = normals * (1 + 1e-6) + ball
-    return d / np.sqrt((d * d).sum(axis=1, keepdims=True))
+    return unit(normals * (1 + 1e-6) + unit(rng.normal(size=normals.shape)))
 
 
 def _starts(scene: Scene, rays: Rays, rng):
@@ -152,18 +170,17 @@ def _starts(scene: Scene, rays: Rays, rng):
     if emission.any():
         parts.append(_from_faces(mesh, rays, normals, emission, rng, n))
     if placed:
-        d = rng.normal(size=(n, 3))
-        d /= np.sqrt((d * d).sum(axis=1, keepdims=True))
+        d = unit(rng.normal(size=(n, 3)))
         parts.append((np.stack(placed)[rng.integers(len(placed), size=n)], d, np.zeros((n, 3))))
     if distant:
         sun = distant[0]
         toward = np.array(scene.up) if isinstance(sun, SkyLight) else -np.array(sun.direction)
-        sides = np.where((normals * toward).sum(axis=1) < 0, -1.0, 1.0)
+        sides = np.where(dot(normals, toward) < 0, -1.0, 1.0)
         landed = _from_faces(mesh, rays, normals * sides[:, None], areas, rng, n * LANDINGS)
         # Where it lands, not where it would land through walls.
         d = np.broadcast_to(toward, landed[0].shape)
-        d = cosine(d, rng) if isinstance(sun, SkyLight) else d / np.sqrt((toward * toward).sum())
-        free = np.flatnonzero((rays.hits(landed[0], d)[1] < 0) & ((d * landed[2]).sum(axis=1) > 0))
+        d = cosine(d, rng) if isinstance(sun, SkyLight) else unit(d)
+        free = np.flatnonzero((rays.hits(landed[0], d)[1] < 0) & (dot(d, landed[2]) > 0))
         rows = free[:n] if len(free) else slice(n)
         parts.append(tuple(column[rows] for column in landed))
     if not parts:
@@ -181,4 +198,4 @@ def _from_faces(mesh, rays: Rays, normals, weight, rng, n: int):
     u, v = np.where(flip, 1 - u, u), np.where(flip, 1 - v, v)
     a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
     up = normals[face]
-    return a + u * (b - a) + v * (c - a) + up * PILOT_LIFT * rays.extent, cosine(up, rng), up
+    return a + u * (b - a) + v * (c - a) + up * rays.lift, cosine(up, rng), up

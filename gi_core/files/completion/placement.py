@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from gi_core.base.vectors import length
 from gi_core.files.completion.floors import Column, floor_spot
 from gi_core.files.completion.pilot import Box, Rays, bottom_centre, horizontal
 from gi_core.scene.pose import to_world
 from gi_core.scene.types import Pose, Scene
 
-LARGEST, SHRUNK = 1 / 3, 1 / 6  # of the scene's size: a mobile larger than the one is scaled to the other
-SMALLEST, GROWN = 1 / 150, 1 / 8  # the same for one that would be lost: metres in a scene of millimetres
+SMALLEST, LARGEST = 1 / 150, 1 / 3  # of the scene's size: a mobile beyond is in other units
+SCALED = 1 / 8  # of the scene's size, after scaling
 
 
 def sized(scene: Scene, index: int, file_up, size: float) -> Scene:
@@ -29,7 +30,7 @@ def sized(scene: Scene, index: int, file_up, size: float) -> Scene:
     mesh = mesh._replace(vertices=mesh.vertices - bottom_centre(mesh.vertices, up))
     longest = float(np.ptp(mesh.vertices, axis=0).max())
     share = longest / size
-    factor = SHRUNK / share if share > LARGEST else GROWN / share if share < SMALLEST else 1.0
+    factor = 1.0 if SMALLEST <= share <= LARGEST else SCALED / share
     notes = scene.notes
     if factor != 1.0:
         mesh = mesh._replace(vertices=mesh.vertices * factor)
@@ -44,7 +45,7 @@ def column(scene: Scene, index: int) -> Column:
     v = scene.mobiles[index].mesh.vertices
     off = v - bottom_centre(v, up)
     flat = off - (off @ up)[:, None] * up
-    return Column(float((off @ up).max()), float(np.sqrt((flat * flat).sum(axis=1)).max()))
+    return Column(float((off @ up).max()), float(length(flat).max()))
 
 
 def place(scene: Scene, index: int, rays: Rays, box: Box, others: list[int], lit: bool) -> tuple[Scene, bool]:
@@ -67,7 +68,7 @@ def _standing(scene: Scene, others: list[int]) -> list[tuple[np.ndarray, float]]
     for i in others:
         v = to_world(scene.mobiles[i].pose, scene.mobiles[i].mesh.vertices)
         middle = (v.min(axis=0) + v.max(axis=0)) / 2
-        balls.append((middle, float(np.sqrt(((v - middle) ** 2).sum(axis=1)).max())))
+        balls.append((middle, float(length(v - middle).max())))
     return balls
 
 

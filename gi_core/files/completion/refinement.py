@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.base.jit import allocating
-from gi_core.files.completion.camera_view import in_frame
+from gi_core.base.vectors import length
+from gi_core.files.completion.camera_view import in_frame, unit
 from gi_core.files.completion.pilot import Box, Rays
 from gi_core.geometry.receivers import count_receivers
 from gi_core.geometry.surfaces import face_normals
@@ -15,12 +16,13 @@ from gi_core.scene.types import Mesh, Scene
 FINEST = 0.02  # of the scene's size, under the default radius: shadows blur over twice that
 CELLS = 24  # along the scene's size; light and sight are known for each
 FEW = 0.25  # of the median number of hits in a cell: below that it is dim
-UNSEEN, DIM, DARK = 1.6, 2.0, 4.0  # how many times longer edges may be where nobody looks, little light goes, or none
+UNSEEN, DIM = 1.6, 2.0  # how many times longer edges may be where nobody looks, little light goes; DIM^2: none
 GROWTH = 4.0  # outside the useful box an edge may be as long as its distance from it over this
 THIN = 1 / 8  # of the longest edge: thinner faces are left to their neighbours
 SPARE = 1 / 3  # of the budget, for large faces, where the file has used it up already with small ones
-FIRST_TRY = 1 / 12  # of the scene's size
-TRIES, ENOUGH, AIM, STRIDE = 5, 0.75, 0.88, (0.2, 3.0)  # how the edge is found that uses the budget up
+COARSEST = 1 / 12  # of the longest side: the first try; and the edges of a mobile that no scene file describes
+TRIES, ENOUGH = 5, 0.75  # tries to use the budget up, and the share of it that will do
+LEAST_STEP = 0.2  # of the edge, from one try to the next: few new faces do not tell how many finer edges make
 
 
 def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, float]:
@@ -40,7 +42,7 @@ def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, floa
 
     # The number goes with the inverse square of the edge, more or less: follow that from the coarse side.
     finest = box.size * FINEST
-    edge, best, kept = box.size * FIRST_TRY, box.size, None
+    edge, best, kept = box.size * COARSEST, box.size, None
     for _ in range(TRIES):
         tried = cut(edge)
         # Each new vertex on a smooth surface makes two new faces.
@@ -50,7 +52,8 @@ def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, floa
                 best, kept = edge, tried
             if edge <= finest or made > ENOUGH * room:
                 break
-        edge = max(edge * float(np.clip(np.sqrt(made / (AIM * room)), *STRIDE)), finest)
+        aim = room * (1 + ENOUGH) / 2
+        edge = max(edge * max(float(np.sqrt(made / aim)), LEAST_STEP), finest)
     return cut(best) if kept is None else kept, best
 
 
@@ -89,7 +92,7 @@ class Grain:
 
     def _inside(self, edge: float, middle: np.ndarray, length: np.ndarray) -> np.ndarray:
         at = ((middle - self.corner) / self.cell).reshape(-1, 3)
-        result = np.full(length.shape, DARK * edge if self.kinds else edge)
+        result = np.full(length.shape, DIM * DIM * edge if self.kinds else edge)
         for factor, distances in self.kinds:
             away = _between(distances, at).reshape(length.shape)
             away = np.maximum(away - self.cell - length / 2, 0.0)
@@ -133,8 +136,6 @@ def _in_sight(scene: Scene, rays: Rays, box: Box, rows: np.ndarray) -> np.ndarra
     if scene.camera is None:
         return np.ones(len(rows), bool)
     points = box.hits[rows] + 1e-3 * box.size * box.normals[rows]
-    eye = np.array(scene.camera.position)
-    to = points - eye
-    length = np.sqrt((to * to).sum(axis=1))
-    t, _ = rays.hits(np.broadcast_to(eye, to.shape), to / np.maximum(length, 1e-12)[:, None])
-    return (np.abs(in_frame(scene.camera, scene.up, points)).max(axis=1) < 1.2) & (t > 0.98 * length)
+    to = points - np.array(scene.camera.position)
+    t, _ = rays.hits(np.broadcast_to(scene.camera.position, to.shape), unit(to))
+    return (np.abs(in_frame(scene.camera, scene.up, points)).max(axis=1) < 1.2) & (t > 0.98 * length(to))

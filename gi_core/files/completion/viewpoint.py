@@ -6,8 +6,8 @@ import numpy as np
 
 from gi_core.base.grouping import group_of
 from gi_core.base.vectors import dot, length
-from gi_core.files.completion.camera_view import ASPECT, axes, in_frames, picture_rays
-from gi_core.files.completion.pilot import Box, Rays, horizontal, spread
+from gi_core.files.completion.camera_view import ASPECT, axes, in_frames, picture_rays, unit
+from gi_core.files.completion.pilot import BOUNCES, CELL, NEAR, Box, Rays, corners_of, ring, spread
 from gi_core.scene.pose import to_world
 from gi_core.scene.types import Camera, Scene
 
@@ -23,11 +23,9 @@ MARGIN = 0.96  # of the frame that a scene seen from outside fills
 SAMPLE = 240  # points of the scene whose visibility is counted for each camera tried
 SHOWN = 24  # and of the mobile
 GRID = (20, 12)  # rays through the picture
-SEE_THROUGH = 4  # back faces of one-sided surfaces that a sight line may pass
 CLOSE = 0.07  # of the scene's size: what is nearer fills the picture without showing anything
-FILL, SHARE = 1.0, 2.0  # weight of the picture's share that shows the scene, and of the scene's share that it shows
-LIT_CELL = 1 / 14  # of the scene's size: a place is lit if the pilot hit so near
-SHIFT = 0.3819
+SHIFT = 0.3819  # of a cell: walls and floors at round numbers must not flicker between two cells
+SHARE = 2.0  # weight of the scene's share in the picture; the picture's share that shows the scene has weight 1
 
 
 def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | None, indoors: bool) -> Camera:
@@ -36,7 +34,7 @@ def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | Non
     subject: (3,) a place on the floor to look at where there is no mobile, None for the middle of the scene.
     """
     up = np.array(scene.up)
-    east, north = horizontal(up)
+    around = np.roll(ring(up, 24), -2, axis=0)
     middle = (box.low + box.high) / 2
     shown = (middle if subject is None else subject + up * 0.04 * box.size)[None]
     if scene.mobiles:
@@ -49,23 +47,23 @@ def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | Non
     low, high = (box.low, box.high) if indoors else _with_its_ends(box, rays)
     whole = (low + high) / 2
     for elevation, bonus in OUTSIDE.items():
-        for azimuth in np.arange(0, 360, 15.0) + 30.0:
-            d = _direction(azimuth, elevation, up, east, north)
+        for k, level in enumerate(around):
+            d = _raised(level, up, elevation)
             far = _distance(low, high, d, up)
             # Nearer, a room fills the picture; a lone object would be cut off.
             shares = (1.0, 0.85) if indoors else (1.0,)
-            worth = (FRONTAL if azimuth % 90 == 0 else 0.0) if indoors else bonus
+            worth = (FRONTAL if k % 6 == 4 else 0.0) if indoors else bonus
             tries += [(whole + share * far * d, whole, OUTSIDE_FOV, worth) for share in shares]
     if scene.mobiles or indoors:
         heart = seen[2] @ seen[0]
         for elevation in (5.0, 15.0, 28.0):
-            for azimuth in np.arange(0, 360, 15.0):
-                d = _direction(azimuth, elevation, up, east, north)
+            for level in around:
+                d = _raised(level, up, elevation)
                 t, _ = rays.hits(centre[None], d[None])
                 for share in (0.6, 0.92):
                     at = centre + min(share * float(t[0]), 1.2 * box.size) * d
                     tries += [(at, target, INSIDE_FOV, 0.0) for target in (centre, 0.5 * (centre + heart))]
-    far_enough = [t for t in tries if np.sqrt(((t[1] - t[0]) ** 2).sum()) >= 0.15 * box.size]
+    far_enough = [t for t in tries if length(t[1] - t[0]) >= 0.15 * box.size]
     cameras = [Camera(tuple(map(float, at)), tuple(map(float, target)), fov) for at, target, fov, _ in far_enough]
     if not cameras:
         return None
@@ -77,7 +75,7 @@ class _Lit:
     """Which cells of the scene the pilot's light reached, on which side of a surface."""
 
     def __init__(self, box: Box):
-        self.cell = LIT_CELL * box.size
+        self.cell = CELL * box.size
         self.cells = self._cells(box.hits, box.normals)
 
     def holds(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -89,8 +87,7 @@ class _Lit:
         return lit[group[n:]]
 
     def _cells(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        # Off the surface: the outside of a wall that is lit inside is dark. Shifted: walls and floors love
-        # round numbers, and would flicker between two cells.
+        # Off the surface: the outside of a wall that is lit inside is dark.
         return np.floor(points / self.cell + 0.5 * normals + SHIFT).astype(np.int64)
 
 
@@ -114,13 +111,12 @@ def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: 
     at = np.abs(in_frames(cameras, up, every))
     visible = np.maximum(at[..., 0], at[..., 1]) < 1
     of, row = np.nonzero(visible)
-    reached, _ = first_seen(rays, eyes[of], to[of, row] / np.maximum(distance[of, row], 1e-12)[:, None])
-    visible[of, row] = reached > distance[of, row] - 2e-3 * box.size
+    reached, _ = first_seen(rays, eyes[of], unit(to[of, row]))
+    visible[of, row] = reached > distance[of, row] - NEAR * rays.extent
     visible[:, :n] &= dot(to[:, :n], normals) <= 0
-    extent = float(np.sqrt((np.ptp(shown, axis=0) ** 2).sum()))
-    reach = extent / np.maximum(np.median(distance[:, n:], axis=1), 1e-12)
+    reach = float(length(np.ptp(shown, axis=0))) / np.maximum(np.median(distance[:, n:], axis=1), 1e-12)
     mobile = (1.2 + np.minimum(reach, 0.4)) * visible[:, n:].mean(axis=1)
-    return FILL * fill + SHARE * (visible[:, :n] * weight).sum(axis=1) + mobile
+    return fill + SHARE * (visible[:, :n] * weight).sum(axis=1) + mobile
 
 
 def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
@@ -130,7 +126,7 @@ def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
     """
     at, result, normals = np.zeros(len(d)), np.full(len(d), np.inf), np.zeros((len(d), 3))
     going = np.arange(len(d))
-    for _ in range(SEE_THROUGH):
+    for _ in range(BOUNCES):
         t, face = rays.hits(eye[going] + d[going] * at[going, None], d[going])
         at[going] += t
         hit = face >= 0
@@ -142,7 +138,7 @@ def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
         going = going[back]
         if not len(going):
             break
-        at[going] += 1e-5 * rays.extent
+        at[going] += rays.lift
     result[going] = at[going]  # behind so many backs: taken as hidden there
     return result, normals
 
@@ -157,14 +153,14 @@ def _with_its_ends(box: Box, rays: Rays) -> tuple[np.ndarray, np.ndarray]:
 
 def _distance(low: np.ndarray, high: np.ndarray, d, up) -> float:
     """Return how far from the middle along d [m] a camera must be to have the whole box in its frame."""
-    corners = np.array([[(low, high)[(k >> a) & 1][a] for a in range(3)] for k in range(8)])
-    off = corners - (low + high) / 2
+    off = corners_of(low, high) - (low + high) / 2
     forward, right, above = axes(d, np.zeros(3), up)
     half = np.tan(np.radians(OUTSIDE_FOV) / 2) * MARGIN
     wanted = np.maximum(np.abs(off @ right) / ASPECT, np.abs(off @ above)) / half - off @ forward
     return max(float(wanted.max()), 0.3 * float((high - low).max()))
 
 
-def _direction(azimuth, elevation, up, east, north) -> np.ndarray:
-    a, e = np.radians(azimuth), np.radians(elevation)
-    return np.cos(e) * (np.cos(a) * east + np.sin(a) * north) + np.sin(e) * up
+def _raised(level: np.ndarray, up: np.ndarray, elevation: float) -> np.ndarray:
+    """Return a horizontal direction raised by an elevation [degrees]."""
+    e = np.radians(elevation)
+    return np.cos(e) * level + np.sin(e) * up
