@@ -1,8 +1,8 @@
 """Frame budget: predicts the cost of frames, and chooses the photons and paths that fit a time.
 
-A prefix of the photons is a valid smaller solution with more noise. Another prefix has other noise, which the eye takes
-for flicker. So one size is chosen when a motion begins, and a smaller one only after several late frames in a row; a
-larger one waits for the next motion. Where mobiles gather their light, a share of the budget is theirs.
+A photon subset is a valid smaller solution with more noise. The noise differs between subsets, so switching between
+them flickers. The size is therefore chosen when a motion begins. It becomes smaller only after several late frames in
+a row, and larger with the next motion. Mobiles that gather their light use a share of the budget.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from statistics import median
 from gi_core.frames.light_source import PATHS, REST
 
 REMEMBERED = 9  # frames per size, whose median counts
-TIMED = 3  # frames per prefix that are timed at rest: the machine may be busy for one of them
+TIMED = 3  # frames timed per photon subset at rest: one of them may be disturbed by other load
 GATHERING = 0.5  # of the budget, where mobiles gather their light
-FEWEST = 16  # times fewer photons than at rest have four times the noise; beyond that pictures are confetti ...
-LEAST = 1 << 14  # ... and so are those of fewer than this: each photon that is cut leaves a dark blot
-FAR = 1.5  # times the budget: such a frame is late
-IN_A_ROW = 4  # late frames before fewer photons are taken: one or two are the machine's own hiccups
+FEWEST = 16  # a subset of 1/16 has four times the noise; smaller subsets are useless ...
+LEAST = 1 << 14  # ... and so are subsets of fewer photons: each cut photon leaves a dark blot
+FAR = 1.5  # times the budget: longer frames are late
+IN_A_ROW = 4  # late frames before fewer photons are used: one or two are disturbances
 
 
 class FrameTimes:
-    """Seconds that frames took, by their number of photons or paths, and what others would take."""
+    """Measured frame times by number of photons or paths, and predictions of others."""
 
     def __init__(self):
         self._seconds: dict[int, deque[float]] = {}
@@ -36,10 +36,10 @@ class FrameTimes:
         return self._seconds.get(size, ())
 
     def expected(self, size: int) -> float | None:
-        """Return the time expected of a size [s]; None where nothing is known.
+        """Return the predicted time of a size [s]; None without measurements.
 
-        The median of those measured, else a line through the two measured sizes nearest to it, else proportional to
-        the one measured.
+        It is the median of the size's measurements, else on the line through the two nearest measured sizes, else
+        proportional to the one measured.
         """
         times = {n: median(t) for n, t in self._seconds.items() if n}
         if not times or size in times:
@@ -52,7 +52,7 @@ class FrameTimes:
         return max(times[a] + slope * (size - a), 0.0)
 
     def largest_within(self, seconds: float, sizes: Sequence[int]) -> int:
-        """Return the largest of ascending sizes expected to fit; the smallest if none does or nothing is known."""
+        """Return the largest of ascending sizes predicted to fit; the smallest if none does or none is measured."""
         known = [(n, self.expected(n)) for n in sizes]
         return max((n for n, t in known if t is not None and t <= seconds), default=sizes[0])
 
@@ -69,19 +69,19 @@ class FrameBudget:
     # -- costs ------------------------------------------------------------------------------------
 
     def forget_photons(self) -> None:
-        """Forget the costs of photons: another estimator lights the frames from now on."""
+        """Discard the measured costs of photons, after a change of estimator."""
         self._photon_times = FrameTimes()
 
     def took(self, photons: int, paths: int, seconds: float, gathering: float | None) -> None:
-        """Learn the cost of a frame [s] without its gathering, and of that; None where no ray was traced for it."""
+        """Record the time of a frame [s] without gathering, and that of gathering; None if it traced no ray."""
         self._photon_times.add(photons, seconds)
         if paths and gathering is not None:
             self._path_times.add(paths, gathering)
 
     def next_to_time(self, seconds: float, prefixes: Sequence[int]) -> int | None:
-        """Return the next prefix below all photons whose frame is to be timed, smallest first; None if all are.
+        """Return the smallest photon subset below all photons that still needs timing; None if there is none.
 
-        seconds: the budget, over which larger prefixes are of no use.
+        seconds: the budget; subsets predicted to exceed it need no timing.
         """
         for photons in prefixes[:-1]:
             times = self._photon_times.of(photons)
@@ -94,9 +94,9 @@ class FrameBudget:
     # -- choices ----------------------------------------------------------------------------------
 
     def within(self, seconds: float, prefixes: Sequence[int], gathers: bool) -> tuple[int | None, int | None]:
-        """Return the most photons and paths whose frame is expected to take no longer; unknown costs count as too much.
+        """Return the most photons and paths whose frame is predicted to fit; unknown costs count as too high.
 
-        prefixes: ascending numbers of photons to choose from; gathers: whether mobiles gather their light.
+        prefixes: photon subsets, ascending; gathers: whether mobiles gather their light.
         """
         paths = None
         if gathers:
@@ -107,13 +107,13 @@ class FrameBudget:
         return self._photon_times.largest_within(seconds, good_enough(prefixes)), paths
 
     def begin(self) -> None:
-        """Let the next frame choose: a motion begins."""
+        """Begin a motion: the next frame chooses the size."""
         self._chosen_for = None
 
     def choose(self, seconds: float, prefixes: Sequence[int], gathers: bool) -> tuple[int | None, int | None]:
-        """Return the size of a motion's next frame: that of its first one, or a smaller one after late frames.
+        """Return the size of a motion's next frame: that of the first frame, or a smaller one after late frames.
 
-        seconds: the budget of a frame; 0: all photons and paths always.
+        seconds: budget per frame; 0: always all photons and paths.
         """
         if seconds <= 0 or not prefixes:
             self._size = None, None
@@ -125,11 +125,11 @@ class FrameBudget:
         return self._size
 
     def moved(self, seconds: float) -> None:
-        """Learn how long a motion's frame took in all [s]."""
+        """Record the total time of a motion's frame [s]."""
         late = self._size[0] is not None and seconds > FAR * self._chosen_for
         self._late = self._late + 1 if late else 0
 
 
 def good_enough(prefixes: Sequence[int]) -> list[int]:
-    """Return the prefixes that make a picture rather than confetti."""
+    """Return the photon subsets with acceptable noise."""
     return [n for n in prefixes if FEWEST * n >= prefixes[-1] and n >= min(LEAST, prefixes[-1])]

@@ -29,7 +29,7 @@ def levels(texture: Texture) -> tuple[np.ndarray, ...]:
         linear = np.zeros((0, 0, 3), np.float32)
         while max(chain[-1].shape[:2]) > 1:
             # From the unrounded copy: eleven roundings in a row would add up.
-            chain[-1].flags.writeable = False  # all alike: numba compiles everything anew for another kind of array
+            chain[-1].flags.writeable = False  # numba would compile again for writable arrays
             linear, smaller = _halved(chain[-1], linear, LINEAR, BYTE)
             chain.append(smaller)
         chain[-1].flags.writeable = False

@@ -15,9 +15,7 @@ from gi_core.scene.types import Paint, Texture
 
 MOST_REFLECTANCE = 0.98  # a reflectance of 1 would keep light in a closed room for ever
 WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2}  # as in the kernels below
-TEXTURE_SAMPLES = (
-    1_500_000  # of all triangles together, so far as the next line allows: a tenth of a second on two cores
-)
+TEXTURE_SAMPLES = 1_500_000  # over all triangles, within FINENESS: a tenth of a second on two cores
 FINENESS = 16, 64  # samples along the longest edge of a triangle: its mean is then right to half a percent, or a tenth
 MOST_TAPS = 8  # samples along a pixel's footprint where a surface is seen at a grazing angle
 GRAIN = 64  # triangles a thread

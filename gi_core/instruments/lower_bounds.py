@@ -172,7 +172,7 @@ def copied(stage: str, size: int, threads: int) -> Work:
     return Work(stage, "bytes", size, 2 * len(half), lambda: run_ranges(part, len(half), threads, 1 << 18))
 
 
-# Disc tests and crossings -------------------------------------------------------------------------------
+# Disc tests and intersections ---------------------------------------------------------------------------
 
 
 def tested(count: int, threads: int) -> Work:
