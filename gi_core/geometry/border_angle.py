@@ -1,7 +1,7 @@
-"""The angle that the surface round a receiver covers in its tangent plane (report 2.9.1, fig. 2.10).
+"""Border angle: the angle that the surface covers in a receiver's tangent plane (report 2.9.1, fig. 2.10).
 
-2 pi where faces surround the receiver, pi in the middle of a border, pi / 2 in the corner of a wall. Photons hit the
-surface alone, so round a border they hit angle / 2 pi of a disc.
+It is 2 pi inside a surface, pi on a straight border, pi / 2 in the corner of a wall. Photons hit the surface only, so
+at a border they reach angle / 2 pi of a disc.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from gi_core.base.grouping import group_of
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 
-LEAST_SHARE = 0.01  # of a full turn: the tips of slivers would divide by next to nothing
+LEAST_SHARE = 0.01  # of a full turn: lower bound of the divisor at tips of slivers
 
 
 def border_receivers(surfaces: Surfaces, count: int) -> np.ndarray:
-    """Return (R,) bool: receivers at the end of an edge that only one face has.
+    """Return (R,) bool: the receiver is an end of an edge with a single face.
 
-    Creases split receivers, so the edge between two walls is one-faced on either side.
+    Creases split receivers, so an edge between two walls has a single face on either side.
     """
     border = np.zeros(count, bool)
     for corners in (surfaces.corner_front, surfaces.corner_back[(surfaces.corner_back >= 0).all(axis=1)]):
@@ -33,9 +33,9 @@ def border_receivers(surfaces: Surfaces, count: int) -> np.ndarray:
 
 
 def covered_share(surfaces: Surfaces, receivers: Receivers) -> np.ndarray:
-    """Return alpha / 2 pi of each receiver, (R,) float64 in (0, 1], exactly 1 where it is not at a border.
+    """Return alpha / 2 pi of each receiver, (R,) float64 in (0, 1], exactly 1 away from borders.
 
-    alpha is the sum of its faces' angles in projection on its tangent plane; receivers in object space.
+    alpha is the sum of the faces' angles, projected on the tangent plane. receivers: in object space.
     """
     alpha = np.zeros(len(receivers.areas))
     for corners in (surfaces.corner_front, surfaces.corner_back):

@@ -1,7 +1,7 @@
-"""Surfaces cut out by their texture's transparency: leaves on cards, fences, grilles.
+"""Alpha cutouts: surfaces with holes from a texture's transparency, such as leaves on cards, fences and grilles.
 
-Pictures show the holes texel by texel. Light knows triangles only: those of which nothing is left are taken away, the
-others block it whole, so that the finer the mesh the truer the shadow.
+Pictures show the holes per texel. Light transport uses whole triangles: fully transparent ones are removed, all others
+block light entirely. Shadows are therefore as accurate as the mesh is fine.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ import numpy as np
 from gi_core.geometry.paint import rows_of
 from gi_core.scene.types import Mesh, Texture
 
-HALF = 128  # of a byte of `Texture.cover`: from there on the surface is there
+HALF = 128  # threshold of `Texture.cover`: the surface exists from this byte on
 
 
 def cover_of(alpha: np.ndarray, factor: float, cutoff: float) -> np.ndarray:
-    """Return alpha (h, w) uint8 times `factor`, stretched so that `cutoff` becomes HALF: one threshold for all."""
+    """Return alpha (h, w) uint8 times `factor`, scaled so that `cutoff` becomes HALF, the common threshold."""
     if cutoff <= 0:
         return np.full(alpha.shape, 255, np.uint8)
     return np.round(np.clip(alpha * (0.5 * factor / cutoff), 0, 255)).astype(np.uint8)
 
 
 def bled(pixels: np.ndarray, cover: np.ndarray) -> np.ndarray:
-    """Return pixels (h, w, 3) with those cut away in the mean colour of the rest: it runs into what is seen."""
+    """Return pixels (h, w, 3) with cut-out ones in the mean colour of the rest: interpolation mixes them in."""
     there = cover >= HALF
     if there.all() or not there.any():
         return pixels
@@ -32,7 +32,7 @@ def bled(pixels: np.ndarray, cover: np.ndarray) -> np.ndarray:
 
 
 def covered(texture: Texture, uv: np.ndarray) -> np.ndarray:
-    """Return whether the surface is there (n,) at places uv (n, 2) of a texture that has a cover."""
+    """Return (n,) bool: the surface exists at uv (n, 2) of a texture with a cover."""
     h, w = texture.cover.shape
     at = np.clip(np.nan_to_num(uv), -1e6, 1e6) * [w, h]
     if texture.nearest:
@@ -50,7 +50,7 @@ def covered(texture: Texture, uv: np.ndarray) -> np.ndarray:
 
 
 def without_holes(mesh: Mesh) -> Mesh:
-    """Return the mesh without the triangles of which the cover of their texture leaves nothing."""
+    """Return the mesh without its fully transparent triangles."""
     if mesh.paint is None or all(t.cover is None for t in mesh.paint.textures):
         return mesh
     keep = np.ones(len(mesh.faces), bool)
@@ -66,15 +66,15 @@ def without_holes(mesh: Mesh) -> Mesh:
 
 
 def _anything(texture: Texture, uv: np.ndarray) -> np.ndarray:
-    """Return whether anything is there within the box (n,) round each triangle uv (n, 3, 2)."""
+    """Return (n,) bool: the surface exists somewhere in the bounding box of each triangle uv (n, 3, 2)."""
     h, w = texture.cover.shape
     uv = np.clip(np.nan_to_num(uv.astype(np.float64)), -1e6, 1e6)
-    # Counts of what is there left of and above each texel, over two periods: a box begins in the first of them.
+    # Summed-area table of existing texels, over two periods: a box begins in the first of them.
     there = np.tile(texture.cover >= HALF, (2, 2))
     count = np.zeros((2 * h + 1, 2 * w + 1), np.int64)
     count[1:, 1:] = there.cumsum(axis=0).cumsum(axis=1)
     size = np.array([w, h])
-    # Half a texel more all round, for interpolation.
+    # Half a texel of padding for interpolation.
     low = np.floor(uv.min(axis=1) * size - 0.5).astype(np.int64)
     high = np.floor(uv.max(axis=1) * size + 0.5).astype(np.int64) + 1
     inside = (low >= 0) & (high <= size)

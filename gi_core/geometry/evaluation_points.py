@@ -1,4 +1,4 @@
-"""Where truth is evaluated for each receiver (design: "Error, defined once")."""
+"""Evaluation points of the reference, one per receiver."""
 
 from __future__ import annotations
 
@@ -7,18 +7,17 @@ import numpy as np
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 
-INWARD = 1e-2  # of the way to the mean centroid of a receiver's faces: well inside a cell, far from the wall
+INWARD = 1e-2  # of the offset to the mean centroid of a receiver's faces: well inside a cell, far from the wall
 EVALUATION_LIFT = 1e-3  # of the mean distance to those centroids: a tenth of INWARD, so edge points stay near the wall
 
 
 def evaluation_points(surfaces: Surfaces, receivers: Receivers) -> tuple[np.ndarray, np.ndarray]:
     """Return positions and normals, both (R, 3) float64.
 
-    A vertex at an edge lies in its neighbour's plane, where every ray hits that wall at once. So each
-    receiver moves by INWARD of the way to the mean centroid of its faces and is then lifted along its
-    normal. On a convex surface the centroids lie below the tangent plane: there only the part of the
-    way in that plane is taken. Centroids are those of receivers, so `receivers` may be at any poses.
-    Receivers without faces (probes) stay where they are.
+    A vertex on an edge lies in the plane of the neighbouring wall, which blocks every ray. Each receiver therefore
+    moves by INWARD of the offset to the mean centroid of its faces, and is lifted along its normal. On a convex surface
+    the centroids lie below the tangent plane: there the offset is projected on that plane. Centroids are computed from
+    receivers, so `receivers` may be at any poses. Receivers without faces (probes) do not move.
     """
     P, N = receivers.positions, receivers.normals
     way, distance, count = np.zeros_like(P), np.zeros(len(P)), np.zeros(len(P))

@@ -1,4 +1,4 @@
-"""An image at every scale: its values linear, and a chain of copies, each half the size of the one before."""
+"""Mipmaps: a chain of copies of an image, each half the size of the previous one, and linear values."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def srgb_to_linear(value: np.ndarray) -> np.ndarray:
 
 
 LINEAR = srgb_to_linear(np.arange(256) / 255.0)  # of a byte
-# The byte of a linear value in 65535ths: even near black, where bytes lie closest, each has five of them.
+# The sRGB byte of a linear value in 65535ths; even near black each byte covers five values.
 BYTE = np.searchsorted(srgb_to_linear((np.arange(255) + 0.5) / 255.0), np.arange(1 << 16) / 65535.0).astype(np.uint8)
 _chains: WeakKeyDictionary[Texture, tuple[np.ndarray, ...]] = WeakKeyDictionary()
 
@@ -28,7 +28,7 @@ def levels(texture: Texture) -> tuple[np.ndarray, ...]:
         chain = [np.ascontiguousarray(texture.pixels).view()]
         linear = np.zeros((0, 0, 3), np.float32)
         while max(chain[-1].shape[:2]) > 1:
-            # From the unrounded copy: eleven roundings in a row would add up.
+            # From the unrounded copy: eleven successive roundings would accumulate.
             chain[-1].flags.writeable = False  # numba would compile again for writable arrays
             linear, smaller = _halved(chain[-1], linear, LINEAR, BYTE)
             chain.append(smaller)
@@ -45,12 +45,12 @@ def mean_linear(pixels: np.ndarray) -> np.ndarray:
 
 @kernel
 def _weights(i, size):
-    """Return the weights of the three old texels from 2 i on that make up new texel i of a row of `size`."""
+    """Return the weights of the three old texels from 2 i on in new texel i of a row of `size` texels."""
     if size == 1:
         return 1.0, 0.0, 0.0
     if size % 2 == 0:
         return 0.5, 0.5, 0.0
-    # An odd row: its outer two are shared with the neighbours.
+    # Odd size: the outer two texels are shared with the neighbours.
     half = size // 2
     return (half - i) / size, half / size, (i + 1) / size
 

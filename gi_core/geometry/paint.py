@@ -1,4 +1,4 @@
-"""Paint of meshes made of several: where one mesh has textures and the next has not."""
+"""Paint of joined meshes, some with textures and some without."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gi_core.scene.types import Material, Mesh, Paint
 
 
 def plain_paint(mesh: Mesh, materials: Sequence[Material]) -> Paint:
-    """Return paint that says what the mesh's face reflectances or materials say."""
+    """Return untextured paint equivalent to the mesh's face reflectances or materials."""
     colour = mesh.face_reflectance
     if colour is None:
         colour = np.array([m.reflectance for m in materials], np.float64).reshape(-1, 3)[mesh.face_material]
@@ -20,7 +20,7 @@ def plain_paint(mesh: Mesh, materials: Sequence[Material]) -> Paint:
 
 
 def join_paints(meshes: Sequence[Mesh], materials: Sequence[Material]) -> Paint | None:
-    """Return the paint of the faces of several meshes, one after the other; None if none of them is painted.
+    """Return the paint of the concatenated faces of several meshes; None if none is painted.
 
     The face materials of all meshes index `materials`.
     """
@@ -38,7 +38,7 @@ def join_paints(meshes: Sequence[Mesh], materials: Sequence[Material]) -> Paint 
 
 
 def rows_of(paint: Paint | None, faces: np.ndarray) -> Paint | None:
-    """Return the paint of some faces."""
+    """Return the paint of the given faces."""
     if paint is None:
         return None
     columns = (paint.face_texture, paint.corner_uv, paint.corner_colour)

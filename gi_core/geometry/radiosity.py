@@ -1,6 +1,6 @@
-"""From irradiance to what leaves a surface: B = rho E, L = B / pi + Le (report Eq. 2.2, 3.4.2).
+"""Radiosity and exitant radiance: B = rho E, L = B / pi + Le (report Eq. 2.2, 3.4.2).
 
-Irradiance is estimated once a receiver; triangles of several colours share it.
+Irradiance is estimated once per receiver; faces of several colours share it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from gi_core.base.jit import kernel
 @kernel
 def _read_out(sums, scale, area, out):
     for r in range(len(area)):
-        # No area, no light: nothing can reach such a receiver, or it has no face.
+        # Area 0: no light can reach the receiver, or it has no face.
         factor = scale / area[r] if area[r] > 0.0 else 0.0
         for c in range(3):
             out[r, c] = sums[r, c] * factor

@@ -1,4 +1,4 @@
-"""Classes of receivers that errors are quoted for."""
+"""Receiver classes of error statistics."""
 
 from __future__ import annotations
 
@@ -9,19 +9,18 @@ from gi_core.geometry.error import luminance
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 
-AFFECTED = 0.01  # of mean irradiance: a smaller change by the mobiles counts as none
+AFFECTED = 0.01  # of mean luminance: least change that counts
 CLASSES = ("untouched", "affected", "mobile", "border")
 
 
 def receiver_classes(
     surfaces: Surfaces, receivers: Receivers, now: np.ndarray, background: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Return which receivers are in each class, {name: (R,) bool}; each receiver is in exactly one.
+    """Return the members of each class, {name: (R,) bool}; each receiver is in exactly one class, the first of these.
 
-    mobile: on a mobile. border: of the others, those at a border or corner, where a disc hangs over an
-    edge or into a wall. affected: of the rest, those where the mobiles change luminance by more than
-    AFFECTED of its mean; `now` and `background` are irradiance (R, 3) with mobiles and of the static
-    scene alone (rows of mobiles are not looked at). untouched: what is left.
+    mobile: on a mobile. border: at a border or corner, where a disc hangs over an edge or into a wall. affected:
+    mobiles change luminance by more than AFFECTED of its mean; `now` and `background` are irradiance (R, 3) with
+    mobiles and of the static part alone (rows of mobiles are ignored). untouched: all others.
     """
     on_mobile = np.arange(len(receivers.areas)) >= surfaces.first_receiver[1]
     border = border_receivers(surfaces, len(receivers.areas)) & ~on_mobile

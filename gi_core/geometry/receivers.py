@@ -1,7 +1,7 @@
-"""Receivers: one-sided (position, normal) points at the vertices of a mesh, where irradiance is wanted.
+"""Receivers: one-sided points (position, normal) at the vertices of a mesh, which store irradiance.
 
-Corners of faces share a receiver where they meet at one position on one smooth side: a box corner has
-three receivers, a vertex inside a wall one. The back of a two-sided face has receivers of its own.
+Face corners at one position on one smooth side share a receiver: a box corner has three receivers, a vertex inside a
+wall one. The back of a two-sided face has separate receivers.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from gi_core.base.vectors import box, cross, dot, length
 from gi_core.scene.types import Mesh
 
 CREASE_DEGREES = 40.0  # faces that meet at a smaller angle shade as one smooth surface
-STEPS = 3  # neighbours among the faces at one edge that a face is compared with
-WELD = 1e-6  # of the mesh's extent: vertices nearer than that are one (float32 files repeat them)
+STEPS = 3  # faces at one edge that a face is compared with
+WELD = 1e-6  # of the mesh's extent: nearer vertices are merged (float32 files repeat them)
 
 
 class Receivers(NamedTuple):
-    """Points with normals, and the area that each one stands for."""
+    """R points with normals and areas."""
 
     positions: np.ndarray  # (R, 3) float64 [m]
     normals: np.ndarray  # (R, 3) float64 unit
@@ -53,7 +53,7 @@ def build_receivers(mesh: Mesh, normals: np.ndarray, areas: np.ndarray, two_side
     size = length(n)
     first = np.full(count, -1)
     first[flat[::-1]] = np.arange(3 * F)[::-1]
-    # Slivers may leave nothing to average: take the first face's own normal.
+    # Normals of slivers may cancel: use the first face's own normal.
     n = np.where(size[:, None] > 1e-12, n / np.where(size > 0, size, 1)[:, None], directions[first])
     positions = mesh.vertices[mesh.faces.reshape(-1)[first]]
     area = np.bincount(flat, np.repeat(areas / 3, 3), count)
@@ -72,14 +72,14 @@ def build_receivers(mesh: Mesh, normals: np.ndarray, areas: np.ndarray, two_side
 
 
 def count_receivers(mesh: Mesh, normals: np.ndarray, two_sided: np.ndarray) -> int:
-    """Return how many receivers build_receivers() would make."""
+    """Return the number of receivers that build_receivers() makes."""
     group, count = _groups(mesh, normals)
     return count + len(np.unique(group[two_sided]))
 
 
 def _groups(mesh: Mesh, normals: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return which corners (F, 3) int64 share a receiver on the front, and how many of those there are."""
-    position_of = weld(mesh.vertices)[mesh.faces]  # (F, 3) welded vertex id a corner
+    """Return the receiver (F, 3) int64 of each front corner, and the number of receivers."""
+    position_of = weld(mesh.vertices)[mesh.faces]  # (F, 3) welded vertex id per corner
     if mesh.corner_normals is None:
         group = _smooth_groups(position_of, normals)
     else:
@@ -88,14 +88,14 @@ def _groups(mesh: Mesh, normals: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def no_receivers(mesh: Mesh) -> Built:
-    """Return what build_receivers() would, for those who only cast rays."""
+    """Return the result of build_receivers() with no receivers, for ray casting only."""
     F = len(mesh.faces)
     none = np.full((F, 3), -1, np.int64)
     return Built(Receivers(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)), none, none, np.zeros(F, np.int64))
 
 
 def weld(vertices: np.ndarray) -> np.ndarray:
-    """Return for each vertex (V,) the id of its place: vertices in one small cell share it."""
+    """Return the id (V,) of each vertex's position; vertices in one small cell share it."""
     if not len(vertices):
         return np.zeros(0, np.int64)
     low, high = box(vertices)
@@ -115,7 +115,7 @@ def _smooth_groups(position_of: np.ndarray, normals: np.ndarray) -> np.ndarray:
 @allocating
 def _smooth_pairs(order, start, end, normals, least):
     """Return the corners (m, 2) that meet on one smooth side. Edge 3 f + c runs from that corner of face f to its next;
-    `order` has edges of the same two ends beside each other: one of more than two faces joins only its smooth pairs."""
+    in `order`, edges with the same two ends are adjacent; an edge of more than two faces joins only smooth pairs."""
     pairs = np.empty((2 * STEPS * len(order), 2), np.int64)
     count = 0
     for k in range(len(order)):
@@ -126,7 +126,7 @@ def _smooth_pairs(order, start, end, normals, least):
                 break
             f, g = i // 3, j // 3
             if normals[f, 0] * normals[g, 0] + normals[f, 1] * normals[g, 1] + normals[f, 2] * normals[g, 2] > least:
-                # The corners at either end of each edge; the edges may run against each other.
+                # The corners at either end of each edge; the edges may have opposite directions.
                 a, b = i, 3 * f + (i + 1) % 3
                 c, d = j, 3 * g + (j + 1) % 3
                 if start[i] != start[j]:
@@ -147,7 +147,7 @@ def _patches(group: np.ndarray, count: int) -> np.ndarray:
     """Return the patch of each face: faces that share a receiver are one smooth surface."""
     F = len(group)
     links = np.stack([np.repeat(np.arange(F), 3), F + group.reshape(-1)], axis=1)
-    return components(links, F + count)[:F]  # the first nodes of all: numbered without a gap
+    return components(links, F + count)[:F]  # the first nodes, numbered without gaps
 
 
 def _corner_angles(mesh: Mesh) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Slivers: long thin triangles are cut across. Halving would split their diagonals too, into 3^n pieces, not 2^n."""
+"""Slivers, long thin triangles, are cut across; halving all edges would make 3^n pieces instead of 2^n."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 class Pieces(NamedTuple):
-    """Triangles that slivers were cut into."""
+    """Pieces of slivers."""
 
     points: np.ndarray  # (n, 3, 3) float64 [m]
     source: np.ndarray  # (n,) int64, index of the sliver
@@ -32,7 +32,7 @@ def cut_across(corners: np.ndarray, too_long: Callable, most: int) -> Pieces | N
     rows = np.arange(len(face))
     weights[rows, edge] += 1 - t
     weights[rows, (edge + 1) % 3] += t
-    # Two ways lead from the start of the longest edge to its end: along it, and past the opposite corner.
+    # Two paths lead from the start of the longest edge to its end: along it, and past the opposite corner.
     first = longest[face]
     other = edge != first
     start = (edge == first) & (t == 0)
@@ -41,7 +41,7 @@ def cut_across(corners: np.ndarray, too_long: Callable, most: int) -> Pieces | N
     d = e - s
     points = (weights[:, :, None] * corners[face]).sum(axis=1)
     along = ((points - s[face]) * d[face]).sum(axis=1) / (d * d).sum(axis=1)[face]
-    # Both ways take their first step first: three points on one edge are no triangle.
+    # Both paths take their first step first: three points on one edge form no triangle.
     order = np.lexsort((along, end, other, face))
     order = order[~(start | end)[order]]
     for way, key in ((False, -2.0), (True, -1.0)):
@@ -101,7 +101,7 @@ def _exact(corners, face, edge, t) -> np.ndarray:
 
 
 def _last(rows, face, mine, origin) -> np.ndarray:
-    """Return for each step the point that its way had reached before it."""
+    """Return for each step the previous point of its path."""
     place = np.arange(len(rows))
     first = np.append(True, face[rows][1:] != face[rows][:-1])
     begin = np.maximum.accumulate(np.where(first, place, 0))

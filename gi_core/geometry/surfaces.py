@@ -1,4 +1,4 @@
-"""Every object of a scene flattened into arrays with one global numbering of faces and receivers.
+"""Surfaces: all objects of a scene as flat arrays with one global numbering of faces and receivers.
 
 Object 0 is the static part, object i + 1 is `scene.mobiles[i]`. Geometry stays in object space.
 """
@@ -18,8 +18,8 @@ from gi_core.scene.types import Mesh, Paint, Scene
 class Surfaces(NamedTuple):
     """Faces of all objects; per-face arrays are in global face order."""
 
-    vertices: tuple[np.ndarray, ...]  # an object: (V, 3) float64, object space [m]
-    faces: tuple[np.ndarray, ...]  # an object: (F, 3) int32 into that object's vertices
+    vertices: tuple[np.ndarray, ...]  # per object: (V, 3) float64 [m], object space
+    faces: tuple[np.ndarray, ...]  # per object: (F, 3) int32 into that object's vertices
     first_face: np.ndarray  # (objects + 1,) int64
     normals: np.ndarray  # (F, 3) float64 unit, object space
     areas: np.ndarray  # (F,) float64 [m2]
@@ -30,7 +30,7 @@ class Surfaces(NamedTuple):
     corner_back: np.ndarray  # (F, 3) int32, on the back; -1 where the face is one-sided
     patch: np.ndarray  # (F,) int32, connected smooth patch
     first_receiver: np.ndarray  # (objects + 1,) int64
-    paint: tuple[Paint | None, ...]  # an object: what `reflectance` is the mean of; None: nothing finer
+    paint: tuple[Paint | None, ...]  # per object: paint, of which `reflectance` is the mean; None: unpainted
 
     @property
     def objects(self) -> int:
@@ -44,7 +44,7 @@ class Surfaces(NamedTuple):
 
 
 def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receivers]:
-    """Flatten a scene; the receivers come back in object space, in global order; or there are none."""
+    """Flatten a scene; return surfaces and receivers in object space, none without `with_receivers`."""
     meshes = [scene.static, *(m.mesh for m in scene.mobiles)]
     rho = np.array([m.reflectance for m in scene.materials], np.float64).reshape(-1, 3)
     Le = np.array([m.emission for m in scene.materials], np.float64).reshape(-1, 3)

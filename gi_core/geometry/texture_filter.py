@@ -1,7 +1,6 @@
-"""Textures at the scale that is wanted: the mean under a triangle, the value in a pixel.
+"""Texture filtering: the mean over a triangle, and the value of a pixel.
 
-Both read a chain of ever smaller copies of the image, as a graphics card does, so that neither a triangle
-that spans the image many times nor a distant pixel costs more than a near one. Values are linear.
+Both sample mipmaps, so cost does not grow with the texels under a triangle or a pixel. Values are linear.
 """
 
 from __future__ import annotations
@@ -13,13 +12,13 @@ from gi_core.base.threads import available_cores, run_ranges
 from gi_core.geometry.mipmap import LINEAR, levels
 from gi_core.scene.types import Paint, Texture
 
-MOST_REFLECTANCE = 0.98  # a reflectance of 1 would keep light in a closed room for ever
+MOST_REFLECTANCE = 0.98  # paths in a closed room of reflectance 1 would never end
 WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2}  # as in the kernels below
 TEXTURE_SAMPLES = 1_500_000  # over all triangles, within FINENESS: a tenth of a second on two cores
-FINENESS = 16, 64  # samples along the longest edge of a triangle: its mean is then right to half a percent, or a tenth
+FINENESS = 16, 64  # samples along the longest edge of a triangle: the error of the mean is half a percent, or a tenth
 MOST_TAPS = 8  # samples along a pixel's footprint where a surface is seen at a grazing angle
-GRAIN = 64  # triangles a thread
-CLAMPED_SIZE = 32  # texels: what lies beyond a clamped edge must not blur into the whole image
+GRAIN = 64  # triangles per thread
+CLAMPED_SIZE = 32  # texels: least size of clamped mipmaps, whose edges would blur into the image
 REFLECTANCE = np.minimum(LINEAR, MOST_REFLECTANCE)
 
 
@@ -35,7 +34,7 @@ def mean_colours(paint: Paint) -> np.ndarray:
 
 
 def lookup(texture: Texture, uv: np.ndarray, across: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Return the colour (n, 3) of pixels centred at uv (n, 2), which reach over `across` and `along` (n, 2) in uv.
+    """Return the colour (n, 3) of pixels centred at uv (n, 2), with extents `across` and `along` (n, 2) in uv.
 
     Trilinear, with up to MOST_TAPS samples along the longer side of the footprint.
     """
@@ -51,7 +50,10 @@ def lookup(texture: Texture, uv: np.ndarray, across: np.ndarray, along: np.ndarr
     uv, axis = _finite(uv), _finite(axis)
     if texture.nearest:
         near = longer <= 1
-        uv[near], axis[near] = (np.floor(uv[near] * [w, h]) + 0.5) / [w, h], 0.0  # its middle has a texel's own value
+        uv[near], axis[near] = (
+            (np.floor(uv[near] * [w, h]) + 0.5) / [w, h],
+            0.0,
+        )  # texel centres have the texel's own value
     u, v = (WRAPS[way] for way in texture.wrap)
     for k in np.unique(level):
         rows = np.flatnonzero(level == k)
@@ -61,7 +63,7 @@ def lookup(texture: Texture, uv: np.ndarray, across: np.ndarray, along: np.ndarr
 
 
 def _means(texture: Texture, uv: np.ndarray, colour: np.ndarray) -> np.ndarray:
-    """Return the mean (n, 3) under each triangle uv (n, 3, 2), weighted by colours (n, 3, 3) at its corners."""
+    """Return the mean (n, 3) over each triangle uv (n, 3, 2), weighted by colours (n, 3, 3) at its corners."""
     chain = levels(texture)
     h, w = chain[0].shape[:2]
     uv = _finite(uv)
@@ -88,7 +90,7 @@ def _means(texture: Texture, uv: np.ndarray, colour: np.ndarray) -> np.ndarray:
 
 @kernel
 def _wrapped(i, n, way):
-    if 0 <= i < n:  # nearly always; a division costs more than all the rest
+    if 0 <= i < n:  # the usual case; a division would dominate the cost
         return i
     if way == 0:
         return i % n
@@ -121,7 +123,7 @@ def _under(pixels, table, wrap_u, wrap_v, uv, colour, samples):
     for f in range(len(uv)):
         n = samples[f]
         red, green, blue = 0.0, 0.0, 0.0
-        # Cut the triangle into n^2 equal ones and take the middle of each: those that point up, then down.
+        # Sample the centres of n^2 equal subtriangles: those that point up, then down.
         for i in range(n):
             for j in range(n - i):
                 for down in range(2 if i + j < n - 1 else 1):
@@ -155,5 +157,5 @@ def _seen(fine, coarse, table, wrap_u, wrap_v, uv, axis, taps, share):
 
 
 def _finite(uv: np.ndarray) -> np.ndarray:
-    """Return coordinates that can be turned into texel numbers, whatever the file held."""
+    """Return coordinates with non-finite values replaced, whatever the file contains."""
     return np.clip(np.nan_to_num(np.asarray(uv, np.float64)), -1e6, 1e6)

@@ -1,4 +1,4 @@
-"""How much of a texture a pixel covers: the rays of neighbouring pixels met with the plane of the face it shows."""
+"""Texture footprint of a pixel: rays of neighbouring pixels, intersected with the plane of the visible face."""
 
 from __future__ import annotations
 
@@ -8,24 +8,23 @@ import numpy as np
 
 from gi_core.base.jit import allocating, kernel
 
-GRAZING = 1e-30  # a ray in the plane of a face meets it nowhere
+GRAZING = 1e-30  # parallel rays do not intersect the plane
 
 
 class Footprints(NamedTuple):
     """In texture coordinates, float64."""
 
     place: np.ndarray  # (n, 2)
-    across: np.ndarray  # (n, 2) from the pixel to the one on its right
-    along: np.ndarray  # (n, 2) to the one below
+    across: np.ndarray  # (n, 2), offset to the pixel on the right
+    along: np.ndarray  # (n, 2), offset to the pixel below
 
 
 def footprints(corners, uv, face, u, v, eye, directions, steps) -> Footprints:
-    """Return what pixels show of the textures of faces.
+    """Return the texture footprints of pixels.
 
     corners (F, 3, 3) float32 [m] and uv (F, 3, 2) float32 of all faces; face (n,), weights u, v (n,) of its
-    corners 1 and 2, and unit directions (n, 3) float32 of the rays from eye (3,) that meet it. The rows of
-    steps (3, 3): how far a ray at unit distance along the view moves for a pixel to the right, and for one
-    down; the view direction.
+    corners 1 and 2, and unit directions (n, 3) float32 of the rays from eye (3,) that hit it. Rows of steps (3, 3):
+    movement of a ray at unit distance along the view per pixel to the right, per pixel down, and the view direction.
     """
     out = Footprints(*(np.empty((len(face), 2)) for _ in range(3)))
     u, v = (np.ascontiguousarray(w, np.float64).reshape(-1) for w in (u, v))
@@ -56,7 +55,7 @@ def _footprints(corners, uv, face, u, v, eye, directions, steps, place, across, 
         if abs(steepness) < GRAZING:
             steepness = GRAZING
         for s in range(2):
-            # The neighbouring ray meets the plane that far from here.
+            # Offset to the intersection of the neighbouring ray.
             slant = _dot(n, steps[s]) / steepness
             for k in range(3):
                 moved[k] = depth * (steps[s, k] - slant * d[k])
