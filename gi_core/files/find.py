@@ -1,4 +1,4 @@
-"""Where scenes are: a path, or the name of one that is shipped."""
+"""Paths of scenes: a path, or the name of a shipped scene."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gi_core.scene.errors import SceneError
 
-ALIKE = 0.75  # of 1: what is less alike was not mistyped
+ALIKE = 0.75  # of 1: least likeness of a mistyped name
 
 
 def shipped_scenes() -> list[str]:
@@ -19,7 +19,7 @@ def shipped_scenes() -> list[str]:
 
 
 def _beside(path: Path) -> list[str]:
-    """Return the names of the files where a file was looked for in vain, none if that is no folder."""
+    """Return the names of the files in the folder of a path, none if there is no such folder."""
     try:
         return sorted(p.name for p in path.parent.iterdir() if p.suffix)
     except OSError:

@@ -1,4 +1,4 @@
-"""load_scene: a scene file, or a mesh file alone, with any mobiles named beside it."""
+"""load_scene: a scene file or a single mesh file, with mobiles from other files, becomes a complete Scene."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from gi_core.geometry.tessellation import tessellate
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Scene
 
-MOST_RECEIVERS = 150_000  # a bare mesh is refined until it has about as many, both sides counted, or is fine enough
+MOST_RECEIVERS = 150_000  # a bare mesh is refined to about as many, both sides counted, unless it is fine enough before
 
 SIZES = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
 
@@ -41,11 +41,11 @@ def load_scene(
     """Load a scene file (TOML), a mesh file (.glb .gltf .obj .ply .stl), or a shipped scene by name.
 
     mobiles: mesh files added as mobiles, resting on the floor; max_edge [m]: the longest edge of the
-    static part, instead of what the scene file says or, for a bare mesh, of what fits MOST_RECEIVERS;
-    up: "x", "y", "z" or three numbers, instead of what the file says;
+    static part, instead of the scene file's or, for a bare mesh, of the one that MOST_RECEIVERS allows;
+    up: "x", "y", "z" or three numbers, instead of the up axis of the file;
     allow_outside: files that the scene names may lie outside its folder.
 
-    Raises SceneError, one sentence naming the file, the rule, what was found, what to write.
+    Raises SceneError with one sentence: file, rule, value found, value to write instead.
     """
     file = find_scene(path)
     where = str(path) if os.path.isfile(path) else f"scenes/{file.name}"
@@ -70,7 +70,7 @@ def load_scene(
 
 
 class _Builder:
-    """Collects materials while meshes are read; one scene each."""
+    """Collects materials while the meshes of one scene are read."""
 
     def __init__(self, described: SceneFile, where: str, name: str, up, bare: bool, boundary: Boundary):
         self.file, self.where, self.name, self.up, self.bare = described, where, name, up or described.up, bare
@@ -155,7 +155,7 @@ class _Builder:
         return mobile._replace(pose=entry.pose) if entry.pose is not None else mobile
 
     def _extra(self, scene: Scene, path: Path):
-        """Return the scene with a mobile more, not yet placed, and the up axis of its file."""
+        """Return the scene with one more mobile, not yet placed, and the up axis of its file."""
         r = read_mesh_file(path, str(path), Boundary(path.parent, self.boundary.open))
         names = {m.name for m in scene.mobiles}
         name, k = path.stem, 2
@@ -210,7 +210,7 @@ class _Builder:
 
 
 def _fine(mesh: Mesh) -> Mesh:
-    """Return a mobile's mesh with flat sides split: one light value a corner would not show its shading."""
+    """Return the mesh of a mobile with flat sides split, since light at their corners alone shows no shading."""
     return tessellate(mesh, COARSEST * float(np.ptp(mesh.vertices, axis=0).max()))
 
 

@@ -1,4 +1,4 @@
-"""A mesh file at another size, with the lights and the camera that it holds."""
+"""Scaling of a mesh file with its lights and its camera."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from gi_core.scene.types import Camera, Light, PointLight, SpotLight
 
 
 def scaled(read: MeshFile, factor: float) -> MeshFile:
-    """Return the file with every length in it times `factor`, looking as before.
+    """Return the file with every length times `factor`, and the same picture.
 
     Irradiance falls with the square of the distance: lamps with a place get the square of the factor, so that
-    surfaces receive what they did. Radiance and sunlight know no distance and stay.
+    irradiance stays. Radiance and sunlight do not depend on distance and stay.
     """
     if factor == 1.0:
         return read

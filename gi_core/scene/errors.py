@@ -1,4 +1,4 @@
-"""The one exception that bad input raises, and what of a file's own words may be shown."""
+"""The exception for bad input, and safe quotation of text from files."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ LONGEST = 500  # characters of a sentence
 
 
 def one_line(text: str) -> str:
-    """Return a text as one printable line: what it quotes of a file may hold anything, terminal commands included."""
+    """Return a text as one printable line: quotations from files may hold terminal commands."""
     line = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
     half = LONGEST // 2  # the place at the front and the rule at the end both stay
     return line if len(line) <= LONGEST else f"{line[: half - 5]} ... {line[-half:]}"
@@ -15,7 +15,7 @@ def one_line(text: str) -> str:
 class SceneError(ValueError):
     """Input that cannot be used.
 
-    The message is one sentence: where, the rule, what was found, what to write instead, e.g.
+    The message is one sentence: place, rule, value found, value to write instead, e.g.
     ``scenes/cornell.toml: light "ceiling": flux must be three numbers >= 0, got [-1, 0, 2]``.
     """
 

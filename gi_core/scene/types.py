@@ -1,4 +1,4 @@
-"""What a scene is made of: meshes, materials, lights, mobiles, poses, probes, camera.
+"""Records of a scene: meshes, materials, lights, mobiles, poses, probes, camera.
 
 Everything here can be built from numpy arrays; `load_scene` builds the same objects from files.
 Units: metres, watts, radians unless a name says degrees; colours are linear Rec. 709 RGB.
@@ -113,7 +113,7 @@ Light = PointLight | SpotLight | DirectionalLight | SkyLight
 
 
 class Probe(NamedTuple):
-    """A named point with a normal where irradiance is wanted."""
+    """A named point with a normal whose irradiance is measured."""
 
     name: str
     position: tuple[float, float, float]
@@ -127,14 +127,14 @@ class Camera(NamedTuple):
 
 
 class Defaults(NamedTuple):
-    """What a scene file recommends; None leaves it to `gi_core.defaults.choose`."""
+    """Settings that a scene file recommends; None: `gi_core.defaults.choose` decides."""
 
     photons: int | None = None
     radius: float | None = None  # disc radius [m]
     neighbours: int | None = None
     estimator: str | None = None
     exposure: float | None = None  # [EV]; None: metered
-    scene_size: float | None = None  # [m], what relative defaults are relative to; None: from a pilot trace
+    scene_size: float | None = None  # [m], unit of relative defaults; None: from a pilot trace
 
 
 @dataclass(frozen=True)
@@ -151,4 +151,4 @@ class Scene:
     units: str = "radiometric"  # or "photometric": labels change, arithmetic does not
     name: str = "scene"
     defaults: Defaults = Defaults()
-    notes: tuple[str, ...] = field(default=())  # one line each: what loading changed or assumed
+    notes: tuple[str, ...] = field(default=())  # one line per change or assumption of loading

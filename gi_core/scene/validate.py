@@ -1,4 +1,4 @@
-"""What every scene must keep to, whether read from a file or built from arrays: checked before anything is traced."""
+"""Rules for every scene, read from a file or built from arrays, checked before anything is traced."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ FLUX_OF = {PointLight: "flux", SpotLight: "intensity", DirectionalLight: "irradi
 
 
 def check_scene(scene: Scene) -> None:
-    """Raise SceneError, one sentence, for the first thing that no light could be computed for."""
+    """Raise SceneError, one sentence, for the first broken rule."""
     for m in scene.materials:
         _check_material(scene.name, m)
     for part, mesh in [("the static part", scene.static), *((f'mobile "{m.name}"', m.mesh) for m in scene.mobiles)]:

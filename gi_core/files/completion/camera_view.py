@@ -1,4 +1,4 @@
-"""What a camera sees: where points land in its picture, and the rays through it."""
+"""Camera projection: picture coordinates of points, and rays through the picture."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def axes(position, target, up) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def in_frame(camera: Camera, up, points) -> np.ndarray:
-    """Return where points land in the picture, (n, 2) each within -1 .. 1; inf behind the camera."""
+    """Return picture coordinates (n, 2) of points, -1 .. 1 inside the frame; inf behind the camera."""
     return in_frames([camera], up, points)[0]
 
 

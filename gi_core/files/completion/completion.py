@@ -1,4 +1,4 @@
-"""What a scene needs and its file does not say: where mobiles stand, a light, a camera."""
+"""Completion of a scene whose file lacks places of mobiles, a light or a camera."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def complete(scene: Scene, unplaced, bare: bool, rays: Rays | None = None):
     """Return the scene with every mobile placed, a light and a camera; and rays and useful box if it is bare.
 
     unplaced: (index of a mobile, up axis of its file or None to take its coordinates as they are); rays: against the
-    scene's static part, if there are some already.
+    static part, if they exist already.
     """
     if not unplaced and is_lit(scene) and scene.camera is not None and not bare:
         return scene, None, None
@@ -44,10 +44,10 @@ def complete(scene: Scene, unplaced, bare: bool, rays: Rays | None = None):
 
 
 def _with_camera(scene: Scene, rays, box, waiting: list[int], standing: list[int]):
-    """Return the scene with a camera; and the box of what it looks at.
+    """Return the scene with a camera, and the box of the part that it shows.
 
-    It shows most of a room, or of the whole where there is none. If the first mobile finds no place in
-    that picture, or would be lost in it, the mobile goes first, and the camera to it.
+    The camera shows most of a room, or of the whole scene in the open. If the first mobile has no visible place in
+    that picture, the mobile is placed first, and the camera shows it.
     """
     if standing:
         return _looking(scene, rays, box)
@@ -64,7 +64,7 @@ def _with_camera(scene: Scene, rays, box, waiting: list[int], standing: list[int
 
 
 def _looking(scene: Scene, rays, box):
-    """Return the scene with a camera on its first mobile, or on where one would stand; and the box of what is lit."""
+    """Return the scene with a camera on its first mobile, or on the place for one; and the box of the lit part."""
     subject, height = _subject(scene, rays, box)
     indoors = bool(np.isfinite(height))
     if not is_lit(scene) and indoors:
@@ -74,7 +74,7 @@ def _looking(scene: Scene, rays, box):
 
 
 def _with_light(scene: Scene, rays, box):
-    """Return the scene with a lamp below whatever is above the first mobile."""
+    """Return the scene with a lamp below the ceiling over the first mobile, or in the open."""
     subject, height = _subject(scene, rays, box)
     if np.isfinite(height):
         return lamp_below_ceiling(scene, rays, subject, height)
@@ -82,7 +82,7 @@ def _with_light(scene: Scene, rays, box):
 
 
 def _subject(scene: Scene, rays, box) -> tuple[np.ndarray, float]:
-    """Return where the first mobile stands (3,), or could stand, and the height [m] of what is above it, or inf."""
+    """Return the place (3,) of the first mobile, or for one, and the headroom [m] above it, inf in the open."""
     if scene.mobiles:
         stand = stand_of(scene)
         return stand, headroom(scene, rays, box, stand)

@@ -1,7 +1,7 @@
-"""Sides that light never gets to: receivers there would be so much work for black.
+"""Dark sides: surfaces become one-sided where their other side gets no light, so that it has no receivers.
 
-Formats without a word about sides make everything two-sided, and exporters like to. The inside of a closed body
-is dark unless a lamp is in there; so is the outside of a shell that has all the light within.
+Many formats and exporters make every surface two-sided. The inside of a closed body is dark unless it holds a lamp;
+the outside of a shell is dark if it holds all lamps.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PLENTY = 300  # hits on one side of a body and none on the other: the other gets
 def one_sided_where_dark(scene: Scene, box: Box) -> Scene:
     """Return the scene with bodies one-sided, front outwards or inwards, whose other side gets no light.
 
-    box: from the pilot, whose side_hits say which face of the static part was hit on which side.
+    box: of the pilot, with the hits per face and side.
     """
     mesh = scene.static
     two_sided = np.array([m.two_sided and not any(m.emission) for m in scene.materials])[mesh.face_material]

@@ -1,4 +1,4 @@
-"""A light for scenes that bring none."""
+"""Default lights of scenes without light."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SAID = "no light in the file: "  # the note about it begins so
 
 
 def lit_by_stand_ins(scene: Scene) -> bool:
-    """Tell whether the scene's light is of this file, and none its own."""
+    """Return whether all light of the scene is a default light."""
     return any(note.startswith(SAID) for note in scene.notes)
 
 
@@ -41,7 +41,7 @@ def headroom(scene: Scene, rays: Rays, box: Box, stand: np.ndarray) -> float:
 def lamp_below_ceiling(scene: Scene, rays: Rays, stand: np.ndarray, height: float) -> Scene:
     """Return the scene with a square lamp over `stand` (3,), just below the ceiling at `height` [m], facing down.
 
-    Where a beam or a cupboard leaves it no room there, it hangs beside, in sight of what is below.
+    Under a beam or a cupboard it hangs beside instead, in sight of the place below.
     """
     up = np.array(scene.up)
     around = ring(up, 8)

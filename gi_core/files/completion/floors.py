@@ -45,10 +45,10 @@ class Spot(NamedTuple):
 
 
 def floor_spot(scene: Scene, rays: Rays, box: Box, column: Column, standing=(), lit: bool = True) -> Spot:
-    """Return the best place for a column: with a camera the nearest in its view, else where one would look.
+    """Return the best place for a column: with a camera the nearest in its view, else a central one with a wide view.
 
-    standing: (middle (3,), radius) of what must not be touched; lit: the scene has light, so that the
-    pilot's hits tell where it goes (in a dark one they only tell where surfaces are).
+    standing: (middle (3,), radius) of balls to keep clear of; lit: the scene has light, so that the pilot's hits are
+    lit places (in a dark scene they are just surfaces).
     """
     up = np.array(scene.up)
     points = _candidates(rays, box, up)

@@ -1,4 +1,4 @@
-"""Two-sided lamps: a lamp shines from its front, so its front must be the side that sees the scene."""
+"""Orientation of two-sided lamps: only the front emits, so the front must face the scene."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gi_core.geometry.surfaces import face_normals
 from gi_core.scene.types import Mesh, Scene
 
 RAYS_PER_SIDE = 64  # rays from each side of a lamp
-NEAR = 0.25  # of the root of the lamp's area: what is nearer blocks a side
+NEAR = 0.25  # of the root of the lamp's area: nearer surfaces block a side
 BLOCKED, OPEN = 0.9, 0.5  # share of the rays that hit something near, or the lamp itself: from and up to which
 
 

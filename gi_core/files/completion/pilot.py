@@ -1,4 +1,4 @@
-"""Where light goes in a scene, from a small trace: the box that matters. And the geometry of looking about.
+"""Pilot trace: the box of the lit part of a scene, from a few paths; and rays and directions for completion.
 
 The bounding box misleads: a ground slab may be five times the room that stands on it. Real photons mislead too: most of
 those of a sun stay outside the windows, and dark walls end the others. Their box is 9.9 m in LuxCore's kitchen, where
@@ -28,7 +28,7 @@ CELL = 1 / 14  # of the box's size: light and sight are compared in cells of tha
 
 
 class Box(NamedTuple):
-    """The box that holds the central hits, and what was found on the way."""
+    """The box of the central hits, with these hits."""
 
     low: np.ndarray  # (3,) [m]
     high: np.ndarray  # (3,) [m]
@@ -95,7 +95,7 @@ def useful_box(scene: Scene, rays: Rays) -> Box:
 
 
 def is_lit(scene: Scene) -> bool:
-    """Tell whether anything in the scene emits light."""
+    """Return whether anything in the scene emits light."""
     emits = np.array([any(m.emission) for m in scene.materials])
     return bool(scene.lights) or bool(emits[scene.static.face_material].any())
 

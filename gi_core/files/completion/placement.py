@@ -1,4 +1,4 @@
-"""Where a mobile stands when nobody says: turned upright, sized to the scene, on the nearest floor in view."""
+"""Placement of mobiles without a pose: upright, sized to the scene, on the nearest floor in view."""
 
 from __future__ import annotations
 

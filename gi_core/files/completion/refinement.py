@@ -16,13 +16,13 @@ from gi_core.scene.types import Mesh, Scene
 FINEST = 0.02  # of the scene's size, under the default radius: shadows blur over twice that
 CELLS = 24  # along the scene's size; light and sight are known for each
 FEW = 0.25  # of the median number of hits in a cell: below that it is dim
-UNSEEN, DIM = 1.6, 2.0  # how many times longer edges may be where nobody looks, little light goes; DIM^2: none
+UNSEEN, DIM = 1.6, 2.0  # factor of edges out of sight, and in dim light; without light DIM^2
 GROWTH = 4.0  # outside the useful box an edge may be as long as its distance from it over this
 THIN = 1 / 8  # of the longest edge: thinner faces are left to their neighbours
 SPARE = 1 / 3  # of the budget, for large faces, where the file has used it up already with small ones
 COARSEST = 1 / 12  # of the longest side: the first try; and the edges of a mobile that no scene file describes
 TRIES, ENOUGH = 5, 0.75  # tries to use the budget up, and the share of it that will do
-LEAST_STEP = 0.2  # of the edge, from one try to the next: few new faces do not tell how many finer edges make
+LEAST_STEP = 0.2  # of the edge, from one try to the next: few new faces predict the next count badly
 
 
 def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, float]:
@@ -58,7 +58,7 @@ def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, floa
 
 
 class Grain:
-    """How long edges may be from place to place.
+    """Longest edge allowed at each place.
 
     The length allowed changes by no more than half of the way one goes: where it jumped, splitting would go on
     for ever along the jump.
@@ -81,7 +81,7 @@ class Grain:
             self.kinds.append((float(f), _distances(empty, self.cell)))
 
     def longest(self, edge: float):
-        """Return the function that tells `tessellate` the longest edge about a place, `edge` [m] where it is finest."""
+        """Return the function `longest` of tessellate(), with `edge` [m] where the mesh is finest."""
 
         def allowed(middle: np.ndarray, length: np.ndarray) -> np.ndarray:
             out = np.maximum(np.maximum(self.box.low - middle, middle - self.box.high), 0.0)

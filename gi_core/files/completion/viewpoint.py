@@ -1,4 +1,4 @@
-"""A camera for scenes that bring none: of many tried, outside and inside, the one that shows most."""
+"""Default camera: of many candidates, outside and inside, the one that shows most."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ OUTSIDE = {
     8.0: 0.0,
     22.0: 0.1,
     40.0: 0.05,
-}  # elevations [degrees] and what they are worth where there is no room: tables are seen from above
-FRONTAL = 0.35  # what looking straight into an open room is worth
-ENDS = 0.12  # of the size: what reaches farther out of the box that light falls in, as the ground does, may be cut off
+}  # elevations [degrees] and their bonus in the open: tables are seen from above
+FRONTAL = 0.35  # bonus of a view straight into an open room
+ENDS = 0.12  # of the size: parts that reach farther out of the lit box, such as ground, may be cut off
 MARGIN = 0.96  # of the frame that a scene seen from outside fills
 SAMPLE = 240  # points of the scene whose visibility is counted for each camera tried
 SHOWN = 24  # and of the mobile
 GRID = (20, 12)  # rays through the picture
-CLOSE = 0.07  # of the scene's size: what is nearer fills the picture without showing anything
+CLOSE = 0.07  # of the scene's size: nearer surfaces fill the picture and show nothing
 SHIFT = 0.3819  # of a cell: walls and floors at round numbers must not flicker between two cells
 SHARE = 2.0  # weight of the scene's share in the picture; the picture's share that shows the scene has weight 1
 
@@ -92,9 +92,9 @@ class _Lit:
 
 
 def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: Box) -> np.ndarray:
-    """Return what each camera's view is worth; the rays of all are cast at once."""
+    """Return the score (cameras,) of each view; the rays of all are cast at once."""
     eyes = np.array([c.position for c in cameras]).reshape(-1, 3)
-    # The part of each picture that shows something lit, not too near to tell anything.
+    # The share of each picture that shows lit surfaces, not too near.
     d = picture_rays(cameras, up, *GRID)
     through = d.shape[1]
     eye, d = np.repeat(eyes, through, axis=0), d.reshape(-1, 3)
@@ -120,7 +120,7 @@ def _scores(cameras: list[Camera], up, seen, shown, lit: _Lit, rays: Rays, box: 
 
 
 def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
-    """Return distance (n,) and normal (n, 3) of what is seen from eyes (n, 3) along d (n, 3).
+    """Return distance (n,) and normal (n, 3) of the first visible surface from eyes (n, 3) along d (n, 3).
 
     Back faces of one-sided surfaces are not drawn.
     """
@@ -144,7 +144,7 @@ def first_seen(rays: Rays, eye, d) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_its_ends(box: Box, rays: Rays) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corners (3,), (3,) of the box with what reaches out of it a little, as horns do."""
+    """Return the corners (3,), (3,) of the box, extended by parts that reach out of it a little, such as horns."""
     reach = ENDS * box.size
     low = np.where(box.low - rays.low < reach, np.minimum(box.low, rays.low), box.low)
     high = np.where(rays.high - box.high < reach, np.maximum(box.high, rays.high), box.high)

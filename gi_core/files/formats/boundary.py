@@ -1,7 +1,7 @@
-"""Which files a scene may name: those in its own folder and below, unless the user allows more.
+"""Boundary of a scene: the files that it may name lie in its own folder and below, unless the user allows more.
 
-A scene that came by mail must not read what else is on the disk: an absolute path, `..` and a symbolic link
-count as what they lead to. Of devices and pipes none is read at all.
+A scene from a stranger must not read other files of the disk. Absolute paths, `..` and symbolic links are resolved
+first. Devices and pipes are never read.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from pathlib import Path
 
 
 class Boundary:
-    """The folder of the file that the user named; `open` lets references lead anywhere."""
+    """The folder of the file that the user named; `open` allows files anywhere."""
 
     def __init__(self, folder: str | Path, open: bool = False) -> None:
         self.folder, self.open = os.path.realpath(folder), open
 
     def holds(self, path: str | Path) -> bool:
-        """Tell whether a path may be read, whether or not there is such a file."""
+        """Return whether a path may be read; the file need not exist."""
         if self.open:
             return True
         try:
@@ -27,5 +27,5 @@ class Boundary:
         return Path(real).is_relative_to(self.folder)
 
     def file(self, path: str | Path) -> bool:
-        """Tell whether a path may be read and is a file."""
+        """Return whether a path may be read and is a file."""
         return os.path.isfile(path) and self.holds(path)  # Path.is_file raises where a name is too long

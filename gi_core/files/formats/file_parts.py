@@ -1,4 +1,4 @@
-"""What every mesh-file reader returns: parts in world space, their materials, and lights if the format has any."""
+"""Records that every mesh-file reader returns: parts in world space, materials, lights if the format has any."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
 
 
 class Document:
-    """A glTF as JSON and bytes; `notes` collects what reading left out."""
+    """A glTF as JSON and bytes; `notes` lists omitted parts."""
 
     def __init__(self, path: Path, where: str, boundary: Boundary):
         self.path, self.where, self.boundary, self.notes = path, where, boundary, []
@@ -89,7 +89,7 @@ class Document:
         return find([folder], self.boundary, unquote(uri)).read_bytes()
 
     def image_name(self, index: int) -> str:
-        """Return what an image is called in notes."""
+        """Return the name of an image in notes."""
         image = self.json["images"][index]
         uri = image.get("uri", "data:")
         if not uri.startswith("data:"):

@@ -26,7 +26,7 @@ WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 def read_gltf(path, where: str, boundary: Boundary) -> FileParts:
     """Read every triangle primitive of the default scene, with its world transform applied."""
     try:
-        # What overflows on the way is refused with the vertices, or falls under a light's own rules.
+        # Overflows are refused later, by the rules of vertices or of lights.
         with np.errstate(all="ignore"):
             return _Reader(Document(path, where, boundary)).read()
     except SceneError:
@@ -112,7 +112,7 @@ class _Reader:
         self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, *paint))
 
     def _there(self, index, attributes, faces) -> np.ndarray:
-        """Return the faces (n,) bool of which the alpha of their vertices leaves something."""
+        """Return the faces (n,) bool that the alpha of their vertices does not remove."""
         described = self.json["materials"][index] if index < len(self.json.get("materials", [])) else {}
         colours = self.document.accessor(attributes["COLOR_0"]) if "COLOR_0" in attributes else np.zeros((0, 3))
         if _cut(described) is None or colours.shape[1] < 4:
@@ -178,7 +178,7 @@ class _Reader:
         return self.images.texture(*self._image(index), wrap, described.get("magFilter") == NEAREST, cut)
 
     def _image(self, texture: int):
-        """Return the name of a texture's image and what reads its bytes."""
+        """Return the name of a texture's image and the function that reads its bytes."""
         described = self.json["textures"][texture]
         # Some files name the image by an extension for its format alone: Pillow reads most of them.
         extended = (e["source"] for e in described.get("extensions", {}).values() if "source" in e)
@@ -203,9 +203,9 @@ class _Reader:
 
 
 def _cut(material: dict) -> tuple[float, float] | None:
-    """Return what multiplies the texture's alpha and the value below which a material is cut away; None if it is not.
+    """Return the factor of the texture's alpha and the cutoff below which a surface is a hole; None without holes.
 
-    What blends is cut at half: leaves and hair are often exported so. Its factor is the thinness of glass, no hole.
+    Blended materials are cut at one half: leaves and hair are often exported so. Their factor is thin glass.
     """
     mode = material.get("alphaMode", "OPAQUE")
     if mode == "MASK":

@@ -1,4 +1,4 @@
-"""[materials.NAME] of a scene file: override what the mesh files say, or add a material for a mobile."""
+"""[materials.NAME] of a scene file: change materials of mesh files, or define one for a mobile."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def single(mesh: Mesh, name: str, materials: list[Material], tables: dict[str, T
 
 
 def check_used(tables: dict[str, Table], used: set[str]) -> None:
-    """Raise SceneError for a material that nothing wears: a misspelt name must not pass in silence."""
+    """Raise SceneError for a material that no face uses, such as a misspelt name."""
     for name, table in tables.items():
         if name not in used:
             raise SceneError(f"{table.where}: no mesh has a material of that name; {nearest(name, used)}")

@@ -1,6 +1,6 @@
 """Mesh files as clean triangles: read by format, then repaired, with a note for every repair.
 
-Each format has a reader of its own beside this file.
+Each format has a reader in a file beside this one.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def _clean(read: FileParts, where: str) -> MeshFile:
 
 
 def _tamed(part: Part) -> Part:
-    """Return a part whose normals and texture coordinates can be reckoned with; vertices must be good as they are.
+    """Return the part with finite normals and texture coordinates; vertices must be finite already.
 
     A vertex that no face uses may be anything, infinite too: it is put where it does no harm.
     """
@@ -135,7 +135,7 @@ def compact(mesh: Mesh) -> Mesh:
 
 
 def _clamped(materials: list[Material], plain: set[int], notes: list[str], where: str) -> list[Material]:
-    """Return materials below the largest reflectance; where a texture says the colour that is no news."""
+    """Return materials with reflectance clamped to the largest one; noted unless a texture gives the colour."""
     result, bright = [], []
     for i, m in enumerate(materials):
         colours = [*m.reflectance, *m.emission]
@@ -195,7 +195,7 @@ def _two_sided_copies(material, sided, materials):
 
 
 def _corner_normals(mesh, parts, part_of, keep, notes):
-    """Return (F, 3, 3) unit normals, or None if no part has any that can be believed."""
+    """Return unit normals (F, 3, 3), None if no part has usable ones."""
     starts = np.cumsum([0, *(len(p.faces) for p in parts)])
     geometric, _ = face_normals(mesh)
     result = np.repeat(geometric[:, None], 3, axis=1)
@@ -236,7 +236,7 @@ def _textured(part: Part) -> np.ndarray:
 
 
 def _paint(read: FileParts, parts: list[Part], materials: list[Material]) -> Paint | None:
-    """Return the colours of all faces of all parts, None if the materials say them all."""
+    """Return the colours of all faces of all parts, None if their materials give them."""
     if all(p.corner_colour is None and not _textured(p).any() for p in parts):
         return None
     rho = np.array([m.reflectance for m in materials], np.float32)

@@ -76,8 +76,8 @@ class _Entry:
 
     def __init__(self, name: str):
         self.name, self.kd, self.ke = name, (0.7, 0.7, 0.7), (0.0, 0.0, 0.0)
-        self.picture: tuple | None = None  # name, what loads it, and wrapping of map_Kd
-        self.mask: tuple | None = None  # name and what loads it of map_d: where the surface is
+        self.picture: tuple | None = None  # name, loader and wrapping of map_Kd
+        self.mask: tuple | None = None  # name and loader of map_d: where the surface is
         self.dissolved = False  # the file says that it is transparent all over
         self.texture: int | None = None  # into Images.textures
         self.missing = False  # the texture
@@ -131,7 +131,7 @@ def _read_library(obj: Path, name: str, notes: list[str], images: Images, bounda
             colour = tuple(max(0.0, float(x)) for x in (words[1:] * 3)[:3])
             setattr(entry, words[0].lower(), colour)
         elif entry is not None and words[0] in ("d", "Tr") and len(words) > 1 and _is_number(words[-1]):
-            entry.dissolved = 0 < float(words[-1]) < 1  # exporters do not agree on what 0 and 1 mean in Tr
+            entry.dissolved = 0 < float(words[-1]) < 1  # exporters disagree about the meaning of 0 and 1 in Tr
         elif entry is not None and words[0] in ("map_Kd", "map_Ke", "map_d", "map_D") and len(words) > 1:
             _read_map(entry, words, images, [found.parent, obj.parent], boundary, notes)
     for entry in entries.values():

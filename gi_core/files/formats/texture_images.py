@@ -1,4 +1,4 @@
-"""Image files as textures: read once however often they are named, and refused before they fill the memory."""
+"""Image files as textures: each is read once, and refused before it fills the memory."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from gi_core.scene.types import Texture
 MOST_PIXELS = 1 << 26  # 8192 x 8192: a file of a few kilobytes can declare any size
 MISSING = 0.7  # reflectance in place of a texture that cannot be read
 NO_MASK = "surfaces are whole where a mask is missing"
-NAMED = 4  # troubles told by name
+NAMED = 4  # images listed by name in a note
 
-_decoded: WeakValueDictionary[bytes, np.ndarray] = WeakValueDictionary()  # by what the file holds, while in use
+_decoded: WeakValueDictionary[bytes, np.ndarray] = WeakValueDictionary()  # by contents of the file, while in use
 
 
 class ImageError(ValueError):
-    """An image that cannot be used; the message says what is wrong with it, after its name."""
+    """An image that cannot be used; the message is its name and the fault."""
 
 
 class Images:
-    """The textures of one mesh file. Those that cannot be read are told in one note together."""
+    """The textures of one mesh file. One note lists those that cannot be read."""
 
     def __init__(self) -> None:
         self.textures: list[Texture] = []
         self._index: dict[tuple, int | None] = {}
-        self._troubles: dict[str, list[str]] = {}  # by what was done instead
+        self._troubles: dict[str, list[str]] = {}  # by replacement
 
     def texture(
         self,
@@ -47,7 +47,7 @@ class Images:
     ) -> int | None:
         """Return the index of a texture in `textures`, None if it cannot be read.
 
-        `name` tells images apart; `load` returns the encoded bytes, or raises ImageError or OSError. cut: the factor
+        `name` identifies the image; `load` returns the encoded bytes, or raises ImageError or OSError. cut: the factor
         that multiplies alpha, and the value below which the surface is cut away; None: alpha says nothing. mask: name
         and bytes of an image that is there in place of alpha: `decode_mask`.
         """
@@ -145,7 +145,7 @@ def decode_alpha(data: bytes) -> np.ndarray | None:
 
 
 def decode_mask(data: bytes, shape: tuple[int, int]) -> np.ndarray:
-    """Return how much is there, (h, w) uint8 of the shape asked for: an image's alpha or, without any, its grey."""
+    """Return the opacity (h, w) uint8 of an image in a given shape: its alpha, or its grey without alpha."""
     from PIL import Image
 
     alpha = decode_alpha(data)

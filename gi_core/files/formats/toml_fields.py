@@ -1,4 +1,4 @@
-"""Typed reading of TOML tables: every error says where, the rule, what was found, what to write."""
+"""Typed reading of TOML tables. Every error gives place, rule, value found, value to write."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ REQUIRED = object()  # default of a key that must be there
 
 
 class Table:
-    """One table of a scene file; a key that nobody knows is an error, not a silent nothing."""
+    """One table of a scene file; an unknown key is an error."""
 
     def __init__(self, values, where: str, known: tuple[str, ...]):
         self.where = where

@@ -16,7 +16,7 @@ from gi_core.scene.types import Material
 if TYPE_CHECKING:
     import trimesh
 
-# What trimesh thinks of a file would stand on the terminal beside our own sentence.
+# Warnings of trimesh would appear on the terminal beside our own sentence.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
@@ -27,7 +27,7 @@ def read_with_trimesh(path: Path, where: str) -> FileParts:
     try:
         # As a scene: to make one mesh of it trimesh copies it, which takes scipy where faces have colours.
         found = trimesh.load(path, process=False, force="scene").geometry.values()
-    except Exception as error:  # trimesh raises whatever its parsers stumble over
+    except Exception as error:  # trimesh passes on the errors of its parsers
         # Of a file that is neither text nor binary trimesh wants to guess the encoding, with what may be missing.
         why = "damaged" if isinstance(error, ImportError) else error
         raise SceneError(f"{where}: not a readable {path.suffix[1:].upper()} file: {why}") from None

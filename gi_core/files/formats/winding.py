@@ -1,4 +1,4 @@
-"""Winding made consistent: which faces to turn so that neighbours face the same way."""
+"""Consistent winding: faces to turn so that neighbours face the same way."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OPPOSED = 0.5  # cosine: normals that lean farther than that to the other side m
 
 
 class Winding(NamedTuple):
-    """What turning some faces achieves."""
+    """Faces to turn, and the bodies that they form."""
 
     turned: np.ndarray  # (F,) bool, faces to turn round; the larger area of each body stays as it is
     body: np.ndarray  # (F,) int64, faces joined by edges that just two faces share
@@ -26,7 +26,7 @@ class Winding(NamedTuple):
 def consistent_winding(faces: np.ndarray, areas: np.ndarray) -> Winding:
     """Find the faces to turn: faces (F, 3) of welded vertices, areas (F,) [m2].
 
-    Only edges of exactly two faces say what belongs together: where three meet nobody can tell.
+    Only edges of exactly two faces connect them: where three meet, the winding is ambiguous.
     Each face is two nodes of a graph, as it is and turned; an edge ties the nodes that agree.
     """
     n = len(faces)
@@ -89,7 +89,7 @@ def faces_to_turn(parts: list[Part], vertices: np.ndarray, faces: np.ndarray) ->
 
 
 def with_turned(part: Part, turn: np.ndarray) -> Part:
-    """Return the part with some faces wound the other way, and with them all that is said by corner."""
+    """Return the part with some faces wound the other way, with all their values per corner."""
     if not turn.any():
         return part
     changed = {}
@@ -102,7 +102,7 @@ def with_turned(part: Part, turn: np.ndarray) -> Part:
 
 
 def turned_mesh(mesh: Mesh, turn: np.ndarray) -> Mesh:
-    """Return the mesh with some faces wound the other way, and with them all that is said by corner."""
+    """Return the mesh with some faces wound the other way, with all their values per corner."""
 
     def flipped(corners):
         corners = corners.copy()
