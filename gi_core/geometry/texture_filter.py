@@ -50,10 +50,8 @@ def lookup(texture: Texture, uv: np.ndarray, across: np.ndarray, along: np.ndarr
     uv, axis = _finite(uv), _finite(axis)
     if texture.nearest:
         near = longer <= 1
-        uv[near], axis[near] = (
-            (np.floor(uv[near] * [w, h]) + 0.5) / [w, h],
-            0.0,
-        )  # texel centres have the texel's own value
+        # Texel centres have the texel's own value.
+        uv[near], axis[near] = (np.floor(uv[near] * [w, h]) + 0.5) / [w, h], 0.0
     u, v = (WRAPS[way] for way in texture.wrap)
     for k in np.unique(level):
         rows = np.flatnonzero(level == k)
