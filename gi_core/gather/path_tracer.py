@@ -173,6 +173,6 @@ def _arrive(
         ends.normal[n, 0], ends.normal[n, 1], ends.normal[n, 2] = s * nx, s * ny, s * nz
         for c in range(3):
             ends.position[n, c] = ends.position[k, c] + t * d[c] + lift * ends.normal[n, c]
-            ends.throughput[n, c] = ends.throughput[k, c] * (rho[c] / survival)
+            ends.throughput[n, c] = ends.throughput[k, c] * (lambertian.weight(rho[c]) / survival)
         n += 1
     return n

@@ -13,6 +13,7 @@ import numpy as np
 
 from gi_core.base import random_numbers, strata
 from gi_core.base.jit import allocating, inlined, kernel
+from gi_core.lights.bsdf import lambertian
 from gi_core.lights.light_sampling import DIRECTIONAL, SPOT, Lights
 
 LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each path vertex
@@ -209,7 +210,7 @@ def share_of_bounce(d, normal, facing, distance, density):
 @kernel
 def _bounce_density(cosine, at_light, d2):
     """Return the density per area [1/m2] with which a cosine-sampled bounce reaches a point."""
-    return cosine / math.pi * at_light / d2
+    return lambertian.pdf(cosine) * at_light / d2
 
 
 @kernel

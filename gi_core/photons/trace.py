@@ -77,9 +77,9 @@ def _scatter(seed, world, at, photon, vertex, side, flux, fates):
         # The back of a one-sided face absorbs. The comparison is strict: rho = 0 never survives.
         goes_on = u < survival and (side & 1 == 0 or world.two_sided[f])
         if goes_on:
-            a = np.int32(attenuate(flux[0], rho[f, 0], survival))
-            b = np.int32(attenuate(flux[1], rho[f, 1], survival))
-            c = np.int32(attenuate(flux[2], rho[f, 2], survival))
+            a = np.int32(attenuate(flux[0], lambertian.weight(rho[f, 0]), survival))
+            b = np.int32(attenuate(flux[1], lambertian.weight(rho[f, 1]), survival))
+            c = np.int32(attenuate(flux[2], lambertian.weight(rho[f, 2]), survival))
             # The rest of the number, scaled to [0, 1), is uniform again.
             x, y, z = lambertian.sample(u / survival, v)
             nx, ny, nz = turned_normal(world, at, f)

@@ -1,8 +1,4 @@
-"""The perfectly diffuse surface: f = rho / pi.
-
-Directions are in the local frame of the side that is lit, z along its normal.
-`sample` returns the direction only: with pdf = cos / pi the weight f cos / pdf is rho exactly.
-"""
+"""The perfectly diffuse surface: f = rho / pi, sampled by pdf = cos / pi. See the package for the contract."""
 
 from __future__ import annotations
 
@@ -10,12 +6,6 @@ import math
 
 from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import cosine_hemisphere
-
-
-@kernel
-def eval(rho, cos_out):
-    """Return f(w_i, w_o) cos(theta_o) for one channel; 0 below the surface."""
-    return rho / math.pi * max(0.0, cos_out)
 
 
 @kernel
@@ -28,3 +18,9 @@ def sample(u, v):
 def pdf(cos_out):
     """Return the density [1/sr] of sample()."""
     return max(0.0, cos_out) / math.pi
+
+
+@kernel
+def weight(rho):
+    """Return f cos / pdf of a sampled direction: rho exactly, without the rounding of the quotient."""
+    return rho
