@@ -25,7 +25,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--sweep", action="store_true", help="measure a table of settings into --out; resumes one that was stopped")
     add("--tables", action="store_true", help="the report's tables 2.1 to 2.5 with our times, into --out; minutes")
     add("--out", type=Path, metavar="DIR", help="where --sweep writes sweep.json and sweep.md, --tables tables.md")
-    add("--large", action="store_true", help="--sweep with 10,000,000 photons as well: minutes and gigabytes")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -45,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     elif arguments.sweep:
         from app.measure.bench.sweep import sweep
 
-        sweep(settings, arguments.frames, arguments.out, arguments.large)
+        sweep(settings, arguments.frames, arguments.out)
         print((arguments.out / "sweep.md").read_text(encoding="utf-8"))
     else:
         from app.measure.bench.command import bench

@@ -7,8 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-MB = 1e6
-
 
 def peak_rss_mb() -> float | None:
     """Return the peak resident memory of this process [MB], None where it is unknown (Windows)."""
@@ -17,7 +15,7 @@ def peak_rss_mb() -> float | None:
     except ImportError:
         return None
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / MB if sys.platform == "darwin" else peak * 1024 / MB
+    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
 
 
 def load() -> float | None:

@@ -43,22 +43,20 @@ def numbers(spec: dict, ms: float = 2.0) -> dict:
 
 
 def test_the_rows_are_those_of_the_table():
-    keys = [row.key for row in rows(TREE, 100, large=False)]
+    keys = [row.key for row in rows(TREE, 100)]
     assert len(set(keys)) == len(keys)
     for photons in (10_000, 100_000, 1_000_000):
         assert {photons_key(photons, e) for e in ("tangent_plane", "photon_map", "impact_count")} <= set(keys)
     for triangles in (72_000, 300_000, 1_000_000):
         assert {triangles_key(triangles, r) for r in ("scaled", "fixed")} <= set(keys)
     assert {"one-sided", "two-sided", bench_rows.SLOW} <= set(keys)
-    more = [row.key for row in rows(TREE, 100, large=True)]
-    assert photons_key(10_000_000, "tangent_plane") in set(more) - set(keys)
-    for row in rows(TREE, 100, large=True):
+    for row in rows(TREE, 100):
         assert row.settings.control is row.key.endswith("artifact control") and row.settings.neighbours == 50
         assert json.loads(json.dumps(row.spec())) == row.spec(), "or every row would be measured again on resuming"
 
 
 def test_every_estimator_there_is_has_its_rows(estimator):
-    keys = {row.key for row in rows(TREE, 100, large=False)}
+    keys = {row.key for row in rows(TREE, 100)}
     assert {photons_key(n, estimator) for n in bench_rows.PHOTONS} <= keys
 
 
@@ -79,9 +77,9 @@ def test_stopped_sweep_resumes_with_missing_rows(tmp_path):
 
     later = []
     done = bench_sweep.sweep(TREE, 10, tmp_path, run=lambda spec: later.append(spec) or numbers(spec))
-    every = [row.spec() for row in rows(TREE, 10, False)]
+    every = [row.spec() for row in rows(TREE, 10)]
     assert [s for s in every if s not in later] == asked and len(later) == len(every) - 4
-    assert list(done["rows"]) == [row.key for row in rows(TREE, 10, False)]
+    assert list(done["rows"]) == [row.key for row in rows(TREE, 10)]
     assert bench_sweep.sweep(TREE, 10, tmp_path, run=None) == json.loads((tmp_path / "sweep.json").read_text())
     assert sorted(p.name for p in tmp_path.iterdir()) == ["sweep.json", "sweep.md"], "nothing left aside"
 
@@ -90,7 +88,7 @@ def test_rows_are_measured_again_when_something_else_is_asked(tmp_path):
     bench_sweep.sweep(TREE, 10, tmp_path, run=numbers)
     asked = []
     bench_sweep.sweep(TREE, 20, tmp_path, run=lambda spec: asked.append(spec) or numbers(spec))
-    assert len(asked) == len(rows(TREE, 20, False))
+    assert len(asked) == len(rows(TREE, 20))
 
 
 def test_a_row_that_fails_is_listed_and_tried_again(tmp_path):
@@ -124,20 +122,20 @@ def test_sweep_and_out_go_together(bad, capsys):
 
 
 def test_the_command_writes_and_prints_the_tables(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(bench_sweep.sweep, "__defaults__", (False, numbers))
+    monkeypatch.setattr(bench_sweep.sweep, "__defaults__", (numbers,))
     assert cli.main(["bench", "tree", "--sweep", "--out", str(tmp_path / "new"), "--frames", "3"]) == 0
     text = capsys.readouterr().out
     assert text.strip() == (tmp_path / "new" / "sweep.md").read_text().strip()
 
 
 def test_tables_hold_measurements_and_flag_differing_bits():
-    every = {row.key: numbers(row.spec(), ms=20.0) for row in rows(TREE, 10, large=True)}
+    every = {row.key: numbers(row.spec(), ms=20.0) for row in rows(TREE, 10)}
     every["two-sided"]["frame_ms"]["median"] = 24.0
     sweep = {"scene": "tree", "commit": "abc", "processor": "chip", "rows": every, "failed": {}}
     text = markdown(sweep)
-    assert "| everything two-sided against one-sided | 24 | 20 | 1.2 x |" in text
-    assert "| 1,000,000 | 20 | 10.00 % | 70 | 3.00 | 50 | 5 | 4 x |" in text
-    assert "| 10,000 | 100 | 0.5 | 19.5 | 195.00 |" in text, "scan apart, the rest a cut photon"
+    assert "| two-sided | 1,000 | 24 | 40 | 30 | 0.5 | 23.50 | 10 x | 7 x | 50 | 25 x | 400 | 900 |" in text
+    assert "| 1000000 photons, photon_map | 20 | 10.00 % | 70 | 3.00 | 50 | 5 | 4 x |" in text
+    assert "| 10000 photons, tangent_plane | 100 | 20 | 40 | 30 | 0.5 | 195.00 |" in text, "all else per cut photon"
     assert "| 1,000,000 | 1,000,000 | 0.01 | 20 | 1 x | 10,000 | 13.9 x | 100.00 |" in text
     assert "same bits" in text
     every["one-sided"]["bits_equal"] = False
@@ -145,7 +143,7 @@ def test_tables_hold_measurements_and_flag_differing_bits():
 
 
 def test_a_row_in_a_process_of_its_own_has_the_numbers_of_a_run_here():
-    spec = rows(Settings("cornell"), 3, False)[0].spec()
+    spec = rows(Settings("cornell"), 3)[0].spec()
     spec["settings"].update(photons=500, estimator="impact_count")
     here, apart = measure_row(spec), run_apart(spec)
     same = ("triangles", "receivers", "photons", "radius", "control", "share_cut", "segments", "segments_changed")
@@ -153,7 +151,7 @@ def test_a_row_in_a_process_of_its_own_has_the_numbers_of_a_run_here():
 
 
 def test_a_process_that_fails_says_why():
-    spec = rows(Settings("nowhere.toml"), 3, False)[0].spec()
+    spec = rows(Settings("nowhere.toml"), 3)[0].spec()
     with pytest.raises(Failed, match="nowhere.toml"):
         run_apart(spec)
 

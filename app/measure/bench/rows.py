@@ -10,8 +10,8 @@ from app.settings import Settings
 from gi_core.estimators import DEFAULT, ESTIMATORS
 
 PHOTONS = (10_000, 100_000, 1_000_000)
-LARGE = 10_000_000  # only with --large: minutes and gigabytes
 TRIANGLES = (72_000, 300_000, 1_000_000)  # the shipped tree has 72,000; surfaces are only cut finer
+RADII = ("scaled", "fixed")  # of discs in finer meshes: see `app.measure.bench.row.vary`
 GROWTH_PHOTONS = 100_000  # of rows that vary triangles or sides
 NEIGHBOURS = 50
 SLOW, SLOW_STEP = f"{PHOTONS[-1]} photons, {DEFAULT}, slow drag", 0.003  # of the scene size: 3 mm in a room of 1 m
@@ -27,12 +27,11 @@ class Row(NamedTuple):
 
     def spec(self) -> dict:
         """Return the input of a row's process as JSON returns it: lists for tuples."""
-        return json.loads(
-            json.dumps({"settings": asdict(self.settings), "frames": self.frames, "variant": self.variant})
-        )
+        spec = {"settings": asdict(self.settings), "frames": self.frames, "variant": self.variant}
+        return json.loads(json.dumps(spec))
 
 
-def rows(settings: Settings, frames: int, large: bool) -> list[Row]:
+def rows(settings: Settings, frames: int) -> list[Row]:
     """Return all rows, cheap ones first; artifact control is off except in its own rows."""
     base = replace(settings, control=False, neighbours=settings.neighbours or NEIGHBOURS)
     out = []
@@ -49,12 +48,8 @@ def rows(settings: Settings, frames: int, large: bool) -> list[Row]:
     for sides in ("one-sided", "two-sided"):
         add(sides, GROWTH_PHOTONS, two_sided=sides == "two-sided")
     for triangles in TRIANGLES:
-        for radius in ("scaled", "fixed"):
+        for radius in RADII:
             add(triangles_key(triangles, radius), GROWTH_PHOTONS, triangles=triangles, radius=radius)
-    if large:
-        for estimator, kind in ESTIMATORS.items():
-            if kind.additive:  # others keep every hit: twice the memory
-                add(photons_key(LARGE, estimator), LARGE, estimator)
     return out
 
 

@@ -20,7 +20,7 @@ from app.settings import Settings, UsageError
 FORMAT = "gi-viewer sweep 2"
 
 
-def sweep(settings: Settings, frames: int, out: Path, large: bool = False, run: Callable = run_apart) -> dict:
+def sweep(settings: Settings, frames: int, out: Path, run: Callable = run_apart) -> dict:
     """Measure the missing rows of `out`/sweep.json, write it and sweep.md; return the contents of sweep.json.
 
     `run(spec) -> numbers` measures a row, or raises Failed. Raises UsageError for a folder that holds a sweep of
@@ -30,7 +30,7 @@ def sweep(settings: Settings, frames: int, out: Path, large: bool = False, run: 
     file = out / "sweep.json"
     started = {"format": FORMAT, "scene": settings.scene, "commit": commit(), "processor": processor()}
     done: dict = _resumed(file, started) if file.exists() else {**started, "failed": {}, "rows": {}}
-    wanted = rows(settings, frames, large)
+    wanted = rows(settings, frames)
     with Bar() as bar:
         for k, row in enumerate(wanted):
             kept = done["rows"].get(row.key)

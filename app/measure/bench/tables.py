@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from app.measure.bench.rows import LARGE, PHOTONS, SLOW, TRIANGLES, photons_key, triangles_key
-from app.settings import STEP
-from gi_core.estimators import DEFAULT, ESTIMATORS
+from app.measure.bench.rows import PHOTONS, RADII, TRIANGLES, photons_key, triangles_key
+from gi_core.estimators import DEFAULT
 
 
 def markdown(sweep: dict) -> str:
     """Return the whole report."""
     have = sweep["rows"]
-    parts = [_head(sweep), _photons(have), _growth_with_photons(have), _growth_with_triangles(have),
-             _comparisons(have), _queries(have), _stages(have), _failed(sweep)]  # fmt: skip
+    parts = [_head(sweep), _rows(have), _growth_with_triangles(have), _queries(have), _stages(have), _failed(sweep)]
     return "\n\n".join(p for p in parts if p) + "\n"
 
 
@@ -40,44 +38,29 @@ def _section(title: str, body: str) -> str:
     return f"## {title}\n\n{body}" if body else ""
 
 
-def _all_photons(have: dict) -> list[tuple[int, str, bool]]:
-    keys = [(n, e, c) for e in ESTIMATORS for c in (False, True) for n in (*PHOTONS, LARGE)]
-    return [k for k in keys if photons_key(*k) in have]
-
-
-def _photons(have: dict) -> str:
-    head = ["estimator", "photons", "cut", "frame", "95 %", "CPU", "us per cut photon", "of its bound", "by CPU",
+def _rows(have: dict) -> str:
+    """Return the table of all rows but those of triangles; frames should grow with the photons cut, plus a scan."""
+    head = ["row", "cut", "frame", "95 %", "CPU", "scan", "all else, us per cut photon", "of its bound", "by CPU",
             "from scratch", "ratio", "first frame", "peak MB"]  # fmt: skip
+    grown = {triangles_key(n, radius) for n in TRIANGLES for radius in RADII}
     lines = []
-    for n, estimator, control in _all_photons(have):
-        r = have[photons_key(n, estimator, control)]
-        name = estimator + (", artifact control" if control else "")
+    for key, r in have.items():
+        if key in grown:
+            continue
+        f, b, cut = r["frame_ms"], r["bounds"], r["share_cut"] * r["photons"]
+        scan = sum(ms for name, ms in r["stages_ms"].items() if "scan" in name)
         lines.append([
-            name, f"{n:,}", f"{100 * r['share_cut']:.2f} %", _ms(r["frame_ms"]["median"]), _ms(r["frame_ms"]["p95"]),
-            _ms(r["frame_ms"]["cpu"]), _number(r["us_per_cut_photon"]), _times(r["bounds"]["frame_ratio"]),
-            _times(r["bounds"]["frame_cpu_ratio"]), _ms(r["from_scratch_ms"]), _times(r["from_scratch_ratio"]),
+            key, f"{cut:,.0f}", _ms(f["median"]), _ms(f["p95"]), _ms(f["cpu"]), _ms(scan),
+            _number(1e3 * (f["median"] - scan) / cut if cut else None), _times(b["frame_ratio"]),
+            _times(b["frame_cpu_ratio"]), _ms(r["from_scratch_ms"]), _times(r["from_scratch_ratio"]),
             _ms(r["first_frame_ms"]), _number(r["peak_rss_mb"], 0),
         ])  # fmt: skip
-    return _section("Photons and estimators", table(head, lines))
-
-
-def _growth_with_photons(have: dict) -> str:
-    """Frames should grow with the photons cut, plus a scan of all photons, which has its own column."""
-    lines = []
-    for n, estimator, control in _all_photons(have):
-        if estimator != DEFAULT or control:
-            continue
-        r = have[photons_key(n, estimator)]
-        scan = sum(ms for name, ms in r["stages_ms"].items() if "scan" in name)
-        cut, rest = r["share_cut"] * r["photons"], r["frame_ms"]["median"] - scan
-        lines.append([f"{n:,}", f"{cut:,.0f}", _ms(scan), _ms(rest), _number(1e3 * rest / cut if cut else None)])
-    head = ["photons", "cut", "scan", "all else", "all else, us per cut photon"]
-    return _section(f"Growth with photons ({DEFAULT})", table(head, lines))
+    return _section("Rows", table(head, lines))
 
 
 def _growth_with_triangles(have: dict) -> str:
     parts = []
-    for radius in ("scaled", "fixed"):
+    for radius in RADII:
         measured = [have[key] for n in TRIANGLES if (key := triangles_key(n, radius)) in have]
         lines = []
         for r in measured:
@@ -89,16 +72,7 @@ def _growth_with_triangles(have: dict) -> str:
                 _times(crossings / of_first if of_first else None),
                 _number(crossings / r["segments_changed"] if r["segments_changed"] else None),
             ])  # fmt: skip
-        head = [
-            "triangles",
-            "receivers",
-            "radius m",
-            "frame",
-            "of the first",
-            "crossings",
-            "of the first",
-            "per segment",
-        ]
+        head = ["triangles", "receivers", "radius m", "frame", "ratio", "crossings", "ratio", "per segment"]
         made = table(head, lines)
         if made:
             parts.append(f"Radius {radius}:\n\n{made}")
@@ -109,44 +83,27 @@ def _crossings(r: dict) -> float:
     return r["bounds"]["stages"].get("estimate", {"work": {}})["work"].get("crossings", {"count": 0})["count"]
 
 
-def _comparisons(have: dict) -> str:
-    pairs = [(f"{other} against {DEFAULT}, {n:,} photons", photons_key(n, other), photons_key(n, DEFAULT))
-             for other in ESTIMATORS if other != DEFAULT for n in (*PHOTONS, LARGE)]  # fmt: skip
-    pairs += [(f"artifact control on against off, {n:,} photons", photons_key(n, DEFAULT, control=True),
-               photons_key(n, DEFAULT)) for n in PHOTONS]  # fmt: skip
-    pairs.append((f"a slow drag against {100 * STEP:g} % per frame, {PHOTONS[-1]:,} photons", SLOW,
-                  photons_key(PHOTONS[-1], DEFAULT)))  # fmt: skip
-    pairs.append(("everything two-sided against one-sided", "two-sided", "one-sided"))
-    lines = []
-    for title, a, b in pairs:
-        if a in have and b in have:
-            x, y = have[a]["frame_ms"]["median"], have[b]["frame_ms"]["median"]
-            lines.append([title, _ms(x), _ms(y), _times(x / y)])
-    return _section("One against the other", table(["", "frame", "against", "ratio"], lines))
-
-
 def _queries(have: dict) -> str:
     lines = []
-    for n, estimator, control in _all_photons(have):
-        r = have[photons_key(n, estimator, control)]
+    for key, r in have.items():
         q = r["queries"]
         if q is None:
             continue
         share = f"{100 * q['stale_share']:.2f} %"
         frame = r["frame_ms"]["median"]
         lines.append([
-            estimator, f"{n:,}", _ms(frame), share, f"{q['queries']:,.0f}", _number(q["us_a_query"]),
+            key, _ms(frame), share, f"{q['queries']:,.0f}", _number(q["us_a_query"]),
             _ms(q["full_estimate_ms"]), _ms(q["allowed_ms"]),
             _times(frame / q["allowed_ms"] if q["allowed_ms"] else None),
         ])  # fmt: skip
-    head = ["estimator", "photons", "frame", "stale", "queries", "us per query", "full estimate", "x stale share",
+    head = ["row", "frame", "stale", "queries", "us per query", "full estimate", "x stale share",
             "frame / that"]  # fmt: skip
     return _section("Receivers estimated again", table(head, lines))
 
 
 def _stages(have: dict) -> str:
     """Return time and bound of each stage at the largest number of photons measured."""
-    counts = [n for n, estimator, control in _all_photons(have) if estimator == DEFAULT and not control]
+    counts = [n for n in PHOTONS if photons_key(n, DEFAULT) in have]
     if not counts:
         return ""
     r = have[photons_key(max(counts), DEFAULT)]

@@ -26,7 +26,7 @@ def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
         _inline((out / "chart.svg").read_text(encoding="utf-8")),
         "<h2>The best of each estimator</h2>",
         f"<p>The least error of all receivers within {pictures.SOON_ENOUGH:g} ms per frame. Maps: blue too dark, "
-        f"orange too bright, full colour at a relative error of {pictures.SCALE:.0%}.</p>",
+        f"red too bright, full colour at a relative error of {pictures.SCALE:.0%}.</p>",
         _pictures(pictures.pictures(run, rows)),
         *_report(rows, about),
         "<h2>Every setting</h2>",

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.draw import raycast
+from app.draw.colour_map import signed_colours
 from app.draw.shot import Shot
 from app.measure.chart.run import Run
 from app.measure.chart.settings import Choice
@@ -18,7 +19,6 @@ from gi_core.geometry.error import relative_error, signed_error
 SIZE = (480, 320)  # pixels
 SOON_ENOUGH = 40.0  # ms: longest frame among the best settings
 SCALE = 0.5  # relative error at the ends of the colour scale
-TOO_DARK, RIGHT, TOO_BRIGHT = (0.13, 0.40, 0.67), (0.97, 0.97, 0.97), (0.84, 0.38, 0.05)
 
 
 class Picture(NamedTuple):
@@ -68,11 +68,8 @@ def pictures(run: Run, rows: list[dict]) -> list[Picture]:
 
 
 def _map(shot: Shot, error: np.ndarray) -> np.ndarray:
-    """Return an error map (h, w, 3) uint8 of relative errors (R,): blue too dark, orange too bright, white exact."""
-    x = np.clip(np.nan_to_num(error) / SCALE, -1, 1)[:, None]
-    display = np.where(
-        x < 0, np.array(RIGHT) + x * (np.array(RIGHT) - TOO_DARK), RIGHT + x * (np.array(TOO_BRIGHT) - RIGHT)
-    )
+    """Return an error map (h, w, 3) uint8 of relative errors (R,): blue too dark, red too bright."""
+    display = signed_colours(np.nan_to_num(error) / SCALE)
     linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)  # of sRGB
     colours = [(linear[m.front], linear[np.maximum(m.back, 0)]) for m in shot.meshes]
     model, solver = shot.solver.model, shot.solver
