@@ -430,7 +430,7 @@ class Solver:
     def search_summary(self) -> str:
         """What the disc search over the static part has built, in words; "" where there is none."""
         searches = [] if self._shown is None else self._shown.estimate.searches
-        return searches[0].told() if searches else ""
+        return searches[0].summary() if searches else ""
 
     @property
     def segments_total(self) -> int:

@@ -39,5 +39,5 @@ class Search(Protocol):
         time, each with its own part and sums. Called by tangent_plane for background and frames.
         """
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """Return a summary of what was built, which starts with the search's name. Shown by `info` and the panel."""

@@ -44,7 +44,7 @@ class BruteForce:
         d = self.discs
         return _splat(*self.blocks, d.own, *d.regions[:2], d.radius, *lines, first, last, sign, *sums, self.pretest)
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """Return in words what was built."""
         return f"brute_force: {len(self.blocks.front):,} discs, nothing over them"
 

@@ -75,7 +75,7 @@ class DiscGrid:
         held = (self.blocks.front >= 0) | (self.blocks.behind >= 0)
         return float(held.sum()) / max(int((np.diff(self.first) > 0).sum()), 1)
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """Return in words how large the cells are, and how full."""
         return f"cells of {self.cell_radii:g} radii with {self.discs_a_cell:.0f} discs where any are"
 

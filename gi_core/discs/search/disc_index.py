@@ -39,9 +39,9 @@ class DiscIndex:
         """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
         return sum(grid.splat(lines, sign, sums, part, parts) for grid in self.grids)
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """Return in words what was built."""
-        return "disc_index: " + ", ".join(grid.told() for grid in self.grids)
+        return "disc_index: " + ", ".join(grid.summary() for grid in self.grids)
 
 
 def _crowds(discs: Discs, rows: np.ndarray, cell_radii: float) -> list[np.ndarray]:

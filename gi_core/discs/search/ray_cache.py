@@ -64,7 +64,7 @@ class RayCache:
             self.pretest,
         )  # fmt: skip
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """Return in words what was built."""
         deep = int(self.spheres.depth.max(initial=-1)) + 1
         return f"ray_cache: {len(self.spheres.first):,} spheres, stacked {deep} deep"
