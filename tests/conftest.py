@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
 from gi_core.estimators import ESTIMATORS
+from gi_core.instruments import compile_ahead
 
 settings.register_profile(
     "gi", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
 )
 settings.load_profile("gi")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile all kernels before any test runs, and before workers start: once per machine, 40 s on two cores."""
+    if (
+        not hasattr(session.config, "workerinput")
+        and not session.config.option.collectonly
+        and not compile_ahead.is_warm()
+    ):
+        print("compiling kernels, once per machine: 40 s on two cores", flush=True)
+        subprocess.run([sys.executable, "-m", compile_ahead.__name__], stdout=subprocess.DEVNULL, check=True)
 
 
 @pytest.fixture(autouse=True)

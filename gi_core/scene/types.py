@@ -121,6 +121,8 @@ class Probe(NamedTuple):
 
 
 class Camera(NamedTuple):
+    """A view: eye and target [m], and the vertical field of view."""
+
     position: tuple[float, float, float]
     target: tuple[float, float, float]
     vertical_fov_degrees: float = 45.0

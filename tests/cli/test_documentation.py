@@ -23,16 +23,16 @@ def test_every_example_runs(document, monkeypatch, tmp_path):
     assert work_through(document, monkeypatch, tmp_path) >= 1
 
 
-def test_every_file_in_the_readme_s_table_is_there():
-    rows = re.findall(r"^\| (`[^|]*`) \|", section(ROOT / "README.md", "How it works"), re.MULTILINE)
-    assert len(rows) > 25
-    for row in rows:
-        folder = None
-        for name in re.findall(r"`([^`]+)`", row):  # `gi_core/a.py`, `b.py`: the same folder; `c/`: a subfolder
-            tried = [ROOT / name, *([folder / name] if folder else [])]
-            found = [path for pattern in tried for path in pattern.parent.glob(pattern.name)]
-            assert found, f"README.md: {name} of {row}"
-            folder = folder or (ROOT / name).parent
+def test_the_design_lists_every_package():
+    text = section(ROOT / "docs" / "design.md", "Flow")
+    listed = re.findall(r"^    ((?:gi_core|app)/[\w/]*(?:\.py)?)", text, re.MULTILINE)
+    packages = {
+        f"{p.parent.relative_to(ROOT).as_posix()}/"
+        for top in ("gi_core", "app")
+        for p in (ROOT / top).rglob("__init__.py")
+    }
+    assert packages - {"gi_core/", "app/"} == {name for name in listed if name.endswith("/")}
+    assert [name for name in listed if not (ROOT / name).exists()] == []
 
 
 # Scene format -----------------------------------------------------------------------------------------
@@ -132,95 +132,28 @@ def test_every_shipped_scene_is_in_the_readme():
 
 # Interface --------------------------------------------------------------------------------------------
 
-API = ROOT / "docs" / "api.md"
-MODULES = (
-    "gi_core.scene",
-    "gi_core.files.load",
-    "gi_core.files.find",
-    "gi_core.solver",
-    "gi_core.gather.reference",
-    "gi_core.geometry.evaluation_points",
-    "gi_core.geometry.error",
-    "gi_core.geometry.receiver_classes",
-    "gi_core.scene.pose",
-    "gi_core.geometry.radiosity",
-    "gi_core.geometry.tessellation",
-    "gi_core.geometry.surfaces",
-    "gi_core.geometry.receivers",
-    "gi_core.estimators.setting",
-)
+PUBLIC = ("gi_core.scene", "gi_core.files.load", "gi_core.files.find", "gi_core.solver", "gi_core.gather.reference")
 
 
-def described() -> dict[str, tuple[str | None, str]]:
-    """Return of each name that has a heading its arguments (None without parentheses) and the text below it."""
-    pattern = r"^###+ `([\w.]+)(?:\((.*)\))?`$((?:\n(?!#).*)*)"
-    found = re.finditer(pattern, API.read_text(encoding="utf-8"), re.MULTILINE)
-    return {match[1]: (match[2], match[3]) for match in found}
-
-
-def look_up(name: str):
-    """Return what a name in the document stands for."""
-    first, *rest = name.split(".")
-    for module in MODULES:
-        thing = getattr(importlib.import_module(module), first, None)
-        if thing is not None:
-            for part in rest:
-                thing = getattr(thing, part)
-            return thing
-    raise AssertionError(f"api.md describes {name}, which is in none of {MODULES}")
-
-
-def test_signatures_are_those_of_the_program():
-    headings = described()
-    assert len(headings) > 30
-    for name, (arguments, _) in headings.items():
-        thing = look_up(name)
-        if not callable(thing) or (isinstance(thing, type) and issubclass(thing, Exception)):
-            assert arguments is None, f"{name} takes no arguments"
-        elif arguments.endswith(", ..."):  # the rest is for the program's own use
-            assert signature(thing).startswith(arguments[: -len(", ...")] + ","), name
-        else:
-            assert arguments == signature(thing), name
-
-
-def signature(thing) -> str:
-    """Return the arguments of a callable as the document writes them: names and defaults."""
-    parameters = [p for p in inspect.signature(thing).parameters.values() if p.name != "self"]
-    return ", ".join(
-        "**" * (p.kind is p.VAR_KEYWORD) + p.name + ("" if p.default is p.empty else f"={short(p.default)}")
-        for p in parameters
-    )
-
-
-def short(value) -> str:
-    """Return a default as one would write it: `Pose()`, not all its fields."""
-    return f"{type(value).__name__}()" if hasattr(value, "_fields") and value == type(value)() else repr(value)
-
-
-def test_nothing_public_is_left_out():
-    from gi_core import scene
-    from gi_core.solver import Solver
-
-    described_names = set(described())
-    wanted = {*scene.__all__, "load_scene", "find_scene", "shipped_scenes"}
-    wanted |= {f"Solver.{name}" for name, _ in inspect.getmembers(Solver) if not name.startswith("_")}
-    text = API.read_text(encoding="utf-8")
-    assert wanted - described_names == set()
-    attributes = vars(Solver(load_scene_for_attributes(), photons=0))
-    assert [a for a in attributes if not a.startswith("_") and f"`{a}`" not in text] == []
-
-
-def load_scene_for_attributes():
-    from tests.support.scene_builders import plane_scene
-
-    return plane_scene()
-
-
-def test_fields_of_records_are_named():
-    for name, (_, text) in described().items():
-        thing = look_up(name)
-        for field in getattr(thing, "_fields", ()):
-            assert f"`{field}`" in text, f"api.md: {name} does not say what {field} is"
+@pytest.mark.parametrize("module", PUBLIC)
+def test_every_public_name_has_a_docstring(module):
+    """The reference is generated from them (`just docs`)."""
+    loaded = importlib.import_module(module)
+    names = getattr(loaded, "__all__", None) or [
+        name
+        for name, thing in vars(loaded).items()
+        if not name.startswith("_") and getattr(thing, "__module__", None) == module and callable(thing)
+    ]
+    assert names
+    for name in names:
+        thing = getattr(loaded, name)
+        if not inspect.isclass(thing) and not inspect.isfunction(thing):
+            continue
+        own = (inspect.getdoc(thing) or "").strip()
+        assert own and not own.startswith(f"{name}("), f"{module}.{name} has no docstring"
+        for member, value in vars(thing).items() if inspect.isclass(thing) else ():
+            if inspect.isfunction(value) and not member.startswith("_"):
+                assert inspect.getdoc(value), f"{module}.{name}.{member} has no docstring"
 
 
 # The test itself --------------------------------------------------------------------------------------

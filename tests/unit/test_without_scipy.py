@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 import trimesh
 
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_obj
@@ -14,6 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CODE = """
 import sys
 sys.modules["scipy"] = None  # importing it fails
+import pytest
 from app.__main__ import main
 for path in sys.argv[1:]:
     for estimator in ("tangent_plane", "photon_map"):
@@ -23,6 +25,7 @@ assert not [name for name in sys.modules if name.startswith("scipy.")]
 """
 
 
+@pytest.mark.slow
 def test_meshes_of_every_format_load_and_render(tmp_path):
     box = trimesh.Trimesh(BOX, BOX_FACES, face_colors=[[200, 100, 50, 255]] * len(BOX_FACES), process=False)
     paths = [write_glb(tmp_path / "box.glb", BOX, BOX_FACES), write_obj(tmp_path / "box.obj")]

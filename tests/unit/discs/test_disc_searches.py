@@ -90,6 +90,7 @@ def expected(request) -> tuple[Case, tuple]:
     return c, found(SEARCHES["brute_force"](c.discs), c)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pretest", PRETESTS)
 @pytest.mark.parametrize("name", MADE)
 def test_every_search_and_pretest_finds_the_same(name, pretest, expected):

@@ -119,6 +119,7 @@ def test_every_frame_over_it_is_that_from_scratch():
     assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
+@pytest.mark.slow
 def test_it_is_far_better_than_its_photons_and_whole_paths_have_the_last_word(monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 0.02)
     solver = Solver(fine_room(), photons=50_000, radius=0.02)

@@ -58,6 +58,7 @@ def numbers(first: int, count: int, dimension: int, m: int) -> np.ndarray:
 # -- no bias ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("light_sampling", [True, False])
 def test_the_mean_of_many_runs_is_the_answer(light_sampling):
     """Each run has a pilot, and with it sets, of its own; few rounds, so that a bias by selection would show."""
@@ -76,6 +77,7 @@ def test_in_a_furnace():
     z_test(state.mean[:, 0], closed_form.furnace(2.0, 0.5), state.standard_error[:, 0], "furnace", degrees=39)
 
 
+@pytest.mark.slow
 def test_the_standard_error_is_what_seeds_scatter_by():
     scene = build.coloured_room()
     runs = [gathered(scene, 12, s, weights=UNEVEN) for s in range(40)]

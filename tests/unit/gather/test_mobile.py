@@ -69,6 +69,7 @@ def test_inside_a_hollow_mobile_light_goes_to_and_fro():
     assert np.allclose(found, expected, rtol=0.08)
 
 
+@pytest.mark.slow
 def test_it_is_the_reference():
     """Walls of many receivers, so that what is interpolated between them is right; two things, side by side."""
     places = {0.25: (0.4, 0.5, 0.3), 0.15: (0.62, 0.5, 0.35)}
@@ -293,6 +294,7 @@ assert before == [len(f.signatures) for f in kernels], "a kernel was compiled af
 """
 
 
+@pytest.mark.slow
 def test_the_warm_up_compiles_all_that_things_side_by_side_need():
     """In a process of its own: here other tests have compiled everything already."""
     subprocess.run([sys.executable, "-c", NOTHING_IS_COMPILED], cwd=Path(__file__).parents[3], check=True)

@@ -143,6 +143,7 @@ def test_light_sampling_changes_the_noise_only():
     assert (error_a < 0.5 * error_b)[:3].all()
 
 
+@pytest.mark.slow
 def test_standard_error_is_what_seeds_scatter_by():
     runs = np.array([reference_irradiance(build.coloured_room(), *build.ROOM_POINTS, 100, s)[0] for s in range(60)])
     _, error = reference_irradiance(build.coloured_room(), *build.ROOM_POINTS, 6000, 99)

@@ -162,6 +162,7 @@ def vertices_inside_edges(mesh: Mesh) -> int:
     return count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("how", ["even", "near", "thin"])
 def test_no_junctions_between_faces_of_any_material_and_size(seed, how):
@@ -235,6 +236,7 @@ def test_a_long_strip_is_cut_across(length, width, most):
     assert np.ptp(tilt[at[..., 0] == 0]) == 0 and np.abs(tilt[at[..., 0] == length] - 0.6).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_an_endless_sliver_is_refused_before_it_fills_the_memory():
     corners = np.array([[0.0, 0, 0], [1e6, 0, 0], [5e5, 1e-6, 0]])
     sliver = Mesh(corners, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32))

@@ -55,6 +55,7 @@ def errors(session: Session) -> list[str]:
     return [entry.text for entry in session.log.entries if entry.level == ERROR]
 
 
+@pytest.mark.slow
 def test_all_work_at_rest_is_done_and_stored_where_nothing_was(folder, capfd):
     session = opened()
     assert not folder.exists()
@@ -86,6 +87,7 @@ JOBS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("job", JOBS)
 def test_a_job_that_fails_ends_nothing_else(job, monkeypatch, capfd):
     calls = []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from app.draw.png import read_parameters
 from studies import scene_table
 from tests.support.mesh_writers import write_room
@@ -16,6 +18,7 @@ def test_folders_files_shipped_scenes_and_mobiles_become_cases(tmp_path):
     assert [name for name, _ in found] == ["a/cube.obj", "a/room.obj", "cornell", "a/room.obj+a/cube.obj"]
 
 
+@pytest.mark.slow
 def test_rows_are_kept_and_what_people_wrote_stays(tmp_path):
     """One file that loads, one that does not; the second time neither is opened again."""
     write_room(tmp_path)

@@ -177,6 +177,7 @@ def test_tuning_ends_in_a_choice_that_the_solver_takes(solver, monkeypatch):
     assert other.irradiance.any()
 
 
+@pytest.mark.slow
 def test_the_command_prints_trials_and_choice(monkeypatch, capsys):
     monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 8192)
     monkeypatch.setattr("gi_core.tuning.setting_trials.MOST_PATHS", 32)
