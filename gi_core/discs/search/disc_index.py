@@ -1,7 +1,7 @@
-"""Disc indexing (report 2.7): one uniform grid over the discs, or several where they crowd.
+"""Disc index (report 2.7): one uniform grid over the discs, plus one per dense cluster.
 
-Cells of a few radii are best, but memory bounds how many a grid can have. A teapot in a stadium would
-then lie in one single cell: such crowds get a grid of their own, and a segment walks through each.
+Cells of a few radii are best, but memory bounds their number. A teapot in a stadium would then lie in a single cell.
+Such clusters get separate grids, and a segment traverses each grid.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from gi_core.discs.search.disc_grid import CELL_RADII, DiscGrid, box_of, cell_fo
 from gi_core.discs.search.predicate import Discs, Lines, to_list
 from gi_core.photons.flux_sums import Sums
 
-TOO_LARGE = 1.5  # times the cell wanted: grids with larger cells are looked through for crowds
-LEAST_CROWD = 512  # discs: fewer do not repay a grid that every segment is clipped against
+TOO_LARGE = 1.5  # times the wanted cell: grids with larger cells are searched for clusters
+LEAST_CROWD = 512  # discs: for fewer, clipping every segment against a grid does not pay
 MOST_CROWDS = 8
-LOOK = 32  # cells along the longest axis, in which crowds are looked for
-CROWDED = 32  # discs in one of those
-SHRINKS = 0.5  # a crowd's own box must be so much smaller: the search ends
+LOOK = 32  # cells along the longest axis of the cluster search
+CROWDED = 32  # discs per such cell
+SHRINKS = 0.5  # of the box: a cluster's box must be smaller, so that the recursion ends
 
 
 class DiscIndex:
-    """Grids over discs; each disc is in one of them."""
+    """Grids over discs; each disc is in one grid."""
 
     parts_share_lines = False
 
     def __init__(self, discs: Discs, pretest: str = "none", cell_radii: float | None = None):
-        """cell_radii: edge of the cells in disc radii; None chooses it for each grid, see cell_size.py."""
+        """cell_radii: edge of the cells in disc radii; None: chosen per grid, see cell_size.py."""
         self.discs = discs
         parts = _crowds(discs, np.flatnonzero(to_list(discs)), cell_radii or CELL_RADII)
         self.grids = [DiscGrid(discs, rows, pretest, cell_radii or best_cell_radii(discs, rows)) for rows in parts]
@@ -40,12 +40,12 @@ class DiscIndex:
         return sum(grid.splat(lines, sign, sums, part, parts) for grid in self.grids)
 
     def summary(self) -> str:
-        """Return in words what was built."""
+        """Return a summary of the grids."""
         return "disc_index: " + ", ".join(grid.summary() for grid in self.grids)
 
 
 def _crowds(discs: Discs, rows: np.ndarray, cell_radii: float) -> list[np.ndarray]:
-    """Return the rows (n,) of discs in parts, one a grid."""
+    """Return the rows (n,) of discs per grid."""
     low, extent = box_of(discs, rows)
     wanted = cell_radii * float(discs.radius)
     if cell_for(extent, float(discs.radius), cell_radii) <= TOO_LARGE * wanted or len(rows) < LEAST_CROWD:
@@ -66,9 +66,9 @@ def _crowds(discs: Discs, rows: np.ndarray, cell_radii: float) -> list[np.ndarra
 
 
 def _touching(crowded: np.ndarray) -> np.ndarray:
-    """Return for each cell (X, Y, Z) of a grid the number of its crowd; -1 where it is not crowded.
+    """Return the cluster of each cell (X, Y, Z), -1 for cells with few discs.
 
-    Cells that share a face, an edge or a corner are of the same crowd.
+    Cells that share a face, an edge or a corner belong to the same cluster.
     """
     crowd = np.full(np.array(crowded.shape) + 2, -1)  # a border, so that every cell has 26 neighbours
     cells = np.argwhere(crowded) + 1

@@ -1,8 +1,8 @@
-"""Spheres of decreasing radius round receivers taken in some order: what a ray cache pushes and pops (report 2.6).
+"""Sphere stack of the ray cache (report 2.6): nested spheres of decreasing radius around receivers in a given order.
 
-A sphere is pushed round the first receiver that its parent holds and popped at the first one whose disc it does
-not hold whole. Receivers do not move, so this is found out once an object and every frame goes by it;
-each sphere can then be drawn tight round the discs it turned out to hold.
+A sphere is pushed around the first receiver inside its parent. It is popped at the first receiver whose disc is not
+entirely inside. Receivers do not move in object space, so pushes and pops are computed once per object. Each sphere is
+then shrunk to its discs.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy as np
 
 from gi_core.base.jit import allocating
 
-SHRINK = 0.5  # radius of a sphere over its parent's: see docs/measurements.md
-LEAST_RADII = 2.0  # disc radii, of the smallest sphere
+SHRINK = 0.5  # radius of a sphere over its parent's, see docs/measurements.md
+LEAST_RADII = 2.0  # disc radii: radius of the smallest sphere
 FEW = 4  # receivers: a smaller sphere costs more than it saves
-PAD = 1e-3  # of a sphere's radius: rounding
+PAD = 1e-3  # of a sphere's radius: covers rounding
 
 
 class Spheres(NamedTuple):
-    """What is pushed, in this order. The spheres inside sphere k are k + 1 .. behind[k] - 1."""
+    """Spheres in the order of pushes. The spheres inside sphere k are k + 1 .. behind[k] - 1."""
 
     first: np.ndarray  # (K,) int32, receivers first .. last - 1 of the order are inside
     last: np.ndarray  # (K,) int32
@@ -32,7 +32,7 @@ class Spheres(NamedTuple):
 
 
 def stack_spheres(points: np.ndarray, reach: float, least_radii: float = LEAST_RADII) -> Spheres:
-    """Return the spheres over discs of radius `reach` [m] round points (n, 3), visited in the order given."""
+    """Return the spheres over discs of radius `reach` [m] around points (n, 3), in the given order."""
     points = np.ascontiguousarray(points, np.float64)
     whole = 0.5 * float(np.sqrt((np.ptp(points, axis=0) ** 2).sum())) + 2 * reach if len(points) else 0.0
     count = max(0, int(np.ceil(np.log(max(whole / (least_radii * reach), 1.0)) / -np.log(SHRINK))))
@@ -49,9 +49,9 @@ def stack_spheres(points: np.ndarray, reach: float, least_radii: float = LEAST_R
 
 @allocating
 def _push_and_pop(points, reach, radii, first, last, parent):
-    """Write the spheres in the order in which they are pushed; returns how many.
+    """Write the spheres in the order of pushes; return their number.
 
-    One that holds the same receivers as its parent is left out, and so is one of few receivers.
+    Spheres with the same receivers as their parent, or with few receivers, are left out.
     """
     n, depth = len(points), 0
     begun, centre = np.zeros(len(radii), np.int64), np.zeros((len(radii), 3))
@@ -59,7 +59,7 @@ def _push_and_pop(points, reach, radii, first, last, parent):
         return 0
     first[0], last[0], parent[0] = 0, n, -1
     spheres = 1
-    # Where a sphere that is pushed at a receiver ends is known only when it is popped: two passes.
+    # The last receiver of a sphere is known only at its pop, hence two passes.
     ends = np.zeros((len(radii), n), np.int32)
     for i in range(n + 1):
         keep = 0
@@ -112,7 +112,7 @@ def _tighten(points, reach, first, last, parent, behind, depth, centre, radius):
         for c in range(3):
             centre[k, c] = middle[c]
         radius[k] = (np.sqrt(most) + reach) * (1.0 + PAD)
-    # Pushed one after the other: a sphere's own end where the next one at its depth or above begins.
+    # In push order, a sphere ends where the next sphere of its depth or above begins.
     for k in range(len(first) - 1, -1, -1):
         j = k + 1
         while j < len(first) and depth[j] > depth[k]:
