@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from gi_core.base.threads import run_ranges
-from gi_core.gather.one_bounce import Exchange, meet
+from gi_core.gather.one_bounce import Bounces, Exchange, Field, meet
 from gi_core.gather.path_tracer import BLOCK, PathEnds, join_lights, scatter
 from gi_core.geometry.error import noise_of_truth, small_sample_bias
 from gi_core.lights.light_sampling import Lights, area_lights, sky_of, small_lights
@@ -107,10 +107,7 @@ class FinalGather:
         far = np.full(count, FAR * world.size, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, rays.origin, rays.direction, far)
         none = Exchange(np.empty(0, np.int64), np.empty((0, 3), np.int64), *np.empty((2, 0, 3)))  # no mobile is met
-        meet(
-            1 << m, positions, normals, at.rotation[0], rays.direction, distance, face, world.normals,
-            world.reflectance, world.two_sided, at.rotation, at.position, world.face_object, lights.area.lamp,
-            lights.area.radiance, lights.area.density, lights.sky, model.object_receivers.positions, s.corner_front,
-            s.corner_back, field, 0, 0, total, none,
-        )  # fmt: skip
+        known = Field(model.object_receivers.positions, s.corner_front, s.corner_back, field)
+        bounces = Bounces(1 << m, positions, normals, at.rotation[0], rays.direction, distance, face)
+        meet(world, at, lights.area, lights.sky, known, bounces, 0, 0, total, none)
         return total

@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
+from gi_core.base.vec import rotate, rotate_back
 from gi_core.lights.next_event import Shadows
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, Transforms, passes_box, rays_to_object, to_local
+from gi_core.rays.accelerator import FAR, Transforms, passes_box, rays_to_object
 from gi_core.rays.embree import any_hit, nearest_hit, new_ray
 from gi_core.rays.two_level import CUT_PAD
 
@@ -84,8 +85,8 @@ def _select(rays: Shadows, which: np.ndarray) -> Shadows:
 def _to_mobile(world, at, o, origin, direction, limit):
     """Return a ray in mobile o's object space, float32, after whether it passes the mobile's box."""
     R, p = at.rotation[o], at.position[o]
-    ox, oy, oz = to_local(R, origin[0] - p[0], origin[1] - p[1], origin[2] - p[2])
-    dx, dy, dz = to_local(R, np.float64(direction[0]), np.float64(direction[1]), np.float64(direction[2]))
+    ox, oy, oz = rotate_back(R, (origin[0] - p[0], origin[1] - p[1], origin[2] - p[2]))
+    dx, dy, dz = rotate_back(R, (np.float64(direction[0]), np.float64(direction[1]), np.float64(direction[2])))
     t = np.float64(limit)
     passes = passes_box(
         ox, oy, oz, ox + t * dx, oy + t * dy, oz + t * dz, world.box_low[o], world.box_high[o], CUT_PAD * world.size
@@ -122,6 +123,5 @@ def _block(scenes, ray, world, at, own, rays, blocked):
 def _to_world(R, p, points, out):
     """out = R points + p, element by element."""
     for k in range(len(points)):
-        x, y, z = np.float64(points[k, 0]), np.float64(points[k, 1]), np.float64(points[k, 2])
-        for c in range(3):
-            out[k, c] = R[c, 0] * x + R[c, 1] * y + R[c, 2] * z + p[c]
+        x, y, z = rotate(R, points[k])
+        out[k, 0], out[k, 1], out[k, 2] = x + p[0], y + p[1], z + p[2]

@@ -23,7 +23,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.gather import one_bounce
 from gi_core.gather.hit_cache import BounceRays, ShadowRays
 from gi_core.gather.interleaved_mean import KINDS, average_neighbours, closeness, kinds, near_receivers
-from gi_core.gather.one_bounce import Exchange
+from gi_core.gather.one_bounce import Bounces, Exchange, Field
 from gi_core.gather.path_tracer import SHADOW_GAP, PathEnds
 from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.evaluation_points import evaluation_points
@@ -177,12 +177,10 @@ class MobileGather:
         closeness(1 << m, distance, light.close)
         count = len(face)
         out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))
-        met = one_bounce.meet(
-            1 << m, positions, normals, R[0], batch.directions, distance, face, world.normals, world.reflectance,
-            world.two_sided, at.rotation, at.position, world.face_object, area.lamp, area.radiance, area.density,
-            lights.sky, self._model.object_receivers.positions, s.corner_front, s.corner_back, static, self.first,
-            batch.rows.start, light.bounced, out,
-        )  # fmt: skip
+        known = Field(self._model.object_receivers.positions, s.corner_front, s.corner_back, static)
+        rays = Bounces(1 << m, positions, normals, R[0], batch.directions, distance, face)
+        row = batch.rows.start
+        met = one_bounce.meet(world, at, area, lights.sky, known, rays, self.first, row, light.bounced, out)
         return Exchange(*(a[:met].copy() for a in out))
 
 

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base import random_numbers, strata
-from gi_core.base.jit import inlined, kernel
+from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
+from gi_core.base.vec import dot, rotate
 from gi_core.lights.bsdf import lambertian
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import (
@@ -82,11 +83,7 @@ def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnd
         scatter(seed, m, vertex, ends, origin, direction)
         limits = np.full(n, far, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
-        n = _arrive(
-            seed, m, vertex, ends, direction, distance, face, world.normals, world.reflectance, world.two_sided,
-            at.rotation, world.face_object, lights.area.lamp, lights.area.radiance, lights.area.density, lights.sky,
-            ORIGIN_LIFT * world.size, total,
-        )  # fmt: skip
+        n = _arrive(world, at, lights.area, lights.sky, seed, m, vertex, ends, direction, distance, face, total)
         ends = PathEnds(*(a[:n] for a in ends))
         vertex += 1
 
@@ -124,20 +121,8 @@ def scatter(seed, m, vertex, ends, origin, direction):
             origin[k, c] = ends.position[k, c]
 
 
-@inlined
-def turned(R, n):
-    """Return a face's normal in the world."""
-    x = R[0, 0] * n[0] + R[0, 1] * n[1] + R[0, 2] * n[2]
-    y = R[1, 0] * n[0] + R[1, 1] * n[1] + R[1, 2] * n[2]
-    z = R[2, 0] * n[0] + R[2, 1] * n[1] + R[2, 2] * n[2]
-    return x, y, z
-
-
 @kernel
-def _arrive(
-    seed, m, vertex, ends, direction, distance, face,
-    normals, reflectance, two_sided, rotation, face_object, lamp, radiance, density, sky, lift, total,
-):  # fmt: skip
+def _arrive(world, at, lights, sky, seed, m, vertex, ends, direction, distance, face, total):
     """Add emission and sky at the hits; move surviving paths to the front, return their number.
 
     With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho times
@@ -148,21 +133,21 @@ def _arrive(
         path, row = ends.path[k], ends.row[k]
         d, f = direction[k], face[k]
         if f < 0:
-            if d[0] * sky.up[0] + d[1] * sky.up[1] + d[2] * sky.up[2] > 0.0:
+            if dot(d, sky.up) > 0.0:
                 for c in range(3):
                     total[row, c] += ends.throughput[k, c] * math.pi * sky.radiance[c]
             continue
-        nx, ny, nz = turned(rotation[face_object[f]], normals[f])
-        facing = -(d[0] * nx + d[1] * ny + d[2] * nz)
+        normal = rotate(at.rotation[world.face_object[f]], world.normals[f])
+        facing = -dot(d, normal)
         if facing > 0.0:  # emission leaves the front
-            e = lamp[f]
+            e = lights.lamp[f]
             if e >= 0:
-                share = share_of_bounce(d, ends.normal[k], facing, distance[k], density[e])
+                share = share_of_bounce(d, ends.normal[k], facing, distance[k], lights.density[e])
                 for c in range(3):
-                    total[row, c] += ends.throughput[k, c] * math.pi * radiance[e, c] * share
-        elif not two_sided[f]:
+                    total[row, c] += ends.throughput[k, c] * math.pi * lights.radiance[e, c] * share
+        elif not world.two_sided[f]:
             continue  # the back of a one-sided face is black
-        rho = reflectance[f]
+        rho = world.reflectance[f]
         largest = max(rho[0], max(rho[1], rho[2]))
         survival = 1.0 if vertex < ROULETTE_FROM and largest > 0.0 else min(largest, MOST_SURVIVAL)
         if survival < 1.0 and not (strata.uniform(seed, path, vertex, SURVIVAL, m) < survival):
@@ -170,9 +155,9 @@ def _arrive(
         s = 1.0 if facing > 0.0 else -1.0
         t = float(distance[k])
         ends.path[n], ends.row[n] = path, row  # n <= k: overwritten rows have been read
-        ends.normal[n, 0], ends.normal[n, 1], ends.normal[n, 2] = s * nx, s * ny, s * nz
+        ends.normal[n, 0], ends.normal[n, 1], ends.normal[n, 2] = s * normal[0], s * normal[1], s * normal[2]
         for c in range(3):
-            ends.position[n, c] = ends.position[k, c] + t * d[c] + lift * ends.normal[n, c]
+            ends.position[n, c] = ends.position[k, c] + t * d[c] + ORIGIN_LIFT * world.size * ends.normal[n, c]
             ends.throughput[n, c] = ends.throughput[k, c] * (lambertian.weight(rho[c]) / survival)
         n += 1
     return n

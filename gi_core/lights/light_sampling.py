@@ -18,6 +18,7 @@ import numpy as np
 
 from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import kernel
+from gi_core.base.vec import cross, difference, dot
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
 
@@ -143,16 +144,13 @@ def _aim(corners, normal, radiance, centre, radius, share, area):
     flux = brought = 0.0
     for e in range(len(corners)):
         p, n = corners[e], normal[e]
-        ux, uy, uz = p[3] - p[0], p[4] - p[1], p[5] - p[2]
-        vx, vy, vz = p[6] - p[0], p[7] - p[1], p[8] - p[2]
-        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        area[e] = 0.5 * math.sqrt(x * x + y * y + z * z)
+        area[e] = triangle_area(p)
         power = area[e] * max(radiance[e, 0], max(radiance[e, 1], radiance[e, 2]))
         x = centre[0] - (p[0] + p[3] + p[6]) / 3.0
         y = centre[1] - (p[1] + p[4] + p[7]) / 3.0
         z = centre[2] - (p[2] + p[5] + p[8]) / 3.0
-        d2 = x * x + y * y + z * z
-        share[e] = power * _best_cosine(x * n[0] + y * n[1] + z * n[2], d2, radius) / (d2 + radius * radius + area[e])
+        d2, height = dot((x, y, z), (x, y, z)), dot((x, y, z), n)
+        share[e] = power * _best_cosine(height, d2, radius) / (d2 + radius * radius + area[e])
         flux += power
         brought += share[e]
     for e in range(len(corners)):
@@ -161,6 +159,13 @@ def _aim(corners, normal, radiance, centre, radius, share, area):
             share[e] = (1.0 - BY_FLUX) * share[e] / brought + BY_FLUX * power / flux
         else:
             share[e] = power / flux
+
+
+@kernel
+def triangle_area(p):
+    """Return the area of a triangle from its corners (9,)."""
+    across = cross(difference(p[3:6], p[0:3]), difference(p[6:9], p[0:3]))
+    return 0.5 * math.sqrt(dot(across, across))
 
 
 @kernel

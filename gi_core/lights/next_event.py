@@ -13,8 +13,9 @@ import numpy as np
 
 from gi_core.base import random_numbers, strata
 from gi_core.base.jit import allocating, inlined, kernel
+from gi_core.base.vec import difference, dot, weighted
 from gi_core.lights.bsdf import lambertian
-from gi_core.lights.light_sampling import DIRECTIONAL, SPOT, Lights
+from gi_core.lights.light_sampling import DIRECTIONAL, SPOT, Lights, triangle_area
 
 LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each path vertex
 
@@ -66,9 +67,9 @@ def _sample(seed, m, vertex, path, lights, out):
     for k in range(path.shape[0]):
         for j in range(out.lamp.shape[1]):
             u = strata.uniform(seed, path[k, j], vertex, LIGHT_U, m)
-            e, p_light, x, y, z = _point_on_lamp(lights, u, strata.uniform(seed, path[k, j], vertex, LIGHT_V, m))
-            out.lamp[k, j], out.density[k, j] = e, p_light
-            out.point[k, j, 0], out.point[k, j, 1], out.point[k, j, 2] = x, y, z
+            v = strata.uniform(seed, path[k, j], vertex, LIGHT_V, m)
+            out.lamp[k, j], out.density[k, j], point = _point_on_lamp(lights, u, v)
+            out.point[k, j, 0], out.point[k, j, 1], out.point[k, j, 2] = point
         for j in range(out.pick.shape[1]):
             out.pick[k, j] = strata.uniform(seed, path[k, j], vertex, SMALL_PICK, m)
 
@@ -85,13 +86,12 @@ def join_area(samples, ends, lights, gap, out):
         position, normal, s = ends.position[k], ends.normal[k], k if own else 0
         for j in range(samples.lamp.shape[1]):
             e, p = samples.lamp[s, j], samples.point[s, j]
-            x, y, z = p[0] - position[0], p[1] - position[1], p[2] - position[2]
-            geometry, x, y, z, d = _arriving(x, y, z, normal, lights.normal[e], samples.density[s, j])
+            geometry, way, d = _arriving(difference(p, position), normal, lights.normal[e], samples.density[s, j])
             if geometry <= 0.0:
                 continue
             for c in range(3):
                 out.value[count, c] = ends.throughput[k, c] * lights.radiance[e, c] * geometry
-            _aim_ray(ends.row[k], position, x, y, z, max(d - gap, 0.0), out, count)
+            _aim_ray(ends.row[k], position, way, max(d - gap, 0.0), out, count)
             count += 1
     return count
 
@@ -106,13 +106,12 @@ def join_small(samples, paths, ends, lights, far, gap, first, out):
     lamps, count, own = len(lights.kind), first, len(samples.pick) > 1
     reached, weight = np.empty((lamps, 5)), np.empty(lamps)
     for k in range(len(ends.row)):
-        position, normal, throughput = ends.position[k], ends.normal[k], ends.throughput[k]
+        row, position, normal, throughput = ends.row[k], ends.position[k], ends.normal[k], ends.throughput[k]
         total = 0.0
         for e in range(lamps):
             reached[e, 0], reached[e, 1], reached[e, 2], reached[e, 3], reached[e, 4] = small_light_at(
-                lights.kind[e], lights.parameters[e], position[0], position[1], position[2],
-                normal[0], normal[1], normal[2], far,
-            )  # fmt: skip
+                lights.kind[e], lights.parameters[e], position, normal, far
+            )
             weight[e] = reached[e, 0] * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))
             total += weight[e]
         if total <= 0.0:
@@ -120,17 +119,8 @@ def join_small(samples, paths, ends, lights, far, gap, first, out):
         if lamps <= paths:
             for e in range(lamps):
                 if weight[e] > 0.0:
-                    _reach(
-                        ends.row[k],
-                        position,
-                        throughput,
-                        reached[e],
-                        paths * reached[e, 0],
-                        lights.value[e],
-                        gap,
-                        out,
-                        count,
-                    )
+                    strength = paths * reached[e, 0]
+                    _reach(row, position, throughput, reached[e], strength, lights.value[e], gap, out, count)
                     count += 1
             continue
         for j in range(paths):
@@ -142,7 +132,7 @@ def join_small(samples, paths, ends, lights, far, gap, first, out):
                     if left < 0.0:
                         break
             strength = reached[chosen, 0] * (total / weight[chosen])
-            _reach(ends.row[k], position, throughput, reached[chosen], strength, lights.value[chosen], gap, out, count)
+            _reach(row, position, throughput, reached[chosen], strength, lights.value[chosen], gap, out, count)
             count += 1
     return count
 
@@ -151,7 +141,7 @@ def join_small(samples, paths, ends, lights, far, gap, first, out):
 def _reach(row, position, throughput, reached, strength, value, gap, out, count):
     for c in range(3):
         out.value[count, c] = throughput[c] * value[c] * strength
-    _aim_ray(row, position, reached[1], reached[2], reached[3], max(reached[4] - gap, 0.0), out, count)
+    _aim_ray(row, position, reached[1:4], max(reached[4] - gap, 0.0), out, count)
 
 
 @kernel
@@ -171,15 +161,13 @@ def _point_on_lamp(lights, u, v):
     share = lights.cdf[e] - before
     # The rest of the number, scaled to [0, 1), is uniform again.
     b, c = random_numbers.triangle(min(max((u - before) / share, 0.0), 1.0), v)
-    a = 1.0 - b - c
     p = lights.corners[e]
-    x, y, z = a * p[0] + b * p[3] + c * p[6], a * p[1] + b * p[4] + c * p[7], a * p[2] + b * p[5] + c * p[8]
-    return e, share / _area(p), x, y, z
+    return e, share / triangle_area(p), weighted((1.0 - b - c, b, c), p[0:3], p[3:6], p[6:9])
 
 
 @inlined
-def _arriving(x, y, z, normal, light_normal, p_light):
-    """Return E / Le of a lamp point at offset (x, y, z), the unit direction to it and its distance [m].
+def _arriving(way, normal, light_normal, p_light):
+    """Return E / Le of a lamp point at the offset `way` [m], the unit direction to it and its distance [m].
 
     E is 0 where the point or the receiver faces away.
 
@@ -187,22 +175,21 @@ def _arriving(x, y, z, normal, light_normal, p_light):
     both densities per area. A plain E / p_light has no finite variance where a lamp meets a wall: 1 / d^2 has no
     bound there.
     """
-    d2 = x * x + y * y + z * z
+    d2 = dot(way, way)
     d = math.sqrt(d2)
     geometry = 0.0
     if d2 > 0.0:
-        x, y, z = x / d, y / d, z / d
-        cosine = x * normal[0] + y * normal[1] + z * normal[2]
-        at_light = -(x * light_normal[0] + y * light_normal[1] + z * light_normal[2])
+        way = way[0] / d, way[1] / d, way[2] / d
+        cosine, at_light = dot(way, normal), -dot(way, light_normal)
         if cosine > 0.0 and at_light > 0.0:
             geometry = cosine * at_light / d2 / (p_light + _bounce_density(cosine, at_light, d2))
-    return geometry, x, y, z, d
+    return geometry, way, d
 
 
 @inlined
 def share_of_bounce(d, normal, facing, distance, density):
     """Return the balance weight of a bounce along d that hits a lamp: p_bounce / (p_light + p_bounce)."""
-    cosine = d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]
+    cosine = dot(d, normal)
     p_bounce = _bounce_density(max(cosine, 0.0), facing, max(distance * distance, 1e-30))
     return p_bounce / (p_bounce + density) if p_bounce > 0.0 else 0.0
 
@@ -214,37 +201,29 @@ def _bounce_density(cosine, at_light, d2):
 
 
 @kernel
-def _aim_ray(row, position, x, y, z, limit, out, j):
+def _aim_ray(row, position, direction, limit, out, j):
     """Write ray j, from a position."""
     out.row[j], out.limit[j] = row, limit
     for c in range(3):
         out.origin[j, c] = position[c]
-    out.direction[j, 0], out.direction[j, 1], out.direction[j, 2] = x, y, z
+    out.direction[j, 0], out.direction[j, 1], out.direction[j, 2] = direction[0], direction[1], direction[2]
 
 
 @kernel
-def _area(p):
-    ux, uy, uz = p[3] - p[0], p[4] - p[1], p[5] - p[2]
-    vx, vy, vz = p[6] - p[0], p[7] - p[1], p[8] - p[2]
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    return 0.5 * math.sqrt(x * x + y * y + z * z)
-
-
-@kernel
-def small_light_at(kind, p, x, y, z, nx, ny, nz, far):
+def small_light_at(kind, p, position, normal, far):
     """Return E / value of one delta light at a point, the unit direction to it and its distance [m]."""
     if kind == DIRECTIONAL:
         dx, dy, dz, d = -p[3], -p[4], -p[5], far
-        return max(0.0, dx * nx + dy * ny + dz * nz), dx, dy, dz, d
-    dx, dy, dz = p[0] - x, p[1] - y, p[2] - z
-    d2 = dx * dx + dy * dy + dz * dz
+        return max(0.0, dot((dx, dy, dz), normal)), dx, dy, dz, d
+    dx, dy, dz = difference(p, position)
+    d2 = dot((dx, dy, dz), (dx, dy, dz))
     if d2 <= 0.0:
         return 0.0, 0.0, 0.0, 1.0, 0.0
     d = math.sqrt(d2)
     dx, dy, dz = dx / d, dy / d, dz / d
-    strength = max(0.0, dx * nx + dy * ny + dz * nz) / d2
+    strength = max(0.0, dot((dx, dy, dz), normal)) / d2
     if kind == SPOT:
-        cosine = -(dx * p[3] + dy * p[4] + dz * p[5])
+        cosine = -dot((dx, dy, dz), p[3:6])
         ramp = (cosine - p[7]) / max(p[6] - p[7], 1e-12)
         ramp = min(1.0, max(0.0, ramp))
         strength *= ramp * ramp

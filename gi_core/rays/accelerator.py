@@ -11,6 +11,7 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
+from gi_core.base.vec import rotate_back
 from gi_core.base.vectors import box, dot
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.rays.embree import EmbreeMesh, any_hit, nearest_hit, new_ray
@@ -135,21 +136,11 @@ def rays_to_object(at: Transforms, o: int, origins: np.ndarray, directions: np.n
 
 
 @kernel
-def to_local(R, x, y, z):
-    """Return R^T (x, y, z), element by element."""
-    return (
-        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
-        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
-        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
-    )
-
-
-@kernel
 def _carry(R, p, points, out):
     """out = R^T (points - p), element by element."""
     for k in range(len(points)):
         x, y, z = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 2] - p[2]
-        out[k, 0], out[k, 1], out[k, 2] = to_local(R, x, y, z)
+        out[k, 0], out[k, 1], out[k, 2] = rotate_back(R, (x, y, z))
 
 
 @kernel

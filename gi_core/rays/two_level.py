@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
+from gi_core.base.vec import rotate, rotate_back
 from gi_core.geometry.sides import NONE
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.rays.accelerator import (
@@ -24,7 +25,6 @@ from gi_core.rays.accelerator import (
     line,
     passes_box,
     point_on_line,
-    to_local,
 )
 from gi_core.rays.embree import nearest_hit
 
@@ -49,13 +49,7 @@ class World(NamedTuple):
 @kernel
 def turned_normal(world, at, f):
     """Return the unit normal (x, y, z) of face f in the world."""
-    o, x, y, z = world.face_object[f], world.normals[f, 0], world.normals[f, 1], world.normals[f, 2]
-    R = at.rotation
-    return (
-        R[o, 0, 0] * x + R[o, 0, 1] * y + R[o, 0, 2] * z,
-        R[o, 1, 0] * x + R[o, 1, 1] * y + R[o, 1, 2] * z,
-        R[o, 2, 0] * x + R[o, 2, 1] * y + R[o, 2, 2] * z,
-    )
+    return rotate(at.rotation[world.face_object[f]], world.normals[f])
 
 
 @inlined
@@ -93,8 +87,8 @@ def mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side):
     cut, cut_side = np.float32(np.inf), np.int32(NONE)
     for o in range(1, len(scenes)):
         R, px, py, pz = at.rotation[o], at.position[o, 0], at.position[o, 1], at.position[o, 2]
-        lx, ly, lz = to_local(R, ox - px, oy - py, oz - pz)
-        mx, my, mz = to_local(R, ex - px, ey - py, ez - pz)
+        lx, ly, lz = rotate_back(R, (ox - px, oy - py, oz - pz))
+        mx, my, mz = rotate_back(R, (ex - px, ey - py, ez - pz))
         if not passes_box(lx, ly, lz, mx, my, mz, world.box_low[o], world.box_high[o], CUT_PAD * world.size):
             continue
         fx, fy, fz = np.float32(lx), np.float32(ly), np.float32(lz)

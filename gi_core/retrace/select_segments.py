@@ -9,9 +9,10 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
+from gi_core.base.vec import difference, rotate_back
 from gi_core.model import Model
 from gi_core.photons.paths import Segments, empty_segments
-from gi_core.rays.accelerator import Transforms, passes_box, to_local
+from gi_core.rays.accelerator import Transforms, passes_box
 from gi_core.rays.two_level import CUT_PAD
 from gi_core.retrace.broad_phase import PAD
 
@@ -42,8 +43,8 @@ def select(model: Model, at: Transforms, segments: Segments, reach: float | None
 @kernel
 def _pass(origin, end, R, p, low, high, pad, first, last, out):
     for k in range(first, last):
-        ox, oy, oz = to_local(R, origin[k, 0] - p[0], origin[k, 1] - p[1], origin[k, 2] - p[2])
-        ex, ey, ez = to_local(R, end[k, 0] - p[0], end[k, 1] - p[1], end[k, 2] - p[2])
+        ox, oy, oz = rotate_back(R, difference(origin[k], p))
+        ex, ey, ez = rotate_back(R, difference(end[k], p))
         out[k] |= passes_box(ox, oy, oz, ex, ey, ez, low, high, pad)
 
 

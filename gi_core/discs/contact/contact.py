@@ -17,11 +17,12 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis
+from gi_core.base.vec import rotate, rotate_back
 from gi_core.discs.contact.surface_cells import box_is_near, points_near, surface_cells
 from gi_core.discs.region import COS, PROBES, RAYS, SIN, Regions, levels, look_from, polygon_areas
 from gi_core.model import Model
 from gi_core.photons.hit_grid import HitGrid, Hits, build, cell_of
-from gi_core.rays.accelerator import Transforms, passes_box, to_local
+from gi_core.rays.accelerator import Transforms, passes_box
 from gi_core.rays.two_level import CUT_PAD
 
 ALL, PROBED, REST = 0, 1, 2  # subsets of a receiver's directions
@@ -206,10 +207,9 @@ def _across(Ra, pa, Rb, pb, x, y, z, moved):
 
     The bits of a ray must not depend on the other rays of the call.
     """
-    u = np.float32(Ra[0, 0] * x + Ra[0, 1] * y + Ra[0, 2] * z + moved * pa[0])
-    v = np.float32(Ra[1, 0] * x + Ra[1, 1] * y + Ra[1, 2] * z + moved * pa[1])
-    w = np.float32(Ra[2, 0] * x + Ra[2, 1] * y + Ra[2, 2] * z + moved * pa[2])
-    return to_local(Rb, u - moved * pb[0], v - moved * pb[1], w - moved * pb[2])
+    u, v, w = rotate(Ra, (x, y, z))
+    u, v, w = np.float32(u + moved * pa[0]), np.float32(v + moved * pa[1]), np.float32(w + moved * pa[2])
+    return rotate_back(Rb, (u - moved * pb[0], v - moved * pb[1], w - moved * pb[2]))
 
 
 @kernel

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.base.vec import cross, difference, dot, rotate
 from gi_core.photons.hit_grid import cell_of
 
 MOST_CELLS = 1 << 22  # 4 MB; cells grow instead
@@ -58,10 +59,8 @@ def _mark(vertices, faces, reach, low, cell, shape, near):
     half = reach + 0.8661 * cell  # half the diagonal of a cell, rounded up
     for f in range(len(faces)):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
-        nx = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
-        ny = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
-        nz = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-        limit = half * math.sqrt(nx * nx + ny * ny + nz * nz)
+        nx, ny, nz = cross(difference(b, a), difference(c, a))
+        limit = half * math.sqrt(dot((nx, ny, nz), (nx, ny, nz)))
         x0, x1 = _range(min(a[0], b[0], c[0]) - reach, max(a[0], b[0], c[0]) + reach, low[0], cell, shape[0])
         y0, y1 = _range(min(a[1], b[1], c[1]) - reach, max(a[1], b[1], c[1]) + reach, low[1], cell, shape[1])
         z0, z1 = _range(min(a[2], b[2], c[2]) - reach, max(a[2], b[2], c[2]) + reach, low[2], cell, shape[2])
@@ -93,10 +92,8 @@ def points_near(near, low, cell, shape, points, R, p, out):
     """List the points (n, 3), moved to the world by R and p, that lie in marked cells; return their number."""
     n = 0
     for k in range(len(points)):
-        a, b, c = float(points[k, 0]), float(points[k, 1]), float(points[k, 2])
-        i = cell_of(R[0, 0] * a + R[0, 1] * b + R[0, 2] * c + p[0], low[0], cell)
-        j = cell_of(R[1, 0] * a + R[1, 1] * b + R[1, 2] * c + p[1], low[1], cell)
-        m = cell_of(R[2, 0] * a + R[2, 1] * b + R[2, 2] * c + p[2], low[2], cell)
+        x, y, z = rotate(R, points[k])
+        i, j, m = cell_of(x + p[0], low[0], cell), cell_of(y + p[1], low[1], cell), cell_of(z + p[2], low[2], cell)
         if 0 <= i < shape[0] and 0 <= j < shape[1] and 0 <= m < shape[2] and near[(i * shape[1] + j) * shape[2] + m]:
             out[n] = k
             n += 1

@@ -12,11 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
+from gi_core.base.vec import difference, rotate_back
 from gi_core.discs.region import Regions, inside
 from gi_core.geometry.sides import NONE
 from gi_core.model import BEHIND, Model
 from gi_core.photons.paths import Segments
-from gi_core.rays.accelerator import line, to_local
+from gi_core.rays.accelerator import line
 
 LANES = 16  # discs tested at a time: two AVX2 vectors, one of AVX-512
 DISC_FIELDS = 7  # x, y, z of a position and of a normal, and the limit of the slope
@@ -66,11 +67,11 @@ def _lines(
     o, d, high, patches, touches,
 ):  # fmt: skip
     for k in range(len(stop)):
-        x, y, z = to_local(R, origin[k, 0] - p[0], origin[k, 1] - p[1], origin[k, 2] - p[2])
+        x, y, z = rotate_back(R, difference(origin[k], p))
         touches[k, 0, 0], touches[k, 0, 1], touches[k, 0, 2] = x, y, z
-        x, y, z = to_local(R, end[k, 0] - p[0], end[k, 1] - p[1], end[k, 2] - p[2])
+        x, y, z = rotate_back(R, difference(end[k], p))
         touches[k, 1, 0], touches[k, 1, 1], touches[k, 1, 2] = x, y, z
-        x, y, z = to_local(R, hit[k, 0] - p[0], hit[k, 1] - p[1], hit[k, 2] - p[2])
+        x, y, z = rotate_back(R, difference(hit[k], p))
         touches[k, 2, 0], touches[k, 2, 1], touches[k, 2, 2] = x, y, z
         a, b = touches[k, 0], touches[k, 1]
         o[k, 0], o[k, 1], o[k, 2] = a[0], a[1], a[2]

@@ -174,9 +174,9 @@ def test_the_comparisons_catch_a_path_that_is_left_out(monkeypatch):
     real = one_bounce.meet
 
     def mutated(*arguments):
-        face = np.array(arguments[6])  # a copy: what rays met is kept
+        face = np.array(arguments[5].face)  # a copy: hits are cached
         face[len(face) // 2] = -1
-        return real(*arguments[:6], face, *arguments[7:])
+        return real(*arguments[:5], arguments[5]._replace(face=face), *arguments[6:])
 
     right = gathering(threads=1)
     monkeypatch.setattr(one_bounce, "meet", mutated)

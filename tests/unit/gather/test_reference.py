@@ -78,7 +78,7 @@ def test_spot_falloff_is_the_one_that_photons_follow():
     scene = build.plane_scene(SpotLight("s", (0, 0, 1), (0, 0, -1), (1.0,) * 3, 15.0, 50.0))
     lights = small_lights(scene)
     for x in np.linspace(0, 1.5, 20):
-        s, *_ = small_light_at(lights.kind[0], lights.parameters[0], x, 0.0, 0.0, 0.0, 0.0, 1.0, 9.0)
+        s, *_ = small_light_at(lights.kind[0], lights.parameters[0], (x, 0.0, 0.0), (0.0, 0.0, 1.0), 9.0)
         cosine = 1 / math.hypot(x, 1)
         falloff = spot_falloff(cosine, *(math.cos(math.radians(a)) for a in (15, 50)))
         assert s == pytest.approx(closed_form.point_over_plane(1.0, 1.0, x) * falloff, abs=1e-12)

@@ -1,0 +1,69 @@
+"""Vectors of three in kernels: tuples or rows of arrays in, tuples out. Terms are added from left to right.
+
+Index a tuple by constants alone: numba checks a running index at run time.
+"""
+
+from __future__ import annotations
+
+from gi_core.base.jit import inlined
+
+
+@inlined
+def dot(a, b):
+    """Return the scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inlined
+def difference(a, b):
+    """Return a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@inlined
+def cross(a, b):
+    """Return the vector product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inlined
+def rotate(R, a):
+    """Return R a: from object space to the world."""
+    return (
+        R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
+        R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
+        R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2],
+    )
+
+
+@inlined
+def rotate_back(R, a):
+    """Return R^T a: from the world to object space."""
+    return (
+        R[0, 0] * a[0] + R[1, 0] * a[1] + R[2, 0] * a[2],
+        R[0, 1] * a[0] + R[1, 1] * a[1] + R[2, 1] * a[2],
+        R[0, 2] * a[0] + R[1, 2] * a[1] + R[2, 2] * a[2],
+    )
+
+
+@inlined
+def weighted(share, a, b, c):
+    """Return share[0] a + share[1] b + share[2] c, with barycentric coordinates for shares."""
+    return (
+        share[0] * a[0] + share[1] * b[0] + share[2] * c[0],
+        share[0] * a[1] + share[1] * b[1] + share[2] * c[1],
+        share[0] * a[2] + share[1] * b[2] + share[2] * c[2],
+    )
+
+
+@inlined
+def barycentric(a, b, c, p):
+    """Return the barycentric coordinates of p in the plane of triangle abc, clamped to the triangle."""
+    u, v, w = difference(b, a), difference(c, a), difference(p, a)
+    uu, uv, vv, wu, wv = dot(u, u), dot(u, v), dot(v, v), dot(w, u), dot(w, v)
+    area2 = uu * vv - uv * uv
+    s = t = 0.0
+    if area2 > 0.0:
+        s = min(max((vv * wu - uv * wv) / area2, 0.0), 1.0)
+        t = min(max((uu * wv - uv * wu) / area2, 0.0), 1.0 - s)
+    return 1.0 - s - t, s, t
