@@ -13,6 +13,7 @@ import numpy as np
 
 from gi_core.base import owen_sobol
 from gi_core.base.jit import kernel
+from gi_core.base.vec import weighted
 
 _DIRECTION, _POSITION, _FIRST_BOUNCE = 0, 2, 4  # Sobol dimensions, two each; the first two are the best stratified pair
 
@@ -86,7 +87,7 @@ def basis(nx, ny, nz):
 def from_frame(x, y, z, nx, ny, nz):
     """Transform (x, y, z) to the world from the frame whose third axis is the normal."""
     ax, ay, az, bx, by, bz = basis(nx, ny, nz)
-    return x * ax + y * bx + z * nx, x * ay + y * by + z * ny, x * az + y * bz + z * nz
+    return weighted((x, y, z), (ax, ay, az), (bx, by, bz), (nx, ny, nz))
 
 
 @kernel

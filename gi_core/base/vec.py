@@ -1,11 +1,17 @@
-"""Vectors of three in kernels: tuples or rows of arrays in, tuples out. Terms are added from left to right.
+"""Vectors of three in kernels: tuples or rows of arrays in, tuples out. Sums run from left to right.
 
-Index a tuple by constants alone: numba checks a running index at run time.
+A tuple is indexed by constants alone: numba checks a running index at run time.
 """
 
 from __future__ import annotations
 
 from gi_core.base.jit import inlined
+
+
+@inlined
+def row(array, k):
+    """Return row k of an array (n, 3) as a tuple: it stays in registers where a loop writes to memory."""
+    return array[k, 0], array[k, 1], array[k, 2]
 
 
 @inlined
@@ -48,7 +54,7 @@ def rotate_back(R, a):
 
 @inlined
 def weighted(share, a, b, c):
-    """Return share[0] a + share[1] b + share[2] c, with barycentric coordinates for shares."""
+    """Return share[0] a + share[1] b + share[2] c: of barycentric coordinates, or to the world from a frame a, b, c."""
     return (
         share[0] * a[0] + share[1] * b[0] + share[2] * c[0],
         share[0] * a[1] + share[1] * b[1] + share[2] * c[1],

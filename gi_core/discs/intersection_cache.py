@@ -91,11 +91,7 @@ class IntersectionCache:
 
     def subtract(self, removed_suffixes: RemovedSuffixes, first: int, last: int, sums: Sums) -> int:
         """Subtract removed suffixes first .. last - 1 from the sums; return the number of intersections."""
-        t = removed_suffixes
-        return _subtract(
-            self._first, self._receiver, self._distance, t.paths.offsets, t.paths.flux, t.photon, t.vertex, t.low,
-            first, last, sums.flux, sums.touched, sums.first,
-        )  # fmt: skip
+        return _subtract(self._first, self._receiver, self._distance, removed_suffixes, first, last, sums)
 
 
 @allocating
@@ -118,16 +114,16 @@ def _by_vertex(bounce, log, n, count, receiver, distance):
 
 
 @kernel
-def _subtract(first, receiver, distance, offsets, flux, photon, vertex, low, a, b, sums, touched, base):
+def _subtract(first, receiver, distance, removed, a, b, sums):
     total = 0
     for j in range(a, b):
-        v, end = vertex[j], offsets[photon[j] + 1] - 1
+        v, end = removed.vertex[j], removed.paths.offsets[removed.photon[j] + 1] - 1
         for k in range(v, end):
             for e in range(first[k], first[k + 1]):
-                if k > v or distance[e] >= low[j]:
+                if k > v or distance[e] >= removed.low[j]:
                     i = receiver[e]
-                    touched[(base + i) >> CHUNK_BITS] = True
+                    sums.touched[(sums.first + i) >> CHUNK_BITS] = True
                     for c in range(3):
-                        sums[i, c] -= flux[k, c]
+                        sums.flux[i, c] -= removed.paths.flux[k, c]
                     total += 1
     return total

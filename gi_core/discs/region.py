@@ -20,6 +20,7 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis
+from gi_core.base.vec import dot
 from gi_core.model import Model
 
 RAYS = 32  # the polygon of a free disc has 99.4 % of its area; intersections outside it do not count
@@ -227,11 +228,11 @@ def _direction_before(x, y):
 
 
 @kernel
-def inside(px, py, pz, nx, ny, nz, radius, reach, i, layer):
+def inside(offset, normal, radius, reach, i, layer):
     """Return whether an offset from a receiver lies in the polygon of row i; layer 0: near, 1: far."""
-    ax, ay, az, bx, by, bz = basis(float(nx), float(ny), float(nz))
+    ax, ay, az, bx, by, bz = basis(float(normal[0]), float(normal[1]), float(normal[2]))
     unit = 255.0 / radius
-    x, y = (px * ax + py * ay + pz * az) * unit, (px * bx + py * by + pz * bz) * unit
+    x, y = dot(offset, (ax, ay, az)) * unit, dot(offset, (bx, by, bz)) * unit
     k = _direction_before(x, y)
     m = (k + 1) & (RAYS - 1)
     # The two corners that enclose the direction of the offset, and the side of their edge.

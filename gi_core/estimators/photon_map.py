@@ -22,15 +22,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.jit import allocating, kernel
+from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
+from gi_core.base.vec import difference, dot
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
 from gi_core.estimators.setting import Setting
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, Evaluated, chunks_of
-from gi_core.photons.hit_grid import HitGrid, Hits, build, build_steps, cell_of, gather, hits_of
+from gi_core.photons.hit_grid import HitGrid, Hits, Nearest, build, build_steps, cell_of, gather, hits_of
 from gi_core.photons.paths import Segments
 from gi_core.photons.prefixes import SubsetStore
 from gi_core.rays.accelerator import Transforms
@@ -185,22 +186,9 @@ class PhotonMap:
         radius, counted = np.float32(self.radius), self.k if self.textbook else self.k - 1
 
         def work(_, first, last):
-            _estimate(
-                points,
-                normals,
-                side,
-                share,
-                radius,
-                self.k,
-                counted,
-                *grids,
-                cut_bounce,
-                first,
-                last,
-                sums,
-                area,
-                reach2,
-            )
+            to = sums, area, reach2
+            points_here = points, normals, side, share
+            _estimate(*points_here, radius, counted, *grids, cut_bounce, first, last, Nearest.of(self.k), to)
 
         run_ranges(work, n, self.model.threads, QUERY_GRAIN)
         return sums, area, reach2
@@ -219,31 +207,22 @@ def _as_hits(points: np.ndarray, normals: np.ndarray) -> Hits:
     return Hits(points, normals, np.zeros((n, 3), np.int32), np.arange(n), *(np.zeros(n, np.int32),) * 2)
 
 
-@allocating
-def _estimate(
-    points, normals, side, share, radius, k, counted, background, added, cut_bounce, first, last, sums, area, reach2
-):
-    heap_d2, heap_photon = np.empty(k, np.float32), np.empty(k, np.int64)
-    heap_bounce, heap_hit = np.empty(k, np.int32), np.empty(k, np.int64)
-    flux, more = background[0][2], added[0][2]
+@kernel
+def _estimate(points, normals, side, share, radius, counted, background, added, cut_bounce, first, last, heap, out):
+    """Write sums, area and squared reach of receivers first .. last - 1 to `out`; a heap of k serves each in turn."""
+    sums, area, reach2 = out
+    k, flux, more = len(heap.d2), background[0][2], added[0][2]
     for r in range(first, last):
-        p, m = points[r], normals[r]
-        n = gather(
-            p[0], p[1], p[2], m[0], m[1], m[2], side[r], radius, k, background, 0, cut_bounce,
-            heap_d2, heap_photon, heap_bounce, heap_hit, 0,
-        )  # fmt: skip
-        n = gather(
-            p[0], p[1], p[2], m[0], m[1], m[2], side[r], radius, k, added, 1, cut_bounce,
-            heap_d2, heap_photon, heap_bounce, heap_hit, n,
-        )  # fmt: skip
-        full = n == k and heap_d2[0] > 0.0
-        reach2[r] = heap_d2[0] if full else radius * radius
+        n = gather(points[r], normals[r], side[r], radius, background, 0, cut_bounce, heap, 0)
+        n = gather(points[r], normals[r], side[r], radius, added, 1, cut_bounce, heap, n)
+        full = n == k and heap.d2[0] > 0.0
+        reach2[r] = heap.d2[0] if full else radius * radius
         area[r] = math.pi * reach2[r] * share[r]
         # The root of the heap is the k-th hit.
         for h in range(1 if full and counted < k else 0, n):
-            index = heap_hit[h] >> 1
+            index = heap.hit[h] >> 1
             for c in range(3):
-                sums[r, c] += more[index, c] if heap_hit[h] & 1 else flux[index, c]
+                sums[r, c] += more[index, c] if heap.hit[h] & 1 else flux[index, c]
 
 
 @kernel
@@ -261,6 +240,6 @@ def _mark(position, receivers, reach2, radius, stale):
                     c = (i * shape[1] + j) * shape[2] + m
                     for h in range(first[c], first[c + 1]):
                         if not stale[index[h]]:
-                            a, b, e = points[h, 0] - x, points[h, 1] - y, points[h, 2] - z
-                            if a * a + b * b + e * e <= reach2[index[h]] * np.float32(1.0001):
+                            off = difference(points[h], position[k])
+                            if dot(off, off) <= reach2[index[h]] * np.float32(1.0001):
                                 stale[index[h]] = True

@@ -18,6 +18,7 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
+from gi_core.base.vec import difference, dot
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
 
@@ -102,9 +103,9 @@ def _pass(first, of, E, variance, lit, reach, start, stop, out, left):
         total, x, y, z, v = 1.0, E[i, 0], E[i, 1], E[i, 2], variance[i]
         for k in range(first[i], first[i + 1]):
             j = of[k]
-            dx, dy, dz = E[i, 0] - E[j, 0], E[i, 1] - E[j, 1], E[i, 2] - E[j, 2]
+            change = difference(E[i], E[j])
             farthest = reach * (variance[i] + variance[j])
-            d = dx * dx + dy * dy + dz * dz
+            d = dot(change, change)
             if lit[j] and d < farthest:
                 w = (1.0 - d / farthest) * (1.0 - d / farthest)
                 total += w

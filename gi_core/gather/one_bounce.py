@@ -13,7 +13,7 @@ from gi_core.lights.next_event import share_of_bounce
 
 
 class Bounces(NamedTuple):
-    """P rays from each of n receivers, and the places they meet."""
+    """P bounce rays from each of n receivers, and their hits."""
 
     paths: int  # P
     positions: np.ndarray  # (n, 3) float64, of the receivers, in the world [m]
@@ -25,7 +25,7 @@ class Bounces(NamedTuple):
 
 
 class Field(NamedTuple):
-    """Irradiance known at the static part's receivers, to be interpolated over faces."""
+    """Irradiance of the static part's receivers, interpolated over faces."""
 
     points: np.ndarray  # (R, 3) float64, of all receivers, in object space [m]
     corner_front: np.ndarray  # (F, 3) int32, receivers at the corners of a face, on its front
@@ -44,11 +44,11 @@ class Exchange(NamedTuple):
 
 @kernel
 def meet(world, at, lights, sky, field, rays, first, base, total, out):
-    """Add to `total` (n, 3) the light that rays meet on lamps, in the sky and on the static part.
+    """Add to `total` (n, 3) the light of rays that hit lamps, the sky and the static part.
 
-    With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho E. Rays that meet
-    mobiles are written to `out`, an Exchange whose receivers are counted from `first`, their rows from `base`.
-    Returns how many. The loop is in one piece: helpers for sky, lamp and corners made it a third slower.
+    With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho E. Hits on mobiles
+    are written to `out`, an Exchange: its corners are counted from receiver `first`, its rows from `base`. Returns
+    their number. The loop is in one piece: helpers for sky, lamp and corners made it a third slower.
     """
     n, known = 0, field.irradiance
     for k in range(len(rays.face)):

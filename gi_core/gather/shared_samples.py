@@ -8,6 +8,7 @@ import numpy as np
 
 from gi_core.base import random_numbers
 from gi_core.base.jit import kernel
+from gi_core.base.vec import weighted
 from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V
 from gi_core.lights.bsdf import lambertian
 
@@ -44,7 +45,5 @@ def bounces(directions, kinds, normals, out):
     for row in range(len(normals)):
         ax, ay, az, bx, by, bz = random_numbers.basis(normals[row, 0], normals[row, 1], normals[row, 2])
         for d in directions[kinds[row]]:
-            out[k, 0] = d[0] * ax + d[1] * bx + d[2] * normals[row, 0]
-            out[k, 1] = d[0] * ay + d[1] * by + d[2] * normals[row, 1]
-            out[k, 2] = d[0] * az + d[1] * bz + d[2] * normals[row, 2]
+            out[k, 0], out[k, 1], out[k, 2] = weighted(d, (ax, ay, az), (bx, by, bz), normals[row])
             k += 1

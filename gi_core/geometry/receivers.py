@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base import vec
 from gi_core.base.grouping import components, group_of, order_of
 from gi_core.base.jit import allocating
 from gi_core.base.vectors import box, cross, dot, length
@@ -125,7 +126,7 @@ def _smooth_pairs(order, start, end, normals, least):
             if min(start[j], end[j]) != low or max(start[j], end[j]) != high:
                 break
             f, g = i // 3, j // 3
-            if normals[f, 0] * normals[g, 0] + normals[f, 1] * normals[g, 1] + normals[f, 2] * normals[g, 2] > least:
+            if vec.dot(normals[f], normals[g]) > least:
                 # The corners at either end of each edge; the edges may have opposite directions.
                 a, b = i, 3 * f + (i + 1) % 3
                 c, d = j, 3 * g + (j + 1) % 3

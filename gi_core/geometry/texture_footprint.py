@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.jit import allocating, kernel
+from gi_core.base.jit import inlined, kernel
+from gi_core.base.vec import cross, difference, dot, weighted
 
 GRAZING = 1e-30  # parallel rays do not intersect the plane
 
@@ -32,34 +33,27 @@ def footprints(corners, uv, face, u, v, eye, directions, steps) -> Footprints:
     return out
 
 
-@allocating
+@kernel
 def _footprints(corners, uv, face, u, v, eye, directions, steps, place, across, along):
-    n, g, h = np.empty(3), np.empty(3), np.empty(3)
-    e1, e2, q, d, moved = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for i in range(len(face)):
         f = face[i]
-        for k in range(3):
-            e1[k] = np.float64(corners[f, 1, k]) - np.float64(corners[f, 0, k])
-            e2[k] = np.float64(corners[f, 2, k]) - np.float64(corners[f, 0, k])
-            q[k] = corners[f, 0, k] - eye[k] + u[i] * e1[k] + v[i] * e2[k]
-        _cross(e1, e2, n)
-        square = max(_dot(n, n), 1e-60)
-        _cross(e2, n, g)  # the gradient of u, times square
-        _cross(n, e1, h)  # the gradient of v
-        forward = 0.0
-        for k in range(3):
-            forward += directions[i, k] * steps[2, k]
-        for k in range(3):
-            d[k] = directions[i, k] / forward
-        depth, steepness = _dot(q, steps[2]), _dot(n, d)
+        p = _double(corners[f, 0])
+        e1, e2 = difference(_double(corners[f, 1]), p), difference(_double(corners[f, 2]), p)
+        q = weighted((1.0, u[i], v[i]), difference(p, eye), e1, e2)
+        n = cross(e1, e2)
+        square = max(dot(n, n), 1e-60)
+        g, h = cross(e2, n), cross(n, e1)  # the gradients of u and v, times square
+        forward = dot(directions[i], steps[2])
+        d = directions[i, 0] / forward, directions[i, 1] / forward, directions[i, 2] / forward
+        depth, steepness = dot(q, steps[2]), dot(n, d)
         if abs(steepness) < GRAZING:
             steepness = GRAZING
         for s in range(2):
             # Offset to the intersection of the neighbouring ray.
-            slant = _dot(n, steps[s]) / steepness
-            for k in range(3):
-                moved[k] = depth * (steps[s, k] - slant * d[k])
-            du, dv = _dot(moved, g) / square, _dot(moved, h) / square
+            slant = dot(n, steps[s]) / steepness
+            sideways = difference(steps[s], (slant * d[0], slant * d[1], slant * d[2]))
+            moved = depth * sideways[0], depth * sideways[1], depth * sideways[2]
+            du, dv = dot(moved, g) / square, dot(moved, h) / square
             for c in range(2):
                 a, b = uv[f, 1, c] - uv[f, 0, c], uv[f, 2, c] - uv[f, 0, c]
                 if s == 0:
@@ -69,13 +63,6 @@ def _footprints(corners, uv, face, u, v, eye, directions, steps, place, across, 
                     along[i, c] = du * a + dv * b
 
 
-@kernel
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@kernel
-def _cross(a, b, out):
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
+@inlined
+def _double(a):
+    return np.float64(a[0]), np.float64(a[1]), np.float64(a[2])

@@ -9,6 +9,7 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.steps import finish
+from gi_core.base.vec import difference, dot, rotate
 from gi_core.geometry.sides import NONE
 from gi_core.photons.paths import Segments, take
 from gi_core.photons.trace import World
@@ -31,6 +32,20 @@ class Hits(NamedTuple):
     photon: np.ndarray  # (n,) int64
     bounce: np.ndarray  # (n,) int32
     own: np.ndarray  # (n,) int32, 2 patch + side of the hit
+
+
+class Nearest(NamedTuple):
+    """The k nearest hits of a point, a heap with the farthest first; ties by photon, then bounce."""
+
+    d2: np.ndarray  # (k,) float32, distance squared [m2]
+    photon: np.ndarray  # (k,) int64
+    bounce: np.ndarray  # (k,) int32
+    hit: np.ndarray  # (k,) int64, 2 index + tag of the grid
+
+    @classmethod
+    def of(cls, k: int) -> Nearest:
+        """Return memory for k hits."""
+        return cls(np.empty(k, np.float32), np.empty(k, np.int64), np.empty(k, np.int32), np.empty(k, np.int64))
 
 
 class HitGrid(NamedTuple):
@@ -57,8 +72,8 @@ def _side_normals(side, normals, rotation, face_object, out):
     for k in range(len(side)):
         n, R = normals[side[k] >> 1], rotation[face_object[side[k] >> 1]]
         s = 1.0 if side[k] & 1 == 0 else -1.0
-        for c in range(3):
-            out[k, c] = s * (R[c, 0] * n[0] + R[c, 1] * n[1] + R[c, 2] * n[2])
+        x, y, z = rotate(R, n)
+        out[k, 0], out[k, 1], out[k, 2] = s * x, s * y, s * z
 
 
 def build(hits: Hits, cell: float) -> HitGrid:
@@ -139,63 +154,61 @@ def _scatter(part, low, cell, shape, cursor, out):
 
 
 @kernel
-def _later(d2, photon, bounce, e2, other, other_bounce):
-    """Return whether the first hit is farther than the second; ties by photon, then bounce."""
-    if d2 != e2:
-        return d2 > e2
-    if photon != other:
-        return photon > other
-    return bounce > other_bounce
+def _later(heap, i, d2, photon, bounce):
+    """Return whether hit i of a heap is farther than another; ties by photon, then bounce."""
+    if heap.d2[i] != d2:
+        return heap.d2[i] > d2
+    if heap.photon[i] != photon:
+        return heap.photon[i] > photon
+    return heap.bounce[i] > bounce
 
 
 @kernel
-def _sift_down(heap_d2, heap_photon, heap_bounce, heap_hit, n):
+def _sift_down(heap, n):
     """Restore the heap order (farthest first) after its root was replaced."""
     i = 0
     while True:
         c = 2 * i + 1
         if c >= n:
             return
-        if c + 1 < n and _later(
-            heap_d2[c + 1], heap_photon[c + 1], heap_bounce[c + 1], heap_d2[c], heap_photon[c], heap_bounce[c]
-        ):
+        if c + 1 < n and _later(heap, c + 1, heap.d2[c], heap.photon[c], heap.bounce[c]):
             c += 1
-        if not _later(heap_d2[c], heap_photon[c], heap_bounce[c], heap_d2[i], heap_photon[i], heap_bounce[i]):
+        if not _later(heap, c, heap.d2[i], heap.photon[i], heap.bounce[i]):
             return
-        _swap(heap_d2, heap_photon, heap_bounce, heap_hit, i, c)
+        _swap(heap, i, c)
         i = c
 
 
 @kernel
-def _swap(heap_d2, heap_photon, heap_bounce, heap_hit, i, j):
-    heap_d2[i], heap_d2[j] = heap_d2[j], heap_d2[i]
-    heap_photon[i], heap_photon[j] = heap_photon[j], heap_photon[i]
-    heap_bounce[i], heap_bounce[j] = heap_bounce[j], heap_bounce[i]
-    heap_hit[i], heap_hit[j] = heap_hit[j], heap_hit[i]
+def _swap(heap, i, j):
+    heap.d2[i], heap.d2[j] = heap.d2[j], heap.d2[i]
+    heap.photon[i], heap.photon[j] = heap.photon[j], heap.photon[i]
+    heap.bounce[i], heap.bounce[j] = heap.bounce[j], heap.bounce[i]
+    heap.hit[i], heap.hit[j] = heap.hit[j], heap.hit[i]
 
 
 @kernel
-def _offer(d2, photon, bounce, hit, heap_d2, heap_photon, heap_bounce, heap_hit, n, k):
-    """Add a hit to the k nearest; return their number."""
-    if n < k:
-        heap_d2[n], heap_photon[n], heap_bounce[n], heap_hit[n] = d2, photon, bounce, hit
+def _offer(d2, photon, bounce, hit, heap, n):
+    """Add a hit to the nearest; return their number."""
+    if n < len(heap.d2):
+        heap.d2[n], heap.photon[n], heap.bounce[n], heap.hit[n] = d2, photon, bounce, hit
         i = n
         while i > 0:
             p = (i - 1) // 2
-            if not _later(heap_d2[i], heap_photon[i], heap_bounce[i], heap_d2[p], heap_photon[p], heap_bounce[p]):
+            if not _later(heap, i, heap.d2[p], heap.photon[p], heap.bounce[p]):
                 break
-            _swap(heap_d2, heap_photon, heap_bounce, heap_hit, i, p)
+            _swap(heap, i, p)
             i = p
         return n + 1
-    if _later(heap_d2[0], heap_photon[0], heap_bounce[0], d2, photon, bounce):
-        heap_d2[0], heap_photon[0], heap_bounce[0], heap_hit[0] = d2, photon, bounce, hit
-        _sift_down(heap_d2, heap_photon, heap_bounce, heap_hit, n)
+    if _later(heap, 0, d2, photon, bounce):
+        heap.d2[0], heap.photon[0], heap.bounce[0], heap.hit[0] = d2, photon, bounce, hit
+        _sift_down(heap, n)
     return n
 
 
 @kernel
-def gather(x, y, z, nx, ny, nz, mine, radius, k, grid, tag, cut_bounce, heap_d2, heap_photon, heap_bounce, heap_hit, n):
-    """Add a grid's hits near (x, y, z) to the k nearest; return their number.
+def gather(point, facing, mine, radius, grid, tag, cut_bounce, heap, n):
+    """Add a grid's hits near a point with normal `facing` to a heap of n hits; return their number.
 
     Hits count on side `mine` of a patch; if that is NONE, on all surfaces that do not face away. Shells of cells are
     visited outwards until they lie behind the k-th hit. Hits of photon i from bounce cut_bounce[i] on are removed. A
@@ -204,12 +217,12 @@ def gather(x, y, z, nx, ny, nz, mine, radius, k, grid, tag, cut_bounce, heap_d2,
     (position, normal, _, photon, bounce, own), low, cell, shape, first = grid
     if len(photon) == 0:
         return n
-    cx, cy, cz = cell_of(x, low[0], cell), cell_of(y, low[1], cell), cell_of(z, low[2], cell)
+    cx, cy, cz = cell_of(point[0], low[0], cell), cell_of(point[1], low[1], cell), cell_of(point[2], low[2], cell)
     r2 = radius * radius
     reach = int(math.ceil(radius / cell)) + 1
     for s in range(reach + 1):
         near = (s - 1) * cell  # lower bound of the distance to shell s
-        limit = heap_d2[0] if n == k else r2
+        limit = heap.d2[0] if n == len(heap.d2) else r2
         if s > 1 and near * near > limit:
             break
         for i in range(max(cx - s, 0), min(cx + s, shape[0] - 1) + 1):
@@ -221,16 +234,14 @@ def gather(x, y, z, nx, ny, nz, mine, radius, k, grid, tag, cut_bounce, heap_d2,
                         continue
                     c = (i * shape[1] + j) * shape[2] + m
                     for h in range(first[c], first[c + 1]):
-                        a, b, e = position[h, 0] - x, position[h, 1] - y, position[h, 2] - z
-                        d2 = a * a + b * b + e * e
+                        off = difference(position[h], point)
+                        d2 = dot(off, off)
                         # Only background hits (tag 0) can be removed; added ones lie at or behind the cut.
                         if d2 > r2 or (tag == 0 and bounce[h] >= cut_bounce[photon[h]]):
                             continue
                         if mine != NONE and own[h] != mine:
                             continue
-                        if not (normal[h, 0] * nx + normal[h, 1] * ny + normal[h, 2] * nz > OTHER_SIDE):
+                        if not (dot(normal[h], facing) > OTHER_SIDE):
                             continue
-                        n = _offer(
-                            d2, photon[h], bounce[h], 2 * h + tag, heap_d2, heap_photon, heap_bounce, heap_hit, n, k
-                        )
+                        n = _offer(d2, photon[h], bounce[h], 2 * h + tag, heap, n)
     return n

@@ -15,7 +15,7 @@ from gi_core.base import random_numbers
 from gi_core.base.fixed_point import MAX_SEGMENTS, attenuate
 from gi_core.base.steps import finish
 from gi_core.discs.region import regions
-from gi_core.discs.search.predicate import LANES, Discs, blocks, counts, crossed
+from gi_core.discs.search.predicate import LANES, Discs, Lines, accepts, blocks, discs_crossed
 from gi_core.lights.bsdf import lambertian
 from gi_core.lights.emission import emit
 from gi_core.model import Model
@@ -115,7 +115,8 @@ class Twin:
             filled[: len(rows)] = np.arange(len(rows))
             # Every receiver its own disc: that two sides share one is the searches' business.
             alone = np.full(len(rows), -1, np.int32)
-            discs = blocks(Discs(p, n, own[rows], alone, radius, region), filled)
+            discs = Discs(p, n, own[rows], alone, radius, region)
+            data = blocks(discs, filled).data
             for s in segments:
                 points = [_to_object(poses, model.names, o, s[k]) for k in ("origin", "end", "hit")]
                 d, _ = _line(points[0], points[1])
@@ -124,18 +125,21 @@ class Twin:
                 bent = side >= 0 and model.concave[2 * patch[side >> 1] + (side & 1)]
                 high = stop + F32(2 * self.radius) if bent else stop
                 every = range(len(filled) // LANES)
-                lanes = [crossed(discs.data, b, *points[0], *d, F32(s["low"]), high, r2) for b in every]
+                origin, d = tuple(points[0]), tuple(d)
+                lanes = [discs_crossed(data, b, origin, d, F32(s["low"]), high, r2) for b in every]
                 near = [LANES * b + k for b in every for k in range(LANES) if lanes[b] >> k & 1]
                 patches = [
                     2 * patch[k >> 1] + (k & 1) if k >= 0 else -1
                     for k in (s["start_side"], s["end_side"], s["cut_side"])
                 ]
-                patches = np.array([patches], np.int32)
+                low_stop_high = (np.array([t], F32) for t in (s["low"], stop, high))
+                origin_and_way, flux = np.array([[points[0]], [d]], F32), np.zeros((1, 3), np.int32)
+                patches, touches = np.array([patches], np.int32), np.array([points], F32)
+                line = Lines(*origin_and_way, *low_stop_high, flux, patches, touches)
                 for j in near:
                     if not d[0] * n[j, 0] + d[1] * n[j, 1] + d[2] * n[j, 2] < 0:
                         continue
-                    line, touches = (*points[0], *d, stop, r2), np.array([points])
-                    if counts(j, *p[j], *n[j], 0, *line, own[rows], *region[:2], patches, touches):
+                    if accepts(discs, j, tuple(p[j]), tuple(n[j]), line, 0):
                         sums[rows[j]] = [a + b for a, b in zip(sums[rows[j]], s["flux"], strict=True)]
         return sums, area
 

@@ -145,10 +145,8 @@ class ContactSearch:
         world, most = self._model.world, len(rows) * RAYS
         origins, directions = np.empty((most, 3), np.float32), np.empty((most, 3), np.float32)
         place = np.empty(most, np.int64)
-        n = _rays(
-            rows, which, self._origins[o], self._normals[o], at.rotation, at.position, o, b, world.box_low[b],
-            world.box_high[b], CUT_PAD * world.size, self._radius, origins, directions, place,
-        )  # fmt: skip
+        rays = origins, directions, place
+        n = _rays(rows, which, self._origins[o], self._normals[o], at, world, o, b, self._radius, rays)
         limits = np.full(n, self._radius, np.float32)
         found, face = self._accelerator.nearest(b, origins[:n], directions[:n], limits)
         hit = face >= 0
@@ -213,11 +211,11 @@ def _across(Ra, pa, Rb, pb, x, y, z, moved):
 
 
 @kernel
-def _rays(
-    rows, which, origins, normals, rotation, position, o, b, low, high, pad, radius, ray_origins, ray_directions, place
-):
+def _rays(rows, which, origins, normals, at, world, o, b, radius, out):
     """Write the rays in the tangent planes of receivers that pass object b's box; return their number."""
-    Ra, pa, Rb, pb = rotation[o], position[o], rotation[b], position[b]
+    ray_origins, ray_directions, place = out
+    low, high, pad = world.box_low[b], world.box_high[b], CUT_PAD * world.size
+    Ra, pa, Rb, pb = at.rotation[o], at.position[o], at.rotation[b], at.position[b]
     n = 0
     for j in range(len(rows)):
         i = rows[j]

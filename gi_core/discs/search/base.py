@@ -11,7 +11,7 @@ from gi_core.photons.flux_sums import Sums
 class Search(Protocol):
     """A search over the discs of one object, made once and used by every frame.
 
-    All searches accept the same crossings bit for bit: each proposes candidates, `predicate.counts` decides.
+    All searches accept the same crossings bit for bit: each proposes candidates, `predicate.accepts` decides.
     """
 
     @property

@@ -1,6 +1,6 @@
 """Every disc against every segment: the search that the others are measured against.
 
-What is done with a crossing found stands here and in disc_grid.py: one inlined function for both made
+What is done with a candidate stands here and in accumulate.py: one inlined function for both made
 an estimate a fifth slower.
 """
 
@@ -9,14 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.discs.search.accumulate import note
+from gi_core.base.vec import row
+from gi_core.discs.search.accumulate import record
 from gi_core.discs.search.predicate import (
     LANES,
     Discs,
     Lines,
+    accepts,
     blocks,
-    counts,
-    crossed,
+    discs_crossed,
     lane_of,
     receiver,
     share,
@@ -41,8 +42,7 @@ class BruteForce:
     def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
         first, last = share(len(lines.low), part, parts)
-        d = self.discs
-        return _splat(*self.blocks, d.own, *d.regions[:2], d.radius, *lines, first, last, sign, *sums, self.pretest)
+        return _accumulate(self.blocks, self.discs, self.pretest, lines, first, last, sign, sums)
 
     def summary(self) -> str:
         """Return in words what was built."""
@@ -50,34 +50,27 @@ class BruteForce:
 
 
 @kernel
-def _splat(
-    data, front, behind, own, row, reach, radius,
-    origin, direction, low, stop, high, flux, patches, touches, first, last, sign, sums, touched, base, log,
-    pretest,
-):  # fmt: skip
-    r2 = radius * radius
+def _accumulate(blocks, discs, pretest, lines, first, last, sign, sums):
+    r2 = discs.radius * discs.radius
     total = 0
     for k in range(first, last):
-        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
-        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
-        for block in range(len(front) // LANES):
+        origin, direction = row(lines.origin, k), row(lines.direction, k)
+        for block in range(len(blocks.front) // LANES):
             if pretest is not None:
-                left = discs_left(pretest, data, block, ox, oy, oz, dx, dy, dz)
+                left = discs_left(pretest, blocks.data, block, origin, direction)
                 if left == 0:
                     continue
-            bits = crossed(data, block, ox, oy, oz, dx, dy, dz, low[k], high[k], r2)
+            bits = discs_crossed(blocks.data, block, origin, direction, lines.low[k], lines.high[k], r2)
             if pretest is not None:
                 bits &= left
             while bits != 0:
-                i, x, y, z, nx, ny, nz = receiver(data, front, behind, block * LANES + lane_of(bits), dx, dy, dz)
+                i, centre, normal = receiver(blocks, block * LANES + lane_of(bits), direction)
                 bits &= bits - np.uint32(1)
-                if i >= 0 and counts(
-                    i, x, y, z, nx, ny, nz, k, ox, oy, oz, dx, dy, dz, stop[k], r2, own, row, reach, patches, touches
-                ):
+                if i >= 0 and accepts(discs, i, centre, normal, lines, k):
                     total += 1
                     for c in range(3):
-                        sums[i, c] += sign * flux[k, c]
-                    touched[(base + i) >> CHUNK_BITS] = True
-                    if len(log.line) > 0:
-                        note(log, k, i, x, y, z, nx, ny, nz, ox, oy, oz, dx, dy, dz)
+                        sums.flux[i, c] += sign * lines.flux[k, c]
+                    sums.touched[(sums.first + i) >> CHUNK_BITS] = True
+                    if len(sums.log.line) > 0:
+                        record(sums.log, k, i, centre, normal, lines)
     return total

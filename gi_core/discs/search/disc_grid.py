@@ -8,12 +8,14 @@ discs of a cell lie in blocks that vector instructions test at once.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.jit import allocating, inlined, kernel
-from gi_core.discs.search.accumulate import ROOM, add_found
-from gi_core.discs.search.predicate import LANES, Discs, Lines, blocks, crossed, lane_of, share
+from gi_core.base.jit import inlined, kernel
+from gi_core.base.vec import row
+from gi_core.discs.search.accumulate import ROOM, add_accepted
+from gi_core.discs.search.predicate import LANES, Discs, Lines, blocks, discs_crossed, lane_of, share
 from gi_core.discs.search.pretest import discs_left, triangles
 from gi_core.photons.flux_sums import Sums
 
@@ -22,6 +24,31 @@ MAX_CELLS = 1 << 22  # memory bound for tiny discs in a big scene; cells grow in
 MOST_ALONG = 512  # cells along an axis
 PAD = 1e-3  # of a cell: rounding of a crossing against the cell's walls
 VISITS = 1024  # cells that are listed before their discs are tested: these lists stay in the first cache
+
+
+class Cells(NamedTuple):
+    """A uniform grid of C cells, and the blocks of discs in each."""
+
+    low: np.ndarray  # (3,) float64 [m]
+    cell: float  # edge [m]
+    shape: np.ndarray  # (3,) int64
+    first: np.ndarray  # (C + 1,) int32, first block of each cell
+
+
+class Visits(NamedTuple):
+    """Scratch memory of a walk: the cells visited that hold discs, and the candidates found there."""
+
+    line: np.ndarray  # (n,) int64
+    blocks: np.ndarray  # (n, 2) int32, first and last + 1
+    low: np.ndarray  # (n,) float32 [m], the line's interval in the cell
+    high: np.ndarray  # (n,) float32 [m]
+    candidates: np.ndarray  # (ROOM, 2) int64, line and entry of blocks
+
+    @classmethod
+    def of(cls, n: int) -> Visits:
+        """Return memory for n visits."""
+        low, high = np.empty(n, np.float32), np.empty(n, np.float32)
+        return cls(np.empty(n, np.int64), np.empty((n, 2), np.int32), low, high, np.empty((ROOM, 2), np.int64))
 
 
 def box_of(discs: Discs, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -53,27 +80,26 @@ class DiscGrid:
 
     def __init__(self, discs: Discs, rows: np.ndarray, pretest: str = "none", cell_radii: float = CELL_RADII):
         self.discs, self.cell_radii = discs, cell_radii
-        self.cell, self.low, self.shape, count = discs_in_cells(discs, rows, cell_radii)
+        cell, low, shape, count = discs_in_cells(discs, rows, cell_radii)
         room = (count + LANES - 1) // LANES
-        self.first = np.concatenate([[0], np.cumsum(room)]).astype(np.int32)
-        ids = np.full(int(self.first[-1]) * LANES, -1, np.int32)
-        half = _half_extents(discs, PAD * self.cell)
-        _list(rows, discs.positions, half, self.low, self.cell, self.shape, self.first[:-1] * np.int64(LANES), ids)
+        first = np.concatenate([[0], np.cumsum(room)]).astype(np.int32)
+        ids = np.full(int(first[-1]) * LANES, -1, np.int32)
+        half = _half_extents(discs, PAD * cell)
+        _list(rows, discs.positions, half, low, cell, shape, first[:-1] * np.int64(LANES), ids)
+        self.cells = Cells(low, cell, shape, first)
         self.blocks, self.pretest = blocks(discs, ids), triangles(pretest, discs, ids)
 
     def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of a share of the lines to the sums of the discs they cross; returns how many crossings."""
         first, last = share(len(lines.low), part, parts)
-        return _splat(
-            self.low, self.cell, self.shape, self.first, *self.blocks, self.discs.own,
-            *self.discs.regions[:2], self.discs.radius, *lines, first, last, sign, *sums, self.pretest,
-        )  # fmt: skip
+        visits = Visits.of(VISITS)
+        return _accumulate(self.cells, self.blocks, self.discs, self.pretest, lines, first, last, sign, sums, visits)
 
     @property
     def discs_a_cell(self) -> float:
         """How many discs are in a cell that has any."""
         held = (self.blocks.front >= 0) | (self.blocks.behind >= 0)
-        return float(held.sum()) / max(int((np.diff(self.first) > 0).sum()), 1)
+        return float(held.sum()) / max(int((np.diff(self.cells.first) > 0).sum()), 1)
 
     def summary(self) -> str:
         """Return in words how large the cells are, and how full."""
@@ -129,32 +155,24 @@ def _axis(o, d, t, low, cell, n):
     return i, 0, np.inf, 0.0
 
 
-@allocating
-def _splat(
-    low, cell, shape, first_of, data, front, behind, own, row, reach, radius,
-    origin, direction, t_low, stop, t_high, flux, patches, touches, first, last, sign, sums, touched, base, log,
-    pretest,
-):  # fmt: skip
+@kernel
+def _accumulate(cells, blocks, discs, pretest, lines, first, last, sign, sums, visits):
     """Three passes over some segments at a time: full cells on the way, discs crossed there, sums.
 
     Apart, because most of the time goes into waiting for memory: within one pass the accesses of
     different segments do not depend on each other, and the processor overlaps them.
     """
-    r2 = radius * radius
+    cell = cells.cell
     pad = PAD * cell
     near = cell - pad
-    lx, ly, lz = low[0], low[1], low[2]
-    nx, ny, nz = shape[0], shape[1], shape[2]
-    visit_line, visit_blocks = np.empty(VISITS, np.int64), np.empty((VISITS, 2), np.int32)
-    visit_low, visit_high = np.empty(VISITS, np.float32), np.empty(VISITS, np.float32)
-    found = np.empty((ROOM, 2), np.int64)
-    visits = 0
-    total = 0
+    lx, ly, lz = cells.low[0], cells.low[1], cells.low[2]
+    nx, ny, nz = cells.shape[0], cells.shape[1], cells.shape[2]
+    n = total = 0
     for k in range(first, last):
-        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
-        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
+        ox, oy, oz = row(lines.origin, k)
+        dx, dy, dz = row(lines.direction, k)
         # Clip to what is inside the border, a little outside so that no crossing is lost to rounding.
-        t0, t1 = float(t_low[k]), float(t_high[k])
+        t0, t1 = float(lines.low[k]), float(lines.high[k])
         t0, t1 = _clip(ox, dx, lx + near, lx + nx * cell - near, t0, t1)
         t0, t1 = _clip(oy, dy, ly + near, ly + ny * cell - near, t0, t1)
         t0, t1 = _clip(oz, dz, lz + near, lz + nz * cell - near, t0, t1)
@@ -163,24 +181,20 @@ def _splat(
         ix, sx, tx, wx = _axis(ox, dx, t0, lx, cell, nx)
         iy, sy, ty, wy = _axis(oy, dy, t0, ly, cell, ny)
         iz, sz, tz, wz = _axis(oz, dz, t0, lz, cell, nz)
-        a = t_low[k] if t0 == float(t_low[k]) else max(t_low[k], np.float32(t0 - pad))
+        a = lines.low[k] if t0 == float(lines.low[k]) else max(lines.low[k], np.float32(t0 - pad))
         c = (ix * ny + iy) * nz + iz
         jump_x, jump_y, jump_z = sx * ny * nz, sy * nz, sz
         while True:
             t = min(tx, min(ty, tz))
-            if first_of[c] < first_of[c + 1]:
+            if cells.first[c] < cells.first[c + 1]:
                 # This cell's part of the line is [a, b); the next one starts at the same bits.
-                visit_line[visits] = k
-                visit_blocks[visits, 0], visit_blocks[visits, 1] = first_of[c], first_of[c + 1]
-                visit_low[visits], visit_high[visits] = a, t_high[k] if t >= t1 else max(a, np.float32(t))
-                visits += 1
-                if visits == VISITS:
-                    total += _cross(
-                        visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
-                        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base, log,
-                        pretest,
-                    )  # fmt: skip
-                    visits = 0
+                visits.line[n] = k
+                visits.blocks[n, 0], visits.blocks[n, 1] = cells.first[c], cells.first[c + 1]
+                visits.low[n], visits.high[n] = a, lines.high[k] if t >= t1 else max(a, np.float32(t))
+                n += 1
+                if n == VISITS:
+                    total += _cross(n, visits, blocks, discs, pretest, lines, sign, sums)
+                    n = 0
             if t >= t1:
                 break
             a = max(a, np.float32(t))
@@ -193,43 +207,30 @@ def _splat(
             else:
                 c += jump_z
                 tz += wz
-    total += _cross(
-        visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
-        row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base, log, pretest,
-    )  # fmt: skip
-    return total
+    return total + _cross(n, visits, blocks, discs, pretest, lines, sign, sums)
 
 
 @kernel
-def _cross(
-    visits, visit_line, visit_blocks, visit_low, visit_high, found, data, front, behind, own,
-    row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums, touched, base, log, pretest,
-):  # fmt: skip
+def _cross(visited, visits, blocks, discs, pretest, lines, sign, sums):
+    r2 = discs.radius * discs.radius
     total = n = 0
-    for v in range(visits):
-        k = visit_line[v]
-        ox, oy, oz = origin[k, 0], origin[k, 1], origin[k, 2]
-        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
-        a, b = visit_low[v], visit_high[v]
-        for block in range(visit_blocks[v, 0], visit_blocks[v, 1]):
+    for v in range(visited):
+        k = visits.line[v]
+        origin, direction = row(lines.origin, k), row(lines.direction, k)
+        a, b = visits.low[v], visits.high[v]
+        for block in range(visits.blocks[v, 0], visits.blocks[v, 1]):
             if pretest is not None:
-                left = discs_left(pretest, data, block, ox, oy, oz, dx, dy, dz)
+                left = discs_left(pretest, blocks.data, block, origin, direction)
                 if left == 0:
                     continue
-            bits = crossed(data, block, ox, oy, oz, dx, dy, dz, a, b, r2)
+            bits = discs_crossed(blocks.data, block, origin, direction, a, b, r2)
             if pretest is not None:
                 bits &= left
             while bits != 0:
-                found[n, 0], found[n, 1] = k, block * LANES + lane_of(bits)
+                visits.candidates[n, 0], visits.candidates[n, 1] = k, block * LANES + lane_of(bits)
                 bits &= bits - np.uint32(1)
                 n += 1
             if n > ROOM - LANES:
-                total += add_found(
-                    n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches,
-                    touches, sign, sums, touched, base, log,
-                )  # fmt: skip
+                total += add_accepted(n, visits.candidates, blocks, discs, lines, sign, sums)
                 n = 0
-    return total + add_found(
-        n, found, data, front, behind, own, row, reach, r2, origin, direction, stop, flux, patches, touches, sign, sums,
-        touched, base, log,
-    )  # fmt: skip
+    return total + add_accepted(n, visits.candidates, blocks, discs, lines, sign, sums)

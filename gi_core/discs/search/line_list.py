@@ -6,27 +6,39 @@ Lists are filled up with lines that nothing meets.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from gi_core.base.jit import allocating, inlined, kernel
-from gi_core.discs.search.predicate import LANES, LINE_FIELDS, lane_of
+from gi_core.base.vec import difference, dot
+from gi_core.discs.search.predicate import LANES, LINE_FIELDS, lane_of, offset, three
 
 _BLOCK = LINE_FIELDS * LANES
 
 
+class LineLists(NamedTuple):
+    """A stack of lists of lines: list h holds count[h] lines from block start[h] on."""
+
+    data: np.ndarray  # (blocks * 128,) float32, in blocks
+    who: np.ndarray  # (blocks * LANES,) int32, number of each line
+    start: np.ndarray  # (depths,) int64
+    count: np.ndarray  # (depths,) int64
+
+
 @kernel
-def load(origin, direction, low, high, first, last, data, who):
+def load(lines, first, last, lists):
     """Write lines first .. last - 1 into the first blocks; returns the largest distance of an origin from 0 [m]."""
-    far = np.float32(0.0)
+    far, data = np.float32(0.0), lists.data
     for k in range(first, last):
         e = k - first
         j = (e // LANES) * _BLOCK + e % LANES
         for c in range(3):
-            data[j + c * LANES] = origin[k, c]
-            data[j + (3 + c) * LANES] = direction[k, c]
-            far = max(far, abs(origin[k, c]))
-        data[j + 6 * LANES], data[j + 7 * LANES] = low[k], high[k]
-        who[e] = k
+            data[j + c * LANES] = lines.origin[k, c]
+            data[j + (3 + c) * LANES] = lines.direction[k, c]
+            far = max(far, abs(lines.origin[k, c]))
+        data[j + 6 * LANES], data[j + 7 * LANES] = lines.low[k], lines.high[k]
+        lists.who[e] = k
     fill_up(data, 0, last - first)
     return far
 
@@ -42,44 +54,45 @@ def fill_up(data, block, count):
 
 
 @inlined
-def _met(data, block, cx, cy, cz, r2):
+def _met(data, block, centre, r2):
     """Return which lines of a block pass through a sphere: a bit a lane. The nearest point of each, no branch."""
     base = np.uint64(block) * np.uint64(_BLOCK)
     bits = np.uint32(0)
     for lane in range(np.uint64(LANES)):
         j = base + lane
-        ax, ay, az = cx - data[j], cy - data[j + np.uint64(LANES)], cz - data[j + np.uint64(2 * LANES)]
-        dx, dy, dz = data[j + np.uint64(3 * LANES)], data[j + np.uint64(4 * LANES)], data[j + np.uint64(5 * LANES)]
-        t = min(max(ax * dx + ay * dy + az * dz, data[j + np.uint64(6 * LANES)]), data[j + np.uint64(7 * LANES)])
-        px, py, pz = t * dx - ax, t * dy - ay, t * dz - az
-        yes = px * px + py * py + pz * pz <= r2
+        a, direction = difference(centre, three(data, j)), three(data, j + np.uint64(3 * LANES))
+        t = min(max(dot(a, direction), data[j + np.uint64(6 * LANES)]), data[j + np.uint64(7 * LANES)])
+        p = offset(a, t, direction)
+        yes = dot(p, p) <= r2
         bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
     return bits
 
 
 @allocating
-def push(lists, who, start, count, height, cx, cy, cz, r2):
+def push(lists, height, centre, r2):
     """Make list height + 1 of what passes through a sphere out of list `height`, behind it in the same memory.
 
-    Returns the memory: more where it was too small. A filler is infinitely far away: the clamp leaves t = -inf.
+    Returns the lists, in more memory where there was too little. A filler is
+    infinitely far away: the clamp leaves t = -inf.
     """
+    data, who, start, count = lists
     first, blocks = start[height], (count[height] + LANES - 1) // LANES
     onto, n = first + blocks, 0
     if (onto + blocks) * LANES > len(who):
-        lists, who = _grown(lists, 2 * (onto + blocks) * _BLOCK), _grown(who, 2 * (onto + blocks) * LANES)
+        data, who = _grown(data, 2 * (onto + blocks) * _BLOCK), _grown(who, 2 * (onto + blocks) * LANES)
     for b in range(first, onto):
-        bits = _met(lists, b, cx, cy, cz, r2)
+        bits = _met(data, b, centre, r2)
         while bits != 0:
             lane = lane_of(bits)
             bits &= bits - np.uint32(1)
             i, j = b * _BLOCK + lane, (onto + n // LANES) * _BLOCK + n % LANES
             for field in range(LINE_FIELDS):
-                lists[j + field * LANES] = lists[i + field * LANES]
+                data[j + field * LANES] = data[i + field * LANES]
             who[onto * LANES + n] = who[b * LANES + lane]
             n += 1
-    fill_up(lists, onto, n)
+    fill_up(data, onto, n)
     start[height + 1], count[height + 1] = onto, n
-    return lists, who
+    return LineLists(data, who, start, count)
 
 
 @allocating

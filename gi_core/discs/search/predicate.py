@@ -1,6 +1,6 @@
 """The one predicate that decides whether a segment crosses a receiver's disc, and what it adds.
 
-Every disc search calls crossed() and counts(); a search only chooses which discs are tried, and is a
+Every disc search calls discs_crossed() and accepts(); a search only chooses which discs are tried, and is a
 superset. All arithmetic is float32 with a fixed order, so a decision has the same bits everywhere.
 """
 
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
-from gi_core.base.vec import difference, rotate_back
+from gi_core.base.vec import difference, dot, rotate_back
 from gi_core.discs.region import Regions, inside
 from gi_core.geometry.sides import NONE
 from gi_core.model import BEHIND, Model
@@ -24,6 +24,7 @@ DISC_FIELDS = 7  # x, y, z of a position and of a normal, and the limit of the s
 _BLOCK = np.uint64(DISC_FIELDS * LANES)
 LINE_FIELDS = 8  # x, y, z of an origin and of a direction, low, high
 _LINE_BLOCK = np.uint64(LINE_FIELDS * LANES)
+_NORMAL, _LIMIT, _HIGH = np.uint64(3 * LANES), np.uint64(6 * LANES), np.uint64(7 * LANES)  # normal or direction; ...
 
 
 class Discs(NamedTuple):
@@ -62,27 +63,34 @@ class Lines(NamedTuple):
 
 
 @kernel
-def _lines(
-    R, p, origin, end, hit, start_side, end_side, cut_side, stop, patch, concave, extension,
-    o, d, high, patches, touches,
-):  # fmt: skip
-    for k in range(len(stop)):
-        x, y, z = rotate_back(R, difference(origin[k], p))
-        touches[k, 0, 0], touches[k, 0, 1], touches[k, 0, 2] = x, y, z
-        x, y, z = rotate_back(R, difference(end[k], p))
-        touches[k, 1, 0], touches[k, 1, 1], touches[k, 1, 2] = x, y, z
-        x, y, z = rotate_back(R, difference(hit[k], p))
-        touches[k, 2, 0], touches[k, 2, 1], touches[k, 2, 2] = x, y, z
-        a, b = touches[k, 0], touches[k, 1]
-        o[k, 0], o[k, 1], o[k, 2] = a[0], a[1], a[2]
-        d[k, 0], d[k, 1], d[k, 2], _ = line(a[0], a[1], a[2], b[0], b[1], b[2])
-        patches[k, 0] = 2 * patch[start_side[k] >> 1] + (start_side[k] & 1) if start_side[k] >= 0 else NONE
-        patches[k, 1] = 2 * patch[end_side[k] >> 1] + (end_side[k] & 1) if end_side[k] >= 0 else NONE
-        patches[k, 2] = 2 * patch[cut_side[k] >> 1] + (cut_side[k] & 1) if cut_side[k] >= 0 else NONE
-        landed = patches[k, 2] if patches[k, 2] != NONE else patches[k, 1]
-        high[k] = stop[k]
+def _carry(R, p, segments, patch, concave, extension, out):
+    """Write lines of segments: R, p the pose of the discs' object, patch (F,), concave (2 patches,)."""
+    for k in range(len(out.stop)):
+        _put(out.touches[k, 0], rotate_back(R, difference(segments.origin[k], p)))
+        _put(out.touches[k, 1], rotate_back(R, difference(segments.end[k], p)))
+        _put(out.touches[k, 2], rotate_back(R, difference(segments.hit[k], p)))
+        a, b = out.touches[k, 0], out.touches[k, 1]
+        _put(out.origin[k], a)
+        dx, dy, dz, _ = line(a[0], a[1], a[2], b[0], b[1], b[2])
+        _put(out.direction[k], (dx, dy, dz))
+        out.patches[k, 0] = _patch_side(patch, segments.start_side[k])
+        out.patches[k, 1] = _patch_side(patch, segments.end_side[k])
+        out.patches[k, 2] = _patch_side(patch, segments.cut_side[k])
+        landed = out.patches[k, 2] if out.patches[k, 2] != NONE else out.patches[k, 1]
+        out.high[k] = out.stop[k]
         if landed != NONE and concave[landed]:
-            high[k] += extension
+            out.high[k] += extension
+
+
+@inlined
+def _put(row, a):
+    row[0], row[1], row[2] = a[0], a[1], a[2]
+
+
+@inlined
+def _patch_side(patch, side):
+    """Return 2 patch + side of a face's side, NONE of none."""
+    return 2 * patch[side >> 1] + (side & 1) if side >= 0 else NONE
 
 
 def share(n: int, part: int, parts: int) -> tuple[int, int]:
@@ -93,7 +101,7 @@ def share(n: int, part: int, parts: int) -> tuple[int, int]:
 def lines(segments: Segments, rotation, position, model: Model, radius: float) -> Lines:
     """Return segments carried into an object's space.
 
-    A segment that lands on a concave side of a patch is extended by 2 radius: see counts(). Others
+    A segment that lands on a concave side of a patch is extended by 2 radius: see accepts(). Others
     are not: behind a wall a cupboard may hold thousands of discs.
     """
     s, n = segments, segments.size
@@ -107,30 +115,40 @@ def lines(segments: Segments, rotation, position, model: Model, radius: float) -
         np.empty((n, 3), np.int32),
         np.empty((n, 3, 3), np.float32),
     )
-    _lines(
-        rotation, position, s.origin, s.end, s.hit, s.start_side, s.end_side, s.cut_side, s.high, model.surfaces.patch,
-        model.concave, np.float32(2 * radius), out.origin, out.direction, out.high, out.patches, out.touches,
-    )  # fmt: skip
+    extension = np.float32(2 * radius)
+    _carry(rotation, position, segments, model.surfaces.patch, model.concave, extension, out)
     return out
 
 
 @inlined
-def _crosses(x, y, z, nx, ny, nz, limit, ox, oy, oz, dx, dy, dz, low, high, r2):
-    """Tell whether a line crosses a disc at t in [low, high), from a side that is seen: the predicate itself.
+def _crosses(centre, normal, limit, origin, direction, low, high, r2):
+    """Return whether a line crosses a disc at t in [low, high), from a side that is seen: the predicate itself.
 
     Everything is float32, nothing branches. A line in the plane of a disc divides by zero, a filler 0 by 0;
     inf and nan fail the comparisons.
     """
-    slope = dx * nx + dy * ny + dz * nz
-    ax, ay, az = x - ox, y - oy, z - oz
-    t = (ax * nx + ay * ny + az * nz) / slope
-    px, py, pz = t * dx - ax, t * dy - ay, t * dz - az
-    return (slope < limit) & (t >= low) & (t < high) & (px * px + py * py + pz * pz <= r2)
+    slope = dot(direction, normal)
+    a = difference(centre, origin)
+    t = dot(a, normal) / slope
+    p = offset(a, t, direction)
+    return (slope < limit) & (t >= low) & (t < high) & (dot(p, p) <= r2)
 
 
 @inlined
-def crossed(data, block, ox, oy, oz, dx, dy, dz, low, high, r2):
-    """Return which discs of a block a line crosses: a bit a lane.
+def offset(a, t, direction):
+    """Return where a line is at t, seen from a disc's centre; a: from the line's origin to the centre."""
+    return t * direction[0] - a[0], t * direction[1] - a[1], t * direction[2] - a[2]
+
+
+@inlined
+def three(data, j):
+    """Return three fields in a row of the lane of entry j of a block; j is unsigned."""
+    return data[j], data[j + np.uint64(LANES)], data[j + np.uint64(2 * LANES)]
+
+
+@inlined
+def discs_crossed(data, block, origin, direction, low, high, r2):
+    """Return which discs of a block a line crosses: one bit per lane. origin, direction: tuples.
 
     The loop has no branch, a fixed length, unsigned indices (checks for negative ones stop LLVM) and no
     memory to write to: LLVM makes it vectors.
@@ -139,25 +157,22 @@ def crossed(data, block, ox, oy, oz, dx, dy, dz, low, high, r2):
     bits = np.uint32(0)
     for lane in range(np.uint64(LANES)):
         j = base + lane
-        x, y, z = data[j], data[j + np.uint64(LANES)], data[j + np.uint64(2 * LANES)]
-        nx, ny, nz = data[j + np.uint64(3 * LANES)], data[j + np.uint64(4 * LANES)], data[j + np.uint64(5 * LANES)]
-        limit = data[j + np.uint64(6 * LANES)]
-        yes = _crosses(x, y, z, nx, ny, nz, limit, ox, oy, oz, dx, dy, dz, low, high, r2)
+        centre, normal, limit = three(data, j), three(data, j + _NORMAL), data[j + _LIMIT]
+        yes = _crosses(centre, normal, limit, origin, direction, low, high, r2)
         bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
     return bits
 
 
 @inlined
-def crossing(data, block, x, y, z, nx, ny, nz, limit, r2):
-    """Return which lines of a block (see line_list.py) cross one disc: crossed() with the loop turned round."""
+def lines_crossing(data, block, centre, normal, limit, r2):
+    """Return which lines of a block (see line_list.py) cross one disc: discs_crossed() with the loop turned round."""
     base = np.uint64(block) * _LINE_BLOCK
     bits = np.uint32(0)
     for lane in range(np.uint64(LANES)):
         j = base + lane
-        ox, oy, oz = data[j], data[j + np.uint64(LANES)], data[j + np.uint64(2 * LANES)]
-        dx, dy, dz = data[j + np.uint64(3 * LANES)], data[j + np.uint64(4 * LANES)], data[j + np.uint64(5 * LANES)]
-        low, high = data[j + np.uint64(6 * LANES)], data[j + np.uint64(7 * LANES)]
-        yes = _crosses(x, y, z, nx, ny, nz, limit, ox, oy, oz, dx, dy, dz, low, high, r2)
+        origin, direction = three(data, j), three(data, j + _NORMAL)
+        low, high = data[j + _LIMIT], data[j + _HIGH]
+        yes = _crosses(centre, normal, limit, origin, direction, low, high, r2)
         bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
     return bits
 
@@ -175,13 +190,15 @@ def lane_of(bits):
 
 
 @inlined
-def receiver(data, front, behind, e, dx, dy, dz):
-    """Return who sees a line that crosses the disc of entry e, NONE if nobody, with its position and normal."""
+def receiver(blocks, e, direction):
+    """Return the receiver that sees a line cross the disc of entry e, NONE if none does; its position; its normal."""
     j = (e // LANES) * (DISC_FIELDS * LANES) + e % LANES
+    data = blocks.data
+    centre = data[j], data[j + LANES], data[j + 2 * LANES]
     nx, ny, nz = data[j + 3 * LANES], data[j + 4 * LANES], data[j + 5 * LANES]
-    if dx * nx + dy * ny + dz * nz < np.float32(0.0):
-        return front[e], data[j], data[j + LANES], data[j + 2 * LANES], nx, ny, nz
-    return behind[e], data[j], data[j + LANES], data[j + 2 * LANES], -nx, -ny, -nz
+    if dot(direction, (nx, ny, nz)) < np.float32(0.0):
+        return blocks.front[e], centre, (nx, ny, nz)
+    return blocks.behind[e], centre, (-nx, -ny, -nz)
 
 
 def blocks(discs: Discs, rows: np.ndarray) -> Blocks:
@@ -205,15 +222,15 @@ def to_list(discs: Discs) -> np.ndarray:
 
 
 @inlined
-def _meets(e, mine, k, x, y, z, r2, patches, touches):
-    """Tell whether the segment meets the receiver's patch at its point e (either side) within 2r."""
-    a, b, c = touches[k, e, 0] - x, touches[k, e, 1] - y, touches[k, e, 2] - z
-    return (mine >= 0) & (patches[k, e] >> 1 == mine >> 1) & (a * a + b * b + c * c <= np.float32(4.0) * r2)
+def _meets(e, mine, k, centre, r2, lines):
+    """Return whether line k meets the receiver's patch at its point e (either side) within 2r."""
+    a = difference(lines.touches[k, e], centre)
+    return (mine >= 0) & (lines.patches[k, e] >> 1 == mine >> 1) & (dot(a, a) <= np.float32(4.0) * r2)
 
 
 @inlined
-def counts(i, x, y, z, nx, ny, nz, k, ox, oy, oz, dx, dy, dz, stop, r2, own, row, reach, patches, touches):
-    """Tell whether a crossing of line k that crossed() found counts for receiver i at (x, y, z).
+def accepts(discs, i, centre, normal, lines, k):
+    """Return whether receiver i at `centre` accepts the crossing of line k that discs_crossed() found.
 
     - A segment that starts or ends on the receiver's own patch within 2r of it counts only for the
       side on which it lives there: on a convex surface the disc floats in front, and light that
@@ -225,17 +242,19 @@ def counts(i, x, y, z, nx, ny, nz, k, ox, oy, oz, dx, dy, dz, stop, r2, own, row
     Without branches until the last rule: two in five crossings of a tree's leaves fail the first, and
     guesses gone wrong took more than half of the time (124 to 50 ns).
     """
-    mine = own[i]
-    ax, ay, az = x - ox, y - oy, z - oz
-    t = (ax * nx + ay * ny + az * nz) / (dx * nx + dy * ny + dz * nz)
-    starts = _meets(0, mine, k, x, y, z, r2, patches, touches)
-    ends = _meets(1, mine, k, x, y, z, r2, patches, touches)
-    cut = _meets(2, mine, k, x, y, z, r2, patches, touches)
+    r2, mine, patches = discs.radius * discs.radius, discs.own[i], lines.patches
+    direction = lines.direction[k]
+    a = difference(centre, lines.origin[k])
+    t = dot(a, normal) / dot(direction, normal)
+    starts = _meets(0, mine, k, centre, r2, lines)
+    ends = _meets(1, mine, k, centre, r2, lines)
+    cut = _meets(2, mine, k, centre, r2, lines)
     elsewhere = (starts & (patches[k, 0] != mine)) | (ends & (patches[k, 1] != mine)) | (cut & (patches[k, 2] != mine))
     is_cut = patches[k, 2] != NONE  # what really stops this part
     lands = cut if is_cut else ends
-    accepted = (not elsewhere) & ((t < stop) | lands)
-    if accepted and row[i] >= 0:
-        px, py, pz = t * dx - ax, t * dy - ay, t * dz - az
-        return inside(px, py, pz, nx, ny, nz, math.sqrt(r2), reach, row[i], 1 if ends | cut else 0)
+    accepted = (not elsewhere) & ((t < lines.stop[k]) | lands)
+    row = discs.regions.row[i]
+    if accepted and row >= 0:
+        layer = 1 if ends | cut else 0
+        return inside(offset(a, t, direction), normal, math.sqrt(r2), discs.regions.reach, row, layer)
     return accepted

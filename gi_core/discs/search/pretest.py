@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import inlined
-from gi_core.discs.search.predicate import DISC_FIELDS, LANES, LINE_FIELDS, Discs
+from gi_core.base.vec import cross, difference, dot
+from gi_core.discs.search.predicate import DISC_FIELDS, LANES, LINE_FIELDS, Discs, offset, three
 
 BADOUEL, PLUECKER, MOELLER = 0, 1, 2
 PRETESTS = {"none": None, "badouel": BADOUEL, "pluecker": PLUECKER, "moeller_trumbore": MOELLER}
@@ -25,13 +26,11 @@ _BELIEVED = np.float32(64 * 2.0**-24)
 _RADII = np.float32(64.0)  # margins: what the triangle itself adds to those coordinates, three radii
 _FIELDS = (8, 18, 9)  # of a disc, by the numbers above
 _DISC, _LINE = np.uint64(DISC_FIELDS * LANES), np.uint64(LINE_FIELDS * LANES)
-_L1, _L2, _L3, _L4, _L5, _L6, _L7, _L8, _L9, _L10, _L11, _L12, _L13, _L14, _L15, _L16, _L17 = (
-    np.uint64(k * LANES) for k in range(1, 18)
-)
+_L1, _L2, _L3, _L6, _L7, _L9, _L12, _L15 = (np.uint64(k * LANES) for k in (1, 2, 3, 6, 7, 9, 12, 15))
 
 
 class Triangles(NamedTuple):
-    """What one of the tests keeps of the triangle around each disc, in blocks as `crossing.Blocks`."""
+    """What one of the tests keeps of the triangle around each disc, in blocks as `predicate.Blocks`."""
 
     kind: int  # BADOUEL, PLUECKER or MOELLER
     data: np.ndarray  # (E / LANES * fields * LANES,) float32
@@ -77,55 +76,54 @@ def _badouel_columns(normal, corner) -> list[np.ndarray]:
 
 
 @inlined
-def _badouel(data, j, x, y, z, nx, ny, nz, ox, oy, oz, dx, dy, dz, margin):
+def _badouel(data, j, centre, normal, origin, direction, margin):
     """Badouel 1990: the point in the plane, its coordinates in the triangle projected along an axis."""
-    slope = dx * nx + dy * ny + dz * nz
-    ax, ay, az = x - ox, y - oy, z - oz
-    t = (ax * nx + ay * ny + az * nz) / slope
-    px, py, pz = t * dx - ax, t * dy - ay, t * dz - az
-    alpha = data[j] * px + data[j + _L1] * py + data[j + _L2] * pz + data[j + _L6]
-    beta = data[j + _L3] * px + data[j + _L4] * py + data[j + _L5] * pz + data[j + _L7]
+    slope = dot(direction, normal)
+    a = difference(centre, origin)
+    t = dot(a, normal) / slope
+    p = offset(a, t, direction)
+    alpha = dot(three(data, j), p) + data[j + _L6]
+    beta = dot(three(data, j + _L3), p) + data[j + _L7]
     inside = (alpha >= 0) & (beta >= 0) & (alpha + beta <= 1)
-    unsure = abs(slope) * margin <= _BELIEVED * (abs(ax) + abs(ay) + abs(az) + _RADII * margin)
+    unsure = abs(slope) * margin <= _BELIEVED * (_extent(a) + _RADII * margin)
     return (inside | unsure) & (slope != 0)
 
 
 @inlined
-def _pluecker(data, j, x, y, z, nx, ny, nz, ox, oy, oz, dx, dy, dz, margin):
+def _extent(a):
+    return abs(a[0]) + abs(a[1]) + abs(a[2])
+
+
+@inlined
+def _pluecker(data, j, centre, normal, origin, direction, margin):
     """Pluecker coordinates: on which side of each edge's line the line passes; inside, on the same of all three."""
-    mx, my, mz = oy * dz - oz * dy, oz * dx - ox * dz, ox * dy - oy * dx
-    a = dx * data[j + _L3] + dy * data[j + _L4] + dz * data[j + _L5]
-    a += mx * data[j] + my * data[j + _L1] + mz * data[j + _L2]
-    b = dx * data[j + _L9] + dy * data[j + _L10] + dz * data[j + _L11]
-    b += mx * data[j + _L6] + my * data[j + _L7] + mz * data[j + _L8]
-    c = dx * data[j + _L15] + dy * data[j + _L16] + dz * data[j + _L17]
-    c += mx * data[j + _L12] + my * data[j + _L13] + mz * data[j + _L14]
+    moment = cross(origin, direction)
+    a = dot(direction, three(data, j + _L3)) + dot(moment, three(data, j))
+    b = dot(direction, three(data, j + _L9)) + dot(moment, three(data, j + _L6))
+    c = dot(direction, three(data, j + _L15)) + dot(moment, three(data, j + _L12))
     inside = ((a >= 0) & (b >= 0) & (c >= 0)) | ((a <= 0) & (b <= 0) & (c <= 0))
-    slope = dx * nx + dy * ny + dz * nz
-    far = abs(x) + abs(y) + abs(z) + abs(ox) + abs(oy) + abs(oz) + _RADII * margin
+    slope = dot(direction, normal)
+    far = _extent(centre) + abs(origin[0]) + abs(origin[1]) + abs(origin[2]) + _RADII * margin
     return (inside | (abs(slope) * margin <= _BELIEVED * far)) & (slope != 0)
 
 
 @inlined
-def _moeller(data, j, x, y, z, nx, ny, nz, ox, oy, oz, dx, dy, dz, margin):
+def _moeller(data, j, centre, normal, origin, direction, margin):
     """Moeller and Trumbore 1997: coordinates in the triangle without its plane."""
-    e1x, e1y, e1z = data[j + _L3], data[j + _L4], data[j + _L5]
-    e2x, e2y, e2z = data[j + _L6], data[j + _L7], data[j + _L8]
-    ax, ay, az = x - ox, y - oy, z - oz
-    tx, ty, tz = -ax - data[j], -ay - data[j + _L1], -az - data[j + _L2]
-    px, py, pz = dy * e2z - dz * e2y, dz * e2x - dx * e2z, dx * e2y - dy * e2x
-    det = e1x * px + e1y * py + e1z * pz
-    u = (tx * px + ty * py + tz * pz) / det
-    qx, qy, qz = ty * e1z - tz * e1y, tz * e1x - tx * e1z, tx * e1y - ty * e1x
-    v = (dx * qx + dy * qy + dz * qz) / det
+    e1, e2 = three(data, j + _L3), three(data, j + _L6)
+    a = difference(centre, origin)
+    t = -a[0] - data[j], -a[1] - data[j + _L1], -a[2] - data[j + _L2]
+    p, q = cross(direction, e2), cross(t, e1)
+    det = dot(e1, p)
+    u, v = dot(t, p) / det, dot(direction, q) / det
     inside = (u >= 0) & (v >= 0) & (u + v <= 1)
-    slope = dx * nx + dy * ny + dz * nz
-    unsure = abs(slope) * margin <= _BELIEVED * (abs(ax) + abs(ay) + abs(az) + _RADII * margin)
+    slope = dot(direction, normal)
+    unsure = abs(slope) * margin <= _BELIEVED * (_extent(a) + _RADII * margin)
     return (inside | unsure) & (slope != 0)
 
 
 @inlined
-def discs_left(pretest, data, block, ox, oy, oz, dx, dy, dz):
+def discs_left(pretest, data, block, origin, direction):
     """Return which discs of a block may be crossed by a line: a bit a lane."""
     kind, more, margin = pretest
     base, bits = np.uint64(block) * _DISC, np.uint32(0)
@@ -133,34 +131,25 @@ def discs_left(pretest, data, block, ox, oy, oz, dx, dy, dz):
         at = np.uint64(block) * np.uint64(_FIELDS[BADOUEL] * LANES)
         for lane in range(np.uint64(LANES)):
             j = base + lane
-            yes = _badouel(
-                more, at + lane, data[j], data[j + _L1], data[j + _L2], data[j + _L3], data[j + _L4], data[j + _L5],
-                ox, oy, oz, dx, dy, dz, margin,
-            )  # fmt: skip
+            yes = _badouel(more, at + lane, three(data, j), three(data, j + _L3), origin, direction, margin)
             bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
     elif kind == PLUECKER:
         at = np.uint64(block) * np.uint64(_FIELDS[PLUECKER] * LANES)
         for lane in range(np.uint64(LANES)):
             j = base + lane
-            yes = _pluecker(
-                more, at + lane, data[j], data[j + _L1], data[j + _L2], data[j + _L3], data[j + _L4], data[j + _L5],
-                ox, oy, oz, dx, dy, dz, margin,
-            )  # fmt: skip
+            yes = _pluecker(more, at + lane, three(data, j), three(data, j + _L3), origin, direction, margin)
             bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
     else:
         at = np.uint64(block) * np.uint64(_FIELDS[MOELLER] * LANES)
         for lane in range(np.uint64(LANES)):
             j = base + lane
-            yes = _moeller(
-                more, at + lane, data[j], data[j + _L1], data[j + _L2], data[j + _L3], data[j + _L4], data[j + _L5],
-                ox, oy, oz, dx, dy, dz, margin,
-            )  # fmt: skip
+            yes = _moeller(more, at + lane, three(data, j), three(data, j + _L3), origin, direction, margin)
             bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
     return bits
 
 
 @inlined
-def lines_left(pretest, lists, block, e, x, y, z, nx, ny, nz):
+def lines_left(pretest, lists, block, e, centre, normal):
     """Return which lines of a block may cross the disc of entry e: a bit a lane."""
     kind, more, margin = pretest
     base, bits = np.uint64(block) * _LINE, np.uint32(0)
@@ -169,27 +158,18 @@ def lines_left(pretest, lists, block, e, x, y, z, nx, ny, nz):
         at = own * np.uint64(_FIELDS[BADOUEL] * LANES) + lane_of_disc
         for lane in range(np.uint64(LANES)):
             j = base + lane
-            yes = _badouel(
-                more, at, x, y, z, nx, ny, nz, lists[j], lists[j + _L1], lists[j + _L2], lists[j + _L3],
-                lists[j + _L4], lists[j + _L5], margin,
-            )  # fmt: skip
+            yes = _badouel(more, at, centre, normal, three(lists, j), three(lists, j + _L3), margin)
             bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
     elif kind == PLUECKER:
         at = own * np.uint64(_FIELDS[PLUECKER] * LANES) + lane_of_disc
         for lane in range(np.uint64(LANES)):
             j = base + lane
-            yes = _pluecker(
-                more, at, x, y, z, nx, ny, nz, lists[j], lists[j + _L1], lists[j + _L2], lists[j + _L3],
-                lists[j + _L4], lists[j + _L5], margin,
-            )  # fmt: skip
+            yes = _pluecker(more, at, centre, normal, three(lists, j), three(lists, j + _L3), margin)
             bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
     else:
         at = own * np.uint64(_FIELDS[MOELLER] * LANES) + lane_of_disc
         for lane in range(np.uint64(LANES)):
             j = base + lane
-            yes = _moeller(
-                more, at, x, y, z, nx, ny, nz, lists[j], lists[j + _L1], lists[j + _L2], lists[j + _L3],
-                lists[j + _L4], lists[j + _L5], margin,
-            )  # fmt: skip
+            yes = _moeller(more, at, centre, normal, three(lists, j), three(lists, j + _L3), margin)
             bits = np.uint32(bits | np.uint32(np.uint32(yes) << np.uint32(lane)))
     return bits

@@ -11,8 +11,9 @@ import numpy as np
 
 from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import allocating
-from gi_core.discs.search.accumulate import ROOM, add_found
-from gi_core.discs.search.line_list import load, push
+from gi_core.base.vec import row
+from gi_core.discs.search.accumulate import ROOM, add_accepted
+from gi_core.discs.search.line_list import LineLists, load, push
 from gi_core.discs.search.predicate import (
     DISC_FIELDS,
     LANES,
@@ -20,8 +21,8 @@ from gi_core.discs.search.predicate import (
     Discs,
     Lines,
     blocks,
-    crossing,
     lane_of,
+    lines_crossing,
     to_list,
 )
 from gi_core.discs.search.pretest import lines_left, triangles
@@ -53,16 +54,13 @@ class RayCache:
 
     def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
-        s, d = self.spheres, self.discs
+        s = self.spheres
         if not len(s.first):
             return 0
         count = BLOCKS_A_PART * parts if parts > 1 else 1
         bounds = np.searchsorted(s.first, np.arange(count + 1) * s.last[0] // count)
         bounds[0], bounds[-1] = 0, len(s.first)
-        return _splat(
-            s, bounds, part, parts, self._far, tuple(self.blocks), d.own, *d.regions[:2], d.radius, *lines, sign, *sums,
-            self.pretest,
-        )  # fmt: skip
+        return _accumulate(s, bounds, part, parts, self._far, self.blocks, self.discs, self.pretest, lines, sign, sums)
 
     def summary(self) -> str:
         """Return in words what was built."""
@@ -71,34 +69,34 @@ class RayCache:
 
 
 @allocating
-def _splat(
-    spheres, bounds, part, parts, far, discs, own, row, reach, radius,
-    origin, direction, low, stop, high, flux, patches, touches, sign, sums, touched, base, log, pretest,
-):  # fmt: skip
-    lines = origin, direction, stop, flux, patches, touches
-    adding = *discs, own, row, reach, radius * radius, *lines, sign, sums, touched, base, log
+def _accumulate(spheres, bounds, part, parts, far, blocks, discs, pretest, lines, sign, sums):
+    low = lines.low
     depths = spheres.depth.max() + 2
     start, count = np.zeros(depths + 1, np.int64), np.zeros(depths + 1, np.int64)  # list 0 holds every line
-    stack, found = np.zeros(depths, np.int64), np.empty((ROOM, 2), np.int64)
+    stack, candidates = np.zeros(depths, np.int64), np.empty((ROOM, 2), np.int64)
     room = 4 * (min(BATCH, len(low)) // LANES + 1)
-    lists, who = np.empty(room * LINE_FIELDS * LANES, np.float32), np.empty(room * LANES, np.int32)
+    data, who = np.empty(room * LINE_FIELDS * LANES, np.float32), np.empty(room * LANES, np.int32)
+    lists = LineLists(data, who, start, count)
     total = 0
     for batch in range(0, len(low), BATCH):
         count[0] = min(BATCH, len(low) - batch)
-        pad = np.float32(ROUNDING) * (load(origin, direction, low, high, batch, batch + count[0], lists, who) + far)
+        pad = np.float32(ROUNDING) * (load(lines, batch, batch + count[0], lists) + far)
         for block in range(part, len(bounds) - 1, parts):
-            more, lists, who = _visit(
-                spheres, bounds[block], bounds[block + 1], pad, lists, who, start, count, stack, found, adding, pretest
+            part_of = bounds[block], bounds[block + 1]
+            more, lists = _visit(
+                spheres, part_of, pad, lists, stack, candidates, blocks, discs, pretest, lines, sign, sums
             )
             total += more
     return total
 
 
 @allocating
-def _visit(spheres, k, last, pad, lists, who, start, count, stack, found, adding, pretest):
-    """Visit the receivers from sphere k's first to that of sphere `last`."""
+def _visit(spheres, part, pad, lists, stack, candidates, blocks, discs, pretest, lines, sign, sums):
+    """Visit the receivers from the first one of sphere part[0] to that of sphere part[1]; lists may grow."""
+    k, last = part
+    start, count = lists.start, lists.count
     first_of, last_of, behind_of, parent, depth, centre, radius = spheres
-    data, r2 = adding[0], adding[6]
+    data, r2 = blocks.data, discs.radius * discs.radius
     at = first_of[k] if k < len(first_of) else last_of[0]
     end = first_of[last] if last < len(first_of) else last_of[0]
     n = total = height = 0
@@ -107,8 +105,8 @@ def _visit(spheres, k, last, pad, lists, who, start, count, stack, found, adding
         around = k
         for _ in range(depth[k] - height):
             around = parent[around]
-        c, reaches = centre[around], radius[around] + pad
-        lists, who = push(lists, who, start, count, np.int64(height), c[0], c[1], c[2], reaches * reaches)
+        reaches = radius[around] + pad
+        lists = push(lists, np.int64(height), row(centre, around), reaches * reaches)
         if count[height + 1] == 0:
             at, k = last_of[around], behind_of[around]
             break
@@ -118,25 +116,27 @@ def _visit(spheres, k, last, pad, lists, who, start, count, stack, found, adding
         begins = end if k >= last else first_of[k]
         if height > 0:
             # Try the receivers up to where the next sphere begins or the smallest one ends.
+            listed, who = lists.data, lists.who
             upto = min(last_of[stack[height - 1]], begins)
             for e in range(at, upto):
                 j = (e // LANES) * DISC_BLOCK + e % LANES
-                x, y, z = data[j], data[j + LANES], data[j + 2 * LANES]
-                nx, ny, nz, limit = data[j + 3 * LANES], data[j + 4 * LANES], data[j + 5 * LANES], data[j + 6 * LANES]
+                at_disc = data[j], data[j + LANES], data[j + 2 * LANES]
+                normal = data[j + 3 * LANES], data[j + 4 * LANES], data[j + 5 * LANES]
+                limit = data[j + 6 * LANES]
                 for b in range(start[height], start[height] + (count[height] + LANES - 1) // LANES):
                     if pretest is not None:
-                        left = lines_left(pretest, lists, b, e, x, y, z, nx, ny, nz)
+                        left = lines_left(pretest, listed, b, e, at_disc, normal)
                         if left == 0:
                             continue
-                    bits = crossing(lists, b, x, y, z, nx, ny, nz, limit, r2)
+                    bits = lines_crossing(listed, b, at_disc, normal, limit, r2)
                     if pretest is not None:
                         bits &= left
                     while bits != 0:
-                        found[n, 0], found[n, 1] = who[b * LANES + lane_of(bits)], e
+                        candidates[n, 0], candidates[n, 1] = who[b * LANES + lane_of(bits)], e
                         bits &= bits - np.uint32(1)
                         n += 1
                     if n > ROOM - LANES:
-                        total += add_found(n, found, *adding)
+                        total += add_accepted(n, candidates, blocks, discs, lines, sign, sums)
                         n = 0
             at = max(at, upto)
             if at >= last_of[stack[height - 1]]:
@@ -145,11 +145,11 @@ def _visit(spheres, k, last, pad, lists, who, start, count, stack, found, adding
         if k >= last:
             break
         # Push the next sphere; where nothing passes through it, pass over all that it holds.
-        c, reaches = centre[k], radius[k] + pad
-        lists, who = push(lists, who, start, count, np.int64(height), c[0], c[1], c[2], reaches * reaches)
+        reaches = radius[k] + pad
+        lists = push(lists, np.int64(height), row(centre, k), reaches * reaches)
         if count[height + 1] == 0:
             at, k = max(at, last_of[k]), behind_of[k]
         else:
             stack[height] = k
             height, k = height + 1, k + 1
-    return total + add_found(n, found, *adding), lists, who
+    return total + add_accepted(n, candidates, blocks, discs, lines, sign, sums), lists

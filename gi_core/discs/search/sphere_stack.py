@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import allocating
+from gi_core.base.vec import difference, dot
 
 SHRINK = 0.5  # radius of a sphere over its parent's, see docs/measurements.md
 LEAST_RADII = 2.0  # disc radii: radius of the smallest sphere
@@ -64,11 +65,8 @@ def _push_and_pop(points, reach, radii, first, last, parent):
     for i in range(n + 1):
         keep = 0
         while i < n and keep < depth:
-            x = points[i, 0] - centre[keep, 0]
-            y = points[i, 1] - centre[keep, 1]
-            z = points[i, 2] - centre[keep, 2]
-            room = radii[keep] - reach
-            if x * x + y * y + z * z > room * room:
+            off, room = difference(points[i], centre[keep]), radii[keep] - reach
+            if dot(off, off) > room * room:
                 break
             keep += 1
         for level in range(keep, depth):
@@ -107,8 +105,8 @@ def _tighten(points, reach, first, last, parent, behind, depth, centre, radius):
         most = 0.0
         middle = 0.5 * (low + high)
         for i in range(first[k], last[k]):
-            x, y, z = points[i, 0] - middle[0], points[i, 1] - middle[1], points[i, 2] - middle[2]
-            most = max(most, x * x + y * y + z * z)
+            off = difference(points[i], middle)
+            most = max(most, dot(off, off))
         for c in range(3):
             centre[k, c] = middle[c]
         radius[k] = (np.sqrt(most) + reach) * (1.0 + PAD)

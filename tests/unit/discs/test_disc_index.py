@@ -29,9 +29,9 @@ def test_crowds_get_grids_of_their_own():
     _, index = index_of(stadium(), 0.05)
     assert len(index.grids) == 3
     whole = DiscGrid(index.discs, np.arange(len(index.discs.positions)))
-    most = max(int(np.diff(g.first).max()) for g in index.grids)
+    most = max(int(np.diff(g.cells.first).max()) for g in index.grids)
     assert most < 0.1 * int(np.diff(whole.first).max())  # blocks in the fullest cell
-    assert sum(len(g.first) for g in index.grids) < MAX_CELLS
+    assert sum(len(g.cells.first) for g in index.grids) < MAX_CELLS
 
 
 @pytest.mark.parametrize("search", SEARCHES)
