@@ -51,19 +51,19 @@ class IntersectionCache:
         entries = int(self._first[self._vertices]) / self._vertices if self._vertices else GUESS
         return 4 + int(8 * entries) if self.complete else 0
 
-    def find(self, segments: Segments, splat: Callable[[int, IntersectionLog], None]) -> None:
-        """Call `splat(sign, log)`, which adds sign x segments to sums, and cache the intersections that it records.
+    def find(self, segments: Segments, accumulate: Callable[[int, IntersectionLog], None]) -> None:
+        """Call `accumulate(sign, log)`, which adds sign x segments to sums; cache the intersections that it records.
 
         segments: all of consecutive photons, photon-major. Thread safe for disjoint photons.
         """
         log = IntersectionLog.of(1 + ROOM * segments.size if self.complete else 0)
-        splat(1, log)
+        accumulate(1, log)
         if not self.complete or not segments.size:
             return
         n = int(log.count[0])
         if n > len(log.line):
             log = IntersectionLog.of(n)
-            splat(0, log)  # sign 0: record only, the sums have them already
+            accumulate(0, log)  # sign 0: record only, the sums have them already
         photons = int((segments.bounce == 0).sum())
         count = np.zeros(segments.size + photons, np.uint32)
         receiver, distance = np.empty(n, np.int32), np.empty(n, np.float32)

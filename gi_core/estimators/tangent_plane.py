@@ -109,10 +109,10 @@ class TangentPlane:
     def add_background(self, segments: Segments, thread: int) -> None:
         """Add background segments to the sums of static receivers. Thread safe for different `thread` numbers."""
 
-        def splat(sign: int, log: IntersectionLog) -> None:
-            self._splat_part(0, segments, self.model.static, sign, self._added[thread]._replace(log=log))
+        def accumulate(sign: int, log: IntersectionLog) -> None:
+            self._accumulate_part(0, segments, self.model.static, sign, self._added[thread]._replace(log=log))
 
-        self._intersections.find(segments, splat)
+        self._intersections.find(segments, accumulate)
 
     def prepare(self, photons: int) -> Iterator[None]:
         """Store the sums of all that was added, the first `photons`, as a photon subset."""
@@ -143,7 +143,7 @@ class TangentPlane:
         contacts = self._contact.contacts_at(frame.at, mobiles=bool(frame.near_mobiles))
         try:
             with self._contact.regions_of(contacts):
-                self._splat(batches, frame.at, removed_suffixes)
+                self._accumulate(batches, frame.at, removed_suffixes)
             rows, stale = self._contact.static_sums([frame.near_boxes], frame.at, contacts)
             added[0].touched[rows >> CHUNK_BITS] = True
             out = self._frame.collect(self.prefixes[frame.photons], self._areas_of(contacts), frame.kept_prefixes.flux)
@@ -170,7 +170,7 @@ class TangentPlane:
         for segments in parts:
             with self._contact.regions_of(contacts):
                 batches = [SegmentBatch(o, segments, 1, added) for o in range(self.model.surfaces.objects)]
-                self._splat([*batches, SegmentBatch(0, kept_prefixes.split_off(segments), 1, new_suffixes)], at)
+                self._accumulate([*batches, SegmentBatch(0, kept_prefixes.split_off(segments), 1, new_suffixes)], at)
             stale = stale + self._contact.static_sums([segments], at, contacts)[1]
         added.move_to(sums)
         new_suffixes.move_to(new_flux)
@@ -180,7 +180,7 @@ class TangentPlane:
         sums[rows], new_flux[rows] = stale, NOT_ADDITIVE
         return Evaluated.of_all(sums, areas, new_flux, mean_flux(kept_prefixes.flux, kept_prefixes.count))
 
-    def _splat(
+    def _accumulate(
         self, batches: list[SegmentBatch], at: Transforms, removed_suffixes: RemovedSuffixes | None = None
     ) -> None:
         """Accumulate batches, and subtract removed suffixes from the frame's sums.
@@ -196,11 +196,11 @@ class TangentPlane:
                 self._intersections.subtract(removed_suffixes, *gone, sums)
             for o, segments, sign, to in batches:
                 rows = self.model.surfaces.receiver_range(o)
-                self._splat_part(o, segments, at, sign, to[part].of(rows), part, threads)
+                self._accumulate_part(o, segments, at, sign, to[part].of(rows), part, threads)
 
         run_ranges(work, threads, threads, 1)
 
-    def _splat_part(
+    def _accumulate_part(
         self, o: int, segments: Segments, at: Transforms, sign: int, sums: Sums, part: int = 0, parts: int = 1
     ) -> None:
         """Accumulate one of `parts` shares of a batch. Each thread prepares its own lines: cheaper than waiting."""
@@ -210,4 +210,4 @@ class TangentPlane:
             segments, part, parts = Segments(*(a[first:last] for a in segments)), 0, 1
         if segments.size and len(sums.flux):
             ready = lines(segments, at.rotation[o], at.position[o], self.model, self.radius)
-            search.splat(ready, sign, sums, part, parts)
+            search.accumulate(ready, sign, sums, part, parts)

@@ -21,7 +21,7 @@ from gi_core.photons.prefixes import SubsetStore
 from gi_core.photons.trace import Fates, no_flux, trace_background
 from gi_core.retrace.broad_phase import Coarse, CoarseStore, grid_for
 
-PART = 4096  # photons that a thread traces, or splats, in one go: their rays and segments stay in its cache
+PART = 4096  # photons that a thread traces or accumulates in one go: their rays and segments stay in its cache
 PART_GRAIN = 256  # photons a thread
 FIRST_SECONDS = 1e-5  # of a photon, before any are known
 LEAST_CHUNK, LARGEST_CHUNK = 64, 1 << 16  # photons a step

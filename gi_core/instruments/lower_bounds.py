@@ -119,7 +119,7 @@ def _looked_up(solver: Solver) -> int:
 
 
 def _intersections(search: Search, over: Lines) -> int:
-    return search.splat(over, 1, Sums.zeros(len(search.discs.positions)))
+    return search.accumulate(over, 1, Sums.zeros(len(search.discs.positions)))
 
 
 def _rays(solver: Solver) -> list[Work]:

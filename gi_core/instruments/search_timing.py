@@ -60,4 +60,4 @@ class SearchTrial:
 
     def run(self, over: Lines) -> Callable[[], int]:
         """Return a call that adds the lines to scratch sums on one thread; it returns the number of intersections."""
-        return lambda: self.search.splat(over, 1, self._sums)
+        return lambda: self.search.accumulate(over, 1, self._sums)

@@ -143,7 +143,7 @@ class ContactDiscs:
             def work(thread, first, last, segments=segments):
                 share = Segments(*(a[first:last] for a in segments))
                 ready = lines(share, at.rotation[0], at.position[0], self.model, self.radius)
-                search.splat(ready, 1, sums[thread])
+                search.accumulate(ready, 1, sums[thread])
 
             run_ranges(work, segments.size, self.model.threads, LINE_GRAIN)
         return rows, sum(s.flux for s in sums)

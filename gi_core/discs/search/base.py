@@ -31,7 +31,7 @@ class Search(Protocol):
         pretest: a key of `PRETESTS`, for the report's tables: it changes the time, not the crossings.
         """
 
-    def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+    def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of the lines to the sums of the discs that they cross; return the number of crossings.
 
         lines: (k) segments in the discs' space (`predicate.lines`), zero of them allowed; sign: 1 or -1; sums: int64

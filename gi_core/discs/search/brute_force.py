@@ -39,7 +39,7 @@ class BruteForce:
         rows[: len(listed)] = listed
         self.blocks, self.pretest = blocks(discs, rows), triangles(pretest, discs, rows)
 
-    def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+    def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
         first, last = share(len(lines.low), part, parts)
         return _accumulate(self.blocks, self.discs, self.pretest, lines, first, last, sign, sums)

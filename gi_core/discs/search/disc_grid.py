@@ -89,7 +89,7 @@ class DiscGrid:
         self.cells = Cells(low, cell, shape, first)
         self.blocks, self.pretest = blocks(discs, ids), triangles(pretest, discs, ids)
 
-    def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+    def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of a share of the lines to the sums of the discs they cross; returns how many crossings."""
         first, last = share(len(lines.low), part, parts)
         visits = Visits.of(VISITS)

@@ -35,9 +35,9 @@ class DiscIndex:
         parts = _crowds(discs, np.flatnonzero(to_list(discs)), cell_radii or CELL_RADII)
         self.grids = [DiscGrid(discs, rows, pretest, cell_radii or best_cell_radii(discs, rows)) for rows in parts]
 
-    def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+    def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
-        return sum(grid.splat(lines, sign, sums, part, parts) for grid in self.grids)
+        return sum(grid.accumulate(lines, sign, sums, part, parts) for grid in self.grids)
 
     def summary(self) -> str:
         """Return a summary of the grids."""

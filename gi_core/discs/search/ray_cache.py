@@ -52,7 +52,7 @@ class RayCache:
         self.blocks, self.pretest = blocks(discs, filled), triangles(pretest, discs, filled)
         self._far = float(np.abs(discs.positions[rows]).max(initial=0.0))
 
-    def splat(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
+    def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
         """Add sign x flux of lines to the sums of the discs they cross; see `gi_core.discs.search`."""
         s = self.spheres
         if not len(s.first):

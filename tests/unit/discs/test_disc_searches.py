@@ -77,7 +77,7 @@ def case(radius: float) -> Case:
 
 def found(search, c: Case, parts: int = 1, sign: int = 1) -> tuple[int, np.ndarray, np.ndarray]:
     sums = Sums.zeros(COUNT)
-    count = sum(search.splat(c.lines, sign, sums, part, parts) for part in range(parts))
+    count = sum(search.accumulate(c.lines, sign, sums, part, parts) for part in range(parts))
     return count, sums.flux, sums.touched
 
 
@@ -111,7 +111,7 @@ def test_no_lines_and_no_discs(name):
     nothing = c._replace(lines=Lines(*(a[:0] for a in c.lines)))
     assert found(SEARCHES[name](c.discs), nothing)[0] == 0
     none = Discs(*(a[:0] for a in c.discs[:4]), c.discs.radius, Regions(*(a[:0] for a in c.discs.regions)))
-    assert SEARCHES[name](none).splat(c.lines, 1, Sums.zeros(COUNT)) == 0
+    assert SEARCHES[name](none).accumulate(c.lines, 1, Sums.zeros(COUNT)) == 0
 
 
 def test_batches_of_lines_are_the_whole():

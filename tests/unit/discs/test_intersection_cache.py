@@ -93,8 +93,8 @@ def test_a_log_that_is_too_small_is_begun_again(monkeypatch):
     calls = []
     find = IntersectionCache.find
 
-    def counted(self, segments, splat):
-        find(self, segments, lambda sign, log: (calls.append(sign), splat(sign, log)))
+    def counted(self, segments, accumulate):
+        find(self, segments, lambda sign, log: (calls.append(sign), accumulate(sign, log)))
 
     monkeypatch.setattr(IntersectionCache, "find", counted)
     again, at_rest = light()

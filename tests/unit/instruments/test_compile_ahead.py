@@ -13,15 +13,15 @@ from gi_core.instruments import compile_ahead
 
 
 @pytest.mark.parametrize("name", SEARCHES)
-def test_the_warm_up_splats_with_every_search(name, monkeypatch):
+def test_the_warm_up_runs_every_search(name, monkeypatch):
     calls, made = [], SEARCHES[name]
-    splat = made.splat
+    accumulate = made.accumulate
 
     def counted(self, *given):
         calls.append(len(given))
-        return splat(self, *given)
+        return accumulate(self, *given)
 
-    monkeypatch.setattr(made, "splat", counted)
+    monkeypatch.setattr(made, "accumulate", counted)
     compile_ahead._search(compile_ahead._trace(), name)
     assert calls
 

@@ -100,14 +100,14 @@ def test_a_failure_half_way_leaves_no_trace(what, monkeypatch):
     solver = solver_of(3000, "tangent_plane")
     solver.solve()
     expected = solver.irradiance.copy()
-    real, calls = TangentPlane._splat_part, []
+    real, calls = TangentPlane._accumulate_part, []
 
     def failing(*arguments):
         calls.append(real(*arguments))
         if len(calls) == 2:
             raise MemoryError("half way")
 
-    monkeypatch.setattr(TangentPlane, "_splat_part", failing)
+    monkeypatch.setattr(TangentPlane, "_accumulate_part", failing)
     with pytest.raises(MemoryError):
         if what == "frame":
             solver.move("box", POSE)
