@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gi_core.files.completion.placement import SCALED
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
 from gi_core.solver import Solver
@@ -40,7 +41,7 @@ def test_mobile_on_the_command_line_stands_on_the_floor(tmp_path):
     big = scene.mobiles[1]
     v = big.mesh.vertices
     assert v[:, 1].min() == pytest.approx(0) and v[:, 0].min() == pytest.approx(-v[:, 0].max())
-    assert np.ptp(v, axis=0).max() == pytest.approx(1 / 6, rel=0.02)
+    assert np.ptp(v, axis=0).max() == pytest.approx(SCALED, rel=0.02)
     assert any('mobile "big" scaled by' in n for n in scene.notes)
     assert big.pose.position[1] == pytest.approx(0, abs=1e-6)
     at = np.array(big.pose.position) + v
