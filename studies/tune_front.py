@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 
 from app.cli.progress import Bar, compile_kernels, solve
-from app.rest.tuning import candidates, finished, judged, tune
+from app.measure.tuning import candidates, judged, tune
 from app.settings import LIGHTS, Settings, make_solver, open_moving_scene
 from gi_core.tuning.setting_trials import errors_of
 
@@ -26,8 +26,8 @@ def front(scene: str, budget: float, light: str) -> str:
         compile_kernels(bar)
         solver = make_solver(open_moving_scene(settings), settings)
         solve(solver, bar)
-        found = finished(tune(solver, 1e-3 * budget), bar)
-        judge, samples = judged(solver)
+        found = tune(solver, 1e-3 * budget, bar)
+        judge, samples = judged(solver, lambda done: bar("tracing the reference", done))
 
         def least(photons: int, **setting) -> tuple[float, int, float]:
             """Return error, photons and ms of the best frame of a setting that keeps the budget."""

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from typing import TYPE_CHECKING
 
 from app.cli import options, values
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
 from app.cli.progress import Bar, compile_kernels, solve
-from app.rest.tuning import Tuned, finished, tune
 from app.settings import Settings, UsageError, make_solver, open_moving_scene
+
+if TYPE_CHECKING:
+    from app.measure.tuning import Tuned
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +36,8 @@ def tuned_lines(settings: Settings, error: float | None, check: bool = False) ->
     error: wanted at rest [%]; None: the least error in motion that settings.budget [ms] allows. check: solve with
     the choice and measure it. Raises SceneError, UsageError.
     """
+    from app.measure.tuning import tune
+
     if settings.budget <= 0:
         raise UsageError("--budget must be over 0 to choose settings by")
     with Bar() as bar:
@@ -41,7 +46,7 @@ def tuned_lines(settings: Settings, error: float | None, check: bool = False) ->
         compile_kernels(bar)
         solver = make_solver(scene, settings)
         solve(solver, bar)
-        found = finished(tune(solver, 1e-3 * settings.budget, None if error is None else 1e-2 * error), bar)
+        found = tune(solver, 1e-3 * settings.budget, bar, None if error is None else 1e-2 * error)
         lines = [*_models(found), "", *_choice(found, settings.budget, error), command_line(settings, found)]
         if check:
             lines += ["", checked(solver, found, bar)]
@@ -102,10 +107,9 @@ def _name(setting) -> str:
 
 def checked(solver, found: Tuned, bar) -> str:
     """Return the measured errors and frame time of the choice, in words."""
-    from app.rest.tuning import measured
+    from app.measure.tuning import measured
 
-    bar("checking", 0.0)
-    at_rest, moving, frame, seconds = measured(solver, found)
+    at_rest, moving, frame, seconds = measured(solver, found, bar)
     return (
         f"measured: {100 * at_rest:.1f} % at rest, {100 * moving:.1f} % in motion "
         f"({frame:,} photons, {1e3 * seconds:.1f} ms per frame)"

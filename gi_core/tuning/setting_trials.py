@@ -6,7 +6,7 @@ them; its known noise is subtracted.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -37,11 +37,11 @@ class Trial(NamedTuple):
 
 
 def reference_samples(
-    solver: Solver, frames: Sequence[Mapping[str, Pose]], seed: int = 0
-) -> Generator[float, None, list[PosedSample]]:
-    """Trace the reference at some poses, at receivers drawn by area; yields the fraction done.
+    solver: Solver, frames: Sequence[Mapping[str, Pose]], progress: Callable[[float], None], seed: int = 0
+) -> list[PosedSample]:
+    """Gather the reference at some poses of the mobiles, at receivers drawn by area.
 
-    `solver` has solved; its poses change.
+    `solver` has solved; its poses change. progress(fraction) is called on the way.
     """
     out = []
     low, high = solver.chosen.low, solver.chosen.high
@@ -57,22 +57,19 @@ def reference_samples(
         rows, weights = draw_by_area(rows, receivers.areas, RECEIVERS, [seed, k])
         given = solver.model, dict(solver.poses), rows, weights, 1000 * seed + k, NOISE, MOST_PATHS * len(rows)
         for sample in gather_sample(*given):
-            yield (k + sample.fraction) / len(frames)
+            progress((k + sample.fraction) / len(frames))
         out.append((dict(solver.poses), sample))
     return out
 
 
-def trial(
-    solver: Solver, samples: list[PosedSample], paths: int | None = None, **setting
-) -> Generator[None, None, Trial]:
-    """Try a setting on a twin of a solver, in steps of some 20 ms or one frame; the generator returns the trial.
+def trial(solver: Solver, samples: list[PosedSample], paths: int | None = None, **setting) -> Trial:
+    """Return error and time of frames with a setting, on a twin of a solver, which shares its photons.
 
-    paths: per receiver of mobiles, as in Solver.move_all(); `setting`: fields of Setting. Traced photons are reused.
+    paths: per receiver of a mobile, as in Solver.move_all(). setting: fields of Setting.
     """
     twin = solver.twin(fresh=True)
     twin.configure(photons=min(PHOTONS, solver.photons), prefix_only=True, **setting)
-    for _ in twin.solve_steps():
-        yield
+    twin.solve()
     counts = np.array(twin.prefixes[-COUNTS:], np.int64)
     errors, seconds = np.zeros((2, len(counts))), np.zeros((len(samples), 2, len(counts)))
     for kind, prefix_only in enumerate((True, False)):
@@ -82,7 +79,6 @@ def trial(
                 twin.move_all(poses, int(count), paths)
                 errors[kind, n] += sample.squared_error(twin.irradiance) / len(samples)
                 seconds[p, kind, n] = sum(twin.timings.values())
-                yield
     # Other load can only add time, so the minimum is taken.
     return Trial(twin.setting, counts, *np.maximum(errors, 0.0), seconds.min(axis=1).mean(axis=0))
 

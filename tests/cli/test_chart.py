@@ -97,7 +97,7 @@ def test_more_photons_and_paths_are_nearer_the_truth(small, tmp_path):
 @pytest.mark.slow
 def test_the_choice_of_tune_is_a_point_beside_the_best_of_the_others(small, tmp_path, monkeypatch):
     """Measured once, as the other rows are; drawn as a star."""
-    monkeypatch.setattr("app.rest.tuning.TRIAL_RADII", (1.0,))
+    monkeypatch.setattr("app.measure.tuning.TRIAL_RADII", (1.0,))
     out = tmp_path / "chart"
     out.mkdir()
     run = run_of(out)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from app.measure.chart.settings import TUNED, Choice
-from app.rest.tuning import finished, tune
+from app.measure.tuning import tune
 from app.settings import BUDGET
 
 LATE = 1.1  # of the budget: a frame of this length still keeps it
@@ -17,7 +17,7 @@ def tuned_choice(solver, traced: int, bar) -> Choice:
 
     Its frame uses the largest photon subset that is predicted to keep the budget.
     """
-    found = finished(tune(solver, 1e-3 * BUDGET), bar)
+    found = tune(solver, 1e-3 * BUDGET, bar)
     setting = found.choice.setting
     prefixes = [n for n in solver.prefixes if n <= max(found.choice.frame, solver.prefixes[0])]
     return Choice(

@@ -12,7 +12,7 @@ from app import __main__ as cli
 from app.measure.bench import rows as bench_rows
 from app.measure.chart import pictures
 from app.measure.chart import settings as chart_settings
-from app.rest.tuning import candidates
+from app.measure.tuning import candidates
 from app.settings import Settings, make_solver, open_scene
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.rest.tuning import tune
+from app.measure.tuning import tune
 from gi_core.estimators.setting import Setting
 from gi_core.scene import Pose
 from gi_core.solver import Solver
@@ -114,28 +114,20 @@ def solver() -> Solver:
     return solver
 
 
-def finished(steps):
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
-
-
 def test_a_trial_foretells_what_more_photons_do(solver, monkeypatch):
     """From 16,384 photons to 60,000: noise falls to about half."""
     judge = solver.twin()
-    samples = finished(reference_samples(judge, [{"box": Pose((0.55, 0.5, 0.35))}]))
+    samples = reference_samples(judge, [{"box": Pose((0.55, 0.5, 0.35))}], lambda done: None)
     _, sample = samples[0]
     assert len(sample.rows) > 30 and 0 < sample.noise < 0.05
     assert sample.weights.sum() == RECEIVERS, "large receivers are drawn more than once"
     monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 16_384)
-    model = fitted(finished(trial(judge, samples, radius=0.08)))
-    assert model.noise > 0 and model.slope >= 0
+    law = fitted(trial(judge, samples, radius=0.08))
+    assert law.noise > 0 and law.slope >= 0
     before = solver.irradiance.copy()
     monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 60_000)
-    large = finished(trial(judge, samples, radius=0.08))
-    assert model.error(60_000) == pytest.approx(math.sqrt(large.alone[-1]), rel=0.5)
+    large = trial(judge, samples, radius=0.08)
+    assert law.error(60_000) == pytest.approx(math.sqrt(large.alone[-1]), rel=0.5)
     assert np.array_equal(solver.irradiance, before), "trials leave the solver alone"
     solver.move_all({})
     assert np.array_equal(solver.irradiance, before)
@@ -149,8 +141,8 @@ def test_the_static_light_of_all_photons_helps_frames_of_few(monkeypatch):
         solver = Solver(SCENE, photons=60_000, radius=0.08, seed=seed)
         solver.solve()
         judge = solver.twin()
-        samples = finished(reference_samples(judge, [{"box": Pose((0.55, 0.5, 0.35))}]))
-        large = finished(trial(judge, samples, radius=0.08))
+        samples = reference_samples(judge, [{"box": Pose((0.55, 0.5, 0.35))}], lambda done: None)
+        large = trial(judge, samples, radius=0.08)
         alone, moving = alone + large.alone, moving + large.moving
     ratio = moving / alone
     assert (ratio[:2] < 0.8).all(), "few photons gain"
@@ -161,13 +153,7 @@ def test_tuning_ends_in_a_choice_that_the_solver_takes(solver, monkeypatch):
     monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 16_384)
     monkeypatch.setattr("gi_core.tuning.setting_trials.MOST_PATHS", 64)
     told = []
-    steps = tune(solver, budget=0.01, error=0.2)
-    while True:
-        try:
-            told.append(next(steps))
-        except StopIteration as end:
-            found = end.value
-            break
+    found = tune(solver, 0.01, lambda *now: told.append(now), error=0.2)
     shares = [share for _, share in told]
     assert shares == sorted(shares) and 0 <= shares[0] and shares[-1] < 1
     assert {model.setting.estimator for model in found.models} == {"tangent_plane", "photon_map", "impact_count"}
@@ -194,7 +180,7 @@ def test_the_printed_command_line_opens_the_window_with_the_choice():
     from app.__main__ import parse
     from app.cli.options import settings_of
     from app.commands.tune import command_line
-    from app.rest.tuning import Tuned
+    from app.measure.tuning import Tuned
     from app.settings import Settings
 
     chosen = {"estimator": "photon_map", "photons": 123_456, "radius": 0.0123, "neighbours": 80, "control": False}

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from collections.abc import Callable
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from gi_core.solver import Solver
-    from gi_core.tuning.error_model import ErrorModel, TunedChoice
+from app.draw.motion import paths_of, spread
+from gi_core.estimators import ESTIMATORS
+from gi_core.solver import Solver
+from gi_core.tuning import error_model, setting_trials
+from gi_core.tuning.error_model import ErrorModel, TunedChoice
 
-Result = TypeVar("Result")
 TRIAL_RADII = (0.5, 0.71, 1.0, 1.41, 2.0)  # of the current radius
 TRIAL_NEIGHBOURS = 80
 TRIAL_POSES = 2  # along the path
@@ -26,24 +27,20 @@ class Tuned(NamedTuple):
     paths: int | None = None  # per mobile vertex and frame; None: photons light the mobiles
 
 
-def tune(solver: Solver, budget: float, error: float | None = None) -> Generator[tuple[str, float], None, Tuned]:
-    """Try settings on twins of a solved solver; yield stage and fraction, return the choice.
+def tune(solver: Solver, budget: float, bar: Callable[[str, float], None], error: float | None = None) -> Tuned:
+    """Try settings on twins of a solved solver; return the choice. bar(stage, fraction) is called on the way.
 
     budget: [s] per frame in motion; error: relative l1 at rest to reach, None: the least error in motion within the
     budget.
     """
-    from gi_core.tuning import error_model, setting_trials
-
     judge = solver.twin()
     frames = _frames(solver)
     paths = _paths(judge, frames, budget)
-    samples = yield from _staged("tracing the reference", setting_trials.reference_samples(judge, frames), 0.0, 0.3)
+    samples = setting_trials.reference_samples(judge, frames, lambda done: bar("tracing the reference", 0.3 * done))
     found, every = [], candidates(solver)
     for k, candidate in enumerate(every):
-        share = 0.3 + 0.7 * k / len(every)
-        stage = f"trying {candidate['estimator']}"
-        tried = yield from _staged(stage, setting_trials.trial(judge, samples, paths, **candidate), share, 0.0)
-        found.append(error_model.fitted(tried))
+        bar(f"trying {candidate['estimator']}", 0.3 + 0.7 * k / len(every))
+        found.append(error_model.fitted(setting_trials.trial(judge, samples, paths, **candidate)))
     known, exponents = error_model.between_radii(found)
     if error is None:
         choice = error_model.within_time(known, budget, solver.photons)
@@ -54,8 +51,6 @@ def tune(solver: Solver, budget: float, error: float | None = None) -> Generator
 
 def candidates(solver: Solver) -> list[dict]:
     """Return the settings to try, as fields of Setting."""
-    from gi_core.estimators import ESTIMATORS
-
     radii = [r * solver.radius for r in TRIAL_RADII]
     tried: dict[str | None, list] = {"radius": radii, "neighbours": [TRIAL_NEIGHBOURS], None: [None]}
     return [
@@ -72,56 +67,20 @@ def _paths(solver: Solver, frames: list, budget: float) -> int | None:
     return solver.size_within(budget)[1]
 
 
-def measured(solver: Solver, found: Tuned) -> tuple[float, float, int, float]:
+def measured(solver: Solver, found: Tuned, bar: Callable[[str, float], None]) -> tuple[float, float, int, float]:
     """Return measured errors at rest and in motion, photons and seconds of the choice's frame."""
-    from gi_core.tuning import setting_trials
-
-    choice, (judge, samples) = found.choice, judged(solver)
+    choice, (judge, samples) = found.choice, judged(solver, lambda done: bar("checking", done))
     judge.configure(photons=choice.photons, **choice.setting._asdict())
     judge.solve()
     return setting_trials.errors_of(judge, samples, choice.frame, found.paths)
 
 
-def judged(solver: Solver) -> tuple[Solver, list]:
+def judged(solver: Solver, progress: Callable[[float], None]) -> tuple[Solver, list]:
     """Return a twin and references independent of those that chose the setting."""
-    from gi_core.tuning import setting_trials
-
     judge = solver.twin()
-    return judge, _returned(setting_trials.reference_samples(judge, _frames(solver), seed=1))
+    return judge, setting_trials.reference_samples(judge, _frames(solver), progress, seed=1)
 
 
 def _frames(solver: Solver) -> list:
     """Return the poses of the trials."""
-    from app.draw.motion import paths_of, spread
-
     return spread(paths_of(solver), TRIAL_POSES + 2)[1:-1]
-
-
-def _returned(steps: Generator[Any, None, Result]) -> Result:
-    """Run steps to their end; return their result."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
-
-
-def _staged(
-    stage: str, steps: Generator[Any, None, Result], start: float, share: float
-) -> Generator[tuple[str, float], None, Result]:
-    """Run steps, yielding stage and fraction; return their result."""
-    while True:
-        try:
-            done = next(steps)
-        except StopIteration as end:
-            return end.value
-        yield stage, start + share * (done or 0.0)
-
-
-def finished(steps, bar) -> Tuned:
-    """Run tune() to its end, showing progress; return its result."""
-    while True:
-        try:
-            bar(*next(steps))
-        except StopIteration as end:
-            return end.value
