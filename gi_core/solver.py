@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -13,12 +12,22 @@ from gi_core.base.stage_timer import StageTimer
 from gi_core.defaults.choose import choose
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import SEARCHES
-from gi_core.display.dilation import Drawn, dilated
+from gi_core.display.dilation import Drawn
 from gi_core.display.probes import probe_irradiance
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting, number
-from gi_core.frames.background import Background, Photons, add_fates
-from gi_core.frames.frame import Changes, FrameSize, changes_of, frame_light, light_from_scratch
+from gi_core.frames.background import Background, Photons
+from gi_core.frames.first_frame import FirstFrame, Progress
+from gi_core.frames.frame import (
+    NO_FACTS,
+    Changes,
+    FrameSize,
+    Generation,
+    changes_of,
+    fluxes,
+    frame_light,
+    light_from_scratch,
+)
 from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.light_source import LightSource
 from gi_core.gather.reference import ReferenceState
@@ -26,31 +35,13 @@ from gi_core.gather.static import StaticGather
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.model import Model
-from gi_core.photons.prefixes import is_level, next_level
-from gi_core.photons.trace import Fates
 from gi_core.retrace.broad_phase import ScanBuffers
 from gi_core.retrace.cuts import PoseChange
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import as_pose
 from gi_core.scene.types import Pose, Scene
 
-STEP_SECONDS = 0.02  # aim of one step of solve_steps(); of 6 ms, a third would be spent on handing out work
-FIRST_STEP_SECONDS = 0.08  # the same before the first picture: there is nothing yet that could be dragged
-FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
-MANY_RECEIVERS = 30_000  # their regions take half a second and more to find
-MORE, LATE_MORE = 1.41, 1.19  # times as many photons are shown next: where sums are additive a picture costs a frame,
-LATE = 1 << 18  # which is little beside so many photons ...
-MUCH_MORE = 2.0  # ... elsewhere everything is estimated anew
 CHOICES: dict[str, Mapping] = {"estimator": ESTIMATORS, "search": SEARCHES}
-NO_FACTS = ControlFacts(0.0, 0, 0)
-
-
-class Progress(NamedTuple):
-    """Where solve_steps() is."""
-
-    stage: str
-    fraction: float  # 0 .. 1 of the photons wanted
-    picture: bool  # irradiance was refreshed
 
 
 class FrameParts(NamedTuple):
@@ -93,21 +84,13 @@ class Solver:
         self._source = LightSource(self.model, self.seed)
         self.setting = Setting(estimator, self.chosen.radius, self.chosen.neighbours)
         self.poses: dict[str, Pose] = self.model.start_poses()
-        self._photons = Photons(self.model, self.seed)
-        self._room = ScanBuffers()
-        self.timings: dict[str, float] = {}
-        self.changes = Changes(0, 0, 0)
-        self._facts = NO_FACTS
         self.irradiance = np.zeros((len(self.model.object_receivers.areas), 3))
-        self.memory_full = False  # fewer photons than wanted, because memory does not hold more
-        self.photons_traced = 0  # photons that self.irradiance belongs to ...
-        self.paths_gathered = 0  # ... and paths a receiver of mobiles; 0: those have the photons' light
-        self._from_gathered = False  # self.irradiance is
-        self._frame: PoseChange | None = None
+        self.photons_traced = self.paths_gathered = 0  # photons, and paths per receiver of mobiles, of the irradiance
+        self.changes, self.timings = Changes(0, 0, 0), {}
         self.budget = FrameBudget()
-        self._shown: Background | None = None  # what frames are computed from
-        self._next: Background | None = None  # what replaces it, being built
-        self._made_of: Background | None = None  # self.irradiance is
+        self._photons, self._buffers = Photons(self.model, self.seed), ScanBuffers()
+        self._first_frame = FirstFrame(self._photons, self._source, self.scene_size)
+        self._generation = Generation(None, None, FrameSize(0, 0), False, NO_FACTS)
         self.configure(estimator=estimator, light=light, **others)
 
     # -- settings ---------------------------------------------------------------------------------
@@ -149,14 +132,6 @@ class Solver:
     def _goal(self) -> int:
         return self.photons if len(self.model.emitters.kind) else 0
 
-    def _background(self) -> Background:
-        """Return the estimate of the background to go on with: the one shown if it still fits."""
-        for kept in (self._shown, self._next):
-            if kept is not None and kept.setting == self.setting and kept.added <= self._goal:
-                return kept
-        self._next = Background(self.model, self.setting)
-        return self._next
-
     # -- first frame ------------------------------------------------------------------------------
 
     def solve(self) -> None:
@@ -169,74 +144,21 @@ class Solver:
 
         May be abandoned between steps and started again: nothing traced is traced again.
         """
-        goal = self._goal
-        if pictures and goal and self._shown is None and self._slow_to_build:
-            yield from self._first_look(goal)
-        b = self._background()
-        yield Progress("indexing", 0.0, False)
-        yield from (Progress("indexing", 0.0, False) for _ in b.build())
-        # A new setting is shown once it has as many photons as what it replaces.
-        shown = self._shown.estimate.photons if self._shown not in (None, b) else 0
-        due = max(FIRST_PICTURE, shown, _next_shown(b)) if pictures else goal
-        while b.added < (goal := self._affordable(b)):
-            had, until = b.added, min(goal, max(due, b.added + 1), next_level(b.added))
-            stage = self._photons.bring_in(b, until, goal, self._step_seconds if pictures else math.inf)
-            yield Progress(stage, b.added / goal, False)
-            if b.added == had:
-                continue
-            if due <= b.added < goal:
-                yield from self._show(b)
-                due = _next_shown(b)
-            elif is_level(b.added) and b.estimate.additive:
-                yield from self._prepare(b)
-        complete = b is self._made_of and b.estimate.photons == goal == self.photons_traced
-        as_asked = self._from_gathered == self.uses_gathered and self.paths_gathered == self._size(goal).paths
-        if not (complete and as_asked):
-            yield from self._show(b)
+        first, shown = self._first_frame, self._generation.background
+        b = yield from first.steps(self.setting, shown, lambda: self._goal, pictures, self._show)
+        g, goal = self._generation, first.affordable(b, self._goal)
+        as_asked = g.gathered == self.uses_gathered and g.size == self._size(goal)
+        if not (b is g.background and g.photons == goal and as_asked):
+            yield from first.show(b, self._goal, self._show)
         yield Progress("done", 1.0, False)
 
     @property
-    def _slow_to_build(self) -> bool:
-        controlled = self.setting.control and ESTIMATORS[self.estimator].controlled
-        return controlled and len(self.irradiance) > MANY_RECEIVERS
+    def memory_full(self) -> bool:
+        """Whether there are fewer photons than wanted, because memory holds no more."""
+        return self._first_frame.memory_full
 
-    @property
-    def _step_seconds(self) -> float:
-        return FIRST_STEP_SECONDS if self._shown is None else STEP_SECONDS
-
-    def _first_look(self, goal: int) -> Iterator[Progress]:
-        """Show the first photons without artifact control: its regions may take seconds."""
-        b = Background(self.model, self.setting.changed(CHOICES, control=False))
-        yield from (Progress("indexing", 0.0, False) for _ in b.build())
-        while b.added < (first := min(FIRST_PICTURE, goal)):
-            yield Progress(self._photons.bring_in(b, first, first, self._step_seconds), b.added / goal, False)
-        yield from self._show(b)
-
-    def _affordable(self, b: Background) -> int:
-        """Return the photons wanted, or as many as memory holds."""
-        goal = self._photons.affordable(self._goal, b.estimate.bytes_per_hit)
-        self.memory_full = goal < self._goal
-        return goal
-
-    def _show(self, b: Background) -> Iterator[Progress]:
-        """Prepare what has been added and let frames use it from now on."""
-        yield from self._prepare(b)
-        if b is not self._shown:
-            self.budget = FrameBudget()
-        self._shown, self._next = b, None
-        self._source.compare(b)
-        if b.added == self._goal > 0:
-            yield from self._find_unreached()
-        self._update()
-        yield Progress("estimating", b.added / max(self._goal, 1), True)
-
-    def _find_unreached(self) -> Iterator[Progress]:
-        for _ in self._source.find_unreached(self.scene_size, self._shown):
-            yield Progress("looking for unreached receivers", 1.0, False)
-
-    def _prepare(self, b: Background) -> Iterator[Progress]:
-        for _ in b.estimate.prepare(b.added):
-            yield Progress("estimating", b.added / max(self._goal, 1), False)
+    def _show(self, b: Background) -> None:
+        self._update(background=b)
 
     # -- every next frame -------------------------------------------------------------------------
 
@@ -272,7 +194,8 @@ class Solver:
     @property
     def prefixes(self) -> tuple[int, ...]:
         """Numbers of photons that a frame can be computed from, ascending; the last is all."""
-        return () if self._shown is None else tuple(sorted(self._shown.estimate.prefixes))
+        b = self._generation.background
+        return () if b is None else tuple(sorted(b.estimate.prefixes))
 
     def size_within(self, seconds: float) -> tuple[int | None, int | None]:
         """Return the photons and paths, as of move_all(), of the largest frame expected to take no longer.
@@ -290,27 +213,29 @@ class Solver:
         return FrameSize(photons, self._source.paths(paths) if photons else 0)
 
     def _update(
-        self, photons: int | None = None, paths: int | None = None, poses: dict[str, Pose] | None = None
-    ) -> None:
-        """Compute the frame at some poses, if not the current ones, from the background, of a prefix of the photons.
+        self, photons: int | None = None, paths: int | None = None, poses: dict[str, Pose] | None = None,
+        background: Background | None = None,
+    ) -> None:  # fmt: skip
+        """Compute the frame at some poses, if not the current ones, from a background, if not that on show.
 
         All that is seen of it changes at the end, or, where anything is raised, not at all.
         """
-        poses = self.poses if poses is None else poses
-        if self._shown is None:
+        poses, b = self.poses if poses is None else poses, background or self._generation.background
+        if b is None:
             self.poses = poses
             return  # nothing traced yet
-        clock, size = StageTimer(), self._size(self._shown.estimate.photons if photons is None else photons, paths)
+        budget = self.budget if b is self._generation.background else FrameBudget()
+        clock, size = StageTimer(), self._size(b.estimate.photons if photons is None else photons, paths)
         at = self.model.transforms(poses)
-        frame, light = frame_light(self.model, self._photons, self._shown, self._source, at, size, self._room, clock)
-        changes, facts = changes_of(frame), self._shown.estimate.control_facts
-        gathered, gathering = self.uses_gathered, clock.seconds.get("gather", 0.0)
+        change, light = frame_light(self.model, self._photons, b, self._source, at, size, self._buffers, clock)
+        facts = b.estimate.control_facts
+        generation, changes = Generation(b, change, size, self.uses_gathered, facts), changes_of(change)
+        gathering = clock.seconds.get("gather", 0.0)
         rest = sum(clock.seconds.values()) - gathering
-        self.budget.took(*size, rest, gathering if self._source.rays_traced else None)
+        budget.took(*size, rest, gathering if self._source.rays_traced else None)
         # From here on nothing is called, so that nothing can be raised half way.
-        self.poses, self.irradiance, self._frame, self.changes, self._facts = poses, light, frame, changes, facts
-        (self.photons_traced, self.paths_gathered), self._from_gathered = size, gathered
-        self.timings, self._made_of = clock.seconds, self._shown
+        self.poses, self.irradiance, self.changes, self.timings = poses, light, changes, clock.seconds
+        (self.photons_traced, self.paths_gathered), self._generation, self.budget = size, generation, budget
 
     @property
     def uses_gathered(self) -> bool:
@@ -340,15 +265,16 @@ class Solver:
 
     def _photons_at_rest(self) -> np.ndarray | None:
         """Return irradiance (n, 3) [W/m2] of static receivers, without mobiles, by all photons shown, if there are."""
-        photons = self._shown.estimate.photons if self._shown is not None else 0
-        return self._shown.resting(photons) if photons else None
+        g = self._generation
+        return g.background.resting(g.photons) if g.photons else None
 
     def _look_at_gathered(self, g: StaticGather) -> Iterator[Progress]:
         """Use gathered light if it has less noise than the photons; irradiance is then new."""
-        used = self._source.compare(self._shown)
+        b = self._generation.background
+        used = self._source.compare(b)
         if used:
-            if self._shown.added == self._goal:
-                yield from (p._replace(fraction=g.fraction) for p in self._find_unreached())
+            if b.added == self._goal:
+                yield from (p._replace(fraction=g.fraction) for p in self._first_frame.find_unreached(b))
             self._update()
         yield Progress("gathering", g.fraction, used)
 
@@ -359,12 +285,11 @@ class Solver:
         another estimator: nothing is traced twice. Only one of the two may be at work at a time.
         """
         other = copy.copy(self)
-        other.poses, other.budget, other._next = dict(self.poses), FrameBudget(), None
-        other._room = ScanBuffers()
+        other.poses, other.budget, other._buffers = dict(self.poses), FrameBudget(), ScanBuffers()
         other._source = self._source.twin(fresh)
+        other._first_frame = FirstFrame(self._photons, other._source, self.scene_size)
         if fresh:
-            other._shown = other._made_of = other._frame = None
-            other._facts = NO_FACTS
+            other._generation = self._generation._replace(background=None, change=None, facts=NO_FACTS)
         return other
 
     # -- answers ----------------------------------------------------------------------------------
@@ -374,17 +299,19 @@ class Solver:
 
         What each frame must equal bit for bit; structures are prebuilt, nothing of the background is used.
         """
-        at, made = self.model.transforms({**self.poses, **(poses or {})}), self._shown or self._background()
+        at, shown = self.model.transforms({**self.poses, **(poses or {})}), self._generation.background
+        made = shown or self._first_frame.background(self.setting, None, self._goal)
         paths = self.paths_gathered if self.photons_traced else 0
-        return light_from_scratch(self.model, self.seed, self._shown, made, self._source, at, paths)
+        return light_from_scratch(self.model, self.seed, shown, made, self._source, at, paths)
 
     @property
     def resting_irradiance(self) -> np.ndarray:
         """Irradiance (n, 3) [W/m2] of the receivers of the static part, as it is without mobiles; zeros before the
         first solve."""
-        if self._shown is None or not self._shown.estimate.photons:
+        g = self._generation
+        if not g.photons:
             return np.zeros((self.surfaces.receiver_range(0).stop, 3))
-        return self._source.static_irradiance(self._shown, self._shown.estimate.photons)
+        return self._source.static_irradiance(g.background, g.photons)
 
     def drawn(self, irradiance: np.ndarray, poses: Mapping[str, Pose] | None = None) -> np.ndarray:
         """Return irradiance (R, 3) as it is to be drawn: `as_drawn()` without the weights."""
@@ -396,15 +323,11 @@ class Solver:
         poses: that it belongs to, if not the current ones. The same array, and no weights, where light reaches all
         receivers (`gi_core.display.dilation`), and until all photons wanted have been estimated.
         """
-        source = self._source
-        if source.dilation is None:
-            return Drawn(irradiance, None)
-        at = self.model.transforms(poses or self.poses)
-        return dilated(irradiance, source.unreached, source.dilation.find_moved(irradiance, at))
+        return self._source.dilated(irradiance, self.model.transforms(poses or self.poses))
 
     def frame_parts(self) -> FrameParts:
         """Return the parts that the last frame was computed from."""
-        return FrameParts(self._photons, self._shown, self._frame)
+        return FrameParts(self._photons, self._generation.background, self._generation.change)
 
     @property
     def receivers(self) -> Receivers:
@@ -414,7 +337,7 @@ class Solver:
     @property
     def control_facts(self) -> ControlFacts:
         """How many receivers artifact control concerns, in general and in the last frame."""
-        return self._facts
+        return self._generation.facts
 
     @property
     def surfaces(self) -> Surfaces:
@@ -423,19 +346,20 @@ class Solver:
     @property
     def probe_irradiance(self) -> dict[str, np.ndarray]:
         """Irradiance (3,) [W/m2] at each probe, see `gi_core.display.probes`."""
-        on_faces = self._shown is not None and self._shown.estimate.on_faces
-        return probe_irradiance(self.model, self.irradiance, on_faces)
+        b = self._generation.background
+        return probe_irradiance(self.model, self.irradiance, b is not None and b.estimate.on_faces)
 
     @property
     def search_summary(self) -> str:
         """What the disc search over the static part has built, in words; "" where there is none."""
-        searches = [] if self._shown is None else self._shown.estimate.searches
+        b = self._generation.background
+        searches = [] if b is None else b.estimate.searches
         return searches[0].summary() if searches else ""
 
     @property
     def segments_total(self) -> int:
         """Segments in the background prefix that irradiance belongs to."""
-        return len(self._photons.prefix(self.photons_traced)[0].side) - self.photons_traced
+        return self._photons.segments(self.photons_traced)
 
     @property
     def fates(self) -> dict[str, np.ndarray]:
@@ -443,14 +367,4 @@ class Solver:
 
         Exact in fixed-point units: emitted = absorbed + escaped + truncated. Covers all photons traced.
         """
-        n, total = max(self._photons.count, 1), self._photons.fates
-        if self._frame is not None and self._frame.photons == self._photons.count:
-            total = add_fates(total, self._frame.fates)
-        scale = self.model.emitters.unit_flux / n
-        return {name: value * scale for name, value in zip(Fates._fields, total, strict=True)}
-
-
-def _next_shown(b: Background) -> int:
-    """Return how many photons are shown after those that a background has."""
-    more = LATE_MORE if b.added >= LATE else MORE
-    return int((more if b.estimate.additive else MUCH_MORE) * b.added)
+        return fluxes(self._photons, self._generation.change)

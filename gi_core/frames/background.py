@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 import functools
 import itertools
 import math
@@ -27,6 +28,13 @@ FIRST_SECONDS = 1e-5  # of a photon, before any are known
 LEAST_CHUNK, LARGEST_CHUNK = 64, 1 << 16  # photons a step
 BYTES_PER_VERTEX = 40  # of a path as it is stored, twice: whole and coarse
 SPARE_MEMORY = 1 << 30  # bytes that are left to others, and to what frames need
+
+
+class Work(enum.Enum):
+    """Kind of one step towards a background."""
+
+    TRACING = "tracing"
+    ESTIMATING = "estimating"
 
 
 class Background:
@@ -78,6 +86,10 @@ class Photons:
         paths = self._store.prefix(photons)
         return paths, self._coarse.prefix(len(paths.side))
 
+    def segments(self, photons: int) -> int:
+        """Return the number of segments of the first photons."""
+        return len(self.prefix(photons)[0].side) - photons
+
     def affordable(self, wanted: int, bytes_per_hit: int) -> int:
         """Return how many of the photons wanted memory holds; an estimator keeps bytes_per_hit more a path vertex."""
         left = memory.available()
@@ -87,24 +99,24 @@ class Photons:
         more = max(left - SPARE_MEMORY, 0) / (vertices * (BYTES_PER_VERTEX + bytes_per_hit))
         return min(wanted, self.count + int(more))
 
-    def bring_in(self, b: Background, until: int, wanted: int, seconds: float) -> str:
-        """Do one step [s] towards a background of the first `until` photons; returns what it was.
+    def bring_in(self, b: Background, until: int, wanted: int, seconds: float) -> Work:
+        """Do one step [s] towards a background of the first `until` photons; returns its kind.
 
         Photons are traced some steps ahead of what is estimated, so that each step keeps to one kind of work and its
         data. wanted: photons that there is going to be room for.
         """
         started = time.perf_counter()
         if b.added == self.count:
-            pace, left = self._pace, wanted - self.count
+            work, pace, left = Work.TRACING, self._pace, wanted - self.count
         else:
-            pace, left = b.pace, min(until, self.count) - b.added
+            work, pace, left = Work.ESTIMATING, b.pace, min(until, self.count) - b.added
         count = pace.share_of(left, seconds)
-        if b.added == self.count:
+        if work is Work.TRACING:
             self._trace(count, wanted)
         else:
             self._estimate(b, count)
         pace.took(count, time.perf_counter() - started)
-        return "tracing" if pace is self._pace else "estimating"
+        return work
 
     def _trace(self, count: int, wanted: int) -> None:
         """Trace the next photons, a share of them a thread."""

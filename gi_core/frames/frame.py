@@ -10,16 +10,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.frames.background import Background, Photons
+from gi_core.discs.contact.stale_receivers import ControlFacts
+from gi_core.frames.background import Background, Photons, add_fates
 from gi_core.frames.control_variate import frame_irradiance
 from gi_core.frames.light_source import LightSource
 from gi_core.geometry.radiosity import irradiance
 from gi_core.model import Model
+from gi_core.photons.trace import Fates
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.broad_phase import ScanBuffers
 from gi_core.retrace.cuts import PoseChange, change, current_segments
 
 SCRATCH_CHUNK = 1 << 16
+NO_FACTS = ControlFacts(0.0, 0, 0)
 
 
 class FrameSize(NamedTuple):
@@ -27,6 +30,21 @@ class FrameSize(NamedTuple):
 
     photons: int
     paths: int  # that each receiver of a mobile gathers; 0: its light is that of the photons
+
+
+class Generation(NamedTuple):
+    """The parts that a frame was computed from."""
+
+    background: Background | None  # frames are computed from it; None before the first
+    change: PoseChange | None  # by the mobiles; None before the first frame
+    size: FrameSize
+    gathered: bool  # the static part's light is gathered
+    facts: ControlFacts
+
+    @property
+    def photons(self) -> int:
+        """Photons of the background, 0 before the first frame."""
+        return self.background.estimate.photons if self.background is not None else 0
 
 
 class Changes(NamedTuple):
@@ -75,6 +93,15 @@ def frame_light(
         source.light_mobiles(E, at, size.paths)
         clock("gather")
     return frame, E
+
+
+def fluxes(photons: Photons, change: PoseChange | None) -> dict[str, np.ndarray]:
+    """Return flux (3,) [W] emitted, absorbed, escaped and truncated, of all photons traced and a change of all."""
+    total = photons.fates
+    if change is not None and change.photons == photons.count:
+        total = add_fates(total, change.fates)
+    scale = photons.model.emitters.unit_flux / max(photons.count, 1)
+    return {name: value * scale for name, value in zip(Fates._fields, total, strict=True)}
 
 
 def light_from_scratch(

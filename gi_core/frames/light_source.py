@@ -8,7 +8,7 @@ from collections.abc import Generator
 
 import numpy as np
 
-from gi_core.display.dilation import NONE_UNREACHED, Dilation
+from gi_core.display.dilation import NONE_UNREACHED, Dilation, Drawn, dilated
 from gi_core.frames.background import Background
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import ReferenceState
@@ -98,6 +98,12 @@ class LightSource:
             self.dilation = Dilation(self._model, size)
             yield
         self.unreached = yield from self.dilation.find_static(self.static_irradiance(shown, shown.estimate.photons))
+
+    def dilated(self, irradiance: np.ndarray, at: Transforms) -> Drawn:
+        """Return irradiance (R, 3) at poses for pictures, unreached receivers filled; as it is before the search."""
+        if self.dilation is None:
+            return Drawn(irradiance, None)
+        return dilated(irradiance, self.unreached, self.dilation.find_moved(irradiance, at))
 
     # -- mobiles ----------------------------------------------------------------------------------
 

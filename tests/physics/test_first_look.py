@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core import solver as solver_module
 from gi_core.files.load import load_scene
+from gi_core.frames import first_frame
 from gi_core.solver import Solver
 
 PHOTONS = 40_000
@@ -14,7 +14,7 @@ PHOTONS = 40_000
 
 @pytest.fixture
 def few_are_many(monkeypatch):
-    monkeypatch.setattr(solver_module, "MANY_RECEIVERS", 1)
+    monkeypatch.setattr(first_frame, "MANY_RECEIVERS", 1)
 
 
 def opened(**settings) -> Solver:
@@ -33,7 +33,7 @@ def test_first_picture_is_of_whole_discs(few_are_many):
     first, plain = opened(), opened(control=False)
     until_picture(first.solve_steps())
     until_picture(plain.solve_steps())
-    assert first.photons_traced == plain.photons_traced == solver_module.FIRST_PICTURE
+    assert first.photons_traced == plain.photons_traced == first_frame.FIRST_PICTURE
     assert np.array_equal(first.irradiance, plain.irradiance)
     assert np.array_equal(first.irradiance, first.from_scratch())
     controlled = Solver(load_scene("furnace"), photons=first.photons_traced, radius=0.1)
@@ -69,7 +69,7 @@ def test_small_scenes_and_other_estimators_have_none(few_are_many, monkeypatch):
     counted = opened(estimator="impact_count")
     until_picture(counted.solve_steps())
     assert counted.frame_parts().background.setting == counted.setting
-    monkeypatch.setattr(solver_module, "MANY_RECEIVERS", 30_000)
+    monkeypatch.setattr(first_frame, "MANY_RECEIVERS", 30_000)
     small = opened()
     until_picture(small.solve_steps())
     assert small.frame_parts().background.setting == small.setting

@@ -1,0 +1,151 @@
+"""The first frame: photons traced and estimated in steps, with pictures in between."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from gi_core.estimators import ESTIMATORS
+from gi_core.estimators.setting import Setting
+from gi_core.frames.background import Background, Photons
+from gi_core.frames.light_source import LightSource
+from gi_core.photons.prefixes import is_level, next_level
+
+STEP_SECONDS = 0.02  # aim of one step; of 6 ms, a third would be spent on handing out work
+FIRST_STEP_SECONDS = 0.08  # the same before the first picture: nothing can be dragged yet
+FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
+MANY_RECEIVERS = 30_000  # their regions take half a second and more to find
+MORE, LATE_MORE = 1.41, 1.19  # growth of photons per picture where sums are additive: a picture costs one frame,
+LATE = 1 << 18  # which is little beside so many photons
+MUCH_MORE = 2.0  # the same where each picture estimates everything again
+
+
+class Progress(NamedTuple):
+    """State of `Solver.solve_steps` and `Solver.gather_steps`."""
+
+    stage: str
+    fraction: float  # 0 .. 1 of the photons wanted
+    picture: bool  # irradiance was refreshed
+
+
+class Schedule:
+    """Photon counts at which the first frame shows a picture."""
+
+    def __init__(self, b: Background, replaced: int, pictures: bool):
+        """replaced: photons of the light on show; a new setting is shown once it has as many."""
+        self._due = max(FIRST_PICTURE, replaced, _after(b)) if pictures else math.inf
+
+    def next_goal(self, added: int, wanted: int) -> int:
+        """Return the photons up to which to work without a pause: the next picture or level, at most `wanted`."""
+        return min(wanted, max(self._due, added + 1), next_level(added))
+
+    def is_due(self, added: int, wanted: int) -> bool:
+        """Return whether a picture is due; that of all photons is no part of the schedule."""
+        return self._due <= added < wanted
+
+    def shown(self, b: Background) -> None:
+        self._due = _after(b)
+
+
+def _after(b: Background) -> int:
+    """Return the photons of the picture after that of all photons in a background."""
+    more = LATE_MORE if b.added >= LATE else MORE
+    return int((more if b.estimate.additive else MUCH_MORE) * b.added)
+
+
+class FirstFrame:
+    """Builds the background of a setting. What is built stays if the steps are abandoned."""
+
+    def __init__(self, photons: Photons, source: LightSource, scene_size: float):
+        self._photons, self._source, self._scene_size = photons, source, scene_size
+        self._building: Background | None = None
+        self.memory_full = False  # fewer photons than wanted, because memory does not hold more
+
+    def background(self, setting: Setting, shown: Background | None, wanted: int) -> Background:
+        """Return the background to go on with: the one on show, or being built, if it still fits."""
+        for kept in (shown, self._building):
+            if kept is not None and kept.setting == setting and kept.added <= wanted:
+                return kept
+        self._building = Background(self._photons.model, setting)
+        return self._building
+
+    def steps(
+        self,
+        setting: Setting,
+        shown: Background | None,
+        wanted: Callable[[], int],
+        pictures: bool,
+        show: Callable[[Background], None],
+    ) -> Iterator[Progress]:
+        """Bring the background of a setting to all photons wanted, in steps; `show` computes the frame from it.
+
+        shown: the background on show, None before the first picture; wanted: photons, asked before each step.
+        """
+        seconds = (STEP_SECONDS if shown is not None else FIRST_STEP_SECONDS) if pictures else math.inf
+        if pictures and wanted() and shown is None and self._is_slow(setting):
+            shown = yield from self._uncontrolled(setting, wanted(), show)
+            seconds = STEP_SECONDS
+        b = self.background(setting, shown, wanted())
+        yield from _build(b)
+        schedule = Schedule(b, shown.estimate.photons if shown not in (None, b) else 0, pictures)
+        while b.added < (goal := self.affordable(b, wanted())):
+            had = b.added
+            work = self._photons.bring_in(b, schedule.next_goal(had, goal), goal, seconds)
+            yield Progress(work.value, b.added / goal, False)
+            if b.added == had:
+                continue
+            if schedule.is_due(b.added, goal):
+                yield from self.show(b, wanted(), show)
+                schedule.shown(b)
+                seconds = STEP_SECONDS if pictures else math.inf
+            elif is_level(b.added) and b.estimate.additive:
+                yield from _prepare(b, wanted())
+        return b
+
+    def show(self, b: Background, wanted: int, show: Callable[[Background], None]) -> Iterator[Progress]:
+        """Prepare the photons added, and compute the frame from them."""
+        yield from _prepare(b, wanted)
+        self._source.compare(b)
+        if b.added == wanted > 0:
+            yield from self.find_unreached(b)
+        show(b)
+        if b is self._building:
+            self._building = None
+        yield Progress("estimating", b.added / max(wanted, 1), True)
+
+    def find_unreached(self, b: Background) -> Iterator[Progress]:
+        """Find the receivers that light does not reach, by the light of all photons of a background."""
+        for _ in self._source.find_unreached(self._scene_size, b):
+            yield Progress("looking for unreached receivers", 1.0, False)
+
+    def _uncontrolled(self, setting: Setting, wanted: int, show: Callable) -> Iterator[Progress]:
+        """Show the first photons without artifact control, whose regions may take seconds; returns the background."""
+        b = Background(self._photons.model, setting._replace(control=False))
+        yield from _build(b)
+        first = min(FIRST_PICTURE, wanted)
+        while b.added < first:
+            work = self._photons.bring_in(b, first, first, FIRST_STEP_SECONDS)
+            yield Progress(work.value, b.added / wanted, False)
+        yield from self.show(b, wanted, show)
+        return b
+
+    def _is_slow(self, setting: Setting) -> bool:
+        controlled = setting.control and ESTIMATORS[setting.estimator].controlled
+        return controlled and len(self._photons.model.object_receivers.areas) > MANY_RECEIVERS
+
+    def affordable(self, b: Background, wanted: int) -> int:
+        """Return the photons wanted, or as many as memory holds."""
+        goal = self._photons.affordable(wanted, b.estimate.bytes_per_hit)
+        self.memory_full = goal < wanted
+        return goal
+
+
+def _build(b: Background) -> Iterator[Progress]:
+    yield Progress("indexing", 0.0, False)
+    yield from (Progress("indexing", 0.0, False) for _ in b.build())
+
+
+def _prepare(b: Background, wanted: int) -> Iterator[Progress]:
+    for _ in b.estimate.prepare(b.added):
+        yield Progress("estimating", b.added / max(wanted, 1), False)
