@@ -145,8 +145,8 @@ class Solver:
         May be abandoned between steps and started again: nothing traced is traced again.
         """
         first, shown = self._first_frame, self._generation.background
-        b = yield from first.steps(self.setting, shown, lambda: self._goal, pictures, self._show)
-        g, goal = self._generation, first.affordable(b, self._goal)
+        b, goal = yield from first.steps(self.setting, shown, lambda: self._goal, pictures, self._show)
+        g = self._generation
         as_asked = g.gathered == self.uses_gathered and g.size == self._size(goal)
         if not (b is g.background and g.photons == goal and as_asked):
             yield from first.show(b, self._goal, self._show)

@@ -39,7 +39,7 @@ def now():
         return session.opening.told[0] if session.opening else ""
     if session.light.progress is not None:
         return session.light.progress.stage
-    gathered = session.solver.gathered
+    gathered = session.light._solver.gathered
     return "at rest" if gathered is None or gathered.enough else "gathering"
 def close():
     while viewer.frames < {frames} or {doing!r} not in ("", now()):

@@ -38,14 +38,14 @@ def use(session, rng: random.Random, base) -> None:
 
     for _ in range(6):
         session.begin_drag()
-        chosen = session.solver.chosen
+        chosen = session.chosen
         for _ in range(5):
             where = tuple(rng.uniform(a, b) for a, b in zip(chosen.low, chosen.high, strict=True))
             session.move({name: Pose(where) for name in session.poses})
             session.tick(FRAME)
         session.end_drag()
         estimator = rng.choice(["tangent_plane", "photon_map", "impact_count"])
-        radius = session.solver.scene_size * rng.choice([0.005, 0.01, 0.02, 0.04])
+        radius = session.chosen.scene_size * rng.choice([0.005, 0.01, 0.02, 0.04])
         photons = rng.choice([20_000, 50_000, 100_000])
         session.want(replace(base, estimator=estimator, radius=radius, photons=photons))
         rest(session, 0.5)

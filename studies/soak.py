@@ -35,7 +35,7 @@ LEAST = 25.0  # MB
 def act(rng: random.Random, viewer, hand_over: dict) -> str:
     """Perform one random action of a user; return its name."""
     session = viewer.session
-    solver = session.solver
+    solver = session.light._solver
     name = rng.choice(list(session.poses)) if session.poses else None
     what = rng.choices(
         (
@@ -158,7 +158,7 @@ class Soak:
             session.toggle_play()
         if session.refining or session.light.busy or self.viewer.succession.coming is not None:
             return
-        if not np.array_equal(session.irradiance, session.solver.from_scratch()):
+        if not np.array_equal(session.irradiance, session.light._solver.from_scratch()):
             self.wrong = "light at the end is not that of a solution from scratch"
         self.viewer.params.app_shall_exit = True
 

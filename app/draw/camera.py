@@ -186,11 +186,11 @@ def from_camera(camera: Camera | None, up, bounds: Bounds, lit: Bounds | None = 
     )
 
 
-def scene_bounds(solver, poses) -> Bounds:
+def scene_bounds(model, poses) -> Bounds:
     """Return the box around all vertices, mobiles at their poses."""
-    surfaces = solver.surfaces
+    surfaces = model.surfaces
     points = [surfaces.vertices[0]]
-    for mobile, vertices in zip(solver.scene.mobiles, surfaces.vertices[1:], strict=True):
+    for mobile, vertices in zip(model.scene.mobiles, surfaces.vertices[1:], strict=True):
         points.append(to_world(poses[mobile.name], vertices))
     points = [p for p in points if len(p)]
     if not points:

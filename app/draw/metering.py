@@ -23,8 +23,7 @@ PATCH_SIZE = 0.1  # of the scene size
 
 def metered(session: Session | Shot, camera: Turntable) -> float:
     """Return the exposure [EV] that maps the median radiance in view, else of all surfaces, to mid-grey."""
-    solver = session.solver
-    receivers = solver.receivers
+    receivers = session.model.receivers_at(session.light.snapshot.poses)
     radiance = np.zeros_like(receivers.positions)
     drawn = np.zeros(len(radiance), bool)
     for o, mesh in enumerate(session.meshes):
@@ -41,7 +40,9 @@ def metered(session: Session | Shot, camera: Turntable) -> float:
         receivers.positions, receivers.normals, areas, eye.position, eye.target, eye.vertical_fov_degrees
     )
     weights = weights if weights.sum() > 0 else areas
-    return meter(*_patches(receivers.positions, receivers.normals, radiance, weights, PATCH_SIZE * solver.scene_size))
+    return meter(
+        *_patches(receivers.positions, receivers.normals, radiance, weights, PATCH_SIZE * session.chosen.scene_size)
+    )
 
 
 def _patches(positions, normals, radiance, weights, size) -> tuple[np.ndarray, np.ndarray]:

@@ -28,7 +28,7 @@ def paths_of(solver: Solver) -> dict[str, KeyFrames]:
         return paths
     mobile = scene.mobiles[0]
     return {
-        mobile.name: _circle(mobile.pose, (chosen.low + chosen.high) / 2, scene.up, CIRCLE_RADIUS * solver.scene_size)
+        mobile.name: _circle(mobile.pose, (chosen.low + chosen.high) / 2, scene.up, CIRCLE_RADIUS * chosen.scene_size)
     }
 
 

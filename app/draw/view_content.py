@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -47,14 +46,13 @@ class Shown(NamedTuple):
 
 def shown(session: Session) -> Shown:
     """Return what the settings ask for, as far as it is known for the light of this very frame."""
-    s, light = session.settings, session.light
-    drawn = functools.partial(session.solver.as_drawn, poses=light.poses_drawn)
-    estimate = _estimate(session.solver.estimator, light.photons_shown, drawn(session.irradiance))
+    s, light = session.settings, session.light.snapshot
+    estimate = _estimate(light.estimator, light.photons, light.drawn)
     appraisal = session.appraisal
-    truth = appraisal.truth(light.poses_drawn, True) if appraisal is not None else None
+    truth = appraisal.truth(light.poses, True) if appraisal is not None else None
     reference = None
-    if truth is not None and truth.seen > 0:
-        reference = Side(_of_truth(truth), *drawn(appraisal.picture(light.poses_drawn)))
+    if truth is not None and truth.drawn is not None:
+        reference = Side(_of_truth(truth), *truth.drawn)
     coming, sides = [], [estimate]
     errors = None
     if s.show == ERRORS and reference is not None:
@@ -87,7 +85,7 @@ def paint(mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: b
 
 
 def _errors(session: Session, estimate: Side, reference: Side, truth) -> Errors:
-    areas = session.solver.model.object_receivers.areas
+    areas = session.model.object_receivers.areas
     off = signed_error(estimate.irradiance, reference.irradiance, areas)
     return Errors(reference.irradiance, areas, max(round_scale(off, areas), LEAST_SCALE), truth.noise)
 
@@ -96,9 +94,7 @@ def _seen(session: Session, estimator: str) -> Side | None:
     other = session.appraisal.other if session.appraisal is not None else None
     if other is None or not other.is_done(session.light.version, estimator):
         return None
-    return _estimate(
-        estimator, other.seen.photons, session.solver.as_drawn(other.seen.irradiance, session.light.poses_drawn)
-    )
+    return _estimate(estimator, other.seen.photons, other.seen.drawn)
 
 
 def _estimate(estimator: str, photons: int, drawn: Drawn) -> Side:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
+    from gi_core.display.dilation import Drawn
     from gi_core.solver import Solver
 
 
@@ -22,6 +23,7 @@ class Seen(NamedTuple):
     estimator: str
     photons: int
     irradiance: np.ndarray  # (R, 3) [W/m2]
+    drawn: Drawn  # the same for pictures
 
 
 class OtherLook:
@@ -57,4 +59,5 @@ def _look(solver: Solver, twin: Solver, version: object, estimator: str) -> Iter
     for _ in twin.solve_steps():
         yield None
     twin.move_all(solver.poses)
-    yield Seen(version, estimator, twin.photons_traced, twin.irradiance)
+    drawn = solver.as_drawn(twin.irradiance)
+    yield Seen(version, estimator, twin.photons_traced, twin.irradiance, drawn)

@@ -104,7 +104,7 @@ class Appraisal:
         """Return something that changes when there is something new to see; rounds count double."""
         truth = self.truth(poses, True) if self.wants.picture else None
         other = self.wants.other and self.other.is_done(version, self.wants.other)
-        return bool(other), None if truth is None else (truth.rounds.bit_length(), int(16 * truth.seen))
+        return bool(other), None if truth is None else truth.look
 
     def next_task(self, version: object, irradiance: np.ndarray, given_up: Set[str] = frozenset()) -> Task | None:
         """Return the next task for the light of a version, of jobs not given up; None if nothing is left to do."""
@@ -180,15 +180,18 @@ class Appraisal:
         from gi_core.gather.reference_sample import draw_by_area
 
         key = self._key(self._solver.poses, everywhere)
-        truth = self._truths.pop(key, None)
+        truth = self._truths.get(key)
         if truth is None:
             rows = np.flatnonzero(self._areas > 0)
             rows, weights = (rows, self._areas[rows]) if key[1] else draw_by_area(rows, self._areas, SOME, 0)
             truth = Truth(self._solver, self._solver.poses, rows, weights, even=everywhere and not self._few)
-        self._truths[key] = truth
-        while len(self._truths) > REMEMBERED:
-            del self._truths[next(iter(self._truths))]
+        others = {k: t for k, t in self._truths.items() if k != key}
+        self._truths = dict([*others.items(), (key, truth)][-REMEMBERED:])  # the window reads it meanwhile
+        before = truth.look
         truth.step()
+        if key[1] and (truth.drawn is None or truth.look != before):
+            poses = self._solver.poses
+            truth.drawn = self._solver.as_drawn(self.picture(poses), poses)
         if truth.rounds.bit_count() == 1 and truth.seen == 1:  # 1, 2, 4, ... rounds
             truth.keep()
         if truth.noise != float("inf") and (self._few or not everywhere):  # nan: there is no light

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from gi_core.display.dilation import Drawn
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 
@@ -25,6 +26,7 @@ class Truth:
         from app.rest.reference_store import ReferenceStore
 
         self.rows, self.weights = rows, weights  # (n,) receivers, and the area or the count of draws of each
+        self.drawn: Drawn | None = None  # the picture of it; None before there is one
         self._store = ReferenceStore(solver.model, poses, rows, weights=weights)
         self._is_kept = dict(poses) == solver.model.start_poses()
         self._gathered = self._store.rounds(even, self._is_kept)
@@ -56,6 +58,11 @@ class Truth:
     def paths(self) -> float:
         """Paths per receiver, on average."""
         return float(self._gathered.state.paths.mean())
+
+    @property
+    def look(self) -> tuple[int, int]:
+        """Return a pair that changes when there is something new to see; rounds count double."""
+        return self.rounds.bit_length(), int(16 * self.seen)
 
     @property
     def rounds(self) -> int:

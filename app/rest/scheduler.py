@@ -19,7 +19,7 @@ TURNS = 4  # of which all but one are gathering's, at first
 
 
 class AtRest:
-    """Tasks for the solver's thread, one at a time; `settings` are the user's."""
+    """Tasks for the solver's thread, one at a time; `next_task` is called there. `settings` are the user's."""
 
     def __init__(self, settings: Settings, light: Solving, gathering: Gathering, appraisal: Appraisal | None) -> None:
         self.settings = settings
@@ -47,11 +47,11 @@ class AtRest:
         s, light = self.settings, self._light
         other = "" if s.compare == REFERENCE else s.compare
         self._appraisal.wants = Wants(s.appraise, REFERENCE in s.beside_estimate, other)
-        return self._appraisal.next_task(light.version, light.irradiance, given_up)
+        return self._appraisal.next_task(light.version, light.snapshot.irradiance, given_up)
 
     def has_news(self) -> bool:
         """Return whether the reference or the other estimator has come, or become much better, since the last call."""
         if self._appraisal is None:
             return False
-        before, self._drawn = self._drawn, self._appraisal.progress(self._light.version, self._light.poses_drawn)
+        before, self._drawn = self._drawn, self._appraisal.progress(self._light.version, self._light.snapshot.poses)
         return self._drawn != before

@@ -27,7 +27,9 @@ from gi_core.scene.pose import pose_at
 
 if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
     from app.draw.picking import Picker
-    from gi_core.solver import Solver
+    from gi_core.defaults.choose import Chosen
+    from gi_core.model import Model
+    from gi_core.scene import Scene
 
 BUDGET = 0.008  # s that a frame waits for refinement
 STILL = 0.25  # s that an object is held still, after which all photons are shown although it may go on
@@ -51,6 +53,9 @@ class Session:
         self.clock = clock
         self.opening: Opening | None = open_with(settings)
         self.problem: BaseException | None = None  # why there is no scene
+        self.scene: Scene
+        self.model: Model
+        self.chosen: Chosen
         self.meshes: tuple = ()
         self.picker: Picker | None = None
         self.dragging = False
@@ -75,10 +80,6 @@ class Session:
         return self.light is not None
 
     @property
-    def solver(self) -> Solver:
-        return self.light.solver
-
-    @property
     def refining(self) -> bool:
         return self.light.busy or self._to_apply
 
@@ -101,12 +102,12 @@ class Session:
     @property
     def pose_list(self) -> list[Pose]:
         """Poses as drawn, in the scene's order: those that the light belongs to."""
-        return [self.light.poses_drawn[m.name] for m in self.solver.scene.mobiles]
+        return [self.light.snapshot.poses[m.name] for m in self.scene.mobiles]
 
     @property
     def irradiance(self) -> np.ndarray:
         """Irradiance (R, 3) at the poses as drawn."""
-        return self.light.irradiance
+        return self.light.snapshot.irradiance
 
     # Once a frame -----------------------------------------------------------------------------------
 
@@ -159,15 +160,18 @@ class Session:
         self.filled = {name: value for name, value in filled.items() if value is not None}
         self.settings = self._applied = replace(self.settings, **filled)
         self.meshes, self.picker = opened.meshes, opened.picker
-        self.gathering = Gathering(opened.solver, self.clock)
-        self.light = Solving(opened.solver, self.log, self.clock, self._worker)
+        # Records that never change; all else of the solver is touched by its own thread alone.
+        solver = opened.solver
+        self.scene, self.model, self.chosen = solver.scene, solver.model, solver.chosen
+        self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
+        self.gathering = Gathering(solver, self.clock)
+        self.light = Solving(solver, self.log, self.clock, self._worker)
         if self._appraise is not None:
-            self.appraisal = self._appraise(opened.solver, self.clock)
+            self.appraisal = self._appraise(solver, self.clock)
         self._at_rest = AtRest(self.settings, self.light, self.gathering, self.appraisal)
         self.light.at_rest = self._at_rest.next_task
-        self._start = dict(self.solver.poses)
-        self._paths = {name: path for name, path in paths_of(self.solver).items() if len(path.times) > 1}
-        for note in self.solver.scene.notes:
+        self._start = self.light.snapshot.poses
+        for note in self.scene.notes:
             self.log(note)
 
     @property
@@ -264,8 +268,7 @@ class Session:
         """Return linear radiance (D, 3) float32 of both sides of an object's draw vertices."""
         from app.draw.vertex_colours import colours
 
-        drawn = self.solver.drawn(self.irradiance, self.light.poses_drawn)
-        return colours(self.meshes[o], drawn, self.settings.show == "radiance")
+        return colours(self.meshes[o], self.light.snapshot.drawn.irradiance, self.settings.show == "radiance")
 
     def models(self) -> tuple[np.ndarray, ...]:
         """Return one (4, 4) object-to-world matrix an object; the static part's is 1."""

@@ -21,16 +21,16 @@ def next_free(folder: Path) -> Path:
 
 def parameters(session: Session, camera: Turntable) -> dict[str, str]:
     """Return the parameters that reproduce the picture."""
-    s, solver = session.settings, session.solver
+    s, light = session.settings, session.light.snapshot
     view = camera.as_camera()
     entries = {
         "scene": s.scene,
         "mobiles": " ".join(s.mobiles) or "-",
-        "estimator": solver.estimator,
-        "photons": solver.photons_traced,
-        "radius": f"{solver.radius:.6g} m",
-        "neighbours": solver.neighbours,
-        "seed": solver.seed,
+        "estimator": light.estimator,
+        "photons": light.photons,
+        "radius": f"{light.radius:.6g} m",
+        "neighbours": light.neighbours,
+        "seed": s.seed,
         "exposure": f"{s.exposure:.4f} EV",
         "tone_map": s.tone_map,
         "show": s.show,

@@ -195,7 +195,7 @@ class Viewer:
             new.light.grace = SOFTWARE_GRACE
         self.estimators = {key: kind.about for key, kind in ESTIMATORS.items()}
         if new.settings.exposure is None:
-            given = new.solver.scene.defaults.exposure
+            given = new.scene.defaults.exposure
             exposure = metering.metered(new, self.viewport.camera) if given is None else given
             new.want(replace(new.settings, exposure=exposure))
         self.metered = new.settings.exposure

@@ -46,12 +46,12 @@ class Viewport:
     def adopt(self, session: Session, keep_view: bool = False) -> None:
         """Show a ready session through the scene's camera; `keep_view`: through the user's, if it was moved."""
         stays = keep_view and self.camera != self.home
-        self.session, solver = session, session.solver
+        self.session = session
         self.hover = self.grab = self._steering = self._flight = self.shown = self._asked = self._drawn = None
-        self.bounds = scene_bounds(solver, self.session.poses)
-        self.room = drag.room_for(self.bounds, solver.scene.up)
-        lit = Bounds(tuple(solver.chosen.low), tuple(solver.chosen.high))
-        self.home = from_camera(solver.scene.camera, solver.scene.up, self.bounds, lit)
+        self.bounds = scene_bounds(session.model, session.poses)
+        self.room = drag.room_for(self.bounds, session.scene.up)
+        lit = Bounds(tuple(session.chosen.low), tuple(session.chosen.high))
+        self.home = from_camera(session.scene.camera, session.scene.up, self.bounds, lit)
         self.camera = self.camera if stays else self.home
 
     @property
@@ -137,13 +137,13 @@ class Viewport:
             self._flight = None
 
     def _begin_drag(self, mode: str, io) -> None:
-        mobile = self.session.solver.scene.mobiles[self.hover.object - 1].name
+        mobile = self.session.scene.mobiles[self.hover.object - 1].name
         u, v = self._uv(io.mouse_pos)
         self._flight = None
         self.session.playing = False
         self.session.begin_drag()
         pose = self.session.poses[mobile]
-        box = to_world(pose, self.session.solver.surfaces.vertices[self.hover.object])
+        box = to_world(pose, self.session.model.surfaces.vertices[self.hover.object])
         self.grab = drag.Grab(mobile, mode, self.hover.point, pose, self.camera, u, v, box.min(axis=0), box.max(axis=0))
 
     def _continue_drag(self, io) -> None:
@@ -206,7 +206,7 @@ class Viewport:
         s = self.session
         marked = -1
         if outlined and self.grab is not None:
-            marked = 1 + [m.name for m in s.solver.scene.mobiles].index(self.grab.mobile)
+            marked = 1 + [m.name for m in s.scene.mobiles].index(self.grab.mobile)
         elif outlined and self.hover is not None:
             marked = self.hover.object
         return Look(
@@ -250,7 +250,7 @@ class Viewport:
         if self.grab is not None:
             return f"{self.grab.mobile} {drag.MODES[self.grab.mode]}  ·  Esc cancels"
         if self.hover is not None:
-            name = self.session.solver.scene.mobiles[self.hover.object - 1].name
+            name = self.session.scene.mobiles[self.hover.object - 1].name
             mode = drag.mode_of(io.key_shift, io.key_alt, io.key_ctrl)
             others = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the image plane  ·  Ctrl: turn"
             return f"Drag {name}: {drag.MODES[mode]}{others}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from typing import NamedTuple
 
 from gi_core.estimators import ESTIMATORS
@@ -77,10 +77,11 @@ class FirstFrame:
         wanted: Callable[[], int],
         pictures: bool,
         show: Callable[[Background], None],
-    ) -> Iterator[Progress]:
+    ) -> Generator[Progress, None, tuple[Background, int]]:
         """Bring the background of a setting to all photons wanted, in steps; `show` computes the frame from it.
 
-        shown: the background on show, None before the first picture; wanted: photons, asked before each step.
+        shown: the background on show, None before the first picture; wanted: photons, asked before each step. Returns
+        the background and its photons: those wanted, or as many as memory holds.
         """
         seconds = (STEP_SECONDS if shown is not None else FIRST_STEP_SECONDS) if pictures else math.inf
         if pictures and wanted() and shown is None and self._is_slow(setting):
@@ -89,7 +90,7 @@ class FirstFrame:
         b = self.background(setting, shown, wanted())
         yield from _build(b)
         schedule = Schedule(b, shown.estimate.photons if shown not in (None, b) else 0, pictures)
-        while b.added < (goal := self.affordable(b, wanted())):
+        while b.added < (goal := self._affordable(b, wanted())):
             had = b.added
             work = self._photons.bring_in(b, schedule.next_goal(had, goal), goal, seconds)
             yield Progress(work.value, b.added / goal, False)
@@ -101,7 +102,7 @@ class FirstFrame:
                 seconds = STEP_SECONDS if pictures else math.inf
             elif is_level(b.added) and b.estimate.additive:
                 yield from _prepare(b, wanted())
-        return b
+        return b, goal
 
     def show(self, b: Background, wanted: int, show: Callable[[Background], None]) -> Iterator[Progress]:
         """Prepare the photons added, and compute the frame from them."""
@@ -119,7 +120,7 @@ class FirstFrame:
         for _ in self._source.find_unreached(self._scene_size, b):
             yield Progress("looking for unreached receivers", 1.0, False)
 
-    def _uncontrolled(self, setting: Setting, wanted: int, show: Callable) -> Iterator[Progress]:
+    def _uncontrolled(self, setting: Setting, wanted: int, show: Callable) -> Generator[Progress, None, Background]:
         """Show the first photons without artifact control, whose regions may take seconds; returns the background."""
         b = Background(self._photons.model, setting._replace(control=False))
         yield from _build(b)
@@ -134,7 +135,7 @@ class FirstFrame:
         controlled = setting.control and ESTIMATORS[setting.estimator].controlled
         return controlled and len(self._photons.model.object_receivers.areas) > MANY_RECEIVERS
 
-    def affordable(self, b: Background, wanted: int) -> int:
+    def _affordable(self, b: Background, wanted: int) -> int:
         """Return the photons wanted, or as many as memory holds."""
         goal = self._photons.affordable(wanted, b.estimate.bytes_per_hit)
         self.memory_full = goal < wanted

@@ -62,7 +62,7 @@ def at(s: Session, x: float) -> dict:
 
 
 def held_by(s: Session) -> list[weakref.ref]:
-    return [weakref.ref(thing) for thing in (s.solver, s.solver.model, s.light, s.appraisal)]
+    return [weakref.ref(thing) for thing in (s.light._solver, s.light._solver.model, s.light, s.appraisal)]
 
 
 def test_a_scene_that_rested_goes_with_its_references():
@@ -157,7 +157,7 @@ def test_a_scene_goes_after_a_step_of_it_has_failed(monkeypatch):
     def fails(*_):
         raise ValueError("no light")
 
-    monkeypatch.setattr(s.solver, "move_all", fails, raising=False)
+    monkeypatch.setattr(s.light._solver, "move_all", fails, raising=False)
     s.move(at(s, 0.7))
     until(s, lambda: s.log.last is not None and s.log.last.text == "moving: no light")
     monkeypatch.undo()

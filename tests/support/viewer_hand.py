@@ -65,7 +65,7 @@ class Hand:
         self.wait_for_light()
         session = self.viewer.session
         while True:
-            light, job = session.irradiance, session._worker.submit(session.solver.from_scratch)
+            light, job = session.irradiance, session._worker.submit(session.light._solver.from_scratch)
             self.wait(lambda job=job: job.wait(0.0))
             self.ctx.yield_(2)
             if session.irradiance is light:  # else what was gathered has come in between

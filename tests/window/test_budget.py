@@ -41,7 +41,7 @@ def make(budget=BUDGET_MS, photon_seconds=16e-6, wrong=1.0, step_seconds=0.001):
     s.adopt(Opened(settings, solver, (), None))
     while s.refining:
         frame(s)
-    assert s.light.photons_shown == s.light.photons_there == 1000
+    assert s.light.snapshot.photons == s.light.snapshot.photons_at_rest == 1000
     return s
 
 
@@ -56,7 +56,7 @@ def drag(s: Session, frames: int, first: int = 0) -> list[int]:
     shown = []
     for k in range(first, first + frames):
         s.move({"block": Pose((0.3 + 0.001 * k, 0.3, 0.5))})
-        shown.append(s.light.photons_shown)
+        shown.append(s.light.snapshot.photons)
         frame(s)
     return shown
 
@@ -65,16 +65,16 @@ def test_drag_uses_one_subset_and_release_all_photons():
     s = make()
     s.begin_drag()
     assert drag(s, 40) == [500] * 40
-    assert s.light.photons_there == 1000
-    there, version, settled = s.poses["block"], s.version, len(s.solver.moved_with)
+    assert s.light.snapshot.photons_at_rest == 1000
+    there, version, settled = s.poses["block"], s.version, len(s.light._solver.moved_with)
     s.end_drag()
     frame(s)
     frame(s)
-    assert s.light.photons_shown == 1000 and s.version > version and s.pose_list == [there]
-    assert s.solver.moved_with[-1] == 1000 and s.irradiance is s.solver.irradiance
+    assert s.light.snapshot.photons == 1000 and s.version > version and s.pose_list == [there]
+    assert s.light._solver.moved_with[-1] == 1000 and s.irradiance is s.light._solver.irradiance
     for _ in range(10):
         frame(s)
-    assert s.solver.moved_with[settled:] == [1000], "once is enough"
+    assert s.light._solver.moved_with[settled:] == [1000], "once is enough"
 
 
 def test_held_still_shows_all_photons_then_the_same_subset():
@@ -83,10 +83,10 @@ def test_held_still_shows_all_photons_then_the_same_subset():
     drag(s, 5)
     for _ in range(int(STILL / FRAME) - 1):
         frame(s)
-        assert s.light.photons_shown == 500, "not at the first hesitation"
+        assert s.light.snapshot.photons == 500, "not at the first hesitation"
     for _ in range(5):
         frame(s)
-    assert s.light.photons_shown == 1000 and s.dragging and not s.light.partial
+    assert s.light.snapshot.photons == 1000 and s.dragging and not s.light.partial
     assert drag(s, 5, first=5) == [500] * 5
 
 
@@ -95,11 +95,11 @@ def test_playing_keeps_to_one_prefix_too():
     s.toggle_play()
     for _ in range(20):
         frame(s)
-        assert s.light.photons_shown == 500
+        assert s.light.snapshot.photons == 500
     s.toggle_play()
     frame(s)
     frame(s)
-    assert s.light.photons_shown == 1000
+    assert s.light.snapshot.photons == 1000
 
 
 def test_off_means_all_photons_always():
@@ -128,7 +128,7 @@ def test_a_hiccup_of_the_machine_changes_nothing():
     s.begin_drag()
     shown = []
     for k in range(30):
-        s.solver.photon_seconds = 60e-6 if k % IN_A_ROW == 1 else 16e-6
+        s.light._solver.photon_seconds = 60e-6 if k % IN_A_ROW == 1 else 16e-6
         shown += drag(s, 1, first=k)
     assert set(shown) == {500}
 
@@ -137,11 +137,11 @@ def test_a_change_of_the_budget_counts_from_the_next_frame_on():
     s = make()
     s.toggle_play()
     frame(s)
-    assert s.light.photons_shown == 500
+    assert s.light.snapshot.photons == 500
     s.want(replace(s.settings, budget=9.0))
     frame(s)
-    assert s.light.photons_shown == 250
-    assert s.solver.count("configure") == 0, "nothing of it is the solver's business"
+    assert s.light.snapshot.photons == 250
+    assert s.light._solver.count("configure") == 0, "nothing of it is the solver's business"
 
 
 def test_undo_and_reset_show_all_photons_at_once():
@@ -150,7 +150,7 @@ def test_undo_and_reset_show_all_photons_at_once():
     drag(s, 3)
     s.end_drag()
     s.undo()
-    assert s.light.photons_shown == 1000 and s.solver.moved_with[-1] == 1000
+    assert s.light.snapshot.photons == 1000 and s.light._solver.moved_with[-1] == 1000
 
 
 def test_refinement_goes_on_at_rest_with_the_prefix_left_behind():
@@ -162,66 +162,68 @@ def test_refinement_goes_on_at_rest_with_the_prefix_left_behind():
         settings, Log(), open_with=lambda _: None, clock=clock, appraise=None, worker=support.Behind(clock, 0.004)
     )
     s.adopt(Opened(settings, solver, (), None))
-    while s.light.photons_there < 250:
+    while s.light.snapshot.photons_at_rest < 250:
         frame(s)
     s.begin_drag()
     steps = solver.count("step")
     shown = drag(s, 10)
-    assert set(shown[1:]) == {s.light.photons_there} == {250} and solver.count("step") <= steps + 1
+    assert set(shown[1:]) == {s.light.snapshot.photons_at_rest} == {250} and solver.count("step") <= steps + 1
     s.end_drag()
     while s.refining:
         frame(s)
-    assert s.light.photons_shown == 1000
+    assert s.light.snapshot.photons == 1000
 
 
 def test_subsets_are_timed_once_at_rest_and_not_shown():
     """Smallest first, three times each, up to one that takes longer than the budget; then all photons as before."""
     s = make()
-    timed = [photons for what, photons in s.solver.log if what == "timed"]
+    timed = [photons for what, photons in s.light._solver.log if what == "timed"]
     assert timed == [*[125] * 3, *[250] * 3, *[500] * 3, 1000]
     version, light = s.version, s.irradiance
     for _ in range(20):
         frame(s)
-    assert s.solver.count("timed") == 10 and s.version == version and s.irradiance is light
+    assert s.light._solver.count("timed") == 10 and s.version == version and s.irradiance is light
     s.want(replace(s.settings, radius=0.01))
     while s.refining:
         frame(s)
-    assert s.solver.count("timed") == 20, "another setting, other times"
+    assert s.light._solver.count("timed") == 20, "another setting, other times"
     s = make(budget=7.0)
-    assert [photons for what, photons in s.solver.log if what == "timed"] == [125, 125, 125, 250, 1000], "250 take 8 ms"
-    assert make(budget=0.0).solver.count("timed") == 0
+    assert [photons for what, photons in s.light._solver.log if what == "timed"] == [125, 125, 125, 250, 1000], (
+        "250 take 8 ms"
+    )
+    assert make(budget=0.0).light._solver.count("timed") == 0
 
 
 def test_a_drag_that_begins_while_frames_are_timed_goes_first():
     s = make()
     s.want(replace(s.settings, radius=0.01))
-    while s.solver.count("timed") < 13:
+    while s.light._solver.count("timed") < 13:
         frame(s)
     s.begin_drag()
     assert drag(s, 3) == [500] * 3
-    assert s.solver.count("timed") <= 14
+    assert s.light._solver.count("timed") <= 14
     s.end_drag()
     while s.refining:
         frame(s)
-    assert s.light.photons_shown == 1000 and s.solver.photons_traced == 1000
+    assert s.light.snapshot.photons == 1000 and s.light._solver.photons_traced == 1000
 
 
 def test_failed_settling_is_logged_once_and_the_drag_goes_on():
     s = make()
     s.begin_drag()
     drag(s, 3)
-    move_all, asked = s.solver.move_all, []
+    move_all, asked = s.light._solver.move_all, []
 
     def broken(poses, photons=None, paths=None):
         asked.append(photons)
         raise ValueError("embree lost its scene")
 
-    s.solver.move_all = broken
+    s.light._solver.move_all = broken
     s.end_drag()
     for _ in range(10):
         frame(s)
     assert asked == [None] and "embree lost its scene" in s.log.last.text and not s.light.partial
-    s.solver.move_all = move_all
+    s.light._solver.move_all = move_all
     s.begin_drag()
     assert drag(s, 2, first=3) == [500, 500]
 

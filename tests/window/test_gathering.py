@@ -51,19 +51,19 @@ def test_static_light_is_shown_saved_and_loaded_again():
     rest_until(first, lambda: first.gathering.told.fraction == 1.0 and first.gathering.next_work() is None)
     first.tick(1 / 60)
     assert first.gathering.told.used and first.gathering.told.noise <= 0.02
-    assert np.array_equal(first.irradiance, first.solver.irradiance)
-    assert np.array_equal(first.solver.resting_irradiance, first.solver.gathered.mean)
+    assert np.array_equal(first.irradiance, first.light._solver.irradiance)
+    assert np.array_equal(first.light._solver.resting_irradiance, first.light._solver.gathered.mean)
     first.close()
 
     again = opened()
-    assert StaticStore(again.solver.model, again.solver.seed).load() is not None
+    assert StaticStore(again.light._solver.model, again.light._solver.seed).load() is not None
     rest_until(again, lambda: again.gathering.told.used)
-    assert np.array_equal(again.solver.gathered.mean, first.solver.gathered.mean)
+    assert np.array_equal(again.light._solver.gathered.mean, first.light._solver.gathered.mean)
     again.move({"box": Pose((0.6, 0.5, 0.4))})
     rest_until(again, lambda: not again.refining)
     moved = again.irradiance
     again.close()  # its thread may be measuring: only one at a time uses the solver
-    assert np.array_equal(moved, again.solver.from_scratch())
+    assert np.array_equal(moved, again.light._solver.from_scratch())
 
 
 def test_switched_on_and_off_in_the_panel():

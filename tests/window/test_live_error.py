@@ -261,7 +261,7 @@ def test_reference_and_errors_come_at_rest_and_go_with_a_move(session):
     # Another pose: nothing is known of it.
     s.begin_drag()
     s.move({"block": s.poses["block"]._replace(position=(0.4, 0.3, 0.5))})
-    rest(s, lambda: s.light.poses_drawn["block"].position[0] == 0.4)
+    rest(s, lambda: s.light.snapshot.poses["block"].position[0] == 0.4)
     assert (
         view_content.shown(s).sides[0].label.startswith("Tangent plane") and "reference" in view_content.shown(s).coming
     )

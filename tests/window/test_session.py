@@ -44,12 +44,12 @@ def make(step_seconds=0.006, steps=40):
 
 def frame(s: Session, editing=False, seconds=FRAME):
     """Run one frame; return what the solver was asked in it."""
-    before = len(s.solver.log)
+    before = len(s.light._solver.log)
     started = s.clock.now
     s.tick(seconds, editing)
     spent = s.clock.now - started
     s.clock.now += max(seconds - spent, 0)
-    return [entry[0] for entry in s.solver.log[before:]], spent
+    return [entry[0] for entry in s.light._solver.log[before:]], spent
 
 
 @pytest.mark.parametrize("step_seconds", [0.0005, 0.002, 0.006, 0.02, 1.5])
@@ -61,7 +61,7 @@ def test_refinement_keeps_to_its_budget(step_seconds):
         asked, spent = frame(s)
         assert spent <= BUDGET + 1e-12
         frames += 1
-    assert s.solver.count("step") == 50
+    assert s.light._solver.count("step") == 50
     # 8 ms of each frame's 16.7 and, of the step under way at its end, the rest too.
     assert frames <= 52 * max(step_seconds / BUDGET, 1)
 
@@ -72,11 +72,11 @@ def test_dragging_a_slider_never_does_more_than_one_frame_of_steps(session):
         session.want(replace(session.settings, radius=0.05 + 1e-4 * k))
         asked, spent = frame(session, editing=True)
         assert spent <= BUDGET + 1e-12 and asked.count("step") <= 2
-    assert session.solver.count("configure") == 0
+    assert session.light._solver.count("configure") == 0
     asked, spent = frame(session, editing=False)  # let go
     assert asked.count("configure") == 1
     assert spent <= 2 * BUDGET, "it waits for the step under way, then for one of the new ones"
-    assert session.solver.radius == pytest.approx(0.05 + 1e-4 * 119)
+    assert session.light._solver.radius == pytest.approx(0.05 + 1e-4 * 119)
 
 
 def test_a_held_slider_that_rests_is_taken_over_once(session):
@@ -85,16 +85,16 @@ def test_a_held_slider_that_rests_is_taken_over_once(session):
         assert "configure" not in frame(session, editing=True)[0]
     for _ in range(20):
         frame(session, editing=True)
-    assert session.solver.count("configure") == 1
+    assert session.light._solver.count("configure") == 1
 
 
 def test_only_changed_settings_reach_the_solver(session):
     session.want(replace(session.settings, exposure=3.0, tone_map="clip", cull=False))
     frame(session)
-    assert session.solver.count("configure") == 0
+    assert session.light._solver.count("configure") == 0
     session.want(replace(session.settings, photons=500))
     frame(session)
-    assert ("configure", {"photons": 500}) in session.solver.log
+    assert ("configure", {"photons": 500}) in session.light._solver.log
 
 
 def test_the_old_picture_stays_until_the_new_one_is_there(session):
@@ -116,7 +116,7 @@ def test_refused_setting_is_logged_and_reverted(session):
     assert session.settings.estimator == "tangent_plane" and session.settings.tone_map == "clip"
     assert session.log.last.level == ERROR and "no such estimator" in session.log.last.text
     frame(session)
-    assert session.solver.count("configure") == 1, "not asked again and again"
+    assert session.light._solver.count("configure") == 1, "not asked again and again"
 
 
 def test_a_drag_moves_and_does_not_refine(session):
@@ -125,8 +125,8 @@ def test_a_drag_moves_and_does_not_refine(session):
     for k in range(10):
         version = session.version
         session.move({"block": Pose((0.4 + 0.01 * k, 0.3, 0.5))})
-        assert session.version == version + 1 and session.irradiance is session.solver.irradiance
-        assert session.pose_list == [session.solver.poses["block"]]
+        assert session.version == version + 1 and session.irradiance is session.light._solver.irradiance
+        assert session.pose_list == [session.light._solver.poses["block"]]
         assert frame(session)[0] == []
     session.end_drag()
     assert "step" in frame(session)[0], "refinement goes on afterwards"
@@ -143,12 +143,12 @@ def test_a_move_never_waits_for_a_long_step_and_is_not_forgotten():
     s.move({"block": Pose((0.45, 0.3, 0.5))})
     s.move({"block": there})
     assert s.clock.now - before <= 2 * GRACE + 1e-9
-    assert s.poses["block"] == there and s.pose_list[0] == start and s.solver.count("move") == 0
+    assert s.poses["block"] == there and s.pose_list[0] == start and s.light._solver.count("move") == 0
     for _ in range(600):
         asked, spent = frame(s)
         assert spent <= GRACE + 0.005
         assert (s.pose_list[0] == start) == (s.irradiance is light), "pose and light change together"
-    assert s.pose_list[0] == there and s.solver.count("move") == 1, "once, to where it is wanted now"
+    assert s.pose_list[0] == there and s.light._solver.count("move") == 1, "once, to where it is wanted now"
     s.end_drag()
     s.undo()
     assert s.poses["block"] == start
@@ -167,7 +167,7 @@ def test_slow_moves_follow_without_a_queue():
         frame(s)
         assert s.clock.now - before <= GRACE + FRAME + 0.005
         drawn.add(s.pose_list[0])
-        assert s.solver.count("move") <= 1 + (k + 1) * 0.06 / 0.15
+        assert s.light._solver.count("move") <= 1 + (k + 1) * 0.06 / 0.15
     s.end_drag()
     assert 8 < len(drawn) < 40
     for _ in range(20):
@@ -218,7 +218,7 @@ def test_playing_does_not_depend_on_the_frame_rate(rate):
     s.toggle_play()
     assert "step" in frame(s)[0] + frame(s)[0]  # the first may give memory back
     s.undo()
-    assert s.poses["block"] == s.solver.scene.mobiles[0].pose, "playing is one step of undo"
+    assert s.poses["block"] == s.light._solver.scene.mobiles[0].pose, "playing is one step of undo"
 
 
 def test_play_head_goes_there_and_back_or_round():
@@ -230,7 +230,7 @@ def test_play_head_goes_there_and_back_or_round():
 
 
 def test_exception_in_refinement_or_move_is_logged(session):
-    session.solver.solve_steps = lambda: iter_raising("embree lost its scene")
+    session.light._solver.solve_steps = lambda: iter_raising("embree lost its scene")
     session.want(replace(session.settings, radius=0.01))
     for _ in range(4):
         frame(session)
@@ -240,7 +240,7 @@ def test_exception_in_refinement_or_move_is_logged(session):
     def refuse(poses, photons=None, paths=None):
         raise ValueError("not rigid")
 
-    session.solver.move_all = refuse
+    session.light._solver.move_all = refuse
     session.toggle_play()
     frame(session)
     assert not session.playing and "not rigid" in session.log.last.text
@@ -317,8 +317,8 @@ def test_the_meter_is_not_fooled_by_noise():
         s.adopt(opened)
         while s.refining:
             s.tick(FRAME)
-        scene = s.solver.scene
-        exposure = metering.metered(s, from_camera(scene.camera, scene.up, scene_bounds(s.solver, s.poses)))
+        scene = s.light._solver.scene
+        exposure = metering.metered(s, from_camera(scene.camera, scene.up, scene_bounds(s.model, s.poses)))
         s.close()
         return exposure
 

@@ -32,21 +32,21 @@ def test_panel_controls(play):
         ctx.set_ref("Panel")
         ctx.combo_click(f"##Estimator/{names[-1].replace('_', ' ').capitalize()}")
         hand.wait_for_light()
-        assert session.solver.estimator == session.settings.estimator == names[-1]
+        assert session.light._solver.estimator == session.settings.estimator == names[-1]
         assert (hand.pixels() != before).any()
         for k, name in enumerate(names[:3]):
             hand.press((K._1, K._2, K._3)[k])
             hand.wait_for_light()
-            assert session.solver.estimator == name
+            assert session.light._solver.estimator == name
 
         # Values typed in.
         ctx.item_input_value("##Radius", 0.1)
         ctx.item_input_value("##Neighbours k", 12)
         ctx.item_input_value("##Photons", 30_000)
         hand.wait_for_light()
-        assert session.solver.radius == pytest.approx(0.1)
-        assert session.solver.neighbours == 12
-        assert session.solver.photons_traced == 30_000
+        assert session.light._solver.radius == pytest.approx(0.1)
+        assert session.light._solver.neighbours == 12
+        assert session.light._solver.photons_traced == 30_000
 
         # Artifact control: the corners of the room are darker without.
         hand.press(K._1)
@@ -55,7 +55,7 @@ def test_panel_controls(play):
         ctx.item_click("Bias correction")
         ctx.item_uncheck("Artifact control")
         hand.wait_for_light()
-        assert session.solver.setting.control is session.settings.control is False
+        assert session.light._solver.setting.control is session.settings.control is False
         assert (session.irradiance < 0.9 * lit).any()
 
         # Border correction and the textbook's k: more light where three walls meet, and everywhere.
@@ -64,11 +64,11 @@ def test_panel_controls(play):
         lit = session.irradiance
         ctx.item_uncheck("Border correction")
         hand.wait_for_light()
-        assert (session.irradiance != lit).any() and not session.solver.setting.border_correction
+        assert (session.irradiance != lit).any() and not session.light._solver.setting.border_correction
         lit = session.irradiance
         ctx.item_check("Count k-th hit")
         hand.wait_for_light()
-        assert session.irradiance.mean() > lit.mean() and session.solver.setting.textbook
+        assert session.irradiance.mean() > lit.mean() and session.light._solver.setting.textbook
 
         # Exposure by slider, then metered again.
         metered = session.settings.exposure
@@ -114,13 +114,13 @@ def test_all_searches_show_the_same_light(play):
         hand.wait_for_light()
         ctx.set_ref("Panel")
         ctx.item_open("Disc search")
-        lit, summary = session.irradiance, session.solver.search_summary
+        lit, summary = session.irradiance, session.light._solver.search_summary
         assert summary.startswith("disc_index: cells of")
         for search in [*SEARCHES][::-1]:
             ctx.combo_click(f"##Search/{search.replace('_', ' ').capitalize()}")
             hand.wait_for_light()
-            assert session.solver.setting.search == session.settings.search == search
-            assert session.solver.search_summary.startswith(search)
+            assert session.light._solver.setting.search == session.settings.search == search
+            assert session.light._solver.search_summary.startswith(search)
             assert np.array_equal(session.irradiance, lit)
 
     assert errors(play(script)) == []
@@ -139,7 +139,7 @@ def test_slider_drag_never_delays_a_frame(play, monkeypatch):
     def script(hand, viewer):
         session, ctx = viewer.session, hand.ctx
         hand.wait_for_light()
-        solver = session.solver
+        solver = session.light._solver
         configure, solve_steps, tick = solver.configure, solver.solve_steps, session.tick
 
         def watched_steps():
@@ -166,7 +166,7 @@ def test_slider_drag_never_delays_a_frame(play, monkeypatch):
         ctx.yield_(3)
         hand.wait(lambda: not session.refining)
         assert len(configured) == 1 and list(configured[0]) == ["radius"]
-        assert session.solver.radius == session.settings.radius != support.SETTINGS.radius
+        assert session.light._solver.radius == session.settings.radius != support.SETTINGS.radius
         assert threads and not threads & windows_thread
 
     # Without the work at rest, whose twins would be counted here.
@@ -192,7 +192,7 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):
         ctx.item_input_value("##Time budget", 20)
         ctx.yield_(2)
         assert session.settings.budget == 20 and session.light.budget == 0.02
-        solver = session.solver
+        solver = session.light._solver
         few = solver.prefixes[-2]
         assert few < support.SETTINGS.photons == solver.prefixes[-1]
         solver.budget.within = lambda *_: (few, None)
@@ -202,18 +202,18 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):
         ctx.mouse_down(0)
         for k in range(1, 4):
             hand.move((at[0] + 15 * k, at[1]))
-        hand.wait(lambda: session.light.photons_shown == few)
+        hand.wait(lambda: session.light.snapshot.photons == few)
         ctx.yield_(2)
         assert ("Photons shown", f"{few:,} of 20,000".replace(",", " ")) in rows
         monkeypatch.setattr(session_module, "STILL", 0.05)
-        hand.wait(lambda: session.light.photons_shown == 20_000)
+        hand.wait(lambda: session.light.snapshot.photons == 20_000)
         assert session.dragging, "held still for a while"
         monkeypatch.setattr(session_module, "STILL", 60.0)
         hand.move((at[0] + 90, at[1]))
-        hand.wait(lambda: session.light.photons_shown == few)
+        hand.wait(lambda: session.light.snapshot.photons == few)
         ctx.mouse_up(0)
         hand.wait_for_light()
-        assert session.light.photons_shown == 20_000 and rows[-1] is not None
+        assert session.light.snapshot.photons == 20_000 and rows[-1] is not None
         assert hand.light_is_that_from_scratch()
         rows.clear()
         ctx.yield_(2)
@@ -228,7 +228,7 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):
         ctx.mouse_down(0)
         for k in range(1, 4):
             hand.move((at[0] - 15 * k, at[1]))
-            assert session.light.photons_shown == 20_000
+            assert session.light.snapshot.photons == 20_000
         ctx.mouse_up(0)
         ctx.yield_(2)
 

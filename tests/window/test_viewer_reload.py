@@ -79,13 +79,13 @@ def test_reload_keeps_the_users_settings_and_poses(play):
         camera, light = viewer.viewport.camera, first.irradiance
         again(hand, viewer)
         session = viewer.session
-        assert session.poses == {"block": AWAY} == session.solver.poses
+        assert session.poses == {"block": AWAY} == session.light._solver.poses
         assert (session.settings.photons, session.settings.tone_map, session.settings.exposure) == (
             30_000,
             "clip",
             1.25,
         )
-        assert session.solver.photons == 30_000 and viewer.viewport.camera == camera
+        assert session.light._solver.photons == 30_000 and viewer.viewport.camera == camera
         assert np.array_equal(session.irradiance, light), "the same files: the same bits"
 
         # The files change: brighter walls, a second block, another camera.
@@ -241,7 +241,7 @@ def test_twenty_loads_leave_nothing_of_the_old_scenes(play):
         gc.disable()
         try:
             for _ in range(20):
-                gone.append(weakref.ref(viewer.session.solver))
+                gone.append(weakref.ref(viewer.session.light._solver))
                 objects = viewer.renderer._objects
                 again(hand, viewer)
                 assert viewer.renderer._objects is not objects

@@ -152,12 +152,12 @@ def test_the_window_has_it_in_the_combo_and_under_a_key(play):
         hand.ctx.set_ref("Panel")
         hand.ctx.combo_click("##Estimator/Toy")
         hand.wait_for_light()
-        assert session.solver.estimator == session.settings.estimator == "toy"
+        assert session.light._solver.estimator == session.settings.estimator == "toy"
         hand.press(keys()._1)
         hand.wait_for_light()
-        assert session.solver.estimator == list(ESTIMATORS)[0]
+        assert session.light._solver.estimator == list(ESTIMATORS)[0]
         hand.press((keys()._1, keys()._2, keys()._3, keys()._4)[number])
         hand.wait_for_light()
-        assert session.solver.estimator == "toy" and session.irradiance.any()
+        assert session.light._solver.estimator == "toy" and session.irradiance.any()
 
     assert errors(play(script)) == []

@@ -46,7 +46,7 @@ def rest(session: Session, tasks: int = 3000) -> None:
     """Let a session do all that is to be done at rest."""
     for _ in range(tasks):
         session.tick(1 / 60, budget=2 * TASK)
-        if session.light._job is None and not session.refining:
+        if session.light.is_idle and not session.refining:
             return
     raise AssertionError("no end of work at rest")
 
@@ -66,10 +66,10 @@ def test_all_work_at_rest_is_done_and_stored_where_nothing_was(folder, capfd):
     shown = view_content.shown(session)
     assert shown.errors is not None and len(shown.sides) == 2 and not shown.coming
     assert errors(session) == [] and capfd.readouterr().err == ""
-    store = StaticStore(session.solver.model, session.solver.seed)
-    assert np.array_equal(store.load().mean, session.solver.gathered.state.mean)
+    store = StaticStore(session.light._solver.model, session.light._solver.seed)
+    assert np.array_equal(store.load().mean, session.light._solver.gathered.state.mean)
     assert len(list(folder.iterdir())) == 2, "the static light and the reference"
-    assert np.array_equal(session.irradiance, session.solver.from_scratch())
+    assert np.array_equal(session.irradiance, session.light._solver.from_scratch())
 
 
 def test_rest_ends_where_there_is_no_light():
