@@ -67,7 +67,7 @@ class Solver:
         light: str = "photons",
         **others,
     ):
-        """Prepare a scene; nothing is traced yet but for a small pilot that sets the defaults.
+        """Prepare a scene; nothing is traced except a small pilot trace for the defaults.
 
         photons: how many to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map;
         None takes the scene file's value, else the rule of `gi_core.defaults.choose`; light: "photons" or "best", see
@@ -98,10 +98,10 @@ class Solver:
     def configure(
         self, photons: int | None = None, light: str | None = None, prefix_only: bool | None = None, **changes
     ) -> None:
-        """Change settings. Paths are kept; solve_steps() does again only what depends on the change.
+        """Change settings. Paths stay; solve_steps() repeats only the work that depends on the change.
 
         light: "photons", the estimator's own; "best", gathered where that is better (`gi_core.frames.light_source`);
-        prefix_only: frames of a prefix of the photons take the static part's light from that prefix too, not from all
+        prefix_only: frames of a photon subset take the static part's light from that subset too, not from all
         photons (for measuring); changes: fields of `setting`; None keeps a value. Until solve_steps() has run,
         frames go on with the old settings. Raises SceneError for a bad value.
         """
@@ -142,7 +142,7 @@ class Solver:
     def solve_steps(self, pictures: bool = True) -> Iterator[Progress]:
         """Trace and estimate in steps of some 20 ms; with `pictures`, refresh irradiance as photons grow.
 
-        May be abandoned between steps and started again: nothing traced is traced again.
+        May be abandoned between steps and restarted; traced photons are reused.
         """
         first, shown = self._first_frame, self._generation.background
         b, goal = yield from first.steps(self.setting, shown, lambda: self._goal, pictures, self._show)
@@ -154,7 +154,7 @@ class Solver:
 
     @property
     def memory_full(self) -> bool:
-        """Whether there are fewer photons than wanted, because memory holds no more."""
+        """Whether memory limits the photons below the number wanted."""
         return self._first_frame.memory_full
 
     def _show(self, b: Background) -> None:
@@ -198,15 +198,15 @@ class Solver:
         return () if b is None else tuple(sorted(b.estimate.prefixes))
 
     def size_within(self, seconds: float) -> tuple[int | None, int | None]:
-        """Return the photons and paths, as of move_all(), of the largest frame expected to take no longer.
+        """Return the photons and paths, as for move_all(), of the largest frame predicted to fit.
 
-        Judged by past frames; where there are none, the smallest that makes a picture (`gi_core.frames.frame_budget`).
+        The prediction uses past frames; without any, the smallest acceptable size (`gi_core.frames.frame_budget`).
         """
         return self.budget.within(seconds, self.prefixes, self.paths_at_rest > 0)
 
     @property
     def paths_at_rest(self) -> int:
-        """Paths per receiver of a mobile where nothing else is asked for; 0 where none are gathered."""
+        """Default paths per receiver of a mobile; 0 where none are gathered."""
         return self._size(self._goal).paths
 
     def _size(self, photons: int, paths: int | None = None) -> FrameSize:
@@ -218,7 +218,7 @@ class Solver:
     ) -> None:  # fmt: skip
         """Compute the frame at some poses, if not the current ones, from a background, if not that on show.
 
-        All that is seen of it changes at the end, or, where anything is raised, not at all.
+        The visible state changes at the end, or not at all if an exception is raised.
         """
         poses, b = self.poses if poses is None else poses, background or self._generation.background
         if b is None:
@@ -233,13 +233,13 @@ class Solver:
         gathering = clock.seconds.get("gather", 0.0)
         rest = sum(clock.seconds.values()) - gathering
         budget.took(*size, rest, gathering if self._source.rays_traced else None)
-        # From here on nothing is called, so that nothing can be raised half way.
+        # No calls from here on, so no exception can leave a partial state.
         self.poses, self.irradiance, self.changes, self.timings = poses, light, changes, clock.seconds
         (self.photons_traced, self.paths_gathered), self._generation, self.budget = size, generation, budget
 
     @property
     def uses_gathered(self) -> bool:
-        """Whether frames start from gathered light: it is asked for, and has less noise than the photons."""
+        """Whether frames start from gathered light: `light` is "best", and it has less noise than photons."""
         return self._source.is_gathered
 
     @property
@@ -249,7 +249,7 @@ class Solver:
     # -- gathering --------------------------------------------------------------------------------
 
     def gather_steps(self, state: ReferenceState | None = None) -> Iterator[Progress]:
-        """Gather the static part's light in steps of some 30 ms until it is known to 0.7 % (`gi_core.gather.static`).
+        """Gather the static part's light in steps of some 30 ms to 0.7 % noise (`gi_core.gather.static`).
 
         Used by frames where `light` is "best". May be abandoned between steps and begun again;
         state: what `gathered.state` of an earlier run was, for the same scene and seed. Raises ValueError for another.
@@ -269,7 +269,7 @@ class Solver:
         return g.background.resting(g.photons) if g.photons else None
 
     def _look_at_gathered(self, g: StaticGather) -> Iterator[Progress]:
-        """Use gathered light if it has less noise than the photons; irradiance is then new."""
+        """Use gathered light if it has less noise than photons; irradiance is then refreshed."""
         b = self._generation.background
         used = self._source.compare(b)
         if used:
@@ -279,7 +279,7 @@ class Solver:
         yield Progress("gathering", g.fraction, used)
 
     def twin(self, fresh: bool = False) -> Solver:
-        """Return a solver with settings and poses of its own that shares this one's scene and photons.
+        """Return a solver with separate settings and poses that shares this one's scene and photons.
 
         It starts as this one is or, `fresh`, with nothing estimated yet. For a second look at the same light, say by
         another estimator: nothing is traced twice. Only one of the two may be at work at a time.
@@ -295,9 +295,9 @@ class Solver:
     # -- answers ----------------------------------------------------------------------------------
 
     def from_scratch(self, poses: Mapping[str, Pose] | None = None) -> np.ndarray:
-        """Return irradiance (R, 3) at poses from every photon traced anew through static and mobiles.
+        """Return irradiance (R, 3) at poses from all photons, traced again through static part and mobiles.
 
-        What each frame must equal bit for bit; structures are prebuilt, nothing of the background is used.
+        Each frame must equal this bit for bit. Acceleration structures are reused; the background is not.
         """
         at, shown = self.model.transforms({**self.poses, **(poses or {})}), self._generation.background
         made = shown or self._first_frame.background(self.setting, None, self._goal)
@@ -336,7 +336,7 @@ class Solver:
 
     @property
     def control_facts(self) -> ControlFacts:
-        """How many receivers artifact control concerns, in general and in the last frame."""
+        """Numbers of receivers under artifact control, in general and in the last frame."""
         return self._generation.facts
 
     @property
@@ -351,14 +351,14 @@ class Solver:
 
     @property
     def search_summary(self) -> str:
-        """What the disc search over the static part has built, in words; "" where there is none."""
+        """Summary of the disc search over the static part; "" where there is none."""
         b = self._generation.background
         searches = [] if b is None else b.estimate.searches
         return searches[0].summary() if searches else ""
 
     @property
     def segments_total(self) -> int:
-        """Segments in the background prefix that irradiance belongs to."""
+        """Number of background segments of the photons of irradiance."""
         return self._photons.segments(self.photons_traced)
 
     @property

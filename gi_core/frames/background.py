@@ -1,4 +1,4 @@
-"""The background: photons traced through the static part alone, and an estimate of their light."""
+"""The background: photon paths through the static part, and the estimate of their light."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from gi_core.photons.trace import Fates, no_flux, trace_background
 from gi_core.retrace.broad_phase import Coarse, CoarseStore, grid_for
 
 PART = 4096  # photons that a thread traces or accumulates in one go: their rays and segments stay in its cache
-PART_GRAIN = 256  # photons a thread
-FIRST_SECONDS = 1e-5  # of a photon, before any are known
-LEAST_CHUNK, LARGEST_CHUNK = 64, 1 << 16  # photons a step
-BYTES_PER_VERTEX = 40  # of a path as it is stored, twice: whole and coarse
-SPARE_MEMORY = 1 << 30  # bytes that are left to others, and to what frames need
+PART_GRAIN = 256  # photons per thread
+FIRST_SECONDS = 1e-5  # per photon, before measurements
+LEAST_CHUNK, LARGEST_CHUNK = 64, 1 << 16  # photons per step
+BYTES_PER_VERTEX = 40  # per stored path vertex, whole and quantised
+SPARE_MEMORY = 1 << 30  # bytes reserved for frames and for other programs
 
 
 class Work(enum.Enum):
@@ -49,18 +49,18 @@ class Background:
         self._resting = SubsetStore()
 
     def build(self) -> Iterator[None]:
-        """Build what does not depend on photons, unless that has been done, in steps."""
+        """Build the parts that do not depend on photons, once, in steps."""
         if not self.built:
             yield from self.estimate.build()
             self.built = True
 
     @property
     def weights(self) -> np.ndarray:
-        """The areas (n,) [m2] that static receivers stand for."""
+        """Areas (n,) [m2] of static receivers."""
         return self._model.object_receivers.areas[self._model.surfaces.receiver_range(0)]
 
     def resting(self, photons: int) -> np.ndarray:
-        """Return irradiance (n, 3) of static receivers without mobiles, of a prefix; computed once."""
+        """Return irradiance (n, 3) of static receivers without mobiles, of a photon subset; cached."""
         if photons not in self._resting:
             sums, area = self.estimate.background(photons)
             self._resting[photons] = irradiance(sums, self._model.emitters.unit_flux / photons, area)
@@ -75,14 +75,14 @@ class Photons:
         self.fates = no_flux()
         self._pace = Pace()
         self._store = PathStore()
-        self._coarse = CoarseStore(grid_for(model.world, *model.lit))  # the same paths, for the scan
+        self._coarse = CoarseStore(grid_for(model.world, *model.lit))  # the same paths, quantised, for the broad phase
 
     @property
     def count(self) -> int:
         return self._store.photons
 
     def prefix(self, photons: int) -> tuple[PathVertices, Coarse]:
-        """Return views of the paths of the first photons, whole and coarse."""
+        """Return views of the paths of the first photons, whole and quantised."""
         paths = self._store.prefix(photons)
         return paths, self._coarse.prefix(len(paths.side))
 
@@ -91,7 +91,7 @@ class Photons:
         return len(self.prefix(photons)[0].side) - photons
 
     def affordable(self, wanted: int, bytes_per_hit: int) -> int:
-        """Return how many of the photons wanted memory holds; an estimator keeps bytes_per_hit more a path vertex."""
+        """Return the wanted photons that fit into memory; the estimator needs bytes_per_hit per path vertex."""
         left = memory.available()
         if not self.count or left is None or wanted <= self.count:
             return wanted
@@ -102,8 +102,8 @@ class Photons:
     def bring_in(self, b: Background, until: int, wanted: int, seconds: float) -> Work:
         """Do one step [s] towards a background of the first `until` photons; returns its kind.
 
-        Photons are traced some steps ahead of what is estimated, so that each step keeps to one kind of work and its
-        data. wanted: photons that there is going to be room for.
+        Photons are traced some steps ahead of the estimate, so that each step does one kind of work on its data in the
+        cache. wanted: photons to reserve memory for.
         """
         started = time.perf_counter()
         if b.added == self.count:
@@ -119,7 +119,7 @@ class Photons:
         return work
 
     def _trace(self, count: int, wanted: int) -> None:
-        """Trace the next photons, a share of them a thread."""
+        """Trace the next photons on all threads."""
         m, stored = self.model, self.count
 
         def work(_, first, last):
@@ -134,7 +134,7 @@ class Photons:
         self.fates = functools.reduce(add_fates, fates, self.fates)
 
     def _estimate(self, b: Background, count: int) -> None:
-        """Bring the next photons, which have been traced, into a background, a share of them a thread."""
+        """Add the next traced photons to a background, on all threads."""
         m, added = self.model, b.added
         known = self._store.prefix(added + count)
 
@@ -146,24 +146,24 @@ class Photons:
         try:
             run_ranges(work, count, m.threads, PART_GRAIN)
         except BaseException:
-            b.setting = None  # it holds a part of these photons: never go on with it
+            b.setting = None  # incomplete: never continue it
             raise
         b.added += count
 
 
 class Pace:
-    """How many photons fit into a step, as the last ones went."""
+    """Photons per step, from the measured time of past steps."""
 
     def __init__(self):
         self._each = FIRST_SECONDS
 
     def share_of(self, left: int, seconds: float) -> int:
-        """Return how many to do next of those that are left, so that no step is short."""
+        """Return the photons of the next step out of `left`, such that no step is short."""
         fit = min(max(seconds / self._each, LEAST_CHUNK), LARGEST_CHUNK)
         return -(-left // math.ceil(left / fit))
 
     def took(self, count: int, seconds: float) -> None:
-        """Learn from a step; what went faster than thought counts in full, what went slower may have been disturbed."""
+        """Record the time of a step. Faster steps count in full; slower ones may have been disturbed."""
         self._each = min(seconds / count, 0.5 * (self._each + seconds / count))
 
 

@@ -12,10 +12,10 @@ from gi_core.frames.background import Background, Photons
 from gi_core.frames.light_source import LightSource
 from gi_core.photons.prefixes import is_level, next_level
 
-STEP_SECONDS = 0.02  # aim of one step; of 6 ms, a third would be spent on handing out work
+STEP_SECONDS = 0.02  # aim per step; of 6 ms, a third would be overhead
 FIRST_STEP_SECONDS = 0.08  # the same before the first picture: nothing can be dragged yet
-FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are confetti
-MANY_RECEIVERS = 30_000  # their regions take half a second and more to find
+FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are too noisy
+MANY_RECEIVERS = 30_000  # measuring their regions takes half a second and more
 MORE, LATE_MORE = 1.41, 1.19  # growth of photons per picture where sums are additive: a picture costs one frame,
 LATE = 1 << 18  # which is little beside so many photons
 MUCH_MORE = 2.0  # the same where each picture estimates everything again
@@ -55,7 +55,7 @@ def _after(b: Background) -> int:
 
 
 class FirstFrame:
-    """Builds the background of a setting. What is built stays if the steps are abandoned."""
+    """Builder of the background of a setting. Finished parts stay if the steps are abandoned."""
 
     def __init__(self, photons: Photons, source: LightSource, scene_size: float):
         self._photons, self._source, self._scene_size = photons, source, scene_size
@@ -63,7 +63,7 @@ class FirstFrame:
         self.memory_full = False  # fewer photons than wanted, because memory does not hold more
 
     def background(self, setting: Setting, shown: Background | None, wanted: int) -> Background:
-        """Return the background to go on with: the one on show, or being built, if it still fits."""
+        """Return the background to continue: the one on show, or being built, if it fits the setting."""
         for kept in (shown, self._building):
             if kept is not None and kept.setting == setting and kept.added <= wanted:
                 return kept
@@ -78,7 +78,7 @@ class FirstFrame:
         pictures: bool,
         show: Callable[[Background], None],
     ) -> Generator[Progress, None, tuple[Background, int]]:
-        """Bring the background of a setting to all photons wanted, in steps; `show` computes the frame from it.
+        """Extend the background of a setting to all photons wanted, in steps; `show` computes the frame from it.
 
         shown: the background on show, None before the first picture; wanted: photons, asked before each step. Returns
         the background and its photons: those wanted, or as many as memory holds.
@@ -116,12 +116,12 @@ class FirstFrame:
         yield Progress("estimating", b.added / max(wanted, 1), True)
 
     def find_unreached(self, b: Background) -> Iterator[Progress]:
-        """Find the receivers that light does not reach, by the light of all photons of a background."""
+        """Find unreached receivers by the light of all photons of a background."""
         for _ in self._source.find_unreached(self._scene_size, b):
             yield Progress("looking for unreached receivers", 1.0, False)
 
     def _uncontrolled(self, setting: Setting, wanted: int, show: Callable) -> Generator[Progress, None, Background]:
-        """Show the first photons without artifact control, whose regions may take seconds; returns the background."""
+        """Show the first photons without artifact control, as regions may take seconds; return the background."""
         b = Background(self._photons.model, setting._replace(control=False))
         yield from _build(b)
         first = min(FIRST_PICTURE, wanted)

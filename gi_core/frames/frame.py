@@ -1,7 +1,7 @@
-"""One frame's irradiance, from the background and the poses alone; and the same from scratch, to check against.
+"""Irradiance of a frame, from the background and the poses alone, and the same from scratch for comparison.
 
-E = E_bg - E~(tails) + E~(branches) on static receivers (report Eq. 2.4, kept from drifting by
-computing it afresh from integers each frame); receivers on mobiles from all segments near them, or by gathering.
+Static receivers: E = E_bg - E~(removed suffixes) + E~(new suffixes) (report Eq. 2.4), computed from integers in each
+frame, so it cannot drift. Receivers on mobiles: from all segments near them, or by path gathering.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ NO_FACTS = ControlFacts(0.0, 0, 0)
 
 
 class FrameSize(NamedTuple):
-    """What a frame is made of."""
+    """Photons and paths of a frame."""
 
     photons: int
-    paths: int  # that each receiver of a mobile gathers; 0: its light is that of the photons
+    paths: int  # per receiver of a mobile; 0: photons light mobiles
 
 
 class Generation(NamedTuple):
@@ -48,15 +48,15 @@ class Generation(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """What the mobiles change of the background."""
+    """Statistics of the path changes of a frame."""
 
     photons_cut: int
-    old_segments: int  # taken out
-    new_segments: int  # put in, heads included
+    old_segments: int  # removed
+    new_segments: int  # added, including kept prefixes
 
 
 def changes_of(f: PoseChange) -> Changes:
-    """Count what a frame changes."""
+    """Return the statistics of a pose change."""
     return Changes(f.kept_prefixes.size, f.removed_suffixes.size, f.kept_prefixes.size + f.new_suffixes.size)
 
 
@@ -70,9 +70,9 @@ def frame_light(
     room: ScanBuffers,
     clock,
 ) -> tuple[PoseChange, np.ndarray]:
-    """Return what the mobiles at `at` change, and irradiance (R, 3) [W/m2].
+    """Return the path changes at the poses `at`, and irradiance (R, 3) [W/m2].
 
-    shown: the background of all photons; `clock(stage)` is called as each stage ends.
+    shown: the background of all photons. `clock(stage)` is called at the end of each stage.
     """
     estimate = shown.estimate
     paths, coarse = photons.prefix(size.photons)
@@ -107,10 +107,10 @@ def fluxes(photons: Photons, change: PoseChange | None) -> dict[str, np.ndarray]
 def light_from_scratch(
     model: Model, seed: int, shown: Background | None, made: Background, source: LightSource, at: Transforms, paths: int
 ) -> np.ndarray:
-    """Return irradiance (R, 3) [W/m2] from every photon traced anew through static part and mobiles.
+    """Return irradiance (R, 3) [W/m2] from all photons, traced again through static part and mobiles.
 
-    What a frame must equal bit for bit; structures are prebuilt, nothing of the background's light is used but as
-    the better light that frames start from. made: what is prebuilt; shown: the same, or None before the first solve.
+    A frame must equal this bit for bit. Structures are reused; the background's light is used only as the better
+    static light of frames. made: background with the structures; shown: the same, or None before the first solve.
     """
     estimate = made.estimate
     n = estimate.photons
@@ -127,5 +127,5 @@ def light_from_scratch(
     background, better = estimate.background(n)[0], source.static_irradiance(shown, n)
     E = frame_irradiance(every, scale, background, shown.resting(n), better, model.threads)
     if paths:
-        source.light_mobiles(E, at, paths, anew=True)
+        source.light_mobiles(E, at, paths, fresh=True)
     return E

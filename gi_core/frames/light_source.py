@@ -1,4 +1,4 @@
-"""Light source of frames, besides their photons: gathered light of the static part and of mobiles."""
+"""Light of frames besides photons: gathered light of the static part and of mobiles."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from gi_core.rays.accelerator import Transforms
 from gi_core.scene.errors import SceneError
 
 LIGHTS = ("best", "photons")
-PATHS = (4, 8, 16, 32, 64, 128, 256)  # per receiver, that a frame can gather
-REST = 64  # of them, where nothing else is asked for: some 4 % of noise
+PATHS = (4, 8, 16, 32, 64, 128, 256)  # per receiver and frame
+REST = 64  # the default, with some 4 % of noise
 
 
 class LightSource:
@@ -28,23 +28,23 @@ class LightSource:
 
     "best": mobiles gather their light in each frame (`mobile.py`), and the static part shows gathered light
     (`static.py`) once that has less noise than its photons. Either way, mobiles change the static part's light
-    as the frame's photons say (`control_variate.py`). prefix_only: frames of a prefix of the photons start from the
-    static light of that prefix, as the report's do.
+    according to the frame's photons (`control_variate.py`). prefix_only: frames of a photon subset start from the
+    static light of that subset, as in the report.
     """
 
     def __init__(self, model: Model, seed: int):
         self.light, self.prefix_only = "photons", False
         self.gathered: StaticGather | None = None
-        self.unreached = NONE_UNREACHED  # receivers of the static part, by the light last looked at
+        self.unreached = NONE_UNREACHED  # unreached static receivers, by the light of the last search
         self.dilation: Dilation | None = None
         self._model, self._seed = model, seed
-        self._less_noise = False  # in gathered light than in all photons
+        self._less_noise = False  # gathered light has less noise than all photons
         self._mobile: MobileGather | None = None
-        self._poses: dict[int, bytes] = {}  # by paths, at the last frame of so many
+        self._poses: dict[int, bytes] = {}  # by number of paths, of its last frame
         self.rays_traced = False  # in the last frame: mobiles had moved
 
     def twin(self, fresh: bool) -> LightSource:
-        """Return a light source with settings of its own and the same gathered light, or without any if `fresh`."""
+        """Return a light source with separate settings and the same gathered light, or none if `fresh`."""
         other = copy.copy(self)
         if fresh:
             other.gathered, other._less_noise = None, False
@@ -60,11 +60,11 @@ class LightSource:
 
     @property
     def is_gathered(self) -> bool:
-        """Whether frames start from gathered static light: it is asked for, and has less noise than the photons."""
+        """Whether frames start from gathered static light: `light` is "best", and it has less noise than photons."""
         return self.light == "best" and not self.prefix_only and self._less_noise
 
     def gather(self, state: ReferenceState | None) -> StaticGather:
-        """Return the gathering of the static light, begun with `state` or gone on with; arguments as of StaticGather.
+        """Return the gathering of static light, started from `state` or continued; arguments as for StaticGather.
 
         Raises ValueError for the state of another scene.
         """
@@ -73,9 +73,9 @@ class LightSource:
         return self.gathered
 
     def compare(self, shown: Background | None) -> bool:
-        """Compare the noise of gathered light with that of all photons; returns whether frames start from it.
+        """Compare the noise of gathered light and of all photons; return whether frames start from gathered light.
 
-        Photons too few to know their noise have more.
+        Photons too few to measure their noise count as noisier.
         """
         g, photons = self.gathered, 0 if shown is None else shown.estimate.photons
         if photons and g is not None and math.isfinite(g.noise):
@@ -87,13 +87,13 @@ class LightSource:
         return self.is_gathered
 
     def static_irradiance(self, shown: Background, photons: int) -> np.ndarray:
-        """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, for a frame of so many photons."""
+        """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, for a frame of `photons` photons."""
         if self.is_gathered:
             return self.gathered.mean
         return shown.resting(photons if self.prefix_only else shown.estimate.photons)
 
     def find_unreached(self, size: float, shown: Background) -> Generator[None]:
-        """Find static receivers that no light reaches, in steps, by this light; `size` is that of `dilation.py`."""
+        """Find unreached static receivers by this light, in steps; `size` [m] as in `dilation.py`."""
         if self.dilation is None:
             self.dilation = Dilation(self._model, size)
             yield
@@ -113,17 +113,17 @@ class LightSource:
         Raises SceneError for a number that is not one of PATHS.
         """
         if wanted is not None and wanted not in PATHS:
-            raise SceneError(f"a frame can gather {', '.join(map(str, PATHS))} paths a receiver, got {wanted}")
+            raise SceneError(f"a frame can gather {', '.join(map(str, PATHS))} paths per receiver, got {wanted}")
         if self.light == "photons" or not self._model.names:
             return 0
         return REST if wanted is None else wanted
 
-    def light_mobiles(self, irradiance: np.ndarray, at: Transforms, paths: int, anew: bool = False) -> None:
-        """Replace the irradiance (R, 3) of receivers on mobiles by what they gather from that of the static part.
+    def light_mobiles(self, irradiance: np.ndarray, at: Transforms, paths: int, fresh: bool = False) -> None:
+        """Replace the irradiance (R, 3) of receivers on mobiles by gathered light from the static part's.
 
-        paths: one of PATHS; anew: nothing that is kept from frames is used.
+        paths: one of PATHS; fresh: without caches of earlier frames.
         """
-        if anew:
+        if fresh:
             gather = MobileGather(self._model, self._seed)
         else:
             gather = self._mobile = self._mobile or MobileGather(self._model, self._seed)
