@@ -65,7 +65,7 @@ class Settings:
     # Window
     reference: bool = False  # show the reference instead of the estimate
     compare: str = ""  # right side of the wipe: an estimator, REFERENCE, or nothing
-    appraise: bool = True  # measure errors at rest
+    measure_errors: bool = True  # measure errors at rest
     budget: float = BUDGET  # [ms] for light per frame in motion; 0: always all photons
     fallback: bool = True  # without a window, render to a file instead of failing
 

@@ -36,7 +36,7 @@ window.prepare()
 def now():
     session = viewer.session
     if session.opening or not session.ready:
-        return session.opening.told[0] if session.opening else ""
+        return session.opening.progress[0] if session.opening else ""
     if session.light.progress is not None:
         return session.light.progress.stage
     gathered = session.light._solver.gathered

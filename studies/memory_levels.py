@@ -51,11 +51,11 @@ def use(session, rng: random.Random, base) -> None:
         rest(session, 0.5)
 
 
-def loaded_again(session, succession):
+def loaded_again(session, reload):
     """Return the session that takes the place of this one."""
-    succession.again(session)
-    while (new := succession.tick(session)) is None:
-        assert not succession.problem, succession.problem
+    reload.again(session)
+    while (new := reload.tick(session)) is None:
+        assert not reload.problem, reload.problem
         session.tick(FRAME)
         time.sleep(0.005)
     session.close(0.0)
@@ -69,14 +69,14 @@ def main() -> int:
     options = parser.parse_args()
     from app.session.log import Log
     from app.session.opening import Opening
-    from app.session.reload import Succession
+    from app.session.reload import Reload
     from app.session.session import Session
     from app.settings import Settings
 
     rng, held, begun = random.Random(0), [], time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         os.environ["GI_VIEWER_REFERENCE_DIR"] = folder
-        session, succession = Session(Settings(options.scene, photons=20_000, exposure=0.0), Log()), Succession(Opening)
+        session, reload = Session(Settings(options.scene, photons=20_000, exposure=0.0), Log()), Reload(Opening)
         while not session.ready:
             session.tick(FRAME)
             time.sleep(0.01)
@@ -85,7 +85,7 @@ def main() -> int:
         for cycle in range(1, options.cycles + 1):
             use(session, rng, base)
             if cycle % 4 == 0:
-                session = loaded_again(session, succession)
+                session = loaded_again(session, reload)
             session.reset_poses()
             session.want(base)
             rest(session, 1.0)

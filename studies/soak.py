@@ -156,7 +156,7 @@ class Soak:
         session = self.viewer.session
         if session.playing:
             session.toggle_play()
-        if session.refining or session.light.busy or self.viewer.succession.coming is not None:
+        if session.refining or session.light.busy or self.viewer.reload.coming is not None:
             return
         if not np.array_equal(session.irradiance, session.light._solver.from_scratch()):
             self.wrong = "light at the end is not that of a solution from scratch"

@@ -1,4 +1,4 @@
-"""What the viewport shows: the estimate, the reference, or two of them side by side; as radiance or as errors."""
+"""Content of the viewport: estimate, reference, or two of them side by side; as radiance or as errors."""
 
 from __future__ import annotations
 
@@ -13,66 +13,67 @@ from gi_core.geometry.error import signed_error
 if TYPE_CHECKING:
     from app.draw.vertex_colours import DrawMesh
     from app.session.session import Session
+    from app.settings import Settings
     from gi_core.display.dilation import Drawn
 
-LEAST_SCALE = 0.02  # at the end of the scale of errors: what is less is nobody's concern
+LEAST_SCALE = 0.02  # relative error at the ends of the colour map, at least
 
 
 class Side(NamedTuple):
-    """One side of the picture, or all of it."""
+    """One side of the picture, or the whole."""
 
-    label: str  # what it is
-    irradiance: np.ndarray  # (R, 3) [W/m2], nan where not known
-    weights: np.ndarray | None = None  # (R,) of receivers in their triangles, see gi_core.display.dilation
+    label: str
+    irradiance: np.ndarray  # (R, 3) [W/m2], nan where unknown
+    weights: np.ndarray | None = None  # (R,) interpolation weights, see gi_core.display.dilation
 
 
 class Errors(NamedTuple):
-    """What errors are told against, and how."""
+    """Reference and scale of an error map."""
 
-    truth: np.ndarray  # (R, 3) [W/m2], nan where not known
+    truth: np.ndarray  # (R, 3) [W/m2], nan where unknown
     areas: np.ndarray  # (R,) [m2]
     scale: float  # relative error at the ends of the colour map
     noise: float  # of the truth, relative l1
 
 
 class Shown(NamedTuple):
-    """What is drawn."""
+    """Content of the picture."""
 
     sides: tuple[Side, ...]  # left to right
-    coming: str  # what will be beside or instead of it, empty if nothing is missing
-    errors: Errors | None  # shown as errors rather than as light
-    named: bool  # it is not plain what the picture is
+    coming: str  # a sentence about parts still to be computed; "": none
+    errors: Errors | None  # of an error map; None: light
+    named: bool  # the picture needs a label
 
 
 def shown(session: Session) -> Shown:
-    """Return what the settings ask for, as far as it is known for the light of this very frame."""
+    """Return the content for the settings, as far as it is computed for the light of this frame."""
     s, light = session.settings, session.light.snapshot
-    estimate = _estimate(light.estimator, light.photons, light.drawn)
-    appraisal = session.appraisal
-    truth = appraisal.truth(light.poses, True) if appraisal is not None else None
-    reference = None
-    if truth is not None and truth.drawn is not None:
-        reference = Side(_of_truth(truth), *truth.drawn)
-    coming, sides = [], [estimate]
-    errors = None
-    if s.show == ERRORS and reference is not None:
-        errors = _errors(session, estimate, reference, truth)  # a map may have holes, a picture may not
-    whole = reference if reference is not None and (truth.seen == 1 or errors is not None) else None
-    if s.reference and whole is not None:
-        sides = [whole]
-    if s.compare:
-        other = whole if s.compare == REFERENCE else _seen(session, s.compare)
-        sides += [other] if other is not None else []
-        coming += [s.compare] if other is None and s.compare != REFERENCE else []
+    truth = session.live_error.truth(light.poses, True) if session.live_error is not None else None
+    estimate, reference = _estimate(light.estimator, light.photons, light.drawn), _reference(truth)
+    errors = _errors(session, estimate, reference, truth) if s.show == ERRORS and reference is not None else None
+    if errors is None and reference is not None and truth.seen < 1:
+        reference = None  # an error map may have holes, a picture may not
+    left = reference if s.reference and reference is not None else estimate
+    right = reference if s.compare == REFERENCE else _comparison(session, s.compare)
+    sides = (left,) if right is None else (left, right)
+    return Shown(sides, _coming(s, right, truth), errors, s.reference or errors is not None)
+
+
+def _coming(s: Settings, right: Side | None, truth) -> str:
+    """Return the sentence about parts still to be computed."""
+    names = [s.compare.replace("_", " ")] if s.compare not in ("", REFERENCE) and right is None else []
     if REFERENCE in s.beside_estimate and (truth is None or truth.seen < 1):
-        coming.append(f"{REFERENCE} ({100 * truth.seen:.0f} % seen)" if truth is not None else REFERENCE)
-    told = f"{' and '.join(coming).replace('_', ' ')}: computed while everything rests" if coming else ""
-    return Shown(tuple(sides), told, errors, s.reference or errors is not None)
+        names.append(REFERENCE if truth is None else f"{REFERENCE} ({100 * truth.seen:.0f} % of receivers)")
+    return f"{' and '.join(names)}: computed at rest" if names else ""
+
+
+def _reference(truth) -> Side | None:
+    return None if truth is None or truth.drawn is None else Side(_label_of(truth), *truth.drawn)
 
 
 def paint(mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return what colours (D, 3) float32 the front and the back of an object's draw vertices have: linear radiance,
-    negative where not known, or with `errors` display colours."""
+    """Return colours (D, 3) float32 of front and back of an object's draw vertices: linear radiance, negative where
+    unknown, or with `errors` display colours."""
     if errors is None:
         from app.draw.vertex_colours import colours
 
@@ -90,8 +91,8 @@ def _errors(session: Session, estimate: Side, reference: Side, truth) -> Errors:
     return Errors(reference.irradiance, areas, max(round_scale(off, areas), LEAST_SCALE), truth.noise)
 
 
-def _seen(session: Session, estimator: str) -> Side | None:
-    other = session.appraisal.other if session.appraisal is not None else None
+def _comparison(session: Session, estimator: str) -> Side | None:
+    other = session.live_error.other if session.live_error is not None else None
     if other is None or not other.is_done(session.light.version, estimator):
         return None
     return _estimate(estimator, other.seen.photons, other.seen.drawn)
@@ -101,10 +102,10 @@ def _estimate(estimator: str, photons: int, drawn: Drawn) -> Side:
     return Side(f"{_title(estimator)}, {_thousands(photons)} photons", *drawn)
 
 
-def _of_truth(truth) -> str:
+def _label_of(truth) -> str:
     if not np.isfinite(truth.noise):
-        return "Reference, a first look"
-    return f"Reference, {_thousands(round(truth.paths))} paths a point, ±{100 * truth.noise:.2g} %"
+        return "Reference, noise unknown"
+    return f"Reference, {_thousands(round(truth.paths))} paths per receiver, ±{100 * truth.noise:.2g} %"
 
 
 def _title(name: str) -> str:

@@ -17,7 +17,7 @@ class MeasuredPoint(NamedTuple):
     photons: int
     seconds: float  # of a GI frame of all photons
     error: float  # relative, l1, total
-    truth_noise: float  # of the reference
+    reference_noise: float  # of the reference
 
     @property
     def label(self) -> str:

@@ -1,6 +1,6 @@
-"""The unbiased reference for the scene as it stands, at some of its receivers: gathered a step at a time at rest.
+"""The unbiased reference at the current poses and some receivers, traced in steps at rest.
 
-For the poses that a scene opens with it is kept on disk (app/rest/reference_store.py), and is there at once next time.
+The reference at a scene's start poses is saved (app/rest/reference_store.py) and loaded at the next start.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 
 class Truth:
-    """Used in the solver's thread alone, but for reading the result of a step."""
+    """Only the solver's thread calls `step`; any thread may read the result."""
 
     def __init__(
         self, solver: Solver, poses: Mapping[str, Pose], rows: np.ndarray, weights: np.ndarray, even: bool = False
     ) -> None:
-        """`even`: as many paths for each receiver, for a picture; else where they lower the error of the whole most."""
+        """`even`: equal path counts per receiver, for a picture; else counts that minimise the total error."""
         from app.rest.reference_store import ReferenceStore
 
-        self.rows, self.weights = rows, weights  # (n,) receivers, and the area or the count of draws of each
-        self.drawn: Drawn | None = None  # the picture of it; None before there is one
+        self.rows, self.weights = rows, weights  # (n,) receivers and their weights: area, or number of draws
+        self.drawn: Drawn | None = None  # for pictures; None before the first step
         self._store = ReferenceStore(solver.model, poses, rows, weights=weights)
         self._is_kept = dict(poses) == solver.model.start_poses()
         self._gathered = self._store.rounds(even, self._is_kept)
@@ -38,14 +38,14 @@ class Truth:
         self.noise = self._gathered.state.noise(self.weights)
 
     def keep(self) -> None:
-        """Write to disk what has been gathered at the poses that the scene opens with."""
+        """Save the state at the scene's start poses."""
         if self._is_kept and self.rounds > self._saved:
             self._store.keep(self._gathered.state)
             self._saved = self.rounds
 
     @property
     def irradiance(self) -> np.ndarray:
-        """Irradiance (n, 3) [W/m2], nan where nothing is gathered yet."""
+        """Irradiance (n, 3) [W/m2], nan where unknown."""
         state = self._gathered.state
         return np.where(state.sets[:, None] > 0, state.mean, np.nan)
 
@@ -61,7 +61,7 @@ class Truth:
 
     @property
     def look(self) -> tuple[int, int]:
-        """Return a pair that changes when there is something new to see; rounds count double."""
+        """Return a pair that changes with the visible result; rounds count in powers of two."""
         return self.rounds.bit_length(), int(16 * self.seen)
 
     @property

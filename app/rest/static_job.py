@@ -19,21 +19,21 @@ class GatherProgress(NamedTuple):
 
 
 class Gathering:
-    """One per solver. The solver's thread runs the tasks of `next_work`; any thread may read `told`, the progress."""
+    """One per solver. The solver's thread runs the tasks of `next_work`; any thread may read `progress`."""
 
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
         self._solver, self._clock = solver, clock
         self._steps: Iterator[Progress] | None = None
         self._store: StaticStore | None = None
         self._saved_at, self._saved = 0.0, -1.0  # the saved fraction
-        self.told = GatherProgress(0.0, float("inf"), False)
+        self.progress = GatherProgress(0.0, float("inf"), False)
 
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""
         g = self._solver.gathered
         finished = self._steps is None and g is not None and g.enough  # and its light is in the picture
         if self._solver.light != "best" or finished:
-            self._tell()
+            self._update_progress()
             return None
         return self._step
 
@@ -48,19 +48,19 @@ class Gathering:
         progress = next(self._steps, None)
         if progress is None:
             self._steps = None
-        self._tell()
+        self._update_progress()
         done = progress is None or solver.gathered.enough
         state = solver.gathered.state  # None during single bounces: the file holds whole paths only
         due = done or self._clock() - self._saved_at > SAVE_SECONDS
-        if state is not None and self.told.fraction > self._saved and due:
+        if state is not None and self.progress.fraction > self._saved and due:
             self._store.keep(state)
-            self._saved_at, self._saved = self._clock(), self.told.fraction
+            self._saved_at, self._saved = self._clock(), self.progress.fraction
         return progress is not None and progress.picture
 
-    def _tell(self) -> None:
+    def _update_progress(self) -> None:
         g, solver = self._solver.gathered, self._solver
         if g is not None:
-            self.told = GatherProgress(g.fraction, g.noise, solver.uses_gathered)
+            self.progress = GatherProgress(g.fraction, g.noise, solver.uses_gathered)
 
 
 def gather(solver: Solver, bar) -> None:

@@ -53,7 +53,7 @@ class Opening:
         self._thread.start()
 
     @property
-    def told(self) -> tuple[str, float | None]:
+    def progress(self) -> tuple[str, float | None]:
         """What is being done, in words, and how much of it is; None: nobody knows."""
         return self.phase + (f": {self.detail}" if self.detail else ""), self.fraction
 

@@ -16,7 +16,7 @@ from app.settings import Settings
 OF_A_SCENE = ("max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "exposure")
 
 
-class Succession:
+class Reload:
     """`again` and `other` begin to open a scene; `tick`, once a frame, returns its session as soon as it is ready."""
 
     def __init__(self, open_with: Callable) -> None:
@@ -41,11 +41,11 @@ class Succession:
         self.coming = Session(settings, now.log, self._open_with)
 
     @property
-    def told(self) -> tuple[str, float | None] | None:
+    def progress(self) -> tuple[str, float | None] | None:
         """What is being done, and how much of it is; None while nothing is."""
         if self.coming is None:
             return None
-        return ("ready", 1.0) if self.coming.opening is None else self.coming.opening.told
+        return ("ready", 1.0) if self.coming.opening is None else self.coming.opening.progress
 
     def tick(self, now: Session) -> Session | None:
         """Return the session that is to be shown from now on, None while there is none or something is dragged."""

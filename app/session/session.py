@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.draw.camera import matrix
-from app.rest.live_error import Appraisal
+from app.rest.live_error import LiveError
 from app.rest.scheduler import AtRest
 from app.rest.static_job import Gathering
 from app.session.log import WARNING, Log
@@ -46,7 +46,7 @@ class Session:
         open_with: Callable = Opening,
         clock: Callable[[], float] = time.perf_counter,
         worker: Worker | None = None,
-        appraise: Callable | None = Appraisal,
+        measure_errors: Callable | None = LiveError,
     ) -> None:
         self.settings = settings  # as the user wants them
         self.log = log
@@ -63,9 +63,9 @@ class Session:
         self.playing = False
         self.history = History()
         self.light: Solving | None = None
-        self.appraisal: Appraisal | None = None
+        self.live_error: LiveError | None = None
         self.gathering: Gathering | None = None
-        self._appraise = appraise
+        self._measure_errors = measure_errors
         self._refreshed = 0  # times that the same light is to be drawn anew
         self._worker = worker or Worker()
         self._applied = settings
@@ -166,9 +166,9 @@ class Session:
         self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
         self.gathering = Gathering(solver, self.clock)
         self.light = Solving(solver, self.log, self.clock, self._worker)
-        if self._appraise is not None:
-            self.appraisal = self._appraise(solver, self.clock)
-        self._at_rest = AtRest(self.settings, self.light, self.gathering, self.appraisal)
+        if self._measure_errors is not None:
+            self.live_error = self._measure_errors(solver, self.clock)
+        self._at_rest = AtRest(self.settings, self.light, self.gathering, self.live_error)
         self.light.at_rest = self._at_rest.next_task
         self._start = self.light.snapshot.poses
         for note in self.scene.notes:

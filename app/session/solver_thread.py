@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Set
 from typing import TYPE_CHECKING, Any
 
 from app.session.log import Log
-from app.session.moving_average import Smoothed
+from app.session.moving_median import MovingMedian
 from app.session.snapshot import Snapshot, snapshot_of
 from app.session.solver_jobs import Idle, Job, Move, Refine, Rest, Time
 from app.worker import PATIENCE, Task, Worker
@@ -48,7 +48,7 @@ class Solving:
         self.clock = clock
         self.version = 0  # of the snapshot
         self.progress: Progress | None = None  # the last step of the refinement under way
-        self.gi_seconds = Smoothed()  # new poses in, irradiance out
+        self.gi_seconds = MovingMedian()  # new poses in, irradiance out
         self.grace = GRACE  # s that a frame waits for a move
         self.budget = 0.0  # s that a frame may take while something moves; 0: all photons always
         self.steps_begun = 0

@@ -13,7 +13,7 @@ from imgui_bundle import imgui
 from app.draw import metering
 from app.draw.renderer import Renderer
 from app.session.log import Log
-from app.session.reload import Succession
+from app.session.reload import Reload
 from app.session.session import Session
 from app.window import screenshot
 from app.window.viewport import Viewport
@@ -29,7 +29,7 @@ class Window(Protocol):
     help_open: bool
     log: Log
     session: Session
-    succession: Succession
+    reload: Reload
     viewport: Viewport
     renderer: Renderer | None
     estimators: dict[str, str]
@@ -124,8 +124,8 @@ ACTIONS = {
     "redo": Action(_redo, (K.mod_ctrl | K.mod_shift | K.z, K.mod_ctrl | K.y), "Ctrl+Shift+Z, Ctrl+Y", "redo it"),
     "reference": Action(_toggle_reference, (K._0,), "0", "switch between estimate and reference"),
     "meter": Action(_meter, (K.a,), "A", "meter the exposure from the view"),
-    "reload": Action(lambda w: w.succession.again(w.session), (K.f5,), "F5", "reload the scene's files"),
-    "clear chart": Action(lambda w: w.session.appraisal.points.clear()),
+    "reload": Action(lambda w: w.reload.again(w.session), (K.f5,), "F5", "reload the scene's files"),
+    "clear chart": Action(lambda w: w.session.live_error.points.clear()),
     "toggle panel": Action(_toggle_panel, (K.tab,), "Tab", "hide or show the panel", needs_scene=False),
     "save picture": Action(_save_picture, (K.p, K.f12), "P, F12", "save picture and parameters as PNG here"),
     "help": Action(_toggle_help, (K.h,), "H", "hide or show this help", needs_scene=False),

@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 
 from app.draw.view_content import Shown
 from app.session.log import ERROR, WARNING, Log
-from app.session.reload import Succession
+from app.session.reload import Reload
 from app.session.session import Session
 from app.window import legend, plate, theme
 from app.window.viewport import Viewport
@@ -16,7 +16,7 @@ KEY_HINT = "H: help    Tab: panel"
 TOOLTIP_MESSAGES = 12  # of the log, in the status line's tooltip
 
 
-def draw(viewport: Viewport, session: Session, succession: Succession, ready: bool) -> None:
+def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> None:
     """Write over the picture: progress of the opening, else labels, hint, and progress of a load or refinement."""
     em = imgui.get_font_size()
     (x, y), (w, h) = viewport.origin, viewport.size
@@ -28,8 +28,8 @@ def draw(viewport: Viewport, session: Session, succession: Succession, ready: bo
     hint = viewport.hint()
     if hint:
         plate.write(hint, *corner)
-    elif succession.told is not None:
-        phase, fraction = succession.told
+    elif reload.progress is not None:
+        phase, fraction = reload.progress
         plate.write(phase if fraction is None else f"{phase} {100 * fraction:.0f} %", *corner, theme.DIM)
     elif session.refining:
         progress = session.light.progress
@@ -58,7 +58,7 @@ def _draw_opening(session: Session, x: float, y: float, em: float) -> None:
         problem = session.problem or "see the status line"
         plate.write(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
         return
-    text, known = opening.told
+    text, known = opening.progress
     plate.write(text, x, y - 1.4 * em, centred=True)
     width = 18 * em
     imgui.set_cursor_screen_pos((x - width / 2, y + 0.4 * em))

@@ -24,9 +24,9 @@ from app.draw.renderer import Renderer
 from app.draw.vertex_colours import weights
 from app.session.log import Log
 from app.session.malloc_arenas import limit_arenas
-from app.session.moving_average import Smoothed
+from app.session.moving_median import MovingMedian
 from app.session.opening import Opening
-from app.session.reload import Succession
+from app.session.reload import Reload
 from app.session.session import BUDGET, Session
 from app.settings import Settings, UsageError
 from app.window import keys, overlay, panel, window
@@ -48,7 +48,7 @@ class Viewer:
         limit_arenas()
         self.log = Log()
         self.session = Session(settings, self.log, open_with or Opening)
-        self.succession = Succession(open_with or Opening)
+        self.reload = Reload(open_with or Opening)
         self._dropped: list[str] = []  # files dropped on the window
         self.viewport = Viewport(self.session)
         self.ctx: moderngl.Context | None = None  # of the window
@@ -59,7 +59,7 @@ class Viewer:
         self.folds = panel.Folds()
         self.params.callbacks.post_init = self._begin
         self.params.callbacks.before_exit = self._close
-        self.frame_seconds = Smoothed()
+        self.frame_seconds = MovingMedian()
         self.frames = 0
         self.frames_left: int | None = None
         self.exit_when_refined = False
@@ -96,7 +96,7 @@ class Viewer:
             (x, y), (w, h) = self.viewport.origin, self.viewport.size
             self.help_open = keys.draw_help(list(self.estimators), (x, y, w, h), self.help_open)
         self._guard("opening", self._replace_session)
-        if is_user_error(self.session.problem) and self.succession.coming is None:  # printed on the terminal, see `run`
+        if is_user_error(self.session.problem) and self.reload.coming is None:  # printed on the terminal, see `run`
             self.params.app_shall_exit = True
         if self._ready and self.frames_left is not None:
             self.frames_left -= 1
@@ -127,14 +127,14 @@ class Viewer:
             self._guard("start", lambda: self._adopt(self.session))
         if self._ready:
             self._guard("drawing", self._draw_scene)
-        overlay.draw(self.viewport, self.session, self.succession, self._ready)
+        overlay.draw(self.viewport, self.session, self.reload, self._ready)
         imgui.end()
 
     def draw_panel(self) -> None:
         if not self._ready:
             imgui.text_disabled("The controls appear with the scene.")
             return
-        facts = panel.facts_of(self.session, self.succession, self.estimators, self.frame_seconds.value, self.metered)
+        facts = panel.facts_of(self.session, self.reload, self.estimators, self.frame_seconds.value, self.metered)
         wanted, actions = panel.draw(self.session.settings, facts, self.folds)
         self.session.want(wanted)
         for action in actions:
@@ -146,7 +146,7 @@ class Viewer:
     def _close(self) -> None:
         self.folds.save()
         implot.destroy_context()
-        self.succession.close()
+        self.reload.close()
         self.session.close()
         if self.renderer is not None:
             self.renderer.release()
@@ -166,18 +166,18 @@ class Viewer:
         """Open dropped files; show a newly opened scene once it is ready."""
         if self._dropped:
             files, self._dropped[:] = list(self._dropped), []
-            self.succession.other(self.session, files)
-        new = self.succession.tick(self.session)
+            self.reload.other(self.session, files)
+        new = self.reload.tick(self.session)
         if new is None:
             return
         try:
             self._adopt(new)
         except Exception as problem:
-            self.succession.problem = f"{problem}"
+            self.reload.problem = f"{problem}"
             new.close(0.0)
             raise
         self._ready = True
-        self.log(f"{'reloaded' if self.succession.same else 'opened'}: {new.settings.scene}")
+        self.log(f"{'reloaded' if self.reload.same else 'opened'}: {new.settings.scene}")
 
     def _adopt(self, new: Session) -> None:
         """Show a ready session with its own geometry, camera and exposure."""
@@ -187,7 +187,7 @@ class Viewer:
             self.renderer = Renderer(self.ctx, SAMPLES_PER_PIXEL)
         self.renderer.set_scene(new.meshes)
         old, self.session, self._uploaded = self.session, new, 0
-        self.viewport.adopt(new, keep_view=old is not new and self.succession.same)
+        self.viewport.adopt(new, keep_view=old is not new and self.reload.same)
         if old is not new:
             old.close(0.0)
             window.rename(new.settings.scene)

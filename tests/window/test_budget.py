@@ -35,7 +35,7 @@ def make(budget=BUDGET_MS, photon_seconds=16e-6, wrong=1.0, step_seconds=0.001):
         Log(),
         open_with=lambda settings: None,
         clock=clock,
-        appraise=None,
+        measure_errors=None,
         worker=support.Behind(clock, step_seconds),
     )
     s.adopt(Opened(settings, solver, (), None))
@@ -159,7 +159,7 @@ def test_refinement_goes_on_at_rest_with_the_prefix_left_behind():
     solver = support.CountingSolver(support.room(1), clock, 40, 16e-6)
     settings = Settings(estimator="tangent_plane", photons=1000, radius=0.05, neighbours=50, exposure=0.0, budget=9.0)
     s = Session(
-        settings, Log(), open_with=lambda _: None, clock=clock, appraise=None, worker=support.Behind(clock, 0.004)
+        settings, Log(), open_with=lambda _: None, clock=clock, measure_errors=None, worker=support.Behind(clock, 0.004)
     )
     s.adopt(Opened(settings, solver, (), None))
     while s.light.snapshot.photons_at_rest < 250:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.rest import static_job
-from app.rest.live_error import Appraisal
+from app.rest.live_error import LiveError
 from app.rest.reference_store import StaticStore
 from app.rest.static_job import Gathering
 from app.session.log import Log
@@ -34,7 +34,7 @@ def opened(light: str = "best") -> Session:
     settings = Settings(estimator="tangent_plane", photons=3000, radius=0.06, neighbours=20, exposure=0.0, light=light)
     solver = Solver(SCENE, photons=3000, radius=0.06)
     solver.configure(light=light)
-    session = Session(settings, Log(), open_with=lambda settings: None, appraise=Appraisal)
+    session = Session(settings, Log(), open_with=lambda settings: None, measure_errors=LiveError)
     session.adopt(Opened(settings, solver, (), None))
     return session
 
@@ -42,22 +42,22 @@ def opened(light: str = "best") -> Session:
 def rest_until(session: Session, done, seconds: float = 300.0) -> None:
     end = time.monotonic() + seconds
     while not done():
-        assert time.monotonic() < end, session.gathering.told
+        assert time.monotonic() < end, session.gathering.progress
         session.tick(1 / 60)
 
 
 def test_static_light_is_shown_saved_and_loaded_again():
     first = opened()
-    rest_until(first, lambda: first.gathering.told.fraction == 1.0 and first.gathering.next_work() is None)
+    rest_until(first, lambda: first.gathering.progress.fraction == 1.0 and first.gathering.next_work() is None)
     first.tick(1 / 60)
-    assert first.gathering.told.used and first.gathering.told.noise <= 0.02
+    assert first.gathering.progress.used and first.gathering.progress.noise <= 0.02
     assert np.array_equal(first.irradiance, first.light._solver.irradiance)
     assert np.array_equal(first.light._solver.resting_irradiance, first.light._solver.gathered.mean)
     first.close()
 
     again = opened()
     assert StaticStore(again.light._solver.model, again.light._solver.seed).load() is not None
-    rest_until(again, lambda: again.gathering.told.used)
+    rest_until(again, lambda: again.gathering.progress.used)
     assert np.array_equal(again.light._solver.gathered.mean, first.light._solver.gathered.mean)
     again.move({"box": Pose((0.6, 0.5, 0.4))})
     rest_until(again, lambda: not again.refining)
@@ -72,7 +72,7 @@ def test_switched_on_and_off_in_the_panel():
     plain = session.irradiance
     assert session.gathering.next_work() is None
     session.want(replace(session.settings, light="best"))
-    rest_until(session, lambda: session.gathering.told.used and session.gathering.next_work() is None)
+    rest_until(session, lambda: session.gathering.progress.used and session.gathering.next_work() is None)
     session.tick(1 / 60)
     assert not np.array_equal(session.irradiance, plain)
     session.want(replace(session.settings, light="photons"))

@@ -10,7 +10,7 @@ import pytest
 
 from app.draw import view_content
 from app.rest import live_error as module
-from app.rest.live_error import Appraisal, Wants
+from app.rest.live_error import LiveError, Wants
 from app.session.log import Log
 from app.session.session import Session
 from app.settings import Settings
@@ -36,10 +36,10 @@ def solver():
     return s
 
 
-def finish(appraisal, solver, version, until=lambda: False, pieces=3000):
+def finish(live_error, solver, version, until=lambda: False, pieces=3000):
     """Do all the work; return how many pieces there were."""
     for k in range(pieces):
-        task = appraisal.next_task(version, solver.irradiance)
+        task = live_error.next_task(version, solver.irradiance)
         if task is None or until():
             return k
         task.run()
@@ -47,15 +47,15 @@ def finish(appraisal, solver, version, until=lambda: False, pieces=3000):
 
 
 def test_the_error_is_that_against_a_reference_of_its_own(solver):
-    appraisal = Appraisal(solver, time.perf_counter)
-    finish(appraisal, solver, 1)
-    r = appraisal.report
+    live_error = LiveError(solver, time.perf_counter)
+    finish(live_error, solver, 1)
+    r = live_error.report
     assert r.version == 1 and r.done and r.receivers == r.of == int((solver.receivers.areas > 0).sum())
     points, normals = evaluation_points(solver.surfaces, solver.receivers)
     truth, _ = reference_irradiance(solver.scene, points, normals, 256, 7, model=solver.model)
     assert r.total == pytest.approx(relative_error(solver.irradiance, truth, solver.receivers.areas).l1, rel=0.1)
-    assert r.truth_noise <= 0.15 * r.total and 0 < r.noise < 1.2 * r.total and 0 <= r.bias < r.total
-    (point,) = appraisal.points.all
+    assert r.reference_noise <= 0.15 * r.total and 0 < r.noise < 1.2 * r.total and 0 <= r.bias < r.total
+    (point,) = live_error.points.all
     assert point.photons == 20_000 and point.error == r.total and point.seconds > 0
     assert "tangent plane\n20 000 photons\nradius 0.06 m" in point.label and "control" in point.label
 
@@ -69,76 +69,76 @@ def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
     for _ in s.gather_steps():
         pass
     assert s.uses_gathered
-    appraisal = Appraisal(s, time.perf_counter)
-    finish(appraisal, s, 1)
-    r = appraisal.report
+    live_error = LiveError(s, time.perf_counter)
+    finish(live_error, s, 1)
+    r = live_error.report
     assert 0.4 * s.gathered.noise < r.noise < s.gathered.noise
-    assert 0.5 * r.total < np.hypot(r.noise, r.truth_noise) < 1.2 * r.total
+    assert 0.5 * r.total < np.hypot(r.noise, r.reference_noise) < 1.2 * r.total
 
 
 def test_new_setting_uses_the_same_reference_and_adds_a_point(solver):
-    appraisal = Appraisal(solver, time.perf_counter)
-    finish(appraisal, solver, 1)
-    truth = appraisal.truth(solver.poses, False)
+    live_error = LiveError(solver, time.perf_counter)
+    finish(live_error, solver, 1)
+    truth = live_error.truth(solver.poses, False)
     rounds = truth.rounds
     twin = solver.twin()
     twin.configure(estimator="impact_count")
     twin.solve()
-    other = Appraisal(twin, time.perf_counter)
-    other._truths, other.points = appraisal._truths, appraisal.points
+    other = LiveError(twin, time.perf_counter)
+    other._truths, other.points = live_error._truths, live_error.points
     finish(other, twin, 2)
     assert other.truth(twin.poses, False) is truth and truth.rounds >= rounds, "nothing is gathered anew"
     told = relative_error(twin.irradiance[truth.rows], truth.irradiance, truth.weights).l1
-    assert other.report.version == 2 and other.report.total == told != appraisal.report.total
+    assert other.report.version == 2 and other.report.total == told != live_error.report.total
     assert [t.setting.estimator for t in other.points.all] == ["tangent_plane", "impact_count"]
     finish(other, twin, 3)
     assert len(other.points.all) == 2, "a setting is one point"
 
 
 def test_large_scene_is_measured_at_sampled_receivers(solver, monkeypatch):
-    monkeypatch.setattr(module, "ALL", 100)
-    monkeypatch.setattr(module, "SOME", 300)
-    monkeypatch.setattr(module, "GOOD_PICTURE", 0.05)
-    appraisal = Appraisal(solver, time.perf_counter)
-    finish(appraisal, solver, 1)
-    r = appraisal.report
-    assert r.receivers == 300 < r.of and appraisal.picture(solver.poses) is None
-    appraisal.wants = Wants(picture=True)
-    finish(appraisal, solver, 1)
-    picture = appraisal.picture(solver.poses)
+    monkeypatch.setattr(module, "MOST_RECEIVERS", 100)
+    monkeypatch.setattr(module, "SAMPLED_RECEIVERS", 300)
+    monkeypatch.setattr(module, "PICTURE_NOISE", 0.05)
+    live_error = LiveError(solver, time.perf_counter)
+    finish(live_error, solver, 1)
+    r = live_error.report
+    assert 0 < r.receivers <= 300 < r.of and live_error.picture(solver.poses) is None
+    live_error.wants = Wants(picture=True)
+    finish(live_error, solver, 1)
+    picture = live_error.picture(solver.poses)
     lit = solver.receivers.areas > 0
     assert np.isfinite(picture[lit]).all() and np.isnan(picture[~lit]).all()
     assert relative_error(solver.irradiance, picture, solver.receivers.areas, lit).l1 == pytest.approx(r.total, rel=0.3)
-    assert appraisal.report == r, "the numbers remain those of the choice"
+    assert live_error.report == r, "the numbers remain those of the choice"
 
 
 def test_comparison_equals_a_solver_of_that_estimator(solver):
     alone = Solver(support.room(), "photon_map", photons=20_000, radius=0.06)
     alone.solve()
-    appraisal = Appraisal(solver, time.perf_counter)
-    appraisal.wants = Wants(numbers=False, other="photon_map")
+    live_error = LiveError(solver, time.perf_counter)
+    live_error.wants = Wants(numbers=False, other="photon_map")
     before = solver.irradiance
-    finish(appraisal, solver, 1)
-    assert appraisal.other.is_done(1, "photon_map") and not appraisal.other.is_done(2, "photon_map")
-    assert np.array_equal(appraisal.other.seen.irradiance, alone.irradiance)
+    finish(live_error, solver, 1)
+    assert live_error.other.is_done(1, "photon_map") and not live_error.other.is_done(2, "photon_map")
+    assert np.array_equal(live_error.other.seen.irradiance, alone.irradiance)
     assert solver.irradiance is before and solver.estimator == "tangent_plane"
     pose = solver.poses["block"]
     moved = pose._replace(position=(0.6, 0.3, 0.5))
     solver.move("block", moved)
     alone.move("block", moved)
-    finish(appraisal, solver, 2)
-    assert np.array_equal(appraisal.other.seen.irradiance, alone.irradiance)
+    finish(live_error, solver, 2)
+    assert np.array_equal(live_error.other.seen.irradiance, alone.irradiance)
     solver.move("block", pose)
-    appraisal.wants = Wants(numbers=False)
-    assert appraisal.next_task(3, solver.irradiance) is None
-    assert appraisal.other.seen is None and appraisal.other._twin is None, "its memory is given back"
+    live_error.wants = Wants(numbers=False)
+    assert live_error.next_task(3, solver.irradiance) is None
+    assert live_error.other.seen is None and live_error.other._twin is None, "its memory is given back"
 
 
 def test_reference_at_start_poses_is_loaded_again(solver, folder):
-    first = Appraisal(solver, time.perf_counter)
+    first = LiveError(solver, time.perf_counter)
     gathered = finish(first, solver, 1)
     (file,) = folder.iterdir()
-    again = Appraisal(solver, time.perf_counter)
+    again = LiveError(solver, time.perf_counter)
     assert finish(again, solver, 1) < gathered / 2
     assert again.report.total == pytest.approx(first.report.total, rel=1e-3)
     pose = solver.poses["block"]
@@ -271,14 +271,14 @@ def test_reference_and_errors_come_at_rest_and_go_with_a_move(session):
 
 def test_nothing_is_measured_unless_it_is_wanted(session):
     s = session
-    s.want(replace(s.settings, appraise=False))
+    s.want(replace(s.settings, measure_errors=False))
     rest(s, lambda: not s.refining)
     for _ in range(20):
         s.tick(FRAME)
-    assert s.appraisal.report is None and not s.appraisal.points.all
-    s.want(replace(s.settings, appraise=True))
-    rest(s, lambda: s.appraisal.report is not None)
+    assert s.live_error.report is None and not s.live_error.points.all
+    s.want(replace(s.settings, measure_errors=True))
+    rest(s, lambda: s.live_error.report is not None)
 
 
 def test_settings_of_the_window_are_not_those_of_the_command_line():
-    assert Settings().compare == "" and Settings().appraise and not Settings().reference
+    assert Settings().compare == "" and Settings().measure_errors and not Settings().reference

@@ -36,7 +36,7 @@ def make(step_seconds=0.006, steps=40):
         open_with=lambda settings: None,
         clock=clock,
         worker=support.Behind(clock, step_seconds),
-        appraise=None,
+        measure_errors=None,
     )
     s.adopt(Opened(settings, solver, (), None))
     return s

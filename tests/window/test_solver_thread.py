@@ -9,7 +9,7 @@ from app.draw import metering, view_content
 from app.draw.camera import from_camera, scene_bounds
 from app.session.log import Log
 from app.session.opening import Opened
-from app.session.reload import Succession
+from app.session.reload import Reload
 from app.session.session import Session
 from app.settings import ERRORS, REFERENCE
 from app.window import screenshot
@@ -39,7 +39,7 @@ def test_a_window_session_reads_snapshots_alone(monkeypatch, tmp_path):
     session = Session(opened.settings, Log(), open_with=lambda settings: None)
     session.adopt(Opened(opened.settings, Guarded(opened.solver), opened.meshes, opened.picker))
     camera = from_camera(session.scene.camera, session.scene.up, scene_bounds(session.model, session.poses))
-    succession = Succession(lambda settings: None)
+    reload = Reload(lambda settings: None)
     seen = set()
 
     def frame(**tick) -> None:
@@ -48,7 +48,7 @@ def test_a_window_session_reads_snapshots_alone(monkeypatch, tmp_path):
         seen.update(side.label.split(",")[0] for side in what.sides)
         for mesh in session.meshes:
             view_content.paint(mesh, what.sides[-1], what.errors, True)
-        facts_of(session, succession, {}, 0.02, 0.0)
+        facts_of(session, reload, {}, 0.02, 0.0)
         metering.metered(session, camera)
         session.models()
 

@@ -12,7 +12,7 @@ pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 
 def report(viewer):
-    return viewer.session.appraisal.report
+    return viewer.session.live_error.report
 
 
 def shown(viewer):
@@ -35,8 +35,8 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         hand.ctx.set_ref("Panel")
         hand.ctx.combo_click("##Show/Error map")
         hand.wait(lambda: shown(viewer).errors is not None and not shown(viewer).coming, 60)
-        appraisal = viewer.session.appraisal
-        next_task, appraisal.next_task = appraisal.next_task, lambda *_: None  # or the map goes on getting better
+        live_error = viewer.session.live_error
+        next_task, live_error.next_task = live_error.next_task, lambda *_: None  # or the map goes on getting better
         picture = hand.pixels()
         assert words and words[-1][0] == "Error of irradiance" and (picture != light).any()
         # What is drawn are the map's colours and what lies between them, whatever the exposure.
@@ -49,7 +49,7 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         assert (np.abs(hand.pixels().astype(int) - picture).max(axis=2) > 8).mean() < 0.01, (
             "but at edges, by its samples"
         )
-        appraisal.next_task = next_task
+        live_error.next_task = next_task
         hand.ctx.combo_click("##Show/Radiance")
 
         # It goes with a move, and comes back.
@@ -106,7 +106,7 @@ def test_reference_key_and_wipe_between_two_pictures(play):
         hand.wait(lambda: len(shown(viewer).sides) == 2, 60)
         hand.ctx.combo_click("##Compare with/None")
         hand.wait(lambda: len(shown(viewer).sides) == 1)
-        assert viewer.session.appraisal.other.seen is None or not viewer.session.settings.compare
+        assert viewer.session.live_error.other.seen is None or not viewer.session.settings.compare
 
     assert errors(play(script)) == []
 
@@ -119,7 +119,7 @@ def test_settings_tried_are_points_of_the_chart(play, monkeypatch):
 
     def script(hand, viewer):
         hand.wait_for_light()
-        points = viewer.session.appraisal.points
+        points = viewer.session.live_error.points
         hand.ctx.set_ref("Panel")
         hand.wait(lambda: len(points.all) == 1, 60)
         hand.press(keys()._3)

@@ -170,7 +170,7 @@ def test_slider_drag_never_delays_a_frame(play, monkeypatch):
         assert threads and not threads & windows_thread
 
     # Without the work at rest, whose twins would be counted here.
-    assert errors(play(script, replace(support.SETTINGS, appraise=False))) == []
+    assert errors(play(script, replace(support.SETTINGS, measure_errors=False))) == []
 
 
 def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):

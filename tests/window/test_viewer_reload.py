@@ -45,9 +45,9 @@ def again(hand, viewer) -> None:
     """Reload and wait for success or failure."""
     before = viewer.session
     hand.press(keys().f5)
-    hand.wait(lambda: viewer.succession.coming is None)
+    hand.wait(lambda: viewer.reload.coming is None)
     hand.wait_for_light()
-    assert (viewer.session is not before) != bool(viewer.succession.problem)
+    assert (viewer.session is not before) != bool(viewer.reload.problem)
 
 
 @pytest.fixture
@@ -148,7 +148,7 @@ def test_a_failed_load_keeps_the_old_scene_and_says_why(play):
         files.problem = SceneError(why)
         for _ in range(3):
             again(hand, viewer)
-            assert viewer.session is session and viewer.succession.problem == why
+            assert viewer.session is session and viewer.reload.problem == why
             assert errors(viewer)[-1] == f"opening: {why}" and not viewer.params.app_shall_exit
         assert np.array_equal(session.irradiance, light)
 
@@ -163,7 +163,7 @@ def test_a_failed_load_keeps_the_old_scene_and_says_why(play):
         files.problem = None
         hand.ctx.item_click("//Panel/Reload")
         hand.wait(lambda: viewer.session is not session)
-        assert viewer.succession.problem == ""
+        assert viewer.reload.problem == ""
 
     play(script, open_with=files.open)
 
@@ -188,8 +188,8 @@ def test_failed_upload_keeps_the_old_scene(play, monkeypatch):
         released = []
         monkeypatch.setattr(renderer, "DrawnObject", full)
         hand.press(keys().f5)
-        hand.wait(lambda: viewer.succession.problem)
-        assert viewer.succession.problem == "the card is full" and viewer.succession.coming is None
+        hand.wait(lambda: viewer.reload.problem)
+        assert viewer.reload.problem == "the card is full" and viewer.reload.coming is None
         assert viewer.session is session and viewer.renderer._objects is objects
         monkeypatch.setattr(renderer, "DrawnObject", made)
         viewer.viewport.redraw()
@@ -215,10 +215,10 @@ def test_the_old_scene_is_used_while_the_new_one_loads(play):
         for k in range(1, 6):
             hand.move((front[0] + 8 * k, front[1]))
         assert viewer.frames > frames + 5 and viewer.session is session and session.dragging
-        assert viewer.succession.told[0] == "loading scene: room"
+        assert viewer.reload.progress[0] == "loading scene: room"
         session.want(replace(session.settings, tone_map="reinhard"))
         files.gate.set()
-        hand.wait(lambda: viewer.succession.told and viewer.succession.told[0] == "ready")
+        hand.wait(lambda: viewer.reload.progress and viewer.reload.progress[0] == "ready")
         hand.ctx.yield_(10)
         assert viewer.session is session, "never under a hand"
         there = session.poses["block"]
@@ -276,7 +276,7 @@ def test_a_file_dropped_on_the_window_is_opened(play, drop):
         drop(hand, "/somewhere/chair.obj", "/somewhere/room.toml")
         hand.wait(lambda: files.read[-1].scene == "/somewhere/room.toml")
         assert files.read[-1].mobiles == ("/somewhere/chair.obj",)
-        hand.wait(lambda: viewer.succession.coming is None)
+        hand.wait(lambda: viewer.reload.coming is None)
         assert viewer.log.last.text == "opened: /somewhere/room.toml"
 
     assert errors(play(script, open_with=files.open)) == []

@@ -48,7 +48,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
 
 def caption(point: MeasuredPoint) -> str:
     """Return the tooltip of a point: its setting, error and frame time."""
-    error = f"error {100 * point.error:.2g} % (reference noise ±{100 * point.truth_noise:.1g} %)"
+    error = f"error {100 * point.error:.2g} % (reference noise ±{100 * point.reference_noise:.1g} %)"
     return f"{point.label}\n{error}\nGI frame {ui.ms(point.seconds)}"
 
 

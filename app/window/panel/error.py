@@ -17,9 +17,9 @@ NO_COMPARISON = "None"
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     r = facts.report
     ui.label("Measure")
-    changed, appraise = imgui.checkbox("##Measure errors", s.appraise)
+    changed, measure_errors = imgui.checkbox("##Measure errors", s.measure_errors)
     if changed:
-        s = replace(s, appraise=appraise)
+        s = replace(s, measure_errors=measure_errors)
     ui.tip("Measure errors while nothing moves. A drag interrupts it.")
     if r is not None:
         where = "all" if r.receivers == r.of else f"{ui.thousands(r.receivers)} of"
@@ -47,7 +47,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     paths = "" if r is None else f" So far: {ui.thousands(round(r.paths))} paths per receiver."
     ui.number(
         "Reference noise",
-        _percent(r and r.truth_noise, "±"),
+        _percent(r and r.reference_noise, "±"),
         f"Noise of the reference, included in the total.{paths}",
     )
     return _compare(s, facts)

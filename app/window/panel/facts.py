@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from app.rest.live_error import Report
     from app.rest.measured_points import MeasuredPoint
     from app.rest.static_job import GatherProgress
-    from app.session.reload import Succession
+    from app.session.reload import Reload
     from app.session.session import Session
     from gi_core.discs.contact.stale_receivers import ControlFacts
 
@@ -53,14 +53,14 @@ class Facts:
 
 def facts_of(
     session: Session,
-    succession: Succession,
+    reload: Reload,
     estimators: Mapping[str, str],
     frame_seconds: float,
     metered: float,
 ) -> Facts:
     """Return the facts of a ready session."""
-    snapshot, appraisal = session.light.snapshot, session.appraisal
-    report = appraisal.report if appraisal is not None else None
+    snapshot, live_error = session.light.snapshot, session.live_error
+    report = live_error.report if live_error is not None else None
     return Facts(
         estimators=estimators,
         scene_size=session.chosen.scene_size,
@@ -85,9 +85,9 @@ def facts_of(
         probes=snapshot.probes,
         notes=session.scene.notes,
         report=report if report is not None and report.version == session.light.version else None,
-        points=appraisal.points.all if appraisal is not None else (),
-        gathered=session.gathering.told if session.settings.of_solver["light"] == "best" else None,
+        points=live_error.points.all if live_error is not None else (),
+        gathered=session.gathering.progress if session.settings.of_solver["light"] == "best" else None,
         search_summary=snapshot.search_summary,
-        loading=succession.told,
-        load_problem=succession.problem,
+        loading=reload.progress,
+        load_problem=reload.problem,
     )

@@ -60,7 +60,7 @@ def test_all_work_at_rest_is_done_and_stored_where_nothing_was(folder, capfd):
     session = opened()
     assert not folder.exists()
     rest(session)
-    assert session.gathering.told.fraction == 1.0 and session.appraisal.report.done
+    assert session.gathering.progress.fraction == 1.0 and session.live_error.report.done
     session.want(replace(session.settings, show="error", compare="impact_count"))
     rest(session)
     shown = view_content.shown(session)
@@ -76,13 +76,13 @@ def test_rest_ends_where_there_is_no_light():
     session = opened(UNLIT)
     rest(session)
     assert errors(session) == [] and not session.irradiance.any()
-    assert session.appraisal.report.done and not session.appraisal.points.all
+    assert session.live_error.report.done and not session.live_error.points.all
 
 
 JOBS = {
     "gathering the static light": "app.rest.static_job.Gathering._step",
-    "timing frames": "app.rest.live_error.Appraisal._measure",
-    "computing impact count": "app.rest.comparison.OtherLook.step",
+    "timing frames": "app.rest.live_error.LiveError._measure",
+    "computing impact count": "app.rest.comparison.ComparisonJob.step",
     "gathering the reference": "app.rest.reference_job.Truth.step",
 }
 
@@ -105,11 +105,11 @@ def test_a_job_that_fails_ends_nothing_else(job, monkeypatch, capfd):
     assert len(calls) == 1 and errors(session) == [line]
     told = capfd.readouterr().err
     assert told.startswith("Traceback") and told.endswith("RuntimeError: out of luck\n")
-    measured, report = session.appraisal._measured, session.appraisal.report
+    measured, report = session.live_error._measured, session.live_error.report
     done = {
-        "gathering the static light": session.gathering.told.fraction == 1.0,
+        "gathering the static light": session.gathering.progress.fraction == 1.0,
         "timing frames": measured is not None and measured.twin is None,
-        "computing impact count": session.appraisal.other.seen is not None,
+        "computing impact count": session.live_error.other.seen is not None,
         "gathering the reference": report is not None and report.done,
     }
     assert done == {name: name != job for name in JOBS}

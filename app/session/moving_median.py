@@ -8,7 +8,7 @@ from collections import deque
 SMOOTHED = 31  # frames that a shown time is the median of
 
 
-class Smoothed:
+class MovingMedian:
     """The median of the last values: one slow frame does not show."""
 
     def __init__(self) -> None:
