@@ -30,7 +30,7 @@ BYTES_PER_VERTEX = 40  # per stored path vertex, whole and quantised
 SPARE_MEMORY = 1 << 30  # bytes reserved for frames and for other programs
 
 
-class Work(enum.Enum):
+class StepKind(enum.Enum):
     """Kind of one step towards a background."""
 
     TRACING = "tracing"
@@ -99,7 +99,7 @@ class Photons:
         more = max(left - SPARE_MEMORY, 0) / (vertices * (BYTES_PER_VERTEX + bytes_per_hit))
         return min(wanted, self.count + int(more))
 
-    def bring_in(self, b: Background, until: int, wanted: int, seconds: float) -> Work:
+    def bring_in(self, b: Background, until: int, wanted: int, seconds: float) -> StepKind:
         """Do one step [s] towards a background of the first `until` photons; returns its kind.
 
         Photons are traced some steps ahead of the estimate, so that each step does one kind of work on its data in the
@@ -107,11 +107,11 @@ class Photons:
         """
         started = time.perf_counter()
         if b.added == self.count:
-            work, pace, left = Work.TRACING, self._pace, wanted - self.count
+            work, pace, left = StepKind.TRACING, self._pace, wanted - self.count
         else:
-            work, pace, left = Work.ESTIMATING, b.pace, min(until, self.count) - b.added
+            work, pace, left = StepKind.ESTIMATING, b.pace, min(until, self.count) - b.added
         count = pace.share_of(left, seconds)
-        if work is Work.TRACING:
+        if work is StepKind.TRACING:
             self._trace(count, wanted)
         else:
             self._estimate(b, count)

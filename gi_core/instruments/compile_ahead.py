@@ -48,7 +48,7 @@ COSTS = {"photon tracing": 13, "ray_cache": 8, "reference": 6}
 TOUCHING = Pose((1.0, 0.95, 0.45), (0.5**0.5, 0.5**0.5, 0.0, 0.0))
 
 
-class Step(NamedTuple):
+class CompileStep(NamedTuple):
     """The next compilation step."""
 
     done: int
@@ -61,18 +61,18 @@ def is_warm() -> bool:
     return (cache_folder() / STAMP).is_file()
 
 
-def compile_kernels() -> Iterator[Step]:
+def compile_kernels() -> Iterator[CompileStep]:
     """Run a tiny scene through every kernel; yield before each step and once at the end."""
     parts = _parts()
     total, done = sum(_cost(name) for name, _ in parts), 0
     with _from_behind():
         for name, run in parts:
-            yield Step(done, total, name.replace("_", " "))
+            yield CompileStep(done, total, name.replace("_", " "))
             run()
             done += _cost(name)
     cache_folder().mkdir(parents=True, exist_ok=True)
     (cache_folder() / STAMP).touch()
-    yield Step(total, total, "ready")
+    yield CompileStep(total, total, "ready")
 
 
 def _cost(name: str) -> int:
