@@ -19,7 +19,7 @@ by its estimated noise (James and Stein 1961, positive part), with the factor
 in flux, summed over channels: T removed from B, A added by new suffixes, q the flux per photon. Photons are
 independent. The variance of the removed share follows Laplace's rule, so one of one removed photon is no evidence of
 full shadow, but eight of eight are. The factor is continuous: 0 for changes within noise, nearly 1 far above it.
-docs/measurements.md has the measurements.
+docs/archive/measurements.md has the measurements.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from gi_core.discs.search.disc_grid import CELL_RADII, discs_in_cells
 from gi_core.discs.search.predicate import LANES, Discs
 
 SIZES = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # radii
-# Nanoseconds, of an Intel Xeon 2.1 GHz; only their ratios matter. See docs/measurements.md.
+# Nanoseconds, of an Intel Xeon 2.1 GHz; only their ratios matter. See docs/archive/measurements.md.
 STEP_NS = 6.0  # traversal to the next cell
 VISIT_NS = 20.0  # start of the tests of a cell with discs
 BLOCK_NS = 12.0  # test of LANES discs
