@@ -1,18 +1,18 @@
-"""Times as they are shown."""
+"""Moving median of displayed times."""
 
 from __future__ import annotations
 
 import statistics
 from collections import deque
 
-SMOOTHED = 31  # frames that a shown time is the median of
+MEDIAN_FRAMES = 31
 
 
 class MovingMedian:
-    """The median of the last values: one slow frame does not show."""
+    """The median of the last MEDIAN_FRAMES values, insensitive to one slow frame."""
 
     def __init__(self) -> None:
-        self._values: deque[float] = deque(maxlen=SMOOTHED)
+        self._values: deque[float] = deque(maxlen=MEDIAN_FRAMES)
 
     def add(self, value: float) -> None:
         self._values.append(value)

@@ -1,6 +1,6 @@
-"""A scene that is to take the place of the one on show: the same loaded again, or another one dropped on the window.
+"""Reloads of the current scene, and scenes dropped on the window.
 
-It is opened beside the one on show, which goes on meanwhile and stays where the other cannot be opened.
+The new scene opens while the current one goes on; the current one stays if that fails.
 """
 
 from __future__ import annotations
@@ -12,26 +12,26 @@ from pathlib import Path
 from app.session.session import Session
 from app.settings import Settings
 
-# What depends on the scene; how to look at it, and what the user wants of estimators, does not.
+# Settings that a new scene resets; display and estimator settings stay.
 OF_A_SCENE = ("max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "exposure")
 
 
 class Reload:
-    """`again` and `other` begin to open a scene; `tick`, once a frame, returns its session as soon as it is ready."""
+    """`again` and `other` start to open a scene; `tick`, once per frame, returns its session once it is ready."""
 
     def __init__(self, open_with: Callable) -> None:
-        self.coming: Session | None = None  # what is being opened
-        self.same = False  # it is the scene on show, loaded again
-        self.problem = ""  # why the last one could not be opened
+        self.coming: Session | None = None  # the session being opened
+        self.same = False  # the new scene is the current one, reloaded
+        self.problem = ""  # error of the last scene that failed to open
         self._open_with = open_with
-        self._before = Settings()  # of the one on show, when it began
+        self._before = Settings()  # of the current session, at the start of the reload
 
     def again(self, now: Session) -> None:
-        """Load the scene on show once more: what the user has set and moved stays."""
+        """Reload the current scene; the user's settings and poses stay."""
         self._begin(now, settings_again(now), same=True)
 
     def other(self, now: Session, files: Sequence[str]) -> None:
-        """Open another scene; of several files one is the scene and the others are its mobiles."""
+        """Open another scene: of several files the first .toml, else the first; the others become mobiles."""
         scene = next((f for f in files if Path(f).suffix.lower() == ".toml"), files[0])
         self._begin(now, settings_for(now, scene, tuple(f for f in files if f != scene)), same=False)
 
@@ -42,13 +42,13 @@ class Reload:
 
     @property
     def progress(self) -> tuple[str, float | None] | None:
-        """What is being done, and how much of it is; None while nothing is."""
+        """Phase and fraction of the opening; None without one."""
         if self.coming is None:
             return None
         return ("ready", 1.0) if self.coming.opening is None else self.coming.opening.progress
 
     def tick(self, now: Session) -> Session | None:
-        """Return the session that is to be shown from now on, None while there is none or something is dragged."""
+        """Return the new session to show; None before it is ready and during a drag."""
         coming = self.coming
         if coming is None:
             return None
@@ -65,7 +65,7 @@ class Reload:
         return coming
 
     def _moves(self, now: Session, coming: Session) -> bool:
-        """Have mobiles moved to where they are now; False if they are there, or cannot be."""
+        """Move the new session's mobiles to the current poses; False: nothing to move, or it failed."""
         if not self.same or coming.light.move_failed:
             return False
         kept = {name: p for name, p in now.moved.items() if coming.poses.get(name, p) != p}
@@ -74,25 +74,25 @@ class Reload:
         return bool(kept)
 
     def _take_over(self, now: Session, coming: Session) -> None:
-        """Take over what the user has set since it began to open."""
+        """Copy the settings that the user has changed since the start of the reload."""
         before, theirs = vars(self._before), () if self.same else OF_A_SCENE
         changed = {name: v for name, v in vars(now.settings).items() if v != before[name] and name not in theirs}
         coming.want(replace(coming.settings, **changed))
 
     def close(self) -> None:
-        """Give up what is being opened."""
+        """Cancel the opening."""
         if self.coming is not None:
             self.coming.close(0.0)
             self.coming = None
 
 
 def settings_again(now: Session) -> Settings:
-    """Return settings to load a scene once more: what the user did not set is left open, for it may come out anew."""
+    """Return settings for a reload; settings that the program filled in are open again."""
     chosen = {name: None for name, value in now.filled.items() if getattr(now.settings, name) == value}
     return replace(now.settings, **chosen, poses=())
 
 
 def settings_for(now: Session, scene: str, mobiles: tuple[str, ...]) -> Settings:
-    """Return settings for another scene: what depends on the one on show is left open."""
+    """Return settings for another scene; those of OF_A_SCENE are open again."""
     left_open = {name: getattr(Settings, name) for name in OF_A_SCENE}
     return replace(settings_again(now), **left_open, scene=scene, mobiles=mobiles)

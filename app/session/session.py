@@ -66,7 +66,7 @@ class Session:
         self.live_error: LiveError | None = None
         self.gathering: Gathering | None = None
         self._measure_errors = measure_errors
-        self._refreshed = 0  # times that the same light is to be drawn anew
+        self._refreshed = 0  # redraws of the same light
         self._worker = worker or Worker()
         self._applied = settings
         self.filled: dict[str, object] = {}  # settings that were left open, and what they became
