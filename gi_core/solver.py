@@ -86,7 +86,8 @@ class Solver:
         self.poses: dict[str, Pose] = self.model.start_poses()
         self.irradiance = np.zeros((len(self.model.object_receivers.areas), 3))
         self.photons_traced = self.paths_gathered = 0  # photons, and paths per receiver of mobiles, of the irradiance
-        self.changes, self.timings = Changes(0, 0, 0), {}
+        self.changes = Changes(0, 0, 0)
+        self.timings: dict[str, float] = {}
         self.budget = FrameBudget()
         self._photons, self._buffers = Photons(self.model, self.seed), ScanBuffers()
         self._first_frame = FirstFrame(self._photons, self._source, self.scene_size)

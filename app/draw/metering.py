@@ -6,6 +6,7 @@ every scene would come out too bright.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,20 +16,30 @@ from app.draw.tonemap import meter, view_weights
 from app.draw.vertex_colours import mean_radiance
 
 if TYPE_CHECKING:
-    from app.draw.shot import Shot
-    from app.session.session import Session
+    from app.draw.vertex_colours import DrawMesh
+    from gi_core.geometry.receivers import Receivers
 
 PATCH_SIZE = 0.1  # of the scene size
 
 
-def metered(session: Session | Shot, camera: Turntable) -> float:
-    """Return the exposure [EV] that maps the median radiance in view, else of all surfaces, to mid-grey."""
-    receivers = session.model.receivers_at(session.light.snapshot.poses)
+def metered(
+    receivers: Receivers,
+    meshes: Sequence[DrawMesh],
+    colours: Callable[[int], tuple[np.ndarray, np.ndarray]],
+    textured: bool,
+    size: float,
+    camera: Turntable,
+) -> float:
+    """Return the exposure [EV] that maps the median radiance in view, else of all surfaces, to mid-grey.
+
+    colours(o): linear radiance of front and back (D, 3) of mesh o; textured: it is to be averaged over textures; size
+    [m]: of the scene.
+    """
     radiance = np.zeros_like(receivers.positions)
     drawn = np.zeros(len(radiance), bool)
-    for o, mesh in enumerate(session.meshes):
-        front, back = session.colours(o)
-        if session.settings.show == "radiance":
+    for o, mesh in enumerate(meshes):
+        front, back = colours(o)
+        if textured:
             front, back = mean_radiance(mesh, front, back)
         both = mesh.back >= 0
         for rows, colour in ((mesh.front, front), (mesh.back[both], back[both])):
@@ -40,9 +51,7 @@ def metered(session: Session | Shot, camera: Turntable) -> float:
         receivers.positions, receivers.normals, areas, eye.position, eye.target, eye.vertical_fov_degrees
     )
     weights = weights if weights.sum() > 0 else areas
-    return meter(
-        *_patches(receivers.positions, receivers.normals, radiance, weights, PATCH_SIZE * session.chosen.scene_size)
-    )
+    return meter(*_patches(receivers.positions, receivers.normals, radiance, weights, PATCH_SIZE * size))
 
 
 def _patches(positions, normals, radiance, weights, size) -> tuple[np.ndarray, np.ndarray]:

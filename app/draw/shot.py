@@ -34,7 +34,7 @@ class Shot:
     def take(self, progress=lambda fraction: None) -> np.ndarray:
         """Return the picture (h, w, 3) uint8; the first one meters the exposure if the settings leave it open."""
         if self.exposure is None:
-            self.exposure = metered(self, self.camera)
+            self.exposure = self.metered()
         model, s = self.solver.model, self.settings
         return raycast.picture(
             model.accelerator,
@@ -50,6 +50,11 @@ class Shot:
             s.show == "radiance",
             [self.weights(o) for o in range(len(self.meshes))],
         )
+
+    def metered(self) -> float:
+        """Return the exposure [EV] that suits the picture."""
+        s, textured = self.solver, self.settings.show == "radiance"
+        return metered(s.receivers, self.meshes, self.colours, textured, s.scene_size, self.camera)
 
     def parameters(self) -> dict[str, object]:
         """Return the parameters that reproduce the picture."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.draw.camera import matrix
+from app.draw.camera import Turntable, matrix
 from app.rest.live_error import LiveError
 from app.rest.scheduler import AtRest
 from app.rest.static_job import Gathering
@@ -269,6 +269,13 @@ class Session:
         from app.draw.vertex_colours import colours
 
         return colours(self.meshes[o], self.light.snapshot.drawn.irradiance, self.settings.show == "radiance")
+
+    def metered(self, camera: Turntable) -> float:
+        """Return the exposure [EV] that suits a view of the light on show."""
+        from app.draw.metering import metered
+
+        receivers, textured = self.model.receivers_at(self.light.snapshot.poses), self.settings.show == "radiance"
+        return metered(receivers, self.meshes, self.colours, textured, self.chosen.scene_size, camera)
 
     def models(self) -> tuple[np.ndarray, ...]:
         """Return one (4, 4) object-to-world matrix an object; the static part's is 1."""

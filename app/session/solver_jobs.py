@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Set
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from app.session.log import WARNING
 from app.session.snapshot import Snapshot, snapshot_of
@@ -19,10 +20,11 @@ if TYPE_CHECKING:
     from gi_core.solver import Progress, Solver
 
 
-class Idle(NamedTuple):
+@dataclass(frozen=True)
+class Idle:
     """No job is under way."""
 
-    busy = False
+    busy: ClassVar[bool] = False
 
 
 class Step(NamedTuple):
@@ -33,11 +35,12 @@ class Step(NamedTuple):
     warnings: dict[str, str]
 
 
-class Refine(NamedTuple):
+@dataclass(frozen=True)
+class Refine:
     """The next step of the first frame."""
 
     steps: Iterator[Progress]
-    busy = True
+    busy: ClassVar[bool] = True
 
     def run(self, solver: Solver) -> Step:
         progress = next(self.steps, None)
@@ -61,7 +64,8 @@ class Refine(NamedTuple):
         light.log.error("refining", problem)
 
 
-class Move(NamedTuple):
+@dataclass(frozen=True)
+class Move:
     """Mobiles put at poses, in the light of all photons or of as many as fit the budget."""
 
     poses: Mapping[str, Pose]
@@ -70,10 +74,10 @@ class Move(NamedTuple):
     begins: bool  # the first of a motion, which chooses the photons
     settles: bool  # the poses are those on show: more photons are all that is new
     clock: Callable[[], float]
-    busy = True
+    busy: ClassVar[bool] = True
 
     def run(self, solver: Solver) -> tuple[float, Snapshot]:
-        size = None, None
+        size: tuple[int | None, int | None] = None, None
         if self.begins:
             solver.budget.begin()
         if self.hasty:
@@ -99,7 +103,8 @@ class Move(NamedTuple):
         light.log.error("moving", problem)
 
 
-class Time(NamedTuple):
+@dataclass(frozen=True)
+class Time:
     """The frame of the next prefix timed, smallest first, so that the first drag knows which one fits.
 
     Nothing of it is shown. The last one is of all photons again.
@@ -107,7 +112,7 @@ class Time(NamedTuple):
 
     budget: float  # [s]
     begun: bool  # the solver's last frame may be of few photons
-    busy = True
+    busy: ClassVar[bool] = True
 
     def run(self, solver: Solver) -> bool:
         """Return whether there are more prefixes to time."""
@@ -134,12 +139,13 @@ class Piece(NamedTuple):
     problem: Exception | None = None
 
 
-class Rest(NamedTuple):
+@dataclass(frozen=True)
+class Rest:
     """One short task while nothing moves; a drag waits for no more than that."""
 
     next_task: Callable[[Set[str]], Task | None]
     given_up: Set[str]
-    busy = False
+    busy: ClassVar[bool] = False
 
     def run(self, solver: Solver) -> Piece:
         task = self.next_task(self.given_up)
@@ -164,4 +170,4 @@ class Rest(NamedTuple):
         light.log.failure("resting", problem)
 
 
-Job = Idle | Refine | Move | Time | Rest
+Job = Refine | Move | Time | Rest

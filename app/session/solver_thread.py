@@ -58,7 +58,7 @@ class Solving:
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self.warned: set[str] = set()  # kinds of warnings that the log has had
         self._solver, self._worker = solver, worker
-        self._job: Job = Idle()
+        self._job: Job | Idle = Idle()
         self._timing = Timing.DUE
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
         self._begins = False  # a motion, with the next of them
@@ -117,11 +117,12 @@ class Solving:
 
     def _wait(self, seconds: float) -> bool:
         """Wait so long for the job under way, and take it over; True when none is under way any more."""
-        if self.is_idle:
+        job = self._job
+        if isinstance(job, Idle):
             return True
         if not self._call.wait(seconds):
             return False
-        job, self._job = self._job, Idle()
+        self._job = Idle()
         try:
             result = self._call.result()
         except Exception as problem:

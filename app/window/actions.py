@@ -10,7 +10,6 @@ from typing import Any, NamedTuple, Protocol
 
 from imgui_bundle import imgui
 
-from app.draw import metering
 from app.draw.renderer import Renderer
 from app.session.log import Log
 from app.session.reload import Reload
@@ -96,7 +95,7 @@ def _toggle_reference(window: Window) -> None:
 
 
 def _meter(window: Window) -> None:
-    exposure = metering.metered(window.session, window.viewport.camera)
+    exposure = window.session.metered(window.viewport.camera)
     window.session.want(replace(window.session.settings, exposure=exposure))
     window.log(f"metered: {exposure:+.1f} EV")
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import moderngl
 from imgui_bundle import hello_imgui, imgui, immapp, implot
 
-from app.draw import metering, view_content
+from app.draw import view_content
 from app.draw.renderer import Renderer
 from app.draw.vertex_colours import weights
 from app.session.log import Log
@@ -196,7 +196,7 @@ class Viewer:
         self.estimators = {key: kind.about for key, kind in ESTIMATORS.items()}
         if new.settings.exposure is None:
             given = new.scene.defaults.exposure
-            exposure = metering.metered(new, self.viewport.camera) if given is None else given
+            exposure = new.metered(self.viewport.camera) if given is None else given
             new.want(replace(new.settings, exposure=exposure))
         self.metered = new.settings.exposure
 

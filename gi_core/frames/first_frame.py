@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Generator, Iterator
 from typing import NamedTuple
 
+from gi_core.base.fixed_point import MAX_PHOTONS
 from gi_core.estimators import ESTIMATORS
 from gi_core.estimators.setting import Setting
 from gi_core.frames.background import Background, Photons
@@ -34,7 +35,7 @@ class Schedule:
 
     def __init__(self, b: Background, replaced: int, pictures: bool):
         """replaced: photons of the light on show; a new setting is shown once it has as many."""
-        self._due = max(FIRST_PICTURE, replaced, _after(b)) if pictures else math.inf
+        self._due = max(FIRST_PICTURE, replaced, _after(b)) if pictures else MAX_PHOTONS
 
     def next_goal(self, added: int, wanted: int) -> int:
         """Return the photons up to which to work without a pause: the next picture or level, at most `wanted`."""

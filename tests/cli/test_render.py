@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from app.draw import raycast
-from app.draw.metering import metered
 from app.draw.shot import Shot
 from app.draw.tonemap import to_display
 from app.draw.vertex_colours import colours, draw_meshes
@@ -271,9 +270,9 @@ def test_the_meter_sees_textures_by_their_mean():
     grey = Material("grey", (0.0513, 0.0513, 0.0513))
     plain = replace(room(), materials=(grey, grey, grey, room().materials[3]))
     dark = replace(plain, static=dark.static._replace(paint=paint))
-    exposures = [metered(shot, shot.camera) for shot in (shot_of(s, SMALL, 1.0) for s in (dark, plain))]
+    exposures = [shot_of(s, SMALL, 1.0).metered() for s in (dark, plain)]
     assert exposures[0] == pytest.approx(exposures[1], abs=0.02)
-    assert exposures[0] > metered(shot_of(room(), SMALL, 1.0), shot_of(room(), SMALL, 1.0).camera) + 2
+    assert exposures[0] > shot_of(room(), SMALL, 1.0).metered() + 2
 
 
 def test_draw_vertices_split_at_texture_seams_share_light():

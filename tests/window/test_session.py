@@ -308,7 +308,6 @@ def test_the_meter_is_not_fooled_by_noise():
 
     Exposures of 2,000 photons scatter by 0.1 EV from seed to seed: what counts is their mean over five.
     """
-    from app.draw import metering
     from app.draw.camera import from_camera, scene_bounds
 
     def metered(photons: int, seed: int) -> float:
@@ -318,7 +317,7 @@ def test_the_meter_is_not_fooled_by_noise():
         while s.refining:
             s.tick(FRAME)
         scene = s.light._solver.scene
-        exposure = metering.metered(s, from_camera(scene.camera, scene.up, scene_bounds(s.model, s.poses)))
+        exposure = s.metered(from_camera(scene.camera, scene.up, scene_bounds(s.model, s.poses)))
         s.close()
         return exposure
 

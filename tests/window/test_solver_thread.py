@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import replace
 
-from app.draw import metering, view_content
+from app.draw import view_content
 from app.draw.camera import from_camera, scene_bounds
 from app.session.log import Log
 from app.session.opening import Opened
@@ -49,7 +49,7 @@ def test_a_window_session_reads_snapshots_alone(monkeypatch, tmp_path):
         for mesh in session.meshes:
             view_content.paint(mesh, what.sides[-1], what.errors, True)
         facts_of(session, reload, {}, 0.02, 0.0)
-        metering.metered(session, camera)
+        session.metered(camera)
         session.models()
 
     def until(done) -> None:
