@@ -119,10 +119,9 @@ def test_a_picture_of_new_settings_that_is_broken_off_is_made_the_next_time():
     solver, wanted = solved("tangent_plane"), solved("tangent_plane")
     for s in (solver, wanted):
         s.configure(radius=0.2)
-    wanted.solve()
+    before = [progress.picture for progress in wanted.solve_steps(pictures=False)].index(True)
     steps = solver.solve_steps(pictures=False)
-    # Left behind as soon as frames go by the new settings, before there is a picture of them.
-    while solver.frame_parts().background.setting.radius != 0.2:
+    for _ in range(before):  # all that precedes the picture
         next(steps)
     steps.close()
     assert not np.array_equal(solver.irradiance, wanted.irradiance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.base import memory
+from gi_core.estimators import ESTIMATORS
 from gi_core.frames import background
 from gi_core.solver import Solver
 from tests.support.scene_builders import coloured_room
@@ -33,7 +34,7 @@ def test_photons_end_where_memory_does(estimator, monkeypatch):
         real(store, *given)
         taken[0] = store.photons
 
-    a_photon = 4 * (background.BYTES_PER_VERTEX + wanted._background().estimate.bytes_per_hit)
+    a_photon = 4 * (background.BYTES_PER_VERTEX + ESTIMATORS[estimator](wanted.model, wanted.setting).bytes_per_hit)
     monkeypatch.setattr(background.PathStore, "append", counted)
     monkeypatch.setattr(memory, "available", lambda: background.SPARE_MEMORY + (20_000 - taken[0]) * a_photon)
     assert list(wanted.solve_steps())[-1].stage == "done"

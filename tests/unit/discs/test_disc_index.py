@@ -30,7 +30,7 @@ def test_crowds_get_grids_of_their_own():
     assert len(index.grids) == 3
     whole = DiscGrid(index.discs, np.arange(len(index.discs.positions)))
     most = max(int(np.diff(g.cells.first).max()) for g in index.grids)
-    assert most < 0.1 * int(np.diff(whole.first).max())  # blocks in the fullest cell
+    assert most < 0.1 * int(np.diff(whole.cells.first).max())  # blocks in the fullest cell
     assert sum(len(g.cells.first) for g in index.grids) < MAX_CELLS
 
 

@@ -126,7 +126,7 @@ def test_info_render_and_bench_take_it(tmp_path, capsys):
 def test_sweep_and_tune_try_it():
     solver = make_solver(open_scene(settings := Settings("cornell", max_edge=0.2, photons=100)), settings)
     assert {"estimator": "toy"} in candidates(solver)
-    every = {row.settings.estimator for row in bench_rows.rows(settings, 1, large=True)}
+    every = {row.settings.estimator for row in bench_rows.rows(settings, 1)}
     assert every == set(ESTIMATORS)
 
 

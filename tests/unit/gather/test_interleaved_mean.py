@@ -43,11 +43,11 @@ def test_neither_a_crease_nor_a_sheet_is_crossed():
     model = Model(Scene(quad((0, 0, -1), (1, 0, 0), (0, 1, 0)), (grey(0.5), grey(0.5, True)), (things,)), 1)
     gather = MobileGather(model, 0)
     _, normals = (a[gather.first :] for a in evaluation_points(model.surfaces, model.object_receivers))
-    of = np.repeat(np.arange(len(normals)), np.diff(gather._beside.first))
+    of = np.repeat(np.arange(len(normals)), np.diff(gather._near.first))
     assert len(normals) == 6 * 25 + 2 * 25
-    assert ((normals[of] * normals[gather._beside.of]).sum(axis=1) > SAME_WAY).all()
-    there = (gather._beside.of >= 6 * 25) == (of >= 6 * 25)
-    assert there.all() and np.diff(gather._beside.first).min() == NEAR
+    assert ((normals[of] * normals[gather._near.of]).sum(axis=1) > SAME_WAY).all()
+    there = (gather._near.of >= 6 * 25) == (of >= 6 * 25)
+    assert there.all() and np.diff(gather._near.first).min() == NEAR
 
 
 def test_kinds_are_mixed():
