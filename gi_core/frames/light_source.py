@@ -83,7 +83,7 @@ class LightSource:
             E, theirs = shown.resting(photons), math.inf
             if prefix is not None:
                 theirs = noise_from_prefix(E, shown.resting(prefix), photons, prefix, shown.weights)
-            self._less_noise = g.noise < theirs
+            self._less_noise = g.left < theirs
         return self.is_gathered
 
     def static_irradiance(self, shown: Background, photons: int) -> np.ndarray:

@@ -28,8 +28,8 @@ ROUNDS = 24  # until 1 % noise; the first noise is known after two
 class StaticGather:
     """Irradiance of the static part's receivers without mobiles.
 
-    mean (n, 3) float64 [W/m2]: denoised irradiance. noise: its relative l1 noise before denoising, inf before the first
-    result. deviation (n,) [W/m2]: standard error of its luminance. state: the whole paths so far, or None.
+    mean (n, 3) float64 [W/m2]: denoised irradiance. noise, left: its relative l1 noise before and after denoising, inf
+    before the first result. deviation (n,) [W/m2]: standard error of its luminance. state: the whole paths, or None.
     """
 
     def __init__(self, model: Model, seed: int, state: ReferenceState | None = None):
@@ -48,6 +48,7 @@ class StaticGather:
         self._near = neighbours(model.corners(0), rows.stop)
         self.state = state
         self.mean, self.noise, self.deviation = np.zeros((0, 3)), float("inf"), np.zeros(0)
+        self.left = float("inf")
         lit = len(self.weights) and len(model.emitters.kind)
         self._left = float("inf" if lit else "nan")  # noise of whole paths at the last complete round
 
@@ -114,7 +115,8 @@ class StaticGather:
         """Denoise this light and make it `mean`, in steps; the arrays must not change meanwhile."""
         given = self.weights, self._near, self._seed, self._model.threads
         found = yield from denoise(mean, standard_error, *given)
-        self.mean, self.noise = found.irradiance.copy(), noise
+        # Less noise is smoothed less: what is left may rise while the error falls.
+        self.mean, self.noise, self.left = found.irradiance.copy(), noise, min(self.left, found.share * noise)
         self.deviation = found.share * luminance(standard_error)
         yield True
 
