@@ -98,11 +98,11 @@ def test_a_run_that_is_taken_up_again_ends_in_the_same_bits(gathered, monkeypatc
 
 def test_photons_are_kept_while_they_have_less_noise(monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 0.01)
-    monkeypatch.setattr("gi_core.frames.light_source.noise_from_prefix", lambda *given: 0.012)
+    monkeypatch.setattr("gi_core.frames.light_source.noise_from_prefix", lambda *given: 0.006)
     solver, seen = solved(20_000), set()
     before = solver.irradiance
     for progress in solver.gather_steps():
-        less = solver.gathered.left < 0.012
+        less = solver.gathered.left < 0.006
         assert less or (solver.irradiance is before and not solver.uses_gathered and not progress.picture)
         seen.add((np.isfinite(solver.gathered.noise), less))
     assert seen == {(False, False), (True, False), (True, True)} and solver.uses_gathered
