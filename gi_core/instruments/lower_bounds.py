@@ -104,8 +104,8 @@ def _searches(solver: Solver) -> list[tuple[Discs, Lines, int]]:
     """Return discs, lines and number of disc intersections of each search of the last frame; none without discs."""
     model, change = solver.model, solver.frame_parts().change
     out = []
-    for o, search in enumerate(estimate_of(solver).searches):
-        segments = (change.new_suffixes, *change.near_mobiles)[o]
+    segments_of_objects = change.new_suffixes, *change.near_mobiles  # mobiles that gather are not searched
+    for o, (search, segments) in enumerate(zip(estimate_of(solver).searches, segments_of_objects, strict=False)):
         over = lines(segments, change.at.rotation[o], change.at.position[o], model, solver.radius)
         out.append((search.discs, over, _intersections(search, over)))
     return out

@@ -53,6 +53,12 @@ def test_every_number_is_written_and_the_light_is_that_from_scratch(measured, es
     assert (n["queries"] is None) == (estimator != "photon_map")
 
 
+def test_mobiles_that_gather_are_timed(measured):
+    """Their discs are not searched: the bounds once asked for segments near them."""
+    n, _ = measured("--light", "best")
+    assert n["bits_equal"] is True and "gather" in n["stages_ms"]
+
+
 def test_the_step_that_is_asked_for_is_gone(measured, monkeypatch):
     steps, walk = [], motion.walk
     monkeypatch.setattr(motion, "walk", lambda paths, step, frames: steps.append(step) or walk(paths, step, frames))
