@@ -24,12 +24,12 @@ def _interpolated(model: Model, irradiance: np.ndarray, rows: slice) -> np.ndarr
     r, s, lift = model.object_receivers, model.surfaces, FACE_SEARCH_LIFT * model.world.size
     origins = (r.positions[rows] + lift * r.normals[rows]).astype(np.float32)
     directions = (-r.normals[rows]).astype(np.float32)
-    distance, face = model.accelerator.nearest(0, origins, directions, np.full(len(origins), 2 * lift, np.float32))
+    _, face = model.accelerator.nearest(0, origins, directions, np.full(len(origins), 2 * lift, np.float32))
     out = np.zeros((len(origins), 3))
     for k in np.flatnonzero(face >= 0):
-        corners = s.vertices[0][s.faces[0][face[k]]]
-        weights = np.linalg.lstsq(corners.T, origins[k] + distance[k] * directions[k], rcond=None)[0]
+        a, *ends = s.vertices[0][s.faces[0][face[k]]]
+        u, v = np.linalg.lstsq((ends - a).T, r.positions[rows][k] - a, rcond=None)[0]  # of the foot in the face's plane
         front = directions[k] @ s.normals[face[k]] < 0
         index = (s.corner_front if front else s.corner_back)[face[k]]
-        out[k] = np.where(index[:, None] >= 0, irradiance[index], 0).T @ weights
+        out[k] = np.where(index[:, None] >= 0, irradiance[index], 0).T @ (1 - u - v, u, v)
     return out

@@ -1,0 +1,32 @@
+"""Probes of an estimator that counts hits on faces: linear interpolation within the face."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gi_core.display.probes import probe_irradiance
+from gi_core.model import Model
+from gi_core.scene.types import Mesh, Probe
+from tests.support.scene_builders import plane_scene
+
+TURNED = np.array([(0.36, 0.48, -0.8), (-0.8, 0.6, 0.0), (0.48, 0.64, 0.6)]).T
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), TURNED], ids=["level", "tilted"])
+@pytest.mark.parametrize("height", [0.0, 1e-9, 1e-3, 0.3, 40.0])
+def test_linear_light_is_read_exactly_at_any_distance_of_the_plane_from_the_origin(turn, height):
+    local = np.array([(0.67, 0.33, height), (-0.9, 0.2, height), (0.01, -0.4, height)])
+    places, normal = local @ turn.T, turn[:, 2]
+    probes = tuple(Probe(str(k), tuple(p), tuple(normal)) for k, p in enumerate(places))
+    floor = plane_scene(divisions=3).static
+    static = Mesh((floor.vertices + (0, 0, height)) @ turn.T, *floor[1:])
+    model = Model(replace(plane_scene(), static=static, probes=probes), threads=1)
+
+    def light(points: np.ndarray) -> np.ndarray:
+        return 1 + np.outer((points @ turn)[:, 0], (0.1, 0.2, 0.3))
+
+    read = probe_irradiance(model, light(model.object_receivers.positions), on_faces=True)
+    assert np.allclose([read[p.name] for p in probes], light(places), rtol=1e-5)
