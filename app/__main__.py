@@ -12,15 +12,19 @@ from importlib import import_module
 from pathlib import Path
 
 from app.cli import values
-from app.cli.exit_codes import SCENE, USAGE, fail
+from app.cli.exit_codes import SCENE, STOPPED, USAGE, fail
 from app.cli.parser import Parser, did_you_mean
+from app.cli.terminal import guarded
 from app.commands import COMMANDS, VIEW, Command
 from app.settings import UsageError
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the program; return its exit code."""
-    argv = sys.argv[1:] if argv is None else argv
+    return guarded(lambda: _run(sys.argv[1:] if argv is None else argv))
+
+
+def _run(argv: list[str]) -> int:
     try:
         arguments = parse(argv)
     except SystemExit as stop:  # argparse has printed why
@@ -34,10 +38,8 @@ def main(argv: list[str] | None = None) -> int:
         return fail(error, SCENE)
     except UsageError as error:
         return fail(error, USAGE)
-    except OSError as error:
-        return fail(error, USAGE)
     except KeyboardInterrupt as stop:
-        return fail(str(stop) or "stopped", 130)
+        return fail(str(stop) or "stopped", STOPPED)
 
 
 def _is_scene(name: str) -> bool:

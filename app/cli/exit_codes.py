@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 
-OK, USAGE, SCENE, NO_GL = 0, 2, 3, 4
+OK, USAGE, SCENE, NO_GL, STOPPED = 0, 2, 3, 4, 130
+UNREAD = 141  # the reader of the output has left: 128 + SIGPIPE, as a shell has it
 
 
 def fail(error: object, code: int) -> int:

@@ -26,8 +26,7 @@ class Bar:
         self._last, self._stage = now, stage
         done = int(BAR_CHARACTERS * min(max(fraction, 0.0), 1.0))
         text = f"{stage:<12.40} [{'=' * done}{' ' * (BAR_CHARACTERS - done)}] {100 * fraction:3.0f} %"
-        self._stream.write("\r" + text.ljust(self._drawn))
-        self._stream.flush()
+        print(text.ljust(self._drawn), end="\r", file=self._stream, flush=True)
         self._drawn = len(text)
 
     def say(self, line: str) -> None:
@@ -37,8 +36,7 @@ class Bar:
 
     def close(self) -> None:
         if self._drawn:
-            self._stream.write("\r" + " " * self._drawn + "\r")
-            self._stream.flush()
+            print(" " * self._drawn, end="\r", file=self._stream, flush=True)
             self._drawn = 0
 
     def __enter__(self) -> Bar:

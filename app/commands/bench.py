@@ -8,6 +8,7 @@ from pathlib import Path
 from app.cli import options, values
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
+from app.cli.terminal import say
 from app.settings import STEP, UsageError
 
 
@@ -40,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     elif arguments.history is not None:
         from app.measure.bench.history import history
 
-        print("\n".join(map(str, history(arguments.history, arguments.plot))))
+        say(map(str, history(arguments.history, arguments.plot)))
     elif arguments.sweep:
         from app.measure.bench.sweep import sweep
 

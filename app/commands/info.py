@@ -7,6 +7,7 @@ import argparse
 from app.cli import options
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
+from app.cli.terminal import say
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -18,5 +19,5 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from app.measure.scene_info import info
 
-    print("\n".join(info(settings_of(arguments))))
+    say(info(settings_of(arguments)))
     return OK

@@ -10,6 +10,7 @@ from app.cli import options, values
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
 from app.cli.progress import Bar, compile_kernels, solve
+from app.cli.terminal import say
 from app.settings import Settings, UsageError, make_solver, open_moving_scene
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    print("\n".join(tuned_lines(settings_of(arguments), arguments.error, arguments.check)))
+    say(tuned_lines(settings_of(arguments), arguments.error, arguments.check))
     return OK
 
 

@@ -7,6 +7,8 @@ import traceback
 from collections import deque
 from typing import NamedTuple
 
+from gi_core.scene.errors import one_line
+
 MOST_ENTRIES = 200
 INFO, WARNING, ERROR = "info", "warning", "error"
 
@@ -22,7 +24,7 @@ class Log:
         self.entries: deque[LogEntry] = deque(maxlen=MOST_ENTRIES)
 
     def __call__(self, text: str, level: str = INFO) -> None:
-        line = " ".join(str(text).split())
+        line = one_line(text)
         if self.entries and self.entries[-1][:2] == (level, line):  # an error in every frame is one entry
             self.entries[-1] = LogEntry(level, line, time.monotonic())
             return

@@ -5,9 +5,14 @@ from __future__ import annotations
 LONGEST = 500  # characters of a sentence
 
 
+def printable(text: str) -> str:
+    """Return a text with all but printable characters escaped, as repr() does: names may hold terminal commands."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 def one_line(text: str) -> str:
-    """Return a text as one printable line: quotations from files may hold terminal commands."""
-    line = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
+    """Return a text as one printable line of at most LONGEST characters."""
+    line = printable(" ".join(text.split()))
     half = LONGEST // 2  # the place at the front and the rule at the end both stay
     return line if len(line) <= LONGEST else f"{line[: half - 5]} ... {line[-half:]}"
 

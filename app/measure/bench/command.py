@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 
 from app.cli.progress import Bar, compile_kernels
+from app.cli.terminal import say
 from app.cli.writable import check_writable
 from app.measure.bench.bounds import summary
 from app.measure.bench.measure import measure, warm_up
@@ -28,7 +29,7 @@ def bench(settings: Settings, frames: int, json_file: Path | None = None, step: 
         compile_kernels(bar)
         warm_up(scene, settings)
         numbers = measure(scene, settings, frames, bar, step)
-    print("\n".join(table(numbers)))
+    say(table(numbers))
     if json_file is not None:
         json_file.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
     return numbers

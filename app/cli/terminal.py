@@ -1,0 +1,69 @@
+"""The terminal: text on its way there is printable in its encoding, and a reader that leaves ends the program quietly.
+
+Names from files may hold commands to the terminal, and letters that its encoding lacks.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable
+from contextlib import redirect_stderr, redirect_stdout
+
+from app.cli.exit_codes import UNREAD, USAGE, fail
+
+
+class _Printable:
+    """A text stream that escapes all but printable characters and line breaks, and a carriage return by itself."""
+
+    def __init__(self, stream) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str):
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        encoding = self._stream.encoding or "utf-8"
+        lines = text if text == "\r" else "\n".join(map(_printable, text.split("\n")))
+        return self._stream.write(lines.encode(encoding, "backslashreplace").decode(encoding))
+
+
+def _printable(text: str) -> str:
+    if text.isprintable():
+        return text
+    from gi_core.scene.errors import printable  # heavy, and then already imported: files have been read
+
+    return printable(text)
+
+
+def say(lines: Iterable[str]) -> None:
+    """Print lines; line breaks of names are escaped, so that no file can add a line."""
+    print("\n".join(map(_printable, lines)))
+
+
+def guarded(run: Callable[[], int]) -> int:
+    """Call a function with safe output streams; return its exit code, or that of an output which cannot be written."""
+    out, err = (stream and _Printable(stream) for stream in (sys.stdout, sys.stderr))
+    with redirect_stdout(out), redirect_stderr(err):
+        try:
+            try:
+                return run()
+            finally:
+                _flush()
+        except BrokenPipeError:  # `gi-viewer info | head`
+            return UNREAD
+        except OSError as error:
+            return fail(error, USAGE)
+
+
+def _flush() -> None:
+    """Write out both streams; one that fails leads nowhere from then on, since the interpreter will flush it again."""
+    problem = None
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        try:
+            stream.flush()
+        except OSError as error:
+            problem = error
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    if problem:
+        raise problem
