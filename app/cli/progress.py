@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gi_core.solver import Solver
 
 BAR_CHARACTERS = 28
 REDRAW_SECONDS = 0.1
@@ -67,7 +71,7 @@ def compile_kernels(bar: Bar) -> None:
         bar(f"compiling {step.name}", step.done / step.total)
 
 
-def solve(solver, bar: Bar) -> None:
+def solve(solver: Solver, bar: Bar) -> None:
     """Trace all requested photons, showing progress."""
     for progress in solver.solve_steps(pictures=False):
         bar(progress.stage, progress.fraction)

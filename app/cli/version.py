@@ -1,7 +1,10 @@
-"""The version of the program."""
+"""The version of the program, and its commit."""
 
 from __future__ import annotations
 
+import functools
+import os
+import subprocess
 from importlib import metadata
 from pathlib import Path
 
@@ -15,3 +18,16 @@ def version() -> str:
 
         with open(Path(__file__).parents[2] / "pyproject.toml", "rb") as file:
             return tomllib.load(file)["project"]["version"]
+
+
+@functools.cache
+def commit() -> str | None:
+    """Return the commit of the checkout, "-dirty" if its files differ; None outside a checkout."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / ".git").exists():  # installed: a repository around the environment is not ours
+        return None
+    command = ["git", "-C", os.fspath(root), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip() or None
+    except (OSError, subprocess.SubprocessError):
+        return None

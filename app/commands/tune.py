@@ -15,6 +15,7 @@ from app.settings import Settings, UsageError, make_solver, open_moving_scene
 
 if TYPE_CHECKING:
     from app.measure.tuning import Tuned
+    from gi_core.solver import Solver
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -106,7 +107,7 @@ def _name(setting) -> str:
     return f"{setting.estimator}, {summary}" if summary else setting.estimator
 
 
-def checked(solver, found: Tuned, bar) -> str:
+def checked(solver: Solver, found: Tuned, bar) -> str:
     """Return the measured errors and frame time of the choice, in words."""
     from app.measure.tuning import measured
 

@@ -17,6 +17,7 @@ from gi_core.geometry.error import luminance
 
 if TYPE_CHECKING:
     from gi_core.scene.types import Light
+    from gi_core.solver import Solver
 
 PILOT = 20_000  # photons: the escaped share has an error of a third of a percent
 ESCAPES = 0.8  # of the photons at their first flight: info warns above it
@@ -48,7 +49,7 @@ def info(settings: Settings) -> list[str]:
     return [*_aligned(rows), "", *materials, "", *notes, *[""] * bool(notes), *_aligned(_machine(solver))]
 
 
-def _control(solver, settings: Settings) -> tuple[str, str]:
+def _control(solver: Solver, settings: Settings) -> tuple[str, str]:
     """Return the share of receivers that artifact control corrects; this needs geometry but no photons."""
     from gi_core.estimators import DEFAULT
 
@@ -63,7 +64,7 @@ def _control(solver, settings: Settings) -> tuple[str, str]:
     return "artifact control", text
 
 
-def _search(solver) -> str:
+def _search(solver: Solver) -> str:
     """Return the structure of the disc search, built without regions, which do not affect it."""
     from gi_core.discs.search import SEARCHES
     from gi_core.estimators import DEFAULT
@@ -74,7 +75,7 @@ def _search(solver) -> str:
     return f"{solver.search_summary}; there are also {there}"
 
 
-def _contents(scene, solver) -> list[tuple[str, str]]:
+def _contents(scene, solver: Solver) -> list[tuple[str, str]]:
     s = solver.surfaces
     low, high = solver.chosen.low, solver.chosen.high
     rows = [
@@ -95,13 +96,13 @@ def _contents(scene, solver) -> list[tuple[str, str]]:
     return rows
 
 
-def _size(solver) -> str:
+def _size(solver: Solver) -> str:
     if solver.scene.defaults.scene_size is not None:
         return f"{solver.scene_size:.4g} m (the scene file's)"
     return f"{solver.scene_size:.4g} m (longest side of the box of 98 % of the light's hits)"
 
 
-def _lights(scene, solver) -> list[tuple[str, str]]:
+def _lights(scene, solver: Solver) -> list[tuple[str, str]]:
     """Return a row per material that emits and per other light."""
     unit = "lm" if scene.units == "photometric" else "W"
     emitters = solver.model.emitters
@@ -132,7 +133,7 @@ def _strength(light: Light) -> tuple[float, float, float]:
     return light._asdict()[FLUX_OF.get(type(light), "radiance")]
 
 
-def _choices(asked: Settings, chosen: Settings, estimator: str, solver) -> list[tuple[str, str]]:
+def _choices(asked: Settings, chosen: Settings, estimator: str, solver: Solver) -> list[tuple[str, str]]:
     from gi_core.defaults import choose
     from gi_core.estimators import ESTIMATORS
 
@@ -163,7 +164,7 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver) -> list[
     return rows
 
 
-def _notes(scene, solver) -> list[str]:
+def _notes(scene, solver: Solver) -> list[str]:
     from gi_core.files.completion.default_lights import lit_by_stand_ins
 
     lines = [f"note: {note}" for note in scene.notes]
@@ -175,7 +176,7 @@ def _notes(scene, solver) -> list[str]:
     return lines
 
 
-def _machine(solver) -> list[tuple[str, str]]:
+def _machine(solver: Solver) -> list[tuple[str, str]]:
     from gi_core.base.jit import cache_folder
     from gi_core.files.find import shipped_scenes
 

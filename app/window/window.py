@@ -99,7 +99,7 @@ def current_context():
         def release(self) -> None:
             pass
 
-    return moderngl.create_context(require=100 * GL_VERSION[0] + 10 * GL_VERSION[1], context=Loader())
+    return moderngl.create_context(require=100 * GL_VERSION[0] + 10 * GL_VERSION[1], context=Loader())  # type: ignore[arg-type]
 
 
 def is_software(ctx) -> bool:

@@ -30,7 +30,8 @@ def rows() -> Iterator[AtlasRow]:
 
 def fans():
     """A field of fans of every angle, each alone in its place, under parallel light: E = 1 at every apex."""
-    meshes, apexes = [], {kind: [] for kind in KINDS}
+    meshes: list = []
+    apexes: dict[tuple[str, int], list[tuple]] = {kind: [] for kind in KINDS}
     for i, (name, angle) in enumerate(KINDS):
         for j in range(COPIES):
             place = (i * SPACING, j * SPACING, 0.0)

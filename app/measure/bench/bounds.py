@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gi_core.solver import Solver
 
 REPEATS = 5  # the least time counts
 LEAST_SECONDS = 0.02  # of all repeats of one kind of work
 COPY_BYTES = 128_000_000  # of the copy that measures bandwidth: larger than any cache
 
 
-def bounds(solver, poses, stages_ms: dict[str, float], frame_ms: float, cpu_ms: float) -> dict:
+def bounds(solver: Solver, poses, stages_ms: dict[str, float], frame_ms: float, cpu_ms: float) -> dict:
     """Return the bound of each stage and of the frame at `poses`, and measured time / bound.
 
     `stages_ms`, `frame_ms`, `cpu_ms`: measured medians; CPU time is of all threads. Leaves the solver at `poses`.

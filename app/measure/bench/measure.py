@@ -8,15 +8,19 @@ from __future__ import annotations
 import time
 from collections import defaultdict
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from app.cli.progress import Bar, solve
+from app.cli.version import commit
 from app.draw import motion
 from app.measure.bench.bounds import best_seconds, bounds
-from app.measure.machine import commit, load, peak_rss_mb, processor
+from app.measure.machine import load, peak_rss_mb, processor
 from app.settings import STEP, Settings, make_solver
+
+if TYPE_CHECKING:
+    from gi_core.solver import Solver
 
 FORMAT = "gi-viewer bench 3"
 BEST_OF = 3  # from-scratch runs
@@ -96,7 +100,7 @@ class Walked(NamedTuple):
     stages: dict[str, list[float]]  # ms
 
 
-def _walk(solver, lap: list[dict], bar: Bar) -> Walked:
+def _walk(solver: Solver, lap: list[dict], bar: Bar) -> Walked:
     from gi_core.instruments.lower_bounds import estimate_of
 
     frames, stages = defaultdict(list), defaultdict(list)
@@ -125,7 +129,7 @@ def _walk(solver, lap: list[dict], bar: Bar) -> Walked:
     return Walked(frames, stages)
 
 
-def _from_scratch(solver, bar: Bar) -> tuple[float, bool]:
+def _from_scratch(solver: Solver, bar: Bar) -> tuple[float, bool]:
     """Return the best time [s] of the same frame from scratch, and whether it has the same bits."""
     took, equal = [], True
     for k in range(BEST_OF):
@@ -137,7 +141,7 @@ def _from_scratch(solver, bar: Bar) -> tuple[float, bool]:
     return min(took), equal
 
 
-def _queries(solver, stale: float, stages_ms: dict[str, float]) -> dict | None:
+def _queries(solver: Solver, stale: float, stages_ms: dict[str, float]) -> dict | None:
     """Return the cost of stale receivers, which k-nearest estimators estimate again; None for other estimators.
 
     `allowed_ms`: the time of a full estimate times the share of stale receivers.

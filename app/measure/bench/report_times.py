@@ -10,14 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from app.cli.progress import Bar, compile_kernels, solve
+from app.cli.version import commit
 from app.cli.writable import write_whole
 from app.draw import motion
 from app.measure.bench.bounds import best_seconds
 from app.measure.bench.report import DISC_INDEX, ESTIMATORS, RAY_CACHE, SECOND_RADII, TREE_RADII, Times, markdown
-from app.measure.machine import commit, processor
+from app.measure.machine import processor
 from app.settings import STEP, Settings, UsageError, make_solver, open_scene
 from gi_core.discs.search.disc_index import DiscIndex
 from gi_core.estimators import CHEAPEST, DEFAULT
+from gi_core.solver import Solver
 
 GROUND, TREE = ("ground", "skirt"), ("bark", "leaf")  # materials of the scene `tree`
 MORE_RADII = (0.05, 0.07, 0.10)  # beyond the report's: the searches cross there
@@ -57,11 +59,11 @@ def _solver(scene: str, settings: Settings, bar: Bar):
     return solver
 
 
-def _static(solver) -> int:
+def _static(solver: Solver) -> int:
     return len(solver.scene.static.faces)
 
 
-def _times(solver, photons: int, radii, sets: dict, bar: Bar) -> dict[tuple[str, str, float], Times]:
+def _times(solver: Solver, photons: int, radii, sets: dict, bar: Bar) -> dict[tuple[str, str, float], Times]:
     """Return the times of each search by (receivers, search, radius)."""
     from gi_core.instruments.search_timing import SearchTrial, frame_lines, photon_lines, static_discs
 
@@ -82,7 +84,7 @@ def _times(solver, photons: int, radii, sets: dict, bar: Bar) -> dict[tuple[str,
     return out
 
 
-def _pretests(solver, bar: Bar) -> dict[tuple[str, str], tuple[float, float]]:
+def _pretests(solver: Solver, bar: Bar) -> dict[tuple[str, str], tuple[float, float]]:
     """Return seconds by (search, pre-test) for all segments of 10,000 photons and for those of a frame."""
     from gi_core.discs.search import PRETESTS
     from gi_core.instruments.search_timing import SearchTrial, frame_lines, photon_lines, static_discs
@@ -98,7 +100,7 @@ def _pretests(solver, bar: Bar) -> dict[tuple[str, str], tuple[float, float]]:
     return out
 
 
-def _estimators(solver, bar: Bar) -> dict[str, tuple[float, float, float]]:
+def _estimators(solver: Solver, bar: Bar) -> dict[str, tuple[float, float, float]]:
     """Return simulation and illumination [ms] per frame and the error [%] of the estimators of table 2.1."""
     solver.configure(estimator=DEFAULT, radius=0.01 * solver.scene_size, photons=REFERENCE)
     solve(solver, bar)

@@ -11,8 +11,12 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from app.settings import STEP, Settings, UsageError
+
+if TYPE_CHECKING:
+    from gi_core.solver import Solver
 
 ROOT = Path(__file__).resolve().parents[3]
 GUESSES = 8  # of the longest edge
@@ -83,7 +87,7 @@ def vary(scene, settings: Settings, variant: dict):
     return scene, settings
 
 
-def _static_receivers(solver) -> int:
+def _static_receivers(solver: Solver) -> int:
     return solver.surfaces.receiver_range(0).stop
 
 

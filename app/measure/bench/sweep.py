@@ -10,11 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from app.cli.progress import Bar
+from app.cli.version import commit
 from app.cli.writable import write_whole
 from app.measure.bench.row import Failed, run_apart
 from app.measure.bench.rows import rows
 from app.measure.bench.tables import markdown
-from app.measure.machine import commit, processor
+from app.measure.machine import processor
 from app.settings import Settings, UsageError
 
 FORMAT = "gi-viewer sweep 2"

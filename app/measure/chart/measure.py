@@ -12,6 +12,7 @@ from app.measure.chart.truth import Case, background_of, light_of, steady_and_mo
 from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import noise_of_truth, relative_error
 from gi_core.geometry.receiver_classes import CLASSES
+from gi_core.solver import Solver
 
 WATCHED = 3000  # draws of static receivers whose light is recorded in every frame
 
@@ -49,7 +50,7 @@ def make_walk(finest, lap: list, cases: list[Case], seed: int) -> Walk:
     return Walk(lap, cases, watched, weights, steady, moved, _jump(light[:, moved], weights[moved]))
 
 
-def go(solver, walk: Walk, photons: int | None = None, paths: int | None = None) -> Recorded:
+def go(solver: Solver, walk: Walk, photons: int | None = None, paths: int | None = None) -> Recorded:
     """Move a solved solver along the walk; only the frame itself is timed."""
     ms, light, by_frame = [], [], {}
     solver.move_all(walk.lap[-1], photons, paths)
@@ -64,7 +65,7 @@ def go(solver, walk: Walk, photons: int | None = None, paths: int | None = None)
     return Recorded(np.array(ms), [by_frame[c.frame] for c in walk.cases], np.array(light))
 
 
-def at_cases(solver, walk: Walk) -> list[np.ndarray]:
+def at_cases(solver: Solver, walk: Walk) -> list[np.ndarray]:
     """Return irradiance (n, 3) at the receivers of each case."""
     out = []
     for case in walk.cases:

@@ -6,9 +6,12 @@ in table 2.8 is from photon_map's own picture of 5 million photons. The report g
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from app.measure.chart.settings import Choice
+
+if TYPE_CHECKING:
+    from gi_core.solver import Solver
 
 SCENES = ("tree", "tree_worst")  # like the report's
 RADIUS = 0.01  # of the scene size
@@ -44,7 +47,7 @@ def choice_like(then: ReportRow, scene_size: float, neighbours: int) -> Choice:
     return like._replace(border_correction=False, textbook=True) if then.estimator == "photon_map" else like
 
 
-def choices_like_the_report(scene: str, solver) -> list[Choice]:
+def choices_like_the_report(scene: str, solver: Solver) -> list[Choice]:
     """Return the settings like the report's rows, none for scenes other than its tree."""
     if scene not in SCENES:
         return []

@@ -9,13 +9,14 @@ import numpy as np
 from app.measure.chart.measure import Walk
 from gi_core.gather.point_gather import Gatherer
 from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.solver import Solver
 
 RIVAL = "path gather"
 TIMED = 4  # paths per vertex; the time of more is scaled from these
 OTHER_SEED = 0x417A1  # the truth has other paths
 
 
-def seen(solver, walk: Walk, paths: int, seed: int) -> list[np.ndarray]:
+def seen(solver: Solver, walk: Walk, paths: int, seed: int) -> list[np.ndarray]:
     """Return irradiance (n, 3) at the receivers of each case, from a number of paths per receiver."""
     out = []
     for case in walk.cases:
@@ -24,7 +25,7 @@ def seen(solver, walk: Walk, paths: int, seed: int) -> list[np.ndarray]:
     return out
 
 
-def times(solver, walk: Walk, paths: int) -> dict[str, float]:
+def times(solver: Solver, walk: Walk, paths: int) -> dict[str, float]:
     """Return the time [ms] of a frame with paths from every vertex; times over TIMED paths are scaled.
 
     The first frame takes as long as every other one.
@@ -38,7 +39,7 @@ def times(solver, walk: Walk, paths: int) -> dict[str, float]:
     return {"frame_ms": float(np.median(took)), "frame_p95_ms": max(took), "first_frame_ms": float(np.median(took))}
 
 
-def _gatherer(solver, poses, seed: int) -> Gatherer:
+def _gatherer(solver: Solver, poses, seed: int) -> Gatherer:
     everywhere = {**solver.poses, **poses}
     points = evaluation_points(solver.surfaces, solver.model.receivers_at(everywhere))
     return Gatherer(solver.scene, *points, seed, everywhere, model=solver.model)

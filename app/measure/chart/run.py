@@ -12,6 +12,7 @@ from itertools import groupby
 from pathlib import Path
 
 from app.cli.progress import Bar, time_left
+from app.cli.version import commit
 from app.draw import motion
 from app.measure.chart import measure, truth
 from app.measure.chart import rival as chart_rival
@@ -20,7 +21,7 @@ from app.measure.chart.report import choices_like_the_report
 from app.measure.chart.results import KEY, Results
 from app.measure.chart.settings import Choice, choices, effort
 from app.measure.chart.tuned import nearness, tuned_choice
-from app.measure.machine import commit, load, processor
+from app.measure.machine import load, processor
 from app.settings import STEP, Settings, make_solver
 from gi_core.estimators import CHEAPEST, DEFAULT
 from gi_core.solver import Solver

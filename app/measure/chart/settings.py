@@ -7,6 +7,7 @@ from typing import NamedTuple
 from app.settings import Settings
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting
+from gi_core.solver import Solver
 
 TUNED = "tune's choice"
 DRAGGED, GATHERED, NO_CONTROL = ", while dragged", ", gathered light", ", no control"  # curves of an estimator
@@ -109,7 +110,7 @@ class Choice(NamedTuple):
         return ", ".join(filter(None, words))
 
 
-def choices(settings: Settings, solver, effort: Effort) -> list[Choice]:
+def choices(settings: Settings, solver: Solver, effort: Effort) -> list[Choice]:
     """Return the settings to measure, family by family; a value given by `settings` is not varied.
 
     solver: source of default radius and neighbours.

@@ -10,6 +10,7 @@ from app.rest.reference_store import ReferenceStore
 from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import luminance
 from gi_core.geometry.receiver_classes import CLASSES, receiver_classes
+from gi_core.solver import Solver
 
 SHARES = {"untouched": 0.4, "affected": 0.2, "mobile": 0.2, "border": 0.2}  # of the sample
 FAR_AWAY = 1e3  # of the scene size: a mobile there changes nothing
@@ -26,7 +27,7 @@ class Case(NamedTuple):
     standard_error: np.ndarray  # (n, 3) float64 [W/m2]
 
 
-def background_of(solver) -> np.ndarray:
+def background_of(solver: Solver) -> np.ndarray:
     """Return the irradiance (R, 3) of the static part without mobiles; the poses are put back."""
     poses = dict(solver.poses)
     away = np.asarray(solver.scene.up, float) * FAR_AWAY * solver.scene_size
@@ -36,7 +37,9 @@ def background_of(solver) -> np.ndarray:
     return irradiance
 
 
-def cases(solver, lap: list[dict], frames: list[int], points: int, error: float, seed: int, progress) -> list[Case]:
+def cases(
+    solver: Solver, lap: list[dict], frames: list[int], points: int, error: float, seed: int, progress
+) -> list[Case]:
     """Return the truth at some frames of a walk, with a noise of `error` (l1); kept on disk.
 
     The light of `solver`, which is solved, decides the class of each receiver; SHARES of `points` are drawn from each.

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from app.measure.chart.settings import TUNED, Choice
 from app.measure.tuning import tune
 from app.settings import BUDGET
 
+if TYPE_CHECKING:
+    from gi_core.solver import Solver
+
 LATE = 1.1  # of the budget: a frame of this length still keeps it
 JUDGED = {"all": "all receivers", "affected": "receivers that mobiles change", "mobile": "mobiles"}
 
 
-def tuned_choice(solver, traced: int, bar) -> Choice:
+def tuned_choice(solver: Solver, traced: int, bar) -> Choice:
     """Return the choice of tune for a solver with `traced` photons and gathered light.
 
     Its frame uses the largest photon subset that is predicted to keep the budget.
