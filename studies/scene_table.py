@@ -54,6 +54,7 @@ def measure(what: str, picture: Path, launched: float, photons: int | None, size
     from app.cli.progress import Bar, compile_kernels
     from app.draw.png import write_png
     from app.draw.shot import Shot
+    from app.session.picture import metadata_of
     from app.settings import Settings, make_solver, open_scene
     from gi_core.files.formats.mesh_file import read_mesh_file
     from gi_core.scene import SceneError
@@ -84,7 +85,7 @@ def measure(what: str, picture: Path, launched: float, photons: int | None, size
             shown = True
     passed("ready")
     shot = Shot(solver, settings)
-    write_png(picture, shot.take(), shot.parameters())
+    write_png(picture, shot.take(), metadata_of(shot))
     passed("drawn")
     began = time.process_time()
     for progress in solver.gather_steps():
@@ -92,7 +93,7 @@ def measure(what: str, picture: Path, launched: float, photons: int | None, size
             break
     if solver.uses_gathered and progress.picture:
         passed("gathered")
-        write_png(picture.with_suffix(".gathered.png"), shot.take(), shot.parameters())
+        write_png(picture.with_suffix(".gathered.png"), shot.take(), metadata_of(shot))
     s = solver.surfaces
     if not static.endswith(".toml") and os.path.isfile(static):
         row["file"] = len(read_mesh_file(Path(static)).mesh.faces)

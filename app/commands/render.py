@@ -44,6 +44,7 @@ def render(settings: Settings, out: Path, frames: int | None = None) -> list[Pat
     from app.draw import motion
     from app.draw.png import write_png
     from app.draw.shot import Shot
+    from app.session.picture import metadata_of
     from app.session.warnings import caveats
 
     _check(out, frames)
@@ -59,13 +60,13 @@ def render(settings: Settings, out: Path, frames: int | None = None) -> list[Pat
             bar.say(f"gi-viewer: {text}")
         shot = Shot(solver, settings)
         if frames is None:
-            return [write_png(out, shot.take(lambda f: bar("drawing", f)), shot.parameters())]
+            return [write_png(out, shot.take(lambda f: bar("drawing", f)), metadata_of(shot))]
         written = []
         for k, poses in enumerate(motion.spread(motion.paths_of(solver), frames)):
             bar("drawing", k / frames)
             if poses:
                 solver.move_all(poses)
-            written.append(write_png(numbered(out, k + 1), shot.take(), shot.parameters()))
+            written.append(write_png(numbered(out, k + 1), shot.take(), metadata_of(shot)))
         return written
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from PIL.PngImagePlugin import PngInfo
 KEYWORD_CHARACTERS = 79  # limit of the PNG standard
 
 
-def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: dict[str, object] | None = None) -> Path:
+def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: Mapping[str, object] | None = None) -> Path:
     """Write (h, w, 3) or (h, w, 4) uint8 with one text entry per parameter; return the full path.
 
     The file appears whole or not at all. Raises OSError.

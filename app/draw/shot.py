@@ -1,6 +1,8 @@
-"""Picture of a solved scene by ray casting, and the parameters that reproduce it."""
+"""Picture of a solved scene by ray casting."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,11 +12,14 @@ from app.draw.metering import metered
 from app.draw.vertex_colours import colours, draw_meshes, weights
 from app.settings import Settings
 
+if TYPE_CHECKING:
+    from gi_core.solver import Solver
+
 
 class Shot:
     """A solved scene with camera and exposure."""
 
-    def __init__(self, solver, settings: Settings) -> None:
+    def __init__(self, solver: Solver, settings: Settings) -> None:
         self.solver, self.settings = solver, settings
         self.meshes = draw_meshes(solver.surfaces)
         self.camera = home_camera(solver)
@@ -56,32 +61,8 @@ class Shot:
         s, textured = self.solver, self.settings.show == "radiance"
         return metered(s.receivers, self.meshes, self.colours, textured, s.scene_size, self.camera)
 
-    def parameters(self) -> dict[str, object]:
-        """Return the parameters that reproduce the picture."""
-        s, solver, view = self.settings, self.solver, self.camera.as_camera()
-        entries = {
-            "software": "gi-viewer render",
-            "scene": s.scene,
-            "mobiles": " ".join(s.mobiles) or "-",
-            "estimator": solver.estimator,
-            "photons": solver.photons_traced,
-            "radius": f"{solver.radius:.6g} m",
-            "neighbours": solver.neighbours,
-            "static_light": "gathered" if solver.uses_gathered else "photons",
-            "mobile_light": f"gathered, {solver.paths_gathered} paths" if solver.paths_gathered else "photons",
-            "seed": solver.seed,
-            "exposure": f"{self.exposure:.4f} EV",
-            "tone_map": s.tone_map,
-            "show": s.show,
-            "cull": s.cull,
-            "camera": f"position {_numbers(view.position)} target {_numbers(view.target)} "
-            f"vertical_fov_degrees {view.vertical_fov_degrees:.6g}",
-        }
-        poses = {f"pose {name}": _numbers((*p.position, *p.quaternion)) for name, p in solver.poses.items()}
-        return entries | poses
 
-
-def home_camera(solver) -> Turntable:
+def home_camera(solver: Solver) -> Turntable:
     """Return the viewer's initial camera."""
     receivers = solver.receivers
     p = receivers.positions[receivers.areas > 0]
@@ -89,7 +70,3 @@ def home_camera(solver) -> Turntable:
     everything = Bounds(tuple(low), tuple(high))
     lit = Bounds(tuple(solver.chosen.low), tuple(solver.chosen.high))
     return from_camera(solver.scene.camera, solver.scene.up, everything, lit)
-
-
-def _numbers(values) -> str:
-    return ",".join(f"{v:.9g}" for v in values)

@@ -1,4 +1,4 @@
-"""The same light by another estimator, for the right side of a wipe: computed at rest by a twin of the solver.
+"""The light by another estimator, for the right side of a wipe: computed at rest by a twin of the solver.
 
 The twin shares the photons, so nothing is traced twice. Only the solver's thread uses it.
 """
@@ -6,51 +6,44 @@ The twin shares the photons, so nothing is traced twice. Only the solver's threa
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-import numpy as np
+from app.rest.results import Comparison
 
 if TYPE_CHECKING:
-    from gi_core.display.dilation import Drawn
     from gi_core.solver import Solver
 
 
-class Comparison(NamedTuple):
-    """The light by another estimator."""
-
-    version: object  # of the light
-    estimator: str
-    photons: int
-    irradiance: np.ndarray  # (R, 3) [W/m2]
-    drawn: Drawn  # the same for pictures
-
-
 class ComparisonJob:
-    """Call `step` until `seen`, the result, belongs to the wanted light."""
+    """Call `step` until `is_done`; `result` is then the light by that estimator."""
 
     def __init__(self, solver: Solver) -> None:
         self._solver = solver
         self._twin: Solver | None = None
         self._steps: Iterator[Comparison | None] | None = None
-        self._doing: tuple | None = None
-        self.seen: Comparison | None = None
+        self._doing = ""
+        self.result: Comparison | None = None
 
-    def is_done(self, version: object, estimator: str) -> bool:
-        return self.seen is not None and self.seen[:2] == (version, estimator)
+    def is_done(self, estimator: str) -> bool:
+        return self.result is not None and self.result.estimator == estimator
 
-    def step(self, version: object, estimator: str) -> None:
-        """Advance the result of a version of the light and an estimator by one step."""
-        if self._doing != (version, estimator):
-            self._twin = self._twin or self._solver.twin()
-            self._doing, self._steps = (version, estimator), _steps_of(self._solver, self._twin, version, estimator)
-        self.seen = next(self._steps, None) or self.seen
+    def step(self, estimator: str) -> None:
+        """Advance the light by an estimator by one step."""
+        self._twin = self._twin or self._solver.twin()
+        if self._steps is None or self._doing != estimator:
+            self._doing, self._steps = estimator, _steps_of(self._solver, self._twin, estimator)
+        self.result = next(self._steps, None)
+
+    def restart(self) -> None:
+        """Forget the result, after a change of the light."""
+        self._steps = self.result = None
 
     def drop(self) -> None:
         """Free twin and result."""
-        self._twin = self._steps = self._doing = self.seen = None
+        self._twin = self._steps = self.result = None
 
 
-def _steps_of(solver: Solver, twin: Solver, version: object, estimator: str) -> Iterator[Comparison | None]:
+def _steps_of(solver: Solver, twin: Solver, estimator: str) -> Iterator[Comparison | None]:
     """Yield None per step of the twin, then the result. Not a method: that would be a reference cycle."""
     fields = {**solver.setting._asdict(), "estimator": estimator}
     twin.configure(photons=solver.photons, light="photons", **fields)
@@ -59,4 +52,4 @@ def _steps_of(solver: Solver, twin: Solver, version: object, estimator: str) -> 
         yield None
     twin.move_all(solver.poses)
     drawn = solver.as_drawn(twin.irradiance)
-    yield Comparison(version, estimator, twin.photons_traced, twin.irradiance, drawn)
+    yield Comparison(estimator, twin.photons_traced, twin.irradiance, drawn)

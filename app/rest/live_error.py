@@ -1,7 +1,7 @@
 """Error of the current light, measured at rest: frame time, noise, reference, comparison with another estimator.
 
-`next_task` returns one short task at a time for the solver's thread; a drag waits for at most one task. Results belong
-to a version of the light. References belong to poses; the last REMEMBERED_POSES are kept.
+`next_task` returns one short task at a time; a drag waits for at most one. Results belong to the solver's irradiance
+and are dropped when it changes. References belong to poses; the last REMEMBERED_POSES are kept.
 """
 
 from __future__ import annotations
@@ -9,20 +9,20 @@ from __future__ import annotations
 import functools
 import math
 import statistics
-from collections.abc import Callable, Iterator, Mapping, Set
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Set
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from app.rest.comparison import ComparisonJob
-from app.rest.measured_points import MeasuredPoint, MeasuredPoints
+from app.rest.measured_points import MeasuredPoint
 from app.rest.reference_job import Truth
+from app.rest.results import ReferencePicture, Report
 from app.worker import Task
 from gi_core.geometry.error import bias_left, noise_from_prefix, prefix_to_compare, relative_error
 
 if TYPE_CHECKING:
-    from gi_core.estimators.setting import Setting
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 
@@ -44,126 +44,101 @@ class Wants(NamedTuple):
     other: str = ""  # an estimator to compare with
 
 
-class Report(NamedTuple):
-    """The error of one version of the light, relative l1; nan: unknown."""
-
-    version: object
-    total: float
-    noise: float
-    bias: float
-    reference_noise: float  # of the reference
-    receivers: int  # in the measurement
-    of: int  # receivers in all
-    paths: float  # of the reference, per receiver
-    done: bool  # the reference has little enough noise
-
-
 @dataclass
 class Measured:
-    """Measurements of one version of the light that need no reference."""
+    """Measurements of the light that need no reference."""
 
-    version: object
-    setting: Setting
     twin: Solver | None  # None after the last measurement
-    seconds: list[float]  # of frames of all photons
+    seconds: list[float] = field(default_factory=list)  # of frames of all photons
     photons: int = 0
     prefix: int = 0  # photons of the subset behind the noise; 0: none
     fewer: np.ndarray | None = None  # (R, 3) irradiance of the subset
 
 
 class LiveError:
-    """One per solver. The window sets `wants`; all else runs in the solver's thread."""
+    """One per solver; only the solver's thread uses it."""
 
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
-        self.wants = Wants()
-        self.points = MeasuredPoints()
-        self.other = ComparisonJob(solver)
+        self.comparison = ComparisonJob(solver)
         self.report: Report | None = None
+        self.point: MeasuredPoint | None = None  # of the chart
         self._solver, self._clock = solver, clock
+        self._light: np.ndarray | None = None  # irradiance that the results belong to
         self._measured: Measured | None = None
         self._truths: dict[tuple, Truth] = {}  # newest last
         self._areas = solver.model.object_receivers.areas
+        self._few = int((self._areas > 0).sum()) <= MOST_RECEIVERS
 
-    # The window's side ------------------------------------------------------------------------------
+    def follow(self) -> None:
+        """Drop the results of an earlier light."""
+        if self._light is not self._solver.irradiance:
+            self._light = self._solver.irradiance
+            self._measured = self.report = self.point = None
+            self.comparison.restart()
 
     def truth(self, poses: Mapping[str, Pose], everywhere: bool) -> Truth | None:
         """Return the reference at these poses: at all receivers, or at those of the report."""
         return self._truths.get(self._key(poses, everywhere))
 
-    def picture(self, poses: Mapping[str, Pose]) -> np.ndarray | None:
-        """Return the reference at all receivers (R, 3), nan where unknown; None before the first step."""
-        truth = self.truth(poses, True)
-        if truth is None:
-            return None
-        E = np.full((len(self._areas), 3), np.nan)
-        E[truth.rows] = truth.irradiance
-        return E
+    @property
+    def picture(self) -> ReferencePicture | None:
+        """The reference at all receivers and the current poses; None before the first step."""
+        truth = self.truth(self._solver.poses, True)
+        return None if truth is None else truth.picture
 
-    def progress(self, version: object, poses: Mapping[str, Pose]) -> tuple:
-        """Return a value that changes with the visible result; rounds count in powers of two."""
-        truth = self.truth(poses, True) if self.wants.picture else None
-        other = self.wants.other and self.other.is_done(version, self.wants.other)
-        return bool(other), None if truth is None else truth.look
-
-    def next_task(self, version: object, irradiance: np.ndarray, given_up: Set[str] = frozenset()) -> Task | None:
-        """Return the next task for a version of the light, among jobs not given up; None at the end."""
-        if not self.wants.other and self.other.seen is not None:
-            self.other.drop()
-        due = (task for task in self._due(version, irradiance) if task.name not in given_up)
-        return next(due, None)
-
-    def _due(self, version: object, irradiance: np.ndarray) -> Iterator[Task]:
-        """Iterate over the next task of each due job, the most urgent first."""
-        wants, poses = self.wants, self._solver.poses
-        m = self._measured
-        if wants.numbers and (not self._measures(version) or m.twin is not None):
-            yield Task("timing frames", functools.partial(self._measure, version))
-        if wants.other and not self.other.is_done(version, wants.other):
-            name = f"computing {wants.other.replace('_', ' ')}"
-            yield Task(name, functools.partial(self.other.step, version, wants.other))
+    def next_task(self, wants: Wants, given_up: Set[str] = frozenset()) -> Task | None:
+        """Return the next task for the current light, the most urgent of a kind not given up; None at the end."""
+        self.follow()
+        if not wants.other:
+            self.comparison.drop()
+        poses, m, r = self._solver.poses, self._measured, self.report
         some, everywhere = self.truth(poses, False), self.truth(poses, True)
-        reported = self.report is not None and self.report.version == version
-        picture_due = wants.picture and (everywhere is None or everywhere.noise > PICTURE_NOISE)
-        numbers_due = wants.numbers and not (reported and self.report.done)
-        at_some, at_all = (functools.partial(self._gather, version, irradiance, every) for every in (False, True))
-        of_numbers = Task("gathering the reference" if self._few else "gathering the reference for the error", at_some)
-        if numbers_due and (not reported or some is None or some.noise > FIRST_NOISE):
-            yield of_numbers
-        if picture_due:
-            yield Task("gathering the reference", at_all)
-        if numbers_due:
-            yield of_numbers
+        numbers = wants.numbers and not (r is not None and r.done)
+        rough = r is None or some is None or some.noise > FIRST_NOISE
+        picture = wants.picture and (everywhere is None or everywhere.noise > PICTURE_NOISE)
+        reference, at_some = "gathering the reference", functools.partial(self._gather, False)
+        of_numbers = Task(reference if self._few else f"{reference} for the error", at_some)
+        compare = functools.partial(self.comparison.step, wants.other)
+        tasks = (
+            (wants.numbers and (m is None or m.twin is not None), Task("timing frames", self._measure)),
+            (
+                wants.other and not self.comparison.is_done(wants.other),
+                Task(f"computing {wants.other.replace('_', ' ')}", compare),
+            ),
+            (numbers and rough, of_numbers),
+            (picture, Task(reference, functools.partial(self._gather, True))),
+            (numbers, of_numbers),
+        )
+        return next((task for due, task in tasks if due and task.name not in given_up), None)
 
-    # The solver's thread ----------------------------------------------------------------------------
+    def keep(self) -> None:
+        """Save the references at the scene's start poses."""
+        for truth in self._truths.values():
+            truth.keep()
 
     def _key(self, poses: Mapping[str, Pose], everywhere: bool) -> tuple:
         return tuple(sorted(poses.items())), everywhere or self._few
 
-    @property
-    def _few(self) -> bool:
-        return int((self._areas > 0).sum()) <= MOST_RECEIVERS
-
-    def _measure(self, version: object) -> None:
+    def _measure(self) -> None:
         """Time a frame of all photons TIMED_FRAMES times, then compute one of a subset, one frame per call."""
-        m = self._measured
-        if not self._measures(version):
-            m = self._measured = Measured(version, self._solver.setting, self._solver.twin(), [])
-            if not m.twin.uses_gathered:  # then photons light mobiles too
+        if (m := self._measured) is None:
+            m = self._measured = Measured(self._solver.twin())
+            if not self._solver.uses_gathered:  # then photons light mobiles too
                 m.twin.configure(prefix_only=True)
+        twin = m.twin
         if len(m.seconds) < TIMED_FRAMES:
             started = self._clock()
-            m.twin.move_all({})
+            twin.move_all({})
             m.seconds.append(self._clock() - started)
-            m.photons = m.twin.photons_traced
+            m.photons = twin.photons_traced
             return
-        m.prefix = prefix_to_compare(m.twin.prefixes) or 0
+        m.prefix = prefix_to_compare(twin.prefixes) or 0
         if m.prefix:
-            m.fewer = self._of_fewer(m)
+            m.fewer = self._of_fewer(m, twin)
         m.twin = None
 
-    def _of_fewer(self, m: Measured) -> np.ndarray:
+    def _of_fewer(self, m: Measured, twin: Solver) -> np.ndarray:
         """Return the irradiance (R, 3) of a subset; differences on path-traced mobiles are scaled to its variance."""
-        twin = m.twin
         if not twin.paths_gathered:
             twin.move_all({}, m.prefix)
             return twin.irradiance
@@ -174,54 +149,47 @@ class LiveError:
         fewer[mobile] = E[mobile] + (fewer[mobile] - E[mobile]) * math.sqrt((m.photons / m.prefix - 1) / 3)
         return fewer
 
-    def _gather(self, version: object, irradiance: np.ndarray, everywhere: bool) -> None:
+    def _gather(self, everywhere: bool) -> None:
         """Trace a step of the reference and update the report."""
         from gi_core.gather.reference_sample import draw_by_area
 
-        key = self._key(self._solver.poses, everywhere)
-        truth = self._truths.get(key)
+        solver, key = self._solver, self._key(self._solver.poses, everywhere)
+        truth = self._truths.pop(key, None)
         if truth is None:
             rows = np.flatnonzero(self._areas > 0)
             rows, weights = (
                 (rows, self._areas[rows]) if key[1] else draw_by_area(rows, self._areas, SAMPLED_RECEIVERS, 0)
             )
-            truth = Truth(self._solver, self._solver.poses, rows, weights, even=everywhere and not self._few)
-        others = {k: t for k, t in self._truths.items() if k != key}
-        self._truths = dict([*others.items(), (key, truth)][-REMEMBERED_POSES:])  # the window reads it meanwhile
+            truth = Truth(solver, solver.poses, rows, weights, even=everywhere and not self._few)
+        self._truths = dict([*self._truths.items(), (key, truth)][-REMEMBERED_POSES:])
         before = truth.look
         truth.step()
-        if key[1] and (truth.drawn is None or truth.look != before):
-            poses = self._solver.poses
-            truth.drawn = self._solver.as_drawn(self.picture(poses), poses)
+        if key[1] and (truth.picture is None or truth.look != before):
+            E = np.full((len(self._areas), 3), np.nan)
+            E[truth.rows] = truth.irradiance
+            drawn = solver.as_drawn(E, solver.poses)
+            truth.picture = ReferencePicture(drawn, truth.noise, truth.paths, truth.seen)
         if truth.rounds.bit_count() == 1 and truth.seen == 1:  # 1, 2, 4, ... rounds
             truth.keep()
         if truth.noise != float("inf") and (self._few or not everywhere):  # nan: there is no light
-            self._report(version, irradiance, truth)
+            self._report(truth)
 
-    def _report(self, version: object, irradiance: np.ndarray, truth: Truth) -> None:
-        m, rows, w = self._measured, truth.rows, truth.weights
-        total = relative_error(irradiance[rows], truth.irradiance, w).l1
+    def _report(self, truth: Truth) -> None:
+        m, E, w = self._measured, self._light[truth.rows], truth.weights
+        total = relative_error(E, truth.irradiance, w).l1
         noise = float("nan")
-        if m is not None and m.version == version and m.prefix:
-            others = self._noise_of_gathered(rows)
-            noise = noise_from_prefix(irradiance[rows], m.fewer[rows], m.photons, m.prefix, w, others)
+        if m is not None and m.prefix:
+            others = self._noise_of_gathered(truth.rows)
+            noise = noise_from_prefix(E, m.fewer[truth.rows], m.photons, m.prefix, w, others)
         done = not truth.noise > max(LEAST_NOISE, NOISE_OF_ERROR * total)
         if done:
             truth.keep()
         of = int((self._areas > 0).sum())
         bias = bias_left(total, noise, truth.noise)
-        self.report = Report(version, total, noise, bias, truth.noise, len(rows), of, truth.paths, done)
-        if m is not None and m.version == version and m.seconds and total == total:
-            self._note()
-
-    def _measures(self, version: object) -> bool:
-        m = self._measured
-        return m is not None and m.version == version
-
-    def _note(self) -> None:
-        """Add the current setting to the points of the chart."""
-        m, r = self._measured, self.report
-        self.points.add(MeasuredPoint(m.setting, m.photons, statistics.median(m.seconds), r.total, r.reference_noise))
+        self.report = Report(total, noise, bias, truth.noise, len(truth.rows), of, truth.paths, done)
+        if m is not None and m.seconds and total == total:
+            seconds = statistics.median(m.seconds)
+            self.point = MeasuredPoint(self._solver.setting, m.photons, seconds, total, truth.noise)
 
     def _noise_of_gathered(self, rows: np.ndarray) -> np.ndarray:
         """Return the standard error (n,) of luminance at receivers with gathered light, 0 at others."""

@@ -32,14 +32,17 @@ class MeasuredPoint(NamedTuple):
 
 
 class MeasuredPoints:
-    """One point per setting, the newest. The solver's thread adds points, the window's thread reads them."""
+    """One point per setting, the newest."""
 
     def __init__(self) -> None:
         self.all: tuple[MeasuredPoint, ...] = ()  # oldest first
+        self._newest: MeasuredPoint | None = None
 
-    def add(self, point: MeasuredPoint) -> None:
-        others = [p for p in self.all if p[:2] != point[:2]]
-        self.all = (*others[-MOST_POINTS + 1 :], point)
+    def add(self, point: MeasuredPoint | None) -> None:
+        """Add the newest point; the same again, or None, changes nothing."""
+        if point is not None and point is not self._newest:
+            self._newest = point
+            self.all = (*[p for p in self.all if p[:2] != point[:2]][-MOST_POINTS + 1 :], point)
 
     def clear(self) -> None:
         self.all = ()

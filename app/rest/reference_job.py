@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from gi_core.display.dilation import Drawn
+    from app.rest.results import ReferencePicture
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 
 
 class Truth:
-    """Only the solver's thread calls `step`; any thread may read the result."""
+    """The reference of some receivers; only the solver's thread uses it."""
 
     def __init__(
         self, solver: Solver, poses: Mapping[str, Pose], rows: np.ndarray, weights: np.ndarray, even: bool = False
@@ -26,7 +26,7 @@ class Truth:
         from app.rest.reference_store import ReferenceStore
 
         self.rows, self.weights = rows, weights  # (n,) receivers and their weights: area, or number of draws
-        self.drawn: Drawn | None = None  # for pictures; None before the first step
+        self.picture: ReferencePicture | None = None  # None before the first step
         self._store = ReferenceStore(solver.model, poses, rows, weights=weights)
         self._is_kept = dict(poses) == solver.model.start_poses()
         self._gathered = self._store.rounds(even, self._is_kept)

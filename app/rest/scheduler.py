@@ -3,55 +3,58 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Set
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from app.rest.live_error import LiveError, Wants
+from app.rest.results import RestResults
 from app.rest.static_job import Gathering
 from app.settings import REFERENCE, Settings
 from app.worker import Task
 
 if TYPE_CHECKING:
-    from app.session.solver_thread import Solving
+    from gi_core.solver import Solver
 
 GATHERING = "gathering the static light"
 FIRST_TURNS = 4  # all but one gather light, until it has a first result
 
 
-class AtRest:
-    """Tasks for the solver's thread, one at a time; `next_task` is called there. `settings` are the user's."""
+class RestWork:
+    """Work at rest in short tasks, and its results. One per solver; only the solver's thread uses it."""
 
-    def __init__(self, settings: Settings, light: Solving, gathering: Gathering, live_error: LiveError | None) -> None:
-        self.settings = settings
-        self._light, self._gathering, self._live_error = light, gathering, live_error
+    def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
+        self.gathering, self.live_error = Gathering(solver, clock), LiveError(solver, clock)
+        self.given_up: set[str] = set()  # kinds of tasks that have failed
+        self._wants = Wants()
         self._turn = 0
-        self._drawn: object = None  # state of reference and comparison in the last picture
 
-    def next_task(self, given_up: Set[str] = frozenset()) -> Task | None:
-        """Return a task of a job not given up, None at the end: gathering and error measurement take turns.
+    def next_task(self, settings: Settings) -> Task | None:
+        """Return a task of a kind not given up, None at the end: gathering and error measurement take turns.
 
         Until gathering has a first result it has most turns: a better picture matters more than its error.
         """
+        other = "" if settings.compare == REFERENCE else settings.compare
+        self._wants = Wants(settings.measure_errors, REFERENCE in settings.beside_estimate, other)
         self._turn += 1
-        turns = FIRST_TURNS if math.isinf(self._gathering.progress.noise) else 2
+        turns = FIRST_TURNS if math.isinf(self.gathering.progress.noise) else 2
         first, second = (self._gather, self._measure_errors)[:: 1 if self._turn % turns else -1]
-        return first(given_up) or second(given_up)
+        return first() or second()
 
-    def _gather(self, given_up: Set[str]) -> Task | None:
-        run = None if GATHERING in given_up else self._gathering.next_work()
+    def results(self) -> RestResults:
+        """Return the results for the solver's present light."""
+        e = self.live_error
+        e.follow()
+        reference = e.picture if self._wants.picture else None
+        return RestResults(self.gathering.progress, e.report, e.point, reference, e.comparison.result)
+
+    def keep(self) -> None:
+        """Save the static light and the references as far as they are."""
+        self.gathering.keep()
+        self.live_error.keep()
+
+    def _gather(self) -> Task | None:
+        run = None if GATHERING in self.given_up else self.gathering.next_work()
         return run and Task(GATHERING, run)
 
-    def _measure_errors(self, given_up: Set[str]) -> Task | None:
-        if self._live_error is None:
-            return None
-        s, light = self.settings, self._light
-        other = "" if s.compare == REFERENCE else s.compare
-        self._live_error.wants = Wants(s.measure_errors, REFERENCE in s.beside_estimate, other)
-        return self._live_error.next_task(light.version, light.snapshot.irradiance, given_up)
-
-    def has_news(self) -> bool:
-        """Return whether the reference or the comparison has visibly changed since the last call."""
-        if self._live_error is None:
-            return False
-        before, self._drawn = self._drawn, self._live_error.progress(self._light.version, self._light.snapshot.poses)
-        return self._drawn != before
+    def _measure_errors(self) -> Task | None:
+        return self.live_error.next_task(self._wants, self.given_up)

@@ -3,39 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
+
+from app.rest.results import GatherProgress
 
 if TYPE_CHECKING:
     from app.rest.reference_store import StaticStore
     from gi_core.solver import Progress, Solver
 
 
-class GatherProgress(NamedTuple):
-    """Progress of the static light."""
-
-    fraction: float  # 0 .. 1
-    noise: float  # relative l1; inf: unknown
-    used: bool  # the picture shows it
-
-
 class Gathering:
-    """One per solver. The solver's thread runs the tasks of `next_work`; any thread may read `progress`."""
+    """One per solver; only the solver's thread uses it."""
 
     def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
         self._solver, self._clock = solver, clock
         self._steps: Iterator[Progress] | None = None
         self._store: StaticStore | None = None
-        self._saved_at, self._saved = 0.0, -1.0  # the saved fraction
-        self.progress = GatherProgress(0.0, float("inf"), False)
+        self._saved_at, self._saved = 0.0, 0  # sets of paths in the file
+
+    @property
+    def progress(self) -> GatherProgress:
+        g = self._solver.gathered
+        return GatherProgress(g.fraction, g.noise, self._solver.uses_gathered) if g else GatherProgress()
 
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""
         g = self._solver.gathered
         finished = self._steps is None and g is not None and g.enough  # and its light is in the picture
-        if self._solver.light != "best" or finished:
-            self._update_progress()
-            return None
-        return self._step
+        return None if self._solver.light != "best" or finished else self._step
 
     def _step(self) -> bool:
         from app.rest.reference_store import SAVE_SECONDS, StaticStore
@@ -48,19 +43,16 @@ class Gathering:
         progress = next(self._steps, None)
         if progress is None:
             self._steps = None
-        self._update_progress()
-        done = progress is None or solver.gathered.enough
-        state = solver.gathered.state  # None during single bounces: the file holds whole paths only
-        due = done or self._clock() - self._saved_at > SAVE_SECONDS
-        if state is not None and self.progress.fraction > self._saved and due:
-            self._store.keep(state)
-            self._saved_at, self._saved = self._clock(), self.progress.fraction
+        if progress is None or solver.gathered.enough or self._clock() - self._saved_at > SAVE_SECONDS:
+            self.keep()
         return progress is not None and progress.picture
 
-    def _update_progress(self) -> None:
-        g, solver = self._solver.gathered, self._solver
-        if g is not None:
-            self.progress = GatherProgress(g.fraction, g.noise, solver.uses_gathered)
+    def keep(self) -> None:
+        """Save the whole paths if there are more than in the file; single bounces are not saved."""
+        state = self._solver.gathered and self._solver.gathered.state
+        if self._store and state and (sets := int(state.sets.sum())) > self._saved:
+            self._store.keep(state)
+            self._saved_at, self._saved = self._clock(), sets
 
 
 def gather(solver: Solver, bar) -> None:

@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.draw.camera import Turntable, matrix
-from app.rest.live_error import LiveError
-from app.rest.scheduler import AtRest
-from app.rest.static_job import Gathering
+from app.rest.measured_points import MeasuredPoints
 from app.session.log import WARNING, Log
 from app.session.opening import Opened, Opening
 from app.session.solver_thread import Solving
@@ -46,7 +44,6 @@ class Session:
         open_with: Callable = Opening,
         clock: Callable[[], float] = time.perf_counter,
         worker: Worker | None = None,
-        measure_errors: Callable | None = LiveError,
     ) -> None:
         self.settings = settings  # as the user wants them
         self.log = log
@@ -63,9 +60,7 @@ class Session:
         self.playing = False
         self.history = History()
         self.light: Solving | None = None
-        self.live_error: LiveError | None = None
-        self.gathering: Gathering | None = None
-        self._measure_errors = measure_errors
+        self.points = MeasuredPoints()  # of the error chart
         self._refreshed = 0  # redraws of the same light
         self._worker = worker or Worker()
         self._applied = settings
@@ -127,9 +122,8 @@ class Session:
             self.playing &= not self.light.move_failed
         elif not self.dragging:
             self.light.settle()
-            self._at_rest.settings = self.settings
-            self.light.refine(budget, still and not editing)
-            self._refreshed += self._at_rest.has_news()
+            self.light.refine(budget, self.settings if still and not editing else None)
+            self.points.add(self.light.snapshot.rest.point)
         elif self.clock() - self._moved_at >= STILL:
             self.light.settle()
 
@@ -164,12 +158,7 @@ class Session:
         solver = opened.solver
         self.scene, self.model, self.chosen = solver.scene, solver.model, solver.chosen
         self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
-        self.gathering = Gathering(solver, self.clock)
         self.light = Solving(solver, self.log, self.clock, self._worker)
-        if self._measure_errors is not None:
-            self.live_error = self._measure_errors(solver, self.clock)
-        self._at_rest = AtRest(self.settings, self.light, self.gathering, self.live_error)
-        self.light.at_rest = self._at_rest.next_task
         self._start = self.light.snapshot.poses
         for note in self.scene.notes:
             self.log(note)

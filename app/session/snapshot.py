@@ -1,4 +1,4 @@
-"""The frame on show: all that the window reads of a solver."""
+"""The frame on show and the results at rest that belong to it: all that the window reads of a solver."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     import numpy as np
 
+    from app.rest.results import RestResults
+    from app.rest.scheduler import RestWork
     from gi_core.discs.contact.stale_receivers import ControlFacts
     from gi_core.display.dilation import Drawn
+    from gi_core.estimators.setting import Setting
     from gi_core.scene import Pose
     from gi_core.solver import Changes, Solver
 
@@ -23,15 +26,14 @@ class Snapshot(NamedTuple):
     photons_at_rest: int
     paths: int  # per receiver of mobiles
     paths_at_rest: int
-    estimator: str
-    radius: float  # [m]
-    neighbours: int
+    setting: Setting
     timings: dict[str, float]  # stage -> seconds, of the last move
     changes: Changes
     probes: dict[str, np.ndarray]  # name -> irradiance (3,)
     segments: int
     control: ControlFacts
     search_summary: str
+    rest: RestResults
 
     @property
     def partial(self) -> bool:
@@ -39,7 +41,7 @@ class Snapshot(NamedTuple):
         return self.photons < self.photons_at_rest or self.paths < self.paths_at_rest
 
 
-def snapshot_of(s: Solver) -> Snapshot:
+def snapshot_of(s: Solver, work: RestWork) -> Snapshot:
     """Return the snapshot of a solver's frame; call it on the solver's thread."""
     return Snapshot(
         poses=dict(s.poses),
@@ -49,13 +51,12 @@ def snapshot_of(s: Solver) -> Snapshot:
         photons_at_rest=max(s.prefixes, default=s.photons_traced),
         paths=s.paths_gathered,
         paths_at_rest=s.paths_at_rest,
-        estimator=s.estimator,
-        radius=s.radius,
-        neighbours=s.neighbours,
+        setting=s.setting,
         timings=s.timings,
         changes=s.changes,
         probes=s.probe_irradiance,
         segments=s.segments_total,
         control=s.control_facts,
         search_summary=s.search_summary,
+        rest=work.results(),
     )

@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import enum
 import functools
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from app.session.log import Log
+from app.rest.scheduler import RestWork
+from app.session.log import WARNING, Log
 from app.session.moving_median import MovingMedian
 from app.session.snapshot import Snapshot, snapshot_of
-from app.session.solver_jobs import Idle, Job, Move, Refine, Rest, Time
-from app.worker import PATIENCE, Task, Worker
+from app.session.solver_jobs import Job, Move, Moved, Refine, Rest, Rested, Step, Time
+from app.worker import PATIENCE, Worker
 
 if TYPE_CHECKING:  # the solver takes a second to import: that happens behind the window's first frames
+    from app.settings import Settings
     from gi_core.scene import Pose
     from gi_core.solver import Progress, Solver
 
@@ -43,39 +45,40 @@ class Timing(enum.Enum):
 class Solving:
     """Hands jobs to the solver's thread, which alone touches the solver; all methods are the window's thread's."""
 
+    snapshot: Snapshot
+
     def __init__(self, solver: Solver, log: Log, clock: Callable[[], float], worker: Worker) -> None:
         self.log = log
         self.clock = clock
-        self.version = 0  # of the snapshot
+        self.version = 0  # of the picture in the snapshot
         self.progress: Progress | None = None  # the last step of the refinement under way
         self.gi_seconds = MovingMedian()  # new poses in, irradiance out
         self.grace = GRACE  # s that a frame waits for a move
         self.budget = 0.0  # s that a frame may take while something moves; 0: all photons always
         self.steps_begun = 0
         self.move_failed = False  # the last one
-        self.at_rest: Callable[[Set[str]], Task | None] = nothing  # next task at rest, of kinds not given up
-        self.all_done = False  # the last call of it returned none
-        self.given_up: set[str] = set()  # kinds of tasks that have failed
-        self.warned: set[str] = set()  # kinds of warnings that the log has had
-        self._solver, self._worker = solver, worker
-        self._job: Job | Idle = Idle()
+        self.all_done = False  # the last call for a task at rest found none
+        self._warned: set[str] = set()  # kinds of warnings that the log has had
+        self._solver, self._work, self._worker = solver, RestWork(solver, clock), worker
+        self._job: Job | None = None
         self._timing = Timing.DUE
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
         self._begins = False  # a motion, with the next of them
         self._hasty = False  # these may be shown in the light of fewer photons
-        self.begin_refinement()
-        self.show(worker.submit(functools.partial(snapshot_of, solver)).result())
+        self._begin_refinement()
+        self._show(worker.submit(functools.partial(snapshot_of, solver, self._work)).result())
 
     # -- state ------------------------------------------------------------------------------------
 
     @property
     def busy(self) -> bool:
-        return self._stage is Stage.REFINING or self._job.busy or bool(self._pending) or self.partial
+        job = self._job is not None and self._job.busy
+        return self._stage is Stage.REFINING or job or bool(self._pending) or self.partial
 
     @property
     def is_idle(self) -> bool:
         """Whether no job is under way."""
-        return isinstance(self._job, Idle)
+        return self._job is None
 
     @property
     def is_moving(self) -> bool:
@@ -93,42 +96,81 @@ class Solving:
         moving = self._job.poses if isinstance(self._job, Move) else {}
         return {**self.snapshot.poses, **moving, **self._pending}
 
-    # -- taking over ------------------------------------------------------------------------------
+    # -- results ----------------------------------------------------------------------------------
 
-    def show(self, snapshot: Snapshot, timings: dict[str, float] | None = None) -> None:
-        """Let the window draw a snapshot; timings: those to keep, where nothing has moved."""
-        self.snapshot: Snapshot = snapshot if timings is None else snapshot._replace(timings=timings)
+    def _take(self, result: Step | Moved | Rested | bool, settles: bool) -> None:
+        """Take over the result of a job."""
+        match result:
+            case Step(progress, snapshot, warnings):
+                self.progress = progress
+                if progress is None:
+                    self._stage = Stage.REFINED
+                if snapshot is not None:
+                    self._show(snapshot)
+                for kind, text in warnings.items():
+                    if kind not in self._warned:
+                        self._warned.add(kind)
+                        self.log(text, WARNING)
+            case Moved(seconds, snapshot):
+                if settles:
+                    self._show(snapshot._replace(timings=self.snapshot.timings))
+                else:
+                    self.gi_seconds.add(seconds)
+                    self._show(snapshot)
+                self._begin_refinement()
+            case Rested(task, rest, snapshot, problem):
+                self.all_done = not task
+                if problem is not None:
+                    self.log.failure(f"{task} has failed and stops until F5", problem)
+                if snapshot is not None:
+                    self._show(snapshot._replace(timings=self.snapshot.timings))
+                else:
+                    self.version += not rest.looks_like(self.snapshot.rest)
+                    self.snapshot = self.snapshot._replace(rest=rest)
+            case more:
+                self._timing = Timing.BEGUN if more else Timing.DONE
+
+    def _fail(self, job: Job, problem: Exception) -> None:
+        match job:
+            case Refine():
+                self._stage, self.progress = Stage.REFINED, None
+            case Move():
+                self.move_failed = True
+            case Time():
+                self._timing = Timing.DONE
+            case Rest():
+                self.all_done = True
+        self.log.error(job.name, problem)
+
+    def _show(self, snapshot: Snapshot) -> None:
+        """Let the window draw a snapshot."""
+        self.snapshot = snapshot
         self.version += 1
 
-    def begin_refinement(self) -> None:
+    def _begin_refinement(self) -> None:
         """Refine from here; an iterator left between two steps is dropped, nothing is traced twice."""
         self._stage, self._steps = Stage.REFINING, _steps(self._solver)
-
-    def end_refinement(self) -> None:
-        self._stage, self.progress = Stage.REFINED, None
-
-    def time_next(self, more: bool) -> None:
-        self._timing = Timing.BEGUN if more else Timing.DONE
 
     # -- jobs -------------------------------------------------------------------------------------
 
     def _begin(self, job: Job) -> None:
-        self._job, self._call = job, self._worker.submit(functools.partial(job.run, self._solver))
+        self._job = job
+        self._call = self._worker.submit(functools.partial(job.run, self._solver, self._work))
 
     def _wait(self, seconds: float) -> bool:
         """Wait so long for the job under way, and take it over; True when none is under way any more."""
         job = self._job
-        if isinstance(job, Idle):
+        if job is None:
             return True
         if not self._call.wait(seconds):
             return False
-        self._job = Idle()
+        self._job = None
         try:
             result = self._call.result()
         except Exception as problem:
-            job.failed(self, problem)
+            self._fail(job, problem)
         else:
-            job.taken(self, result)
+            self._take(result, isinstance(job, Move) and job.settles)
         return True
 
     def configure(self, changes: Mapping[str, Any], patience: float) -> bool:
@@ -137,21 +179,21 @@ class Solving:
             return False
         # The solver keeps the old picture until the new one is as good.
         self._worker.submit(functools.partial(_configure, self._solver, changes)).result()
-        self.begin_refinement()
+        self._begin_refinement()
         self._timing = Timing.DUE
         return True
 
     def close(self, patience: float = PATIENCE) -> None:
-        """Stop after the job under way, waited for so long [s]."""
-        self._wait(patience)
+        """Stop after the job under way, waited for so long [s], and save the results at rest behind it."""
+        if self._wait(patience):
+            self._worker.submit(self._work.keep).wait(patience)
         self._worker.close()
-        self._stage, self._steps, self._job = Stage.REFINED, iter(()), Idle()
-        self.at_rest = nothing  # else a ring, that would keep the scene in memory
+        self._stage, self._steps, self._job = Stage.REFINED, iter(()), None
 
-    def refine(self, budget: float, still: bool = False) -> None:
+    def refine(self, budget: float, rest: Settings | None = None) -> None:
         """Wait for steps until the budget is spent; the one under way then goes on behind the picture.
 
-        `still`: nothing at all moves in the window, so that there is time for work at rest.
+        rest: settings for work at rest; None while anything moves in the window.
         """
         deadline = self.clock() + budget
         while self._stage is Stage.REFINING and not self._pending:
@@ -166,14 +208,14 @@ class Solving:
             return
         if self._timing is not Timing.DONE and self.snapshot.poses and self.budget > 0:
             self._begin(Time(self.budget, self._timing is Timing.BEGUN))
-        elif still:
-            self._rest(deadline)
+        elif rest is not None:
+            self._rest(deadline, rest)
 
-    def _rest(self, deadline: float) -> None:
-        """Do tasks at rest, one by one; they show nothing by themselves."""
+    def _rest(self, deadline: float, settings: Settings) -> None:
+        """Do tasks at rest, one by one."""
         self.all_done = False
         while self._wait(deadline - self.clock()) and not self.all_done:
-            self._begin(Rest(self.at_rest, self.given_up))
+            self._begin(Rest(settings))
             if self.clock() >= deadline:
                 return
 
@@ -214,10 +256,6 @@ class Solving:
         self.move_failed = False
         begins, self._begins = self._begins and hasty, self._begins and not hasty
         self._begin(Move(poses, self.budget, hasty, begins, settles, self.clock))
-
-
-def nothing(given_up: Set[str]) -> Task | None:
-    """Return the next task at rest of a session without any."""
 
 
 def _steps(solver: Solver) -> Iterator[Progress]:

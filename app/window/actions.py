@@ -101,10 +101,10 @@ def _meter(window: Window) -> None:
 
 
 def _save_picture(window: Window) -> None:
-    viewport = window.viewport
-    path = screenshot.next_free(Path.cwd())
-    look = viewport.look(outlined=False)
-    window.log(f"saved {screenshot.save(window.renderer, look, window.session, viewport.camera, path)}")
+    viewport, renderer = window.viewport, window.renderer
+    metadata = viewport.picture.metadata(window.session.light.snapshot)
+    path = screenshot.save(renderer, viewport.look(outlined=False), metadata, screenshot.next_free(Path.cwd()))
+    window.log(f"saved {path}")
     viewport.redraw()
 
 
@@ -124,7 +124,7 @@ ACTIONS = {
     "reference": Action(_toggle_reference, (K._0,), "0", "switch between estimate and reference"),
     "meter": Action(_meter, (K.a,), "A", "meter the exposure from the view"),
     "reload": Action(lambda w: w.reload.again(w.session), (K.f5,), "F5", "reload the scene's files"),
-    "clear chart": Action(lambda w: w.session.live_error.points.clear()),
+    "clear chart": Action(lambda w: w.session.points.clear()),
     "toggle panel": Action(_toggle_panel, (K.tab,), "Tab", "hide or show the panel", needs_scene=False),
     "save picture": Action(_save_picture, (K.p, K.f12), "P, F12", "save picture and parameters as PNG here"),
     "help": Action(_toggle_help, (K.h,), "H", "hide or show this help", needs_scene=False),

@@ -8,8 +8,8 @@ import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.colour_map import UNKNOWN, signed_colours
-from app.draw.view_content import Errors
 from app.window import plate, theme
+from app.window.view_content import Errors
 
 WIDTH_EM, HEIGHT_EM = 1.1, 11.0  # of the bar
 COLOUR_STEPS = 64

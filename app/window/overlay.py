@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from app.draw.view_content import Shown
 from app.session.log import ERROR, WARNING, Log
 from app.session.reload import Reload
 from app.session.session import Session
 from app.window import legend, plate, theme
+from app.window.view_content import Shown
 from app.window.viewport import Viewport
 from app.window.wipe import Wipe
 

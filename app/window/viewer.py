@@ -19,7 +19,6 @@ from pathlib import Path
 import moderngl
 from imgui_bundle import hello_imgui, imgui, immapp, implot
 
-from app.draw import view_content
 from app.draw.renderer import Renderer
 from app.draw.vertex_colours import weights
 from app.session.log import Log
@@ -29,7 +28,7 @@ from app.session.opening import Opening
 from app.session.reload import Reload
 from app.session.session import BUDGET, Session
 from app.settings import Settings, UsageError
-from app.window import keys, overlay, panel, window
+from app.window import keys, overlay, panel, view_content, window
 from app.window.actions import act
 from app.window.viewport import Viewport
 

@@ -11,9 +11,10 @@ from imgui_bundle import imgui
 from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
 from app.draw.picking import Hit
 from app.draw.renderer import Look, Renderer
-from app.draw.view_content import Shown
+from app.session.picture import Picture
 from app.session.session import Session
 from app.window import drag
+from app.window.view_content import Shown
 from app.window.wipe import Wipe
 from gi_core.scene.pose import to_world
 
@@ -41,7 +42,7 @@ class Viewport:
         self._steering: tuple[str, int] | None = None  # ("orbit" or "pan", button)
         self._flight: tuple[Turntable, Turntable, float] | None = None
         self._asked: tuple | None = None  # arguments of the last pick
-        self._drawn: tuple | None = None  # arguments of the last draw
+        self._drawn: tuple | None = None  # parameters of the last draw
 
     def adopt(self, session: Session, keep_view: bool = False) -> None:
         """Show a ready session through the scene's camera; `keep_view`: through the user's, if it was moved."""
@@ -201,38 +202,43 @@ class Viewport:
 
     # Drawing ----------------------------------------------------------------------------------------
 
+    @property
+    def picture(self) -> Picture:
+        """Parameters of the current picture."""
+        split = self.wipe.at if self.shown is not None and len(self.shown.sides) == 2 else None
+        return Picture(self.session.settings, self.camera, self.session.version, split)
+
+    @property
+    def _marked(self) -> int:
+        """The object with an outline, -1 for none."""
+        if self.grab is not None:
+            return 1 + [m.name for m in self.session.scene.mobiles].index(self.grab.mobile)
+        return -1 if self.hover is None else self.hover.object
+
     def look(self, outlined: bool = True) -> Look:
-        """Return the current picture's parameters."""
-        s = self.session
-        marked = -1
-        if outlined and self.grab is not None:
-            marked = 1 + [m.name for m in s.scene.mobiles].index(self.grab.mobile)
-        elif outlined and self.hover is not None:
-            marked = self.hover.object
+        """Return the current picture for the renderer."""
+        settings, camera, _, split = self.picture
         return Look(
-            self.camera.projection(self.aspect) @ self.camera.view(),
-            s.models(),
-            s.settings.exposure or 0.0,
-            s.settings.tone_map,
-            s.settings.cull,
-            marked,
+            camera.projection(self.aspect) @ camera.view(),
+            self.session.models(),
+            settings.exposure or 0.0,
+            settings.tone_map,
+            settings.cull,
+            self._marked if outlined else -1,
             OUTLINE_PIXELS * imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y,
-            textured=s.settings.show == "radiance",
+            textured=settings.show == "radiance",
             as_is=self.shown is not None and self.shown.errors is not None,
-            split=self.wipe.at if self.shown is not None and len(self.shown.sides) == 2 else None,
+            split=split,
         )
 
     def draw(self, renderer: Renderer, samples: int) -> None:
         """Show the scene; draw it first if anything has changed."""
         scale = imgui.get_io().display_framebuffer_scale
         renderer.resize(round(self.size[0] * scale.x), round(self.size[1] * scale.y), samples)
-        look = self.look()
-        s = self.session.settings
-        picture = (self.session.version, self.camera, s.exposure, s.tone_map, s.cull, look.outlined, look.split)
-        drawn = (renderer.size, samples, picture)
-        if drawn != self._drawn:
-            renderer.draw(look)
-            self._drawn = drawn
+        wanted = (renderer.size, samples, self._marked, self.picture)
+        if wanted != self._drawn:
+            renderer.draw(self.look())
+            self._drawn = wanted
         imgui.image(imgui.ImTextureRef(renderer.texture), self.size, (0, 1), (1, 0))
 
     def _show_cursor(self, hovered: bool, io) -> None:

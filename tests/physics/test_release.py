@@ -62,7 +62,7 @@ def at(s: Session, x: float) -> dict:
 
 
 def held_by(s: Session) -> list[weakref.ref]:
-    return [weakref.ref(thing) for thing in (s.light._solver, s.light._solver.model, s.light, s.live_error)]
+    return [weakref.ref(thing) for thing in (s.light._solver, s.light._solver.model, s.light, s.light._work)]
 
 
 def test_a_scene_that_rested_goes_with_its_references():
@@ -71,7 +71,7 @@ def test_a_scene_that_rested_goes_with_its_references():
     for x in (0.5, 0.6):
         s.move(at(s, x))
         poses = dict(s.poses)
-        until(s, lambda poses=poses: (t := s.live_error.truth(poses, False)) is not None and t.rounds > 0)
+        until(s, lambda poses=poses: (t := s.light._work.live_error.truth(poses, False)) is not None and t.rounds > 0)
     refs = held_by(s)
     s.close()
     s = None
@@ -80,8 +80,8 @@ def test_a_scene_that_rested_goes_with_its_references():
 
 def test_a_scene_goes_while_another_estimator_is_looked_at():
     s = opened(replace(SETTINGS, compare="impact_count"))
-    until(s, lambda: s.live_error.other._steps is not None)
-    refs = [*held_by(s), weakref.ref(s.live_error.other)]
+    until(s, lambda: s.light._work.live_error.comparison._steps is not None)
+    refs = [*held_by(s), weakref.ref(s.light._work.live_error.comparison)]
     s.close()
     s = None
     assert goes(*refs)

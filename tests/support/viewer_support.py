@@ -202,6 +202,12 @@ class CountingSolver:
         self.log: list[tuple] = []  # ("step", k), ("move", poses), ("configure", changes)
 
     @property
+    def setting(self):
+        from gi_core.estimators.setting import Setting
+
+        return Setting(self.estimator, self.radius, self.neighbours)
+
+    @property
     def prefixes(self) -> tuple[int, ...]:
         return tuple(n for n in (125, 250, 500) if n < self.at_rest) + (self.at_rest,) * (self.at_rest > 0)
 

@@ -28,14 +28,19 @@ def make(budget=BUDGET_MS, photon_seconds=16e-6, wrong=1.0, step_seconds=0.001):
     clock = support.Clock()
     solver = support.CountingSolver(support.room(1), clock, 10, photon_seconds, wrong)
     settings = Settings(
-        estimator="tangent_plane", photons=1000, radius=0.05, neighbours=50, exposure=0.0, budget=budget
+        estimator="tangent_plane",
+        photons=1000,
+        radius=0.05,
+        neighbours=50,
+        exposure=0.0,
+        budget=budget,
+        measure_errors=False,
     )
     s = Session(
         settings,
         Log(),
         open_with=lambda settings: None,
         clock=clock,
-        measure_errors=None,
         worker=support.Behind(clock, step_seconds),
     )
     s.adopt(Opened(settings, solver, (), None))
@@ -157,10 +162,16 @@ def test_refinement_goes_on_at_rest_with_the_prefix_left_behind():
     """Nothing has been traced beyond the first picture when the drag begins; afterwards the rest is."""
     clock = support.Clock()
     solver = support.CountingSolver(support.room(1), clock, 40, 16e-6)
-    settings = Settings(estimator="tangent_plane", photons=1000, radius=0.05, neighbours=50, exposure=0.0, budget=9.0)
-    s = Session(
-        settings, Log(), open_with=lambda _: None, clock=clock, measure_errors=None, worker=support.Behind(clock, 0.004)
+    settings = Settings(
+        estimator="tangent_plane",
+        photons=1000,
+        radius=0.05,
+        neighbours=50,
+        exposure=0.0,
+        budget=9.0,
+        measure_errors=False,
     )
+    s = Session(settings, Log(), open_with=lambda _: None, clock=clock, worker=support.Behind(clock, 0.004))
     s.adopt(Opened(settings, solver, (), None))
     while s.light.snapshot.photons_at_rest < 250:
         frame(s)

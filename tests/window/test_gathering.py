@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from app.rest import static_job
-from app.rest.live_error import LiveError
 from app.rest.reference_store import StaticStore
 from app.rest.static_job import Gathering
 from app.session.log import Log
@@ -34,7 +33,7 @@ def opened(light: str = "best") -> Session:
     settings = Settings(estimator="tangent_plane", photons=3000, radius=0.06, neighbours=20, exposure=0.0, light=light)
     solver = Solver(SCENE, photons=3000, radius=0.06)
     solver.configure(light=light)
-    session = Session(settings, Log(), open_with=lambda settings: None, measure_errors=LiveError)
+    session = Session(settings, Log(), open_with=lambda settings: None)
     session.adopt(Opened(settings, solver, (), None))
     return session
 
@@ -42,22 +41,33 @@ def opened(light: str = "best") -> Session:
 def rest_until(session: Session, done, seconds: float = 300.0) -> None:
     end = time.monotonic() + seconds
     while not done():
-        assert time.monotonic() < end, session.gathering.progress
+        assert time.monotonic() < end, gathered(session)
         session.tick(1 / 60)
+
+
+def gathered(session: Session):
+    return session.light.snapshot.rest.gathered
+
+
+def is_finished(session: Session) -> bool:
+    return gathered(session).used and session.light.all_done
 
 
 def test_static_light_is_shown_saved_and_loaded_again():
     first = opened()
-    rest_until(first, lambda: first.gathering.progress.fraction == 1.0 and first.gathering.next_work() is None)
+    rest_until(
+        first,
+        lambda: is_finished(first),
+    )
     first.tick(1 / 60)
-    assert first.gathering.progress.used and first.gathering.progress.noise <= 0.02
+    assert gathered(first).used and gathered(first).noise <= 0.02
     assert np.array_equal(first.irradiance, first.light._solver.irradiance)
     assert np.array_equal(first.light._solver.resting_irradiance, first.light._solver.gathered.mean)
     first.close()
 
     again = opened()
     assert StaticStore(again.light._solver.model, again.light._solver.seed).load() is not None
-    rest_until(again, lambda: again.gathering.progress.used)
+    rest_until(again, lambda: gathered(again).used)
     assert np.array_equal(again.light._solver.gathered.mean, first.light._solver.gathered.mean)
     again.move({"box": Pose((0.6, 0.5, 0.4))})
     rest_until(again, lambda: not again.refining)
@@ -70,9 +80,9 @@ def test_switched_on_and_off_in_the_panel():
     session = opened("photons")
     rest_until(session, lambda: not session.refining)
     plain = session.irradiance
-    assert session.gathering.next_work() is None
+    assert session.light._work.gathering.next_work() is None
     session.want(replace(session.settings, light="best"))
-    rest_until(session, lambda: session.gathering.progress.used and session.gathering.next_work() is None)
+    rest_until(session, lambda: is_finished(session))
     session.tick(1 / 60)
     assert not np.array_equal(session.irradiance, plain)
     session.want(replace(session.settings, light="photons"))

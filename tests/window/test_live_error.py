@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.draw import view_content
 from app.rest import live_error as module
 from app.rest.live_error import LiveError, Wants
+from app.rest.measured_points import MeasuredPoints
 from app.session.log import Log
 from app.session.session import Session
 from app.settings import Settings
+from app.window import view_content
 from app.worker import Task
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance, relative_error
@@ -21,6 +22,8 @@ from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
 from tests.window.test_session import FRAME, frame, make
+
+NUMBERS = Wants()
 
 
 @pytest.fixture(autouse=True)
@@ -36,11 +39,11 @@ def solver():
     return s
 
 
-def finish(live_error, solver, version, until=lambda: False, pieces=3000):
+def finish(live_error, wants=NUMBERS, pieces=3000):
     """Do all the work; return how many pieces there were."""
     for k in range(pieces):
-        task = live_error.next_task(version, solver.irradiance)
-        if task is None or until():
+        task = live_error.next_task(wants)
+        if task is None:
             return k
         task.run()
     raise AssertionError("no end of work")
@@ -48,14 +51,14 @@ def finish(live_error, solver, version, until=lambda: False, pieces=3000):
 
 def test_the_error_is_that_against_a_reference_of_its_own(solver):
     live_error = LiveError(solver, time.perf_counter)
-    finish(live_error, solver, 1)
+    finish(live_error)
     r = live_error.report
-    assert r.version == 1 and r.done and r.receivers == r.of == int((solver.receivers.areas > 0).sum())
+    assert r.done and r.receivers == r.of == int((solver.receivers.areas > 0).sum())
     points, normals = evaluation_points(solver.surfaces, solver.receivers)
     truth, _ = reference_irradiance(solver.scene, points, normals, 256, 7, model=solver.model)
     assert r.total == pytest.approx(relative_error(solver.irradiance, truth, solver.receivers.areas).l1, rel=0.1)
     assert r.reference_noise <= 0.15 * r.total and 0 < r.noise < 1.2 * r.total and 0 <= r.bias < r.total
-    (point,) = live_error.points.all
+    point = live_error.point
     assert point.photons == 20_000 and point.error == r.total and point.seconds > 0
     assert "tangent plane\n20 000 photons\nradius 0.06 m" in point.label and "control" in point.label
 
@@ -70,7 +73,7 @@ def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
         pass
     assert s.uses_gathered
     live_error = LiveError(s, time.perf_counter)
-    finish(live_error, s, 1)
+    finish(live_error)
     r = live_error.report
     assert 0.4 * s.gathered.noise < r.noise < s.gathered.noise
     assert 0.5 * r.total < np.hypot(r.noise, r.reference_noise) < 1.2 * r.total
@@ -78,21 +81,22 @@ def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
 
 def test_new_setting_uses_the_same_reference_and_adds_a_point(solver):
     live_error = LiveError(solver, time.perf_counter)
-    finish(live_error, solver, 1)
+    finish(live_error)
     truth = live_error.truth(solver.poses, False)
     rounds = truth.rounds
     twin = solver.twin()
     twin.configure(estimator="impact_count")
     twin.solve()
     other = LiveError(twin, time.perf_counter)
-    other._truths, other.points = live_error._truths, live_error.points
-    finish(other, twin, 2)
+    other._truths = live_error._truths
+    finish(other)
     assert other.truth(twin.poses, False) is truth and truth.rounds >= rounds, "nothing is gathered anew"
     told = relative_error(twin.irradiance[truth.rows], truth.irradiance, truth.weights).l1
-    assert other.report.version == 2 and other.report.total == told != live_error.report.total
-    assert [t.setting.estimator for t in other.points.all] == ["tangent_plane", "impact_count"]
-    finish(other, twin, 3)
-    assert len(other.points.all) == 2, "a setting is one point"
+    assert other.report.total == told != live_error.report.total
+    points = MeasuredPoints()
+    for e in (live_error, other, live_error):
+        points.add(e.point)
+    assert [t.setting.estimator for t in points.all] == ["impact_count", "tangent_plane"], "a setting is one point"
 
 
 def test_large_scene_is_measured_at_sampled_receivers(solver, monkeypatch):
@@ -100,12 +104,15 @@ def test_large_scene_is_measured_at_sampled_receivers(solver, monkeypatch):
     monkeypatch.setattr(module, "SAMPLED_RECEIVERS", 300)
     monkeypatch.setattr(module, "PICTURE_NOISE", 0.05)
     live_error = LiveError(solver, time.perf_counter)
-    finish(live_error, solver, 1)
+    finish(live_error)
     r = live_error.report
-    assert 0 < r.receivers <= 300 < r.of and live_error.picture(solver.poses) is None
-    live_error.wants = Wants(picture=True)
-    finish(live_error, solver, 1)
-    picture = live_error.picture(solver.poses)
+    assert 0 < r.receivers <= 300 < r.of and live_error.picture is None
+    finish(live_error, Wants(picture=True))
+    picture = live_error.truth(solver.poses, True)
+    assert picture.seen == live_error.picture.seen == 1
+    E = np.full_like(solver.irradiance, np.nan)
+    E[picture.rows] = picture.irradiance
+    picture = E
     lit = solver.receivers.areas > 0
     assert np.isfinite(picture[lit]).all() and np.isnan(picture[~lit]).all()
     assert relative_error(solver.irradiance, picture, solver.receivers.areas, lit).l1 == pytest.approx(r.total, rel=0.3)
@@ -116,34 +123,35 @@ def test_comparison_equals_a_solver_of_that_estimator(solver):
     alone = Solver(support.room(), "photon_map", photons=20_000, radius=0.06)
     alone.solve()
     live_error = LiveError(solver, time.perf_counter)
-    live_error.wants = Wants(numbers=False, other="photon_map")
+    other = Wants(numbers=False, other="photon_map")
     before = solver.irradiance
-    finish(live_error, solver, 1)
-    assert live_error.other.is_done(1, "photon_map") and not live_error.other.is_done(2, "photon_map")
-    assert np.array_equal(live_error.other.seen.irradiance, alone.irradiance)
+    finish(live_error, other)
+    assert live_error.comparison.is_done("photon_map") and not live_error.comparison.is_done("impact_count")
+    assert np.array_equal(live_error.comparison.result.irradiance, alone.irradiance)
     assert solver.irradiance is before and solver.estimator == "tangent_plane"
     pose = solver.poses["block"]
     moved = pose._replace(position=(0.6, 0.3, 0.5))
     solver.move("block", moved)
     alone.move("block", moved)
-    finish(live_error, solver, 2)
-    assert np.array_equal(live_error.other.seen.irradiance, alone.irradiance)
+    live_error.follow()
+    assert live_error.comparison.result is None, "that of another light"
+    finish(live_error, other)
+    assert np.array_equal(live_error.comparison.result.irradiance, alone.irradiance)
     solver.move("block", pose)
-    live_error.wants = Wants(numbers=False)
-    assert live_error.next_task(3, solver.irradiance) is None
-    assert live_error.other.seen is None and live_error.other._twin is None, "its memory is given back"
+    assert live_error.next_task(Wants(numbers=False)) is None
+    assert live_error.comparison.result is None and live_error.comparison._twin is None, "its memory is given back"
 
 
 def test_reference_at_start_poses_is_loaded_again(solver, folder):
     first = LiveError(solver, time.perf_counter)
-    gathered = finish(first, solver, 1)
+    gathered = finish(first)
     (file,) = folder.iterdir()
     again = LiveError(solver, time.perf_counter)
-    assert finish(again, solver, 1) < gathered / 2
+    assert finish(again) < gathered / 2
     assert again.report.total == pytest.approx(first.report.total, rel=5e-3)
     pose = solver.poses["block"]
     solver.move("block", pose._replace(position=(0.6, 0.3, 0.5)))
-    finish(again, solver, 2)
+    finish(again)
     assert list(folder.iterdir()) == [file], "any other pose is not kept on disk"
     solver.move("block", pose)
 
@@ -155,7 +163,7 @@ def resting(s, pieces=1000):
     """Give a session that only counts something to do at rest; return the list of pieces done."""
     done = []
     task = Task("counting", lambda: done.append(s.clock()))
-    s.light.at_rest = lambda given_up: task if len(done) < pieces else None
+    s.light._work.next_task = lambda settings: task if len(done) < pieces else None
     while s.refining:
         frame(s)
     return done
@@ -164,7 +172,7 @@ def resting(s, pieces=1000):
 def test_work_at_rest_waits_for_everything_else():
     s = make()
     done = []
-    s.light.at_rest = lambda given_up: Task("counting", lambda: done.append(1))
+    s.light._work.next_task = lambda settings: Task("counting", lambda: done.append(1))
     while s.refining:
         assert not done
         frame(s)
@@ -275,9 +283,9 @@ def test_nothing_is_measured_unless_it_is_wanted(session):
     rest(s, lambda: not s.refining)
     for _ in range(20):
         s.tick(FRAME)
-    assert s.live_error.report is None and not s.live_error.points.all
+    assert s.light.snapshot.rest.report is None and not s.points.all
     s.want(replace(s.settings, measure_errors=True))
-    rest(s, lambda: s.live_error.report is not None)
+    rest(s, lambda: s.light.snapshot.rest.report is not None)
 
 
 def test_settings_of_the_window_are_not_those_of_the_command_line():

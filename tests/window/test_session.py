@@ -29,14 +29,21 @@ def session():
 def make(step_seconds=0.006, steps=40):
     clock = support.Clock()
     solver = support.CountingSolver(support.room(1), clock, steps)
-    settings = Settings(estimator="tangent_plane", photons=1000, radius=0.05, neighbours=50, exposure=0.0, budget=0.0)
+    settings = Settings(
+        estimator="tangent_plane",
+        photons=1000,
+        radius=0.05,
+        neighbours=50,
+        exposure=0.0,
+        budget=0.0,
+        measure_errors=False,
+    )
     s = Session(
         settings,
         Log(),
         open_with=lambda settings: None,
         clock=clock,
         worker=support.Behind(clock, step_seconds),
-        measure_errors=None,
     )
     s.adopt(Opened(settings, solver, (), None))
     return s

@@ -5,14 +5,14 @@ from __future__ import annotations
 import threading
 from dataclasses import replace
 
-from app.draw import view_content
 from app.draw.camera import from_camera, scene_bounds
 from app.session.log import Log
 from app.session.opening import Opened
+from app.session.picture import Picture
 from app.session.reload import Reload
 from app.session.session import Session
 from app.settings import ERRORS, REFERENCE
-from app.window import screenshot
+from app.window import view_content
 from app.window.panel.facts import facts_of
 from gi_core.scene import Pose
 from tests.support import viewer_support as support
@@ -67,12 +67,12 @@ def test_a_window_session_reads_snapshots_alone(monkeypatch, tmp_path):
     session.end_drag()
     until(lambda: not session.refining)
     session.want(replace(session.settings, radius=0.08, exposure=0.0))
-    until(lambda: session.light.snapshot.radius == 0.08 and not session.refining)
+    until(lambda: session.light.snapshot.setting.radius == 0.08 and not session.refining)
     session.want(replace(session.settings, compare="impact_count"))
     until(lambda: "Impact count" in seen)
     session.want(replace(session.settings, compare=REFERENCE, show=ERRORS))
     until(lambda: "Reference" in seen)
-    entries = screenshot.parameters(session, camera)
+    entries = Picture(session.settings, camera).metadata(session.light.snapshot)
     assert entries["photons"] == "2000" and entries["radius"] == "0.08 m"
     session.close()
     assert not [e.text for e in session.log.entries if e.level == "error"]

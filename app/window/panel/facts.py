@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import numpy as np
 
-    from app.rest.live_error import Report
     from app.rest.measured_points import MeasuredPoint
-    from app.rest.static_job import GatherProgress
+    from app.rest.results import GatherProgress, Report
     from app.session.reload import Reload
     from app.session.session import Session
     from gi_core.discs.contact.stale_receivers import ControlFacts
@@ -59,8 +58,7 @@ def facts_of(
     metered: float,
 ) -> Facts:
     """Return the facts of a ready session."""
-    snapshot, live_error = session.light.snapshot, session.live_error
-    report = live_error.report if live_error is not None else None
+    snapshot = session.light.snapshot
     return Facts(
         estimators=estimators,
         scene_size=session.chosen.scene_size,
@@ -84,9 +82,9 @@ def facts_of(
         metered=metered,
         probes=snapshot.probes,
         notes=session.scene.notes,
-        report=report if report is not None and report.version == session.light.version else None,
-        points=live_error.points.all if live_error is not None else (),
-        gathered=session.gathering.progress if session.settings.of_solver["light"] == "best" else None,
+        report=snapshot.rest.report,
+        points=session.points.all,
+        gathered=snapshot.rest.gathered if session.settings.of_solver["light"] == "best" else None,
         search_summary=snapshot.search_summary,
         loading=reload.progress,
         load_problem=reload.problem,

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.draw import view_content
 from app.rest.reference_store import SAVE_SECONDS, StateFile, StaticStore
 from app.session.log import ERROR, Log
 from app.session.opening import Opened
 from app.session.session import Session
 from app.settings import Settings
+from app.window import view_content
 from gi_core.gather import static
 from gi_core.gather.reference import ReferenceState
 from gi_core.solver import Solver
@@ -60,7 +60,7 @@ def test_all_work_at_rest_is_done_and_stored_where_nothing_was(folder, capfd):
     session = opened()
     assert not folder.exists()
     rest(session)
-    assert session.gathering.progress.fraction == 1.0 and session.live_error.report.done
+    assert session.light.snapshot.rest.gathered.fraction == 1.0 and session.light.snapshot.rest.report.done
     session.want(replace(session.settings, show="error", compare="impact_count"))
     rest(session)
     shown = view_content.shown(session)
@@ -76,7 +76,7 @@ def test_rest_ends_where_there_is_no_light():
     session = opened(UNLIT)
     rest(session)
     assert errors(session) == [] and not session.irradiance.any()
-    assert session.live_error.report.done and not session.live_error.points.all
+    assert session.light.snapshot.rest.report.done and not session.points.all
 
 
 JOBS = {
@@ -105,11 +105,12 @@ def test_a_job_that_fails_ends_nothing_else(job, monkeypatch, capfd):
     assert len(calls) == 1 and errors(session) == [line]
     told = capfd.readouterr().err
     assert told.startswith("Traceback") and told.endswith("RuntimeError: out of luck\n")
-    measured, report = session.live_error._measured, session.live_error.report
+    work, results = session.light._work, session.light.snapshot.rest
+    measured, report = work.live_error._measured, results.report
     done = {
-        "gathering the static light": session.gathering.progress.fraction == 1.0,
+        "gathering the static light": session.light.snapshot.rest.gathered.fraction == 1.0,
         "timing frames": measured is not None and measured.twin is None,
-        "computing impact count": session.live_error.other.seen is not None,
+        "computing impact count": results.comparison is not None,
         "gathering the reference": report is not None and report.done,
     }
     assert done == {name: name != job for name in JOBS}

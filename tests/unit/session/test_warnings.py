@@ -45,7 +45,7 @@ def test_memory_is_told():
 
 def test_the_log_has_it_once():
     settings = Settings(estimator="impact_count", photons=4_000, radius=0.1, neighbours=50, exposure=0.0)
-    session = Session(settings, Log(), open_with=lambda settings: None, measure_errors=None)
+    session = Session(settings, Log(), open_with=lambda settings: None)
     session.adopt(Opened(settings, solved(0.98), (), None))
     for radius in (0.1, 0.2):
         session.want(replace(session.settings, radius=radius))

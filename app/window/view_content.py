@@ -12,6 +12,7 @@ from gi_core.geometry.error import signed_error
 
 if TYPE_CHECKING:
     from app.draw.vertex_colours import DrawMesh
+    from app.rest.results import ReferencePicture
     from app.session.session import Session
     from app.settings import Settings
     from gi_core.display.dilation import Drawn
@@ -48,27 +49,26 @@ class Shown(NamedTuple):
 def shown(session: Session) -> Shown:
     """Return the content for the settings, as far as it is computed for the light of this frame."""
     s, light = session.settings, session.light.snapshot
-    truth = session.live_error.truth(light.poses, True) if session.live_error is not None else None
-    estimate, reference = _estimate(light.estimator, light.photons, light.drawn), _reference(truth)
-    errors = _errors(session, estimate, reference, truth) if s.show == ERRORS and reference is not None else None
-    if errors is None and reference is not None and truth.seen < 1:
+    truth, other = light.rest.reference, light.rest.comparison
+    estimate = _estimate(light.setting.estimator, light.photons, light.drawn)
+    reference = None if truth is None else Side(_label_of(truth), *truth.drawn)
+    errors = _errors(session, estimate, truth) if s.show == ERRORS and truth is not None else None
+    if errors is None and truth is not None and truth.seen < 1:
         reference = None  # an error map may have holes, a picture may not
     left = reference if s.reference and reference is not None else estimate
-    right = reference if s.compare == REFERENCE else _comparison(session, s.compare)
+    right = reference if s.compare == REFERENCE else None
+    if other is not None and other.estimator == s.compare:
+        right = _estimate(other.estimator, other.photons, other.drawn)
     sides = (left,) if right is None else (left, right)
     return Shown(sides, _coming(s, right, truth), errors, s.reference or errors is not None)
 
 
-def _coming(s: Settings, right: Side | None, truth) -> str:
+def _coming(s: Settings, right: Side | None, truth: ReferencePicture | None) -> str:
     """Return the sentence about parts still to be computed."""
     names = [s.compare.replace("_", " ")] if s.compare not in ("", REFERENCE) and right is None else []
     if REFERENCE in s.beside_estimate and (truth is None or truth.seen < 1):
         names.append(REFERENCE if truth is None else f"{REFERENCE} ({100 * truth.seen:.0f} % of receivers)")
     return f"{' and '.join(names)}: computed at rest" if names else ""
-
-
-def _reference(truth) -> Side | None:
-    return None if truth is None or truth.drawn is None else Side(_label_of(truth), *truth.drawn)
 
 
 def paint(mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -85,24 +85,17 @@ def paint(mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: b
     return of_receivers[mesh.front], back
 
 
-def _errors(session: Session, estimate: Side, reference: Side, truth) -> Errors:
-    areas = session.model.object_receivers.areas
-    off = signed_error(estimate.irradiance, reference.irradiance, areas)
-    return Errors(reference.irradiance, areas, max(round_scale(off, areas), LEAST_SCALE), truth.noise)
-
-
-def _comparison(session: Session, estimator: str) -> Side | None:
-    other = session.live_error.other if session.live_error is not None else None
-    if other is None or not other.is_done(session.light.version, estimator):
-        return None
-    return _estimate(estimator, other.seen.photons, other.seen.drawn)
+def _errors(session: Session, estimate: Side, truth: ReferencePicture) -> Errors:
+    areas, E = session.model.object_receivers.areas, truth.drawn.irradiance
+    off = signed_error(estimate.irradiance, E, areas)
+    return Errors(E, areas, max(round_scale(off, areas), LEAST_SCALE), truth.noise)
 
 
 def _estimate(estimator: str, photons: int, drawn: Drawn) -> Side:
     return Side(f"{_title(estimator)}, {_thousands(photons)} photons", *drawn)
 
 
-def _label_of(truth) -> str:
+def _label_of(truth: ReferencePicture) -> str:
     if not np.isfinite(truth.noise):
         return "Reference, noise unknown"
     return f"Reference, {_thousands(round(truth.paths))} paths per receiver, ±{100 * truth.noise:.2g} %"

@@ -1,0 +1,69 @@
+"""The parameters of a picture: one record for redraws and for the metadata of saved pictures."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
+
+from app.cli.version import commit, version
+from app.draw.camera import Turntable
+from app.draw.shot import Shot
+from app.rest.scheduler import RestWork
+from app.session.snapshot import Snapshot, snapshot_of
+from app.settings import REFERENCE, Settings
+
+
+class Picture(NamedTuple):
+    """Parameters of a picture besides its size. In one session, equal parameters mean equal pictures."""
+
+    settings: Settings
+    camera: Turntable
+    light: int = 0  # version of the light, see Session.version
+    split: float | None = None  # of the width; the comparison is right of it
+
+    def metadata(self, snapshot: Snapshot) -> dict[str, str]:
+        """Return the parameters as text entries, for a picture of the light in a snapshot.
+
+        Entries of different light differ at least in "irradiance".
+        """
+        s, view, setting, rest = self.settings, self.camera.as_camera(), snapshot.setting, snapshot.rest
+        photons, paths = "photons", f"gathered, {snapshot.paths} paths per receiver"
+        gathered = f"gathered, noise {100 * rest.gathered.noise:.2g} %"
+        right = "-" if self.split is None else f"{s.compare} right of {self.split:.4g} of the width"
+        entries = {
+            "software": f"gi-viewer {version()}",
+            "commit": commit() or "-",
+            "scene": s.scene,
+            "mobiles": " ".join(s.mobiles) or "-",
+            **setting._asdict(),
+            "radius": f"{setting.radius:.6g} m",
+            "photons": snapshot.photons,
+            "seed": s.seed,
+            "static_light": gathered if rest.gathered.used else photons,
+            "mobile_light": paths if snapshot.paths else photons,
+            "irradiance": hashlib.sha256(snapshot.irradiance.tobytes()).hexdigest()[:16],
+            "error": f"{100 * rest.report.total:.2g} %" if rest.report else "not measured",
+            "exposure": f"{s.exposure:.4f} EV",
+            "tone_map": s.tone_map,
+            "show": s.show,
+            "cull": s.cull,
+            "light_shown": REFERENCE if s.reference and rest.reference else "estimate",
+            "wipe": right,
+            "camera": f"position {_numbers(view.position)} target {_numbers(view.target)} "
+            f"vertical_fov_degrees {view.vertical_fov_degrees:.6g}",
+        }
+        poses = {f"pose {name}": _numbers((*p.position, *p.quaternion)) for name, p in snapshot.poses.items()}
+        return {key: str(value) for key, value in (entries | poses).items()}
+
+
+def metadata_of(shot: Shot) -> dict[str, str]:
+    """Return the parameters of a ray-cast picture as text entries."""
+    picture = Picture(replace(shot.settings, exposure=shot.exposure), shot.camera)
+    return picture.metadata(snapshot_of(shot.solver, RestWork(shot.solver, time.perf_counter)))
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return ",".join(f"{v:.9g}" for v in values)
