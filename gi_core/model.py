@@ -61,8 +61,16 @@ class Model:
         if len(set(self.names)) != len(self.names):
             raise SceneError(f"{scene.name}: the names of mobiles must differ, got {self.names}")
 
+    def checked_poses(self, poses: Mapping[str, Pose | np.ndarray]) -> dict[str, Pose]:
+        """Return valid poses. Raises SceneError for a name that no mobile has and for a pose that is not rigid."""
+        for name in poses:
+            if name not in self.names:
+                have = ", ".join(f'"{n}"' for n in self.names) or "none"
+                raise SceneError(f'{self.scene.name}: no mobile is called "{name}"; there is {have}')
+        return {name: as_pose(pose, f'{self.scene.name}: mobile "{name}"') for name, pose in poses.items()}
+
     def start_poses(self) -> dict[str, Pose]:
-        return {m.name: as_pose(m.pose, f'{self.scene.name}: mobile "{m.name}"') for m in self.scene.mobiles}
+        return self.checked_poses({m.name: m.pose for m in self.scene.mobiles})
 
     def transforms(self, poses: Mapping[str, Pose]) -> Transforms:
         """Return the transforms of all objects at the given poses."""

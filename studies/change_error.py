@@ -29,11 +29,11 @@ TOUCHED = 0.03
 
 def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
     """Return irradiance (n, 3) [W/m2] of the static part from the sums of the last frame."""
-    estimate, frame = solver.frame_parts().background.estimate, solver.frame_parts().change
+    estimate, frame = solver.frame.background.estimate, solver.frame.change
     sums: Evaluated = estimate.evaluate(frame)
     if keep_all:
         sums = sums._replace(new_flux=np.full_like(sums.new_flux, NOT_ADDITIVE))
-    resting, better = (solver.frame_parts().background.resting(n) for n in (photons, PHOTONS))
+    resting, better = (solver.frame.background.resting(n) for n in (photons, PHOTONS))
     flux_unit = solver.model.emitters.unit_flux / photons
     return frame_irradiance(sums, flux_unit, estimate.background(photons)[0], resting, better, 1)[: len(better)]
 
@@ -55,7 +55,7 @@ def report(name: str) -> None:
         for place in PLACES:
             judge.move_all(lap[place], paths=4)
             after = judge.irradiance[static]
-            better = solver.frame_parts().background.resting(PHOTONS)
+            better = solver.frame.background.resting(PHOTONS)
             share = np.divide(after, still, out=np.ones_like(after), where=still > 0)
             truth = np.where(after < still, better * share, better + after - still)
             change = np.abs(luminance(after) - luminance(still))

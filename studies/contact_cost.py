@@ -25,7 +25,7 @@ from gi_core.solver import Solver
 @contextmanager
 def without_contact(solver: Solver) -> Iterator[None]:
     """Compute frames meanwhile with the region of each object alone."""
-    estimate = solver.frame_parts().background.estimate
+    estimate = solver.frame.background.estimate
     kept, discs = estimate._contact, [s.discs for s in estimate.searches]
     estimate._contact = ContactDiscs(estimate.model, estimate.radius, discs, False)
     try:
@@ -50,8 +50,8 @@ def measure(solver: Solver, frames: int) -> dict[str, float]:
         for contact in (True, False) if k % 2 else (False, True):
             if contact:
                 frame("with", k)
-                taken["static"].append(solver.control_facts.stale)
-                taken["on mobiles"].append(solver.control_facts.on_mobiles)
+                taken["static"].append(solver.frame.control_facts.stale)
+                taken["on mobiles"].append(solver.frame.control_facts.on_mobiles)
             else:
                 with without_contact(solver):
                     frame("without", k)

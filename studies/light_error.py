@@ -117,7 +117,7 @@ def measure(
         for s in (solver, other):
             s.configure(estimator=estimator, prefix_only=True)
             s.solve()
-        for photons in solver.prefixes:
+        for photons in solver.frame.prefixes:
             if photons < solver.photons and (least is None or photons < least):
                 continue
             for s in (solver, other):

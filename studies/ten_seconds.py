@@ -55,7 +55,7 @@ def _measure(what: str, points: int, noise: float) -> str:
             first = first or clock()
         if clock() <= SECONDS or then is None:
             then = (clock(), _made_of(solver), solver.irradiance)
-    ready, all_photons = clock(), solver.photons_traced
+    ready, all_photons = clock(), solver.frame.photons
     while clock() <= SECONDS and (work := gathering.next_work()) is not None:
         work()
         if clock() <= SECONDS:
@@ -75,8 +75,9 @@ def _measure(what: str, points: int, noise: float) -> str:
 
 def _made_of(solver) -> str:
     """Return photons and gathered noise of the picture, in words."""
-    g = solver.gathered
-    return f"{solver.photons_traced:,}" + (f", gathered to {100 * g.noise:.1f} %" if solver.uses_gathered else "")
+    source = solver.light_source
+    gathered = f", gathered to {100 * source.gathered.noise:.1f} %" if source.is_gathered else ""
+    return f"{solver.frame.photons:,}{gathered}"
 
 
 def main() -> None:

@@ -34,7 +34,7 @@ def front(scene: str, budget: float, light: str) -> str:
             judge.configure(photons=photons, **setting)
             judge.solve()
             out = [(float("inf"), 0, 0.0)]
-            for prefix in judge.prefixes:
+            for prefix in judge.frame.prefixes:
                 _, moving, used, seconds = errors_of(judge, samples, prefix, found.paths)
                 if 1e3 * seconds > LATE * budget:
                     break

@@ -29,12 +29,12 @@ class Shot:
 
     def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
         """Return linear radiance of front and back (D, 3) of object o."""
-        drawn = self.solver.drawn(self.solver.irradiance)
+        drawn = self.solver.drawn(self.solver.irradiance).irradiance
         return colours(self.meshes[o], drawn, self.settings.show == "radiance")
 
     def weights(self, o: int) -> np.ndarray | None:
         """Return interpolation weights of front and back (D, 2); None: all 1."""
-        return weights(self.meshes[o], self.solver.as_drawn(self.solver.irradiance).weights)
+        return weights(self.meshes[o], self.solver.drawn(self.solver.irradiance).weights)
 
     def take(self, progress=lambda fraction: None) -> np.ndarray:
         """Return the picture (h, w, 3) uint8; the first one meters the exposure if the settings leave it open."""

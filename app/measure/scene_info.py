@@ -57,7 +57,7 @@ def _control(solver: Solver, settings: Settings) -> tuple[str, str]:
         return "artifact control", "off"
     solver.configure(estimator=DEFAULT, photons=0)
     solver.solve()
-    facts = solver.control_facts
+    facts = solver.frame.control_facts
     text = f"{100 * facts.share:.1f} % of the receivers"
     if solver.scene.mobiles:
         text += f"; {facts.stale:,} near mobiles and {facts.on_mobiles:,} on them are in contact"
@@ -72,7 +72,7 @@ def _search(solver: Solver) -> str:
     solver.configure(estimator=DEFAULT, control=False, photons=0)
     solver.solve()
     there = ", ".join(name for name in SEARCHES if name != solver.setting.search)
-    return f"{solver.search_summary}; there are also {there}"
+    return f"{solver.frame.search_summary}; there are also {there}"
 
 
 def _contents(scene, solver: Solver) -> list[tuple[str, str]]:
@@ -120,7 +120,7 @@ def _lights(scene, solver: Solver) -> list[tuple[str, str]]:
         rows.append((f'light "{light.name}"', f"{triple(flux)} {unit}, {kind}"))
     if not rows:
         rows.append(("lights", "none: the picture is black; give a material emission, or add a light"))
-    fates = {name: float(luminance(flux)) for name, flux in solver.fates.items()}
+    fates = {name: float(luminance(flux)) for name, flux in solver.frame.fates.items()}
     if fates["emitted"] > 0:
         shares = (f"{100 * fates[name] / fates['emitted']:.1f} % {name}" for name in fates if name != "emitted")
         rows.append(("of that flux", ", ".join(shares)))

@@ -51,5 +51,5 @@ def _steps_of(solver: Solver, twin: Solver, estimator: str) -> Iterator[Comparis
     for _ in twin.solve_steps():
         yield None
     twin.move_all(solver.poses)
-    drawn = solver.as_drawn(twin.irradiance)
-    yield Comparison(estimator, twin.photons_traced, twin.irradiance, drawn)
+    drawn = solver.drawn(twin.irradiance)
+    yield Comparison(estimator, twin.frame.photons, twin.irradiance, drawn)

@@ -123,23 +123,23 @@ class LiveError:
         """Time a frame of all photons TIMED_FRAMES times, then compute one of a subset, one frame per call."""
         if (m := self._measured) is None:
             m = self._measured = Measured(self._solver.twin())
-            if not self._solver.uses_gathered:  # then photons light mobiles too
+            if not self._solver.light_source.is_gathered:  # then photons light mobiles too
                 m.twin.configure(prefix_only=True)
         twin = m.twin
         if len(m.seconds) < TIMED_FRAMES:
             started = self._clock()
             twin.move_all({})
             m.seconds.append(self._clock() - started)
-            m.photons = twin.photons_traced
+            m.photons = twin.frame.photons
             return
-        m.prefix = prefix_to_compare(twin.prefixes) or 0
+        m.prefix = prefix_to_compare(twin.frame.prefixes) or 0
         if m.prefix:
             m.fewer = self._of_fewer(m, twin)
         m.twin = None
 
     def _of_fewer(self, m: Measured, twin: Solver) -> np.ndarray:
         """Return the irradiance (R, 3) of a subset; differences on path-traced mobiles are scaled to its variance."""
-        if not twin.paths_gathered:
+        if not twin.frame.paths:
             twin.move_all({}, m.prefix)
             return twin.irradiance
         E = twin.irradiance
@@ -167,7 +167,7 @@ class LiveError:
         if key[1] and (truth.picture is None or truth.look != before):
             E = np.full((len(self._areas), 3), np.nan)
             E[truth.rows] = truth.irradiance
-            drawn = solver.as_drawn(E, solver.poses)
+            drawn = solver.drawn(E, solver.poses)
             truth.picture = ReferencePicture(drawn, truth.noise, truth.paths, truth.seen)
         if truth.rounds.bit_count() == 1 and truth.seen == 1:  # 1, 2, 4, ... rounds
             truth.keep()
@@ -194,8 +194,8 @@ class LiveError:
     def _noise_of_gathered(self, rows: np.ndarray) -> np.ndarray:
         """Return the standard error (n,) of luminance at receivers with gathered light, 0 at others."""
         out = np.zeros(len(rows))
-        if self._solver.uses_gathered:
-            known = self._solver.gathered.deviation
+        if self._solver.light_source.is_gathered:
+            known = self._solver.light_source.gathered.deviation
             static = rows < len(known)
             out[static] = known[rows[static]]
         return out

@@ -9,7 +9,8 @@ from app.rest.results import GatherProgress
 
 if TYPE_CHECKING:
     from app.rest.reference_store import StaticStore
-    from gi_core.solver import Progress, Solver
+    from gi_core.frames.progress import Progress
+    from gi_core.solver import Solver
 
 
 class Gathering:
@@ -23,12 +24,12 @@ class Gathering:
 
     @property
     def progress(self) -> GatherProgress:
-        g = self._solver.gathered
-        return GatherProgress(g.fraction, g.noise, self._solver.uses_gathered) if g else GatherProgress()
+        g = self._solver.light_source.gathered
+        return GatherProgress(g.fraction, g.noise, self._solver.light_source.is_gathered) if g else GatherProgress()
 
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""
-        g = self._solver.gathered
+        g = self._solver.light_source.gathered
         finished = self._steps is None and g is not None and g.enough  # and its light is in the picture
         return None if self._solver.light != "best" or finished else self._step
 
@@ -38,18 +39,18 @@ class Gathering:
         solver = self._solver
         if self._steps is None:
             self._store = StaticStore(solver.model, solver.seed)
-            self._steps = solver.gather_steps(self._store.load() if solver.gathered is None else None)
+            self._steps = solver.gather_steps(self._store.load() if solver.light_source.gathered is None else None)
             self._saved_at = self._clock()
         progress = next(self._steps, None)
         if progress is None:
             self._steps = None
-        if progress is None or solver.gathered.enough or self._clock() - self._saved_at > SAVE_SECONDS:
+        if progress is None or solver.light_source.gathered.enough or self._clock() - self._saved_at > SAVE_SECONDS:
             self.keep()
         return progress is not None and progress.picture
 
     def keep(self) -> None:
         """Save the whole paths if there are more than in the file; single bounces are not saved."""
-        state = self._solver.gathered and self._solver.gathered.state
+        state = self._solver.light_source.gathered and self._solver.light_source.gathered.state
         if self._store and state and (sets := int(state.sets.sum())) > self._saved:
             self._store.keep(state)
             self._saved_at, self._saved = self._clock(), sets
@@ -64,5 +65,5 @@ def gather(solver: Solver, bar) -> None:
         for progress in solver.gather_steps(store.load()):
             bar(progress.stage, progress.fraction)
     finally:
-        if solver.gathered is not None and solver.gathered.state is not None:
-            store.keep(solver.gathered.state)
+        if solver.light_source.gathered is not None and solver.light_source.gathered.state is not None:
+            store.keep(solver.light_source.gathered.state)

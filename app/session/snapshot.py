@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -12,8 +13,9 @@ if TYPE_CHECKING:
     from gi_core.discs.contact.stale_receivers import ControlFacts
     from gi_core.display.dilation import Drawn
     from gi_core.estimators.setting import Setting
+    from gi_core.frames.frame import Changes
     from gi_core.scene import Pose
-    from gi_core.solver import Changes, Solver
+    from gi_core.solver import Solver
 
 
 class Snapshot(NamedTuple):
@@ -27,7 +29,7 @@ class Snapshot(NamedTuple):
     paths: int  # per receiver of mobiles
     paths_at_rest: int
     setting: Setting
-    timings: dict[str, float]  # stage -> seconds, of the last move
+    timings: Mapping[str, float]  # stage -> seconds, of the last move
     changes: Changes
     probes: dict[str, np.ndarray]  # name -> irradiance (3,)
     segments: int
@@ -46,17 +48,17 @@ def snapshot_of(s: Solver, work: RestWork) -> Snapshot:
     return Snapshot(
         poses=dict(s.poses),
         irradiance=s.irradiance,
-        drawn=s.as_drawn(s.irradiance),
-        photons=s.photons_traced,
-        photons_at_rest=max(s.prefixes, default=s.photons_traced),
-        paths=s.paths_gathered,
+        drawn=s.drawn(s.irradiance),
+        photons=s.frame.photons,
+        photons_at_rest=max(s.frame.prefixes, default=s.frame.photons),
+        paths=s.frame.paths,
         paths_at_rest=s.paths_at_rest,
         setting=s.setting,
-        timings=s.timings,
-        changes=s.changes,
-        probes=s.probe_irradiance,
-        segments=s.segments_total,
-        control=s.control_facts,
-        search_summary=s.search_summary,
+        timings=s.frame.timings,
+        changes=s.frame.changes,
+        probes=s.frame.probe_irradiance,
+        segments=s.frame.segments,
+        control=s.frame.control_facts,
+        search_summary=s.frame.search_summary,
         rest=work.results(),
     )

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from app.rest.results import RestResults
     from app.rest.scheduler import RestWork
     from app.settings import Settings
+    from gi_core.frames.progress import Progress
     from gi_core.scene import Pose
-    from gi_core.solver import Progress, Solver
+    from gi_core.solver import Solver
 
 
 class Step(NamedTuple):
@@ -68,7 +69,7 @@ class Move:
         if self.begins:
             solver.budget.begin()
         if self.hasty:
-            size = solver.budget.choose(self.budget, solver.prefixes, solver.paths_at_rest > 0)
+            size = solver.budget.choose(self.budget, solver.frame.prefixes, solver.paths_at_rest > 0)
         started = self.clock()
         solver.move_all(self.poses, *size)
         seconds = self.clock() - started
@@ -91,7 +92,7 @@ class Time:
 
     def run(self, solver: Solver, work: RestWork) -> bool:
         """Return whether there are more prefixes to time."""
-        photons = solver.budget.next_to_time(self.budget, solver.prefixes)
+        photons = solver.budget.next_to_time(self.budget, solver.frame.prefixes)
         if photons is not None:
             solver.move_all({}, photons, solver.size_within(0.0)[1])
         elif self.begun:

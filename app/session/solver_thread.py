@@ -21,8 +21,9 @@ from app.worker import PATIENCE, Worker
 
 if TYPE_CHECKING:  # the solver takes a second to import: that happens behind the window's first frames
     from app.settings import Settings
+    from gi_core.frames.progress import Progress
     from gi_core.scene import Pose
-    from gi_core.solver import Progress, Solver
+    from gi_core.solver import Solver
 
 GRACE = 0.040  # s that a frame waits for a move: with the drawing it stays under 50 ms
 

@@ -20,13 +20,13 @@ def caveats(solver: Solver) -> dict[str, str]:
 
 
 def _memory(solver: Solver) -> str:
-    if not solver.memory_full:
+    if not solver.frame.store.memory_full:
         return ""
-    return f"memory holds no more than {solver.photons_traced:,} of the {solver.photons:,} photons wanted"
+    return f"memory holds no more than {solver.frame.photons:,} of the {solver.photons:,} photons wanted"
 
 
 def _truncated(solver: Solver) -> str:
-    fates = solver.fates
+    fates = solver.frame.fates
     emitted, cut_off = (float(luminance(fates[name])) for name in ("emitted", "truncated"))
     if cut_off <= MUCH * emitted:
         return ""

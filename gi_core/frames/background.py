@@ -41,7 +41,7 @@ class Background:
     """An estimate of the background under one setting."""
 
     def __init__(self, model: Model, setting: Setting):
-        self.setting, self._model = setting, model
+        self.setting, self.model = setting, model
         self.estimate: Estimator = ESTIMATORS[setting.estimator](model, setting)
         self.added = 0  # photons
         self.built = False
@@ -57,13 +57,13 @@ class Background:
     @property
     def weights(self) -> np.ndarray:
         """Areas (n,) [m2] of static receivers."""
-        return self._model.object_receivers.areas[self._model.surfaces.receiver_range(0)]
+        return self.model.object_receivers.areas[self.model.surfaces.receiver_range(0)]
 
     def resting(self, photons: int) -> np.ndarray:
         """Return irradiance (n, 3) of static receivers without mobiles, of a photon subset; cached."""
         if photons not in self._resting:
             sums, area = self.estimate.background(photons)
-            self._resting[photons] = irradiance(sums, self._model.emitters.unit_flux / photons, area)
+            self._resting[photons] = irradiance(sums, self.model.emitters.unit_flux / photons, area)
         return self._resting[photons]
 
 
@@ -73,6 +73,7 @@ class Photons:
     def __init__(self, model: Model, seed: int):
         self.model, self.seed = model, seed
         self.fates = no_flux()
+        self.memory_full = False  # memory holds fewer photons than wanted
         self._pace = Pace()
         self._store = PathStore()
         self._coarse = CoarseStore(grid_for(model.world, *model.lit))  # the same paths, quantised, for the broad phase
@@ -92,12 +93,14 @@ class Photons:
 
     def affordable(self, wanted: int, bytes_per_hit: int) -> int:
         """Return the wanted photons that fit into memory; the estimator needs bytes_per_hit per path vertex."""
-        left = memory.available()
+        self.memory_full, left = False, memory.available()
         if not self.count or left is None or wanted <= self.count:
             return wanted
         vertices = len(self._store.prefix(self.count).side) / self.count
         more = max(left - SPARE_MEMORY, 0) / (vertices * (BYTES_PER_VERTEX + bytes_per_hit))
-        return min(wanted, self.count + int(more))
+        fit = min(wanted, self.count + int(more))
+        self.memory_full = fit < wanted
+        return fit
 
     def bring_in(self, b: Background, until: int, wanted: int, seconds: float) -> StepKind:
         """Do one step [s] towards a background of the first `until` photons; returns its kind.

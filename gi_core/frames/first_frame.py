@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterator
-from typing import NamedTuple
 
 from gi_core.base.fixed_point import MAX_PHOTONS
 from gi_core.estimators import ESTIMATORS
 from gi_core.estimators.setting import Setting
 from gi_core.frames.background import Background, Photons
+from gi_core.frames.frame import Frame
 from gi_core.frames.light_source import LightSource
+from gi_core.frames.progress import Progress
 from gi_core.photons.prefixes import is_level, next_level
 
 STEP_SECONDS = 0.02  # aim per step; of 6 ms, a third would be overhead
@@ -20,14 +21,6 @@ MANY_RECEIVERS = 30_000  # measuring their regions takes half a second and more
 MORE, LATE_MORE = 1.41, 1.19  # growth of photons per picture where sums are additive: a picture costs one frame,
 LATE = 1 << 18  # which is little beside so many photons
 MUCH_MORE = 2.0  # the same where each picture estimates everything again
-
-
-class Progress(NamedTuple):
-    """State of `Solver.solve_steps` and `Solver.gather_steps`."""
-
-    stage: str
-    fraction: float  # 0 .. 1 of the photons wanted
-    picture: bool  # irradiance was refreshed
 
 
 class Schedule:
@@ -61,7 +54,6 @@ class FirstFrame:
     def __init__(self, photons: Photons, source: LightSource, scene_size: float):
         self._photons, self._source, self._scene_size = photons, source, scene_size
         self._building: Background | None = None
-        self.memory_full = False  # fewer photons than wanted, because memory does not hold more
 
     def background(self, setting: Setting, shown: Background | None, wanted: int) -> Background:
         """Return the background to continue: the one on show, or being built, if it fits the setting."""
@@ -74,16 +66,16 @@ class FirstFrame:
     def steps(
         self,
         setting: Setting,
-        shown: Background | None,
+        frame: Callable[[], Frame],
         wanted: Callable[[], int],
         pictures: bool,
         show: Callable[[Background], None],
-    ) -> Generator[Progress, None, tuple[Background, int]]:
-        """Extend the background of a setting to all photons wanted, in steps; `show` computes the frame from it.
+    ) -> Iterator[Progress]:
+        """Extend the background of a setting to all photons wanted, or as many as memory holds, in steps.
 
-        shown: the background on show, None before the first picture; wanted: photons, asked before each step. Returns
-        the background and its photons: those wanted, or as many as memory holds.
+        frame: returns the frame on show; wanted: photons, asked before each step; show: computes a background's frame.
         """
+        shown = frame().background
         seconds = (STEP_SECONDS if shown is not None else FIRST_STEP_SECONDS) if pictures else math.inf
         if pictures and wanted() and shown is None and self._is_slow(setting):
             shown = yield from self._uncontrolled(setting, wanted(), show)
@@ -91,7 +83,7 @@ class FirstFrame:
         b = self.background(setting, shown, wanted())
         yield from _build(b)
         schedule = Schedule(b, shown.estimate.photons if shown not in (None, b) else 0, pictures)
-        while b.added < (goal := self._affordable(b, wanted())):
+        while b.added < (goal := self._photons.affordable(wanted(), b.estimate.bytes_per_hit)):
             had = b.added
             work = self._photons.bring_in(b, schedule.next_goal(had, goal), goal, seconds)
             yield Progress(work.value, b.added / goal, False)
@@ -103,7 +95,17 @@ class FirstFrame:
                 seconds = STEP_SECONDS if pictures else math.inf
             elif is_level(b.added) and b.estimate.additive:
                 yield from _prepare(b, wanted())
-        return b, goal
+        f, as_asked = frame(), (self._source.size(goal), self._source.is_gathered)
+        if b is not f.background or f.photons_at_rest != goal or (f.size, f.gathered) != as_asked:
+            yield from self.show(b, wanted(), show)
+
+    def refresh(
+        self, shown: Callable[[], Background], wanted: Callable[[], int], show: Callable[[Background], None]
+    ) -> Iterator[Progress]:
+        """Compute the frame on show again, in new static light."""
+        if shown().added == wanted():
+            yield from self.find_unreached(shown())
+        show(shown())
 
     def show(self, b: Background, wanted: int, show: Callable[[Background], None]) -> Iterator[Progress]:
         """Prepare the photons added, and compute the frame from them."""
@@ -135,12 +137,6 @@ class FirstFrame:
     def _is_slow(self, setting: Setting) -> bool:
         controlled = setting.control and ESTIMATORS[setting.estimator].controlled
         return controlled and len(self._photons.model.object_receivers.areas) > MANY_RECEIVERS
-
-    def _affordable(self, b: Background, wanted: int) -> int:
-        """Return the photons wanted, or as many as memory holds."""
-        goal = self._photons.affordable(wanted, b.estimate.bytes_per_hit)
-        self.memory_full = goal < wanted
-        return goal
 
 
 def _build(b: Background) -> Iterator[Progress]:

@@ -6,45 +6,26 @@ frame, so it cannot drift. Receivers on mobiles: from all segments near them, or
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.base.stage_timer import StageTimer
 from gi_core.discs.contact.stale_receivers import ControlFacts
+from gi_core.display.probes import probe_irradiance
 from gi_core.frames.background import Background, Photons, add_fates
 from gi_core.frames.control_variate import frame_irradiance
-from gi_core.frames.light_source import LightSource
+from gi_core.frames.light_source import FrameSize, LightSource
 from gi_core.geometry.radiosity import irradiance
-from gi_core.model import Model
+from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.trace import Fates
-from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.broad_phase import ScanBuffers
 from gi_core.retrace.cuts import PoseChange, change, current_segments
+from gi_core.scene.types import Pose
 
 SCRATCH_CHUNK = 1 << 16
-NO_FACTS = ControlFacts(0.0, 0, 0)
-
-
-class FrameSize(NamedTuple):
-    """Photons and paths of a frame."""
-
-    photons: int
-    paths: int  # per receiver of a mobile; 0: photons light mobiles
-
-
-class Generation(NamedTuple):
-    """The parts that a frame was computed from."""
-
-    background: Background | None  # frames are computed from it; None before the first
-    change: PoseChange | None  # by the mobiles; None before the first frame
-    size: FrameSize
-    gathered: bool  # the static part's light is gathered
-    facts: ControlFacts
-
-    @property
-    def photons(self) -> int:
-        """Photons of the background, 0 before the first frame."""
-        return self.background.estimate.photons if self.background is not None else 0
 
 
 class Changes(NamedTuple):
@@ -55,77 +36,125 @@ class Changes(NamedTuple):
     new_segments: int  # added, including kept prefixes
 
 
-def changes_of(f: PoseChange) -> Changes:
-    """Return the statistics of a pose change."""
-    return Changes(f.kept_prefixes.size, f.removed_suffixes.size, f.kept_prefixes.size + f.new_suffixes.size)
+class Frame(NamedTuple):
+    """A frame: its poses and light, and the parts that these were computed from."""
+
+    poses: dict[str, Pose]
+    irradiance: np.ndarray  # (R, 3) [W/m2]
+    store: Photons  # all photons traced
+    background: Background | None = None  # None before the first solve
+    change: PoseChange | None = None  # by the mobiles, until the next frame; None before the first
+    size: FrameSize = FrameSize(0, 0)
+    gathered: bool = False  # the static part's light is gathered
+    control_facts: ControlFacts = ControlFacts(0.0, 0, 0)  # receivers under artifact control, in general and now
+    timings: Mapping[str, float] = MappingProxyType({})  # stage -> seconds
+
+    @property
+    def photons(self) -> int:
+        """Photons that irradiance was computed from."""
+        return self.size.photons
+
+    @property
+    def paths(self) -> int:
+        """Paths gathered per receiver of a mobile; 0 where photons light mobiles."""
+        return self.size.paths
+
+    @property
+    def photons_at_rest(self) -> int:
+        """Photons of the background, of which `photons` may be a subset; 0 before the first frame."""
+        return self.background.estimate.photons if self.background is not None else 0
+
+    @property
+    def prefixes(self) -> tuple[int, ...]:
+        """Numbers of photons that a frame can be computed from, ascending; the last is all."""
+        return tuple(sorted(self.background.estimate.prefixes)) if self.background is not None else ()
+
+    @property
+    def changes(self) -> Changes:
+        """Statistics of the path changes."""
+        if (c := self.change) is None:
+            return Changes(0, 0, 0)
+        return Changes(c.kept_prefixes.size, c.removed_suffixes.size, c.kept_prefixes.size + c.new_suffixes.size)
+
+    @property
+    def segments(self) -> int:
+        """Number of background segments of the photons."""
+        return self.store.segments(self.photons)
+
+    @property
+    def fates(self) -> dict[str, np.ndarray]:
+        """Flux (3,) [W] emitted, absorbed, escaped and truncated at the frame's poses.
+
+        Exact in fixed-point units: emitted = absorbed + escaped + truncated. Covers all photons traced.
+        """
+        total = self.store.fates
+        if self.change is not None and self.change.photons == self.store.count:
+            total = add_fates(total, self.change.fates)
+        scale = self.store.model.emitters.unit_flux / max(self.store.count, 1)
+        return {name: value * scale for name, value in zip(Fates._fields, total, strict=True)}
+
+    @property
+    def probe_irradiance(self) -> dict[str, np.ndarray]:
+        """Irradiance (3,) [W/m2] at each probe, see `gi_core.display.probes`."""
+        b = self.background
+        return probe_irradiance(self.store.model, self.irradiance, b is not None and b.estimate.on_faces)
+
+    @property
+    def search_summary(self) -> str:
+        """Summary of the disc search over the static part; "" where there is none."""
+        searches = self.background.estimate.searches if self.background is not None else ()
+        return searches[0].summary() if searches else ""
 
 
-def frame_light(
-    model: Model,
-    photons: Photons,
-    shown: Background,
-    source: LightSource,
-    at: Transforms,
-    size: FrameSize,
-    room: ScanBuffers,
-    clock,
-) -> tuple[PoseChange, np.ndarray]:
-    """Return the path changes at the poses `at`, and irradiance (R, 3) [W/m2].
+def next_frame(
+    store: Photons, b: Background, source: LightSource, poses: dict[str, Pose], size: FrameSize, room: ScanBuffers
+) -> Frame:
+    """Return the frame of a background at poses, from `size.photons` of its photons.
 
-    shown: the background of all photons. `clock(stage)` is called at the end of each stage.
+    room: buffers that the frame's path changes stay in, until the next frame overwrites them.
     """
-    estimate = shown.estimate
-    paths, coarse = photons.prefix(size.photons)
+    model, estimate, clock = store.model, b.estimate, StageTimer()
+    at = model.transforms(poses)
+    paths, coarse = store.prefix(size.photons)
     wanted = estimate.wanted(at, mobiles=not size.paths)
     clock("contact")
-    frame = change(model, paths, coarse, at, photons.seed, wanted, room, clock)
-    evaluated = estimate.evaluate(frame)
+    changed = change(model, paths, coarse, at, store.seed, wanted, room, clock)
+    evaluated = estimate.evaluate(changed)
     clock("estimate")
+    E = np.zeros(evaluated.sums.shape)
     if size.photons:
-        scale, resting = model.emitters.unit_flux / size.photons, shown.resting(size.photons)
-        better = source.static_irradiance(shown, size.photons)
-        background = estimate.background(size.photons)[0]
-        E = frame_irradiance(evaluated, scale, background, resting, better, model.threads)
-    else:
-        E = np.zeros(evaluated.sums.shape)
+        E = _controlled(b, source, evaluated, size.photons)
     clock("read out")
     if size.paths:
         source.light_mobiles(E, at, size.paths)
         clock("gather")
-    return frame, E
+    return Frame(poses, E, store, b, changed, size, source.is_gathered, estimate.control_facts, clock.seconds)
 
 
-def fluxes(photons: Photons, change: PoseChange | None) -> dict[str, np.ndarray]:
-    """Return flux (3,) [W] emitted, absorbed, escaped and truncated, of all photons traced and a change of all."""
-    total = photons.fates
-    if change is not None and change.photons == photons.count:
-        total = add_fates(total, change.fates)
-    scale = photons.model.emitters.unit_flux / max(photons.count, 1)
-    return {name: value * scale for name, value in zip(Fates._fields, total, strict=True)}
+def _controlled(b: Background, source: LightSource, sums: Evaluated, photons: int) -> np.ndarray:
+    """Return irradiance (R, 3) [W/m2] of a frame's sums, with its static light as control variate."""
+    model, better = b.model, source.static_irradiance(b, photons)
+    scale, background = model.emitters.unit_flux / photons, b.estimate.background(photons)[0]
+    return frame_irradiance(sums, scale, background, b.resting(photons), better, model.threads)
 
 
-def light_from_scratch(
-    model: Model, seed: int, shown: Background | None, made: Background, source: LightSource, at: Transforms, paths: int
-) -> np.ndarray:
+def light_from_scratch(shown: Frame, b: Background, source: LightSource, poses: dict[str, Pose]) -> np.ndarray:
     """Return irradiance (R, 3) [W/m2] from all photons, traced again through static part and mobiles.
 
-    A frame must equal this bit for bit. Structures are reused; the background's light is used only as the better
-    static light of frames. made: background with the structures; shown: the same, or None before the first solve.
+    A frame must equal this bit for bit. Structures of a background are reused; its light is used only as the better
+    static light, and only where it is on show.
     """
-    estimate = made.estimate
-    n = estimate.photons
+    model, at, n = b.model, b.model.transforms(poses), b.estimate.photons
     parts = (
-        current_segments(model, at, seed, first, min(SCRATCH_CHUNK, n - first))[0]
+        current_segments(model, at, shown.store.seed, first, min(SCRATCH_CHUNK, n - first))[0]
         for first in range(0, n, SCRATCH_CHUNK)
     )
-    every = estimate.from_scratch(parts, at)
+    every = b.estimate.from_scratch(parts, at)
     if not n:
         return np.zeros(every.sums.shape)
-    scale = model.emitters.unit_flux / n
-    if shown is None:
-        return irradiance(every.sums, scale, every.area)
-    background, better = estimate.background(n)[0], source.static_irradiance(shown, n)
-    E = frame_irradiance(every, scale, background, shown.resting(n), better, model.threads)
-    if paths:
-        source.light_mobiles(E, at, paths, fresh=True)
+    if shown.background is None:
+        return irradiance(every.sums, model.emitters.unit_flux / n, every.area)
+    E = _controlled(b, source, every, n)
+    if shown.paths:
+        source.light_mobiles(E, at, shown.paths, fresh=True)
     return E

@@ -8,10 +8,10 @@ a row, and larger with the next motion. Mobiles that gather their light use a sh
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from statistics import median
 
-from gi_core.frames.light_source import PATHS, REST
+from gi_core.frames.light_source import PATHS, REST, FrameSize
 
 REMEMBERED = 9  # frames per size, whose median counts
 TIMED = 3  # frames timed per photon subset at rest: one of them may be disturbed by other load
@@ -72,11 +72,12 @@ class FrameBudget:
         """Discard the measured costs of photons, after a change of estimator."""
         self._photon_times = FrameTimes()
 
-    def took(self, photons: int, paths: int, seconds: float, gathering: float | None) -> None:
-        """Record the time of a frame [s] without gathering, and that of gathering; None if it traced no ray."""
-        self._photon_times.add(photons, seconds)
-        if paths and gathering is not None:
-            self._path_times.add(paths, gathering)
+    def record(self, size: FrameSize, timings: Mapping[str, float], rays_traced: bool) -> None:
+        """Record the times of a frame's stages [s]; rays_traced: by gathering, whose time counts only then."""
+        gathering = timings.get("gather", 0.0)
+        self._photon_times.add(size.photons, sum(timings.values()) - gathering)
+        if size.paths and rays_traced:
+            self._path_times.add(size.paths, gathering)
 
     def next_to_time(self, seconds: float, prefixes: Sequence[int]) -> int | None:
         """Return the smallest photon subset below all photons that still needs timing; None if there is none.

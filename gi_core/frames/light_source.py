@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import math
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.display.dilation import NONE_UNREACHED, Dilation, Drawn, dilated
 from gi_core.frames.background import Background
+from gi_core.frames.progress import Progress
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
@@ -21,6 +24,13 @@ from gi_core.scene.errors import SceneError
 LIGHTS = ("best", "photons")
 PATHS = (4, 8, 16, 32, 64, 128, 256)  # per receiver and frame
 REST = 64  # the default, with some 4 % of noise
+
+
+class FrameSize(NamedTuple):
+    """Photons and paths of a frame."""
+
+    photons: int
+    paths: int  # per receiver of a mobile; 0: photons light mobiles
 
 
 class LightSource:
@@ -50,11 +60,12 @@ class LightSource:
             other.gathered, other._less_noise = None, False
         return other
 
-    def choose(self, light: str, prefix_only: bool) -> None:
-        """Change the settings. Raises SceneError for an unknown light."""
+    def choose(self, light: str | None, prefix_only: bool | None) -> None:
+        """Change the settings; None keeps one. Raises SceneError for an unknown light."""
+        light = self.light if light is None else light
         if light not in LIGHTS:
             raise SceneError(f"light must be one of {', '.join(LIGHTS)}, got {light!r}")
-        self.light, self.prefix_only = light, prefix_only
+        self.light, self.prefix_only = light, self.prefix_only if prefix_only is None else prefix_only
 
     # -- static part ------------------------------------------------------------------------------
 
@@ -63,14 +74,29 @@ class LightSource:
         """Whether frames start from gathered static light: `light` is "best", and it has less noise than photons."""
         return self.light == "best" and not self.prefix_only and self._less_noise
 
-    def gather(self, state: ReferenceState | None) -> StaticGather:
-        """Return the gathering of static light, started from `state` or continued; arguments as for StaticGather.
+    def gather_steps(
+        self,
+        state: ReferenceState | None,
+        shown: Callable[[], Background | None],
+        refresh: Callable[[], Iterator[Progress]],
+    ) -> Iterator[Progress]:
+        """Gather static light in steps, from `state` or continued; arguments as for StaticGather.
 
-        Raises ValueError for the state of another scene.
+        shown: returns the background on show; refresh: computes its frame again, after each result that has less noise
+        than photons. Raises ValueError for the state of another scene.
         """
         if self.gathered is None or state is not None:
             self.gathered = StaticGather(self._model, self._seed, state)
-        return self.gathered
+        g = self.gathered
+
+        def photons() -> np.ndarray | None:
+            b = shown()
+            return b.resting(b.estimate.photons) if b is not None and b.estimate.photons else None
+
+        for new in itertools.chain((True,), g.steps(photons)):
+            if used := bool(new) and self.compare(shown()):
+                yield from (p._replace(fraction=g.fraction) for p in refresh())
+            yield Progress("gathering", g.fraction, used)
 
     def compare(self, shown: Background | None) -> bool:
         """Compare the noise of gathered light and of all photons; return whether frames start from gathered light.
@@ -117,6 +143,10 @@ class LightSource:
         if self.light == "photons" or not self._model.names:
             return 0
         return REST if wanted is None else wanted
+
+    def size(self, photons: int, paths: int | None = None) -> FrameSize:
+        """Return the size of a frame; paths as for `paths()`. Without photons there are none."""
+        return FrameSize(photons, self.paths(paths) if photons else 0)
 
     def light_mobiles(self, irradiance: np.ndarray, at: Transforms, paths: int, fresh: bool = False) -> None:
         """Replace the irradiance (R, 3) of receivers on mobiles by gathered light from the static part's.

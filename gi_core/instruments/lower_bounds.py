@@ -50,8 +50,8 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
     """Compute the frame at `poses` and return its work, by stage."""
     solver.move_all(poses)
     threads = solver.model.threads
-    vertices = solver.segments_total + solver.photons_traced
-    changes, row = solver.changes, sum(a.itemsize * a[0].size for a in empty_segments(1))
+    vertices = solver.frame.segments + solver.frame.photons
+    changes, row = solver.frame.changes, sum(a.itemsize * a[0].size for a in empty_segments(1))
     receivers = len(solver.irradiance)
     estimate = estimate_of(solver)
     moved = [
@@ -76,7 +76,7 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
 
 def estimate_of(solver: Solver) -> Estimator:
     """Return the estimator of the solver's frames."""
-    return solver.frame_parts().background.estimate
+    return solver.frame.background.estimate
 
 
 def full_estimate(solver: Solver) -> Callable[[], None]:
@@ -84,8 +84,8 @@ def full_estimate(solver: Solver) -> Callable[[], None]:
     twin = ESTIMATORS[solver.estimator](solver.model, solver.setting)
     for _ in twin.build():
         pass
-    photons = solver.photons_traced
-    paths = solver.frame_parts().photons.prefix(photons)[0]
+    photons = solver.frame.photons
+    paths = solver.frame.store.prefix(photons)[0]
     for first in range(0, photons, CHUNK):
         last = min(first + CHUNK, photons)
         twin.add_background(segments_of(paths, solver.model.eps, first, last), 0)
@@ -102,7 +102,7 @@ def full_estimate(solver: Solver) -> Callable[[], None]:
 
 def _searches(solver: Solver) -> list[tuple[Discs, Lines, int]]:
     """Return discs, lines and number of disc intersections of each search of the last frame; none without discs."""
-    model, change = solver.model, solver.frame_parts().change
+    model, change = solver.model, solver.frame.change
     out = []
     segments_of_objects = change.new_suffixes, *change.near_mobiles  # mobiles that gather are not searched
     for o, (search, segments) in enumerate(zip(estimate_of(solver).searches, segments_of_objects, strict=False)):
@@ -113,7 +113,7 @@ def _searches(solver: Solver) -> list[tuple[Discs, Lines, int]]:
 
 def _looked_up(solver: Solver) -> int:
     """Return the number of disc intersections of removed suffixes, which frames look up in a cache."""
-    model, removed = solver.model, solver.frame_parts().change.removed_suffixes.segments(solver.model.threads)
+    model, removed = solver.model, solver.frame.change.removed_suffixes.segments(solver.model.threads)
     over = lines(removed, model.static.rotation[0], model.static.position[0], model, solver.radius)
     return _intersections(estimate_of(solver).searches[0], over)
 
@@ -124,8 +124,8 @@ def _intersections(search: Search, over: Lines) -> int:
 
 def _rays(solver: Solver) -> list[Work]:
     """Return the rays of the last frame: along candidates for cuts, and along new suffixes, each also past mobiles."""
-    model, frame = solver.model, solver.frame_parts().change
-    paths, coarse = solver.frame_parts().photons.prefix(frame.photons)
+    model, frame = solver.model, solver.frame.change
+    paths, coarse = solver.frame.store.prefix(frame.photons)
     wanted = estimate_of(solver).wanted(frame.at, mobiles=bool(frame.near_mobiles))
     rows = candidate_segments(model, coarse, frame.at, wanted, ScanBuffers())
     near = segments_at(paths, model.eps, *rows, model.threads)
@@ -139,7 +139,7 @@ def _rays(solver: Solver) -> list[Work]:
 
 def _as_rays(solver: Solver, o: int, segments: Segments):
     """Return origins, directions and limits of segments in object o's space, lifted off their origins."""
-    model, at = solver.model, solver.frame_parts().change.at
+    model, at = solver.model, solver.frame.change.at
     way = segments.end.astype(np.float64) - segments.origin
     length = np.maximum(np.sqrt((way * way).sum(axis=1)), 1e-30)
     d = way / length[:, None]

@@ -36,13 +36,13 @@ def static_discs(model: Model, radius: float, materials: Iterable[str] | None = 
 
 def photon_lines(solver: Solver, photons: int, radius: float) -> Lines:
     """Return all background segments of the first `photons` traced photons, prepared for static discs."""
-    paths = solver.frame_parts().photons.prefix(photons)[0]
+    paths = solver.frame.store.prefix(photons)[0]
     return _ready(solver, segments_of(paths, solver.model.eps, 0, photons), radius)
 
 
 def frame_lines(solver: Solver, radius: float) -> Lines:
     """Return the removed and new suffixes of the solver's current frame, prepared for static discs."""
-    change = solver.frame_parts().change
+    change = solver.frame.change
     return _ready(solver, concatenate([change.removed_suffixes.segments(), change.new_suffixes]), radius)
 
 

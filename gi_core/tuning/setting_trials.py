@@ -70,7 +70,7 @@ def trial(solver: Solver, samples: list[PosedSample], paths: int | None = None, 
     twin = solver.twin(fresh=True)
     twin.configure(photons=min(PHOTONS, solver.photons), prefix_only=True, **setting)
     twin.solve()
-    counts = np.array(twin.prefixes[-COUNTS:], np.int64)
+    counts = np.array(twin.frame.prefixes[-COUNTS:], np.int64)
     errors, seconds = np.zeros((2, len(counts))), np.zeros((len(samples), 2, len(counts)))
     for kind, prefix_only in enumerate((True, False)):
         twin.configure(prefix_only=prefix_only)
@@ -78,7 +78,7 @@ def trial(solver: Solver, samples: list[PosedSample], paths: int | None = None, 
             for p, (poses, sample) in enumerate(samples):  # innermost: mobiles move in each frame
                 twin.move_all(poses, int(count), paths)
                 errors[kind, n] += sample.squared_error(twin.irradiance) / len(samples)
-                seconds[p, kind, n] = sum(twin.timings.values())
+                seconds[p, kind, n] = sum(twin.frame.timings.values())
     # Other load can only add time, so the minimum is taken.
     return Trial(twin.setting, counts, *np.maximum(errors, 0.0), seconds.min(axis=1).mean(axis=0))
 
@@ -90,7 +90,7 @@ def errors_of(
 
     A frame in motion has the photon subset nearest to `frame` photons, and `paths` per receiver of mobiles.
     """
-    prefix = min(solver.prefixes, key=lambda n: abs(n - frame))
+    prefix = min(solver.frame.prefixes, key=lambda n: abs(n - frame))
     at_rest = moving = 0.0
     seconds = []
     for poses, sample in samples:
@@ -99,7 +99,7 @@ def errors_of(
     for _ in range(3):
         for poses, sample in samples:
             solver.move_all(poses, prefix, paths)
-            seconds.append(sum(solver.timings.values()))
+            seconds.append(sum(solver.frame.timings.values()))
             moving += sample.squared_error(solver.irradiance) / (3 * len(samples))
     at_rest, moving = (float(np.sqrt(max(e, 0.0))) for e in (at_rest, moving))
     return at_rest, moving, prefix, float(np.median(seconds))

@@ -114,8 +114,8 @@ def test_the_tree_bench_has_light_to_move():
         cut = []
         for poses in motion.walk(motion.paths_of(solver), STEP, frames):  # the tree is 1 m in size
             solver.move_all(poses)
-            cut.append(solver.changes.photons_cut)
-        share = sorted(cut)[frames // 2] / solver.photons_traced
+            cut.append(solver.frame.changes.photons_cut)
+        share = sorted(cut)[frames // 2] / solver.frame.photons
         assert share >= 0.005, f"{frames} frames: {100 * share:.3f} % of the photons cut in the median frame"
 
 

@@ -30,7 +30,8 @@ def card(two_sided: bool = False, emission=(0.0, 0.0, 0.0)) -> Scene:
 def shot_of(scene: Scene, settings: Settings, irradiance) -> Shot:
     """A scene with a given irradiance (R, 3) instead of a traced one."""
     solver = make_solver(scene, settings)
-    solver.irradiance = np.broadcast_to(np.asarray(irradiance, float), solver.irradiance.shape).copy()
+    E = np.broadcast_to(np.asarray(irradiance, float), solver.irradiance.shape).copy()
+    solver.frame = solver.frame._replace(irradiance=E)
     return Shot(solver, settings)
 
 
@@ -104,7 +105,7 @@ def test_gouraud_is_linear_across_a_triangle():
     scene, settings = card(), replace(SMALL, exposure=0.0, tone_map="clip", size=(65, 65), show="irradiance")
     solver = make_solver(scene, settings)
     x = solver.receivers.positions[:, 0] + 0.5
-    solver.irradiance = np.pi * np.repeat(x[:, None], 3, axis=1)
+    solver.frame = solver.frame._replace(irradiance=np.pi * np.repeat(x[:, None], 3, axis=1))
     row = Shot(solver, settings).take()[32, :, 0].astype(float) / 255
     linear = np.where(row <= 0.04045, row / 12.92, ((row + 0.055) / 1.055) ** 2.4)
     half_width = 2.0 * np.tan(np.radians(30))
@@ -236,14 +237,14 @@ def test_a_textured_picture_equals_the_opengl_picture(show):
     """
     settings = replace(SMALL, size=(384, 288), exposure=1.0, show=show)
     solver = make_solver(checkered_room(1.5), settings)
-    solver.irradiance = np.full(solver.irradiance.shape, 2.0)
+    solver.frame = solver.frame._replace(irradiance=np.full(solver.irradiance.shape, 2.0))
     shot = Shot(solver, settings)
     ours, drawn = shot.take().astype(int), gl_picture(shot).astype(int)
     blocks = [p.reshape(72, 4, 96, 4, 3).mean(axis=(1, 3)) for p in (ours, drawn)]
     apart = np.abs(blocks[0] - blocks[1]).max(axis=2)
     assert (apart > 10).mean() < 0.03 and apart.mean() < 1.5, f"{(apart > 10).mean():.3%}, mean {apart.mean():.2f}"
     plain = Shot(make_solver(room(), settings), settings)
-    plain.solver.irradiance = solver.irradiance
+    plain.solver.frame = plain.solver.frame._replace(irradiance=solver.irradiance)
     differs = np.abs(ours - plain.take().astype(int)).max(axis=2) > 24
     assert differs.mean() > 0.3 if show == "radiance" else not differs.any()
 

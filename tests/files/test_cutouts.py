@@ -136,7 +136,7 @@ def test_holes_are_seen_through_alike_in_rays_and_in_opengl(show, nearest):
     pictures = []
     for scene in (grove(nearest), whole(grove(nearest))):
         solver = make_solver(scene, settings)
-        solver.irradiance = np.full(solver.irradiance.shape, 2.0)
+        solver.frame = solver.frame._replace(irradiance=np.full(solver.irradiance.shape, 2.0))
         wall = np.unique(solver.surfaces.corner_front[: 2 * 16])
         solver.irradiance[wall] = 0.5
         shot = Shot(solver, settings)

@@ -41,7 +41,7 @@ def test_a_million_triangles_load_and_light(tmp_path):
     solver = Solver(scene, photons=16_384, radius=0.4, control=False)
     solver.solve()
 
-    assert luminance(solver.fates["absorbed"]) == pytest.approx(100.0 * SIDE**2, rel=0.02)
+    assert luminance(solver.frame.fates["absorbed"]) == pytest.approx(100.0 * SIDE**2, rel=0.02)
     r = solver.receivers
     assert len(r.areas) == ROWS * ROWS and np.isfinite(solver.irradiance).all()
     inside = np.abs(r.positions[:, [0, 2]]).max(axis=1) < SIDE / 2 - 0.5

@@ -50,14 +50,14 @@ def watched(call, break_at: int = 0) -> int:
 
 def seen(solver: Solver) -> tuple:
     """Return all that a caller sees of the last frame."""
-    fates = [value.tolist() for value in solver.fates.values()]
+    fates = [value.tolist() for value in solver.frame.fates.values()]
     numbers = (
-        solver.photons_traced,
-        solver.paths_gathered,
-        solver.changes,
-        solver.control_facts,
-        solver.segments_total,
-        solver.timings,
+        solver.frame.photons,
+        solver.frame.paths,
+        solver.frame.changes,
+        solver.frame.control_facts,
+        solver.frame.segments,
+        solver.frame.timings,
     )
     return dict(solver.poses), solver.irradiance.tobytes(), fates, *numbers
 
@@ -77,7 +77,7 @@ def test_a_move_that_is_broken_off_anywhere_has_not_been_made(estimator, light):
     for _ in range(2):  # the first time more is called: what is made once
         solver.move("block", THERE)
         whole = watched(lambda: solver.move_all(NEXT))
-    assert whole > PLACES and solver.changes.photons_cut > 0
+    assert whole > PLACES and solver.frame.changes.photons_cut > 0
     for place in np.linspace(1, whole - 2, PLACES).astype(int):  # the last two: it has been made and returns
         solver.move("block", THERE)
         before = seen(solver)

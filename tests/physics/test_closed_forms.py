@@ -135,7 +135,7 @@ def test_photons_were_enough_by_the_formula_too():
 def test_flux_is_conserved(name):
     """Emitted = absorbed + escaped + truncated; emitted is the flux of the lights."""
     solver = runs(name)[0]
-    fates = solver.fates
+    fates = solver.frame.fates
     assert fates["emitted"] == pytest.approx(solver.model.emitters.total_flux, rel=1e-6)
     gone = fates["absorbed"] + fates["escaped"] + fates["truncated"]
     assert gone == pytest.approx(fates["emitted"], rel=1e-12)
@@ -148,7 +148,7 @@ def test_flux_in_a_closed_room_all_arrives():
     """
     solver, E = runs("furnace")
     emitted = 6 * math.pi
-    assert solver.fates["absorbed"][0] == pytest.approx(emitted, rel=1e-6)
-    assert not solver.fates["escaped"].any()
+    assert solver.frame.fates["absorbed"][0] == pytest.approx(emitted, rel=1e-6)
+    assert not solver.frame.fates["escaped"].any()
     arrived = (E["impact_count"] * solver.receivers.areas).sum(axis=1)
     seeds_test(arrived, emitted / (1 - 0.5), "flux that arrives")

@@ -43,7 +43,7 @@ def test_a_white_thing_in_a_furnace_takes_no_light_from_the_floor(thing):
     on, off = solved(case), solved(case, control=False)
     beside, free = control_scenes.classes(case, on.surfaces, on.receivers)
     E, without = on.irradiance[:, 0], off.irradiance[:, 0]
-    assert on.control_facts.stale > beside.sum() and off.control_facts.stale == 0
+    assert on.frame.control_facts.stale > beside.sum() and off.frame.control_facts.stale == 0
     assert abs(E[beside].mean() / FURNACE - 1) < (0.24 if thing == "leg" else 0.12)
     assert 0.12 < 1 - without[beside].mean() / E[beside].mean() < 0.28
     assert mean_error(E[beside]) < 1.5 * mean_error(E[free])
@@ -100,7 +100,7 @@ def test_a_mobile_in_mid_air_costs_nothing(monkeypatch):
     case = control_scenes.leg(True)
     solver = Solver(case.scene, photons=5000, radius=case.radius)
     solver.solve()
-    resting = solver.control_facts
+    resting = solver.frame.control_facts
     assert resting.stale > 0 and resting.on_mobiles > 0
     cast = []
     real = solver.model.accelerator.nearest
@@ -109,14 +109,14 @@ def test_a_mobile_in_mid_air_costs_nothing(monkeypatch):
         cast.append(given)
         return real(*given)
 
-    contact = solver.frame_parts().background.estimate._contact
+    contact = solver.frame.background.estimate._contact
     monkeypatch.setattr(solver.model.accelerator, "nearest", counted)
     at = solver.model.transforms({"body": Pose((0.0, 0.0, 0.4))})
     wanted = contact.wanted(at, mobiles=True)
     assert not cast and not len(wanted.boxes) and not wanted.around.any()
     solver.move("body", Pose((0.0, 0.0, 0.4)))
-    assert solver.control_facts == resting._replace(stale=0, on_mobiles=0)
-    assert solver.frame_parts().change.near_boxes.size == 0 and solver.changes.photons_cut > 0
+    assert solver.frame.control_facts == resting._replace(stale=0, on_mobiles=0)
+    assert solver.frame.change.near_boxes.size == 0 and solver.frame.changes.photons_cut > 0
 
 
 def test_contact_on_a_mobile_is_looked_for_only_where_its_light_is_that_of_photons():
@@ -124,17 +124,17 @@ def test_contact_on_a_mobile_is_looked_for_only_where_its_light_is_that_of_photo
     case = control_scenes.leg(True)
     solver = Solver(case.scene, photons=5000, radius=case.radius)
     solver.solve()
-    by_photons = solver.control_facts
+    by_photons = solver.frame.control_facts
     static = solver.surfaces.receiver_range(0)
     E = solver.irradiance[static]
     solver.configure(light="best")
     solver.solve()
     assert by_photons.on_mobiles > 0
-    assert solver.control_facts == by_photons._replace(on_mobiles=0)
+    assert solver.frame.control_facts == by_photons._replace(on_mobiles=0)
     assert np.array_equal(solver.irradiance[static], E)
     solver.configure(light="photons")
     solver.solve()
-    assert solver.control_facts == by_photons
+    assert solver.frame.control_facts == by_photons
 
 
 def bowl() -> Scene:
@@ -165,8 +165,8 @@ def test_frames_in_contact_equal_the_naive_twin():
         ((9.0, 9.0, 9.0), (-9.0, 0.0, 0.0)),
     ):
         solver.move_all({"box": Pose(box_at, tilted), "ball": Pose(ball_at)})
-        stale.append(solver.control_facts.stale)
-        on_mobiles.append(solver.control_facts.on_mobiles)
+        stale.append(solver.frame.control_facts.stale)
+        on_mobiles.append(solver.frame.control_facts.on_mobiles)
         assert np.array_equal(solver.irradiance, solver.from_scratch())
         np.testing.assert_array_equal(solver.irradiance, twin.irradiance("tangent_plane", solver.poses))
     assert min(stale[:2]) > 5 and min(on_mobiles[:4]) > 5 and stale[4] == on_mobiles[4] == 0
@@ -189,4 +189,4 @@ def test_the_warm_up_compiles_what_contact_needs():
     solver = Solver(_tiny_scene(), photons=64, radius=0.1)
     solver.solve()
     solver.move("mobile", TOUCHING)
-    assert solver.control_facts.stale > 0 and solver.control_facts.on_mobiles > 0
+    assert solver.frame.control_facts.stale > 0 and solver.frame.control_facts.on_mobiles > 0

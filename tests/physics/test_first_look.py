@@ -33,10 +33,10 @@ def test_first_picture_is_of_whole_discs(few_are_many):
     first, plain = opened(), opened(control=False)
     until_picture(first.solve_steps())
     until_picture(plain.solve_steps())
-    assert first.photons_traced == plain.photons_traced == first_frame.FIRST_PICTURE
+    assert first.frame.photons == plain.frame.photons == first_frame.FIRST_PICTURE
     assert np.array_equal(first.irradiance, plain.irradiance)
     assert np.array_equal(first.irradiance, first.from_scratch())
-    controlled = Solver(load_scene("furnace"), photons=first.photons_traced, radius=0.1)
+    controlled = Solver(load_scene("furnace"), photons=first.frame.photons, radius=0.1)
     controlled.solve()
     assert not np.array_equal(first.irradiance, controlled.irradiance)
 
@@ -47,7 +47,7 @@ def test_it_ends_as_if_it_had_not_been(few_are_many):
         pass
     straight.solve()
     assert np.array_equal(steps.irradiance, straight.irradiance)
-    assert steps.photons_traced == straight.photons_traced == PHOTONS
+    assert steps.frame.photons == straight.frame.photons == PHOTONS
     assert np.array_equal(steps.irradiance, steps.from_scratch())
 
 
@@ -68,8 +68,8 @@ def test_small_scenes_and_other_estimators_have_none(few_are_many, monkeypatch):
     """Where nothing is slow to build, the first picture is of the setting asked for."""
     counted = opened(estimator="impact_count")
     until_picture(counted.solve_steps())
-    assert counted.frame_parts().background.setting == counted.setting
+    assert counted.frame.background.setting == counted.setting
     monkeypatch.setattr(first_frame, "MANY_RECEIVERS", 30_000)
     small = opened()
     until_picture(small.solve_steps())
-    assert small.frame_parts().background.setting == small.setting
+    assert small.frame.background.setting == small.setting

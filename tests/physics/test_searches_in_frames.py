@@ -68,10 +68,10 @@ def test_frames_equal_the_naive_twin(search, pretest, scene_name, radius, monkey
     contact = []
     for k, poses in enumerate(MOVES):
         solver.move_all(poses)
-        contact.append(solver.control_facts.stale + solver.control_facts.on_mobiles)
+        contact.append(solver.frame.control_facts.stale + solver.frame.control_facts.on_mobiles)
         np.testing.assert_array_equal(solver.irradiance, expected(scene_name, radius, k))
         assert np.array_equal(solver.from_scratch(), solver.irradiance)
-        assert solver.changes.photons_cut > 0
+        assert solver.frame.changes.photons_cut > 0
     assert max(contact) > 5
 
 
@@ -88,7 +88,7 @@ def test_probes_read_the_same_by_every_search(search):
     twin, E = twin_of("room", RADIUS), expected("room", RADIUS, 1)
     solver = solver_of("room", RADIUS, search=search)
     solver.move_all(MOVES[1])
-    read = solver.probe_irradiance
+    read = solver.frame.probe_irradiance
     for k, probe in enumerate(PROBES):
         assert np.array_equal(read[probe.name], E[twin.model.first_probe + k])
         assert read[probe.name].max() > 0

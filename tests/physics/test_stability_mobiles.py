@@ -86,7 +86,7 @@ def test_a_mobile_that_touches_crosses_or_leaves_the_room(where, estimator):
     if where in ("outside", "far away"):
         on_mobiles = solver.irradiance[solver.surfaces.receiver_range(0).stop :]
         assert not on_mobiles.any()
-        assert solver.changes.photons_cut == 0
+        assert solver.frame.changes.photons_cut == 0
 
 
 def test_no_light_under_a_box_that_stands_on_the_floor(estimator):
@@ -114,7 +114,7 @@ def test_a_mobile_at_rest_does_not_change_a_bit(estimator):
     pose = Pose((0.5, 0.5, 0.4), axis_angle((0, 1, 0), 30))
     solver.move("a", pose)
     begun = solver.irradiance.copy()
-    assert solver.changes.photons_cut > 0
+    assert solver.frame.changes.photons_cut > 0
     for _ in range(3):
         solver.move("a", pose)
         assert np.array_equal(solver.irradiance, begun)
@@ -126,19 +126,19 @@ def test_a_move_below_a_pixel_changes_no_more_than_the_photons_it_cuts():
     Each brings at most its flux to a face at each of its segments.
     """
     solver = solved(room(box_mobile("a")), 20_000, estimator="impact_count")
-    a_photon = float(solver.fates["emitted"][0]) / solver.photons_traced
+    a_photon = float(solver.frame.fates["emitted"][0]) / solver.frame.photons
     solver.move("a", Pose((0.5, 0.5, 0.4)))
     for step in (1e-7, 1e-5, 1e-3):
-        before, old = solver.irradiance.copy(), solver.changes
+        before, old = solver.irradiance.copy(), solver.frame.changes
         solver.move("a", Pose((0.5 + step, 0.5, 0.4)))
         static = solver.surfaces.receiver_range(0)
         areas = solver.receivers.areas[static]
         moved = np.abs(solver.irradiance[static, 0] - before[static, 0]) @ areas
-        new = solver.changes
+        new = solver.frame.changes
         bound = a_photon * (old.old_segments + old.new_segments + new.old_segments + new.new_segments)
         assert moved <= bound
         if step == 1e-7:
-            assert moved < 1e-3 * solver.fates["emitted"][0]  # none or a photon or two
+            assert moved < 1e-3 * solver.frame.fates["emitted"][0]  # none or a photon or two
 
 
 # -- many moves -----------------------------------------------------------------------------------

@@ -57,8 +57,8 @@ def test_a_black_room(estimator):
     scene = furnace_scene(1.0, 0.0, 4)
     solver = solved(scene, estimator=estimator)
     assert_sound(solver)
-    assert solver.fates["absorbed"] == pytest.approx(solver.fates["emitted"], rel=1e-9)
-    assert solver.segments_total == solver.photons_traced
+    assert solver.frame.fates["absorbed"] == pytest.approx(solver.frame.fates["emitted"], rel=1e-9)
+    assert solver.frame.segments == solver.frame.photons
 
 
 # -- scale and place ------------------------------------------------------------------------------
@@ -84,7 +84,7 @@ def test_moved_from_the_origin_the_light_is_the_same(distance):
         solver = solved(scene, 20_000)
         assert_sound(solver)
         means.append(solver.irradiance[:, 0].mean() / (2 * math.pi))
-        assert not solver.fates["escaped"].any()
+        assert not solver.frame.fates["escaped"].any()
     assert means == pytest.approx([1.0, 1.0], abs=0.02)
 
 
@@ -123,7 +123,7 @@ def test_rays_through_vertices_and_edges_of_a_closed_room():
     assert distance[hit] == pytest.approx(wanted[hit], rel=1e-4)
     many = solved(furnace_scene(1.0, 0.9, 8), 50_000)
     assert_sound(many)
-    assert many.fates["escaped"][0] < 1e-3 * many.fates["emitted"][0]
+    assert many.frame.fates["escaped"][0] < 1e-3 * many.frame.fates["emitted"][0]
 
 
 # -- meshes ---------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ def assert_sound(solver: Solver) -> None:
     """Finite, nothing negative, every photon accounted for."""
     assert np.isfinite(solver.irradiance).all()
     assert (solver.irradiance >= 0).all()
-    fates = solver.fates
+    fates = solver.frame.fates
     gone = fates["absorbed"] + fates["escaped"] + fates["truncated"]
     assert gone == pytest.approx(fates["emitted"], rel=1e-12)
     for part in fates.values():

@@ -15,6 +15,7 @@ from app.session.opening import Opening
 from app.settings import Settings
 from gi_core.base import vectors
 from gi_core.display.dilation import Drawn
+from gi_core.frames.light_source import FrameSize
 from gi_core.scene import Camera, KeyFrames, Material, Mesh, Mobile, Pose, Probe, Scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -170,15 +171,15 @@ class CountingSolver:
         self, scene: Scene, clock: Clock, steps: int = 40, photon_seconds: float = 0.0, wrong: float = 1.0
     ) -> None:
         from gi_core.discs.contact.stale_receivers import ControlFacts
+        from gi_core.frames.frame import Changes
         from gi_core.frames.frame_budget import FrameBudget
         from gi_core.geometry.surfaces import flatten
-        from gi_core.solver import Changes
 
         self.scene, self.clock, self.steps = scene, clock, steps
         self.surfaces, self.receivers = flatten(scene)
         self.irradiance = np.ones((len(self.receivers.areas), 3))
         self.poses = {m.name: m.pose for m in scene.mobiles}
-        self.seed, self.search_summary = 0, ""
+        self.seed = 0
         self.model = SimpleNamespace(
             scene=scene,
             surfaces=self.surfaces,
@@ -189,13 +190,14 @@ class CountingSolver:
             **dict(zip(("low", "high"), vectors.box(self.receivers.positions), strict=True)), scene_size=1.0
         )
         self.estimator, self.photons, self.radius, self.neighbours = "tangent_plane", 1000, 0.05, 50
-        self.photons_traced = 0
         self.photon_seconds, self.wrong = photon_seconds, wrong
-        self.timings, self.probe_irradiance, self.segments_total = {}, {}, 0
-        self.changes, self.control_facts = Changes(0, 0, 0), ControlFacts(0.0, 0, 0)
-        self.light, self.gathered = "photons", None
-        self.paths_gathered = self.paths_at_rest = 0
-        self.memory_full, self.fates = False, {"emitted": np.zeros(3), "truncated": np.zeros(3)}
+        self.frame = SimpleNamespace(
+            photons=0, paths=0, segments=0, prefixes=(), timings={}, probe_irradiance={}, search_summary="",
+            changes=Changes(0, 0, 0), control_facts=ControlFacts(0.0, 0, 0), store=SimpleNamespace(memory_full=False),
+            fates={"emitted": np.zeros(3), "truncated": np.zeros(3)},
+        )  # fmt: skip
+        self.light, self.light_source = "photons", SimpleNamespace(gathered=None, is_gathered=False)
+        self.paths_at_rest = 0
         self.at_rest = 0  # photons of the last picture
         self.budget = FrameBudget()
         self.moved_with: list[int] = []  # photons of each move
@@ -211,7 +213,7 @@ class CountingSolver:
     def prefixes(self) -> tuple[int, ...]:
         return tuple(n for n in (125, 250, 500) if n < self.at_rest) + (self.at_rest,) * (self.at_rest > 0)
 
-    def as_drawn(self, irradiance, poses=None) -> Drawn:
+    def drawn(self, irradiance, poses=None) -> Drawn:
         return Drawn(irradiance, None)
 
     def size_within(self, seconds: float) -> tuple[int | None, int | None]:
@@ -221,16 +223,17 @@ class CountingSolver:
         return 0.004 + self.photon_seconds * photons
 
     def _learn(self, photons: int) -> None:
-        self.budget.took(photons, 0, self.wrong * self.move_seconds(photons), None)
+        self.budget.record(FrameSize(photons, 0), {"estimate": self.wrong * self.move_seconds(photons)}, False)
 
     def solve_steps(self):
-        from gi_core.solver import Progress
+        from gi_core.frames.progress import Progress
 
         for k in range(1, self.steps + 1):
             self.log.append(("step", k))
             picture = k % 10 == 0
             if picture:
-                self.photons_traced = self.at_rest = self.photons * k // self.steps
+                self.frame.photons = self.at_rest = self.photons * k // self.steps
+                self.frame.prefixes = self.prefixes
                 self.irradiance = np.full_like(self.irradiance, len(self.log))
                 self._learn(self.at_rest)
             yield Progress("tracing", k / self.steps, picture)
@@ -240,7 +243,7 @@ class CountingSolver:
         photons = self.at_rest if photons is None else photons
         self.clock.now += self.move_seconds(photons)
         self._learn(photons)
-        self.photons_traced = photons
+        self.frame.photons = photons
         self.moved_with.append(photons)
         self.log.append(("move", dict(poses)) if poses else ("timed", photons))
         self.poses.update(poses)

@@ -30,4 +30,4 @@ def test_a_twin_sees_the_same_photons_in_its_own_way():
     twin.solve()
     solver.configure(photons=10_000)
     solver.solve()
-    assert np.array_equal(solver.irradiance, solver.from_scratch()) and solver.photons_traced == 10_000
+    assert np.array_equal(solver.irradiance, solver.from_scratch()) and solver.frame.photons == 10_000

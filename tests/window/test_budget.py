@@ -11,6 +11,7 @@ from app.session.opening import Opened
 from app.session.session import STILL, Session
 from app.settings import Settings
 from gi_core.frames.frame_budget import IN_A_ROW, FrameBudget
+from gi_core.frames.light_source import FrameSize
 from gi_core.scene import Pose
 from tests.support import viewer_support as support
 
@@ -216,7 +217,7 @@ def test_a_drag_that_begins_while_frames_are_timed_goes_first():
     s.end_drag()
     while s.refining:
         frame(s)
-    assert s.light.snapshot.photons == 1000 and s.light._solver.photons_traced == 1000
+    assert s.light.snapshot.photons == 1000 and s.light._solver.frame.photons == 1000
 
 
 def test_failed_settling_is_logged_once_and_the_drag_goes_on():
@@ -250,7 +251,7 @@ def test_fewer_photons_than_make_a_picture_are_never_taken(monkeypatch):
     ):
         budget = FrameBudget()
         for n in prefixes:
-            budget.took(n, 0, 1.0, None)
+            budget.record(FrameSize(n, 0), {"estimate": 1.0}, False)
         for _ in range(50):
             assert budget.choose(0.01, prefixes, False) == (enough, None)
             budget.moved(1.0)

@@ -62,13 +62,15 @@ def test_static_light_is_shown_saved_and_loaded_again():
     first.tick(1 / 60)
     assert gathered(first).used and gathered(first).noise <= 0.02
     assert np.array_equal(first.irradiance, first.light._solver.irradiance)
-    assert np.array_equal(first.light._solver.resting_irradiance, first.light._solver.gathered.mean)
+    assert np.array_equal(first.light._solver.resting_irradiance, first.light._solver.light_source.gathered.mean)
     first.close()
 
     again = opened()
     assert StaticStore(again.light._solver.model, again.light._solver.seed).load() is not None
     rest_until(again, lambda: gathered(again).used)
-    assert np.array_equal(again.light._solver.gathered.mean, first.light._solver.gathered.mean)
+    assert np.array_equal(
+        again.light._solver.light_source.gathered.mean, first.light._solver.light_source.gathered.mean
+    )
     again.move({"box": Pose((0.6, 0.5, 0.4))})
     rest_until(again, lambda: not again.refining)
     moved = again.irradiance
@@ -102,7 +104,8 @@ def test_interrupted_gathering_keeps_its_state(monkeypatch):
     calls = []
 
     def bar(stage, fraction):
-        if solver.gathered is not None and solver.gathered.state is not None:  # nothing is kept of single bounces
+        g = solver.light_source.gathered
+        if g is not None and g.state is not None:  # nothing is kept of single bounces
             calls.append(fraction)
         if len(calls) == 12:
             raise KeyboardInterrupt
@@ -110,7 +113,7 @@ def test_interrupted_gathering_keeps_its_state(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         static_job.gather(solver, bar)
     kept = StaticStore(solver.model, solver.seed).load()
-    assert kept is not None and np.array_equal(kept.mean, solver.gathered.state.mean)
+    assert kept is not None and np.array_equal(kept.mean, solver.light_source.gathered.state.mean)
 
 
 def test_other_mobiles_find_the_same_file_other_walls_do_not():

@@ -41,7 +41,7 @@ def test_frames_go_on_while_the_scene_opens(play):
         drawn.append((opening.phase, viewer._ready, viewer.frames - before))
         seen.set()
         hand.wait_for_light()
-        assert viewer.session.light._solver.photons_traced == support.SETTINGS.photons
+        assert viewer.session.light._solver.frame.photons == support.SETTINGS.photons
 
     viewer = play(script, open_with=lambda s: Opening(s, load=slow))
     [(phase, ready, frames)] = drawn

@@ -46,7 +46,7 @@ def test_panel_controls(play):
         hand.wait_for_light()
         assert session.light._solver.radius == pytest.approx(0.1)
         assert session.light._solver.neighbours == 12
-        assert session.light._solver.photons_traced == 30_000
+        assert session.light._solver.frame.photons == 30_000
 
         # Artifact control: the corners of the room are darker without.
         hand.press(K._1)
@@ -114,13 +114,13 @@ def test_all_searches_show_the_same_light(play):
         hand.wait_for_light()
         ctx.set_ref("Panel")
         ctx.item_open("Disc search")
-        lit, summary = session.irradiance, session.light._solver.search_summary
+        lit, summary = session.irradiance, session.light._solver.frame.search_summary
         assert summary.startswith("disc_index: cells of")
         for search in [*SEARCHES][::-1]:
             ctx.combo_click(f"##Search/{search.replace('_', ' ').capitalize()}")
             hand.wait_for_light()
             assert session.light._solver.setting.search == session.settings.search == search
-            assert session.light._solver.search_summary.startswith(search)
+            assert session.light._solver.frame.search_summary.startswith(search)
             assert np.array_equal(session.irradiance, lit)
 
     assert errors(play(script)) == []
@@ -193,8 +193,8 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):
         ctx.yield_(2)
         assert session.settings.budget == 20 and session.light.budget == 0.02
         solver = session.light._solver
-        few = solver.prefixes[-2]
-        assert few < support.SETTINGS.photons == solver.prefixes[-1]
+        few = solver.frame.prefixes[-2]
+        assert few < support.SETTINGS.photons == solver.frame.prefixes[-1]
         solver.budget.within = lambda *_: (few, None)
 
         at = hand.at(BLOCK_FRONT)

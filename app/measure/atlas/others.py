@@ -114,8 +114,8 @@ def naive_sums() -> AtlasRow:
     """Eq. 2.4 with k nearest: each part is divided by its own circle, so the removed part can exceed the whole."""
     place = blocked_spot()
     solver = solved(place, 20_000, **NEAREST)
-    model, estimate, frame = solver.model, solver.frame_parts().background.estimate, solver.frame_parts().change
-    scale = model.emitters.unit_flux / solver.photons_traced
+    model, estimate, frame = solver.model, solver.frame.background.estimate, solver.frame.change
+    scale = model.emitters.unit_flux / solver.frame.photons
     static = solver.surfaces.receiver_range(0)
 
     def read(sums, area):
@@ -123,7 +123,7 @@ def naive_sums() -> AtlasRow:
 
     parts = [estimate.from_scratch([s], frame.at) for s in (frame.removed_suffixes.segments(), frame.new_suffixes)]
     lost, gained = (read(e.sums, e.area) for e in parts)
-    before = read(*estimate.background(solver.photons_traced))
+    before = read(*estimate.background(solver.frame.photons))
     naive = before - lost + gained
     exact = float(np.abs(solver.irradiance - solver.from_scratch()).max())
     return AtlasRow(
@@ -156,7 +156,7 @@ def bright_rooms() -> Iterator[AtlasRow]:
         def run(seed, room=room):
             solver = solved(room, 6000, seed, **COUNT)
             arrived = float((solver.irradiance[:, 1] * solver.receivers.areas).sum()) / (6 * math.pi)
-            return arrived, float(solver.fates["truncated"][1]) / (6 * math.pi)
+            return arrived, float(solver.frame.fates["truncated"][1]) / (6 * math.pi)
 
         arrived, truncated = over_seeds(run, SEEDS)
         yield AtlasRow(

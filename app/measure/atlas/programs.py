@@ -52,12 +52,12 @@ def at_rest() -> Iterator[AtlasRow]:
     """Measure flicker for a mobile that does not move and one that moves by less than a pixel."""
     solver = solved(lit_room(block()), 20_000, **COUNT)
     rows, areas = solver.surfaces.receiver_range(0), solver.receivers.areas
-    a_photon = float(solver.fates["emitted"][1]) / solver.photons_traced
+    a_photon = float(solver.frame.fates["emitted"][1]) / solver.frame.photons
     for step in (0.0, 1e-7, 1e-4):
         solver.move("block", Pose((0.5, 0.5, 0.1)))
-        before, old = solver.irradiance[rows, 1].copy(), solver.changes
+        before, old = solver.irradiance[rows, 1].copy(), solver.frame.changes
         solver.move("block", Pose((0.5 + step, 0.5, 0.1)))
-        new = solver.changes
+        new = solver.frame.changes
         most = a_photon * (old.old_segments + old.new_segments + new.old_segments + new.new_segments)
         changed = float(np.abs(solver.irradiance[rows, 1] - before) @ areas[rows]) / most
         yield AtlasRow(
@@ -156,6 +156,6 @@ def next_to_nothing() -> Iterator[AtlasRow]:
         "few", "photon_map, k = 1,000 of 500 photons", "no failure: all hits within the radius", 1.0, found, **common
     )
     black = solved(furnace(4, reflectance=0.0), 2000, **COUNT)
-    share = float(black.fates["absorbed"][1] / black.fates["emitted"][1])
+    share = float(black.frame.fates["absorbed"][1] / black.frame.fates["emitted"][1])
     what = "flux absorbed at the first hit / emitted"
     yield AtlasRow("black", "a black room", "no failure: 1", 1.0, Number(share), what=what, **common)

@@ -55,10 +55,10 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
         "scene": settings.scene,
         "triangles": int(solver.surfaces.first_face[-1]),
         "receivers": len(solver.irradiance),
-        "photons": solver.photons_traced,
+        "photons": solver.frame.photons,
         "estimator": solver.estimator,
         "control": solver.setting.control,
-        "control_share": solver.control_facts.share,
+        "control_share": solver.frame.control_facts.share,
         "control_stale": middle["in contact"],
         "control_on_mobiles": middle["on mobiles"],
         "radius": solver.radius,
@@ -79,8 +79,8 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
         },
         "stages_ms": stages_ms,
         "bounds": bounds(solver, median_pose, stages_ms, middle["ms"], middle["cpu ms"]),
-        "share_cut": middle["cut"] / max(solver.photons_traced, 1),
-        "segments": solver.segments_total,
+        "share_cut": middle["cut"] / max(solver.frame.photons, 1),
+        "segments": solver.frame.segments,
         "segments_changed": middle["changed"],
         "us_per_cut_photon": middle.get("us per cut"),
         "queries": _queries(solver, middle["stale"], stages_ms),
@@ -110,7 +110,7 @@ def _walk(solver: Solver, lap: list[dict], bar: Bar) -> Walked:
         clock, cpu = time.perf_counter(), time.process_time()
         solver.move_all(poses)
         cpu, clock = time.process_time() - cpu, time.perf_counter() - clock
-        changes, facts = solver.changes, solver.control_facts
+        changes, facts = solver.frame.changes, solver.frame.control_facts
         numbers = {
             "ms": 1e3 * clock,
             "cpu ms": 1e3 * cpu,  # all threads together: other programs hardly change it
@@ -124,7 +124,7 @@ def _walk(solver: Solver, lap: list[dict], bar: Bar) -> Walked:
             numbers["us per cut"] = 1e6 * clock / changes.photons_cut
         for name, number in numbers.items():
             frames[name].append(number)
-        for name, seconds in solver.timings.items():
+        for name, seconds in solver.frame.timings.items():
             stages[name].append(1e3 * seconds)
     return Walked(frames, stages)
 

@@ -117,7 +117,7 @@ def _estimators(solver: Solver, bar: Bar) -> dict[str, tuple[float, float, float
         taken = []
         for poses in lap:
             solver.move_all(poses)
-            t = solver.timings
+            t = solver.frame.timings
             light = sum(t.get(stage, 0.0) for stage in ("estimate", "read out"))
             taken.append((1e3 * (sum(t.values()) - light), 1e3 * light))
         error = area * np.abs(solver.irradiance[static].mean(axis=1) - truth)

@@ -50,7 +50,7 @@ def pictures(run: Run, rows: list[dict]) -> list[Picture]:
     for reached in store.gather(run.effort.picture_truth):
         run.bar("truth of the pictures", reached.fraction)
     truth, areas = reached.state.mean, store.weights
-    solver.irradiance = truth
+    solver.frame = solver.frame._replace(irradiance=truth)
     shot = Shot(solver, replace(run.settings, size=SIZE))
     out = [Picture("truth", f"unbiased path tracing, noise {100 * reached.noise:.1f} %", shot.take(), None)]
     settings = replace(run.settings, size=SIZE, exposure=shot.exposure)

@@ -23,7 +23,7 @@ def tuned_choice(solver: Solver, traced: int, bar) -> Choice:
     """
     found = tune(solver, 1e-3 * BUDGET, bar)
     setting = found.choice.setting
-    prefixes = [n for n in solver.prefixes if n <= max(found.choice.frame, solver.prefixes[0])]
+    prefixes = [n for n in solver.frame.prefixes if n <= max(found.choice.frame, solver.frame.prefixes[0])]
     return Choice(
         setting.estimator, prefixes[-1], traced, setting.radius, setting.neighbours, setting.control, "best",
         setting.border_correction, setting.textbook, found.paths or 0, True,

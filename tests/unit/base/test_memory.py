@@ -38,12 +38,12 @@ def test_photons_end_where_memory_does(estimator, monkeypatch):
     monkeypatch.setattr(background.PathStore, "append", counted)
     monkeypatch.setattr(memory, "available", lambda: background.SPARE_MEMORY + (20_000 - taken[0]) * a_photon)
     assert list(wanted.solve_steps())[-1].stage == "done"
-    assert wanted.memory_full
-    assert 10_000 < wanted.photons_traced < 40_000
+    assert wanted.frame.store.memory_full
+    assert 10_000 < wanted.frame.photons < 40_000
     assert np.array_equal(wanted.irradiance, wanted.from_scratch())
     again = [p.picture for p in wanted.solve_steps()]
     assert not any(again)  # nothing to do
     monkeypatch.undo()
     wanted.solve()
-    assert not wanted.memory_full
-    assert wanted.photons_traced == 40_000
+    assert not wanted.frame.store.memory_full
+    assert wanted.frame.photons == 40_000

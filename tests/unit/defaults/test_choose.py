@@ -150,7 +150,7 @@ def test_predicted_work_is_about_what_the_disc_index_does(radius):
     model = Model(room(*crates(12)))
     solver = Solver(model.scene, photons=64, radius=radius)
     solver.solve()
-    discs = solver.frame_parts().background.estimate.searches[0].discs
+    discs = solver.frame.background.estimate.searches[0].discs
     paths, _ = trace_background(model.accelerator, model.world, model.static, model.emitters, 3, 0, 2000)
     s = segments_of(paths, model.eps, 0, 2000)
     over = lines(s, model.static.rotation[0], model.static.position[0], model, radius)

@@ -22,7 +22,7 @@ def stadium() -> Scene:
 def index_of(scene: Scene, radius: float, search: str = "disc_index"):
     solver = Solver(scene, photons=20_000, radius=radius, search=search)
     solver.solve()
-    return solver, solver.frame_parts().background.estimate.searches[0]
+    return solver, solver.frame.background.estimate.searches[0]
 
 
 def test_crowds_get_grids_of_their_own():

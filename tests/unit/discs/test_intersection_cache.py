@@ -41,15 +41,15 @@ def test_a_walk_through_poses_prefixes_and_estimators_equals_from_scratch(contro
     solver, known = solver_of(control=control), {}
     for _ in solver.solve_steps():
         pass
-    assert len(solver.prefixes) == 3
+    assert len(solver.frame.prefixes) == 3
     cut, stale = 0, 0
     for k, pose in enumerate(walk()):
         if k in (4, 12):
             solver.configure(estimator="impact_count" if k == 4 else "tangent_plane")
             solver.solve()
-        photons = solver.prefixes[(k * 2) % 3]
+        photons = solver.frame.prefixes[(k * 2) % 3]
         solver.move_all({"box": pose}, photons=photons)
-        cut, stale = max(cut, solver.changes.photons_cut), max(stale, solver.control_facts.stale)
+        cut, stale = max(cut, solver.frame.changes.photons_cut), max(stale, solver.frame.control_facts.stale)
         key = photons, solver.estimator
         if key not in known:
             known[key] = solver_of(photons, control=control, estimator=solver.estimator)
@@ -67,13 +67,9 @@ def test_searching_for_tails_gives_the_same(search, monkeypatch):
     monkeypatch.setattr(intersection_cache, "MOST_PER_PHOTON", 0)
     searched = solver_of(search=search)
     searched.solve()
-    assert looked_up.frame_parts().background.estimate._intersections.complete
-    assert not searched.frame_parts().background.estimate._intersections.complete
-    assert (
-        searched.frame_parts().background.estimate.bytes_per_hit
-        == 0
-        < looked_up.frame_parts().background.estimate.bytes_per_hit
-    )
+    assert looked_up.frame.background.estimate._intersections.complete
+    assert not searched.frame.background.estimate._intersections.complete
+    assert searched.frame.background.estimate.bytes_per_hit == 0 < looked_up.frame.background.estimate.bytes_per_hit
     for pose in walk()[::5]:
         for solver in (looked_up, searched):
             solver.move("box", pose)
@@ -110,7 +106,7 @@ def test_threads_and_parts_do_not_show(monkeypatch):
             pass
         out = []
         for pose in walk()[::6]:
-            solver.move_all({"box": pose}, photons=solver.prefixes[1])
+            solver.move_all({"box": pose}, photons=solver.frame.prefixes[1])
             out.append(solver.irradiance)
         return out
 

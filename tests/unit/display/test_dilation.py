@@ -42,7 +42,7 @@ def inside(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
 def test_the_floor_under_a_box_is_drawn_like_the_floor_beside_it(two_sided):
     # The inside of a thing with two sides may be looked at: only a narrow one is taken for closed.
     solver = solved(standing(two_sided, 0.03 if two_sided else 0.5))
-    E, seen = solver.irradiance, solver.drawn(solver.irradiance)
+    E, seen = solver.irradiance, solver.drawn(solver.irradiance).irradiance
     covered, on_floor = inside(solver)
     rim = np.zeros(len(E), bool)  # covered, and a corner of a face that is not covered altogether
     faces = solver.surfaces.corner_front[solver.surfaces.face_range(0)]
@@ -58,7 +58,7 @@ def test_the_floor_under_a_box_is_drawn_like_the_floor_beside_it(two_sided):
 
 def test_each_is_the_mean_of_its_visible_neighbours():
     solver = solved(standing())
-    E, seen = solver.irradiance, solver.drawn(solver.irradiance)
+    E, seen = solver.irradiance, solver.drawn(solver.irradiance).irradiance
     changed = np.flatnonzero((E != seen).any(axis=1))
     faces = solver.surfaces.corner_front[solver.surfaces.face_range(0)]
     for r in changed[:10]:
@@ -69,9 +69,9 @@ def test_each_is_the_mean_of_its_visible_neighbours():
 
 def test_unreached_receivers_have_next_to_no_weight_in_their_triangles():
     solver = solved(standing())
-    seen = solver.as_drawn(solver.irradiance)
+    seen = solver.drawn(solver.irradiance)
     covered, on_floor = inside(solver)
-    rows = solver._source.unreached.rows
+    rows = solver.light_source.unreached.rows
     assert covered[rows].all() and (seen.weights[rows] == np.float32(WEIGHT)).all()
     faces = solver.surfaces.corner_front[: 2 * 20 * 20]
     deep = faces[np.isin(faces, rows).any(axis=1)]
@@ -88,7 +88,7 @@ def test_a_wall_that_parts_light_from_the_dark_carries_neither_across():
     wall = box((-0.07, -1.1, 0.0), (0.07, 1.1, 1.2), 4, 2)
     mesh = merge(floor(2.0, 20), quad((0.3, -1, 1), (0, 2, 0), (0.7, 0, 0), (1, 1), 1), wall)
     solver = solved(Scene(mesh, (grey(0.5), lamp(5.0), grey(0.5)), up=(0.0, 0.0, 1.0), name="wall"))
-    shown = solver.as_drawn(solver.irradiance)
+    shown = solver.drawn(solver.irradiance)
     faces = solver.surfaces.corner_front[: 2 * 20 * 20]
     x, y = solver.receivers.positions[faces][..., :2].transpose(2, 0, 1)
     means = {}
@@ -117,7 +117,7 @@ def test_the_foot_of_a_box_that_is_sunk_through_a_floor_does_not_darken_its_side
     solver = solved(Scene(mesh, (grey(0.5), lamp(5.0), grey(0.5)), up=(0.0, 0.0, 1.0), name="box"))
     p, n = solver.receivers.positions, solver.receivers.normals
     foot = (p[:, 2] == -sunk) & (np.abs(n[:, 2]) < 0.5)
-    seen = solver.as_drawn(solver.irradiance)
+    seen = solver.drawn(solver.irradiance)
     assert foot.sum() == 12
     if sunk > 0:
         assert not solver.irradiance[foot].any()
@@ -128,7 +128,7 @@ def test_the_foot_of_a_box_that_is_sunk_through_a_floor_does_not_darken_its_side
 
 def test_the_inside_of_a_wide_thing_with_two_sides_is_left_as_it_is():
     solver = solved(standing(two_sided=True))
-    assert solver.drawn(solver.irradiance) is solver.irradiance
+    assert solver.drawn(solver.irradiance).irradiance is solver.irradiance
 
 
 def test_a_lit_inside_is_left_as_it_is():
@@ -137,7 +137,7 @@ def test_a_lit_inside_is_left_as_it_is():
     solver = solved(replace(scene, static=merge(scene.static, bulb)))
     covered, _ = inside(solver)
     assert (solver.irradiance[covered] > 0).any(axis=1).all()
-    assert np.array_equal(solver.drawn(solver.irradiance)[covered], solver.irradiance[covered])
+    assert np.array_equal(solver.drawn(solver.irradiance).irradiance[covered], solver.irradiance[covered])
 
 
 def test_nothing_is_carried_into_the_next_room():
@@ -147,7 +147,7 @@ def test_nothing_is_carried_into_the_next_room():
     p, n = solver.receivers.positions, solver.receivers.normals
     dark = case.concerned(p, n)
     assert dark.sum() > 20 and not solver.irradiance[dark].any()
-    assert not solver.drawn(solver.irradiance)[dark].any()
+    assert not solver.drawn(solver.irradiance).irradiance[dark].any()
 
 
 def test_a_scene_where_light_reaches_all_pays_nothing():
@@ -155,18 +155,18 @@ def test_a_scene_where_light_reaches_all_pays_nothing():
         merge(floor(), quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1)), (grey(0.5), lamp(5.0)), up=(0.0, 0.0, 1.0)
     )
     solver = solved(lit_floor)
-    assert solver.drawn(solver.irradiance) is solver.irradiance
+    assert solver.drawn(solver.irradiance).irradiance is solver.irradiance
     E = np.ones((3, 3))
     assert dilated(E, NONE_UNREACHED).irradiance is E and dilated(E, NONE_UNREACHED).weights is None
 
 
 def test_moving_changes_what_is_drawn_there_but_not_where():
     solver = solved(standing(mobiles=(box_mobile(size=0.3),)))
-    filled = solver._source.unreached
-    at_rest = solver.drawn(solver.irradiance)
+    filled = solver.light_source.unreached
+    at_rest = solver.drawn(solver.irradiance).irradiance
     solver.move("box", Pose((0.4, 0.0, 0.2)))  # its shadow falls beside the box
-    moved = solver.drawn(solver.irradiance)
-    assert solver._source.unreached is filled
+    moved = solver.drawn(solver.irradiance).irradiance
+    assert solver.light_source.unreached is filled
     assert (moved[filled.rows] != at_rest[filled.rows]).any()
     total = np.add.reduceat(solver.irradiance[filled.neighbours], filled.first[:-1])
     assert np.array_equal(moved[filled.rows], total / np.diff(filled.first)[:, None])
@@ -184,16 +184,16 @@ def test_the_floor_under_a_mobile_is_drawn_like_the_floor_beside_it_wherever_it_
     on_floor[solver.surfaces.corner_front[: 2 * 20 * 20]] = True
     for x in (0.0, 0.43):
         solver.move("box", Pose((x, 0.02, 0.17)))
-        E, seen = solver.irradiance, solver.drawn(solver.irradiance)
+        E, seen = solver.irradiance, solver.drawn(solver.irradiance).irradiance
         covered = on_floor & (np.abs(p[:, 0] - x) < 0.17) & (np.abs(p[:, 1] - 0.02) < 0.17)
         beside = np.median(E[on_floor & ~covered & (np.abs(p[:, 0] - x) < 0.3) & (np.abs(p[:, 1]) < 0.3), 1])
         assert covered.sum() >= 9 and (E[covered, 1] < 0.1 * beside).all()
         assert np.median(seen[covered, 1]) > 0.5 * beside
         assert np.array_equal(seen[on_floor & ~covered], E[on_floor & ~covered])
     solver.move("box", Pose((0.0, 0.0, 0.6)))  # in the air
-    assert solver.drawn(solver.irradiance) is solver.irradiance
+    assert solver.drawn(solver.irradiance).irradiance is solver.irradiance
     there = {"box": Pose((0.0, 0.02, 0.17))}
-    assert np.array_equal(solver.drawn(solver.irradiance, there), solver.irradiance)  # lit: nothing is black
+    assert np.array_equal(solver.drawn(solver.irradiance, there).irradiance, solver.irradiance)  # lit: nothing is black
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
@@ -211,7 +211,7 @@ def test_a_seat_inside_its_own_post_is_drawn_like_the_seat_beside_it_wherever_th
     away = top & ~((p[:, :2] > 0.0).all(axis=1))
     for x in (0.0, 0.3):
         solver.move("chair", Pose((x, 0.0, 0.3)))
-        seen = solver.as_drawn(solver.irradiance)
+        seen = solver.drawn(solver.irradiance)
         E = solver.irradiance[rows, 1]
         assert inside.sum() == 36 and (E[inside] < 0.1 * np.median(E[away])).all()
         if two_sided:
@@ -231,6 +231,6 @@ def test_light_that_is_not_known_everywhere_is_dilated_without_a_warning():
     E[::3] = np.nan
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        shown = solver.as_drawn(E)
+        shown = solver.drawn(E)
     reached = shown.weights == 1
     assert np.array_equal(shown.irradiance[reached], E[reached], equal_nan=True)

@@ -105,7 +105,7 @@ def test_a_frame_equals_from_scratch_and_the_shipped_estimator_of_the_same_light
     (name, pose), *_ = solver.poses.items()
     solver.move(name, pose._replace(position=tuple(np.add(pose.position, (0.1, 0.0, 0.05)))))
     lit = solver.irradiance
-    assert solver.changes.photons_cut and lit.any() and np.array_equal(lit, solver.from_scratch())
+    assert solver.frame.changes.photons_cut and lit.any() and np.array_equal(lit, solver.from_scratch())
     solver.configure(estimator=CHEAPEST)
     solver.solve()
     np.testing.assert_allclose(lit, solver.irradiance, rtol=1e-12)

@@ -23,7 +23,7 @@ def frames() -> dict:
     """Irradiance at POSE: of few photons with either static light and of all; at rest without the box: of both."""
     solver = Solver(SCENE, photons=PHOTONS, radius=0.06)
     solver.solve()
-    out = {"solver": solver, "resting": {n: solver.frame_parts().background.resting(n) for n in (LOWEST, PHOTONS)}}
+    out = {"solver": solver, "resting": {n: solver.frame.background.resting(n) for n in (LOWEST, PHOTONS)}}
     for kind in ("all", "prefix"):
         solver.configure(prefix_only=kind == "prefix")
         solver.move_all({"box": POSE}, photons=LOWEST)
@@ -133,7 +133,7 @@ def test_shrunk_changes_have_less_error(monkeypatch, estimator, unchanged, chang
     for seed in range(3):
         solver = Solver(SCENE, estimator=estimator, photons=PHOTONS, radius=0.06, seed=seed)
         solver.solve()
-        resting = solver.frame_parts().background.resting(PHOTONS)
+        resting = solver.frame.background.resting(PHOTONS)
         static, weights = slice(0, len(resting)), solver.receivers.areas[: len(resting)]
         solver.move("box", POSE)
         truth = solver.irradiance[static]
@@ -141,7 +141,7 @@ def test_shrunk_changes_have_less_error(monkeypatch, estimator, unchanged, chang
         for kernel, errors in ((read_out, shrunk), (all_kept, whole)):
             monkeypatch.setattr(control_variate, "_read_out", kernel)
             solver.move_all({"box": POSE}, photons=LOWEST)
-            assert solver.photons_traced == LOWEST
+            assert solver.frame.photons == LOWEST
             E = solver.irradiance[static]
             errors.append([relative_error(E, truth, weights, some).l1 for some in (~rows, rows)])
         monkeypatch.undo()

@@ -111,7 +111,7 @@ def until_gathered(solver: Solver) -> None:
 def test_every_frame_over_it_is_that_from_scratch():
     solver = noisy()
     until_gathered(solver)
-    g = solver.gathered
+    g = solver.light_source.gathered
     assert g.state is None and not g.enough and g.fraction == 0
     assert np.array_equal(solver.resting_irradiance, g.mean)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
@@ -130,7 +130,7 @@ def test_it_is_far_better_than_its_photons_and_whole_paths_have_the_last_word(mo
     photons = relative_error(solver.resting_irradiance, truth, solver.receivers.areas).l1
     noises, off, fractions, g = [], [], [], None
     for progress in solver.gather_steps():
-        g = solver.gathered
+        g = solver.light_source.gathered
         fractions.append(progress.fraction)
         if progress.picture and g.state is None:
             noises.append(g.noise)
@@ -148,8 +148,8 @@ def test_without_photons_there_is_nothing_to_gather_over(monkeypatch):
     solver.configure(light="best")
     solver.solve()
     for _ in solver.gather_steps():
-        assert solver.gathered._final.paths == 0
-    assert solver.gathered.enough
+        assert solver.light_source.gathered._final.paths == 0
+    assert solver.light_source.gathered.enough
 
 
 def test_where_there_are_only_mobiles_there_is_nothing_to_gather():
@@ -159,7 +159,7 @@ def test_where_there_are_only_mobiles_there_is_nothing_to_gather():
     solver = Solver(scene, photons=2000, radius=0.05)
     solver.configure(light="best")
     solver.solve()
-    assert len(list(solver.gather_steps())) <= 2 and solver.gathered.enough and solver.irradiance.any()
+    assert len(list(solver.gather_steps())) <= 2 and solver.light_source.gathered.enough and solver.irradiance.any()
 
 
 def test_whole_paths_take_over_from_single_bounces_however_far_off_those_are(monkeypatch):
@@ -168,7 +168,7 @@ def test_whole_paths_take_over_from_single_bounces_however_far_off_those_are(mon
     solver = noisy()
     solver.solve()
     for progress in solver.gather_steps():
-        g = solver.gathered
+        g = solver.light_source.gathered
         if progress.picture and g.state is None:
             early = g.mean
     points, normals = (a[: len(g.mean)] for a in evaluation_points(solver.surfaces, solver.receivers))

@@ -114,14 +114,14 @@ def test_a_frame_of_fewer_photons_and_paths():
     solver = Solver(SCENE, photons=10_000, radius=0.2)
     solver.configure(**GATHERED)
     solver.solve()
-    assert solver.paths_gathered == solver.paths_at_rest == 64
+    assert solver.frame.paths == solver.paths_at_rest == 64
     first, whole = solver.surfaces.receiver_range(0).stop, solver.irradiance
     solver.move_all({}, None, 8)
-    assert solver.paths_gathered == 8 and np.array_equal(solver.irradiance[:first], whole[:first])
+    assert solver.frame.paths == 8 and np.array_equal(solver.irradiance[:first], whole[:first])
     assert not np.array_equal(solver.irradiance[first:], whole[first:])
     assert np.array_equal(solver.irradiance, solver.from_scratch())
-    solver.move_all({}, solver.prefixes[0], 4)
-    assert (solver.photons_traced, solver.paths_gathered) == (solver.prefixes[0], 4)
+    solver.move_all({}, solver.frame.prefixes[0], 4)
+    assert (solver.frame.photons, solver.frame.paths) == (solver.frame.prefixes[0], 4)
     for _ in solver.solve_steps():
         pass
     assert np.array_equal(solver.irradiance, whole), "at rest all there is"
@@ -130,11 +130,11 @@ def test_a_frame_of_fewer_photons_and_paths():
 
 def test_a_switch_is_shown_without_a_move_and_traces_nothing():
     solver = solved()
-    by_photons, segments = solver.irradiance, solver.segments_total
+    by_photons, segments = solver.irradiance, solver.frame.segments
     solver.configure(**GATHERED)
     solver.solve()
     assert solver.light == "best" and not np.array_equal(solver.irradiance, by_photons)
-    assert solver.segments_total == segments and np.array_equal(solver.irradiance, gathering().irradiance)
+    assert solver.frame.segments == segments and np.array_equal(solver.irradiance, gathering().irradiance)
     solver.configure(light="photons")
     solver.solve()
     assert np.array_equal(solver.irradiance, by_photons) and solver.paths_at_rest == 0
@@ -153,11 +153,11 @@ def test_far_away_from_all_light_it_is_black():
 
 def test_without_photons_or_mobiles_there_is_nothing_to_gather():
     none = gathering(photons=0)
-    assert not none.irradiance.any() and none.paths_gathered == 0
+    assert not none.irradiance.any() and none.frame.paths == 0
     still = Solver(replace(SCENE, mobiles=()), photons=300, radius=0.2)
     still.configure(**GATHERED)
     still.solve()
-    assert still.paths_gathered == still.paths_at_rest == 0 and still.size_within(1.0)[1] is None
+    assert still.frame.paths == still.paths_at_rest == 0 and still.size_within(1.0)[1] is None
 
 
 def test_what_there_is_not_is_refused():

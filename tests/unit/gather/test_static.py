@@ -39,7 +39,7 @@ def gathered() -> Solver:
         solver = solved(5_000)
         for _ in solver.gather_steps():
             pass
-        assert solver.gathered.enough and solver.uses_gathered
+        assert solver.light_source.gathered.enough and solver.light_source.is_gathered
         yield solver
 
 
@@ -47,7 +47,7 @@ def test_it_is_the_reference_of_the_scene_without_its_mobile(gathered):
     bare = Solver(replace(SCENE, mobiles=()), photons=0)
     points, normals = evaluation_points(bare.surfaces, bare.receivers)
     truth, error = reference_irradiance(bare.scene, points, normals, 2000, 5, model=bare.model)
-    g = gathered.gathered
+    g = gathered.light_source.gathered
     sigma = np.sqrt(error**2 + g.state.standard_error**2)
     z = ((g.state.mean - truth) / np.where(sigma > 0, sigma, np.inf))[:, 1]
     assert len(z) > 60 and abs(z.mean()) < 4 * z.std() / np.sqrt(len(z))
@@ -63,7 +63,7 @@ def test_it_is_the_reference_of_the_scene_without_its_mobile(gathered):
 
 def test_what_the_mobile_leaves_alone_is_the_gathered_light_and_frames_are_those_from_scratch(gathered):
     gathered.move("box", POSE)
-    mean, photons = gathered.gathered.mean, gathered.frame_parts().background.resting(gathered.photons)
+    mean, photons = gathered.light_source.gathered.mean, gathered.frame.background.resting(gathered.photons)
     gathered.configure(prefix_only=True)
     gathered.move_all({})
     plain = gathered.irradiance[: len(mean)]
@@ -82,17 +82,17 @@ def test_a_run_that_is_taken_up_again_ends_in_the_same_bits(gathered, monkeypatc
     first = solved(5_000)
     whole = 0
     for _ in first.gather_steps():
-        whole += first.gathered.state is not None
+        whole += first.light_source.gathered.state is not None
         if whole == 5:
             break
-    state = kept(first.gathered.state)
+    state = kept(first.light_source.gathered.state)
     for _ in first.gather_steps():  # as after a drag
         pass
     later = solved(5_000)
     for _ in later.gather_steps(state):
         pass
-    assert np.array_equal(first.gathered.mean, gathered.gathered.mean)
-    assert np.array_equal(later.gathered.mean, gathered.gathered.mean)
+    assert np.array_equal(first.light_source.gathered.mean, gathered.light_source.gathered.mean)
+    assert np.array_equal(later.light_source.gathered.mean, gathered.light_source.gathered.mean)
     assert np.array_equal(later.irradiance, first.irradiance)
 
 
@@ -102,14 +102,14 @@ def test_photons_are_kept_while_they_have_less_noise(monkeypatch):
     solver, seen = solved(20_000), set()
     before = solver.irradiance
     for progress in solver.gather_steps():
-        less = solver.gathered.left < 0.006
-        assert less or (solver.irradiance is before and not solver.uses_gathered and not progress.picture)
-        seen.add((np.isfinite(solver.gathered.noise), less))
-    assert seen == {(False, False), (True, False), (True, True)} and solver.uses_gathered
+        less = solver.light_source.gathered.left < 0.006
+        assert less or (solver.irradiance is before and not solver.light_source.is_gathered and not progress.picture)
+        seen.add((np.isfinite(solver.light_source.gathered.noise), less))
+    assert seen == {(False, False), (True, False), (True, True)} and solver.light_source.is_gathered
 
 
 def test_only_where_it_is_asked_for(gathered):
-    state = kept(gathered.gathered.state)
+    state = kept(gathered.light_source.gathered.state)
     solver = solved(5_000)
     solver.configure(light="photons")
     before = solver.irradiance
@@ -137,7 +137,7 @@ def test_a_scene_without_light_needs_nothing():
 
 
 def test_a_state_of_another_scene_is_refused(gathered):
-    state = ReferenceState(*(a[:-1].copy() for a in gathered.gathered.state))
+    state = ReferenceState(*(a[:-1].copy() for a in gathered.light_source.gathered.state))
     with pytest.raises(ValueError, match="the state has"):
         list(solved(100).gather_steps(state))
 
@@ -146,7 +146,7 @@ def test_what_a_twin_shows_is_its_own_affair(gathered):
     gathered.configure(light="best")
     twin = gathered.twin()
     twin.configure(prefix_only=True)
-    assert gathered.light == "best" and twin.gathered is gathered.gathered
+    assert gathered.light == "best" and twin.light_source.gathered is gathered.light_source.gathered
 
 
 def test_where_photons_put_the_light_is_forgotten_but_not_how_much_there_is():

@@ -86,7 +86,7 @@ def test_noise_and_bias_told_from_a_picture_are_those_measured_against_its_limit
     few.solve()
     E = few.irradiance
     few.configure(prefix_only=True)
-    prefix = prefix_to_compare(few.prefixes)
+    prefix = prefix_to_compare(few.frame.prefixes)
     few.move_all({}, prefix)
     fewer = few.irradiance
     many = Solver(support.room(), photons=524_288, radius=0.06, seed=2)

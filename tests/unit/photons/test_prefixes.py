@@ -29,26 +29,26 @@ def test_a_frame_of_a_prefix_is_that_of_a_solver_with_so_many_photons(estimator)
     for _ in many.solve_steps():  # as the window refines: photon_map prepares no prefix otherwise
         pass
     if estimator == "photon_map":
-        assert many.prefixes[-1] == PHOTONS
+        assert many.frame.prefixes[-1] == PHOTONS
     else:
-        assert many.prefixes == (LOWEST, 2 * LOWEST, PHOTONS)
-    for n in many.prefixes:
+        assert many.frame.prefixes == (LOWEST, 2 * LOWEST, PHOTONS)
+    for n in many.frame.prefixes:
         few = solver_of(n, estimator)
         few.solve()
         few.move("box", POSE)
         many.move_all({"box": POSE}, photons=n)
-        assert many.changes.photons_cut > 0
-        assert many.photons_traced == n
+        assert many.frame.changes.photons_cut > 0
+        assert many.frame.photons == n
         assert np.array_equal(many.irradiance, few.irradiance)
     many.move("box", POSE)
-    assert many.photons_traced == PHOTONS
+    assert many.frame.photons == PHOTONS
 
 
 def test_threads_and_parts_do_not_show_in_the_background(estimator, monkeypatch):
     def light(threads):
         s = Solver(SCENE, estimator, photons=3000, radius=0.15, neighbours=20, threads=threads)
         s.solve()
-        return s.irradiance, s.fates
+        return s.irradiance, s.frame.fates
 
     one, fates = light(1)
     monkeypatch.setattr("gi_core.frames.background.PART", 211)

@@ -39,7 +39,7 @@ def test_light_that_is_cut_off_is_told_where_it_is_much(reflectance):
 def test_memory_is_told():
     solver = solved(0.5)
     assert caveats(solver) == {}
-    solver._first_frame.memory_full = True
+    solver.frame.store.memory_full = True
     assert caveats(solver) == {"memory": "memory holds no more than 4,000 of the 4,000 photons wanted"}
 
 

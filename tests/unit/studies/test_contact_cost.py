@@ -17,11 +17,11 @@ def test_contact_can_be_left_out_of_a_frame_and_comes_back():
     solver = Solver(case.scene, photons=50_000, radius=case.radius)
     solver.solve()
     beside, _ = control_scenes.classes(case, solver.surfaces, solver.receivers)
-    whole, facts = solver.irradiance, solver.control_facts
+    whole, facts = solver.irradiance, solver.frame.control_facts
     with without_contact(solver):
         solver.move_all({})
         apart = solver.irradiance
-        assert solver.control_facts == facts._replace(stale=0, on_mobiles=0)
+        assert solver.frame.control_facts == facts._replace(stale=0, on_mobiles=0)
     assert 0.7 < apart[beside].mean() / whole[beside].mean() < 0.9
     free = Solver(case.scene, photons=50_000, radius=case.radius, control=False)
     free.solve()
