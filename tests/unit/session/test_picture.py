@@ -31,7 +31,7 @@ def test_different_light_has_different_parameters():
     best = metadata()
     assert best["mobile_light"] == "gathered, 64 paths per receiver" and best["static_light"] == "photons"
     steps = solver.gather_steps()
-    while not solver.uses_gathered:
+    while not solver.light_source.is_gathered:
         next(steps)
     early = metadata()
     assert early["static_light"].startswith("gathered, noise ")
