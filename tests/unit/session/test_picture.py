@@ -35,7 +35,7 @@ def test_different_light_has_different_parameters():
         next(steps)
     early = metadata()
     assert early["static_light"].startswith("gathered, noise ")
-    while solver.gathered.noise >= early_noise(early):
+    while solver.light_source.gathered.noise >= early_noise(early):
         next(steps)
     assert metadata()["static_light"] != early["static_light"]
     solver.configure(light="photons")
