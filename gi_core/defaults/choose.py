@@ -24,9 +24,11 @@ from gi_core.defaults import predict_error
 from gi_core.defaults.predict_cost import costs
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
+from gi_core.photons.paths import PathStore
 from gi_core.photons.trace import trace_background
 
-PILOT_PHOTONS = 4096
+PILOT_PHOTONS, PILOT_PART = 4096, 64  # and photons per part
+PILOT_VERTICES = 1 << 20  # enough of them end the pilot: paths in white rooms are long
 PILOT_SEED = 0x5EED  # never a seed of the solution: the pilot must be independent of it
 RADIUS_SHARE = 0.025  # of the scene's size: largest candidate radius
 RADII = 6  # candidates, each 1 / sqrt(2) of the previous one
@@ -83,7 +85,7 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
         float(radius or _round(RADIUS_SHARE * size)),
         int(neighbours or recommended.neighbours or NEIGHBOURS),
         size,
-        len(pilot.hits) / PILOT_PHOTONS,
+        len(pilot.hits) / pilot.photons,
         first_flight,
         low,
         high,
@@ -118,8 +120,11 @@ def _predict(model: Model, pilot, lit, radius: float) -> Predicted:
 
 def _pilot(model: Model) -> tuple[predict_error.Pilot, float]:
     """Return a pilot trace and the share of its photons that hit nothing."""
-    m = model
-    paths, _ = trace_background(m.accelerator, m.world, m.static, m.emitters, PILOT_SEED, 0, PILOT_PHOTONS)
+    m, store = model, PathStore()
+    while store.photons < PILOT_PHOTONS and len(store.prefix(store.photons).side) < PILOT_VERTICES:
+        part = PILOT_SEED, store.photons, PILOT_PART
+        store.append([trace_background(m.accelerator, m.world, m.static, m.emitters, *part)[0]], 1)
+    paths = store.prefix(store.photons)
     if not len(m.emitters.kind):
         return predict_error.Pilot(PILOT_PHOTONS, paths, np.zeros((0, 3)), np.zeros((0, 3))), 0.0
     missed = (np.diff(paths.offsets) == 2) & (paths.side[paths.offsets[1:] - 1] == NONE)

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gi_core.base import memory
+from gi_core.base.fixed_point import MAX_SEGMENTS
 from gi_core.base.threads import run_ranges
 from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.estimators.setting import Setting
@@ -23,8 +24,9 @@ from gi_core.photons.trace import Fates, no_flux, trace_background
 from gi_core.retrace.broad_phase import Coarse, CoarseStore, grid_for
 
 PART = 4096  # photons that a thread traces or accumulates in one go: their rays and segments stay in its cache
+PART_VERTICES = 1 << 16  # the same in white rooms, whose paths are long
 PART_GRAIN = 256  # photons per thread
-FIRST_SECONDS = 1e-5  # per photon, before measurements
+FIRST_SECONDS = 1e-3  # per photon, before measurements: paths in white rooms may be long
 LEAST_CHUNK, LARGEST_CHUNK = 64, 1 << 16  # photons per step
 BYTES_PER_VERTEX = 40  # per stored path vertex, whole and quantised
 SPARE_MEMORY = 1 << 30  # bytes reserved for frames and for other programs
@@ -93,12 +95,14 @@ class Photons:
 
     def affordable(self, wanted: int, bytes_per_hit: int) -> int:
         """Return the wanted photons that fit into memory; the estimator needs bytes_per_hit per path vertex."""
-        self.memory_full, left = False, memory.available()
-        if not self.count or left is None or wanted <= self.count:
+        self.memory_full = False
+        if not self.count:
             return wanted
-        vertices = len(self._store.prefix(self.count).side) / self.count
-        more = max(left - SPARE_MEMORY, 0) / (vertices * (BYTES_PER_VERTEX + bytes_per_hit))
-        fit = min(wanted, self.count + int(more))
+        vertices, left = len(self._store.prefix(self.count).side), memory.available()
+        more = float(MAX_SEGMENTS - vertices)
+        if left is not None:
+            more = min(more, max(left - SPARE_MEMORY, 0) / (BYTES_PER_VERTEX + bytes_per_hit))
+        fit = min(wanted, self.count + int(more * self.count / vertices))
         self.memory_full = fit < wanted
         return fit
 
@@ -140,10 +144,11 @@ class Photons:
         """Add the next traced photons to a background, on all threads."""
         m, added = self.model, b.added
         known = self._store.prefix(added + count)
+        part = max(1, min(PART, PART_VERTICES * (added + count) // len(known.side)))
 
         def work(thread, first, last):
-            for at in range(added + first, added + last, PART):
-                segments = segments_of(known, m.eps, at, min(at + PART, added + last))
+            for at in range(added + first, added + last, part):
+                segments = segments_of(known, m.eps, at, min(at + part, added + last))
                 b.estimate.add_background(segments, thread)
 
         try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Generator, Iterator
 
 from gi_core.base.fixed_point import MAX_PHOTONS
@@ -16,6 +15,7 @@ from gi_core.photons.prefixes import is_level, next_level
 
 STEP_SECONDS = 0.02  # aim per step; of 6 ms, a third would be overhead
 FIRST_STEP_SECONDS = 0.08  # the same before the first picture: nothing can be dragged yet
+LONG_STEP_SECONDS = 1.0  # the same without pictures: the paths of a step take memory twice
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are too noisy
 MANY_RECEIVERS = 30_000  # measuring their regions takes half a second and more
 MORE, LATE_MORE = 1.41, 1.19  # growth of photons per picture where sums are additive: a picture costs one frame,
@@ -76,7 +76,7 @@ class FirstFrame:
         frame: returns the frame on show; wanted: photons, asked before each step; show: computes a background's frame.
         """
         shown = frame().background
-        seconds = (STEP_SECONDS if shown is not None else FIRST_STEP_SECONDS) if pictures else math.inf
+        seconds = (STEP_SECONDS if shown is not None else FIRST_STEP_SECONDS) if pictures else LONG_STEP_SECONDS
         if pictures and wanted() and shown is None and self._is_slow(setting):
             shown = yield from self._uncontrolled(setting, wanted(), show)
             seconds = STEP_SECONDS
@@ -92,7 +92,7 @@ class FirstFrame:
             if schedule.is_due(b.added, goal):
                 yield from self.show(b, wanted(), show)
                 schedule.shown(b)
-                seconds = STEP_SECONDS if pictures else math.inf
+                seconds = STEP_SECONDS if pictures else LONG_STEP_SECONDS
             elif is_level(b.added) and b.estimate.additive:
                 yield from _prepare(b, wanted())
         f, as_asked = frame(), (self._source.size(goal), self._source.is_gathered)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base import random_numbers
-from gi_core.base.fixed_point import MAX_SEGMENTS, attenuate
+from gi_core.base.fixed_point import MAX_PATH, attenuate
 from gi_core.base.jit import inlined, kernel
 from gi_core.geometry.sides import NONE
 from gi_core.lights.bsdf import lambertian
@@ -47,7 +47,7 @@ def add_to(fates: Fates, sums: np.ndarray, sign: int = 1) -> None:
 
 
 class PhotonRays(NamedTuple):
-    """Photons in flight: origin, direction and flux."""
+    """Photons in flight: origin, direction and flux. A path that outgrows its memory waits here for more."""
 
     photon: np.ndarray  # (n,) int64
     bounce: np.ndarray  # (n,) int32, of the next segment
@@ -68,7 +68,7 @@ def _scatter(seed, world, at, photon, vertex, side, flux, fates):
     fate, a, b, c = _ABSORBED, np.int32(0), np.int32(0), np.int32(0)
     if side < 0:
         fate = _ESCAPED
-    elif vertex >= MAX_SEGMENTS:
+    elif vertex >= MAX_PATH:
         fate = _TRUNCATED
     else:
         f, rho = side >> 1, world.reflectance
@@ -92,6 +92,15 @@ def _scatter(seed, world, at, photon, vertex, side, flux, fates):
     return goes_on, dx, dy, dz, (a, b, c)
 
 
+@inlined
+def _wait(rays, k, bounce, origin, direction, side, flux):
+    """Store ray k in its current state."""
+    rays.bounce[k], rays.side[k] = bounce, side
+    rays.origin[k, 0], rays.origin[k, 1], rays.origin[k, 2] = origin
+    rays.direction[k, 0], rays.direction[k, 1], rays.direction[k, 2] = direction
+    rays.flux[k, 0], rays.flux[k, 1], rays.flux[k, 2] = flux
+
+
 # The background ---------------------------------------------------------------------------------------------
 
 
@@ -109,14 +118,16 @@ def trace_background(
 ) -> tuple[PathVertices, Fates]:
     """Trace photons first .. first + count - 1 through the static part, in this thread."""
     fates, offsets = no_flux(), np.zeros(count + 1, np.int64)
-    room = USUAL * count + MAX_SEGMENTS + 1
+    room = USUAL * count
     vertices = np.empty((room, 3), np.float32), np.empty(room, np.int32), np.empty((room, 3), np.int32)
     if not len(emitters.kind):
         return PathVertices(offsets, *(a[:0] for a in vertices)), fates
-    rays, done = emitted_rays(emitters, seed, first, count, fates), 0
+    rays, done, row = emitted_rays(emitters, seed, first, count, fates), 0, 0
     ray, sums = new_ray(), np.zeros((3, 3), np.int64)
     while done < count:
-        done = _trace_paths(accelerator.scenes, ray, world, static, seed, rays, done, offsets, *vertices, sums)
+        done, row = _trace_paths(
+            accelerator.scenes, ray, world, static, seed, rays, done, row, offsets, *vertices, sums
+        )
         if done < count:
             vertices = tuple(grown(a, 2 * len(a)) for a in vertices)
     add_to(fates, sums)
@@ -124,21 +135,21 @@ def trace_background(
 
 
 @kernel
-def _trace_paths(scenes, ray, world, at, seed, rays, done, offsets, position, side, flux, fates):
-    """Trace rays from `done` on through the static part, photon-major, while a path of any length fits.
+def _trace_paths(scenes, ray, world, at, seed, rays, done, row, offsets, position, side, flux, fates):
+    """Trace rays from `done` on through the static part, photon-major, to vertices from `row` on, while they fit.
 
-    Returns the number of rays done.
+    Returns the number of rays done, and of rows.
     """
-    row = offsets[done]
     for k in range(done, len(rays.photon)):
-        if row + MAX_SEGMENTS + 1 > len(side):
-            return k
-        photon, vertex, own = rays.photon[k], np.int64(0), rays.side[k]
+        photon, vertex, own = rays.photon[k], np.int64(rays.bounce[k]), rays.side[k]
         x, y, z = rays.origin[k, 0], rays.origin[k, 1], rays.origin[k, 2]
         dx, dy, dz = rays.direction[k, 0], rays.direction[k, 1], rays.direction[k, 2]
         q = rays.flux[k, 0], rays.flux[k, 1], rays.flux[k, 2]
         goes_on = True
         while True:
+            if row + goes_on >= len(side):  # the last vertex of a path always fits
+                _wait(rays, k, vertex, (x, y, z), (dx, dy, dz), own, q)
+                return k, row
             position[row, 0], position[row, 1], position[row, 2] = x, y, z
             side[row] = own
             flux[row, 0], flux[row, 1], flux[row, 2] = q[0], q[1], q[2]
@@ -149,7 +160,7 @@ def _trace_paths(scenes, ray, world, at, seed, rays, done, offsets, position, si
             vertex += 1
             goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, own, q, fates)
         offsets[k + 1] = row
-    return len(rays.photon)
+    return len(rays.photon), row
 
 
 # Among mobiles ----------------------------------------------------------------------------------------------
@@ -200,7 +211,7 @@ def follow(
 
     Returns their segments, photon-major; each ends eps behind its hit.
     """
-    ray, sums, out = new_ray(), np.zeros((3, 3), np.int64), empty_segments(USUAL * len(rays.photon) + MAX_SEGMENTS)
+    ray, sums, out = new_ray(), np.zeros((3, 3), np.int64), empty_segments(USUAL * len(rays.photon))
     done = row = 0
     while done < len(rays.photon):
         done, row = _follow(accelerator.scenes, ray, world, at, seed, eps, rays, done, out, row, sums)
@@ -212,16 +223,17 @@ def follow(
 
 @kernel
 def _follow(scenes, ray, world, at, seed, eps, rays, done, out, row, fates):
-    """Trace rays from `done` on, written from `row` on, while a path of any length fits; return both counters."""
+    """Trace rays from `done` on to segments from `row` on, while they fit; return both counters."""
     for k in range(done, len(rays.photon)):
-        if row + MAX_SEGMENTS > len(out.low):
-            return k, row
         photon, vertex, side = rays.photon[k], np.int64(rays.bounce[k]), rays.side[k]
         ox, oy, oz = rays.origin[k, 0], rays.origin[k, 1], rays.origin[k, 2]
         dx, dy, dz = rays.direction[k, 0], rays.direction[k, 1], rays.direction[k, 2]
         q = rays.flux[k, 0], rays.flux[k, 1], rays.flux[k, 2]
         goes_on = True
         while goes_on:
+            if row == len(out.low):
+                _wait(rays, k, vertex, (ox, oy, oz), (dx, dy, dz), side, q)
+                return k, row
             x, y, z, end_side = static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side)
             cut, cut_side = mobile_cut(scenes, ray, world, at, ox, oy, oz, x, y, z, side)
             out.photon[row], out.bounce[row] = photon, vertex

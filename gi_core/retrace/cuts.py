@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.fixed_point import MAX_SEGMENTS
+from gi_core.base.fixed_point import MAX_PATH
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.geometry.sides import NONE
@@ -201,7 +201,7 @@ class CutFlux:
         """Add the flux at the cuts; return the segments behind cuts. segments: all current ones of some photons."""
         cut = np.flatnonzero(segments.cut_side != NONE)
         photon = segments.photon - segments.photon.min(initial=0)
-        first = np.full(photon.max(initial=-1) + 1, MAX_SEGMENTS, np.int64)
+        first = np.full(photon.max(initial=-1) + 1, MAX_PATH, np.int64)
         np.minimum.at(first, photon[cut], segments.bounce[cut])
         kept_prefixes = cut[segments.bounce[cut] == first[photon[cut]]]
         self.flux += int(segments.flux[kept_prefixes].sum(dtype=np.int64))
@@ -221,7 +221,7 @@ def _fates_behind(offsets, side, flux, photons, vertices, sums):
     """Add the fates of background flux behind the given vertices to `sums`: flux lost per bounce, and at the end."""
     for j in range(len(photons)):
         end = offsets[photons[j] + 1] - 1
-        fate = 1 if side[end] < 0 else (2 if end - offsets[photons[j]] >= MAX_SEGMENTS else 0)
+        fate = 1 if side[end] < 0 else (2 if end - offsets[photons[j]] >= MAX_PATH else 0)
         for c in range(3):
             sums[0, c] += flux[vertices[j], c] - flux[end - 1, c]
             sums[fate, c] += flux[end - 1, c]

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from gi_core.base import random_numbers
-from gi_core.base.fixed_point import MAX_SEGMENTS, attenuate
+from gi_core.base.fixed_point import MAX_PATH, attenuate
 from gi_core.base.steps import finish
 from gi_core.discs.region import regions
 from gi_core.discs.search.predicate import LANES, Discs, Lines, accepts, blocks, discs_crossed
@@ -44,7 +44,7 @@ class Twin:
         m, world = self.model, self.model.world
         origin, direction, flux, side = emit(m.emitters, self.seed, i, 1)
         q = [int(c) for c in flux[0]]
-        for bounce in range(MAX_SEGMENTS):
+        for bounce in range(MAX_PATH):
             end, end_side = _static_end(m, at, origin, direction, side)
             cut, cut_side = _cut(m, at, origin, end, side)
             d, length = _line(origin[0], end[0])
@@ -60,7 +60,7 @@ class Twin:
                 segment["hit_side"] = int(cut_side[0])
             yield segment
             side = np.array([segment["hit_side"]], np.int32)
-            if side[0] < 0 or bounce + 1 == MAX_SEGMENTS:
+            if side[0] < 0 or bounce + 1 == MAX_PATH:
                 return
             face, back = side[0] >> 1, side[0] & 1
             rho = world.reflectance[face]

@@ -12,7 +12,6 @@ from app.measure.atlas.photon_map import SUN
 from app.measure.atlas.row import SEEDS, AtlasRow, Number, View, near, over_seeds, ratios, solved
 from app.measure.atlas.shapes import BLACK, beyond, box, fan, furnace, joined, scene, sheet
 from app.measure.atlas.tangent_plane import BARE, CONTROL
-from gi_core.base.fixed_point import MAX_SEGMENTS
 from gi_core.scene import Material, Mobile, Pose, SkyLight, SpotLight
 
 COUNT: dict[str, Any] = {"estimator": "impact_count"}
@@ -149,26 +148,26 @@ def naive_sums() -> AtlasRow:
 
 
 def bright_rooms() -> Iterator[AtlasRow]:
-    """Flux arriving in a closed room is Phi (1 + rho + rho^2 ...); paths end after MAX_SEGMENTS."""
+    """Flux arriving in a closed room is Phi (1 + rho + rho^2 ...), and so is the mean number of a path's segments."""
     for rho in (0.5, 0.9, 0.98, 0.999):
         room = furnace(4, reflectance=rho)
 
         def run(seed, room=room):
             solver = solved(room, 6000, seed, **COUNT)
             arrived = float((solver.irradiance[:, 1] * solver.receivers.areas).sum()) / (6 * math.pi)
-            return arrived, float(solver.frame.fates["truncated"][1]) / (6 * math.pi)
+            return arrived, solver.frame.segments / solver.frame.photons
 
-        arrived, truncated = over_seeds(run, SEEDS)
+        arrived, segments = over_seeds(run, SEEDS)
         yield AtlasRow(
             f"rho_{rho:g}",
             f"closed room of reflectance {rho:g}: flux that arrives",
-            f"(1 - ρ^{MAX_SEGMENTS}) / (1 - ρ): paths end after {MAX_SEGMENTS} segments",
-            (1 - rho**MAX_SEGMENTS) / (1 - rho),
+            "1 / (1 - ρ): paths end by survival alone",
+            1 / (1 - rho),
             arrived,
-            f"the truncated flux is reported, above 2 % as a warning: ρ^{MAX_SEGMENTS - 1}",
-            truncated,
-            aim=rho ** (MAX_SEGMENTS - 1),
-            what="flux that arrives / emitted; truncated / emitted",
+            "mean number of segments of a path: 1 / (1 - ρ), too",
+            segments,
+            aim=1 / (1 - rho),
+            what="flux that arrives / emitted; segments per path",
             title="Closed rooms that reflect nearly all",
         )
 
