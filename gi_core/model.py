@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -18,38 +19,40 @@ from gi_core.photons.paths import END_EXTENSION
 from gi_core.rays.accelerator import Accelerator, Transforms, bounding_spheres, transforms
 from gi_core.rays.two_level import build_world, enclosing_sphere
 from gi_core.scene.errors import SceneError
+from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
 from gi_core.scene.types import PointLight, Pose, Scene, SpotLight
 from gi_core.scene.validate import check_scene
 
 BEHIND = -2  # in place of the back receiver's index: this receiver is a back, its front represents both
 CONCAVE = 1e-3  # height over width of the faces around a receiver; flat surfaces in float32 files reach 1e-5
-FARTHEST = 32  # scene sizes from the origin: at 100, float32 loses the lift of rays off the faces that they leave
 
 
 class Model:
     """Derived data of a scene that does not depend on poses, estimator or photons.
 
+    origins (objects, 3) float64 [m]: of each object's geometry in the given coordinates, zeros unless it lies far from
+    their origin. `scene`, surfaces, receivers and transforms are relative to them; poses are in the given coordinates.
     Raises SceneError for an invalid scene.
     """
 
     def __init__(self, scene: Scene, threads: int | None = None):
         check_scene(scene)
-        self.scene = scene
+        self.origins = np.array([origin_of(mesh) for mesh in (scene.static, *(m.mesh for m in scene.mobiles))])
+        self.names = [m.name for m in scene.mobiles]
+        if len(set(self.names)) != len(self.names):
+            raise SceneError(f"{scene.name}: the names of mobiles must differ, got {self.names}")
+        self.scene = scene = self._shifted(scene)
         self.threads = available_cores() if threads is None else threads
         self.surfaces, self.object_receivers = flatten(scene)
         self.accelerator = Accelerator(self.surfaces, self.threads)
         centres, radii = bounding_spheres(self.surfaces)
-        mobiles = [
-            np.add(m.pose.position, s * (radii[o] + np.abs(centres[o])))
-            for o, m in enumerate(scene.mobiles, 1)
-            for s in (-1, 1)
-        ]
+        start = self.transforms(self.start_poses()).position[1:]
+        mobiles = [p + s * (radii[o] + np.abs(centres[o])) for o, p in enumerate(start, 1) for s in (-1, 1)]
         lights = np.array(
             [light.position for light in scene.lights if isinstance(light, PointLight | SpotLight)], np.float64
         )
         self.world = build_world(self.surfaces, self.accelerator, lights)
-        _check_place(scene.name, self.world.size, self.surfaces.vertices[0], lights)
         # Directional and sky light must reach mobiles outside the static part.
         lit = enclosing_sphere(self.surfaces.vertices[0], lights, np.array(mobiles))
         self.emitters = build_emitters(scene, self.surfaces, *lit)
@@ -57,9 +60,14 @@ class Model:
         self.eps = np.float32(END_EXTENSION * self.world.size)
         self.static = transforms([])
         self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)
-        self.names = [m.name for m in scene.mobiles]
-        if len(set(self.names)) != len(self.names):
-            raise SceneError(f"{scene.name}: the names of mobiles must differ, got {self.names}")
+
+    def _shifted(self, scene: Scene) -> Scene:
+        """Return the scene with its places relative to `origins[0]`, and mobiles' meshes to their own origins."""
+        mobiles = tuple(
+            m._replace(mesh=m.mesh._replace(vertices=m.mesh.vertices - o)) if o.any() else m
+            for m, o in zip(scene.mobiles, self.origins[1:], strict=True)
+        )
+        return replace(translated(replace(scene, mobiles=()), -self.origins[0]), mobiles=mobiles)
 
     def checked_poses(self, poses: Mapping[str, Pose | np.ndarray]) -> dict[str, Pose]:
         """Return valid poses. Raises SceneError for a name that no mobile has and for a pose that is not rigid."""
@@ -73,15 +81,23 @@ class Model:
         return self.checked_poses({m.name: m.pose for m in self.scene.mobiles})
 
     def transforms(self, poses: Mapping[str, Pose]) -> Transforms:
-        """Return the transforms of all objects at the given poses."""
-        return transforms([poses[name] for name in self.names])
+        """Return the transforms of all objects at the given poses, for geometry relative to `origins`."""
+        at = transforms([poses[name] for name in self.names])
+        shift = (at.rotation @ self.origins[:, :, None])[:, :, 0] - self.origins[0]
+        return at._replace(position=at.position + shift)
 
-    def receivers_at(self, poses: dict[str, Pose]) -> Receivers:
+    def vertices_at(self, o: int, poses: Mapping[str, Pose]) -> np.ndarray:
+        """Return the vertices (V, 3) float64 [m] of object o in the world."""
+        points = self.surfaces.vertices[o] + self.origins[o]
+        return to_world(poses[self.names[o - 1]], points) if o else points
+
+    def receivers_at(self, poses: Mapping[str, Pose]) -> Receivers:
         """Return all receivers in the world."""
         positions, normals = self.object_receivers.positions.copy(), self.object_receivers.normals.copy()
+        positions[self.surfaces.receiver_range(0)] += self.origins[0]
         for o, name in enumerate(self.names, 1):
             rows = self.surfaces.receiver_range(o)
-            positions[rows] = to_world(poses[name], positions[rows])
+            positions[rows] = to_world(poses[name], positions[rows] + self.origins[o])
             normals[rows] = to_world_directions(poses[name], normals[rows])
         return Receivers(positions, normals, self.object_receivers.areas)
 
@@ -148,13 +164,3 @@ class Model:
         out = np.zeros(2 * (int(self.surfaces.patch.max(initial=-1)) + 1), bool)
         out[own[rises]] = True
         return out
-
-
-def _check_place(name: str, size: float, *points: np.ndarray) -> None:
-    """Raise SceneError for a scene too far from the origin for its size, such as maps in geographic coordinates."""
-    farthest = max((float(np.abs(p).max()) for p in points if len(p)), default=0.0)
-    if farthest > FARTHEST * size:
-        raise SceneError(
-            f"{name}: the scene reaches {farthest:.6g} m from the origin but is only {size:.3g} m large, "
-            f"more than {FARTHEST} times its size, so float32 rays are inexact; move it to the origin"
-        )

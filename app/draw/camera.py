@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gi_core.scene import Camera, Pose
-from gi_core.scene.pose import rotation, three, to_world
+from gi_core.rays.accelerator import Transforms
+from gi_core.scene import Camera
+from gi_core.scene.pose import three
 
 MAX_PITCH = np.radians(89.0)  # at 90 degrees the yaw is undefined
 ORBIT_SPEED = np.radians(180.0)  # per picture height
@@ -138,6 +139,11 @@ class Turntable:
             fov=self.fov * (1 - s) + other.fov * s,
         )
 
+    def relative_to(self, origin: np.ndarray) -> Turntable:
+        """Return the same view in coordinates that start at `origin` (3,) [m]."""
+        low, high = (three(np.subtract(p, origin)) for p in (self.bounds.low, self.bounds.high))
+        return replace(self, pivot=three(np.subtract(self.pivot, origin)), bounds=Bounds(low, high))
+
     def as_camera(self) -> Camera:
         """Return the same view as a camera record."""
         return Camera(three(self.eye()), three(self.pivot), float(np.degrees(self.fov)))
@@ -188,19 +194,15 @@ def from_camera(camera: Camera | None, up, bounds: Bounds, lit: Bounds | None = 
 
 def scene_bounds(model, poses) -> Bounds:
     """Return the box around all vertices, mobiles at their poses."""
-    surfaces = model.surfaces
-    points = [surfaces.vertices[0]]
-    for mobile, vertices in zip(model.scene.mobiles, surfaces.vertices[1:], strict=True):
-        points.append(to_world(poses[mobile.name], vertices))
-    points = [p for p in points if len(p)]
+    points = [p for o in range(model.surfaces.objects) if len(p := model.vertices_at(o, poses))]
     if not points:
         return Bounds((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
     low, high = np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)
     return Bounds(three(low), three(high))
 
 
-def matrix(pose: Pose) -> np.ndarray:
-    """Return the (4, 4) object-to-world matrix of a pose."""
-    M = np.eye(4)
-    M[:3, :3], M[:3, 3] = rotation(pose), pose.position
+def matrices(at: Transforms) -> np.ndarray:
+    """Return the (4, 4) object-to-world matrix of each object."""
+    M = np.tile(np.eye(4), (len(at.position), 1, 1))
+    M[:, :3, :3], M[:, :3, 3] = at.rotation, at.position
     return M

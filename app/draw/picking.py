@@ -40,7 +40,9 @@ class _FaceBlocks(NamedTuple):
 
 
 class Picker:
-    def __init__(self, surfaces: Surfaces) -> None:
+    def __init__(self, surfaces: Surfaces, origins: np.ndarray | None = None) -> None:
+        """origins (objects, 3) [m]: what the vertices of each object are relative to, see Model; None: zeros."""
+        self._origins = np.zeros((surfaces.objects, 3)) if origins is None else origins
         self._objects = [
             _blocks(
                 surfaces.vertices[o][surfaces.faces[o]], surfaces.two_sided[surfaces.face_range(o)], surfaces.paint[o]
@@ -59,7 +61,7 @@ class Picker:
             if o:  # into object space
                 R = rotation(poses[o - 1])
                 p, d = R.T @ (p - np.array(poses[o - 1].position)), R.T @ d
-            t, face = _nearest(blocks, p, d, cull)
+            t, face = _nearest(blocks, p - self._origins[o], d, cull)
             if face >= 0 and (nearest is None or t < nearest.distance):
                 nearest = Hit(o, face, t, np.asarray(origin) + t * np.asarray(direction))
         return nearest

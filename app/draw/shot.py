@@ -46,7 +46,7 @@ class Shot:
             model.transforms(self.solver.poses),
             self.meshes,
             [self.colours(o) for o in range(len(self.meshes))],
-            self.camera,
+            self.camera.relative_to(model.origins[0]),
             s.size,
             self.exposure,
             s.tone_map,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import replace
 from importlib import metadata
@@ -11,7 +12,6 @@ import numpy as np
 
 from app.cli.progress import Bar, compile_kernels
 from app.cli.version import version
-from app.session.warnings import caveats
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
 
@@ -43,8 +43,7 @@ def info(settings: Settings) -> list[str]:
         estimator = settings.estimator or scene.defaults.estimator or DEFAULT
         rows = [*_contents(scene, solver), *_lights(scene, solver), *_choices(settings, chosen, estimator, solver)]
         rows += [control, ("disc search", _search(solver))]
-        cut_off = caveats(solver).get("truncated")
-    notes = [*_notes(scene, solver), *[f"warning: {cut_off}"] * bool(cut_off)]
+    notes = _notes(scene, solver)
     materials = material_lines(scene, solver.surfaces)
     return [*_aligned(rows), "", *materials, "", *notes, *[""] * bool(notes), *_aligned(_machine(solver))]
 
@@ -83,12 +82,12 @@ def _contents(scene, solver: Solver) -> list[tuple[str, str]]:
         ("triangles", f"{int(s.first_face[-1]):,}"),
         ("receivers", f"{len(solver.irradiance):,} (two-sided surfaces have two, probes one)"),
         ("scene size", _size(solver)),
-        ("  box", f"{triple(np.round(low, 6))} to {triple(np.round(high, 6))}"),
+        ("  box", f"{_place(low, solver)} to {_place(high, solver)}"),
         ("up", triple(scene.up)),
     ]
     for o, m in enumerate(scene.mobiles, 1):
         faces, path = s.first_face[o + 1] - s.first_face[o], "follows a path" if m.path is not None else "no path"
-        rows.append((f'mobile "{m.name}"', f"{faces:,} triangles at {triple(m.pose.position)}, {path}"))
+        rows.append((f'mobile "{m.name}"', f"{faces:,} triangles at {_place(m.pose.position, solver)}, {path}"))
     if not scene.mobiles:
         rows.append(("mobiles", "none: add one with --mobile FILE"))
     if scene.probes:
@@ -239,6 +238,12 @@ def _kind(two_sided: np.ndarray, textured: np.ndarray, emission: np.ndarray) -> 
     if emission.any():
         words.append(f"emits {triple(emission.max(axis=0))}")
     return ", ".join(words)
+
+
+def _place(values, solver) -> str:
+    """Return coordinates in brackets, to four digits of the scene's size."""
+    digits = 4 - math.ceil(math.log10(solver.scene_size))
+    return "(" + ", ".join(f"{v + 0.0:.15g}" for v in np.round(np.asarray(values, np.float64), digits)) + ")"
 
 
 def triple(values) -> str:

@@ -114,7 +114,7 @@ class Opening:
         scene = self._load(self.settings)
         self._stop_if_cancelled()
         solver = make_solver(scene, self.settings)
-        meshes, picker = draw_meshes(solver.surfaces), Picker(solver.surfaces)
+        meshes, picker = draw_meshes(solver.surfaces), Picker(solver.surfaces, solver.model.origins)
         self.phase, self.detail = TRACING, ""
         for progress in solver.solve_steps():
             self._stop_if_cancelled()

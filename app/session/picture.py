@@ -66,4 +66,4 @@ def metadata_of(shot: Shot) -> dict[str, str]:
 
 
 def _numbers(values: Iterable[float]) -> str:
-    return ",".join(f"{v:.9g}" for v in values)
+    return ",".join(f"{v:.12g}" for v in values)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.draw.camera import Turntable, matrix
+from app.draw.camera import Turntable, matrices
 from app.rest.measured_points import MeasuredPoints
 from app.session.log import WARNING, Log
 from app.session.opening import Opened, Opening
@@ -268,7 +268,7 @@ class Session:
 
     def models(self) -> tuple[np.ndarray, ...]:
         """Return one (4, 4) object-to-world matrix an object; the static part's is 1."""
-        return (np.eye(4), *(matrix(pose) for pose in self.pose_list))
+        return tuple(matrices(self.model.transforms(self.light.snapshot.poses)))
 
     def close(self, patience: float = PATIENCE) -> None:
         """Stop all work; returns when nothing runs any more, or after so many seconds. It is of no use afterwards."""

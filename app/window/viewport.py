@@ -16,7 +16,6 @@ from app.session.session import Session
 from app.window import drag
 from app.window.view_content import Shown
 from app.window.wipe import Wipe
-from gi_core.scene.pose import to_world
 
 FLIGHT_SECONDS = 0.35  # of a camera animation
 THRESHOLD_PIXELS = 2.0  # shorter motions are a click
@@ -144,7 +143,7 @@ class Viewport:
         self.session.playing = False
         self.session.begin_drag()
         pose = self.session.poses[mobile]
-        box = to_world(pose, self.session.model.surfaces.vertices[self.hover.object])
+        box = self.session.model.vertices_at(self.hover.object, self.session.poses)
         self.grab = drag.Grab(mobile, mode, self.hover.point, pose, self.camera, u, v, box.min(axis=0), box.max(axis=0))
 
     def _continue_drag(self, io) -> None:
@@ -219,7 +218,7 @@ class Viewport:
         """Return the current picture for the renderer."""
         settings, camera, _, split = self.picture
         return Look(
-            camera.projection(self.aspect) @ camera.view(),
+            camera.projection(self.aspect) @ camera.relative_to(self.session.model.origins[0]).view(),
             self.session.models(),
             settings.exposure or 0.0,
             settings.tone_map,

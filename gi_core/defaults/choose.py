@@ -87,8 +87,8 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
         size,
         len(pilot.hits) / pilot.photons,
         first_flight,
-        low,
-        high,
+        low + model.origins[0],
+        high + model.origins[0],
         predicted,
     )
 

@@ -23,6 +23,7 @@ from gi_core.geometry.cutouts import without_holes
 from gi_core.geometry.paint import join_paints
 from gi_core.geometry.tessellation import tessellate
 from gi_core.scene.errors import SceneError
+from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Scene
 
 MOST_RECEIVERS = 150_000  # a bare mesh is refined to about as many, both sides counted, unless it is fine enough before
@@ -102,6 +103,9 @@ class _Builder:
             self.file.defaults,
             tuple(self.notes),
         )
+        # Completion casts float32 rays: it works near the origin.
+        origin = origin_of(static)
+        scene = translated(scene, -origin)
         unplaced = [(i, None) for i, m in enumerate(self.file.mobiles) if m.pose is None]
         for path in extra:
             scene, up = self._extra(scene, Path(path))
@@ -113,7 +117,7 @@ class _Builder:
         scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
         scene = self._refined(scene, max_edge, rays, box)
         solid = tuple(m._replace(mesh=without_holes(m.mesh)) for m in scene.mobiles)
-        return replace(scene, static=without_holes(scene.static), mobiles=solid)
+        return translated(replace(scene, static=without_holes(scene.static), mobiles=solid), origin)
 
     def _check_size(self, static: Mesh) -> None:
         low, high = SIZES

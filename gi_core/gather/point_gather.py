@@ -32,13 +32,13 @@ class Gatherer:
         positions, normals = _checked(positions, normals)
         self.model = model or Model(scene)
         self._at = self.model.transforms(_poses(self.model, poses)) if mobiles else self.model.static
-        self._lights = Lights(area_lights(self.model.surfaces), small_lights(scene), sky_of(scene))
+        self._lights = Lights(area_lights(self.model.surfaces), small_lights(self.model.scene), sky_of(scene))
         self._seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self._light_sampling = light_sampling
         length = np.sqrt((normals * normals).sum(axis=1))
         self.lit = np.flatnonzero(length > 0)  # points with a normal
         self._normals = normals / np.where(length > 0, length, 1)[:, None]
-        self.positions = positions + ORIGIN_LIFT * self.model.world.size * self._normals
+        self.positions = positions - self.model.origins[0] + ORIGIN_LIFT * self.model.world.size * self._normals
 
     def paths(self, rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0) -> np.ndarray:
         """Return the estimates of paths first .. first + count - 1 of points `rows`, (rows, count, 3) float64 [W/m2].

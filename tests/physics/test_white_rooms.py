@@ -38,7 +38,7 @@ def test_all_light_of_a_closed_room_arrives(rho, photons):
     solver = solved(furnace_scene(1.0, rho, 2), photons)
     arrived = float((solver.irradiance[:, 0] * solver.receivers.areas).sum()) * (1 - rho) / (6 * math.pi)
     z_test(arrived, 1.0, math.sqrt(rho / photons), f"flux that arrives at reflectance {rho}")
-    assert not solver.fates["truncated"].any()
+    assert not solver.frame.fates["truncated"].any()
 
 
 def test_the_reference_of_a_room_of_reflectance_0999_is_right():
@@ -55,7 +55,7 @@ def test_paths_do_not_depend_on_the_memory_of_a_step(monkeypatch):
     for usual in (2, 4, 1000):
         monkeypatch.setattr(trace, "USUAL", usual)
         solver = solved(white_room(0.98, 0.9), 300, estimator="tangent_plane")
-        photons, _, change = solver.frame_parts()
+        photons, change = solver.frame.store, solver.frame.change
         paths, _ = photons.prefix(300)
         assert np.diff(paths.offsets).max() > 200 and change.new_suffixes.bounce.max() > 200
         found.append((*paths, *change.new_suffixes, *photons.fates, *change.fates))
@@ -67,9 +67,9 @@ def test_frames_of_long_paths_equal_a_solve_from_scratch(estimator):
     solver = solved(white_room(0.98, 0.5), 400, estimator=estimator)
     for x in (0.3, 0.7):
         solver.move("block", Pose((x, 0.4, 0.5)))
-        assert solver.changes.photons_cut > 0 and solver.changes.new_segments > 64
+        assert solver.frame.changes.photons_cut > 0 and solver.frame.changes.new_segments > 64
         assert np.array_equal(solver.irradiance, solver.from_scratch())
-    fates = solver.fates
+    fates = solver.frame.fates
     assert fates["emitted"] == pytest.approx(fates["absorbed"] + fates["truncated"], rel=1e-12)
 
 
@@ -88,6 +88,6 @@ def test_a_darker_mobile_in_a_white_room_takes_its_light_from_the_walls():
     weights = solver.receivers.areas[walls] / 6
     steps = solver.gather_steps()
     for gathered in (False, True):
-        while solver.uses_gathered != gathered:
+        while solver.frame.gathered != gathered:
             next(steps)
         assert weights @ solver.irradiance[walls, 0] == pytest.approx(expected, rel=0.02)

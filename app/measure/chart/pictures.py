@@ -73,7 +73,7 @@ def _map(shot: Shot, error: np.ndarray) -> np.ndarray:
     linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)  # of sRGB
     colours = [(linear[m.front], linear[np.maximum(m.back, 0)]) for m in shot.meshes]
     model, solver = shot.solver.model, shot.solver
-    at = model.transforms(solver.poses)
+    at, camera = model.transforms(solver.poses), shot.camera.relative_to(model.origins[0])
     return raycast.picture(
-        model.accelerator, at, shot.meshes, colours, shot.camera, SIZE, 0.0, "clip", shot.settings.cull, textured=False
+        model.accelerator, at, shot.meshes, colours, camera, SIZE, 0.0, "clip", shot.settings.cull, textured=False
     )

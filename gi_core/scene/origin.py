@@ -1,0 +1,57 @@
+"""Origins of meshes far from the origin of their coordinates, such as survey data.
+
+float32 geometry keeps its digits near the origin alone, so meshes are shifted there. Scenes, poses and receivers stay
+in the coordinates of the file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gi_core.scene.types import Mesh, PointLight, Scene, SpotLight
+
+NEAR = 8  # mesh sizes from the origin: up to there nothing is shifted
+
+
+def origin_of(mesh: Mesh) -> np.ndarray:
+    """Return a point (3,) float64 [m] near a mesh that lies far from the origin, else zeros.
+
+    Its coordinates are multiples of a power of two, so subtracting it from the vertices is exact.
+    """
+    used = mesh.vertices[mesh.faces.reshape(-1)]
+    if not len(used):
+        return np.zeros(3)
+    low, high = used.min(axis=0), used.max(axis=0)
+    size, farthest = float((high / 2 - low / 2).max()) * 2, float(max(-low.min(), high.max()))
+    if not farthest > NEAR * size:
+        return np.zeros(3)
+    step = max(2.0 ** np.floor(np.log2(size)) if size > 0 else 0.0, float(np.spacing(farthest)))
+    return step * np.rint((low / 2 + high / 2) / step)
+
+
+def translated(scene: Scene, by: np.ndarray) -> Scene:
+    """Return a scene with all its places moved by (3,) [m]; the same one for zeros."""
+    if not np.any(by):
+        return scene
+
+    def moved(place) -> tuple[float, float, float]:
+        x, y, z = np.add(place, by)
+        return float(x), float(y), float(z)
+
+    camera = scene.camera
+    if camera is not None:
+        camera = camera._replace(position=moved(camera.position), target=moved(camera.target))
+    mobiles = [m._replace(pose=m.pose._replace(position=moved(m.pose.position))) for m in scene.mobiles]
+    return replace(
+        scene,
+        static=scene.static._replace(vertices=scene.static.vertices + by),
+        mobiles=tuple(m._replace(path=m.path and m.path._replace(positions=m.path.positions + by)) for m in mobiles),
+        lights=tuple(
+            light._replace(position=moved(light.position)) if isinstance(light, PointLight | SpotLight) else light
+            for light in scene.lights
+        ),
+        probes=tuple(p._replace(position=moved(p.position)) for p in scene.probes),
+        camera=camera,
+    )
