@@ -42,7 +42,7 @@ def measured(tmp_path_factory):
     return run
 
 
-def test_every_number_is_written_and_the_light_is_that_from_scratch(measured, estimator):
+def test_json_has_every_number_and_light_equals_from_scratch(measured, estimator):
     n, _ = measured("--estimator", estimator)
     assert set(KEYS) <= set(n)
     assert n["bits_equal"] is True and n["frames"] == 24 and n["estimator"] == estimator and n["control"] is True
@@ -53,13 +53,13 @@ def test_every_number_is_written_and_the_light_is_that_from_scratch(measured, es
     assert (n["queries"] is None) == (estimator != "photon_map")
 
 
-def test_mobiles_that_gather_are_timed(measured):
+def test_gathering_mobiles_are_timed(measured):
     """Their discs are not searched: the bounds once asked for segments near them."""
     n, _ = measured("--light", "best")
     assert n["bits_equal"] is True and "gather" in n["stages_ms"]
 
 
-def test_the_step_that_is_asked_for_is_gone(measured, monkeypatch):
+def test_step_option_sets_the_distance_per_frame(measured, monkeypatch):
     steps, walk = [], motion.walk
     monkeypatch.setattr(motion, "walk", lambda paths, step, frames: steps.append(step) or walk(paths, step, frames))
     n, _ = measured("--no-control", "--step", "0.2")

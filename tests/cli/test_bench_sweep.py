@@ -42,7 +42,7 @@ def numbers(spec: dict, ms: float = 2.0) -> dict:
     }  # fmt: skip
 
 
-def test_the_rows_are_those_of_the_table():
+def test_rows_match_the_table():
     keys = [row.key for row in rows(TREE, 100)]
     assert len(set(keys)) == len(keys)
     for photons in (10_000, 100_000, 1_000_000):
@@ -84,14 +84,14 @@ def test_stopped_sweep_resumes_with_missing_rows(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["sweep.json", "sweep.md"], "nothing left aside"
 
 
-def test_rows_are_measured_again_when_something_else_is_asked(tmp_path):
+def test_changed_options_measure_rows_again(tmp_path):
     bench_sweep.sweep(TREE, 10, tmp_path, run=numbers)
     asked = []
     bench_sweep.sweep(TREE, 20, tmp_path, run=lambda spec: asked.append(spec) or numbers(spec))
     assert len(asked) == len(rows(TREE, 20))
 
 
-def test_a_row_that_fails_is_listed_and_tried_again(tmp_path):
+def test_failed_row_is_listed_and_retried(tmp_path):
     bad = photons_key(100_000, "photon_map")
 
     def run(spec):
@@ -142,7 +142,7 @@ def test_tables_hold_measurements_and_flag_differing_bits():
     assert "differs from scratch in: one-sided" in markdown(sweep)
 
 
-def test_a_row_in_a_process_of_its_own_has_the_numbers_of_a_run_here():
+def test_row_in_a_child_process_equals_a_row_in_process():
     spec = rows(Settings("cornell"), 3)[0].spec()
     spec["settings"].update(photons=500, estimator="impact_count")
     here, apart = measure_row(spec), run_apart(spec)
@@ -150,7 +150,7 @@ def test_a_row_in_a_process_of_its_own_has_the_numbers_of_a_run_here():
     assert [here[k] for k in same] == [apart[k] for k in same] and apart["bits_equal"] and apart["control"] is False
 
 
-def test_a_process_that_fails_says_why():
+def test_failed_child_process_reports_its_reason():
     spec = rows(Settings("nowhere.toml"), 3)[0].spec()
     with pytest.raises(Failed, match="nowhere.toml"):
         run_apart(spec)

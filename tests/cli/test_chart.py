@@ -95,7 +95,7 @@ def test_more_photons_and_paths_are_nearer_the_truth(small, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_choice_of_tune_is_a_point_beside_the_best_of_the_others(small, tmp_path, monkeypatch):
+def test_tuned_choice_is_plotted_beside_the_best_others(small, tmp_path, monkeypatch):
     """Measured once, as the other rows are; drawn as a star."""
     monkeypatch.setattr("app.measure.tuning.TRIAL_RADII", (1.0,))
     out = tmp_path / "chart"
@@ -120,7 +120,7 @@ def test_the_choice_of_tune_is_a_point_beside_the_best_of_the_others(small, tmp_
     assert "tune's choice for 16 ms" in tuned.summary(rows)
 
 
-def test_nearness_is_relative_to_settings_that_are_no_slower():
+def test_nearness_compares_with_settings_at_most_as_slow():
     def row(curve, ms, all_, affected, mobile) -> dict:
         return {"curve": curve, "frame_ms": ms, "total all": all_, "total affected": affected, "total mobile": mobile}
 
@@ -147,7 +147,7 @@ def test_missing_matplotlib_gets_one_sentence(tmp_path, monkeypatch, capsys):
     assert "pip install matplotlib" in capsys.readouterr().err
 
 
-def test_an_interrupt_says_how_to_go_on(tmp_path, capsys, monkeypatch):
+def test_interrupt_prints_how_to_resume(tmp_path, capsys, monkeypatch):
     pytest.importorskip("matplotlib")
 
     def interrupted(_):
@@ -168,7 +168,7 @@ def test_a_scene_without_mobiles_is_refused(tmp_path, capsys, monkeypatch):
 # -- what is measured ---------------------------------------------------------------------------------
 
 
-def test_settings_that_are_given_are_not_varied():
+def test_given_settings_are_not_varied():
     solver = make_solver(open_scene(SMALL), SMALL)
     every = choices(replace(SMALL, photons=None), solver, FULL)
     assert len({c.radius for c in every}) == 3 and len({c.photons for c in every}) == 4

@@ -54,7 +54,7 @@ print(code, loaded, file=sys.stderr)
     assert ran.stderr.splitlines()[-1] == f"{2 if '--size' in arguments else 0} []"
 
 
-def test_version_is_that_of_the_project():
+def test_version_equals_the_project_version():
     import tomllib
 
     wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
@@ -191,7 +191,7 @@ def test_replaced_default_picture_is_reported(capsys, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("bad", ["render cornell --out a.jpg", "render cornell --out no/such/folder/a.png"])
-def test_an_output_that_cannot_be_written_is_refused_before_the_work(bad, capsys, tmp_path, monkeypatch):
+def test_unwritable_output_is_refused_before_the_work(bad, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert cli.main(bad.split()) == 2
     assert one_line(capsys.readouterr().err).startswith("gi-viewer: --out must name")
@@ -206,21 +206,21 @@ def test_an_unknown_estimator_is_refused_with_the_names_there_are(capsys, estima
 
 
 @pytest.mark.parametrize("command", [c.split() for c in OPTIONS])
-def test_a_scene_that_is_not_there_is_code_3_in_one_line(command, capsys, tmp_path, monkeypatch, no_window):
+def test_missing_scene_exits_with_3_and_one_line(command, capsys, tmp_path, monkeypatch, no_window):
     monkeypatch.chdir(tmp_path)
     assert cli.main([*command, "nowhere.glb"]) == 3
     captured = capsys.readouterr()
     assert "nowhere.glb" in one_line(captured.err) and captured.out == ""
 
 
-def test_no_traceback_in_a_process_of_its_own(tmp_path):
+def test_errors_print_no_traceback(tmp_path):
     (tmp_path / "bad.toml").write_text("static = 3\n")
     for scene in ("bad.toml", "missing.toml"):
         ran = run("render", scene, cwd=tmp_path)
         assert ran.returncode == 3 and scene in one_line(ran.stderr)
 
 
-def test_an_unknown_mobile_and_a_pose_that_is_not_rigid_are_code_3(capsys):
+def test_unknown_mobile_and_non_rigid_pose_exit_with_3(capsys):
     assert cli.main(["info", *FAST, "--pose", "nobody=0,0,0"]) == 3
     assert '"nobody"' in one_line(capsys.readouterr().err)
     assert cli.main(["info", *FAST, "--pose", "pawn=0,0,0,2,0,0,0"]) == 3
@@ -244,7 +244,7 @@ def test_without_a_window_the_picture_goes_to_a_file(capsys, tmp_path, monkeypat
     assert "install libgl1" in one_line(said[0].err) and said[0].out == ""
 
 
-def test_without_a_window_and_without_fallback_it_is_code_4(capsys, tmp_path, monkeypatch, no_window):
+def test_no_window_without_fallback_exits_with_4(capsys, tmp_path, monkeypatch, no_window):
     monkeypatch.chdir(tmp_path)
     assert cli.main([*FAST, "--no-fallback"]) == 4
     assert "install libgl1" in one_line(capsys.readouterr().err) and not list(tmp_path.iterdir())
@@ -290,7 +290,7 @@ def test_values_out_of_range_get_a_sentence(words, told, capsys):
         (["bench", "--light", "best"], "best"),
     ],
 )
-def test_light_is_gathered_unless_an_estimator_is_asked_for(words, light):
+def test_light_is_gathered_without_an_estimator_option(words, light):
     assert settings_of(cli.parse(words)).light_chosen == light
 
 

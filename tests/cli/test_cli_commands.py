@@ -67,7 +67,7 @@ def test_info_warns_when_most_light_escapes(capsys, monkeypatch):
     assert "% of the light leaves the scene" in text and 'light "bulb"' in text and "(1, 1, 1) W, point" in text
 
 
-def test_info_gives_no_advice_about_lights_that_are_the_programs_own(capsys, tmp_path):
+def test_info_gives_no_advice_about_added_lights(capsys, tmp_path):
     """A peg in the open, without a light: the stand-ins' light misses it mostly, and nobody can turn them."""
     write_obj(tmp_path / "peg.obj", BOX * (0.1, 1.0, 0.1))
     assert cli.main(["info", str(tmp_path / "peg.obj"), "--photons", "2000"]) == 0
@@ -131,7 +131,7 @@ def test_names_with_spaces_and_letters_of_any_alphabet(tmp_path, capsys):
     assert picture.stat().st_size > 1000
 
 
-def test_the_atlas_is_written_where_asked(capsys, tmp_path, monkeypatch):
+def test_atlas_is_written_to_out(capsys, tmp_path, monkeypatch):
     from app.measure.atlas import command
 
     asked = []

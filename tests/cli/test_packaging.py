@@ -96,7 +96,7 @@ def test_the_readme_has_two_set_up_commands_and_ci_runs_the_second():
         assert package in readme
 
 
-def test_every_file_that_the_readme_shows_is_there():
+def test_files_shown_in_the_readme_exist():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     linked = [*re.findall(r"!?\[[^\]]*\]\(([^)#:]+)\)", readme), *re.findall(r'src="([^":]+)"', readme)]
     assert linked and not [name for name in linked if not (ROOT / name).exists()]

@@ -150,7 +150,7 @@ def test_rays_go_on_behind_culled_backs():
     assert centre(shot.take()) == to_display(np.array([0.5, 0.4, 0.3]), 0.0, "aces").tolist()
 
 
-def test_mobiles_are_drawn_where_they_are():
+def test_mobiles_are_drawn_at_their_poses():
     """A mobile card before the static one hides it; turned half round its culled back hides nothing."""
     mobile = Mobile("m", quad((-0.5, -0.5, 0), (1, 0, 0), (0, 1, 0), material=1), Pose((0, 0, 0.5)))
     scene = replace(card(), mobiles=(mobile,), materials=(*card().materials, Material("red", (0.9, 0, 0))))

@@ -100,7 +100,7 @@ def test_letters_outside_the_encoding_are_escaped(environment, tmp_path):
     assert done.returncode == 3 and len(done.stderr.splitlines()) == 1 and done.stderr.isascii()
 
 
-def test_a_file_name_that_is_no_text_is_escaped(capsys):
+def test_undecodable_file_name_is_escaped(capsys):
     assert program.main(["info", "a\udcff.toml"]) == 3
     assert r"a\udcff.toml" in capsys.readouterr().err
 
@@ -115,7 +115,7 @@ def test_a_file_name_that_is_no_text_is_escaped(capsys):
         (("info", "nowhere"), 141),
     ],
 )
-def test_a_reader_that_leaves_ends_a_command_quietly(arguments, code):
+def test_closed_pipe_ends_a_command_quietly(arguments, code):
     reading, writing = os.pipe()
     os.close(reading)
     fails = arguments[-1] == "nowhere"  # then stderr has no reader
@@ -128,7 +128,7 @@ def test_a_reader_that_leaves_ends_a_command_quietly(arguments, code):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="Linux's full device")
-def test_a_full_disk_under_the_output_is_one_line():
+def test_full_disk_is_reported_in_one_line():
     with open("/dev/full", "wb") as full:
         done = subprocess.run([sys.executable, "-m", "app", "--version"], cwd=ROOT, stdout=full, stderr=subprocess.PIPE)
     assert done.returncode == 2

@@ -18,7 +18,7 @@ from app.settings import UsageError
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_a_place_that_can_be_written_is_left_as_it_was(tmp_path):
+def test_check_writable_leaves_no_trace(tmp_path):
     check_writable("--out", tmp_path / "a.png")
     assert not list(tmp_path.iterdir())
     (tmp_path / "a.png").write_text("old")

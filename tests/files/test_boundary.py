@@ -56,7 +56,7 @@ def test_meshes_of_a_scene_file(inner):
         load_scene(inner / "scene.toml")
 
 
-def test_the_folder_is_that_of_the_file_that_the_user_named(inner):
+def test_boundary_is_the_folder_of_the_named_file(inner):
     """A mesh in a folder below may name what lies anywhere in the scene's folder; alone, only what lies in its own."""
     (inner.parent / "s.toml").write_text('[static]\nmesh = "scene/room.obj"\n')
     (inner / "room.obj").write_text((inner.parent / "room.obj").read_text().replace("room.mtl", "../room.mtl"))

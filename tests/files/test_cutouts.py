@@ -205,7 +205,7 @@ def test_light_passes_where_whole_triangles_are_cut_away(tmp_path):
     assert len(load_scene(tmp_path / "card.toml").static.faces) - faces > 40
 
 
-def test_nothing_is_taken_away_beyond_an_edge_that_does_not_repeat():
+def test_clamped_mask_extends_its_rim_and_repeated_mask_its_holes():
     """Clamped, the rim goes on for ever; repeated, a hole does too, over several periods."""
     cover = np.zeros((8, 8), np.uint8)
     cover[0, 0] = 255

@@ -90,7 +90,7 @@ def test_a_number_of_thousands_of_digits(tmp_path):
 
 
 @pytest.mark.parametrize("document", [[], {"asset": []}, {"asset": {"version": "2.0"}, "extensionsUsed": 3}])
-def test_gltf_whose_top_is_of_another_shape(tmp_path, document):
+def test_gltf_root_of_wrong_type(tmp_path, document):
     (tmp_path / "a.gltf").write_text(json.dumps(document))
     assert read(tmp_path / "a.gltf")
 
@@ -100,20 +100,20 @@ def test_colours_of_too_few_numbers(tmp_path, material):
     assert "damaged" in read(write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, material=material))
 
 
-def test_colours_out_of_reach(tmp_path):
+def test_colours_out_of_range(tmp_path):
     write_obj(tmp_path / "a.obj", before="mtllib a.mtl\nusemtl m", library="newmtl m\nKe 1e999 1 1\n")
     assert 'a.obj: material "m" must have colours from 0 to 1e+15' in read(tmp_path / "a.obj")
 
 
 @pytest.mark.parametrize("far", ["1e200", "1e30", "-1e16"])
-def test_vertices_out_of_reach(tmp_path, far):
+def test_vertices_out_of_range(tmp_path, far):
     (tmp_path / "a.obj").write_text(f"v {far} 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     assert "vertices must be numbers up to 1e+15" in read(tmp_path / "a.obj")
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("stray", ["inf", "nan", "1e300"])
-def test_a_vertex_that_no_face_uses_may_be_anything(tmp_path, stray):
+def test_unused_vertex_may_have_any_value(tmp_path, stray):
     """The cells in which vertices are welded were as large as what the stray one spanned: all became one."""
     write_obj(tmp_path / "a.obj")
     plain = read_mesh_file(tmp_path / "a.obj").mesh
@@ -123,7 +123,7 @@ def test_a_vertex_that_no_face_uses_may_be_anything(tmp_path, stray):
 
 
 @pytest.mark.filterwarnings("error")
-def test_normals_and_texture_coordinates_out_of_reach(tmp_path):
+def test_normals_and_texture_coordinates_out_of_range(tmp_path):
     surroundings(tmp_path)
     text = FULL_OBJ.replace("vt 1 0", "vt 1e308 -1e308").replace("vn 0 0 1", "vn 1e200 1e300 nan")
     (tmp_path / "a.obj").write_text(text)
@@ -137,7 +137,7 @@ def test_a_library_of_a_name_too_long(tmp_path):
     assert read(tmp_path / "a.obj") is None
 
 
-def test_faces_that_name_vertices_that_are_not_there(tmp_path):
+def test_faces_with_missing_vertices(tmp_path):
     head = (
         "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     )
@@ -159,7 +159,7 @@ def test_trimesh_stays_silent(tmp_path, capfd):
 
 
 @pytest.mark.parametrize("count", [MOST_ZEROS + 1, 1 << 40, 1 << 63, 10**30])
-def test_an_accessor_without_data_is_refused_before_it_is_allocated(tmp_path, count):
+def test_accessor_without_data_is_refused_before_allocation(tmp_path, count):
     document = {
         "asset": {"version": "2.0"},
         "nodes": [{"mesh": 0}],
@@ -170,7 +170,7 @@ def test_an_accessor_without_data_is_refused_before_it_is_allocated(tmp_path, co
     assert "an accessor without data" in read(tmp_path / "a.gltf")
 
 
-def test_an_accessor_that_claims_more_than_its_bytes(tmp_path):
+def test_accessor_longer_than_its_buffer(tmp_path):
     whole = json.loads(SEEDS["gltf"][0])
     surroundings(tmp_path)
     for key, value in (("count", 1 << 50), ("byteOffset", 1 << 50), ("byteOffset", -4)):
@@ -180,7 +180,7 @@ def test_an_accessor_that_claims_more_than_its_bytes(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["ply", "stl"])
-def test_a_header_that_promises_billions(tmp_path, kind):
+def test_header_with_billions_of_elements(tmp_path, kind):
     """Refused with no more memory than the file has."""
     import tracemalloc
 
@@ -199,7 +199,7 @@ def test_a_header_that_promises_billions(tmp_path, kind):
     assert most < 50e6
 
 
-def test_a_mesh_that_hangs_on_more_nodes_than_memory_holds(tmp_path, monkeypatch):
+def test_mesh_instanced_beyond_memory_is_refused(tmp_path, monkeypatch):
     """A few kilobytes of JSON may stand for any number of triangles."""
     monkeypatch.setattr("gi_core.files.formats.gltf_file.MOST_TRIANGLES", 100)
     nodes = [{"mesh": 0} for _ in range(9)]
@@ -208,7 +208,7 @@ def test_a_mesh_that_hangs_on_more_nodes_than_memory_holds(tmp_path, monkeypatch
     assert MOST_TRIANGLES >= 10_000_000
 
 
-def test_memory_that_is_full_is_told_in_one_sentence(tmp_path, monkeypatch):
+def test_out_of_memory_is_one_sentence(tmp_path, monkeypatch):
     def full(*_):
         raise MemoryError
 

@@ -45,7 +45,7 @@ def test_a_lamp_with_two_open_sides_is_named_and_stays():
     assert scene.notes == ("two-sided lamps shine from their front alone: lamp",)
 
 
-def test_a_one_sided_lamp_is_as_its_file_says():
+def test_one_sided_lamp_follows_its_file():
     scene = lit(up(2.99), lamp(10.0))
     np.testing.assert_allclose(normals_of_lamp(scene), [[0, 1, 0]] * 2, atol=1e-12)
     assert scene.notes == ()

@@ -63,7 +63,7 @@ def test_a_mask_alone_cuts_the_material_s_colour(tmp_path):
     assert np.allclose(linear, (0.25, 0.5, 0.02), atol=0.005)
 
 
-def test_a_missing_mask_leaves_the_surface_whole_with_one_line(tmp_path):
+def test_missing_mask_leaves_the_surface_opaque_and_adds_a_note(tmp_path):
     read = card(tmp_path, "Kd 0.2 0.2 0.2\nmap_d gone.png\n")
     assert read.mesh.paint is None and sum("gone.png is missing" in note for note in read.notes) == 1
 
@@ -71,7 +71,7 @@ def test_a_missing_mask_leaves_the_surface_whole_with_one_line(tmp_path):
 @pytest.mark.parametrize(
     ("line", "told"), [("d 0.4", True), ("Tr 0.3", True), ("d 1", False), ("Tr 0", False), ("", False)]
 )
-def test_a_material_dissolved_all_over_is_told(tmp_path, line, told):
+def test_fully_dissolved_material_adds_a_note(tmp_path, line, told):
     notes = card(tmp_path, f"Kd 0.2 0.2 0.2\n{line}\n").notes
     assert any('taken as opaque: "leaf"' in note for note in notes) == told
 
@@ -87,7 +87,7 @@ def scene_of_a_card_with_holes() -> Scene:
     return Scene(wall, (Material("grey", two_sided=True),), (Mobile("sheet", sheet, Pose((0.0, 0.0, 0.0))),))
 
 
-def test_one_reaches_through_holes():
+def test_picking_passes_through_holes():
     """The quarter at the upper left is there; right of it one reaches the wall behind."""
     scene = scene_of_a_card_with_holes()
     picker = Picker(flatten(scene)[0])
@@ -96,7 +96,7 @@ def test_one_reaches_through_holes():
         assert (hit.object, round(hit.distance)) == (of, 2 if of else 3), (x, y, hit)
 
 
-def test_masks_survive_what_pillow_reads(tmp_path):
+def test_palette_transparency_is_a_mask(tmp_path):
     """A palette with a transparent entry is a mask by its alpha."""
     image = Image.fromarray(big(CHECKS)).convert("P")
     data = io.BytesIO()
@@ -116,7 +116,7 @@ def test_masks_survive_what_pillow_reads(tmp_path):
         ({}, 2),
     ],
 )
-def test_alpha_of_vertices_takes_whole_triangles_away(tmp_path, described, left):
+def test_vertex_alpha_removes_whole_triangles(tmp_path, described, left):
     """Corners of the first triangle have alpha 1, of the second 0.2 throughout; they share none."""
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0]], np.float64)
     colours = np.ones((6, 4))

@@ -111,7 +111,7 @@ def test_node_transform_moves_points_and_normals(tmp_path):
         assert mesh.vertices[:, 0].min() == min(5, 5 + sx)
 
 
-def test_normals_are_made_unit_or_disbelieved(tmp_path):
+def test_normals_are_normalized_or_ignored(tmp_path):
     up = np.array([[0.0, 0, 6.28]] * 4)
     mesh = read_mesh_file(write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, up)).mesh
     np.testing.assert_allclose(mesh.corner_normals, np.broadcast_to([0, 0, 1.0], (2, 3, 3)))
@@ -123,7 +123,7 @@ def test_normals_are_made_unit_or_disbelieved(tmp_path):
     assert read_mesh_file(write_glb(tmp_path / "d.glb", QUAD, QUAD_FACES)).mesh.corner_normals is None
 
 
-def test_zero_area_and_duplicates_go_with_a_note(tmp_path):
+def test_zero_area_and_duplicate_faces_are_dropped_with_a_note(tmp_path):
     faces = np.concatenate([BOX_FACES, [[0, 0, 1], [0, 1, 1]], BOX_FACES[:3, [1, 2, 0]]])
     read = read_mesh_file(write_obj(tmp_path / "a.obj", BOX, faces))
     assert len(read.mesh.faces) == 12
@@ -194,7 +194,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_unreadable_files_say_so(tmp_path, name):
+def test_unreadable_files_are_refused(tmp_path, name):
     content, sentence = BROKEN[name]
     (tmp_path / name).write_bytes(content)
     with pytest.raises(SceneError, match=sentence) as caught:

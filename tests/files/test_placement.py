@@ -81,7 +81,7 @@ def test_a_mobile_stands_where_the_files_camera_looks():
     assert corners(behind)[:, 2].max() < 0
 
 
-def test_mobiles_do_not_stand_in_one_another():
+def test_mobiles_do_not_overlap():
     scene = completed(house(), cube(0.6, "a"), cube(0.6, "b"), cube(0.6, "c"))
     for i in range(3):
         for j in range(i):
@@ -90,7 +90,7 @@ def test_mobiles_do_not_stand_in_one_another():
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
-def test_a_closed_box_wound_outwards_is_looked_at_from_outside(two_sided):
+def test_outward_closed_box_is_viewed_from_outside(two_sided):
     """Nobody can look into it, and a lamp inside would light nothing that is seen."""
     scene = completed(box((-1, -1, -1), (1, 1, 1)), materials=(grey(0.7, two_sided),))
     assert np.abs(scene.camera.position).max() > 1.5
@@ -105,7 +105,7 @@ def test_a_closed_box_wound_inwards_is_a_room():
     assert corners(scene)[:, 1].min() == pytest.approx(-1, abs=1e-4)
 
 
-def test_an_open_front_is_looked_into():
+def test_open_front_faces_the_camera():
     """A Cornell box: five walls, the sixth open at +z, a lamp inside."""
     room = box((0, 0, 0), (1, 1, 1), inward=True)
     front = (room.vertices[room.faces][..., 2] == 1).all(axis=1)
@@ -130,7 +130,7 @@ def test_horns_are_in_the_picture():
     assert 0.5 < at.max() < 1
 
 
-def test_a_lone_thing_is_whole_in_the_picture_and_lit_from_where_one_looks():
+def test_single_object_fits_the_frame_and_is_lit_from_the_camera():
     for mesh in (sphere((5, 5, 5), 2.0), box((0, 0, 0), (4, 0.1, 1)), quad((0, 0, 0), (0, 0, 3), (3, 0, 0))):
         scene = completed(mesh)
         at = np.abs(in_frame(scene.camera, Y, mesh.vertices))
@@ -145,7 +145,7 @@ def test_a_lone_thing_is_whole_in_the_picture_and_lit_from_where_one_looks():
         assert 0 < sky.radiance[0] < 0.1 * RADIANCE, "the sides that the lamp does not see are not black"
 
 
-def test_the_lamp_hangs_below_the_shelf_that_is_over_the_mobile():
+def test_lamp_hangs_below_the_shelf_over_the_mobile():
     """A placed mobile in a niche: a lamp under the ceiling would leave it in the dark."""
     room = box((0, 0, 0), (3, 3, 3), inward=True)
     shelf = box((0, 1, 0), (1, 1.1, 1))
@@ -166,7 +166,7 @@ def test_the_lamp_does_not_stick_into_a_beam():
     assert lamp_faces(scene)[..., 0].max() < 2.3
 
 
-def test_the_lamp_hangs_beside_a_slot_it_would_not_fit_in():
+def test_lamp_hangs_beside_a_slot_too_narrow_for_it():
     """A mobile under a gap of 0.1 between two beams: a lamp in there would be a slit."""
     room = box((0, 0, 0), (4, 3, 4), inward=True)
     beams = [box((1.5, 1.5, 0), (1.95, 3, 4)), box((2.05, 1.5, 0), (2.5, 3, 4))]
@@ -195,7 +195,7 @@ def test_a_wide_mobile_does_not_stand_half_behind_a_post():
 
 
 @pytest.mark.parametrize(("size", "scaled"), [(0.2, False), (0.9, True), (0.001, True)])
-def test_a_mobile_is_scaled_to_the_scene_with_one_line(tmp_path, size, scaled):
+def test_scaled_mobile_adds_a_note(tmp_path, size, scaled):
     room = write_obj(tmp_path / "room.obj", BOX, BOX_FACES[:, ::-1])
     scene = load_scene(room, mobiles=[write_obj(tmp_path / "thing.obj", BOX * size)])
     notes = [n for n in scene.notes if n.startswith('mobile "thing" scaled by')]
@@ -204,7 +204,7 @@ def test_a_mobile_is_scaled_to_the_scene_with_one_line(tmp_path, size, scaled):
 
 
 @pytest.mark.parametrize("up", ["x", "y", "z"])
-def test_up_may_be_said(tmp_path, up):
+def test_up_option_sets_the_vertical_axis(tmp_path, up):
     """The same room whichever axis is up: the mobile, whose own file is y-up, stands upright on its floor."""
     room = write_obj(tmp_path / "room.obj", BOX, BOX_FACES[:, ::-1])
     tall = write_obj(tmp_path / "tall.obj", BOX * [0.1, 0.2, 0.1])

@@ -41,7 +41,7 @@ def test_both_sides_count_in_the_budget(budget, two_sided):
     assert 0.5 * budget < receivers < 1.1 * budget and edge > FINEST * 3
 
 
-def test_no_finer_than_light_can_tell():
+def test_refinement_stops_at_the_finest_useful_edge():
     mesh, edge, receivers = spent(Scene(box((0, 0, 0), (3, 3, 3), inward=True), (grey(0.5),), (), (BULB,)), 10**6)
     assert edge == pytest.approx(FINEST * 3, rel=0.05) and receivers < 60_000
 
@@ -71,7 +71,7 @@ def test_finest_where_light_lands_and_the_camera_looks():
     assert edges(mesh, behind).max() <= UNSEEN * edge * 1.01
 
 
-def test_files_small_parts_do_not_cost_the_large_ones_their_share():
+def test_fine_parts_leave_budget_for_coarse_ones():
     """A grid of 20,000 triangles on one wall of a room: over the budget already, and the floor is cut all the same."""
     fine = quad((0, 0, 0), (0, 3, 0), (0, 0, 3), (100, 100))
     room = merge(fine, box((0, 0, 0), (3, 3, 3), inward=True))
@@ -118,7 +118,7 @@ CRATE = box((1, 0.1, 1), (2, 1.1, 2))
 
 
 @pytest.mark.parametrize("what", ["lamp", "point"])
-def test_a_crate_with_a_lamp_in_it_keeps_its_inside(what):
+def test_crate_with_a_lamp_inside_keeps_its_inner_side(what):
     bulb = quad((1.4, 0.5, 1.4), (0.1, 0, 0), (0, 0, 0.1), material=1)
     parts = [quad((0, 0, 0), (0, 0, 3), (3, 0, 0)), CRATE, *([bulb] if what == "lamp" else [])]
     scene = sides(
@@ -128,13 +128,13 @@ def test_a_crate_with_a_lamp_in_it_keeps_its_inside(what):
     assert two_sided(scene, slice(2, 14)).all()
 
 
-def test_an_open_sheet_that_is_lit_on_both_sides_keeps_them():
+def test_open_sheet_lit_on_both_sides_keeps_both():
     sheet = quad((1, 1, 1), (1, 0, 0), (0, 0, 1))
     scene = sides(merge(ROOM, sheet), (BULB, PointLight("q", (1.5, 0.5, 1.5), (10.0,) * 3)))
     assert two_sided(scene, slice(12, 14)).all()
 
 
-def test_light_stays_the_same_on_the_side_that_is_kept():
+def test_kept_side_has_the_same_light():
     """Irradiance on the fronts, with the dark sides and without, photon by photon."""
     from gi_core.solver import Solver
 
@@ -165,6 +165,6 @@ def test_a_bare_file_keeps_to_its_budget(tmp_path, monkeypatch):
     assert edges(asked.static, slice(None)).max() <= 0.2
 
 
-def test_a_closed_file_without_light_is_one_sided(tmp_path):
+def test_closed_mesh_without_lights_is_one_sided(tmp_path):
     scene = load_scene(write_obj(tmp_path / "crate.obj", BOX, BOX_FACES), max_edge=np.inf)
     assert not two_sided(scene).any()

@@ -12,7 +12,7 @@ from gi_core.solver import Solver
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb, write_obj, write_scene
 
 
-def test_file_that_is_not_there():
+def test_missing_file():
     with pytest.raises(SceneError, match=r"no_such.toml: there is no such scene file; shipped scenes are cornell, "):
         load_scene("no_such.toml")
 
@@ -58,7 +58,7 @@ def test_mesh_file_alone_is_a_scene(tmp_path):
     assert not any("no light in the file" in n for n in scene.notes)
 
 
-def test_dark_scene_gets_a_lamp_that_shines_down(tmp_path):
+def test_dark_scene_gets_a_downward_lamp(tmp_path):
     file = write_obj(tmp_path / "dark.obj", BOX, BOX_FACES[:, ::-1])
     scene = load_scene(file, mobiles=[write_obj(tmp_path / "cube.obj", BOX * 0.1)])
     lamp = next(i for i, m in enumerate(scene.materials) if m.name == "default light")

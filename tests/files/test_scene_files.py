@@ -35,7 +35,7 @@ radiance = [0.1, 0.1, 0.2]
 """
 
 
-def test_everything_in_a_scene_file_arrives(tmp_path):
+def test_every_key_of_a_scene_file_is_read(tmp_path):
     text = 'up = "z"\nunits = "photometric"\n' + SCENE.replace("[static]", "[static]\nscale = 2.0\nmax_edge = 0.5")
     text += (
         'axis = [0, 0, 2]\nangle = 90\nscale = 0.5\nmaterial = "red"\n[materials.red]\nreflectance = [0.6, 0.1, 0.1]\n'
@@ -188,7 +188,7 @@ def test_mistakes_are_named(tmp_path, mistake):
 
 
 @pytest.mark.parametrize("digits", [3, 4, 9])
-def test_a_rotation_as_people_type_it_is_made_exact(tmp_path, digits):
+def test_rounded_rotation_is_made_exact(tmp_path, digits):
     """Quarter turns rounded to three digits are off by 1.5e-4 in length, any by at most 1e-3."""
     c = round(0.5**0.5, digits)
     pose = load_scene(write_scene(tmp_path, SCENE + f"rotation = [{c}, 0, {c}, 0]")).mobiles[0].pose
@@ -211,7 +211,7 @@ def test_windows_files_are_read(tmp_path):
 
 @pytest.mark.parametrize("command", ["info", "render", "bench"])
 @pytest.mark.parametrize("mistake", ["nan", "misspelt key", "missing mesh", "reflectance", "estimator"])
-def test_mistakes_end_with_code_3_and_one_line(command, mistake, tmp_path, capsys, monkeypatch):
+def test_errors_exit_with_3_and_one_line(command, mistake, tmp_path, capsys, monkeypatch):
     from app.__main__ import main
 
     monkeypatch.chdir(tmp_path)

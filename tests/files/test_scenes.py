@@ -153,7 +153,7 @@ def test_pawn_keeps_clear_of_boxes_and_walls():
     assert 0 < nearest_green < 0.03 and 0 < nearest_red < 0.03  # up to both coloured walls
 
 
-def test_furnace_derives_the_answer_it_has():
+def test_furnace_equals_its_derived_answer():
     scene = load_scene("furnace")
     lit = scene.materials[scene.static.face_material[0]]
     assert (scene.static.face_material == scene.static.face_material[0]).all() and area(scene.static) == pytest.approx(

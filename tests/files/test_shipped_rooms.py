@@ -38,7 +38,7 @@ def shipped(request):
     return request.param, load_scene(request.param)
 
 
-def test_luminous_faces_give_the_flux_that_is_stated(shipped):
+def test_luminous_faces_emit_the_stated_flux(shipped):
     """pi L A of each material, and no other material emits. Radiance is rounded to 1e-4."""
     name, scene = shipped
     _, areas = face_normals(scene.static)
@@ -95,7 +95,7 @@ def test_textures_drive_transport():
     assert (belly > 1.3 * back).all() and back[0] > 2 * back[2]
 
 
-def test_cat_looks_where_it_goes_and_touches_nothing():
+def test_cat_faces_its_path_and_touches_nothing():
     scene = load_scene("living_room")
     cat = scene.mobiles[1]
     assert cat.mesh.vertices[:, 1].min() == pytest.approx(0, abs=1e-6)

@@ -175,7 +175,7 @@ def test_units_do_not_matter(tmp_path, scale):
     assert not any("scaled" in n for n in scene.notes)
 
 
-def test_slabs_far_larger_than_the_room_do_not_blur_it(tmp_path):
+def test_slabs_larger_than_the_room_do_not_blur_it(tmp_path):
     """A ground of 60 m under a lit room of 3 m: edges, camera and mobile are the room's."""
     ground = np.array([[-30.0, -0.01, -30], [30, -0.01, -30], [30, -0.01, 30], [-30, -0.01, 30]])
     lamp = np.array([[1.0, 2.95, 1], [2, 2.95, 1], [2, 2.95, 2], [1, 2.95, 2]])

@@ -98,7 +98,7 @@ def test_without_coordinates_a_texture_counts_by_its_mean(tmp_path, format):
     assert note.startswith('material "oak": ')
 
 
-def test_one_image_is_held_once(tmp_path):
+def test_equal_images_are_stored_once(tmp_path):
     """Two files and two samplers share the pixels of one image."""
     (tmp_path / "t.png").write_bytes(png(PIXELS))
     kept = []
@@ -122,7 +122,7 @@ BAD_IMAGES = {
 
 @pytest.mark.parametrize("kind", BAD_IMAGES)
 @pytest.mark.parametrize("format", ["glb", "obj"])
-def test_a_texture_that_cannot_be_read_is_grey_and_told_in_one_line(tmp_path, kind, format):
+def test_unreadable_texture_is_grey_and_adds_a_note(tmp_path, kind, format):
     data, sentence = BAD_IMAGES[kind]
     if data is not None:
         (tmp_path / "wood.png").write_bytes(data)

@@ -83,7 +83,7 @@ def test_every_scale_has_the_same_mean(shape):
 
 @pytest.mark.parametrize("wrap", ["repeat", "mirror", "clamp"])
 @pytest.mark.parametrize("span", [0.01, 0.3, 2.5])
-def test_mean_is_that_of_thousands_of_points(wrap, span):
+def test_mean_equals_point_sampling(wrap, span):
     """From a hundredth of the image to several repetitions of it."""
     texture = smooth(64, (wrap, wrap))
     corner = RNG.uniform(-1.5, 1.5, (6, 1, 2))
@@ -95,14 +95,14 @@ def test_mean_is_that_of_thousands_of_points(wrap, span):
     assert np.abs(many - expected).mean() < 0.01 and np.abs(many - expected).max() < 0.06
 
 
-def test_a_triangle_smaller_than_a_texel_takes_the_value_in_its_middle():
+def test_triangle_below_a_texel_has_the_value_at_its_centre():
     texture = noise()
     uv = (RNG.uniform(-2, 2, (20, 1, 2)) + RNG.uniform(0, 1e-3, (20, 3, 2))).astype(np.float32)
     expected = [bilinear_naively(texture, *t.mean(axis=0)) for t in uv.astype(float)]
     np.testing.assert_allclose(mean_colours(painted(texture, uv)), expected, atol=1e-3)
 
 
-def test_a_triangle_of_a_thousand_repetitions_takes_the_mean_of_the_image():
+def test_triangle_of_many_repetitions_has_the_image_mean():
     texture = noise(32, 32)
     uv = [[[0.1, 0.2], [1003.0, 5.0], [40.0, 990.0]]]
     np.testing.assert_allclose(mean_colours(painted(texture, uv))[0], mean_linear(texture.pixels), atol=0.01)
@@ -117,7 +117,7 @@ def test_an_image_of_stripes_is_weighed_by_area():
     np.testing.assert_allclose(means[:, 0], [0.75 * MOST_REFLECTANCE, 0.25 * MOST_REFLECTANCE], atol=0.01)
 
 
-def test_corner_colours_weigh_the_texture_where_they_are():
+def test_corner_colours_weight_the_texture_locally():
     """A colour that is 1 at the white end and 0 at the black end reflects more than the product of the means."""
     ramp = np.repeat(np.linspace(255, 0, 256).astype(np.uint8)[None, :, None], 4, axis=0).repeat(3, axis=2)
     uv = np.array([[[0.01, 0.5], [0.99, 0.5], [0.01, 0.6]]])
@@ -130,14 +130,14 @@ def test_corner_colours_weigh_the_texture_where_they_are():
     assert mean > 1.15 * mean_colours(painted(texture, uv))[0, 0] * colour.mean()
 
 
-def test_nothing_reflects_more_than_it_may():
+def test_reflectance_stays_below_its_limit():
     white = Texture(np.full((4, 4, 3), 255, np.uint8))
     assert mean_colours(painted(white, [[[0, 0], [1, 0], [0, 1]]])).max() <= MOST_REFLECTANCE
     assert REFLECTANCE.max() == MOST_REFLECTANCE
 
 
 @pytest.mark.parametrize("uv", [np.nan, np.inf, 1e30])
-def test_coordinates_that_are_no_numbers_do_no_harm(uv):
+def test_non_finite_coordinates_are_harmless(uv):
     mean = mean_colours(painted(noise(), [[[uv, 0], [0, uv], [0.5, 0.5]]]))
     assert np.isfinite(mean).all() and (mean >= 0).all()
 
@@ -161,7 +161,7 @@ def test_a_near_pixel_is_interpolated_between_texels(wrap):
     np.testing.assert_allclose(lookup(texture, uv, step * [1, 0], step * [0, 1]), expected, atol=1e-9)
 
 
-def test_a_pixel_that_covers_the_image_has_its_mean():
+def test_pixel_covering_the_image_has_its_mean():
     texture = noise(32, 32)
     one = np.ones((1, 2))
     np.testing.assert_allclose(
@@ -182,7 +182,7 @@ def test_a_grazing_pixel_is_blurred_along_its_footprint_only():
 # Meshes and scenes ----------------------------------------------------------------------------------
 
 
-def test_transport_takes_the_mean_and_leaves_plain_scenes_alone():
+def test_transport_uses_the_mean_and_leaves_plain_scenes_unchanged():
     mesh = Mesh(QUAD, QUAD_FACES.astype(np.int32), np.zeros(2, np.int32))
     red = Material("red", (0.5, 0.1, 0.1))
     plain, _ = flatten(Scene(mesh, (red,)))
@@ -193,7 +193,7 @@ def test_transport_takes_the_mean_and_leaves_plain_scenes_alone():
     np.testing.assert_array_equal(surfaces.reflectance, mean_colours(paint))
 
 
-def test_means_follow_the_mesh_as_it_gets_finer():
+def test_means_follow_mesh_refinement():
     """Halves of a black and white image: one triangle sees grey, small ones see what they lie on; area keeps."""
     pixels = np.zeros((2, 2, 3), np.uint8)
     pixels[:, 1] = 255

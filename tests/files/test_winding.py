@@ -17,14 +17,14 @@ def signed_volume(mesh) -> float:
     return float((np.cross(a, b) * c).sum()) / 6
 
 
-def test_the_larger_area_of_a_body_says_which_way():
+def test_larger_area_of_a_body_decides_its_winding():
     faces = BOX_FACES.copy()
     faces[[1, 4, 9]] = faces[[1, 4, 9]][:, ::-1]
     found = consistent_winding(faces, np.ones(12))
     assert np.flatnonzero(found.turned).tolist() == [1, 4, 9] and found.orientable.all()
 
 
-def test_bodies_are_settled_one_by_one():
+def test_each_body_is_oriented_separately():
     two = np.concatenate([BOX_FACES, BOX_FACES + 8])
     two[3] = two[3][::-1]
     two[13:] = two[13:][:, ::-1]
@@ -43,7 +43,7 @@ def test_box_of_mixed_winding_is_whole_again(tmp_path):
     assert "3 triangles were wound against their neighbours or normals: turned" in read.notes
 
 
-def test_an_edge_of_three_faces_tells_nothing():
+def test_edge_of_three_faces_is_ignored():
     """A fin on a sheet: the sheet's two faces and the fin meet in one edge, each stays as it is."""
     faces = np.array([[0, 1, 2], [0, 1, 3], [1, 0, 4]])
     found = consistent_winding(faces, np.ones(3))
@@ -71,7 +71,7 @@ def test_a_body_without_two_sides_becomes_two_sided(tmp_path):
     assert all(read.materials[i].two_sided for i in read.mesh.face_material)
 
 
-def test_normals_of_the_file_say_which_faces_are_turned(tmp_path):
+def test_file_normals_decide_turned_faces(tmp_path):
     """One triangle of the sheet is wound against normals that all point up: it is turned, and keeps them."""
     faces = QUAD_FACES.copy()
     faces[1] = faces[1][::-1]

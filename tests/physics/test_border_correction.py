@@ -43,7 +43,7 @@ def test_the_angle_of_a_square(two_sided):
     np.testing.assert_allclose(share, np.array([1, 1 / 2, 1 / 4])[on_edges(receivers.positions)], atol=1e-12)
 
 
-def test_the_angle_where_walls_meet_and_on_what_is_round():
+def test_angle_of_edges_corners_and_a_sphere():
     """The edge of a box is a border of each of its faces; a sphere has none, though its fans are not flat."""
     share, receivers = share_of(box((0, 0, 0), (1, 1, 1), 2))
     walls = ((receivers.positions == 0) | (receivers.positions == 1)).sum(axis=1)
@@ -100,7 +100,7 @@ def test_edges_and_corners_of_a_furnace():
     np.testing.assert_allclose(bright[False][2], 0.75, atol=0.08)
 
 
-def test_a_wall_does_not_light_the_floor_that_it_meets():
+def test_wall_does_not_light_the_adjoining_floor():
     """The sun shines along a wall, which gets nothing; without correction floor and wall share the floor's light."""
     for correction, floor, wall in ((True, 1.0, 0.0), (False, 0.5, 0.5)):
         solver, E = solved(folded(90.0), estimator="photon_map", border_correction=correction)
@@ -112,7 +112,7 @@ def test_a_wall_does_not_light_the_floor_that_it_meets():
         assert E[foot & ~up] == pytest.approx(wall, abs=0.4 * wall)
 
 
-def test_the_textbook_form_is_brighter_by_one_hit():
+def test_textbook_form_is_brighter_by_one_hit():
     """k / (k - 1) on the average, at every receiver that finds k; the report's tables have it."""
     scene = furnace_scene(1.0, 0.5)
     _, fair = solved(scene, estimator="photon_map", neighbours=20)

@@ -72,7 +72,7 @@ def solved(estimator: str, light: str = "photons") -> Solver:
 
 
 @pytest.mark.parametrize("light", LIGHTS)
-def test_a_move_that_is_broken_off_anywhere_has_not_been_made(estimator, light):
+def test_interrupted_move_changes_nothing(estimator, light):
     solver = solved(estimator, light)
     for _ in range(2):  # the first time more is called: what is made once
         solver.move("block", THERE)
@@ -91,7 +91,7 @@ def test_a_move_that_is_broken_off_anywhere_has_not_been_made(estimator, light):
     assert seen(solver)[:2] != before[:2]
 
 
-def test_before_anything_is_traced_a_move_is_poses_alone():
+def test_move_before_tracing_sets_poses_alone():
     solver = solved("tangent_plane")
     untraced = Solver(solver.scene, photons=2000, radius=0.1)
     untraced.move_all(NEXT)
@@ -101,7 +101,7 @@ def test_before_anything_is_traced_a_move_is_poses_alone():
     assert np.array_equal(untraced.irradiance, solver.irradiance)
 
 
-def test_work_on_several_threads_has_ended_when_one_of_them_raises():
+def test_exception_in_one_thread_waits_for_the_others():
     ended = np.zeros(3, bool)
 
     def work(part, start, stop):
@@ -115,7 +115,7 @@ def test_work_on_several_threads_has_ended_when_one_of_them_raises():
     assert ended[1:].all()
 
 
-def test_a_picture_of_new_settings_that_is_broken_off_is_made_the_next_time():
+def test_interrupted_configuration_completes_at_the_next_solve():
     solver, wanted = solved("tangent_plane"), solved("tangent_plane")
     for s in (solver, wanted):
         s.configure(radius=0.2)

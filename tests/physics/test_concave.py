@@ -31,7 +31,7 @@ def test_the_inside_of_a_sphere_is_dark_without_the_rule():
     assert without.mean() < 0.05 * E.mean()
 
 
-def test_the_outside_of_a_sphere_needs_nothing():
+def test_outside_of_a_sphere_needs_no_remedy():
     """E = pi of the lamps all round; the same bits with and without rule and control."""
     case = control_scenes.ball(inside=False)
     solver, E = solved(case)

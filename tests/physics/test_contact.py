@@ -33,7 +33,7 @@ def mean_error(E: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("thing", ["leg", "book"])
-def test_a_white_thing_in_a_furnace_takes_no_light_from_the_floor(thing):
+def test_white_mobile_in_a_furnace_leaves_the_floor_unchanged(thing):
     """Beside it a disc loses up to a half without control: a fifth on average over distances up to 0.9 r.
 
     Receivers there see some 300 and 1200 photons in all, so their mean has a deviation of 6 and 3 %; the same
@@ -60,7 +60,7 @@ def test_corners_and_borders_of_a_room_are_as_right_as_its_floor():
     assert mean_error(without[border]) > 3 * mean_error(without[free])
 
 
-def test_a_leg_lights_the_floor_the_same_as_a_mobile_and_as_a_part_of_the_room():
+def test_mobile_leg_and_static_leg_light_the_floor_alike():
     """Both count the same photons but for rounding, and the regions are the same."""
     E = []
     for mobile in (True, False):
@@ -72,7 +72,7 @@ def test_a_leg_lights_the_floor_the_same_as_a_mobile_and_as_a_part_of_the_room()
     assert np.median(np.abs(E[0] / E[1] - 1)) < 0.01
 
 
-def test_the_sides_of_a_mobile_are_not_dark_where_it_stands():
+def test_sides_of_a_standing_mobile_are_not_dark():
     """A disc at its lower edge reaches into the floor, half of it; on average more than a quarter."""
     case = control_scenes.book()
     on, off = solved(case), solved(case, control=False)
@@ -119,7 +119,7 @@ def test_a_mobile_in_mid_air_costs_nothing(monkeypatch):
     assert solver.frame.change.near_boxes.size == 0 and solver.frame.changes.photons_cut > 0
 
 
-def test_contact_on_a_mobile_is_looked_for_only_where_its_light_is_that_of_photons():
+def test_contact_on_mobiles_needs_light_from_photons():
     """Where it gathers, no disc on it is read; floor and walls beside it are estimated as ever."""
     case = control_scenes.leg(True)
     solver = Solver(case.scene, photons=5000, radius=case.radius)
@@ -184,7 +184,7 @@ def test_many_receivers_in_contact_are_searched_by_a_grid(monkeypatch):
     assert np.array_equal(*irradiance)
 
 
-def test_the_warm_up_compiles_what_contact_needs():
+def test_warm_up_compiles_contact_kernels():
     """Its mobile enters a disc of the floor, and the floor discs on it: no kernel is left for the first touch."""
     solver = Solver(_tiny_scene(), photons=64, radius=0.1)
     solver.solve()

@@ -41,7 +41,7 @@ def test_first_picture_is_of_whole_discs(few_are_many):
     assert not np.array_equal(first.irradiance, controlled.irradiance)
 
 
-def test_it_ends_as_if_it_had_not_been(few_are_many):
+def test_first_look_leaves_no_trace(few_are_many):
     steps, straight = opened(), opened()
     for _ in steps.solve_steps():
         pass
@@ -52,7 +52,7 @@ def test_it_ends_as_if_it_had_not_been(few_are_many):
 
 
 @pytest.mark.parametrize("stop", range(12))
-def test_left_and_begun_again_it_ends_the_same(few_are_many, stop):
+def test_interrupted_first_look_leaves_no_trace(few_are_many, stop):
     """Broken off after any step, also within the first look itself, and moved meanwhile."""
     left, straight = opened(), opened()
     for _, _ in zip(range(stop), left.solve_steps(), strict=False):

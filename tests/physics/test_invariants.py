@@ -110,7 +110,7 @@ def test_there_and_back_is_the_start(estimator, history):
 
 
 @pytest.mark.parametrize("mutation", ["a branch skipped", "a tail forgotten"])
-def test_the_comparison_catches_mutations(monkeypatch, estimator, mutation):
+def test_comparison_detects_mutations(monkeypatch, estimator, mutation):
     real = gi_core.frames.frame.change
 
     def mutated(*arguments):
@@ -143,7 +143,7 @@ def test_mobiles_outside_all_light_give_the_static_solution(estimator):
     assert not solver.irradiance[n:].any()
 
 
-def test_threads_do_not_show(estimator, monkeypatch):
+def test_threads_do_not_change_bits(estimator, monkeypatch):
     grains = (
         "rays.accelerator.RAY",
         "retrace.cuts.CUT",
@@ -203,7 +203,7 @@ def test_a_prefix_of_more_photons_is_the_smaller_solution(estimator):
     assert np.array_equal(many.irradiance, solved(estimator=estimator).irradiance)
 
 
-def test_steps_may_be_abandoned_anywhere(estimator):
+def test_steps_may_be_abandoned_at_any_point(estimator):
     expected = solved(estimator=estimator).irradiance
     solver = fresh(estimator=estimator)
     for stop in (1, 2, 1, 3):

@@ -65,7 +65,7 @@ def held_by(s: Session) -> list[weakref.ref]:
     return [weakref.ref(thing) for thing in (s.light._solver, s.light._solver.model, s.light, s.light._work)]
 
 
-def test_a_scene_that_rested_goes_with_its_references():
+def test_rested_scene_is_freed_with_its_references():
     """Rounds of the reference are under way, of several poses: each knows the whole scene."""
     s = opened()
     for x in (0.5, 0.6):
@@ -78,7 +78,7 @@ def test_a_scene_that_rested_goes_with_its_references():
     assert goes(*refs)
 
 
-def test_a_scene_goes_while_another_estimator_is_looked_at():
+def test_scene_under_comparison_is_freed():
     s = opened(replace(SETTINGS, compare="impact_count"))
     until(s, lambda: s.light._work.live_error.comparison._steps is not None)
     refs = [*held_by(s), weakref.ref(s.light._work.live_error.comparison)]
@@ -87,7 +87,7 @@ def test_a_scene_goes_while_another_estimator_is_looked_at():
     assert goes(*refs)
 
 
-def test_a_scene_that_is_no_longer_wanted_goes_when_it_has_been_read():
+def test_cancelled_load_is_freed():
     kept, gate = [], threading.Event()
 
     def load(settings):
@@ -107,7 +107,7 @@ def test_a_scene_that_is_no_longer_wanted_goes_when_it_has_been_read():
 
 
 @pytest.mark.parametrize("refused", [False, True])
-def test_scenes_that_are_never_shown_leave_no_thread(refused):
+def test_scenes_never_shown_leave_no_thread(refused):
     """Given up while they are opened, or refused: an hour of either must not fill the program with threads."""
     gate, before = threading.Event(), threading.active_count()
 
@@ -130,7 +130,7 @@ def test_scenes_that_are_never_shown_leave_no_thread(refused):
     assert threading.active_count() == before
 
 
-def test_what_a_failed_load_had_read_goes_though_its_reason_is_kept():
+def test_failed_load_is_freed_although_its_error_is_kept():
     kept = []
 
     def load(settings) -> Scene:
@@ -150,7 +150,7 @@ def test_what_a_failed_load_had_read_goes_though_its_reason_is_kept():
     assert goes(*kept)
 
 
-def test_a_scene_goes_after_a_step_of_it_has_failed(monkeypatch):
+def test_scene_with_a_failed_step_is_freed(monkeypatch):
     s = opened()
     until(s, lambda: not s.refining)
 
@@ -167,7 +167,7 @@ def test_a_scene_goes_after_a_step_of_it_has_failed(monkeypatch):
     assert goes(*refs)
 
 
-def test_a_job_holds_nothing_of_what_it_raised():
+def test_failed_job_holds_no_reference():
     class Thing:
         pass
 

@@ -108,7 +108,7 @@ def test_sums_drift_and_mobiles(row):
     check(row())
 
 
-def test_noise_goes_with_one_over_the_radius():
+def test_noise_is_inversely_proportional_to_the_radius():
     noise = [row.measured.mean for row in tangent_plane.smaller_and_smaller()]
     assert np.diff(np.log2(noise)) == pytest.approx(1.0, abs=0.1)
 
@@ -133,7 +133,7 @@ def test_shapes():
     assert beyond(1.0, 2.0) == pytest.approx(1 / 3 - math.sqrt(3) / (4 * math.pi))
 
 
-def test_standard_error_is_that_of_the_mean():
+def test_standard_error_of_the_mean():
     number = over_seeds(lambda seed: (float(seed % 2),), 8)[0]
     assert number.mean == 0.5
     assert number.error == pytest.approx(math.sqrt(8 / 28) / math.sqrt(8))
@@ -162,7 +162,7 @@ def test_the_command_writes_a_page_with_pictures(tmp_path, capsys):
     assert page.count('src="data:image/png;base64,') == page.count("src=") == 1 and "://" not in page
 
 
-def test_rows_of_one_title_share_what_they_have_in_common():
+def test_rows_of_one_title_share_common_cells():
     rows = [
         AtlasRow(name, name, theory, 1.0, Number(1.0), "shade", Number(aim), aim=aim, title="Sun", known=0.1)
         for name, theory, aim in (("noon", "bright", 0.0), ("dusk", "dim", 1.0))
@@ -173,12 +173,12 @@ def test_rows_of_one_title_share_what_they_have_in_common():
     assert html.count("1 ± 0.1") == 2 and "<th>remedy</th>" not in html and "<b>Cost</b>" not in html
 
 
-def test_digits_end_where_chance_begins():
+def test_printed_digits_end_at_the_uncertainty():
     said = {(0.08258, 0.0004): "0.08258 ± 0.00040", (61.99, 0.03): "61.990 ± 0.030", (3.0, 20.0): "3 ± 20"}
     assert {pair: str(Number(*pair)) for pair in said} == said
     assert [str(Number(x)) for x in (0.25, 0.0)] == ["0.25", "0"] and str(Number(1.25, 5e-17)) == "1.25"
 
 
-def test_groups_are_looked_up_by_place():
+def test_groups_are_found_by_position():
     solver = solved(scene(sheet((0, 0, 0), (1, 0, 0), (0, 1, 0), (2, 2)), (BLACK,), (0, -3, 2), (0, 0, 0), ()), 0)
     assert near((0.5, 0.5, 0), (0, 0, 0))(solver.receivers).sum() == 2

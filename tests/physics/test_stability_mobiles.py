@@ -29,7 +29,7 @@ def test_a_tiny_bright_lamp_a_hair_above_the_floor(estimator):
             assert arrived == pytest.approx(0.5e6, rel=0.1)
 
 
-def test_a_light_swallowed_by_a_mobile(estimator):
+def test_light_inside_a_mobile(estimator):
     """A closed black box over a bulb leaves the room dark, exactly; taken away, the light is back, bit for bit."""
     cover = Mobile("cover", box((-0.1,) * 3, (0.1,) * 3, 2, 0), Pose((0.5, 0.5, 5.0)))
     walls = box((0, 0, 0), (1, 1, 1), 6, 0, inward=True)
@@ -77,7 +77,7 @@ ODD = {
 
 
 @pytest.mark.parametrize("where", ODD)
-def test_a_mobile_that_touches_crosses_or_leaves_the_room(where, estimator):
+def test_mobile_touching_crossing_or_leaving_the_room(where, estimator):
     """No NaN, no lost flux, the same bits as from scratch."""
     solver = solved(room(box_mobile("a"), box_mobile("b", 0.1)), estimator=estimator)
     solver.move_all({"a": ODD[where], "b": ODD[where]})  # and the smaller is swallowed by the larger
@@ -89,7 +89,7 @@ def test_a_mobile_that_touches_crosses_or_leaves_the_room(where, estimator):
         assert solver.frame.changes.photons_cut == 0
 
 
-def test_no_light_under_a_box_that_stands_on_the_floor(estimator):
+def test_no_light_under_a_box_on_the_floor(estimator):
     """Neither leak nor acne: well inside its footprint it is dark, exactly; around it no receiver is black."""
     block = Mobile("block", box((-0.25, -0.25, 0), (0.25, 0.25, 0.4), 4, 0), Pose((0.5, 0.5, 0.0)))
     solver = solved(room(block), 40_000, estimator=estimator, radius=0.08)
@@ -120,7 +120,7 @@ def test_a_mobile_at_rest_does_not_change_a_bit(estimator):
         assert np.array_equal(solver.irradiance, begun)
 
 
-def test_a_move_below_a_pixel_changes_no_more_than_the_photons_it_cuts():
+def test_tiny_move_changes_at_most_the_flux_of_cut_photons():
     """Photons whose paths are not cut, before or after, add the same: only those of the cut ones can change.
 
     Each brings at most its flux to a face at each of its segments.

@@ -20,7 +20,7 @@ from tests.support.stability_cases import UP, assert_sound, room, solved
 
 
 @pytest.mark.parametrize("photons", [0, 1])
-def test_no_photon_and_one(photons, estimator):
+def test_zero_photons_and_one_photon(photons, estimator):
     """Zeros, or one photon's light, without a warning."""
     solver = solved(room(box_mobile("a")), photons, estimator=estimator)
     solver.move("a", Pose((0.5, 0.5, 0.5)))
@@ -45,7 +45,7 @@ def test_a_light_of_no_flux_and_no_light(lights, estimator):
     assert not solver.irradiance.any()
 
 
-def test_a_light_of_one_colour_leaves_the_others_at_zero(estimator):
+def test_light_of_one_channel_leaves_the_others_at_zero(estimator):
     solver = solved(plane_scene(PointLight("red", (0, 0, 1), (5.0, 0.0, 0.0)), reflectance=0.5), estimator=estimator)
     assert_sound(solver)
     assert solver.irradiance[:, 0].any() and not solver.irradiance[:, 1:].any()

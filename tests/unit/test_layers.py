@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FORBIDDEN = ("moderngl", "glcontext", "glfw", "imgui_bundle", "OpenGL", "PIL", "app")
 
 
-def test_gi_core_loads_nothing_of_the_window():
+def test_gi_core_imports_nothing_of_the_window():
     """Import every module of gi_core in a fresh process, then look at what has been loaded."""
     code = f"""
 import importlib, pkgutil, sys, gi_core
@@ -46,7 +46,7 @@ def test_the_linter_bans_the_same_modules(tmp_path):
             assert ran.returncode == code, (module, path, ran.stdout, ran.stderr)
 
 
-def test_packages_import_only_what_stands_before_them():
+def test_packages_import_only_packages_listed_before_them():
     """The order is written once, in pyproject.toml; no modules import each other in a circle."""
     code = "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports())"
     ran = subprocess.run([sys.executable, "-c", code], cwd=ROOT, text=True, capture_output=True, timeout=120)

@@ -8,7 +8,7 @@ from gi_core.solver import Solver
 from tests.support import viewer_support as support
 
 
-def test_a_twin_sees_the_same_photons_in_its_own_way():
+def test_twin_shares_photons_but_not_settings():
     """Its settings and poses are its own; both remain what a solver alone would be, bit for bit."""
     solver = Solver(support.room(), photons=8192, radius=0.06)
     solver.solve()

@@ -83,7 +83,7 @@ def test_drag_uses_one_subset_and_release_all_photons():
     assert s.light._solver.moved_with[settled:] == [1000], "once is enough"
 
 
-def test_held_still_shows_all_photons_then_the_same_subset():
+def test_held_mobile_shows_all_photons_then_the_same_subset():
     s = make()
     s.begin_drag()
     drag(s, 5)
@@ -96,7 +96,7 @@ def test_held_still_shows_all_photons_then_the_same_subset():
     assert drag(s, 5, first=5) == [500] * 5
 
 
-def test_playing_keeps_to_one_prefix_too():
+def test_playing_uses_one_prefix():
     s = make()
     s.toggle_play()
     for _ in range(20):
@@ -206,7 +206,7 @@ def test_subsets_are_timed_once_at_rest_and_not_shown():
     assert make(budget=0.0).light._solver.count("timed") == 0
 
 
-def test_a_drag_that_begins_while_frames_are_timed_goes_first():
+def test_drag_interrupts_the_timing_of_frames():
     s = make()
     s.want(replace(s.settings, radius=0.01))
     while s.light._solver.count("timed") < 13:
@@ -240,7 +240,7 @@ def test_failed_settling_is_logged_once_and_the_drag_goes_on():
     assert drag(s, 2, first=3) == [500, 500]
 
 
-def test_fewer_photons_than_make_a_picture_are_never_taken(monkeypatch):
+def test_prefix_never_falls_below_the_fewest_photons(monkeypatch):
     """A machine on which nothing fits: frames are late, but no confetti."""
     monkeypatch.setattr("gi_core.frames.frame_budget.LEAST", 1 << 14)
     for prefixes, enough in (

@@ -99,7 +99,7 @@ def test_dolly_goes_nearer_and_back():
     assert c.dolly(1).dolly(-1).distance == pytest.approx(c.distance)
 
 
-def test_a_point_made_pivot_comes_to_the_middle_at_its_depth():
+def test_chosen_pivot_moves_to_the_centre_at_its_depth():
     c = camera()
     point = np.array([1.5, 0.2, 2.0])
     depth = (point - c.eye()) @ c.basis()[2]

@@ -40,7 +40,7 @@ def test_modes_of_the_modifier_keys():
 
 @pytest.mark.parametrize("mode", [*MODES, drag.TURN])
 @pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1), (0.2, -0.9, 0.1)])
-def test_back_where_it_was_pressed_is_the_same_pose(mode, up):
+def test_returning_to_the_press_point_restores_the_pose(mode, up):
     g = grab(mode, camera(up))
     assert drag.dragged(g, g.u, g.v, ASPECT, ROOM) == POSE
 

@@ -126,7 +126,7 @@ def test_other_mobiles_find_the_same_file_other_walls_do_not():
     assert path(SCENE) != path(SCENE, seed=1)
 
 
-def test_nothing_is_gathered_unless_asked_for():
+def test_nothing_is_gathered_with_photons_only():
     solver = Solver(SCENE, photons=100, radius=0.06)
     solver.solve()
     assert Gathering(solver, time.monotonic).next_work() is None

@@ -49,7 +49,7 @@ def finish(live_error, wants=NUMBERS, pieces=3000):
     raise AssertionError("no end of work")
 
 
-def test_the_error_is_that_against_a_reference_of_its_own(solver):
+def test_live_error_equals_that_against_another_reference(solver):
     live_error = LiveError(solver, time.perf_counter)
     finish(live_error)
     r = live_error.report
@@ -277,7 +277,7 @@ def test_reference_and_errors_come_at_rest_and_go_with_a_move(session):
     rest(s, lambda: view_content.shown(s).sides[0].label.startswith("Reference"))
 
 
-def test_nothing_is_measured_unless_it_is_wanted(session):
+def test_nothing_is_measured_while_errors_are_off(session):
     s = session
     s.want(replace(s.settings, measure_errors=False))
     rest(s, lambda: not s.refining)

@@ -141,7 +141,7 @@ def test_resizing_releases_and_an_empty_object_draws_nothing(ctx):
     assert ctx.error == "GL_NO_ERROR"
 
 
-def test_colours_of_a_frame_are_taken_from_the_receivers():
+def test_vertex_colours_come_from_the_receivers():
     surfaces, receivers = flatten(support.room(2))
     E = np.arange(3.0 * len(receivers.areas)).reshape(-1, 3)
     mesh = draw_meshes(surfaces)[1]
@@ -151,7 +151,7 @@ def test_colours_of_a_frame_are_taken_from_the_receivers():
 
 @pytest.mark.gl
 @pytest.mark.parametrize("samples", [1, 4])
-def test_a_split_shows_one_layer_left_and_the_other_right(ctx, samples):
+def test_wipe_shows_one_layer_per_side(ctx, samples):
     """A square across the middle, red in one layer and blue in the other, ready for the display."""
     from app.draw.renderer import Look, Renderer
 

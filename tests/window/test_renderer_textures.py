@@ -127,7 +127,7 @@ def test_textures_and_plain_faces_side_by_side(draw):
 
 
 @pytest.mark.gl
-def test_textures_are_given_back_and_shared(ctx):
+def test_textures_are_freed_and_shared(ctx):
     from app.draw.gl_textures import GLTextures
 
     a, b = Texture(PIXELS), Texture(PIXELS[:2])

@@ -73,7 +73,7 @@ def test_refinement_keeps_to_its_budget(step_seconds):
     assert frames <= 52 * max(step_seconds / BUDGET, 1)
 
 
-def test_dragging_a_slider_never_does_more_than_one_frame_of_steps(session):
+def test_dragged_slider_runs_at_most_one_frame_of_steps(session):
     """Radius dragged for two seconds: no frame is over the budget, and settings are taken over only when they rest."""
     for k in range(120):
         session.want(replace(session.settings, radius=0.05 + 1e-4 * k))
@@ -86,7 +86,7 @@ def test_dragging_a_slider_never_does_more_than_one_frame_of_steps(session):
     assert session.light._solver.radius == pytest.approx(0.05 + 1e-4 * 119)
 
 
-def test_a_held_slider_that_rests_is_taken_over_once(session):
+def test_resting_held_slider_is_applied_once(session):
     session.want(replace(session.settings, radius=0.08))
     for _ in range(int(SETTLE / FRAME) - 1):
         assert "configure" not in frame(session, editing=True)[0]
@@ -104,7 +104,7 @@ def test_only_changed_settings_reach_the_solver(session):
     assert ("configure", {"photons": 500}) in session.light._solver.log
 
 
-def test_the_old_picture_stays_until_the_new_one_is_there(session):
+def test_old_picture_stays_until_the_new_one_is_ready(session):
     while session.refining:
         frame(session)
     old, version = session.irradiance, session.version
@@ -258,7 +258,7 @@ def iter_raising(text):
     yield
 
 
-def test_the_same_error_every_frame_is_one_line():
+def test_repeated_error_is_one_log_line():
     log = Log()
     for _ in range(100):
         log("a", ERROR)
@@ -310,7 +310,7 @@ print("4/4 ready", flush=True)
     assert (COMPILING, "photon tracing", 0.25) in seen
 
 
-def test_the_meter_is_not_fooled_by_noise():
+def test_meter_ignores_noise():
     """The median of a noisy first picture is too dark: plain metering was off by 0.3 EV on the Cornell box.
 
     Exposures of 2,000 photons scatter by 0.1 EV from seed to seed: what counts is their mean over five.

@@ -161,7 +161,7 @@ def test_a_long_job_does_not_outlive_the_program():
     subprocess.run(run, cwd=str(support.ROOT), check=True, timeout=30)
 
 
-def test_the_window_opens_where_one_can_be_had():
+def test_window_opens_with_a_display():
     from app.window.window import why_no_window
 
     assert why_no_window() is None
@@ -229,7 +229,7 @@ def test_the_panel_is_as_wide_on_a_screen_of_another_scale(monkeypatch, folder):
     assert window.screen_scale() == 1
 
 
-def test_the_window_remembers_nothing_where_it_cannot(monkeypatch, folder):
+def test_unwritable_config_folder_disables_window_settings(monkeypatch, folder):
     from app.window import window
 
     nowhere = folder / "file"

@@ -13,7 +13,7 @@ pytest_plugins = ["tests.support.viewer_fixtures"]
 pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 
-def test_dragging_a_mobile_moves_it_and_its_light_in_the_same_frame(play):
+def test_dragged_mobile_and_its_light_move_in_the_same_frame(play):
     K = keys()
     seen = []
 

@@ -118,7 +118,7 @@ def test_reload_keeps_the_users_settings_and_poses(play):
     assert errors(play(script, open_with=files.open)) == []
 
 
-def test_a_value_that_nobody_set_is_chosen_anew(play):
+def test_reload_updates_values_not_set_by_the_user(play):
     """A radius that the file gives may have changed in the file; one that the user has set stays."""
     files = Files(radius=0.05, photons=9_000)
 
@@ -135,7 +135,7 @@ def test_a_value_that_nobody_set_is_chosen_anew(play):
     assert errors(play(script, settings, open_with=files.open)) == []
 
 
-def test_a_failed_load_keeps_the_old_scene_and_says_why(play):
+def test_failed_load_keeps_the_old_scene_and_reports_why(play):
     files = Files()
     why = "room.toml: flux must be three numbers >= 0, got [-1, 0, 2]"
 
@@ -199,7 +199,7 @@ def test_failed_upload_keeps_the_old_scene(play, monkeypatch):
     assert errors(play(script, open_with=files.open)) == ["opening: the card is full"]
 
 
-def test_the_old_scene_is_used_while_the_new_one_loads(play):
+def test_old_scene_stays_usable_while_the_new_one_loads(play):
     """Frames, drags and settings go on; what is changed meanwhile stays; the new one waits for a drag to end."""
     files = Files()
 

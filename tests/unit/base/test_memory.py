@@ -11,7 +11,7 @@ from gi_core.solver import Solver
 from tests.support.scene_builders import coloured_room
 
 
-def test_memory_left_is_told_or_unknown(tmp_path, monkeypatch):
+def test_memory_left_is_a_number_or_unknown(tmp_path, monkeypatch):
     assert memory.available() is None or memory.available() > 0
     monkeypatch.setattr(memory, "_MACHINE", tmp_path / "meminfo")
     monkeypatch.setattr(memory, "_GROUP", tmp_path)

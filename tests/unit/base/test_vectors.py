@@ -22,7 +22,7 @@ def test_products_are_numpys_to_the_bit(pair):
     assert np.array_equal(vectors.cross(a, b), np.cross(a, b))
 
 
-def test_one_against_many():
+def test_products_broadcast():
     a, b = np.arange(12.0).reshape(4, 3), np.array([[1.0, -2.0, 0.5]])
     assert np.array_equal(vectors.cross(a, b), np.cross(a, b)) and np.array_equal(vectors.cross(b, a), np.cross(b, a))
     assert np.array_equal(vectors.dot(a[:, None], a), a @ a.T)

@@ -42,7 +42,7 @@ def lit_places(model: Model) -> predict_error.Places:
     return predict_error.places(model, pilot, *choose._box(model, pilot.hits), 1.0)
 
 
-def test_even_ground_gets_the_largest_radius_and_furniture_a_smaller_one():
+def test_furniture_gets_a_smaller_radius_than_flat_ground():
     even = choose.choose(Model(room()), None, None, None)
     assert even.radius == pytest.approx(choose.RADIUS_SHARE * even.scene_size, rel=0.05)
     furnished = choose.choose(Model(room(*crates(12))), None, None, None)
@@ -50,7 +50,7 @@ def test_even_ground_gets_the_largest_radius_and_furniture_a_smaller_one():
     assert furnished.predicted.bias > 2 * even.predicted.bias
 
 
-def test_photons_bring_noise_down_to_the_limit_or_stop_at_what_time_and_memory_allow(monkeypatch):
+def test_photons_reach_the_noise_limit_or_the_time_or_memory_limit(monkeypatch):
     model = Model(room())
     chosen = choose.choose(model, None, None, None)
     assert chosen.predicted.noise == pytest.approx(choose.LEAST_NOISE, rel=0.05)  # two digits of photons
@@ -62,7 +62,7 @@ def test_photons_bring_noise_down_to_the_limit_or_stop_at_what_time_and_memory_a
     assert choose.choose(model, None, None, None).photons == 50_000
 
 
-def test_what_is_given_is_kept_and_photons_do_not_change_the_radius():
+def test_given_settings_are_kept_and_photons_do_not_change_the_radius():
     model = Model(room())
     free = choose.choose(model, None, None, None)
     assert choose.choose(model, 1000, None, None)[:2] == (1000, free.radius)
@@ -96,7 +96,7 @@ def test_no_radius_is_far_below_the_distance_between_receivers():
     assert chosen.radius >= 0.95 * min(0.025 * chosen.scene_size, 0.5 * lit.spacing)
 
 
-def test_noise_of_even_light_is_that_of_counting():
+def test_noise_of_even_light_is_poisson():
     """A sun over a floor of 4 m2: a photon lands on a disc with the chance that is its share of the sunlit disc."""
     model = Model(plane_scene(SUN, divisions=40))
     lit = lit_places(model)
@@ -108,7 +108,7 @@ def test_noise_of_even_light_is_that_of_counting():
     assert predict_error.noise(lit, 0.1, predict_error.photons_for(lit, 0.1, 0.03)) == pytest.approx(0.03)
 
 
-def test_noise_predicted_is_about_that_of_two_solutions():
+def test_predicted_noise_is_near_that_of_two_solutions():
     scene = room()
     lit = lit_places(Model(scene))
     one, two = (Solver(scene, photons=40_000, radius=0.05, seed=s) for s in (1, 2))
@@ -136,7 +136,7 @@ def test_uneven_ground_by_hand():
     assert predict_error.uneven(walled, middle, 0.2) == pytest.approx(3 / 8, abs=0.13)  # 0.14 cos a > 0.05
 
 
-def test_places_are_those_that_the_camera_sees():
+def test_lit_places_are_seen_by_the_camera():
     camera = Camera((0.5, 0.5, 0.5), (0.5, 0.5, 0.0), 40.0)  # from the middle of the room down to its floor
     seen = lit_places(Model(replace(room(), camera=camera)))
     assert len(seen.positions) >= predict_error.FEWEST
@@ -146,7 +146,7 @@ def test_places_are_those_that_the_camera_sees():
 
 
 @pytest.mark.parametrize("radius", [0.01, 0.03])
-def test_predicted_work_is_about_what_the_disc_index_does(radius):
+def test_predicted_work_is_near_that_of_the_disc_index(radius):
     model = Model(room(*crates(12)))
     solver = Solver(model.scene, photons=64, radius=radius)
     solver.solve()

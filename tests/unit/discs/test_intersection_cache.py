@@ -61,7 +61,7 @@ def test_a_walk_through_poses_prefixes_and_estimators_equals_from_scratch(contro
 
 
 @pytest.mark.parametrize("search", SEARCHES)
-def test_searching_for_tails_gives_the_same(search, monkeypatch):
+def test_searching_for_removed_suffixes_gives_the_same_bits(search, monkeypatch):
     looked_up = solver_of(search=search)
     looked_up.solve()
     monkeypatch.setattr(intersection_cache, "MOST_PER_PHOTON", 0)
@@ -77,7 +77,7 @@ def test_searching_for_tails_gives_the_same(search, monkeypatch):
     assert np.array_equal(searched.irradiance, searched.from_scratch())
 
 
-def test_a_log_that_is_too_small_is_begun_again(monkeypatch):
+def test_full_log_is_recorded_again(monkeypatch):
     def light():
         solver = solver_of()
         solver.solve()
@@ -99,7 +99,7 @@ def test_a_log_that_is_too_small_is_begun_again(monkeypatch):
     assert np.array_equal(resting, at_rest)
 
 
-def test_threads_and_parts_do_not_show(monkeypatch):
+def test_threads_and_parts_do_not_change_bits(monkeypatch):
     def frames(threads):
         solver = solver_of(threads=threads)
         for _ in solver.solve_steps():  # small parts, put in order when a prefix is prepared
@@ -119,7 +119,7 @@ def test_threads_and_parts_do_not_show(monkeypatch):
 
 
 @pytest.mark.parametrize("off", [-0.3, 0.3])
-def test_the_comparison_sees_a_cut_that_is_elsewhere(off, monkeypatch):
+def test_comparison_detects_a_shifted_cut(off, monkeypatch):
     real = IntersectionCache.subtract
 
     def shifted(self, removed_suffixes, *others):

@@ -39,7 +39,7 @@ def inside(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
-def test_the_floor_under_a_box_is_drawn_like_the_floor_beside_it(two_sided):
+def test_floor_under_a_box_looks_like_the_floor_beside_it(two_sided):
     # The inside of a thing with two sides may be looked at: only a narrow one is taken for closed.
     solver = solved(standing(two_sided, 0.03 if two_sided else 0.5))
     E, seen = solver.irradiance, solver.drawn(solver.irradiance).irradiance
@@ -80,7 +80,7 @@ def test_unreached_receivers_have_next_to_no_weight_in_their_triangles():
     assert (seen.weights[on_floor & ~covered] == 1).all()
 
 
-def test_a_wall_that_parts_light_from_the_dark_carries_neither_across():
+def test_wall_between_lit_and_dark_floor_leaks_neither():
     """A solid wall, 14 cm thick, on the middle line of a floor; the lamp is on one side, below the wall's top.
 
     The line of receivers in the wall has lit neighbours on one side and merely dark ones on the other.
@@ -110,7 +110,7 @@ def test_a_wall_that_parts_light_from_the_dark_carries_neither_across():
 
 
 @pytest.mark.parametrize("sunk", [0.02, -0.02])
-def test_the_foot_of_a_box_that_is_sunk_through_a_floor_does_not_darken_its_sides(sunk):
+def test_foot_of_a_sunken_box_does_not_darken_its_sides(sunk):
     """The floor is a sheet, so the sunk corners look about in the open below it; sides are as tall as two cells."""
     lamp_above = quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1)
     mesh = merge(floor(2.0, 20), lamp_above, box((*LOW[:2], -sunk), (*HIGH[:2], 0.3), 2, 2))
@@ -126,12 +126,12 @@ def test_the_foot_of_a_box_that_is_sunk_through_a_floor_does_not_darken_its_side
         assert seen.weights is None or (seen.weights[foot] == 1).all()
 
 
-def test_the_inside_of_a_wide_thing_with_two_sides_is_left_as_it_is():
+def test_inside_of_a_wide_two_sided_object_is_unchanged():
     solver = solved(standing(two_sided=True))
     assert solver.drawn(solver.irradiance).irradiance is solver.irradiance
 
 
-def test_a_lit_inside_is_left_as_it_is():
+def test_lit_inside_is_unchanged():
     scene = standing()
     bulb = box((-0.2, -0.15, 0.3), (0.1, 0.2, 0.4), 1, 1)
     solver = solved(replace(scene, static=merge(scene.static, bulb)))
@@ -140,7 +140,7 @@ def test_a_lit_inside_is_left_as_it_is():
     assert np.array_equal(solver.drawn(solver.irradiance).irradiance[covered], solver.irradiance[covered])
 
 
-def test_nothing_is_carried_into_the_next_room():
+def test_dilation_stays_in_its_room():
     case = two_rooms()
     solver = Solver(case.scene, photons=200_000, radius=case.radius)
     solver.solve()
@@ -150,7 +150,7 @@ def test_nothing_is_carried_into_the_next_room():
     assert not solver.drawn(solver.irradiance).irradiance[dark].any()
 
 
-def test_a_scene_where_light_reaches_all_pays_nothing():
+def test_fully_lit_scene_is_not_dilated():
     lit_floor = Scene(
         merge(floor(), quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1)), (grey(0.5), lamp(5.0)), up=(0.0, 0.0, 1.0)
     )
@@ -160,7 +160,7 @@ def test_a_scene_where_light_reaches_all_pays_nothing():
     assert dilated(E, NONE_UNREACHED).irradiance is E and dilated(E, NONE_UNREACHED).weights is None
 
 
-def test_moving_changes_what_is_drawn_there_but_not_where():
+def test_moves_change_dilated_colours_but_not_dilated_vertices():
     solver = solved(standing(mobiles=(box_mobile(size=0.3),)))
     filled = solver.light_source.unreached
     at_rest = solver.drawn(solver.irradiance).irradiance
@@ -172,7 +172,7 @@ def test_moving_changes_what_is_drawn_there_but_not_where():
     assert np.array_equal(moved[filled.rows], total / np.diff(filled.first)[:, None])
 
 
-def test_the_floor_under_a_mobile_is_drawn_like_the_floor_beside_it_wherever_it_stands():
+def test_floor_under_a_mobile_looks_like_the_floor_beside_it():
     mobile = box_mobile(size=0.34)
     scene = Scene(
         merge(floor(2.0, 20), quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1)), (grey(0.5), lamp(5.0)),
@@ -197,7 +197,7 @@ def test_the_floor_under_a_mobile_is_drawn_like_the_floor_beside_it_wherever_it_
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
-def test_a_seat_inside_its_own_post_is_drawn_like_the_seat_beside_it_wherever_the_chair_stands(two_sided):
+def test_seat_inside_its_own_post_looks_like_the_seat_beside_it(two_sided):
     """A plate of 20 by 20 and a post that comes out of it, one mobile; what has two sides may be looked into."""
     seat, post = box((-0.5, -0.5, 0.0), (0.5, 0.5, 0.1), 20, 0), box((0.08, 0.08, 0.02), (0.37, 0.37, 0.7), 4, 0)
     lamp_above = quad((-1, -1, 2), (0, 2, 0), (2, 0, 0), (1, 1), 1)
@@ -223,7 +223,7 @@ def test_a_seat_inside_its_own_post_is_drawn_like_the_seat_beside_it_wherever_th
             assert rim.sum() == 20 and (light[rim] > 0.25 * np.median(E[away])).all()
 
 
-def test_light_that_is_not_known_everywhere_is_dilated_without_a_warning():
+def test_unknown_light_is_dilated_without_a_warning():
     """A reference is nan where no path has been gathered yet."""
     solver = solved(standing(mobiles=(box_mobile(size=0.3),)))
     solver.move("box", Pose((0.4, 0.0, 0.15)))

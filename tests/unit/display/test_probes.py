@@ -17,7 +17,7 @@ TURNED = np.array([(0.36, 0.48, -0.8), (-0.8, 0.6, 0.0), (0.48, 0.64, 0.6)]).T
 
 @pytest.mark.parametrize("turn", [np.eye(3), TURNED], ids=["level", "tilted"])
 @pytest.mark.parametrize("height", [0.0, 1e-9, 1e-3, 0.3, 40.0])
-def test_linear_light_is_read_exactly_at_any_distance_of_the_plane_from_the_origin(turn, height):
+def test_probes_read_linear_light_exactly(turn, height):
     local = np.array([(0.67, 0.33, height), (-0.9, 0.2, height), (0.01, -0.4, height)])
     places, normal = local @ turn.T, turn[:, 2]
     probes = tuple(Probe(str(k), tuple(p), tuple(normal)) for k, p in enumerate(places))

@@ -48,7 +48,7 @@ def test_white_is_white():
     assert from_oklab(np.array([[1.0, 0, 0], [0, 0, 0]])) == pytest.approx(np.array([[1, 1, 1], [0, 0, 0]]), abs=1e-3)
 
 
-def test_a_scale_is_a_round_number_that_holds_what_it_should():
+def test_scale_is_round_and_covers_the_bulk():
     w = np.ones(100)
     assert round_scale(np.linspace(0, 0.4, 100), w) == pytest.approx(0.5)
     assert round_scale(np.linspace(-0.19, 0.19, 100), w) == pytest.approx(0.2)

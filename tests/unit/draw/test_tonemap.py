@@ -59,7 +59,7 @@ def test_meter_puts_the_median_at_mid_grey_and_lets_the_lamp_burn_out():
     assert 3.0 * 2 ** meter(radiance) == pytest.approx(MID_GREY)
 
 
-def test_meter_ignores_what_no_light_reaches():
+def test_meter_ignores_unlit_vertices():
     radiance = np.concatenate([np.full((10, 3), 2.0), np.zeros((500, 3))])
     assert 2.0 * 2 ** meter(radiance) == pytest.approx(MID_GREY)
 
@@ -78,7 +78,7 @@ def test_meter_weights_and_empty_scenes():
     assert meter(radiance, np.zeros(2)) == 0.0
 
 
-def test_view_weights_count_what_faces_the_camera_and_lies_before_it():
+def test_view_weights_count_visible_front_faces():
     positions = np.array([[0, 0, -5.0], [0, 0, -5.0], [0, 0, 5.0], [50, 0, -5.0]])
     normals = np.array([[0, 0, 1.0], [0, 0, -1.0], [0, 0, -1.0], [0, 0, 1.0]])
     weights = view_weights(positions, normals, np.ones(4), (0, 0, 0), (0, 0, -1), 45.0)

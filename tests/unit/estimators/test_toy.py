@@ -98,7 +98,7 @@ def registered(monkeypatch) -> type[Estimator]:
     return Toy
 
 
-def test_a_frame_equals_from_scratch_and_the_shipped_estimator_of_the_same_light():
+def test_frame_equals_from_scratch_and_the_shipped_estimator():
     settings = Settings("cornell", max_edge=0.2, photons=5000, estimator="toy")
     solver = make_solver(open_scene(settings), settings)
     solver.solve()
@@ -111,7 +111,7 @@ def test_a_frame_equals_from_scratch_and_the_shipped_estimator_of_the_same_light
     np.testing.assert_allclose(lit, solver.irradiance, rtol=1e-12)
 
 
-def test_info_render_and_bench_take_it(tmp_path, capsys):
+def test_info_render_and_bench_accept_a_new_estimator(tmp_path, capsys):
     assert cli.main(["info", *SCENE]) == 0
     assert "toy: as asked" in capsys.readouterr().out
     few = ["--photons", "2000"]
@@ -123,7 +123,7 @@ def test_info_render_and_bench_take_it(tmp_path, capsys):
     assert "toy" in capsys.readouterr().err
 
 
-def test_sweep_and_tune_try_it():
+def test_sweep_and_tune_try_a_new_estimator():
     solver = make_solver(open_scene(settings := Settings("cornell", max_edge=0.2, photons=100)), settings)
     assert {"estimator": "toy"} in candidates(solver)
     every = {row.settings.estimator for row in bench_rows.rows(settings, 1)}
@@ -145,7 +145,7 @@ def test_the_chart_draws_its_curve(tmp_path, monkeypatch):
 
 @pytest.mark.gl
 @pytest.mark.usefixtures("gl", "folder")
-def test_the_window_has_it_in_the_combo_and_under_a_key(play):
+def test_window_lists_a_new_estimator(play):
     def script(hand, viewer):
         session, number = viewer.session, list(ESTIMATORS).index("toy")
         hand.wait_for_light()

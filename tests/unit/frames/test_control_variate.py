@@ -33,12 +33,12 @@ def frames() -> dict:
     return out
 
 
-def test_with_all_photons_nothing_differs(frames):
+def test_all_photons_show_no_difference(frames):
     assert np.array_equal(frames["all photons, all"], frames["all photons, prefix"])
     assert np.array_equal(frames["all photons, all"], frames["solver"].from_scratch())
 
 
-def test_what_the_mobile_leaves_alone_is_as_it_is_at_rest_with_all_photons(frames):
+def test_unaffected_receivers_keep_the_light_of_all_photons(frames):
     few, many = frames["resting"][LOWEST], frames["resting"][PHOTONS]
     static = len(few)
     unchanged = (frames["prefix"][:static] == few).all(axis=1)
@@ -72,7 +72,7 @@ def test_noise_of_the_few_cancels(frames):
         (0.0, 0.0, 0.0, 0.0),
     ],
 )
-def test_the_combination(resting, better, frame, expected):
+def test_combination_of_static_and_frame_light(resting, better, frame, expected):
     assert read_out(resting, better, frame, NOT_ADDITIVE, 0.0) == pytest.approx([expected] * 3)
 
 
@@ -106,7 +106,7 @@ def read_out(resting, better, frame, new_flux, flux_per_cut) -> np.ndarray:
         (8.0, 10.0, 6.0, 0.0),  # six came, four went: 2 apart where chance makes sqrt(6 + 2)
     ],
 )
-def test_what_chance_may_have_made_is_left_out(resting, frame, new_flux, share):
+def test_changes_are_shrunk_by_their_noise(resting, frame, new_flux, share):
     better = 3.0
     everything = better * frame / resting if frame < resting else better + frame - resting
     assert read_out(resting, better, frame, new_flux, 1.0) == pytest.approx(

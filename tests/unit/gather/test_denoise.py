@@ -46,7 +46,7 @@ def test_neighbours_are_the_ends_of_edges_each_once():
     assert len(found) == len(set(found)) and set(found) == expected
 
 
-def test_grain_on_even_light_is_a_third_of_what_it_was_and_is_told():
+def test_noise_on_even_light_falls_to_a_third_and_is_reported():
     light = 1 + 0.2 * P[:, 0]
     E, sigma = grainy(light, 0.05 * light)
     s = done(E, sigma, WEIGHTS, NEAR, 0, 1)
@@ -54,7 +54,7 @@ def test_grain_on_even_light_is_a_third_of_what_it_was_and_is_told():
     assert s.share == pytest.approx(rms(s.irradiance, light) / rms(E, light), rel=0.2)
 
 
-def test_the_edge_of_a_shadow_stays_where_it_is():
+def test_shadow_edge_stays_in_place():
     light = np.where(P[:, 0] < 0.5, 1.0, 0.3)
     E, sigma = grainy(light, 0.05)
     s = done(E, sigma, WEIGHTS, NEAR, 0, 1)
@@ -66,7 +66,7 @@ def test_the_edge_of_a_shadow_stays_where_it_is():
 
 
 @pytest.mark.parametrize("height", [0.02, 0.1, 0.3])
-def test_light_that_changes_from_vertex_to_vertex_is_never_made_worse(height):
+def test_detail_at_vertex_scale_is_never_made_worse(height):
     light = 1 + height * np.sin(40 * np.pi * P[:, 0]) * np.sin(34 * np.pi * P[:, 1])
     E, sigma = grainy(light, 0.05)
     s = done(E, sigma, WEIGHTS, NEAR, 0, 1)

@@ -49,7 +49,7 @@ def pairs(gather: FinalGather, field: np.ndarray, count: int) -> None:
         count -= next(steps)
 
 
-def test_in_a_closed_room_of_one_light_each_receiver_has_rho_times_that():
+def test_uniform_room_gives_rho_times_its_light():
     """Whatever the directions: no noise is left."""
     gather, areas = final(Scene(box((0, 0, 0), (1, 1, 1), 3, 0, inward=True), (grey(0.7),), up=(0, 0, 1)))
     pairs(gather, np.broadcast_to([1.0, 2.0, 4.0], (len(areas), 3)), 2)
@@ -57,7 +57,7 @@ def test_in_a_closed_room_of_one_light_each_receiver_has_rho_times_that():
     assert gather.noise < 1e-12 and gather.paths == 16 + 32
 
 
-def test_out_in_the_open_it_is_the_sky():
+def test_open_receivers_see_the_sky():
     walls, sky = box((0, 0, 0), (1, 1, 1), 3, 0), SkyLight("sky", (1.0, 2.0, 3.0))
     gather, areas = final(Scene(walls, (grey(0.7),), (), (sky,), up=(0, 0, 1)))
     pairs(gather, np.zeros((len(areas), 3)), 5)
@@ -65,7 +65,7 @@ def test_out_in_the_open_it_is_the_sky():
     assert len(top) and np.allclose(gather.mean[top], np.pi * np.array([1.0, 2.0, 3.0]), rtol=1e-9)
 
 
-def test_over_the_true_light_it_is_the_reference_and_its_noise_is_what_it_says():
+def test_gather_over_true_light_equals_the_reference_within_its_noise():
     """Walls of many receivers, so that what is interpolated between them is right."""
     scene = fine_room()
     gather, areas = final(scene)
@@ -108,7 +108,7 @@ def until_gathered(solver: Solver) -> None:
             break
 
 
-def test_every_frame_over_it_is_that_from_scratch():
+def test_frames_over_gathered_light_equal_from_scratch():
     solver = noisy()
     until_gathered(solver)
     g = solver.light_source.gathered
@@ -120,7 +120,7 @@ def test_every_frame_over_it_is_that_from_scratch():
 
 
 @pytest.mark.slow
-def test_it_is_far_better_than_its_photons_and_whole_paths_have_the_last_word(monkeypatch):
+def test_final_gather_beats_its_photons_and_whole_paths_replace_it(monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 0.02)
     solver = Solver(fine_room(), photons=50_000, radius=0.02)
     solver.configure(light="best")
@@ -162,7 +162,7 @@ def test_where_there_are_only_mobiles_there_is_nothing_to_gather():
     assert len(list(solver.gather_steps())) <= 2 and solver.light_source.gathered.enough and solver.irradiance.any()
 
 
-def test_whole_paths_take_over_from_single_bounces_however_far_off_those_are(monkeypatch):
+def test_whole_paths_replace_single_bounces_of_any_bias(monkeypatch):
     """Walls of few vertices: single bounces keep an error that their noise does not show."""
     monkeypatch.setattr(static, "ENOUGH", 0.02)
     solver = noisy()

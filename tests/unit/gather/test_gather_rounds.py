@@ -78,7 +78,7 @@ def test_in_a_furnace():
 
 
 @pytest.mark.slow
-def test_the_standard_error_is_what_seeds_scatter_by():
+def test_standard_error_equals_the_scatter_of_seeds():
     scene = build.coloured_room()
     runs = [gathered(scene, 12, s, weights=UNEVEN) for s in range(40)]
     scatter = np.std([r.mean for r in runs], axis=0, ddof=1)
@@ -131,7 +131,7 @@ def test_steps_of_any_length_and_threads_give_the_same_bits(monkeypatch):
         assert np.array_equal(x, y)
 
 
-def test_the_state_given_is_left_alone():
+def test_given_state_is_not_modified():
     scene = build.coloured_room()
     first = gathered(scene, 1, 7)
     kept = [a.copy() for a in first]
@@ -163,7 +163,7 @@ def test_bad_arguments_are_refused():
         ReferenceRounds(scene, P, N, 0, state=ReferenceState.empty(2))
 
 
-def test_noise_of_few_rounds_is_not_told_too_small():
+def test_noise_of_few_rounds_is_unbiased():
     """Over many points, what two rounds tell is in the mean what eight tell, less the root of four."""
     scene = build.coloured_room()
     points = tuple(np.tile(a, (200, 1)) for a in (P, N))

@@ -61,7 +61,7 @@ def test_kinds_are_mixed():
     assert np.mean(beside_it) < 0.2
 
 
-def test_every_kind_is_even_and_all_together_more_so():
+def test_each_kind_is_stratified_and_all_together_more():
     """Elevations share the hemisphere out; all kinds together are off by less than chance would leave (half) of one."""
     light = np.array([0.5, 0.3, 0.8])
     one, all_kinds = [], []
@@ -77,7 +77,7 @@ def test_every_kind_is_even_and_all_together_more_so():
     assert np.std(all_kinds) < 0.4 * np.std(one)
 
 
-def test_light_that_is_the_same_everywhere_stays_and_nothing_leaves_its_range():
+def test_uniform_light_stays_and_means_stay_in_range():
     positions, normals, corners = grid()
     near, chance = near_receivers(positions, normals, corners), np.random.default_rng(0)
     close, light = 2 * chance.random(len(positions)), chance.random((len(positions), 3))
@@ -89,7 +89,7 @@ def test_light_that_is_the_same_everywhere_stays_and_nothing_leaves_its_range():
     assert light.std() > 1.5 * found.std()
 
 
-def test_neighbours_count_by_what_they_see_and_less_with_more_bounces():
+def test_neighbour_weights_fall_with_hit_distance_and_bounces():
     positions, normals, corners = grid()
     near, chance = near_receivers(positions, normals, corners), np.random.default_rng(0)
     light, n = chance.random((len(positions), 3)), len(positions)
@@ -120,14 +120,14 @@ def test_neighbours_count_by_what_they_see_and_less_with_more_bounces():
     assert np.allclose(found, alike, atol=1e-3)
 
 
-def test_how_close_things_are():
+def test_closeness_is_the_geometric_mean():
     """1 over the geometric mean: 1, 2, 4, 8 m are 1 / 2.83 m."""
     out = np.zeros(2)
     closeness(4, np.array([1, 2, 4, 8, 0.5, 0.5, 0.5, 0.5], np.float32), out)
     assert np.allclose(out, [2**-1.5, 2.0])
 
 
-def test_shadow_edges_stay_where_they_are():
+def test_shadow_edges_stay_in_place():
     """A bulb alone, nothing else to see: E = I cos / d2 to the last receiver, black behind the terminator."""
     ball = Mobile("ball", sphere((0, 0, 0), 0.2, 3, 1), Pose((0.5, 0.5, 0.5)))
     bulb = PointLight("bulb", (0.5, 0.5, 0.95), (4 * np.pi,) * 3)
@@ -143,7 +143,7 @@ def test_shadow_edges_stay_where_they_are():
     assert np.allclose(found[clear], (cosine / (way**2).sum(axis=1))[clear, None], rtol=1e-12)
 
 
-def test_of_few_bounces_it_takes_more_than_a_third_of_the_error(monkeypatch):
+def test_averaging_removes_a_third_of_the_error_of_few_bounces(monkeypatch):
     """A ball between walls, each of another brightness."""
     walls = box((0, 0, 0), (1, 1, 1), 6, 0, inward=True)
     ball = Mobile("ball", sphere((0, 0, 0), 0.15, 2, 1), Pose((0.5, 0.4, 0.6)))
@@ -162,7 +162,7 @@ def test_of_few_bounces_it_takes_more_than_a_third_of_the_error(monkeypatch):
     assert averaged < 0.6 * off(3) and many < 0.1 * averaged
 
 
-def test_alone_or_in_one_place_with_others():
+def test_isolated_and_coincident_receivers():
     """A receiver without faces; two faces that lie on each other: nothing is divided by 0."""
     corners = np.array([[0, 1, 2], [0, 2, 1]])
     positions = np.zeros((4, 3))

@@ -45,7 +45,7 @@ def at_start(scene: Scene, threads: int = 2) -> tuple[Model, object]:
 
 
 @pytest.mark.parametrize("log2_paths", [0, 3, 12])
-def test_a_convex_thing_between_walls_of_one_light_has_rho_times_that(log2_paths):
+def test_convex_mobile_between_uniform_walls_has_rho_times_their_light(log2_paths):
     """Every path ends on a wall, whatever its direction: no noise is left."""
     walls = box((0, 0, 0), (1, 1, 1), 3, 0, inward=True)
     thing = box_mobile("box", 0.2, 1)._replace(pose=Pose((0.4, 0.5, 0.6), (0.8, 0.6, 0.0, 0.0)))
@@ -70,7 +70,7 @@ def test_inside_a_hollow_mobile_light_goes_to_and_fro():
 
 
 @pytest.mark.slow
-def test_it_is_the_reference():
+def test_mobile_gather_equals_the_reference():
     """Walls of many receivers, so that what is interpolated between them is right; two things, side by side."""
     places = {0.25: (0.4, 0.5, 0.3), 0.15: (0.62, 0.5, 0.35)}
     things = [box_mobile(f"of {size}", size)._replace(pose=Pose(at)) for size, at in places.items()]
@@ -97,7 +97,7 @@ def test_it_is_the_reference():
 
 @settings(max_examples=10)
 @given(st.lists(moves, min_size=1, max_size=4), st.sampled_from(list(ESTIMATORS)))
-def test_any_history_equals_from_scratch_and_a_solver_that_saw_no_other_pose(history, estimator):
+def test_any_history_equals_from_scratch_and_a_fresh_solver(history, estimator):
     solver = gathering(estimator=estimator)
     for name, pose in history:
         solver.move(name, pose)
@@ -140,7 +140,7 @@ def test_a_switch_is_shown_without_a_move_and_traces_nothing():
     assert np.array_equal(solver.irradiance, by_photons) and solver.paths_at_rest == 0
 
 
-def test_far_away_from_all_light_it_is_black():
+def test_mobile_far_from_all_light_is_black():
     solver = gathering({"box": AWAY, "ball": AWAY})
     first = solver.surfaces.receiver_range(0).stop
     lit = Solver(replace(SCENE, lights=(), mobiles=SCENE.mobiles[:1]), photons=300, radius=0.2)
@@ -160,7 +160,7 @@ def test_without_photons_or_mobiles_there_is_nothing_to_gather():
     assert still.frame.paths == still.paths_at_rest == 0 and still.size_within(1.0)[1] is None
 
 
-def test_what_there_is_not_is_refused():
+def test_unknown_light_and_path_counts_are_refused():
     solver = gathering()
     with pytest.raises(SceneError, match="light must be one of best, photons, got 'baked'"):
         solver.configure(light="baked")
@@ -170,7 +170,7 @@ def test_what_there_is_not_is_refused():
     assert solver.irradiance is before and solver.poses == poses
 
 
-def test_the_comparisons_catch_a_path_that_is_left_out(monkeypatch):
+def test_comparison_detects_an_omitted_path(monkeypatch):
     real = one_bounce.meet
 
     def mutated(*arguments):
@@ -218,7 +218,7 @@ def test_cached_hits_equal_those_of_an_empty_cache(history):
         assert np.array_equal(gather.irradiance(at, static, m), uncached)
 
 
-def test_what_would_take_too_much_room_is_not_kept_and_is_the_same(monkeypatch):
+def test_batches_beyond_the_cache_limit_are_recomputed_with_equal_bits(monkeypatch):
     model, at = at_start(three_things())
     static = np.ones((model.first_probe, 3))
     keeping = MobileGather(model, 0)
@@ -229,7 +229,7 @@ def test_what_would_take_too_much_room_is_not_kept_and_is_the_same(monkeypatch):
     assert sum(batch is not None for batches in frugal._batches.values() for batch in batches) <= len(frugal._places(2))
 
 
-def test_rays_of_a_mobile_at_rest_are_not_traced_through_the_static_part_again(monkeypatch):
+def test_rays_of_a_resting_mobile_are_not_traced_again(monkeypatch):
     """Nor are rays of any mobile traced through itself."""
     scene = three_things()
     model, poses = Model(scene, 1), {m.name: m.pose for m in scene.mobiles}
@@ -251,7 +251,7 @@ def test_rays_of_a_mobile_at_rest_are_not_traced_through_the_static_part_again(m
     assert not (rays[1] or rays[2] or rays[3])
 
 
-def test_a_frame_in_which_nothing_moves_does_not_tell_how_long_one_of_a_motion_takes():
+def test_frames_at_rest_are_not_timed_as_motion():
     model, at = at_start(three_things())
     light, elsewhere = LightSource(model, 0), at._replace(position=at.position + 0.01)
     irradiance = np.ones((len(model.object_receivers.areas), 3))
@@ -295,6 +295,6 @@ assert before == [len(f.signatures) for f in kernels], "a kernel was compiled af
 
 
 @pytest.mark.slow
-def test_the_warm_up_compiles_all_that_things_side_by_side_need():
+def test_warm_up_compiles_gathering_of_adjacent_mobiles():
     """In a process of its own: here other tests have compiled everything already."""
     subprocess.run([sys.executable, "-c", NOTHING_IS_COMPILED], cwd=Path(__file__).parents[3], check=True)

@@ -74,7 +74,7 @@ def test_several_small_lights_add_up():
     z_test(together, alone, np.hypot(error, LIFT * alone), "four lights")
 
 
-def test_spot_falloff_is_the_one_that_photons_follow():
+def test_spot_falloff_equals_that_of_photons():
     scene = build.plane_scene(SpotLight("s", (0, 0, 1), (0, 0, -1), (1.0,) * 3, 15.0, 50.0))
     lights = small_lights(scene)
     for x in np.linspace(0, 1.5, 20):
@@ -144,7 +144,7 @@ def test_light_sampling_changes_the_noise_only():
 
 
 @pytest.mark.slow
-def test_standard_error_is_what_seeds_scatter_by():
+def test_standard_error_equals_the_scatter_of_seeds():
     runs = np.array([reference_irradiance(build.coloured_room(), *build.ROOM_POINTS, 100, s)[0] for s in range(60)])
     _, error = reference_irradiance(build.coloured_room(), *build.ROOM_POINTS, 6000, 99)
     scatter = runs.std(axis=0, ddof=1)
@@ -172,7 +172,7 @@ def test_a_two_sided_sphere_is_black_inside_and_lit_outside():
     assert not E[outside & (receivers.normals[:, 2] < -0.2)].any()
 
 
-def test_the_back_of_a_one_sided_wall_neither_emits_nor_reflects():
+def test_back_of_a_one_sided_wall_neither_emits_nor_reflects():
     """A lamp seen from behind is black and so is a wall; both still block the sky."""
     lid = build.quad((-5, -5, 0.1), (10, 0, 0), (0, 10, 0), (1, 1), 1)  # front and emission face up
     scene = Scene(
@@ -184,7 +184,7 @@ def test_the_back_of_a_one_sided_wall_neither_emits_nor_reflects():
     assert reference_irradiance(scene, P + UP, N, 2000, 10)[0] == pytest.approx(math.pi)
 
 
-def test_a_mobile_moved_by_pose_is_the_same_as_one_built_there():
+def test_mobile_moved_by_pose_equals_one_built_there():
     mesh = build.box((-0.1,) * 3, (0.1,) * 3)
     there = Pose((0.6, 0.3, 0.2), axis_angle((0, 1, 1), 30))
     moved, at_rest = (build.coloured_room((Mobile("box", mesh, p),)) for p in (Pose((0.2, 0.2, 0.2)), there))

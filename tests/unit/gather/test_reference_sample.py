@@ -30,7 +30,7 @@ def test_a_sum_over_draws_has_the_mean_of_the_sum_by_area():
     assert abs(np.mean(means) - (areas * f).sum() / areas.sum()) < 4 * error
 
 
-def test_the_noise_of_the_reference_is_taken_out():
+def test_reference_noise_is_subtracted():
     random = np.random.default_rng(2)
     noisy = 1 + 0.05 * random.standard_normal((4000, 1)) * np.ones(3)
     sample = ReferenceSample(np.arange(4000), np.ones(4000), noisy, 0.05 * np.sqrt(2 / np.pi), 1.0)

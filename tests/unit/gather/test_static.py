@@ -43,7 +43,7 @@ def gathered() -> Solver:
         yield solver
 
 
-def test_it_is_the_reference_of_the_scene_without_its_mobile(gathered):
+def test_static_gather_equals_the_reference_without_mobiles(gathered):
     bare = Solver(replace(SCENE, mobiles=()), photons=0)
     points, normals = evaluation_points(bare.surfaces, bare.receivers)
     truth, error = reference_irradiance(bare.scene, points, normals, 2000, 5, model=bare.model)
@@ -61,7 +61,7 @@ def test_it_is_the_reference_of_the_scene_without_its_mobile(gathered):
     assert np.array_equal(g.mean, end.value.value.irradiance), "whole paths have taken over"
 
 
-def test_what_the_mobile_leaves_alone_is_the_gathered_light_and_frames_are_those_from_scratch(gathered):
+def test_unaffected_receivers_keep_gathered_light_and_frames_equal_scratch(gathered):
     gathered.move("box", POSE)
     mean, photons = gathered.light_source.gathered.mean, gathered.frame.background.resting(gathered.photons)
     gathered.configure(prefix_only=True)
@@ -77,7 +77,7 @@ def test_what_the_mobile_leaves_alone_is_the_gathered_light_and_frames_are_those
     assert (gathered.irradiance >= 0).all()
 
 
-def test_a_run_that_is_taken_up_again_ends_in_the_same_bits(gathered, monkeypatch):
+def test_resumed_run_ends_in_the_same_bits(gathered, monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 0.02)
     first = solved(5_000)
     whole = 0
@@ -96,7 +96,7 @@ def test_a_run_that_is_taken_up_again_ends_in_the_same_bits(gathered, monkeypatc
     assert np.array_equal(later.irradiance, first.irradiance)
 
 
-def test_photons_are_kept_while_they_have_less_noise(monkeypatch):
+def test_photons_are_shown_while_they_have_less_noise(monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 0.01)
     monkeypatch.setattr("gi_core.frames.light_source.noise_from_prefix", lambda *given: 0.006)
     solver, seen = solved(20_000), set()
@@ -108,7 +108,7 @@ def test_photons_are_kept_while_they_have_less_noise(monkeypatch):
     assert seen == {(False, False), (True, False), (True, True)} and solver.light_source.is_gathered
 
 
-def test_only_where_it_is_asked_for(gathered):
+def test_gathering_leaves_the_light_of_photons_unchanged(gathered):
     state = kept(gathered.light_source.gathered.state)
     solver = solved(5_000)
     solver.configure(light="photons")
@@ -142,14 +142,14 @@ def test_a_state_of_another_scene_is_refused(gathered):
         list(solved(100).gather_steps(state))
 
 
-def test_what_a_twin_shows_is_its_own_affair(gathered):
+def test_settings_of_a_twin_are_separate(gathered):
     gathered.configure(light="best")
     twin = gathered.twin()
     twin.configure(prefix_only=True)
     assert gathered.light == "best" and twin.light_source.gathered is gathered.light_source.gathered
 
 
-def test_where_photons_put_the_light_is_forgotten_but_not_how_much_there_is():
+def test_photon_distribution_is_forgotten_but_not_its_total():
     """Photons that tell of a fifth of the light in one half of the room, and of more in the other."""
     solver = Solver(replace(SCENE, mobiles=()), photons=200_000, radius=0.06)
     solver.solve()

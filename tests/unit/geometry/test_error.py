@@ -50,7 +50,7 @@ def test_parts_of_an_error():
     assert parts.total.l1 == pytest.approx(0.2)
 
 
-def test_noise_of_the_truth_is_what_a_noisy_reference_measures_against_itself():
+def test_noise_of_truth_equals_the_error_of_a_noisy_reference():
     rng = np.random.default_rng(5)
     T = grey(*np.linspace(1, 3, 4000))
     s = 0.1 * np.ones_like(T)
@@ -59,7 +59,7 @@ def test_noise_of_the_truth_is_what_a_noisy_reference_measures_against_itself():
 
 
 @pytest.mark.parametrize("prefix", [1000, 5000, 7500])
-def test_noise_from_a_prefix_is_that_of_independent_photons(prefix):
+def test_noise_from_a_prefix_equals_that_of_independent_photons(prefix):
     """10,000 photons that each bring 1 +- 20: the mean is off by 0.2 sqrt(2 / pi), whichever prefix it is told from."""
     rng = np.random.default_rng(3)
     first = 1 + 20 * rng.normal(size=20_000) / math.sqrt(prefix)
@@ -79,7 +79,7 @@ def test_noise_needs_a_prefix():
     assert prefix_to_compare((4096, 8192, 16384)) == 8192
 
 
-def test_noise_and_bias_told_from_a_picture_are_those_measured_against_its_limit():
+def test_estimated_noise_and_bias_equal_those_against_the_limit():
     """A room at 16,384 photons: the limit is taken from 32 times as many of another seed, the truth is made biased."""
     E, fewer, limit = [], [], []
     few = Solver(support.room(), photons=16_384, radius=0.06, seed=1)
@@ -99,7 +99,7 @@ def test_noise_and_bias_told_from_a_picture_are_those_measured_against_its_limit
     assert bias_left(parts.total.l1, parts.noise.l1) == pytest.approx(parts.bias.l1, rel=0.1)
 
 
-def test_a_bias_is_never_less_than_nothing():
+def test_bias_is_never_negative():
     assert bias_left(0.05, 0.03) == pytest.approx(0.04)
     assert bias_left(0.05, 0.04, 0.04) == 0
     assert math.isnan(bias_left(0.05, float("nan")))

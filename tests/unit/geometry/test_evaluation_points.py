@@ -34,7 +34,7 @@ def test_evaluation_points_of_a_sphere_stay_on_their_side():
     assert not reference_irradiance(scene, P[side < 0], N[side < 0], 50, 0)[0].any()
 
 
-def test_a_vertex_in_the_corner_gets_what_lies_beside_it():
+def test_corner_vertex_gets_the_light_beside_it():
     """At the vertex itself every ray would hit the wall at once: E must be near 1/2 pi L, not pi L or 0."""
     scene = build.corner_scene(1.0)
     surfaces, receivers = flatten(scene)

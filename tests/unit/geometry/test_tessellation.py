@@ -176,14 +176,14 @@ def test_no_junctions_between_faces_of_any_material_and_size(seed, how):
     assert vertices_inside_edges(mesh) == 0
 
 
-def test_the_count_of_junctions_sees_one():
+def test_junction_count_detects_a_junction():
     """A whole edge beside two halves: what the test above must not find."""
     v = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0, 0], [0.3, -1, 0]])
     faces = np.array([[0, 1, 2], [0, 4, 3], [3, 4, 1]], np.int32)
     assert vertices_inside_edges(Mesh(v, faces, np.zeros(3, np.int32))) == 1
 
 
-def test_triangles_of_several_colours_share_one_irradiance():
+def test_triangles_of_several_colours_share_irradiance():
     """Report 3.4.2: E is kept per place and normal; materials, images and their seams make no second receiver."""
     before = strewn_box(1)
     rng = np.random.default_rng(2)
@@ -237,7 +237,7 @@ def test_a_long_strip_is_cut_across(length, width, most):
 
 
 @pytest.mark.slow
-def test_an_endless_sliver_is_refused_before_it_fills_the_memory():
+def test_endless_sliver_is_refused_before_it_fills_memory():
     corners = np.array([[0.0, 0, 0], [1e6, 0, 0], [5e5, 1e-6, 0]])
     sliver = Mesh(corners, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32))
     with pytest.raises(SceneError, match="max_edge 0.01 makes more than 4,000,000 triangles"):

@@ -27,7 +27,7 @@ def test_the_warm_up_runs_every_search(name, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_process_that_compiles_from_behind_ends_with_the_one_that_started_it():
+def test_background_compiler_ends_with_its_parent():
     command = [sys.executable, "-m", "gi_core.instruments.compile_ahead", compile_ahead.FROM_BEHIND]
     with subprocess.Popen(command, cwd=Path(__file__).parents[3], stdin=subprocess.PIPE) as process:
         process.stdin.close()

@@ -53,7 +53,7 @@ def test_emissive_faces_lie_along_a_curve():
     assert np.median([np.ptp(middle[k : k + 32], axis=0).max() for k in range(0, 512, 32)]) < 0.5 * 0.4
 
 
-def test_the_choice_is_a_density_and_knows_what_faces_the_mobile():
+def test_choice_is_a_density_and_prefers_lamps_facing_the_mobile():
     """One lamp looks at the mobile, one away from it, one is far off, as bright as they are large."""
     near, away = downward(0.3, 0.3, 0.95, 0.4, 1, 3), quad((0.3, 0.3, 0.9), (0.4, 0, 0), (0, 0.4, 0), (3, 3), 2)
     far = downward(20.0, 20.0, 0.95, 0.4, 3, 3)
@@ -98,7 +98,7 @@ def test_where_nothing_faces_the_mobile_the_choice_is_by_flux():
     assert np.allclose(aimed(plain, CENTRE, RADIUS).cdf, plain.cdf, rtol=1e-12)
 
 
-def test_light_is_that_of_the_closed_form_however_lamps_are_chosen():
+def test_light_equals_the_closed_form_for_any_choice_of_lamps():
     """A lamp close over the box, met by bounces as well, and a brighter one far off: shares must add up to 1."""
     model = room(downward(0.35, 0.35, 0.5, 0.3, 1, 2), downward(0.0, 0.0, 0.99, 0.1, 2, 2))
     at = model.transforms(model.start_poses())
@@ -114,7 +114,7 @@ def test_light_is_that_of_the_closed_form_however_lamps_are_chosen():
     assert len(up) >= 9 and np.allclose(found[up], expected, rtol=0.01)
 
 
-def test_a_lamp_of_one_face_is_met_by_bounces_too():
+def test_bounces_hit_a_lamp_of_one_face():
     """Close over the box bounces have their share of it; by the gathering and by the reference's paths."""
     corners = np.array([[0.35, 0.35, 0.43], [0.35, 0.65, 0.43], [0.65, 0.65, 0.43]])
     model = room(Mesh(corners, np.array([[0, 1, 2]], np.int32), np.array([1], np.int32)))

@@ -24,7 +24,7 @@ def solver_of(photons: int, estimator: str) -> Solver:
     return solver
 
 
-def test_a_frame_of_a_prefix_is_that_of_a_solver_with_so_many_photons(estimator):
+def test_frame_of_a_prefix_equals_a_solver_of_that_many_photons(estimator):
     many = solver_of(PHOTONS, estimator)
     for _ in many.solve_steps():  # as the window refines: photon_map prepares no prefix otherwise
         pass
@@ -67,7 +67,7 @@ def test_other_counts_are_refused():
         s.move_all({"box": POSE}, photons=999)
 
 
-def test_the_largest_prefix_that_fits_the_time():
+def test_largest_prefix_within_the_time():
     times = FrameTimes()
     assert times.largest_within(0.010, (4096, 8192, 10_000)) == 4096  # nothing known yet
     times.add(10_000, 0.020)
@@ -79,14 +79,14 @@ def test_the_largest_prefix_that_fits_the_time():
     assert times.largest_within(0.001, (4096, 8192, 10_000)) == 4096  # none fits
 
 
-def test_one_slow_frame_does_not_show():
+def test_one_slow_frame_does_not_change_the_prediction():
     times = FrameTimes()
     for seconds in (0.01, 0.5, 0.011, 0.009):
         times.add(1000, seconds)
     assert times.expected(1000) < 0.012
 
 
-def test_rungs_stay_and_other_counts_go():
+def test_levels_stay_and_other_counts_are_evicted():
     ladder = SubsetStore()
     for n in (LOWEST, 5000, 2 * LOWEST, 10_000):
         ladder[n] = n

@@ -68,7 +68,7 @@ def test_nearest_and_any_hits_are_those_of_a_loop_over_all_triangles(threads):
     assert np.array_equal(rays_of.occluded(0, o, d, limits), expected >= 0)
 
 
-def test_arrays_of_any_kind_are_taken(monkeypatch):
+def test_arrays_of_any_type_are_accepted(monkeypatch):
     mesh, (o, d) = soup(20), rays()
     rays_of = Accelerator(flatten(Scene(mesh, (Material("grey"),)), with_receivers=False)[0])
     limits = np.full(N, FAR, np.float32)
@@ -78,7 +78,7 @@ def test_arrays_of_any_kind_are_taken(monkeypatch):
     assert all(np.array_equal(a, b) for a, b in zip(plain, other, strict=True))
 
 
-def test_what_has_no_faces_is_never_hit():
+def test_empty_mesh_is_never_hit():
     empty = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
     rays_of = Accelerator(flatten(Scene(empty, (Material("grey"),)), with_receivers=False)[0])
     o, d = rays()
@@ -104,7 +104,7 @@ def test_structures_are_built_once(monkeypatch):
         assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
-def test_structures_are_given_back(monkeypatch):
+def test_structures_are_freed(monkeypatch):
     given, release = [], embree._release_scene
     monkeypatch.setattr(embree, "_release_scene", lambda address: (given.append(address), release(address)))
     mesh = soup(5)
@@ -122,7 +122,7 @@ def test_structures_are_given_back(monkeypatch):
         ("ctypes.CDLL = old(ctypes.CDLL)", "embreex ships Embree 3, not 4"),
     ],
 )
-def test_another_embree_is_refused_in_one_sentence(patch, said):
+def test_other_embree_version_is_refused_in_one_sentence(patch, said):
     code = f"""
 import ctypes, math
 import llvmlite.binding, numba

@@ -28,7 +28,7 @@ def room(**more) -> ReferenceStore:
     return store(build.coloured_room((build.box_mobile(),)), **more)
 
 
-def test_what_is_saved_is_loaded(folder):
+def test_saved_reference_is_loaded(folder):
     s = room()
     assert reference_folder() == folder and s.load() is None
     *_, last = s.gather(0.2)
@@ -71,7 +71,7 @@ def test_an_interrupt_loses_nothing(after, monkeypatch):
     assert all(np.array_equal(a, b) for a, b in zip(resumed.state, whole.state, strict=True))
 
 
-def test_it_is_saved_on_the_way_too(monkeypatch):
+def test_reference_is_saved_while_gathering(monkeypatch):
     monkeypatch.setattr(reference_store, "SAVE_SECONDS", 0.0)
     steps = room().gather(1e-9)
     for _ in range(3):
@@ -80,7 +80,7 @@ def test_it_is_saved_on_the_way_too(monkeypatch):
     steps.close()
 
 
-def test_a_damaged_file_counts_for_nothing():
+def test_damaged_file_is_ignored():
     s = room()
     *_, last = s.gather(0.3)
     whole = s.path.read_bytes()
@@ -91,7 +91,7 @@ def test_a_damaged_file_counts_for_nothing():
     assert room().load() is not None
 
 
-def test_the_end_is_foretold():
+def test_progress_ends_at_one():
     seen = [r for r in room().gather(0.004) if r.fraction > 0]
     assert len(seen) > 3
     fractions = [r.fraction for r in seen]

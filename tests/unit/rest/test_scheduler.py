@@ -56,7 +56,7 @@ def errors(session: Session) -> list[str]:
 
 
 @pytest.mark.slow
-def test_all_work_at_rest_is_done_and_stored_where_nothing_was(folder, capfd):
+def test_all_work_at_rest_is_done_and_stored_in_a_new_folder(folder, capfd):
     session = opened()
     assert not folder.exists()
     rest(session)
@@ -89,7 +89,7 @@ JOBS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("job", JOBS)
-def test_a_job_that_fails_ends_nothing_else(job, monkeypatch, capfd):
+def test_failed_job_ends_nothing_else(job, monkeypatch, capfd):
     calls = []
 
     def fail(*_):
@@ -121,7 +121,7 @@ def test_a_job_that_fails_ends_nothing_else(job, monkeypatch, capfd):
 
 
 @pytest.mark.parametrize("what", ["empty", "text", "truncated", "another shape", "another type", "a number"])
-def test_a_stored_file_that_cannot_be_used_counts_as_none(what, folder):
+def test_unusable_stored_file_counts_as_none(what, folder):
     file = StateFile("key", 5, folder)
     state = ReferenceState.empty(5)
     file.save(state)

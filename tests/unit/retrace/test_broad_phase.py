@@ -22,7 +22,7 @@ def solved():
 
 @pytest.mark.parametrize("place", [(0.5, 0.5, 0.5), (0.02, 0.9, 0.0), (1.2, 0.5, 0.5), (-40.0, 0.0, 3.0)])
 @pytest.mark.parametrize("photons", [4000, 1234])
-def test_all_that_pass_near_are_found_in_order_and_hardly_others(solved, place, photons):
+def test_near_segments_are_found_in_order_with_few_others(solved, place, photons):
     model = solved.model
     at = model.transforms({"one": Pose(place), "two": Pose((0.8, 0.2, 0.7))})
     paths, coarse = solved.frame.store.prefix(photons)
@@ -46,7 +46,7 @@ def test_all_that_pass_near_are_found_in_order_and_hardly_others(solved, place, 
     assert np.array_equal(found_photon, np.searchsorted(paths.offsets, found, side="right") - 1)
 
 
-def test_room_for_what_is_found_grows(solved):
+def test_buffers_grow_with_the_results(solved):
     paths, coarse = solved.frame.store.prefix(4000)
     at = solved.model.transforms({"one": Pose((0.5, 0.5, 0.5)), "two": Pose((0.5, 0.5, 0.5))})
     _, all_of_them = find_near(solved.model.world, coarse, at, 10.0, ScanBuffers(), threads=1)

@@ -64,7 +64,7 @@ def test_refused_in_one_sentence(scene, told):
     assert "\n" not in str(problem.value)
 
 
-def test_what_is_at_the_limits_is_allowed():
+def test_values_at_the_limits_are_allowed():
     black = replace(ROOM, materials=(grey(0.0), lamp(0.0), grey(0.999)), lights=())
     solver = Solver(black, photons=10)
     solver.solve()

@@ -22,14 +22,14 @@ def solved(reflectance: float, photons: int = 4_000) -> Solver:
     return solver
 
 
-def test_memory_is_told():
+def test_memory_is_reported():
     solver = solved(0.5)
     assert caveats(solver) == {}
     solver.frame.store.memory_full = True
     assert caveats(solver) == {"memory": "memory holds no more than 4,000 of the 4,000 photons wanted"}
 
 
-def test_the_log_has_it_once(monkeypatch):
+def test_log_reports_truncated_light_once(monkeypatch):
     monkeypatch.setattr("gi_core.base.memory.available", lambda: 0)
     settings = Settings(estimator="impact_count", photons=8_000, radius=0.1, neighbours=50, exposure=0.0)
     session = Session(settings, Log(), open_with=lambda settings: None)

@@ -11,7 +11,7 @@ from studies.contact_cost import measure, without_contact
 from tests.support import control_scenes
 
 
-def test_contact_can_be_left_out_of_a_frame_and_comes_back():
+def test_contact_can_be_omitted_from_a_frame():
     """Without it the floor beside a white leg in a furnace is darker, as with regions of each object alone."""
     case = control_scenes.leg(True)
     solver = Solver(case.scene, photons=50_000, radius=case.radius)

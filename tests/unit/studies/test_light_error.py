@@ -24,7 +24,7 @@ def solver():
     return made
 
 
-def test_in_view_is_what_faces_the_camera_within_the_frame_and_is_behind_nothing(solver):
+def test_visible_receivers_face_the_camera_unoccluded_in_frame(solver):
     seen = np.zeros(len(solver.irradiance), bool)
     seen[in_view(solver)] = True
     p, n = solver.receivers.positions, solver.receivers.normals
@@ -36,7 +36,7 @@ def test_in_view_is_what_faces_the_camera_within_the_frame_and_is_behind_nothing
     assert not seen[on_floor & (p[:, 1] > 0.95) & (np.abs(p[:, 0]) < 0.2)].any()  # behind the box
 
 
-def test_what_lies_a_hair_under_something_else_is_not_in_view():
+def test_receiver_just_under_a_surface_is_not_visible():
     """A floor under tiles half a thousandth of its width thick."""
     tiles = floor(1.0, 10, centre=(0.0, 0.0, 0.001))
     scene = Scene(merge(floor(2.0, 20), tiles), (grey(0.5),), camera=ABOVE, up=(0.0, 0.0, 1.0), name="tiles")
@@ -48,7 +48,7 @@ def test_what_lies_a_hair_under_something_else_is_not_in_view():
     assert (seen[:, 2] == 0).sum() > 50
 
 
-def test_covered_floor_is_left_out_where_only_the_open_is_asked_for(solver, monkeypatch, tmp_path):
+def test_covered_floor_is_excluded_with_open_only(solver, monkeypatch, tmp_path):
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path))
     covered, _ = inside(solver)
     of = light_error.sample(solver, solver.irradiance, 2000, 0.2)
@@ -60,7 +60,7 @@ def test_covered_floor_is_left_out_where_only_the_open_is_asked_for(solver, monk
     assert not view[np.isin(of.rows, hidden)].any()
 
 
-def test_noise_of_the_truth_is_taken_out():
+def test_reference_noise_is_subtracted():
     chance = np.random.default_rng(2)
     truth = np.ones((4000, 3)) * (1 + 0.05 * chance.standard_normal((4000, 1)))
     of = light_error.Sample(np.arange(4000), np.ones((1, 4000)), truth, np.array([0.05 * np.sqrt(2 / np.pi)]))

@@ -19,7 +19,7 @@ def test_folders_files_shipped_scenes_and_mobiles_become_cases(tmp_path):
 
 
 @pytest.mark.slow
-def test_rows_are_kept_and_what_people_wrote_stays(tmp_path):
+def test_rows_and_written_comments_are_kept(tmp_path):
     """One file that loads, one that does not; the second time neither is opened again."""
     write_room(tmp_path)
     (tmp_path / "bad.glb").write_text("no")

@@ -16,6 +16,6 @@ def test_growth_in_the_warm_up_is_left_out():
     assert settled(notes, SECONDS) == (460.0, 0.0)
 
 
-def test_a_leak_is_seen():
+def test_leak_is_detected():
     level, growth = settled([(s, 400 + s) for s in TIMES], SECONDS)
     assert level > 570 and growth == pytest.approx(80, abs=5)

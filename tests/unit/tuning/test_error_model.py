@@ -53,13 +53,13 @@ def test_noise_in_a_trial_leaves_the_model_about_right():
     assert found.seconds(1e6) == pytest.approx(model.seconds(1e6), rel=0.3)
 
 
-def test_one_count_of_photons_is_enough_for_a_rough_model():
+def test_one_photon_count_is_enough_for_a_rough_model():
     found = fitted(Trial(setting(), COUNTS[:1], np.array([0.01]), np.array([0.01]), np.array([4e-3])))
     assert found.error(4 * 8192) == pytest.approx(0.05)
     assert found.seconds(2 * 8192) == pytest.approx(8e-3)
 
 
-def test_exponents_of_the_radius_are_found_and_radii_in_between_follow_them():
+def test_radius_exponents_are_fitted_and_interpolated():
     radii = (0.05, 0.07, 0.1, 0.14)
     models, exponents = over_radii([like_photons(r) for r in radii])
     assert exponents == pytest.approx({"A": -2, "M": -2, "B": 2, "s": 0, "c": 1}, abs=1e-6)
@@ -77,18 +77,18 @@ def test_the_choice_for_a_time_is_the_best_of_all(budget):
     assert choice.moving_error == pytest.approx(min(others), rel=1e-3)
 
 
-def test_more_time_asks_for_smaller_discs():
+def test_more_time_selects_smaller_discs():
     models = [like_photons(r) for r in np.linspace(0.02, 0.3, 40)]
     radii = [within_time(models, t, 10_000_000).setting.radius for t in (1.2e-3, 5e-3, 100e-3)]
     assert radii[0] > radii[1] > radii[2]
 
 
-def test_a_time_that_nothing_keeps_is_told():
+def test_unreachable_time_is_reported():
     choice = within_time([like_photons(0.1)], 0.5e-3, 100_000)
     assert not choice.met and choice.frame > 0 and math.isfinite(choice.moving_error)
 
 
-def test_the_choice_for_an_error_is_the_fastest_that_keeps_it():
+def test_choice_for_an_error_is_the_fastest_within_it():
     models = [like_photons(r) for r in np.linspace(0.02, 0.3, 40)]
     choice = within_error(models, 0.05, 16e-3, most=10_000_000)
     assert choice.met and choice.error <= 0.05
@@ -97,7 +97,7 @@ def test_the_choice_for_an_error_is_the_fastest_that_keeps_it():
     assert model.seconds(choice.photons) == pytest.approx(min(fitting), rel=1e-3)
 
 
-def test_an_error_that_cannot_be_had_gives_the_least():
+def test_unreachable_error_gives_the_least_error():
     models = [like_photons(r) for r in (0.1, 0.2)]
     choice = within_error(models, 1e-4, 16e-3, most=1_000_000)
     assert not choice.met and choice.photons == 1_000_000
@@ -114,7 +114,7 @@ def solver() -> Solver:
     return solver
 
 
-def test_a_trial_foretells_what_more_photons_do(solver, monkeypatch):
+def test_trial_predicts_the_error_of_more_photons(solver, monkeypatch):
     """From 16,384 photons to 60,000: noise falls to about half."""
     judge = solver.twin()
     samples = reference_samples(judge, [{"box": Pose((0.55, 0.5, 0.35))}], lambda done: None)
@@ -149,7 +149,7 @@ def test_the_static_light_of_all_photons_helps_frames_of_few(monkeypatch):
     assert (ratio[2:] < 1.1).all(), "a quarter of them and more have little to gain, and shrinkage costs little"
 
 
-def test_tuning_ends_in_a_choice_that_the_solver_takes(solver, monkeypatch):
+def test_tuned_choice_is_accepted_by_the_solver(solver, monkeypatch):
     monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 16_384)
     monkeypatch.setattr("gi_core.tuning.setting_trials.MOST_PATHS", 64)
     told = []
