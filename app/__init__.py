@@ -1,7 +1,7 @@
-"""The program round `gi_core`: window, command line, pictures."""
+"""The program around `gi_core`: window, command line, pictures."""
 
 import os
 
-# numpy's library of matrix products keeps a thread a core spinning from the moment it is loaded; products here are of
-# three numbers, and those cores trace photons. Whoever has set it knows better.
+# OpenBLAS keeps one spinning thread per core once it is loaded. Products here have three numbers, and the cores trace
+# photons. A value set by the user stays.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

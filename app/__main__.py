@@ -27,7 +27,7 @@ def main(argv: list[str] | None = None) -> int:
 def _run(argv: list[str]) -> int:
     try:
         arguments = parse(argv)
-    except SystemExit as stop:  # argparse has printed why
+    except SystemExit as stop:  # argparse has printed the reason
         return int(stop.code or 0)
 
     from gi_core.scene import SceneError
@@ -58,7 +58,7 @@ def parse(argv: list[str]) -> argparse.Namespace:
     layout = argparse.RawDescriptionHelpFormatter
     parser = _filled(Parser(prog="gi-viewer", description=VIEW.summary, epilog=epilog, formatter_class=layout), VIEW)
     if argv and not argv[0].startswith("-") and not Path(argv[0]).suffix and len(argv) > 1:
-        # Two words of which the first is no command: it may have been meant as one.
+        # Two words, the first of them no command: probably a mistyped one.
         meant = did_you_mean(argv[0], COMMANDS)
         if meant and not argv[1].startswith("-"):
             parser.error(f"there is no command {argv[0]}; did you mean {meant[0]}?")

@@ -23,12 +23,12 @@ TONE_MAPS = ("aces", "reinhard", "clip")
 SHOWS = ("radiance", "irradiance")
 ERRORS = "error"  # one more in the window: needs the reference, see app/rest/live_error.py
 SIZE = (1280, 800)
-BUDGET = 16.0  # [ms]: 60 frames a second
+BUDGET = 16.0  # [ms]: 60 frames per second
 STEP = 0.015  # of the scene size: motion of a mobile per timed frame, as in the report
 
 
 class UsageError(ValueError):
-    """A wrong value on the command line that only the loaded program can notice (exit code 2)."""
+    """A wrong value on the command line that only the loaded program can detect (exit code 2)."""
 
 
 @dataclass(frozen=True)
@@ -71,13 +71,13 @@ class Settings:
 
     @property
     def of_solver(self) -> dict[str, object]:
-        """Settings of the solver; while two estimators are compared, each shows the light of its own photons."""
+        """Settings of the solver. While two estimators are compared, each shows the light of its own photons."""
         values = {name: getattr(self, name) for name in SOLVER_SETTINGS}
         return values | {"light": "photons" if self.compare not in ("", REFERENCE) else self.light_chosen}
 
     @property
     def light_chosen(self) -> str:
-        """The light that was asked for; else "photons" if an estimator was, and "best" if not."""
+        """The light chosen by the user; by default "photons" if an estimator is chosen, else "best"."""
         return self.light or ("best" if self.estimator is None else "photons")
 
     @property

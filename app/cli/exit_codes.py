@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 OK, USAGE, SCENE, NO_GL, STOPPED = 0, 2, 3, 4, 130
-UNREAD = 141  # the reader of the output has left: 128 + SIGPIPE, as a shell has it
+UNREAD = 141  # closed pipe: 128 + SIGPIPE, the shell's convention
 
 
 def fail(error: object, code: int) -> int:

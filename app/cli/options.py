@@ -47,7 +47,7 @@ PICTURE = {
     "show": {"choices": SHOWS, "default": Settings.show, "help": f"with reflectance, or without ({Settings.show})"},
     "cull": {"action": "store_false", "help": "draw the backs of one-sided faces too, dark grey"},
 }  # fmt: skip
-FLAGS = {"mobiles": "mobile", "poses": "pose"}  # where an option is not named as its field of Settings
+FLAGS = {"mobiles": "mobile", "poses": "pose"}  # options whose name differs from their field of Settings
 
 
 def scene(parser: argparse.ArgumentParser) -> None:
@@ -74,7 +74,7 @@ def measuring(parser: argparse.ArgumentParser) -> Callable:
 
 
 def budget(add: Callable, off: str) -> None:
-    """Add --budget; `off` says what 0 means."""
+    """Add --budget; `off` explains the value 0."""
     add("--budget", type=values.not_negative, default=Settings.budget, metavar="MS",
         help=f"time for light per frame in motion, with the photons that fit{off} ({Settings.budget:g})")  # fmt: skip
 

@@ -1,6 +1,6 @@
-"""The terminal: text on its way there is printable in its encoding, and a reader that leaves ends the program quietly.
+"""The terminal: output is printable in its encoding, and a closed pipe ends the program quietly.
 
-Names from files may hold commands to the terminal, and letters that its encoding lacks.
+Names in files may contain terminal commands, and letters outside its encoding.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class _Printable:
 def _printable(text: str) -> str:
     if text.isprintable():
         return text
-    from gi_core.scene.errors import printable  # heavy, and then already imported: files have been read
+    from gi_core.scene.errors import printable  # heavy, but already imported once a file has been read
 
     return printable(text)
 
@@ -57,7 +57,7 @@ def guarded(run: Callable[[], int]) -> int:
 
 
 def _flush() -> None:
-    """Write out both streams; one that fails leads nowhere from then on, since the interpreter will flush it again."""
+    """Flush both streams. A failed one is replaced by the null device, because the interpreter will flush it again."""
     problem = None
     for stream in filter(None, (sys.stdout, sys.stderr)):
         try:

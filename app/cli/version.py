@@ -24,7 +24,7 @@ def version() -> str:
 def commit() -> str | None:
     """Return the commit of the checkout, "-dirty" if its files differ; None outside a checkout."""
     root = Path(__file__).resolve().parents[2]
-    if not (root / ".git").exists():  # installed: a repository around the environment is not ours
+    if not (root / ".git").exists():  # installed: a repository around the environment is another project
         return None
     command = ["git", "-C", os.fspath(root), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
     try:

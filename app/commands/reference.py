@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class Stopped(KeyboardInterrupt):
-    """Ctrl+C, with the files kept and the way to resume."""
+    """Ctrl+C; the message names the files kept and the command that resumes."""
 
 
 def reference(settings: Settings, error: float) -> dict:

@@ -54,7 +54,7 @@ def render(settings: Settings, out: Path, frames: int | None = None) -> list[Pat
         compile_kernels(bar)
         solver = make_solver(scene, settings)
         solve(solver, bar)
-        if settings.light == "best":  # asked for; by default a picture does not wait
+        if settings.light == "best":  # by option only; by default a picture does not wait
             gather(solver, bar)
         for text in caveats(solver).values():
             bar.say(f"gi-viewer: {text}")

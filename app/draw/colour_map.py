@@ -46,7 +46,7 @@ def from_oklab(lab: np.ndarray) -> np.ndarray:
 def round_scale(values: np.ndarray, weights: np.ndarray, share: float = 0.95) -> float:
     """Return a round number (1, 2 or 5 times a power of ten) that `share` of the weight of |values| stays within.
 
-    For the end of a scale: nan values do not count; 1 if there is nothing to go by.
+    For the end of a scale: nan values do not count; 1 without values.
     """
     magnitude = np.abs(values)
     known = np.isfinite(magnitude) & (weights > 0)

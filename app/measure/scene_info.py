@@ -138,9 +138,9 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver: Solver) 
 
     file = solver.scene.defaults
     rules = {
-        "photons": f"so many that noise is {100 * choose.LEAST_NOISE:g} %, at most {choose.MOST_PHOTONS:,}"
-        f" or what {choose.MOST_SECONDS:g} s on two cores allow",
-        "radius": f"at most {100 * choose.RADIUS_SHARE:g} % of the scene size, less where ground is uneven",
+        "photons": f"enough for noise of {100 * choose.LEAST_NOISE:g} %, at most {choose.MOST_PHOTONS:,}"
+        f" or as many as {choose.MOST_SECONDS:g} s on two cores allow",
+        "radius": f"at most {100 * choose.RADIUS_SHARE:g} % of the scene size, less on uneven surfaces",
         "neighbours": "enough to smooth, few enough to stay local (photon_map alone uses it)",
     }
     texts = {
@@ -167,10 +167,10 @@ def _notes(scene, solver: Solver) -> list[str]:
     from gi_core.files.completion.default_lights import lit_by_stand_ins
 
     lines = [f"note: {note}" for note in scene.notes]
-    if solver.chosen.escaped_first > ESCAPES and not lit_by_stand_ins(scene):  # those are nobody's to turn
+    if solver.chosen.escaped_first > ESCAPES and not lit_by_stand_ins(scene):  # added lights cannot be turned
         lines.append(
             f"warning: {100 * solver.chosen.escaped_first:.0f} % of the light leaves the scene at its first flight; "
-            "close it, or turn its lights inwards: most photons are wasted and the picture is noisier than it need be"
+            "close it, or turn its lights inwards: most photons are wasted and the picture is noisier than necessary"
         )
     return lines
 

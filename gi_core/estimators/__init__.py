@@ -10,5 +10,5 @@ ESTIMATORS: dict[str, type[Estimator]] = {
     "photon_map": PhotonMap,
     "impact_count": ImpactCount,
 }
-DEFAULT = "tangent_plane"  # where none is asked for
-CHEAPEST = "impact_count"  # builds and keeps nothing: where photons are traced and their light is of no interest
+DEFAULT = "tangent_plane"  # if none is chosen
+CHEAPEST = "impact_count"  # builds and keeps nothing: for uses that need photons alone

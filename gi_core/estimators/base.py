@@ -37,7 +37,7 @@ class Estimator(Protocol):
     # Facts about the photons added and about the last frame.
     photons: int  # photons that the last prepare() covered; 0 before
     prefixes: SubsetStore  # photon subsets that evaluate() and background() accept
-    control_facts: ControlFacts  # receivers that corrections concern; zeros where there are none
+    control_facts: ControlFacts  # receivers under correction; zeros if there are none
     stale: int  # static receivers whose sums the last frame computed afresh; 0 where it only added and subtracted
     searches: list[Search]  # over the discs of each object, static part first; empty without discs or before build()
 
@@ -50,10 +50,10 @@ class Estimator(Protocol):
 
     @staticmethod
     def summary(setting: Setting) -> str:
-        """Return the values of a setting that its light depends on, in words; "" for none. Shown by tune and chart."""
+        """Return the settings that change its light, in words; "" for none. Shown by tune and chart."""
 
     def build(self) -> Iterator[None]:
-        """Build what does not depend on photons, in steps of a few ms: the window stays live meanwhile.
+        """Build the structures that do not depend on photons, in steps of a few ms: the window stays live meanwhile.
 
         An estimator with nothing to build returns `iter(())`.
         """
@@ -84,9 +84,9 @@ class Estimator(Protocol):
         """
 
     def evaluate(self, frame: PoseChange) -> Evaluated:
-        """Return sums (R, 3), areas (R,) and what changed at the frame's poses, from the photon subset `frame.photons`.
+        """Return sums (R, 3), areas (R,) and changes at the frame's poses, from the photon subset `frame.photons`.
 
-        Valid until the next call. Where it raises, the next call is as if this one had not been made.
+        Valid until the next call. A call that raises has no effect on the next one.
         """
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:

@@ -73,7 +73,7 @@ class FirstFrame:
     ) -> Iterator[Progress]:
         """Extend the background of a setting to all photons wanted, or as many as memory holds, in steps.
 
-        frame: returns the frame on show; wanted: photons, asked before each step; show: computes a background's frame.
+        frame: returns the frame on show; wanted: returns the photons, called before each step; show: computes a frame.
         """
         shown = frame().background
         seconds = (STEP_SECONDS if shown is not None else FIRST_STEP_SECONDS) if pictures else LONG_STEP_SECONDS

@@ -15,7 +15,7 @@ from gi_core.frames.light_source import PATHS, REST, FrameSize
 
 REMEMBERED = 9  # frames per size, whose median counts
 TIMED = 3  # frames timed per photon subset at rest: one of them may be disturbed by other load
-GATHERING = 0.5  # of the budget, where mobiles gather their light
+GATHERING = 0.5  # share of the budget, if mobiles gather their light
 FEWEST = 16  # a subset of 1/16 has four times the noise; smaller subsets are useless ...
 LEAST = 1 << 14  # ... and so are subsets of fewer photons: each cut photon leaves a dark blot
 FAR = 1.5  # times the budget: longer frames are late
@@ -73,7 +73,7 @@ class FrameBudget:
         self._photon_times = FrameTimes()
 
     def record(self, size: FrameSize, timings: Mapping[str, float], rays_traced: bool) -> None:
-        """Record the times of a frame's stages [s]; rays_traced: by gathering, whose time counts only then."""
+        """Record the times of a frame's stages [s]; rays_traced: gathering traced rays, so its time counts."""
         gathering = timings.get("gather", 0.0)
         self._photon_times.add(size.photons, sum(timings.values()) - gathering)
         if size.paths and rays_traced:

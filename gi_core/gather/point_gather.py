@@ -19,7 +19,7 @@ from gi_core.scene.pose import as_pose
 from gi_core.scene.types import Pose, Scene
 
 STREAM = 0x9E1E  # separates the reference's random numbers from those of photons with the same seed
-PATHS_PER_POINT = 1 << 32  # path k of point i has number i * PATHS_PER_POINT + k, whatever the number of paths
+PATHS_PER_POINT = 1 << 32  # path k of point i has number i * PATHS_PER_POINT + k, for any number of paths
 
 
 class Gatherer:

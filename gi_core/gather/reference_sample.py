@@ -16,11 +16,11 @@ from gi_core.scene.types import Pose
 
 
 class Reached(NamedTuple):
-    """How far the reference is at some points."""
+    """Progress of the reference at some points."""
 
     state: ReferenceState  # changes with the next step
     noise: float  # relative l1; inf before the second round, nan without light
-    fraction: float  # 0 .. 1 of the paths that are needed, as far as is known
+    fraction: float  # 0 .. 1 of the paths needed, estimated
 
 
 class ReferenceSample(NamedTuple):

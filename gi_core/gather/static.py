@@ -112,10 +112,10 @@ class StaticGather:
         return out * np.divide(theirs, mine, out=np.ones(3), where=mine > 0)
 
     def _take_over(self, mean: np.ndarray, standard_error: np.ndarray, noise: float) -> Iterator[bool | None]:
-        """Denoise this light and make it `mean`, in steps; the arrays must not change meanwhile."""
+        """Denoise this light and store it as `mean`, in steps; the arrays must not change meanwhile."""
         given = self.weights, self._near, self._seed, self._model.threads
         found = yield from denoise(mean, standard_error, *given)
-        # Less noise is smoothed less: what is left may rise while the error falls.
+        # Less noise is smoothed less: the share left may rise while the error falls.
         self.mean, self.noise, self.left = found.irradiance.copy(), noise, min(self.left, found.share * noise)
         self.deviation = found.share * luminance(standard_error)
         yield True

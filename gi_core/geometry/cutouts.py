@@ -1,4 +1,4 @@
-"""Alpha cutouts: surfaces with holes from a texture's transparency, such as leaves on cards, fences and grilles.
+"""Alpha cutouts: surfaces with holes from a texture's transparency, such as leaves, fences and grilles.
 
 Pictures show the holes per texel. Light transport uses whole triangles: fully transparent ones are removed, all others
 block light entirely. Shadows are therefore as accurate as the mesh is fine.

@@ -40,7 +40,7 @@ def luminance(rgb: np.ndarray) -> np.ndarray:
 def relative_error(E: np.ndarray, T: np.ndarray, weights: np.ndarray, rows=slice(None)) -> Error:
     """Return the error of irradiance E (n, 3) against T (n, 3) with areas `weights` (n,), over some rows.
 
-    nan where T is black everywhere: nothing to be relative to.
+    nan where T is black everywhere.
     """
     e, t = luminance(E)[rows], luminance(T)[rows]
     w = np.asarray(weights, np.float64)[rows]
@@ -93,8 +93,8 @@ def noise_from_prefix(
 ) -> float:
     """Return the relative l1 noise of irradiance E (n, 3) of `photons`, from that of its first `prefix`, (n, 3).
 
-    With variance v / N for N photons, the difference of the two has variance v (1 / prefix - 1 / photons), which is
-    photons / prefix - 1 times that of E. Noise of a Sobol sequence falls faster than that, so this rather overstates.
+    N photons have variance v / N. The difference of the two therefore has variance v (1 / prefix - 1 / photons): that
+    of E times photons / prefix - 1. Noise of a Sobol sequence falls faster, so this overestimates.
     Any other effect of the number of photons (the search radius of nearest neighbours) counts as noise here.
     `other`: standard error of the luminance (n,) [W/m2] from sources that both share and that are not photons.
     Raises ValueError unless 0 < prefix < photons.

@@ -85,7 +85,7 @@ def _slivers(p: np.ndarray, max_edge: float) -> np.ndarray:
 
 
 def _halved(points, faces: _Faces, asks, max_edge: float, longest) -> tuple[np.ndarray, _Faces]:
-    """Return vertices and faces after all long edges are halved; asks (F,) or None: the sources whose edges count."""
+    """Return vertices and faces after all long edges are halved; asks (F,): sources whose edges count; None: all."""
     done = []
     while True:
         # Edge k runs from corner k to corner k + 1.

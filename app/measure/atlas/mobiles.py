@@ -19,7 +19,7 @@ GREY = Material("grey", (0.5,) * 3)
 
 
 def rows() -> Iterator[AtlasRow]:
-    """Measure what happens with mobiles and lamps in odd places."""
+    """Measure mobiles and lamps at odd places."""
     yield from sparks()
     yield swallowed()
     yield from laid_over()
@@ -56,7 +56,7 @@ def sparks() -> Iterator[AtlasRow]:
             "no failure: half of its flux arrives",
             1.0,
             found,
-            known=1e-3,  # what leaves within 1e-4 of the horizon, and what Sobol points leave uneven
+            known=1e-3,  # photons within 1e-4 of the horizon, and unevenness of Sobol points
             what="flux that arrives / half of that emitted",
             view=View(ground, 5000, SETTING, None, "tangent_plane, the light 0.1 mm over the floor")
             if height == 1e-4
@@ -95,7 +95,7 @@ def laid_over() -> Iterator[AtlasRow]:
         yield AtlasRow(
             f"over_{height:.7g}",
             f"tangent_plane, a plate {name} a lamp",
-            "0, but for what leaves at the rim, or begins behind the lamp in a gap thinner than the offset of rays",
+            "0, except photons that leave at the rim or start in a gap thinner than the ray offset",
             0.0,
             Number(float(solver.irradiance[below].mean() / free)),
             known=0.02,

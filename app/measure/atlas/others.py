@@ -62,7 +62,7 @@ def textbook() -> Iterator[AtlasRow]:
 
 
 def small_faces() -> Iterator[AtlasRow]:
-    """A face of area A is hit N E A / Phi times: its noise goes with 1 / sqrt(A), whatever its shape."""
+    """A face of area A is hit N E A / Phi times: its noise is proportional to 1 / sqrt(A), for any shape."""
     photons, seeds, copies = 200_000, 6, 100
     shapes = {"0.2 x 0.2": (0.2, 0.2), "0.05 x 0.05": (0.05, 0.05), "a sliver of 0.005 x 0.5": (0.005, 0.5)}
     meshes = [

@@ -85,7 +85,7 @@ def corners() -> Iterator[AtlasRow]:
         yield AtlasRow(
             f"map_corner_{share:g}",
             f"photon_map {where}",
-            "what the walls fill of a circle: three quarters, two halves",
+            "the walls' share of a circle: three quarters, two halves",
             share,
             m,
             "border correction: hits on the receiver's own side, divided by the angle that it fills",

@@ -94,7 +94,7 @@ def scales() -> Iterator[AtlasRow]:
 
 
 def soup() -> AtlasRow:
-    """A room whose triangles share no vertex, among them a point, a needle and an edge."""
+    """A room whose triangles share no vertex; among them are a point, a needle and an edge."""
     room = furnace(20)
     mesh = room.static
     points = np.concatenate([mesh.vertices[mesh.faces].reshape(-1, 3), [(0.5, 0.5, 0), (0.5, 0.5 + 1e-12, 0)]])

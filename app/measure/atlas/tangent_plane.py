@@ -152,7 +152,7 @@ def larger_than_the_room() -> Iterator[AtlasRow]:
 
 
 def smaller_and_smaller() -> Iterator[AtlasRow]:
-    """Noise of a disc is the noise of its count, 1 / sqrt(N E pi r² / Phi), so it goes with 1 / r."""
+    """Noise of a disc is the noise of its count, 1 / sqrt(N E pi r² / Phi), so it is proportional to 1 / r."""
     room, photons, seeds = furnace(16), 20_000, 3
     flux = 6 * math.pi  # of the room's walls
     for radius in (0.04, 0.02, 0.01):

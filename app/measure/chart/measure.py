@@ -14,7 +14,7 @@ from gi_core.geometry.error import noise_of_truth, relative_error
 from gi_core.geometry.receiver_classes import CLASSES
 from gi_core.solver import Solver
 
-WATCHED = 3000  # draws of static receivers whose light is recorded in every frame
+WATCHED = 3000  # static receivers drawn; their light is recorded in every frame
 
 
 class Walk(NamedTuple):

@@ -31,7 +31,7 @@ def tuned_choice(solver: Solver, traced: int, bar) -> Choice:
 
 
 def nearness(rows: list[dict]) -> dict[str, float]:
-    """Return by class of receivers: error of tune's choice / least error of all settings that are no slower.
+    """Return by class of receivers: error of tune's choice / least error of all settings at most as slow.
 
     A choice within the budget is compared with every setting within the budget. {} if it was not measured.
     """

@@ -40,4 +40,4 @@ class Search(Protocol):
         """
 
     def summary(self) -> str:
-        """Return a summary of what was built, which starts with the search's name. Shown by `info` and the panel."""
+        """Return a summary of the structures, beginning with the search's name. Shown by `info` and the panel."""

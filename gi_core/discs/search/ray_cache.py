@@ -1,8 +1,8 @@
 """Ray cache (Lastra et al. 2002; report 1.2.1, 2.6): a stack of spheres, each with the segments that cross it.
 
-Receivers are visited in an order that keeps neighbours together. Whatever lies in the smallest sphere is tried on
-the few segments that are in its list; a sphere is filled from the list of the one around it. Where a list is
-empty all receivers of its sphere are passed over at once.
+Receivers are visited in an order that keeps neighbours together. Receivers in the smallest sphere are tested against
+the few segments in its list. The list of a sphere is filled from that of its parent. If a list is empty, all
+receivers of its sphere are skipped at once.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class RayCache:
         return _accumulate(s, bounds, part, parts, self._far, self.blocks, self.discs, self.pretest, lines, sign, sums)
 
     def summary(self) -> str:
-        """Return in words what was built."""
+        """Return a summary of the structures."""
         deep = int(self.spheres.depth.max(initial=-1)) + 1
         return f"ray_cache: {len(self.spheres.first):,} spheres, stacked {deep} deep"
 
