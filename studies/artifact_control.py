@@ -41,7 +41,7 @@ VIEWS = {  # name: (case, camera's position, target, exposure)
 }
 
 
-def solved(case: scenes.Case, control: bool, times: float) -> Solver:
+def solved(case: scenes.ControlScene, control: bool, times: float) -> Solver:
     solver = Solver(case.scene, photons=int(times * case.photons), radius=case.radius, control=control)
     solver.solve()
     return solver
@@ -53,12 +53,12 @@ def measured(E: np.ndarray, T: np.ndarray, rows: np.ndarray) -> tuple[float, flo
     return E[rows].mean() / light, np.abs(E[rows] - T[rows]).mean() / light
 
 
-def line(name: str, case: scenes.Case, runs: list[Solver], T: np.ndarray) -> str:
-    concerned, free = scenes.classes(case, runs[0].surfaces, runs[0].receivers)
-    texts = [f"{name:<26}{int(concerned.sum()):>6}{runs[1].control_facts.stale:>6}"]
+def line(name: str, case: scenes.ControlScene, runs: list[Solver], T: np.ndarray) -> str:
+    affected, free = scenes.classes(case, runs[0].surfaces, runs[0].receivers)
+    texts = [f"{name:<26}{int(affected.sum()):>6}{runs[1].control_facts.stale:>6}"]
     for solver in runs:
         E = solver.irradiance[:, 0]
-        mean, error = measured(E, T, concerned)
+        mean, error = measured(E, T, affected)
         there = f"{100 * measured(E, T, free)[1]:>7.1f}" if free.any() else "      -"
         texts.append(f"{mean:>9.3f}{100 * error:>8.1f}{there}")
     return "".join(texts)

@@ -19,7 +19,7 @@ from app.measure.chart.report import REPORT, beside, choice_like
 from app.measure.chart.results import KEY, Results
 from app.measure.chart.run import rival_choices
 from app.measure.chart.settings import FULL, QUICK, TUNED, Choice, choices
-from app.measure.chart.truth import Case, choose, steady_and_moved
+from app.measure.chart.truth import PoseTruth, choose, steady_and_moved
 from app.measure.chart.tuned import nearness
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import relative_error
@@ -212,7 +212,7 @@ def test_errors_are_those_of_error_py():
     random = np.random.default_rng(2)
     E, T, end = random.random((3, 30, 3))
     kind, w = np.repeat([0, 1, 2], 10), random.random(30)
-    cases = [Case(k, None, w[s], kind[s], T[s], 0.1 * T[s]) for k, s in enumerate((slice(0, 15), slice(15, 30)))]
+    cases = [PoseTruth(k, None, w[s], kind[s], T[s], 0.1 * T[s]) for k, s in enumerate((slice(0, 15), slice(15, 30)))]
     found = errors([E[:15], E[15:]], [end[:15], end[15:]], cases)
     assert found["total all"] == pytest.approx(relative_error(E, T, w).l1)
     assert found["total l2 mobile"] == pytest.approx(relative_error(E, T, w, kind == 2).l2)

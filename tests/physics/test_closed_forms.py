@@ -17,14 +17,14 @@ import pytest
 
 from gi_core.estimators import ESTIMATORS
 from gi_core.solver import Solver
-from tests.support.closed_form_cases import CASES, PLATE_POSE, Case, outside
+from tests.support.closed_form_cases import CASES, PLATE_POSE, ClosedFormCase, outside
 from tests.support.estimator_means import MEANS, UNKNOWN
 from tests.support.significance import EFFECT, crossing_deviation, photons_for_power, seeds_test, sees
 
 SEEDS = range(12)
 
 
-def solved(case: Case, seed: int, scale: float = 1.0) -> tuple[Solver, dict[str, np.ndarray]]:
+def solved(case: ClosedFormCase, seed: int, scale: float = 1.0) -> tuple[Solver, dict[str, np.ndarray]]:
     """Solve a case with every estimator from one trace; return red irradiance by estimator."""
     solver = Solver(case.scene(scale), photons=case.photons, radius=case.radius, neighbours=case.neighbours, seed=seed)
     if solver.scene.mobiles:

@@ -14,7 +14,7 @@ from gi_core.solver import Solver
 from tests.support import control_scenes
 
 
-def solved(case: control_scenes.Case, rule: bool = True, control: bool = True) -> tuple[Solver, np.ndarray]:
+def solved(case: control_scenes.ControlScene, rule: bool = True, control: bool = True) -> tuple[Solver, np.ndarray]:
     """Return solver and red irradiance; without `rule` no side counts as concave."""
     solver = Solver(case.scene, photons=case.photons // 2, radius=case.radius, control=control)
     if not rule:

@@ -22,7 +22,7 @@ FURNACE = 2 * math.pi  # of Le = 1, rho = 0.5
 SEED = 3
 
 
-def solved(case: control_scenes.Case, control: bool = True) -> Solver:
+def solved(case: control_scenes.ControlScene, control: bool = True) -> Solver:
     solver = Solver(case.scene, photons=case.photons, radius=case.radius, control=control)
     solver.solve()
     return solver

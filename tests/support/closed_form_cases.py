@@ -17,7 +17,7 @@ from tests.support import closed_form
 from tests.support import scene_builders as build
 
 
-class Case(NamedTuple):
+class ClosedFormCase(NamedTuple):
     """A setting and its answer."""
 
     scene: Callable[[float], Scene]  # of a factor on all flux
@@ -118,14 +118,14 @@ def inside(r):
 
 
 CASES = {
-    "point light over a plane": Case(
+    "point light over a plane": ClosedFormCase(
         point_over_plane,
         lambda p, n: closed_form.point_over_plane(1.0, 0.6, np.hypot(p[:, 0], p[:, 1])),
         rings(0, 0.4, 0.7, 1.2),
         120_000,
         0.12,
     ),
-    "spot over a plane": Case(
+    "spot over a plane": ClosedFormCase(
         spot_over_plane,
         lambda p, n: closed_form.spot_over_plane(
             1.0, 1.0, np.hypot(p[:, 0], p[:, 1]), math.cos(math.radians(20)), math.cos(math.radians(40))
@@ -135,21 +135,21 @@ CASES = {
         0.12,
         400,
     ),
-    "oblique parallel light": Case(
+    "oblique parallel light": ClosedFormCase(
         directional_plane,
         lambda p, n: np.full(len(p), closed_form.directional(3.0, (1, 0.5, -1), (0, 0, 1))),
         lambda r: {"all": within(r, 0.15)},
         100_000,
         0.12,
     ),
-    "overcast sky": Case(
+    "overcast sky": ClosedFormCase(
         sky_plane,
         lambda p, n: np.full(len(p), closed_form.sky(1.0)),
         lambda r: {"all": within(r, 0.15)},
         120_000,
         0.12,
     ),
-    "parallel rectangles": Case(
+    "parallel rectangles": ClosedFormCase(
         rectangles,
         lambda p, n: np.where(
             p[:, 2] < 0.5, closed_form.parallel_rectangle(10.0, -0.5, 0.5, -0.5, 0.5, 1.0, p[:, 0], p[:, 1]), 0.0
@@ -158,10 +158,10 @@ CASES = {
         150_000,
         0.12,
     ),
-    "furnace": Case(
+    "furnace": ClosedFormCase(
         furnace, lambda p, n: np.full(len(p), closed_form.furnace(1.0, 0.5)), furnace_groups, 40_000, 1 / 16
     ),
-    "two-sided sphere in parallel light": Case(
+    "two-sided sphere in parallel light": ClosedFormCase(
         sphere_in_sun,
         lambda p, n: closed_form.directional(1.0, (0, 0, -1), n),
         bands(0.1, 0.5, 0.8, 1.0),
@@ -169,7 +169,7 @@ CASES = {
         0.11,
         dark=inside,
     ),
-    "two-sided sphere beside a lamp": Case(
+    "two-sided sphere beside a lamp": ClosedFormCase(
         sphere_by_lamp,
         lambda p, n: closed_form.point_light(1.0, (0, 0, 2.5), p, n),
         bands(0.5, 0.8, 1.0),
@@ -177,7 +177,7 @@ CASES = {
         0.11,
         dark=inside,
     ),
-    "tilted plate that has been moved": Case(
+    "tilted plate that has been moved": ClosedFormCase(
         plate,
         lambda p, n: closed_form.point_light(1.0, (0, 0, 1.2), p, n),
         lambda r: {"plate": np.linalg.norm(r.positions - PLATE_POSE.position, axis=1) < 0.4},

@@ -19,13 +19,13 @@ UP = (0.0, 0.0, 1.0)
 RADIUS = 0.01  # 1 % of the scene's size
 
 
-class Case(NamedTuple):
+class ControlScene(NamedTuple):
     """A scene with the points where control matters and points where nothing is in the way."""
 
     scene: Scene
     radius: float
     photons: int  # enough for a noise of some 10 % at one receiver in the open
-    concerned: object  # (positions, normals) in the world -> (R,) bool
+    affected: object  # (positions, normals) in the world -> (R,) bool
     open: object
 
 
@@ -51,14 +51,14 @@ def _sky_lamp(height: float = 1.0, width: float = 1.0) -> Mesh:
     return quad((a, a, height), (0, width, 0), (width, 0, 0), (1, 1), 2)
 
 
-def corner() -> Case:
+def corner() -> ControlScene:
     """A furnace: walls that emit and reflect, and meet at edges and corners; E is the same everywhere."""
     scene = Scene(_furnace(), (lamp(1.0, 0.5), WHITE), up=UP, name="corner")
 
     def walls(p):
         return ((p < 1e-6) | (p > 1 - 1e-6)).sum(axis=1)
 
-    return Case(scene, RADIUS, 400_000, lambda p, n: walls(p) >= 2, lambda p, n: walls(p) == 1)
+    return ControlScene(scene, RADIUS, 400_000, lambda p, n: walls(p) >= 2, lambda p, n: walls(p) == 1)
 
 
 def _furnace(*finer: Mesh) -> Mesh:
@@ -87,7 +87,7 @@ def _beside(p, n, low, high, reach) -> np.ndarray:
     return (n[:, 2] > 0.9) & (np.abs(p[:, 2]) < 1e-9) & (distance > 0) & (distance < reach)
 
 
-def standing(low, high, height: float, mobile: bool, name: str, black: bool = False) -> Case:
+def standing(low, high, height: float, mobile: bool, name: str, black: bool = False) -> ControlScene:
     """A box that stands on the floor over the rectangle [low, high] (2,).
 
     In a furnace, and white: it sends back what it takes, and E is what it would be without it, everywhere. Or
@@ -99,7 +99,7 @@ def standing(low, high, height: float, mobile: bool, name: str, black: bool = Fa
     materials = (BLACK, BLACK, lamp(1.0)) if black else (lamp(1.0, 0.5), WHITE)
     mobiles = (Mobile("body", body, Pose()),) if mobile else ()
     scene = Scene(static if mobile else merge(static, body), materials, mobiles, up=UP, name=name)
-    return Case(
+    return ControlScene(
         scene,
         RADIUS,
         400_000,
@@ -108,18 +108,18 @@ def standing(low, high, height: float, mobile: bool, name: str, black: bool = Fa
     )
 
 
-def leg(mobile: bool, black: bool = False) -> Case:
+def leg(mobile: bool, black: bool = False) -> ControlScene:
     """The leg of a table."""
     low, high = (0.5 - LEG / 2,) * 2, (0.5 + LEG / 2,) * 2
     return standing(low, high, 0.1, mobile, "leg", black)
 
 
-def book(black: bool = False) -> Case:
+def book(black: bool = False) -> ControlScene:
     """A book that lies flat against a wall, a mobile; the wall is the floor here."""
     return standing((0.43, 0.38), (0.57, 0.62), 0.03, True, "book", black)
 
 
-def two_rooms(wall_mobile: bool = False, thickness: float = 0.002) -> Case:
+def two_rooms(wall_mobile: bool = False, thickness: float = 0.002) -> ControlScene:
     """A lit and a dark room with a thin wall between them; `wall_mobile`: the wall is a mobile that fills the gap."""
     a, b = 0.5 - thickness / 2, 0.5 + thickness / 2
     # A fitting mobile ends where the walls do: it goes a little into them.
@@ -130,10 +130,10 @@ def two_rooms(wall_mobile: bool = False, thickness: float = 0.002) -> Case:
     static = merge(room, light) if wall_mobile else merge(room, light, wall)
     mobiles = (Mobile("wall", wall, Pose()),) if wall_mobile else ()
     scene = Scene(static, (grey(0.7), lamp(10.0)), mobiles, up=UP, name="two rooms")
-    return Case(scene, 0.05, 50_000, lambda p, n: p[:, 0] > b - 1e-9, lambda p, n: p[:, 0] < 0.4)
+    return ControlScene(scene, 0.05, 50_000, lambda p, n: p[:, 0] > b - 1e-9, lambda p, n: p[:, 0] < 0.4)
 
 
-def ball(inside: bool) -> Case:
+def ball(inside: bool) -> ControlScene:
     """The inside of a sphere as a furnace, or its outside under an even sky of lamps: E is the same everywhere."""
     shell = sphere((0, 0, 0), 0.5, 4)
     if inside:
@@ -146,10 +146,10 @@ def ball(inside: bool) -> Case:
     def on(p, n):
         return np.sqrt((p * p).sum(axis=1)) < 0.51
 
-    return Case(scene, 0.05, 200_000, on, lambda p, n: np.zeros(len(p), bool))
+    return ControlScene(scene, 0.05, 200_000, on, lambda p, n: np.zeros(len(p), bool))
 
 
-def bumpy_wall(two_sided: bool = False) -> Case:
+def bumpy_wall(two_sided: bool = False) -> ControlScene:
     """A wall of smooth bumps, 4 mm high and 100 mm apart, under a wide lamp; half of it rises through its discs."""
     n = 80
     wall = quad((0.2, 0.2, 0), (0.6, 0, 0), (0, 0.6, 0), (n, n), 0)
@@ -163,7 +163,7 @@ def bumpy_wall(two_sided: bool = False) -> Case:
     def inner(p):
         return (np.abs(p[:, :2] - 0.5).max(axis=1) < 0.25) & (np.abs(p[:, 2]) < 0.01)
 
-    return Case(
+    return ControlScene(
         scene,
         0.02,
         800_000,
@@ -172,7 +172,7 @@ def bumpy_wall(two_sided: bool = False) -> Case:
     )
 
 
-def tent() -> Case:
+def tent() -> ControlScene:
     """A dark dome in a lit room: curved, thin, and with light on its outside only."""
     shell = sphere((0.5, 0.5, 0.5), 0.2, 3)
     inner = sphere((0.5, 0.5, 0.5), 0.198, 3)
@@ -184,9 +184,11 @@ def tent() -> Case:
     def centre(p):
         return np.sqrt(((p - 0.5) ** 2).sum(axis=1))
 
-    return Case(scene, 0.05, 50_000, lambda p, n: centre(p) < 0.199, lambda p, n: np.abs(centre(p) - 0.2) < 1e-6)
+    return ControlScene(
+        scene, 0.05, 50_000, lambda p, n: centre(p) < 0.199, lambda p, n: np.abs(centre(p) - 0.2) < 1e-6
+    )
 
 
-def classes(case: Case, surfaces: Surfaces, receivers) -> tuple[np.ndarray, np.ndarray]:
-    """Return which receivers are concerned, and which are in the open, (R,) bool each."""
-    return tuple(f(receivers.positions, receivers.normals) for f in (case.concerned, case.open))
+def classes(case: ControlScene, surfaces: Surfaces, receivers) -> tuple[np.ndarray, np.ndarray]:
+    """Return which receivers are affected, and which are in the open, (R,) bool each."""
+    return tuple(f(receivers.positions, receivers.normals) for f in (case.affected, case.open))

@@ -268,15 +268,15 @@ class Behind:
         self.clock, self.seconds = clock, seconds
         self.jobs = 0  # under way, one at most
 
-    def submit(self, call: Callable) -> Behind.Job:
+    def submit(self, call: Callable) -> Behind.Pending:
         assert self.jobs == 0, "the solver is never used by two at a time"
         self.jobs = 1
-        return self.Job(self, call)
+        return self.Pending(self, call)
 
     def close(self) -> None:
         pass
 
-    class Job:
+    class Pending:
         def __init__(self, thread: Behind, call: Callable) -> None:
             self.thread, self.call = thread, call
             self.end = thread.clock.now + thread.seconds

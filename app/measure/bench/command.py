@@ -55,7 +55,7 @@ def table(n: dict) -> list[str]:
         ("photons cut", f"{100 * n['share_cut']:.3f} % (median)"),
         ("changed", f"{n['segments_changed']:,.0f} segments, old and new (median)"),
         ("per cut", f"{per_cut:.2f} us per photon that is cut" if per_cut is not None else "no photon was cut"),
-        ("control", _concerned(n)),
+        ("control", _affected(n)),
         *_stale(n["queries"]),
         ("from scratch", f"{n['from_scratch_ms']:.1f} ms, {n['from_scratch_ratio']:.1f} frames"),
         ("first frame", f"{n['first_frame_ms']:.0f} ms, after {n['prepare_ms']:.0f} ms of preparing the scene"),
@@ -83,7 +83,7 @@ def _stage(name: str, ms: float, bound: dict) -> str:
     return f"{ms:.3f} ms" + (f", {summary(known)}" if known else "")
 
 
-def _concerned(n: dict) -> str:
+def _affected(n: dict) -> str:
     contact = f"{n['control_stale']:,.0f} near mobiles estimated again, {n['control_on_mobiles']:,.0f} on them"
     return f"{100 * n['control_share']:.1f} % of the receivers; {contact} (median)"
 

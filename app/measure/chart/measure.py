@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.measure.chart.settings import Choice
-from app.measure.chart.truth import Case, background_of, light_of, steady_and_moved
+from app.measure.chart.truth import PoseTruth, background_of, light_of, steady_and_moved
 from gi_core.gather.reference_sample import draw_by_area
 from gi_core.geometry.error import noise_of_truth, relative_error
 from gi_core.geometry.receiver_classes import CLASSES
@@ -21,7 +21,7 @@ class Walk(NamedTuple):
     """The frames of every setting."""
 
     lap: list  # poses of each frame
-    cases: list[Case]
+    cases: list[PoseTruth]
     watched: np.ndarray  # (n,) static receivers
     areas: np.ndarray  # (n,) float64, in proportion to the area per receiver
     steady: np.ndarray  # (n,) bool, of the watched: not changed by mobiles
@@ -37,7 +37,7 @@ class Recorded(NamedTuple):
     light: np.ndarray  # (frames, watched) luminance
 
 
-def make_walk(finest, lap: list, cases: list[Case], seed: int) -> Walk:
+def make_walk(finest, lap: list, cases: list[PoseTruth], seed: int) -> Walk:
     """Return the walk, with the changes that the solver of most photons finds."""
     static = finest.surfaces.receiver_range(0).stop
     areas = finest.receivers.areas[:static]
@@ -88,7 +88,7 @@ def row(choice: Choice, seen: Recorded, limit: list[np.ndarray] | None, walk: Wa
     return numbers | errors(seen.at_cases, limit, walk.cases)
 
 
-def errors(E: list[np.ndarray], limit: list[np.ndarray] | None, cases: list[Case]) -> dict[str, float]:
+def errors(E: list[np.ndarray], limit: list[np.ndarray] | None, cases: list[PoseTruth]) -> dict[str, float]:
     """Return noise, bias, total (l1), total (l2) and the noise of the truth, of all receivers and of each class."""
     T, s, w, kind = (np.concatenate(a) for a in zip(*(c[4:6] + (c.weights, c.kind) for c in cases), strict=True))
     found = np.concatenate(E)

@@ -21,7 +21,7 @@ SOON_ENOUGH = 40.0  # ms: longest frame among the best settings
 SCALE = 0.5  # relative error at the ends of the colour scale
 
 
-class Picture(NamedTuple):
+class PagePicture(NamedTuple):
     """A picture and its caption."""
 
     title: str
@@ -41,7 +41,7 @@ def best_rows(rows: list[dict]) -> list[dict]:
     return out
 
 
-def pictures(run: Run, rows: list[dict]) -> list[Picture]:
+def pictures(run: Run, rows: list[dict]) -> list[PagePicture]:
     """Return the truth and the best row of each estimator, at the first pose where errors were measured."""
     poses = run.lap[run.truth_frames[0]]
     solver = run.base.twin()
@@ -52,7 +52,7 @@ def pictures(run: Run, rows: list[dict]) -> list[Picture]:
     truth, areas = reached.state.mean, store.weights
     solver.frame = solver.frame._replace(irradiance=truth)
     shot = Shot(solver, replace(run.settings, size=SIZE))
-    out = [Picture("truth", f"unbiased path tracing, noise {100 * reached.noise:.1f} %", shot.take(), None)]
+    out = [PagePicture("truth", f"unbiased path tracing, noise {100 * reached.noise:.1f} %", shot.take(), None)]
     settings = replace(run.settings, size=SIZE, exposure=shot.exposure)
     for row in best_rows(rows):
         run.bar(f"picture of {row['estimator']}", 0.0)
@@ -63,7 +63,7 @@ def pictures(run: Run, rows: list[dict]) -> list[Picture]:
         error = signed_error(solver.irradiance, truth, areas)
         total = relative_error(solver.irradiance, truth, areas)
         text = f"{choice.summary()}: {row['frame_ms']:.3g} ms per frame; error {100 * total.l1:.1f} % here"
-        out.append(Picture(choice.curve, text, shot.take(), _map(shot, error)))
+        out.append(PagePicture(choice.curve, text, shot.take(), _map(shot, error)))
     return out
 
 

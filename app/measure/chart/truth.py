@@ -16,7 +16,7 @@ SHARES = {"untouched": 0.4, "affected": 0.2, "mobile": 0.2, "border": 0.2}  # of
 FAR_AWAY = 1e3  # of the scene size: a mobile there changes nothing
 
 
-class Case(NamedTuple):
+class PoseTruth(NamedTuple):
     """One pose of the path, and the truth there at n receivers."""
 
     frame: int  # of the walk
@@ -39,7 +39,7 @@ def background_of(solver: Solver) -> np.ndarray:
 
 def cases(
     solver: Solver, lap: list[dict], frames: list[int], points: int, error: float, seed: int, progress
-) -> list[Case]:
+) -> list[PoseTruth]:
     """Return the truth at some frames of a walk, with a noise of `error` (l1); kept on disk.
 
     The light of `solver`, which is solved, decides the class of each receiver; SHARES of `points` are drawn from each.
@@ -54,7 +54,7 @@ def cases(
         store = ReferenceStore(solver.model, solver.poses, rows, seed, weights=weights)
         for reached in store.gather(error):
             progress(f"truth {k + 1} of {len(frames)}", (k + reached.fraction) / len(frames))
-        out.append(Case(frame, rows, weights, kind, reached.state.mean, reached.state.standard_error))
+        out.append(PoseTruth(frame, rows, weights, kind, reached.state.mean, reached.state.standard_error))
     solver.move_all(start)
     return out
 

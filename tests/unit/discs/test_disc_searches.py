@@ -24,12 +24,12 @@ COUNT = 600  # discs, and lines
 RADII = (0.003, 0.05, 0.4, 3.0)  # in a unit cube
 
 
-class Case(NamedTuple):
+class SearchCase(NamedTuple):
     discs: Discs
     lines: Lines
 
 
-def case(radius: float) -> Case:
+def case(radius: float) -> SearchCase:
     rng = np.random.default_rng(7)
     p = rng.random((COUNT, 3))
     p[: COUNT // 3, 2] = 0.25  # a floor
@@ -72,10 +72,10 @@ def case(radius: float) -> Case:
     flux = rng.integers(1, 1 << 20, (COUNT, 3)).astype(np.int32)
     patches = rng.integers(-1, 8, (COUNT, 3)).astype(np.int32)
     lines = Lines(a, d, np.full(COUNT, 1e-4, np.float32), stop, high, flux, patches, np.stack([a, b, b], axis=1))
-    return Case(discs, lines)
+    return SearchCase(discs, lines)
 
 
-def found(search, c: Case, parts: int = 1, sign: int = 1) -> tuple[int, np.ndarray, np.ndarray]:
+def found(search, c: SearchCase, parts: int = 1, sign: int = 1) -> tuple[int, np.ndarray, np.ndarray]:
     sums = Sums.zeros(COUNT)
     count = sum(search.accumulate(c.lines, sign, sums, part, parts) for part in range(parts))
     return count, sums.flux, sums.touched
@@ -85,7 +85,7 @@ MADE = {**SEARCHES, "ray_cache_unsorted": partial(RayCache, ordered=False)}
 
 
 @pytest.fixture(params=RADII, scope="module")
-def expected(request) -> tuple[Case, tuple]:
+def expected(request) -> tuple[SearchCase, tuple]:
     c = case(request.param)
     return c, found(SEARCHES["brute_force"](c.discs), c)
 

@@ -145,7 +145,7 @@ def test_dilation_stays_in_its_room():
     solver = Solver(case.scene, photons=200_000, radius=case.radius)
     solver.solve()
     p, n = solver.receivers.positions, solver.receivers.normals
-    dark = case.concerned(p, n)
+    dark = case.affected(p, n)
     assert dark.sum() > 20 and not solver.irradiance[dark].any()
     assert not solver.drawn(solver.irradiance).irradiance[dark].any()
 
