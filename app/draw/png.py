@@ -38,7 +38,7 @@ def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: Mapping[
 
 def read_parameters(path: str | os.PathLike) -> dict[str, str]:
     """Return the text entries of a PNG."""
-    with Image.open(path) as image:
+    with Image.open(path, formats=["PNG"]) as image:
         return dict(image.text)
 
 

@@ -22,9 +22,10 @@ from gi_core.files.scaling import scaled
 from gi_core.geometry.cutouts import without_holes
 from gi_core.geometry.paint import join_paints
 from gi_core.geometry.tessellation import tessellate
-from gi_core.scene.errors import SceneError
+from gi_core.scene.errors import SceneError, named
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Scene
+from gi_core.scene.validate import check_scene
 
 MOST_RECEIVERS = 150_000  # a bare mesh is refined to about as many, both sides counted, unless it is fine enough before
 
@@ -53,8 +54,9 @@ def load_scene(
     if max_edge is not None and not max_edge > 0:
         raise SceneError(f"{where}: max_edge must be a length > 0 in metres, got {max_edge}")
     suffix = file.suffix.lower()
+    boundary = Boundary(file.parent, allow_outside)
     if suffix == ".toml":
-        described = read_scene_file(file, where)
+        described = read_scene_file(file, where, boundary)
     elif suffix in SUFFIXES:
         entry = StaticEntry([file], 1.0, None)
         described = SceneFile(file.stem, None, "radiometric", entry, [], [], {}, None, [], Defaults())
@@ -63,9 +65,12 @@ def load_scene(
             f"{where}: a scene is a .toml file or one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}"
         )
     up = _checked_up(up, where)
-    builder = _Builder(described, where, file.stem, up, suffix != ".toml", Boundary(file.parent, allow_outside))
+    builder = _Builder(described, where, file.stem, up, suffix != ".toml", boundary)
     try:
-        return builder.build(mobiles, max_edge)
+        with named(where, *map(str, mobiles)):
+            scene = builder.build(mobiles, max_edge)
+            check_scene(scene)
+            return scene
     except MemoryError:
         raise SceneError(f"{where}: the scene does not fit into memory; simplify its meshes") from None
 
@@ -76,6 +81,7 @@ class _Builder:
     def __init__(self, described: SceneFile, where: str, name: str, up, bare: bool, boundary: Boundary):
         self.file, self.where, self.name, self.up, self.bare = described, where, name, up or described.up, bare
         self.boundary = boundary
+        self.read: dict[str, MeshFile] = {}  # by real path
         self.materials: list[Material] = []
         self.notes: list[str] = []
 
@@ -134,7 +140,12 @@ class _Builder:
         """Read a mesh file that the scene file names."""
         if not self.boundary.holds(path):
             raise SceneError(f"{where}: lies outside the folder of the scene; move it there, or give --allow-outside")
-        return read_mesh_file(path, where, self.boundary)
+        real = os.path.realpath(path)
+        if real in self.read:
+            self.boundary.take(where, "triangles", len(self.read[real].mesh.faces))
+        else:
+            self.read[real] = read_mesh_file(path, where, self.boundary)
+        return self.read[real]
 
     def _static(self, read: list[MeshFile]) -> Mesh:
         meshes = []
@@ -192,10 +203,10 @@ class _Builder:
                 )
 
     def _cut(self, mesh: Mesh, max_edge: float, where: str) -> Mesh:
-        try:
-            return tessellate(mesh, max_edge)
-        except SceneError as error:
-            raise SceneError(f"{where}: {error}") from None
+        with named(where):
+            cut = tessellate(mesh, max_edge)
+        self.boundary.take(where, "triangles", max(len(cut.faces) - len(mesh.faces), 0))
+        return cut
 
     def _refined(self, scene: Scene, max_edge: float | None, rays, box) -> Scene:
         if self.bare:

@@ -18,7 +18,7 @@ def cover_of(alpha: np.ndarray, factor: float, cutoff: float) -> np.ndarray:
     """Return alpha (h, w) uint8 times `factor`, scaled so that `cutoff` becomes HALF, the common threshold."""
     if cutoff <= 0:
         return np.full(alpha.shape, 255, np.uint8)
-    return np.round(np.clip(alpha * (0.5 * factor / cutoff), 0, 255)).astype(np.uint8)
+    return np.round(np.clip(np.arange(256) * (0.5 * factor / cutoff), 0, 255)).astype(np.uint8)[alpha]
 
 
 def bled(pixels: np.ndarray, cover: np.ndarray) -> np.ndarray:
@@ -69,10 +69,15 @@ def _anything(texture: Texture, uv: np.ndarray) -> np.ndarray:
     """Return (n,) bool: the surface exists somewhere in the bounding box of each triangle uv (n, 3, 2)."""
     h, w = texture.cover.shape
     uv = np.clip(np.nan_to_num(uv.astype(np.float64)), -1e6, 1e6)
-    # Summed-area table of existing texels, over two periods: a box begins in the first of them.
-    there = np.tile(texture.cover >= HALF, (2, 2))
-    count = np.zeros((2 * h + 1, 2 * w + 1), np.int64)
-    count[1:, 1:] = there.cumsum(axis=0).cumsum(axis=1)
+    count = np.zeros((h + 1, w + 1), np.int32)  # summed-area table of existing texels
+    np.cumsum(texture.cover >= HALF, axis=0, dtype=np.int32, out=count[1:, 1:])
+    np.cumsum(count[1:, 1:], axis=1, out=count[1:, 1:])
+
+    def before(row, column):
+        """Return the number of texels above a row and left of a column, in the repeated texture."""
+        (m, i), (n, k) = divmod(row, h), divmod(column, w)
+        return m * n * int(count[h, w]) + m * count[h, k] + n * count[i, w] + count[i, k]
+
     size = np.array([w, h])
     # Half a texel of padding for interpolation.
     low = np.floor(uv.min(axis=1) * size - 0.5).astype(np.int64)
@@ -82,7 +87,7 @@ def _anything(texture: Texture, uv: np.ndarray) -> np.ndarray:
     high = np.minimum(high - low, size) + low % size
     low = low % size
     (x, y), (u, v) = low.T, high.T
-    found = count[v, u] - count[y, u] - count[v, x] + count[y, x] > 0
+    found = before(v, u) - before(y, u) - before(v, x) + before(y, x) > 0
     return found | ~(inside | repeats).all(axis=1)  # beyond an edge that does not repeat: kept
 
 

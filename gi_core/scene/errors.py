@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 LONGEST = 500  # characters of a sentence
 
 
@@ -15,6 +18,17 @@ def one_line(text: str) -> str:
     line = printable(" ".join(text.split()))
     half = LONGEST // 2  # the place at the front and the rule at the end both stay
     return line if len(line) <= LONGEST else f"{line[: half - 5]} ... {line[-half:]}"
+
+
+@contextmanager
+def named(*places: str) -> Iterator[None]:
+    """Let every SceneError within name its place: the first of `places`, unless it names one of them already."""
+    try:
+        yield
+    except SceneError as error:
+        if any(one_line(place) in str(error) for place in places):
+            raise
+        raise SceneError(f"{places[0]}: {error}") from None
 
 
 class SceneError(ValueError):

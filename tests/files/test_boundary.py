@@ -122,6 +122,22 @@ def test_a_pipe_or_a_device_is_not_read(tmp_path):
     assert any("room.mtl not found" in n for n in read_mesh_file(tmp_path / "a.obj").notes)
 
 
+def test_a_ply_opens_no_other_file(tmp_path, monkeypatch):
+    """Its comment names a texture, which is not used: a pipe of that name would never end."""
+    head = "ply\nformat ascii 1.0\ncomment TextureFile {}\nelement vertex 3\nproperty float x\nproperty float y\n"
+    head += "property float z\nproperty float s\nproperty float t\nelement face 1\n"
+    head += "property list uchar int vertex_indices\nend_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n"
+    (tmp_path / "inner").mkdir()
+    for folder in (tmp_path, tmp_path / "inner"):
+        (folder / "wood.png").write_bytes(b"GIF89a")
+    opened = []
+    monkeypatch.setattr("trimesh.resolvers.FilePathResolver.get", lambda _, name: opened.append(name) or b"")
+    for name in ("wood.png", "../wood.png", str(tmp_path / "wood.png"), "/etc/passwd"):
+        (tmp_path / "inner" / "a.ply").write_text(head.format(name))
+        assert len(read_mesh_file(tmp_path / "inner" / "a.ply").mesh.faces) == 1
+    assert not opened
+
+
 def test_command_line(inner, capsys):
     (inner / "s.toml").write_text('[static]\nmesh = "../room.obj"\n')
     quick = ["info", str(inner / "s.toml"), "--photons", "100", "--radius", "0.1"]

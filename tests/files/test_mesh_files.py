@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from gi_core.files.formats.mesh_file import read_mesh_file
+from gi_core.files.load import load_scene
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import mean_colours
 from gi_core.scene import SceneError
@@ -177,6 +178,10 @@ BROKEN = {
     "one.gltf": (b'{"asset": {"version": "1.0"}}', "glTF must be of version 2"),
     "nothing.gltf": (b'{"asset": {"version": "2.0"}}', "the mesh has no triangles"),
     "dangling.gltf": (b'{"asset": {"version": "2.0"}, "nodes": [{"mesh": 7}]}', "the glTF is damaged"),
+    "nameless.obj": (
+        b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 //1\n",
+        "line 5 is not OBJ .a corner must name",
+    ),
     "draco.gltf": (
         b'{"asset": {"version": "2.0"}, "extensionsUsed": ["KHR_draco_mesh_compression"]}',
         "compressed meshes are not read, got KHR_draco_mesh_compression",
@@ -212,3 +217,33 @@ def test_truncated_glb(tmp_path):
     file.write_bytes(file.read_bytes()[:-40])
     with pytest.raises(SceneError, match="the file ends early, 40 bytes are missing"):
         read_mesh_file(file)
+
+
+def test_obj_comments_and_a_mark_at_the_front(tmp_path):
+    """Comments end any line; editors of Windows begin a file with a mark, and end its lines in their way."""
+    lines = [
+        "v 0 0 0 # first",
+        "v 1 0 0",
+        "v 0 1 0",
+        "vt 0.5 # u alone",
+        "vn 0 0 1 # up",
+        "f 1/1/1 2/1/1 \\",
+        "3/1/1 # all",
+    ]
+    (tmp_path / "a.obj").write_bytes(b"\xef\xbb\xbf" + "\r\n".join(lines).encode())
+    assert len(read_mesh_file(tmp_path / "a.obj").mesh.faces) == 1
+
+
+def test_a_lamp_on_a_node_of_no_size(tmp_path):
+    light = {"KHR_lights_punctual": {"lights": [{"type": "directional", "intensity": 3}]}}
+    node = {"scale": [0, 0, 0], "extensions": {"KHR_lights_punctual": {"light": 0}}}
+    file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, nodes=[node], extensions=light)
+    assert load_scene(file, max_edge=1.0).lights[0].direction == (0.0, 0.0, -1.0)
+
+
+def test_what_a_loaded_scene_breaks_is_named_by_its_file(tmp_path):
+    light = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": -3}]}}
+    node = {"extensions": {"KHR_lights_punctual": {"light": 0}}}
+    file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, nodes=[node], extensions=light)
+    with pytest.raises(SceneError, match='a.glb: .*light "light 0": flux must be three numbers >= 0'):
+        load_scene(file)

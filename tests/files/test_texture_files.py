@@ -5,13 +5,15 @@ from __future__ import annotations
 import io
 import struct
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from gi_core.files.formats.boundary import LIMITS, MOST_PIXELS, Boundary
 from gi_core.files.formats.mesh_file import read_mesh_file
-from gi_core.files.formats.texture_images import MOST_PIXELS, decode
+from gi_core.files.formats.texture_images import FORMATS, decode
 from gi_core.files.load import load_scene
 from gi_core.geometry.mipmap import srgb_to_linear
 from gi_core.geometry.surfaces import flatten
@@ -108,7 +110,7 @@ def test_equal_images_are_stored_once(tmp_path):
             images=[{"uri": "t.png"}], textures=[{"source": 0}],
         )  # fmt: skip
         kept.append(read_mesh_file(file).mesh.paint.textures[0].pixels)
-    assert kept[0] is kept[1] is decode(png(PIXELS))
+    assert kept[0] is kept[1] is decode(png(PIXELS), "t.png", Boundary(tmp_path)).pixels
 
 
 BAD_IMAGES = {
@@ -183,10 +185,50 @@ def test_every_kind_of_pixel_becomes_rgb(tmp_path, mode):
     grey = np.tile(np.arange(0, 256, 16, dtype=np.uint8), (4, 1))
     image = Image.fromarray(grey.astype(np.uint16) * 257) if mode == "I;16" else Image.fromarray(grey).convert(mode)
     data = io.BytesIO()
-    image.save(data, "tiff" if mode == "CMYK" else "png")
-    pixels = decode(data.getvalue())
+    image.save(data, "jpeg" if mode == "CMYK" else "png")
+    pixels = decode(data.getvalue(), "a", Boundary(tmp_path)).pixels
     assert pixels.shape == (4, 16, 3) and pixels.dtype == np.uint8
     assert np.abs(pixels.astype(int) - grey[..., None]).max() <= 3
+
+
+@pytest.mark.parametrize("kind", ["EPS", "PDF", "TIFF", "GIF", "PPM", "ICNS"])
+def test_other_formats_are_not_opened(tmp_path, monkeypatch, kind):
+    """Pillow hands PostScript to Ghostscript, whatever the file is called."""
+    run = []
+    monkeypatch.setattr("PIL.EpsImagePlugin.Ghostscript", lambda *_, **__: run.append(kind))
+    Image.fromarray(PIXELS).resize((16, 16)).save(tmp_path / "wood.png", kind)
+    (note,) = [n for n in read_mesh_file(quad_with(tmp_path, "obj", "wood.png")).notes if "texture" in n]
+    assert "wood.png is not a readable image" in note and not run
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_formats_of_images(tmp_path, kind):
+    Image.fromarray(np.full((4, 4, 3), 99, np.uint8)).save(tmp_path / "wood.png", kind)
+    (texture,) = read_mesh_file(quad_with(tmp_path, "obj", "wood.png")).mesh.paint.textures
+    assert np.abs(texture.pixels.astype(int) - 99).max() <= 2
+
+
+def test_every_image_is_opened_by_its_formats():
+    """One call without `formats` opens any file with any plugin of Pillow."""
+    root = Path(__file__).parents[2]
+    calls = [line for p in ("app", "gi_core") for f in (root / p).rglob("*.py") for line in f.read_text().splitlines()]
+    opened = [line for line in calls if "Image.open(" in line]
+    assert opened and all("formats=" in line for line in opened)
+
+
+def test_pixels_of_all_images_are_bounded(tmp_path, monkeypatch):
+    """Each picture counts once; copies with holes count again."""
+    monkeypatch.setitem(LIMITS, "pixels", 40)
+    lines = ["mtllib a.mtl", *(f"v {x} {y} {z}" for x, y, z in QUAD), *(f"vt {u} {v}" for u, v in UV)]
+    for i in range(4):
+        (tmp_path / f"{i}.png").write_bytes(png(PIXELS + i % 3))
+        lines += [f"usemtl m{i}", "f 1/1 2/2 3/3 4/4"]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    (tmp_path / "a.mtl").write_text("".join(f"newmtl m{i}\nmap_Kd {i}.png\n" for i in range(4)))
+    read = read_mesh_file(tmp_path / "a.obj")
+    assert len(read.mesh.paint.textures) == 3  # 0, 1 and 3, which holds what 0 holds
+    (note,) = [n for n in read.notes if "texture" in n]
+    assert "2.png: a scene must have no more than 40 pixels, got 48" in note
 
 
 def test_a_scene_file_keeps_textures_or_replaces_them(tmp_path):

@@ -121,6 +121,8 @@ FILES = {
     "nan.obj": "v 0 0 0\nv 1 nan 0\nv 1 1 0\nf 1 2 3\n",
     "short.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 9\n",
     "text.gltf": "once upon a time",
+    "zeros.gltf": '{"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}], "meshes": [{"primitives": [{"attributes":'
+    ' {"POSITION": 0}}]}], "accessors": [{"componentType": 5126, "count": 99999999, "type": "VEC3"}]}',
     "draco.gltf": '{"asset": {"version": "2.0"}, "extensionsUsed": ["KHR_draco_mesh_compression"]}',
 }
 

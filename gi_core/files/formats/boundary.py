@@ -1,20 +1,48 @@
-"""Boundary of a scene: the files that it may name lie in its own folder and below, unless the user allows more.
+"""Boundary of a scene: the files that it may name, and the amounts that it may hold.
 
-A scene from a stranger must not read other files of the disk. Absolute paths, `..` and symbolic links are resolved
-first. Devices and pipes are never read.
+A scene from a stranger must not read other files of the disk: its files lie in its own folder and below, unless the
+user allows more. Absolute paths, `..` and symbolic links are resolved first. Devices and pipes are never read.
+Nor must a few kilobytes fill the memory: readers ask `take` before they allocate.
 """
 
 from __future__ import annotations
 
+import errno
+import io
 import os
+from collections import Counter
 from pathlib import Path
+
+from gi_core.scene.errors import SceneError
+
+LIMITS = {  # of one scene with all its files
+    "files": 1_000,
+    "bytes in files": 1 << 30,
+    "bytes in a scene file": 4_000_000,
+    "lines of text": 12_000_000,
+    "values in JSON": 2_000_000,
+    "objects": 1_000,  # mobiles, lights and probes
+    "key frames": 100_000,
+    "nodes": 100_000,
+    "primitives": 50_000,
+    "triangles": 4_000_000,
+    "vertices": 12_000_000,
+    "elements without data": 1_000_000,  # of glTF accessors that name no bytes
+    "numbers": 250_000_000,  # of glTF accessors, each time one is read
+    "pixels": 1 << 28,
+}
+MOST_PIXELS = 1 << 26  # of one image: 8192 x 8192
+DEEPEST = 64  # parts of a TOML key
+MOST_AT_VERTEX = 10_000  # triangles: the rays of a fan of more meet the boxes of all
 
 
 class Boundary:
-    """The folder of the file that the user named; `open` allows files anywhere."""
+    """The folder of the file that the user named, and the amounts taken so far; `open` allows files anywhere."""
 
     def __init__(self, folder: str | Path, open: bool = False) -> None:
         self.folder, self.open = os.path.realpath(folder), open
+        self.taken: Counter[str] = Counter()
+        self.images: set[bytes] = set()  # digests of the images whose pixels are taken
 
     def holds(self, path: str | Path) -> bool:
         """Return whether a path may be read; the file need not exist."""
@@ -27,5 +55,28 @@ class Boundary:
         return Path(real).is_relative_to(self.folder)
 
     def file(self, path: str | Path) -> bool:
-        """Return whether a path may be read and is a file."""
+        """Return whether a path may be read and is a regular file."""
         return os.path.isfile(path) and self.holds(path)  # Path.is_file raises where a name is too long
+
+    def read(self, path: str | Path, where: str) -> bytes:
+        """Return the bytes of a regular file. Raises OSError, or SceneError beyond the limits."""
+        if not os.path.isfile(path):
+            raise FileNotFoundError(errno.ENOENT, "there is no such file")
+        self.take(where, "files")
+        self.take(where, "bytes in files", os.path.getsize(path))
+        return Path(path).read_bytes()
+
+    def take(self, where: str, what: str, amount: int = 1) -> None:
+        """Add to the scene's amount of `what`, a key of LIMITS. Raises SceneError beyond the limit, adding nothing."""
+        found = self.taken[what] + amount
+        if found > LIMITS[what]:
+            raise SceneError(
+                f"{where}: a scene must have no more than {LIMITS[what]:,} {what}, got {found:,}; "
+                "simplify it, or write two scenes"
+            )
+        self.taken[what] = found
+
+
+def text_of(data: bytes, errors: str = "strict") -> str:
+    """Return UTF-8 as text with one kind of line end, without the mark that some editors write first."""
+    return io.TextIOWrapper(io.BytesIO(data), "utf-8-sig", errors).read()

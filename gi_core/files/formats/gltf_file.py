@@ -6,6 +6,8 @@ and rounds colours to 8 bit. Light units are the format's: candela, lux, nits.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from gi_core.files.formats.boundary import Boundary
@@ -13,22 +15,20 @@ from gi_core.files.formats.file_parts import FileParts, Part
 from gi_core.files.formats.gltf_buffers import Document
 from gi_core.files.formats.gltf_lights import node_camera, node_light
 from gi_core.files.formats.texture_images import MISSING, Images
-from gi_core.geometry.mipmap import mean_linear
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Material
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
-MOST_TRIANGLES = 20_000_000
 NEAREST = 9728
 WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 
 
-def read_gltf(path, where: str, boundary: Boundary) -> FileParts:
+def read_gltf(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
     """Read every triangle primitive of the default scene, with its world transform applied."""
     try:
         # Overflows are refused later, by the rules of vertices or of lights.
         with np.errstate(all="ignore"):
-            return _Reader(Document(path, where, boundary)).read()
+            return _Reader(Document(path, data, where, boundary)).read()
     except SceneError:
         raise
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError) as error:
@@ -40,11 +40,12 @@ class _Reader:
         self.document = document
         self.json = document.json
         self.notes = document.notes
-        self.images = Images()
+        self.images = Images(document.boundary)
         self.materials = [self._material(i, m) for i, m in enumerate(self.json.get("materials", []))]
         self.plain = None  # index of the material for primitives without one
-        self.parts, self.triangles, self.lights, self.camera = [], 0, [], None
+        self.parts, self.lights, self.camera = [], [], None
         self.world = {}  # node -> (4, 4)
+        self.joints: dict[int, np.ndarray] = {}  # skin -> (J, 4, 4)
 
     def read(self) -> FileParts:
         nodes = self.json.get("nodes", [])
@@ -57,6 +58,7 @@ class _Reader:
         stack = [(i, np.eye(4)) for i in reversed(roots)]
         while stack:
             i, parent = stack.pop()
+            self._take("nodes")
             if i in self.world:
                 raise SceneError(f"{self.document.where}: node {i} has two parents; a glTF scene must be a tree")
             self.world[i] = parent @ _local(nodes[i])
@@ -68,6 +70,7 @@ class _Reader:
                     self._primitive(node, matrix, primitive, f"mesh {node['mesh']} primitive {k}")
             light = node_light(self.json, node, matrix, len(self.lights))
             if light is not None:
+                self._take("objects")
                 self.lights.append(light)
             if self.camera is None:
                 self.camera = node_camera(self.json, node, matrix)
@@ -81,7 +84,9 @@ class _Reader:
         if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
             self.notes.append(f"{what} holds points or lines: left out")
             return
+        self._take("primitives")
         p = self.document.accessor(attributes["POSITION"])
+        self._take("vertices", len(p))
         n = self.document.accessor(attributes["NORMAL"]) if "NORMAL" in attributes else None
         if "skin" in node and "JOINTS_0" in attributes:
             p, n = self._skinned(node["skin"], attributes, p, n)
@@ -92,10 +97,8 @@ class _Reader:
         order = (
             self.document.accessor(primitive["indices"]).reshape(-1) if "indices" in primitive else np.arange(len(p))
         )
+        self._take("triangles", len(order) // 3 if mode == TRIANGLES else max(len(order) - 2, 0))
         faces = _triangles(order.astype(np.int64), mode)
-        self.triangles += len(faces)  # a mesh may hang on thousands of nodes
-        if self.triangles > MOST_TRIANGLES:
-            raise SceneError(f"{self.document.where}: a file must have no more than {MOST_TRIANGLES:,} triangles")
         if len(faces) and not (0 <= faces.min() and faces.max() < len(p)):
             raise SceneError(f"{self.document.where}: {what} has vertex indices outside its {len(p)} vertices")
         if np.linalg.det(matrix[:3, :3]) < 0:
@@ -110,6 +113,9 @@ class _Reader:
         normals = None if n is None else n[faces]
         paint = self._paint(index, attributes, faces)
         self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, *paint))
+
+    def _take(self, what: str, amount: int = 1) -> None:
+        self.document.boundary.take(self.document.where, what, amount)
 
     def _there(self, index, attributes, faces) -> np.ndarray:
         """Return the faces (n,) bool that the alpha of their vertices does not remove."""
@@ -138,7 +144,7 @@ class _Reader:
                 texture = np.full(len(faces), found)
                 uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
             else:
-                factor = factor * mean_linear(self.images.textures[found].pixels)
+                factor = factor * self.images.mean(self.images.textures[found].pixels)
                 colour = np.broadcast_to(factor, (*faces.shape, 3))
                 note = "its mesh has no texture coordinates, it shows the mean colour of its texture"
                 note = f'material "{self.materials[index].name}": {note}'
@@ -160,7 +166,7 @@ class _Reader:
             otherwise = "lamps emit evenly where an emissive texture is missing"
             image = self.images.pixels(*self._image(m["emissiveTexture"]["index"]), otherwise)
             if image is not None:
-                emission = emission * mean_linear(image)
+                emission = emission * self.images.mean(image)
                 self.notes.append(f'material "{name}": emits the mean colour of its emissive texture')
         if m.get("alphaMode") == "BLEND" or "KHR_materials_transmission" in extensions:
             holes = " but where its texture is more than half transparent" if "baseColorTexture" in pbr else ""
@@ -189,15 +195,18 @@ class _Reader:
 
     def _skinned(self, skin: int, attributes, p, n):
         """Return positions and normals in the pose that the file's nodes hold: the rest pose."""
-        described = self.json["skins"][skin]
-        joints = described["joints"]
-        world = np.stack([self.world.get(j, np.eye(4)) for j in joints])
-        if "inverseBindMatrices" in described:
-            world = world @ self.document.accessor(described["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
+        if skin not in self.joints:
+            described = self.json["skins"][skin]
+            world = np.stack([self.world.get(j, np.eye(4)) for j in described["joints"]])
+            if "inverseBindMatrices" in described:
+                inverse = self.document.accessor(described["inverseBindMatrices"])
+                world = world @ inverse.reshape(-1, 4, 4).swapaxes(1, 2)
+            self.joints[skin] = world
         ids = self.document.accessor(attributes["JOINTS_0"]).astype(np.int64)
         weights = self.document.accessor(attributes["WEIGHTS_0"])
         weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
-        blend = np.einsum("vj,vjab->vab", weights, world[ids])
+        # Joint by joint: the matrices of all four would take 512 bytes per vertex at once.
+        blend = sum(w[:, None, None] * self.joints[skin][j] for w, j in zip(weights.T, ids.T, strict=True))
         moved = np.einsum("vab,vb->va", blend[:, :3, :3], p) + blend[:, :3, 3]
         return moved, None if n is None else np.einsum("vab,vb->va", blend[:, :3, :3], n)
 

@@ -47,5 +47,5 @@ def node_camera(json: dict, node: dict, matrix: np.ndarray) -> Camera | None:
 
 def _forward(matrix: np.ndarray) -> tuple[float, float, float]:
     d = -matrix[:3, 2]
-    d = d / max(float(np.sqrt((d * d).sum())), 1e-30)
-    return tuple(float(x) for x in d)
+    size = float(np.sqrt((d * d).sum()))
+    return tuple(float(x) for x in d / size) if size > 0 else (0.0, 0.0, -1.0)  # a node of no size has no direction

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gi_core.files.formats.toml_fields import Table, nearest
+from gi_core.files.formats.toml_fields import Table, nearest, shown
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Material, Mesh
 
@@ -15,7 +15,7 @@ def read_materials(root: Table) -> dict[str, Table]:
     """Return the checked tables by material name."""
     tables = root.values.get("materials", {})
     if not isinstance(tables, dict):
-        raise SceneError(f"{root.where}: materials are written as [materials.NAME], got {tables!r}")
+        raise SceneError(f"{root.where}: materials are written as [materials.NAME], got {shown(tables)}")
     result = {}
     for name, values in tables.items():
         table = Table(values, f'{root.where}: material "{name}"', KEYS)

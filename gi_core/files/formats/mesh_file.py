@@ -13,7 +13,7 @@ import numpy as np
 
 from gi_core.base.grouping import order_of
 from gi_core.base.vectors import box, cross, dot, every, greatest, length
-from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.boundary import MOST_AT_VERTEX, Boundary
 from gi_core.files.formats.file_parts import FileParts, Part
 from gi_core.files.formats.gltf_file import read_gltf
 from gi_core.files.formats.obj_file import read_obj
@@ -60,15 +60,14 @@ def read_mesh_file(path: Path, where: str | None = None, boundary: Boundary | No
         raise SceneError(f"{where}: a mesh file must be one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}")
     if not os.path.isfile(path):  # Path.is_file raises where a name is too long
         raise SceneError(f"{where}: there is no such mesh file")
-    if not os.path.getsize(path):
+    try:
+        data = boundary.read(path, where)
+    except OSError as error:
+        raise SceneError(f"{where}: the mesh file cannot be read: {error.strerror or error}") from None
+    if not data:
         raise SceneError(f"{where}: the file is empty, 0 bytes long; export it again")
-    if suffix in (".glb", ".gltf"):
-        parts = read_gltf(path, where, boundary)
-    elif suffix == ".obj":
-        parts = read_obj(path, where, boundary)
-    else:
-        parts = read_with_trimesh(path, where)
-    return _clean(parts, where)
+    read = {".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj}.get(suffix, read_with_trimesh)
+    return _clean(read(path, data, where, boundary), where)
 
 
 def _clean(read: FileParts, where: str) -> MeshFile:
@@ -90,11 +89,17 @@ def _clean(read: FileParts, where: str) -> MeshFile:
     first = np.cumsum([0, *(len(p.vertices) for p in parts)])
     vertices = np.concatenate([p.vertices for p in parts])
     faces = np.concatenate([p.faces + o for p, o in zip(parts, first, strict=False)])
+    most = int(np.bincount(faces.reshape(-1)).max())
+    if most > MOST_AT_VERTEX:
+        raise SceneError(
+            f"{where}: a vertex must have no more than {MOST_AT_VERTEX:,} triangles, got {most:,}; cut its polygon"
+        )
     material = np.concatenate([p.material for p in parts])
     part_of = np.repeat(np.arange(len(parts)), [len(p.faces) for p in parts])
 
     turn, torn = faces_to_turn(parts, vertices, faces)
-    parts = [with_turned(p, turn[part_of == i]) for i, p in enumerate(parts)]
+    ends = np.cumsum([len(p.faces) for p in parts])
+    parts = [with_turned(p, rows) for p, rows in zip(parts, np.split(turn, ends), strict=False)]
     faces[turn] = faces[turn][:, ::-1]
     keep, sided = _repair(vertices, faces, material, materials, notes)
     if turn[keep].any():
@@ -186,11 +191,11 @@ def _repair(vertices, faces, material, materials, notes):
 
 def _two_sided_copies(material, sided, materials):
     material = material.copy()
-    for i in range(len(materials)):
-        rows = sided & (material == i)
-        if rows.any() and not materials[i].two_sided:
-            material[rows] = len(materials)
-            materials.append(materials[i]._replace(two_sided=True))
+    one_sided = [i for i in np.unique(material[sided]) if not materials[i].two_sided]
+    copies = np.arange(len(materials))
+    copies[one_sided] = len(materials) + np.arange(len(one_sided))
+    materials += [materials[i]._replace(two_sided=True) for i in one_sided]
+    material[sided] = copies[material[sided]]
     return material
 
 
@@ -204,7 +209,7 @@ def _corner_normals(mesh, parts, part_of, keep, notes):
     for i, part in enumerate(parts):
         if part.corner_normals is None:
             continue
-        rows = np.flatnonzero(part_of == i)
+        rows = np.arange(*np.searchsorted(part_of, (i, i + 1)))  # the faces of a part follow each other
         n = part.corner_normals[keep[rows] - starts[i]]
         size = length(n)[..., None]
         good = np.isfinite(size) & (size > 1e-12)

@@ -7,66 +7,69 @@ which trimesh 5.2 turns into wrong geometry without a word, and it keeps `Ke` as
 from __future__ import annotations
 
 import os
+from array import array
 from pathlib import Path
 
 import numpy as np
 
-from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.boundary import Boundary, text_of
 from gi_core.files.formats.file_parts import FileParts, Part
 from gi_core.files.formats.texture_images import MISSING, Images, find
-from gi_core.geometry.mipmap import mean_linear
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Material
 
 NO_MATERIAL = "default"
 
 
-def read_obj(path: Path, where: str, boundary: Boundary) -> FileParts:
+def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
     """Read triangles and polygons (cut into fans), normals, materials and colour textures."""
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise SceneError(f"{where}: the mesh file cannot be read: {error.strerror or error}") from None
-    v, vt, vn = [], [], []
-    corners, normal_corners, uv_corners, face_material = [], [], [], []
-    library, names, current, notes, images = {}, {}, None, [], Images()
+    text = text_of(data, "replace")
+    boundary.take(where, "lines of text", text.count("\n"))
+    boundary.take(where, "vertices", text.count("\nv"))
+    v, vt, vn = array("d"), array("d"), array("d")
+    corners, face_material = array("q"), array("q")  # of each corner three indices: position, texture, normal
+    library, names, current, notes, images = {}, {}, None, [], Images(boundary)
+    libraries = set()
     for number, line in enumerate(text.replace("\\\n", " ").split("\n"), 1):
         word, rest = [*line.split(None, 1), "", ""][:2]
+        if word in ("v", "vt", "vn", "f"):
+            rest = rest.partition("#")[0]
         try:
             if word == "v":
-                v.append(_numbers(rest, 3))
+                v.extend(_numbers(rest, 3))
             elif word == "vn":
-                vn.append(_numbers(rest, 3))
+                vn.extend(_numbers(rest, 3))
             elif word == "vt":
-                vt.append(_numbers(rest + " 0", 2))
+                vt.extend(_numbers(rest + " 0", 2))
             elif word == "f":
-                polygon = [_corner(c, len(v), len(vt), len(vn)) for c in rest.partition("#")[0].split()]
+                written = rest.split()
+                boundary.take(where, "triangles", max(len(written) - 2, 0))
+                counts = len(v) // 3, len(vt) // 2, len(vn) // 3
+                polygon = [_corner(c, counts) for c in written]
                 if current is None:
                     current = names.setdefault(NO_MATERIAL, len(names))
                 for k in range(1, len(polygon) - 1):
-                    triangle = polygon[0], polygon[k], polygon[k + 1]
-                    corners.append([c[0] for c in triangle])
-                    uv_corners.append([c[1] for c in triangle])
-                    normal_corners.append([c[2] for c in triangle])
+                    corners.extend((*polygon[0], *polygon[k], *polygon[k + 1]))
                     face_material.append(current)
             elif word == "usemtl":
                 current = names.setdefault(rest.strip() or NO_MATERIAL, len(names))
-            elif word == "mtllib":
-                library.update(_read_library(path, rest.strip(), notes, images, boundary))
+            elif word == "mtllib" and rest not in libraries:
+                libraries.add(rest)
+                library.update(_read_library(path, rest.strip(), where, notes, images, boundary))
+        except SceneError:
+            raise
         except (ValueError, IndexError) as error:
             raise SceneError(f"{where}: line {number} is not OBJ ({error}): {line.strip()[:60]!r}") from None
-    vertices = np.array(v, np.float64).reshape(-1, 3)
-    faces = np.array(corners, np.int64).reshape(-1, 3)
+    vertices, placed, directions = (np.array(a).reshape(-1, n) for a, n in ((v, 3), (vt, 2), (vn, 3)))
+    faces, uv_ids, ids = np.array(corners, np.int64).reshape(-1, 3, 3).transpose(2, 0, 1)
     material = np.array(face_material, np.int64)
-    uv_ids = np.array(uv_corners, np.int64).reshape(-1, 3)
     _average_unplaced(names, library, material, uv_ids, images, notes)
     materials = [library[n].material if n in library else Material(n, two_sided=True) for n in names]
     missing = [n for n in names if n not in library and n != NO_MATERIAL]
     if missing:
         notes.append(f"no definition of material {', '.join(missing)}: taken as grey 0.7")
-    ids = np.array(normal_corners, np.int64).reshape(-1, 3)
-    normals = np.array(vn, np.float64)[ids] if len(vn) and len(ids) and ids.min() >= 0 else None
-    texture, uv = _texture_coordinates(names, library, material, np.array(vt, np.float64).reshape(-1, 2), uv_ids)
+    normals = directions[ids] if len(vn) and len(ids) and ids.min() >= 0 else None
+    texture, uv = _texture_coordinates(names, library, material, placed, uv_ids)
     part = Part(vertices, faces, material, normals, None, texture, uv)
     return FileParts([part], materials, [], None, "y", notes + images.notes(), tuple(images.textures))
 
@@ -95,11 +98,13 @@ def _numbers(text: str, n: int) -> list[float]:
     return values
 
 
-def _corner(text: str, v: int, vt: int, vn: int) -> tuple[int, int, int]:
+def _corner(text: str, counts: tuple[int, int, int]) -> tuple[int, int, int]:
     """Return 0-based position, texture and normal index of `7`, `7/1`, `7//3`, `-1/-1/-1`; -1 for none."""
     fields = (text.split("/") + ["", ""])[:3]
+    if not fields[0]:
+        raise ValueError("a corner must name a vertex")
     result = []
-    for field, count in zip(fields, (v, vt, vn), strict=True):
+    for field, count in zip(fields, counts, strict=True):
         if not field:
             result.append(-1)
             continue
@@ -112,16 +117,17 @@ def _corner(text: str, v: int, vt: int, vn: int) -> tuple[int, int, int]:
     return tuple(result)
 
 
-def _read_library(obj: Path, name: str, notes: list[str], images: Images, boundary: Boundary) -> dict[str, _Entry]:
+def _read_library(obj: Path, name: str, where: str, notes, images: Images, boundary: Boundary) -> dict[str, _Entry]:
     # Exporters write the path of their own machine: the file's bare name beside the OBJ comes next.
     tries = [obj.parent / name, obj.parent / name.replace("\\", "/").rpartition("/")[2], obj.with_suffix(".mtl")]
     found = next((p for p in tries if boundary.file(p)), None)
     if found is None:
+        boundary.take(where, "files")  # looked for in vain
         why = "lies outside the folder of the scene" if os.path.isfile(tries[0]) else "not found"
         notes.append(f"material file {name} {why}: materials taken as grey 0.7")
         return {}
     entries, entry = {}, None
-    for line in found.read_text(encoding="utf-8", errors="replace").split("\n"):
+    for line in text_of(boundary.read(found, where), "replace").split("\n"):
         words = line.partition("#")[0].split()
         if not words:
             continue
@@ -175,7 +181,7 @@ def _read_map(entry: _Entry, words, images: Images, folders: list[Path], boundar
     name = " ".join(rest)
 
     def load() -> bytes:
-        return find(folders, boundary, name).read_bytes()
+        return boundary.read(find(folders, boundary, name), name)
 
     if words[0] == "map_Kd":
         entry.picture = (name, load, (wrap, wrap))
@@ -186,7 +192,7 @@ def _read_map(entry: _Entry, words, images: Images, folders: list[Path], boundar
     image = images.pixels(name, load, "lamps emit evenly where an emissive texture is missing")
     if image is not None:
         strength = np.array(entry.ke if any(entry.ke) else (1.0, 1.0, 1.0))
-        entry.ke = tuple(float(c) for c in strength * mean_linear(image))
+        entry.ke = tuple(float(c) for c in strength * images.mean(image))
         notes.append(f'material "{entry.name}": emits the mean colour of its emissive texture')
 
 
@@ -199,12 +205,12 @@ def _is_number(text: str) -> bool:
 
 def _average_unplaced(names, library, material, uv_ids, images: Images, notes: list[str]) -> None:
     """Give materials whose faces have no texture coordinates at all the mean colour of their texture instead."""
+    unplaced = set(material.tolist()) - set(material[(uv_ids >= 0).any(axis=1)].tolist())
     for name, i in names.items():
         entry = library.get(name)
-        rows = material == i
-        if entry is None or entry.texture is None or not rows.any() or (uv_ids[rows] >= 0).any():
+        if entry is None or entry.texture is None or i not in unplaced:
             continue
-        entry.kd = tuple(float(c) for c in mean_linear(images.textures[entry.texture].pixels))
+        entry.kd = tuple(float(c) for c in images.mean(images.textures[entry.texture].pixels))
         entry.texture = None
         notes.append(f'material "{name}": its mesh has no texture coordinates, it shows the mean colour of its texture')
 
@@ -214,13 +220,14 @@ def _texture_coordinates(names, library, material, vt, uv_ids):
 
     The texture replaces Kd: exporters leave Kd at anything, black included, where a map is given.
     """
-    textured = [(i, library[n]) for n, i in names.items() if n in library and library[n].texture is not None]
-    if not textured or not len(vt):
+    entries = [library.get(n) or _Entry(n) for n in names]
+    if not len(vt) or all(e.texture is None for e in entries):
         return None, None
-    texture, uv = np.full(len(material), -1), np.zeros((len(material), 3, 2))
-    for i, entry in textured:
-        rows = np.flatnonzero((material == i) & (uv_ids.min(axis=1) >= 0))
-        texture[rows] = entry.texture
-        with np.errstate(over="ignore", invalid="ignore"):  # cleaned with the rest of the mesh
-            uv[rows] = (vt[uv_ids[rows]] * entry.scale + entry.offset) * [1, -1] + [0, 1]  # OBJ counts v upwards
+    scale, offset = np.array([e.scale for e in entries]), np.array([e.offset for e in entries])
+    texture = np.array([-1 if e.texture is None else e.texture for e in entries])[material]
+    texture[uv_ids.min(axis=1) < 0] = -1
+    rows, uv = np.flatnonzero(texture >= 0), np.zeros((len(material), 3, 2))
+    used = material[rows, None]
+    with np.errstate(over="ignore", invalid="ignore"):  # cleaned with the rest of the mesh
+        uv[rows] = (vt[uv_ids[rows]] * scale[used] + offset[used]) * [1, -1] + [0, 1]  # OBJ counts v upwards
     return texture, uv

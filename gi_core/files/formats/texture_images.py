@@ -5,18 +5,21 @@ from __future__ import annotations
 import hashlib
 import io
 import os
+import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 from weakref import WeakValueDictionary
 
 import numpy as np
 
-from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.boundary import MOST_PIXELS, Boundary
 from gi_core.geometry.cutouts import bled, cover_of
-from gi_core.geometry.mipmap import BYTE
+from gi_core.geometry.mipmap import BYTE, mean_linear
+from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Texture
 
-MOST_PIXELS = 1 << 26  # 8192 x 8192: a file of a few kilobytes can declare any size
+FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA")  # no other plugin of Pillow runs: that of PostScript runs a program
 MISSING = 0.7  # reflectance in place of a texture that cannot be read
 NO_MASK = "surfaces are whole where a mask is missing"
 NAMED = 4  # images listed by name in a note
@@ -28,12 +31,29 @@ class ImageError(ValueError):
     """An image that cannot be used; the message is its name and the fault."""
 
 
+class Picture(NamedTuple):
+    """A decoded image."""
+
+    pixels: np.ndarray  # (h, w, 3) uint8 sRGB, read-only
+    alpha: np.ndarray | None  # (h, w) uint8, None: opaque all over
+
+    def mask(self, shape: tuple[int, int]) -> np.ndarray:
+        """Return the opacity (h, w) uint8 in a given shape: alpha, or grey (Rec. 601) without alpha."""
+        from PIL import Image
+
+        grey = Image.fromarray(self.pixels).convert("L") if self.alpha is None else Image.fromarray(self.alpha)
+        return np.array(grey.resize(shape[::-1], Image.Resampling.BILINEAR))
+
+
 class Images:
     """The textures of one mesh file. One note lists those that cannot be read."""
 
-    def __init__(self) -> None:
+    def __init__(self, boundary: Boundary) -> None:
         self.textures: list[Texture] = []
+        self._boundary = boundary
         self._index: dict[tuple, int | None] = {}
+        self._pictures: dict[str, Picture | None] = {}
+        self._means: dict[int, np.ndarray] = {}  # by identity of pixels, which `_pictures` and `textures` keep alive
         self._troubles: dict[str, list[str]] = {}  # by replacement
 
     def texture(
@@ -49,50 +69,77 @@ class Images:
 
         `name` identifies the image; `load` returns the encoded bytes, or raises ImageError or OSError. cut: the factor
         that multiplies alpha, and the value below which the surface is cut away; None: alpha says nothing. mask: name
-        and bytes of an image that is there in place of alpha: `decode_mask`.
+        and bytes of an image that is there in place of alpha.
         """
         key = (name, wrap, nearest, cut, mask and mask[0])
         if key not in self._index:
-            pixels = self.pixels(name, load, f"surfaces are grey {MISSING} where a texture is missing")
-            self._index[key] = None if pixels is None else len(self.textures)
-            if pixels is not None:
-                alpha = None
-                if mask is not None:
-                    alpha = self._mask(*mask, pixels.shape[:2])
-                elif cut is not None:
-                    alpha = decode_alpha(load())
-                if alpha is None:
-                    self.textures.append(Texture(pixels, wrap, nearest))
-                else:
-                    cover = cover_of(alpha, *(cut or (1.0, 0.5)))
-                    self.textures.append(Texture(bled(pixels, cover), wrap, nearest, cover))
+            missing = f"surfaces are grey {MISSING} where a texture is missing"
+            picture = self._picture(name, load, missing)
+            alpha = None
+            if picture is not None and mask is not None:
+                masking = self._picture(*mask, NO_MASK)
+                alpha = None if masking is None else masking.mask(picture.pixels.shape[:2])
+            elif picture is not None and cut is not None:
+                alpha = picture.alpha
+            if alpha is not None and not self._fits(name, alpha.size, missing):
+                picture = None
+            self._index[key] = None if picture is None else len(self.textures)
+            if picture is not None and alpha is None:
+                self.textures.append(Texture(picture.pixels, wrap, nearest))
+            elif picture is not None:
+                cover = cover_of(alpha, *(cut or (1.0, 0.5)))
+                self.textures.append(Texture(bled(picture.pixels, cover), wrap, nearest, cover))
         return self._index[key]
 
     def pixels(self, name: str, load: Callable[[], bytes], otherwise: str) -> np.ndarray | None:
         """Return the pixels (h, w, 3) uint8 sRGB of an image; None if it cannot be read, with `otherwise` noted."""
-        try:
-            return decode(load())
-        except ImageError as error:
-            trouble = f"{name} {error}"
-        except OSError as error:
-            trouble = f"{name} cannot be read ({error.strerror or error})"
-        listed = self._troubles.setdefault(otherwise, [])
-        if trouble not in listed:
-            listed.append(trouble)
-        return None
+        picture = self._picture(name, load, otherwise)
+        return None if picture is None else picture.pixels
+
+    def mean(self, pixels: np.ndarray) -> np.ndarray:
+        """Return the mean linear colour (3,) of pixels of this object."""
+        if id(pixels) not in self._means:
+            self._means[id(pixels)] = mean_linear(pixels)
+        return self._means[id(pixels)]
 
     def plain(self, colour: tuple[float, float, float], name: str, load: Callable[[], bytes]) -> int | None:
         """Return the index of a texture of one linear colour with a mask, None if the mask cannot be read."""
-        image = self.pixels(name, load, NO_MASK)
-        if image is None:
+        picture = self._picture(name, load, NO_MASK)
+        if picture is None or not self._fits(name, picture.pixels[..., 0].size, NO_MASK):
             return None
         srgb = BYTE[np.round(65535 * np.clip(colour, 0, 1)).astype(np.int64)]
-        cover = cover_of(decode_mask(load(), image.shape[:2]), 1.0, 0.5)
-        self.textures.append(Texture(np.broadcast_to(srgb, image.shape).copy(), cover=cover))
+        shape = picture.pixels.shape
+        cover = cover_of(picture.mask(shape[:2]), 1.0, 0.5)
+        self.textures.append(Texture(np.broadcast_to(srgb, shape).copy(), cover=cover))
         return len(self.textures) - 1
 
-    def _mask(self, name: str, load: Callable[[], bytes], shape: tuple[int, int]) -> np.ndarray | None:
-        return None if self.pixels(name, load, NO_MASK) is None else decode_mask(load(), shape)
+    def _picture(self, name: str, load: Callable[[], bytes], otherwise: str) -> Picture | None:
+        """Return an image, decoded once; None if it cannot be read, with `otherwise` noted."""
+        if name not in self._pictures:
+            try:
+                self._pictures[name] = decode(load(), name, self._boundary)
+            except SceneError as error:
+                self._note(otherwise, str(error))
+            except ImageError as error:
+                self._note(otherwise, f"{name} {error}")
+            except OSError as error:
+                self._note(otherwise, f"{name} cannot be read ({error.strerror or error})")
+            self._pictures.setdefault(name, None)
+        return self._pictures[name]
+
+    def _fits(self, name: str, pixels: int, otherwise: str) -> bool:
+        """Return whether a copy of an image stays within the limits of the scene; a note tells if not."""
+        try:
+            self._boundary.take(name, "pixels", pixels)
+        except SceneError as error:
+            self._note(otherwise, str(error))
+            return False
+        return True
+
+    def _note(self, otherwise: str, trouble: str) -> None:
+        listed = self._troubles.setdefault(otherwise, [])
+        if trouble not in listed:
+            listed.append(trouble)
 
     def notes(self) -> list[str]:
         """Return one line about all textures that could not be read, or none."""
@@ -103,56 +150,44 @@ class Images:
         return lines
 
 
-def decode(data: bytes) -> np.ndarray:
-    """Return the pixels (h, w, 3) uint8 sRGB, read-only, of an encoded image. Raises ImageError."""
-    key = hashlib.sha256(data).digest()
-    pixels = _decoded.get(key)
-    if pixels is None:
-        pixels = _decode(data)
-        pixels.flags.writeable = False
-        _decoded[key] = pixels
-    return pixels
-
-
-def _decode(data: bytes) -> np.ndarray:
+def decode(data: bytes, name: str, boundary: Boundary) -> Picture:
+    """Return an encoded image; equal bytes share their pixels. Raises ImageError, or SceneError beyond the limits."""
     from PIL import Image
 
+    digest = hashlib.sha256(data).digest()
     try:
-        with Image.open(io.BytesIO(data)) as image:
-            width, height = image.size
-            if width * height > MOST_PIXELS:  # known from the header, nothing is unpacked yet
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            image = Image.open(io.BytesIO(data), formats=FORMATS)
+        with image:
+            width, height = image.size  # known from the header, nothing is unpacked yet
+            if width * height > MOST_PIXELS:
                 raise ImageError(f"declares {width} x {height} pixels, more than {MOST_PIXELS:,}")
-            if image.mode.startswith("I;16"):
-                return np.repeat((np.asarray(image) >> 8).astype(np.uint8)[..., None], 3, axis=2)
-            return np.array(image.convert("RGB"))
-    except ImageError:
+            if digest not in boundary.images:
+                boundary.take(name, "pixels", width * height)
+                boundary.images.add(digest)
+            alpha = None
+            if "A" in image.mode or "transparency" in image.info:
+                alpha = np.array(image.convert("RGBA").getchannel("A"))
+            pixels = _decoded.get(digest)
+            if pixels is None:
+                pixels = _rgb(image)
+                pixels.flags.writeable = False
+                _decoded[digest] = pixels
+            return Picture(pixels, None if alpha is None or alpha.min() == 255 else alpha)
+    except (ImageError, SceneError, MemoryError):
         raise
-    except Image.DecompressionBombError:
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise ImageError(f"declares more than {MOST_PIXELS:,} pixels") from None
     except Exception:  # Pillow raises OSError, ValueError, SyntaxError, struct.error, ... on damaged files
         raise ImageError("is not a readable image") from None
 
 
-def decode_alpha(data: bytes) -> np.ndarray | None:
-    """Return alpha (h, w) uint8 of an encoded image that `decode` takes; None if it is opaque all over."""
-    from PIL import Image
-
-    with Image.open(io.BytesIO(data)) as image:
-        if not ("A" in image.mode or "transparency" in image.info):
-            return None
-        alpha = np.array(image.convert("RGBA"))[..., 3]
-    return None if alpha.min() == 255 else alpha
-
-
-def decode_mask(data: bytes, shape: tuple[int, int]) -> np.ndarray:
-    """Return the opacity (h, w) uint8 of an image in a given shape: its alpha, or its grey without alpha."""
-    from PIL import Image
-
-    alpha = decode_alpha(data)
-    if alpha is None:
-        with Image.open(io.BytesIO(data)) as image:
-            alpha = np.array(image.convert("L"))
-    return np.array(Image.fromarray(alpha).resize(shape[::-1], Image.Resampling.BILINEAR))
+def _rgb(image) -> np.ndarray:
+    """Return the pixels (h, w, 3) uint8 of an open image."""
+    if image.mode.startswith("I;16"):
+        return np.repeat((np.asarray(image) >> 8).astype(np.uint8)[..., None], 3, axis=2)
+    return np.array(image if image.mode == "RGB" else image.convert("RGB"))
 
 
 def find(folders: list[Path], boundary: Boundary, name: str) -> Path:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
+import re
 from pathlib import Path
 
+from gi_core.files.formats.boundary import DEEPEST, Boundary, text_of
 from gi_core.scene.errors import SceneError
 
 LARGEST = 1e15  # a number beyond it is a slip, and its square may be no float32
 REQUIRED = object()  # default of a key that must be there
+_QUOTED = re.compile(r"""\"(?:\\.|[^"\\\n])*\"|'[^'\n]*'|#[^\n]*""")
+_DEEP = re.compile(rf"(?:\.[ \t]*[\w-]+[ \t]*){{{DEEPEST}}}")
 
 
 class Table:
@@ -147,16 +152,25 @@ def nearest(word: str, known) -> str:
 
 def shown(value) -> str:
     """Return a value as it was written, cut short."""
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of more digits than Python converts
+        return "a number of thousands of digits"
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def read_toml(path: Path, where: str) -> dict:
+def read_toml(path: Path, where: str, boundary: Boundary) -> dict:
     """Return the tables of a TOML file."""
     import tomllib
 
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin with a mark
+        boundary.take(where, "bytes in a scene file", os.path.getsize(path))
+        text = text_of(boundary.read(path, where))
+        if _DEEP.search(_QUOTED.sub("a", text)):  # tomllib takes a time that grows with the square of the depth
+            raise SceneError(f"{where}: a key must have no more than {DEEPEST} parts between dots; nest it less")
+        return tomllib.loads(text)
+    except SceneError:
+        raise
     except OSError as error:
         raise SceneError(f"{where}: the scene file cannot be read: {error.strerror or error}") from None
     except RecursionError:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.materials_table import read_materials
 from gi_core.files.formats.toml_fields import Table, read_toml, shown
 from gi_core.scene.errors import SceneError
@@ -46,7 +47,6 @@ LIGHTS = {
     "directional": ("direction", "irradiance"),
     "sky": ("radiance",),
 }
-MOST_KEYS = 100_000  # that a spin is turned into
 SPIN_STEP = 90.0  # degrees between keys at most: slerp takes the shorter way round, 180 would be ambiguous
 
 
@@ -82,12 +82,13 @@ class SceneFile(NamedTuple):
     defaults: Defaults
 
 
-def read_scene_file(path: Path, where: str) -> SceneFile:
+def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) -> SceneFile:
     """Read and check a scene file.
 
     Raises SceneError for anything that is missing, misspelt or out of range.
     """
-    root = Table(read_toml(path, where), where, ROOT)
+    boundary = boundary or Boundary(path.parent)
+    root = Table(read_toml(path, where, boundary), where, ROOT)
     up = read_up(root)
     if "static" not in root:
         raise SceneError(f'{where}: [static] is missing; write [static] and below it mesh = "room.glb"')
@@ -97,9 +98,11 @@ def read_scene_file(path: Path, where: str) -> SceneFile:
         static.number("scale", 1.0, above=0),
         static.number("max_edge", None, above=0),
     )
-    mobiles = [_mobile(path.parent, t, i, where, up) for i, t in enumerate(root.tables("mobile", "mobile"))]
-    lights = [_light(t, i, where) for i, t in enumerate(root.tables("light", "light"))]
-    probes = [_probe(t, i, where) for i, t in enumerate(root.tables("probe", "probe"))]
+    tables = [root.tables(key, key) for key in ("mobile", "light", "probe")]
+    boundary.take(where, "objects", sum(map(len, tables)))
+    mobiles = [_mobile(path.parent, t, i, where, up, boundary) for i, t in enumerate(tables[0])]
+    lights = [_light(t, i, where) for i, t in enumerate(tables[1])]
+    probes = [_probe(t, i, where) for i, t in enumerate(tables[2])]
     for what, named in (("mobile", mobiles), ("light", lights), ("probe", probes)):
         names = [n.name for n in named]
         for i, name in enumerate(names):
@@ -132,7 +135,7 @@ def read_up(root: Table) -> tuple[float, float, float] | None:
     return tuple(float(x) for x in v / np.sqrt((v * v).sum()))
 
 
-def _mobile(folder, values, i, scene, up) -> MobileEntry:
+def _mobile(folder, values, i, scene, up, boundary) -> MobileEntry:
     keys = ("name", "mesh", "scale", "max_edge", "material", "position", "rotation", "axis", "angle", "path")
     where = f'{scene}: mobile "{values.get("name", i)}"'
     t = Table(values, where, keys)
@@ -140,7 +143,7 @@ def _mobile(folder, values, i, scene, up) -> MobileEntry:
     turn = _rotation(t)
     path = None
     if "path" in t:
-        path = _path(Table(t.values["path"], f"{where}: path", PATH), turn or (1.0, 0.0, 0.0, 0.0), up)
+        path = _path(Table(t.values["path"], f"{where}: path", PATH), turn or (1.0, 0.0, 0.0, 0.0), up, boundary)
     pose = None
     if position is not None or turn is not None or path is not None:
         at = position if position is not None else (path.positions[0] if path is not None else (0.0, 0.0, 0.0))
@@ -172,8 +175,9 @@ def _rotation(t: Table):
     return None
 
 
-def _path(t: Table, rest, up) -> KeyFrames:
+def _path(t: Table, rest, up, boundary) -> KeyFrames:
     times = np.array(t.numbers("times"))
+    boundary.take(t.where, "key frames", len(times))
     if (np.diff(times) <= 0).any():
         raise SceneError(f"{t.where}: times must increase, got {times.tolist()}")
     positions = np.array(t.vectors("positions", 3, len(times)))
@@ -188,9 +192,7 @@ def _path(t: Table, rest, up) -> KeyFrames:
     if spin:
         spans = np.diff(times)
         parts = np.maximum(np.ceil(np.abs(spin) * spans / SPIN_STEP), 1)
-        if parts.sum() > MOST_KEYS:
-            turns = abs(spin) * spans.sum() / 360
-            raise SceneError(f"{t.where}: spin must make fewer than {MOST_KEYS // 4:,} turns in all, got {turns:.3g}")
+        boundary.take(f"{t.where}: spin", "key frames", int(min(parts.sum(), 1e15)))
         parts = parts.astype(int)
         dense = [a + d * np.arange(n) / n for a, d, n in zip(times, spans, parts, strict=False)]
         dense = np.concatenate([*dense, times[-1:]])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import logging
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.file_parts import FileParts, Part
 from gi_core.geometry.mipmap import srgb_to_linear
 from gi_core.scene.errors import SceneError
@@ -20,23 +22,28 @@ if TYPE_CHECKING:
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
-def read_with_trimesh(path: Path, where: str) -> FileParts:
+def read_with_trimesh(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
     """Read triangles and colours; a file has one material, called like the file. Raises SceneError."""
     import trimesh
 
+    kind = path.suffix[1:].lower()
+    boundary.take(where, "lines of text", data.count(b"\n"))
     try:
         # As a scene: to make one mesh of it trimesh copies it, which takes scipy where faces have colours.
-        found = trimesh.load(path, process=False, force="scene").geometry.values()
+        # The resolver serves no file: a PLY names its texture by any path.
+        found = trimesh.load(io.BytesIO(data), kind, resolver={}, process=False, force="scene").geometry.values()
     except Exception as error:  # trimesh passes on the errors of its parsers
         # Of a file that is neither text nor binary trimesh wants to guess the encoding, with what may be missing.
         why = "damaged" if isinstance(error, ImportError) else error
-        raise SceneError(f"{where}: not a readable {path.suffix[1:].upper()} file: {why}") from None
-    parts = [_part(mesh, where) for mesh in found if isinstance(mesh, trimesh.Trimesh)]
+        raise SceneError(f"{where}: not a readable {kind.upper()} file: {why}; export it again, as triangles") from None
+    parts = [_part(mesh, where, boundary) for mesh in found if isinstance(mesh, trimesh.Trimesh)]
     return FileParts(parts, [Material(path.stem, two_sided=True)], [], None, "z", [])
 
 
-def _part(mesh: trimesh.Trimesh, where: str) -> Part:
+def _part(mesh: trimesh.Trimesh, where: str, boundary: Boundary) -> Part:
     faces, vertices = np.asarray(mesh.faces, np.int64), np.asarray(mesh.vertices, np.float64)
+    boundary.take(where, "triangles", len(faces))
+    boundary.take(where, "vertices", len(vertices))
     if len(faces) and not (0 <= faces.min() and faces.max() < len(vertices)):
         raise SceneError(
             f"{where}: faces must name vertices 0 to {len(vertices) - 1}, got {faces.min()} to {faces.max()}"
