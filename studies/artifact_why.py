@@ -29,7 +29,7 @@ CASES = {
     "book, white": lambda: scenes.book(),
 }
 PATHS, SPREAD, PATHS_THERE = 1024, 24, 64  # paths per receiver; points per region; paths per point
-OPEN = 300  # receivers in the open that are looked at
+OPEN = 300  # receivers in the open that are measured
 LEAST = 0.5  # of the radius: least extent of a symmetric region
 
 
@@ -63,7 +63,7 @@ def spread(d: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def mean_over(solver: Solver, points: np.ndarray, normals: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Return the mean of the true E (m,) [W/m2] over regions round points (m, 3)."""
+    """Return the mean of the true E (m,) [W/m2] over regions around points (m, 3)."""
     axes = np.array([basis(*map(float, n)) for n in normals]).reshape(-1, 2, 3)
     there = points[:, None] + spread(d, SPREAD, np.random.default_rng(0)) @ axes
     facing = np.broadcast_to(normals[:, None], there.shape)

@@ -23,7 +23,7 @@ from gi_core.solver import Solver
 
 PHOTONS, FRAMES = 1 << 20, (1 << 14, 1 << 16)
 TRUTH, TRUTH_SEED = 1 << 22, 99
-STEPS, PLACES = 40, (6, 20, 33)  # of the path, and those looked at
+STEPS, PLACES = 40, (6, 20, 33)  # of the path, and those measured
 TOUCHED = 0.03
 
 

@@ -23,7 +23,7 @@ FRAMES = 240  # of a path
 
 
 def along(paths: dict, k: int) -> dict:
-    """Return the k-th pose of each mobile on its path, round and round."""
+    """Return the k-th pose of each mobile on its repeated path."""
     from gi_core.scene.pose import pose_at
 
     return {n: pose_at(p, p.times[0] + (k % FRAMES) / FRAMES * np.ptp(p.times)) for n, p in paths.items()}

@@ -104,7 +104,7 @@ def interrupted(name: str, command: list[str], after: float, folder: str) -> boo
 
 
 def closed(scene: str, frames: int, doing: str, closes: bool, folder: str) -> bool:
-    """Open a window and end it after so many frames, while it does something, by its button or by Ctrl+C."""
+    """Open a window and end it after a number of frames, while it works, by its button or by Ctrl+C."""
     gathers = doing == "gathering"
     what = {"light": "best" if gathers else "photons", "photons": 20_000 if gathers else 2_000_000}
     code = WINDOW.format(root=str(ROOT), scene=scene, frames=frames, doing=doing, closes=closes, **what)

@@ -45,7 +45,7 @@ def static_solver(what: str, **settings):
 
 
 def sample(solver, light: np.ndarray, points: int, noise: float) -> Sample:
-    """Draw receivers and gather the truth there; `light` (R, 3) says which of them are unreached."""
+    """Draw receivers and gather the truth there; `light` (R, 3) decides which of them are unreached."""
     from app.rest.reference_store import ReferenceStore
 
     areas = solver.receivers.areas

@@ -156,7 +156,7 @@ def _name(part: str) -> str:
 
 
 def _child(what: str, name: str, out: Path, limit: float, options: list[str]) -> dict:
-    """Open one scene in a process of its own; return its row, or why there is none."""
+    """Open one scene in a separate process; return its row, or the reason for its absence."""
     stem = name.replace("/", "-").replace("+", "_with_")
     row_file, picture = out / f"{stem}.json", out / f"{stem}.png"
     if row_file.is_file():

@@ -1,4 +1,4 @@
-"""What every test file shares: strict numpy, hypothesis profiles, fixtures over the registries."""
+"""Shared by all test files: strict numpy, hypothesis profiles, fixtures over the registries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`bench`: its numbers, the bounds beside them, and the history of fixed cases."""
+"""`bench`: its numbers, their bounds, and the history of fixed cases."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_json_has_every_number_and_light_equals_from_scratch(measured, estimator
 
 
 def test_gathering_mobiles_are_timed(measured):
-    """Their discs are not searched: the bounds once asked for segments near them."""
+    """Their discs are not searched; bounds used to request the segments near them."""
     n, _ = measured("--light", "best")
     assert n["bits_equal"] is True and "gather" in n["stages_ms"]
 

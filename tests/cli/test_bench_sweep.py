@@ -21,7 +21,7 @@ TREE = Settings("tree")
 
 
 def numbers(spec: dict, ms: float = 2.0) -> dict:
-    """Return what a row's process would, made up but of the right shape."""
+    """Return invented numbers of the shape that a row's process returns."""
     s, v = spec["settings"], spec["variant"]
     triangles = v.get("triangles", 72_000)
     work = {

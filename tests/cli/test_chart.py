@@ -129,7 +129,7 @@ def test_nearness_compares_with_settings_at_most_as_slow():
     near = nearness([*others, row(TUNED, 14.0, 0.11, 0.2, 0.1)])
     assert near == pytest.approx({"all": 1.1, "affected": 1.0, "mobile": 0.5})
     slow = nearness([*others, row(TUNED, 50.0, 0.02, 0.02, 0.1)])
-    assert slow == pytest.approx({"all": 2.0, "affected": 2.0, "mobile": 0.5}), "who is slow is judged by the slow"
+    assert slow == pytest.approx({"all": 2.0, "affected": 2.0, "mobile": 0.5}), "slow against slow"
 
 
 def run_of(out) -> chart_run.Run:
@@ -165,7 +165,7 @@ def test_a_scene_without_mobiles_is_refused(tmp_path, capsys, monkeypatch):
     assert "cornell has no mobile to move: add one with --mobile FILE" in capsys.readouterr().err
 
 
-# -- what is measured ---------------------------------------------------------------------------------
+# -- measured values ----------------------------------------------------------------------------------
 
 
 def test_given_settings_are_not_varied():

@@ -19,7 +19,7 @@ HEAVY = ("numpy", "numba", "scipy", "trimesh", "embreex", "moderngl", "glfw", "i
 
 
 def run(*arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess:
-    """Run the program in a process of its own."""
+    """Run the program in a separate process."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "app", *arguments]
     return subprocess.run(command, cwd=cwd, env=environment, text=True, capture_output=True, timeout=300)
@@ -70,7 +70,7 @@ def test_help_names_every_command():
 
 
 LIGHT = ("estimator", "photons", "radius", "neighbours", "control", "search", "seed")
-OPTIONS = {  # of each command, the fields of Settings that it reads beside the scene's
+OPTIONS = {  # per command: the fields of Settings that it reads besides the scene's
     "": {*LIGHT, "border_correction", "textbook", "light", "size", "tone_map", "show", "cull", "exposure", "budget"},
     "render": {*LIGHT, "border_correction", "textbook", "light", "size", "tone_map", "show", "cull", "exposure"},
     "bench": {*LIGHT, "border_correction", "textbook", "light"},
@@ -305,7 +305,7 @@ def test_unknown_names_are_refused_before_any_work(monkeypatch, capsys, command,
     from gi_core.instruments import compile_ahead
 
     def too_late(*_, **__):
-        raise AssertionError("this comes after the names have been looked at")
+        raise AssertionError("checked after the names")
 
     monkeypatch.setattr(compile_ahead, "compile_kernels", too_late)
     monkeypatch.setattr(window, "why_no_window", too_late)

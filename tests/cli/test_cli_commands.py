@@ -31,7 +31,7 @@ def test_info_lists_contents_and_reasons(capsys, estimator):
 
 
 def test_info_lists_materials_by_area_and_counts_the_rest(capsys, tmp_path):
-    """Sixteen squares, each larger than the one before and of its own material; the largest two share a name."""
+    """Sixteen squares of increasing size, each with another material; the largest two share a name."""
     lines, library = ["mtllib sheets.mtl"], []
     for k in range(16):
         side, name = 1.0 + k, f"m{min(k, 14)}"

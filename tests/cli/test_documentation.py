@@ -62,7 +62,7 @@ def section(path: Path, title: str) -> str:
 
 
 def complaint(line: str) -> str:
-    """Return what loading room.toml, one line of TOML and a mesh, complains about."""
+    """Return the error of loading room.toml, which has one line of TOML and a mesh."""
     mesh = "" if line.startswith("static") else 'static.mesh = "room.obj"\n'
     Path("room.toml").write_text(f"{line}\n{mesh}")
     with pytest.raises(SceneError) as caught:

@@ -21,7 +21,7 @@ SMALL = Settings(photons=4000, radius=0.06, size=(96, 72))
 
 
 def card(two_sided: bool = False, emission=(0.0, 0.0, 0.0)) -> Scene:
-    """A white card at z = 0 whose front looks to +z, and a camera 2 m away on that side."""
+    """A white card at z = 0 with its front towards +z, and a camera 2 m away on that side."""
     material = Material("card", (0.5, 0.4, 0.3), emission, two_sided)
     mesh = quad((-0.5, -0.5, 0), (1, 0, 0), (0, 1, 0), (2, 2))
     return Scene(mesh, (material,), camera=Camera((0, 0, 2.0), (0, 0, 0), 60.0))
@@ -115,7 +115,7 @@ def test_gouraud_is_linear_across_a_triangle():
 
 
 def test_a_vertex_of_small_weight_hardly_counts():
-    """A card of light 1 whose middle vertex is dark: a dip where all weigh the same, none where that one does not."""
+    """A card of light 1 with a dark vertex in the middle: visible at equal weights, invisible at weight 0."""
     scene, settings = card(), replace(SMALL, exposure=0.0, size=(65, 65), show="irradiance")
     shot = shot_of(scene, settings, np.pi)
     front, back = shot.colours(0)
@@ -143,7 +143,7 @@ def test_backs_of_two_sided_faces_show_their_own_light():
 
 
 def test_rays_go_on_behind_culled_backs():
-    """Three backs in a row, then a front: the front is seen. Nothing but its colour reaches the pixel."""
+    """Three backs in a row, then a front: only the colour of the front reaches the pixel."""
     backs = [quad((-0.5, -0.5, z), (0, 1, 0), (1, 0, 0)) for z in (0.1, 0.2, 0.2001)]
     scene = replace(card(), static=merge(*backs, card().static))
     shot = shot_of(scene, replace(SMALL, exposure=0.0), [np.pi, np.pi, np.pi])
@@ -151,7 +151,7 @@ def test_rays_go_on_behind_culled_backs():
 
 
 def test_mobiles_are_drawn_at_their_poses():
-    """A mobile card before the static one hides it; turned half round its culled back hides nothing."""
+    """A mobile card before the static one hides it; rotated by 180 degrees its culled back hides nothing."""
     mobile = Mobile("m", quad((-0.5, -0.5, 0), (1, 0, 0), (0, 1, 0), material=1), Pose((0, 0, 0.5)))
     scene = replace(card(), mobiles=(mobile,), materials=(*card().materials, Material("red", (0.9, 0, 0))))
     shot = shot_of(scene, replace(SMALL, exposure=0.0), [np.pi, np.pi, np.pi])

@@ -23,7 +23,7 @@ SMALL = ("--photons", "500", "--max-edge", "0.5")
 
 
 def hostile_scene(folder: Path) -> Path:
-    """Write a scene whose title and names hold commands to a terminal, in TOML's escapes."""
+    """Write a scene with terminal commands in title and names, in TOML's escapes."""
     name = "".join(f"\\u{ord(c):04x}" if not c.isalnum() else c for c in HOSTILE)
     lamp = f'[[light]]\ntype = "point"\nname = "{name}"\nposition = [0.5, 0.5, 0.5]\nflux = [1, 1, 1]\n'
     probe = f'[[probe]]\nname = "{name}"\nposition = [0.5, 0.5, 0.5]\nnormal = [0, 1, 0]\n'

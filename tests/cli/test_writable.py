@@ -60,7 +60,7 @@ def test_commands_refuse_before_the_work(tmp_path, sealed, command, capsys, monk
 
 @pytest.mark.slow
 def test_missing_kernel_folder_is_reported_and_harmless(tmp_path):
-    """The folder above is a file; what is compiled goes where it ends with the process."""
+    """The parent folder is a file; compiled kernels go to a folder that ends with the process."""
     (tmp_path / "cache").write_text("")
     code = (
         "import json, os, numpy as np\n"
@@ -81,7 +81,7 @@ def test_missing_kernel_folder_is_reported_and_harmless(tmp_path):
 
 
 def test_gathered_light_is_used_without_a_writable_folder(monkeypatch, capsys, tmp_path):
-    """The folder is a file: nothing can be made in it, whoever asks."""
+    """The folder is a file: no user can create anything in it."""
     from app.rest.reference_job import Truth
     from app.rest.reference_store import ReferenceStore
     from gi_core.solver import Solver

@@ -1,4 +1,4 @@
-"""What a scene may read: its own folder and below; nothing outside, no device, unless the user allows it."""
+"""Boundary of a scene's files: its own folder and below; nothing outside, no device, unless the user allows it."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_meshes_of_a_scene_file(inner):
 
 
 def test_boundary_is_the_folder_of_the_named_file(inner):
-    """A mesh in a folder below may name what lies anywhere in the scene's folder; alone, only what lies in its own."""
+    """A mesh in a subfolder may name any file in the scene's folder; alone, only files in its own folder."""
     (inner.parent / "s.toml").write_text('[static]\nmesh = "scene/room.obj"\n')
     (inner / "room.obj").write_text((inner.parent / "room.obj").read_text().replace("room.mtl", "../room.mtl"))
     assert any(max(m.emission) > 0 for m in load_scene(inner.parent / "s.toml").materials)

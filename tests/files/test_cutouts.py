@@ -55,7 +55,7 @@ def texture_of(tmp_path, described: dict, **more) -> Texture:
     [("MASK", 1.0, 0.5, 128), ("MASK", 1.0, 0.2, 51), ("MASK", 0.5, 0.25, 128), ("BLEND", 0.1, None, 128)],
 )
 def test_gltf_alpha_becomes_a_cover_with_one_threshold(tmp_path, mode, factor, cutoff, there):
-    """What MASK keeps is alpha x factor >= cutoff; what blends is cut at half, whatever its factor."""
+    """MASK keeps alpha x factor >= cutoff; BLEND is cut at one half, for any factor."""
     described = material(mode, factor, **({} if cutoff is None else {"alphaCutoff": cutoff}))
     texture = texture_of(tmp_path, described)
     np.testing.assert_array_equal(texture.cover >= 128, leaf()[..., 3] >= there)
@@ -131,7 +131,7 @@ def grove(nearest: bool = False) -> Scene:
 @pytest.mark.parametrize("show", ["radiance", "irradiance"])
 @pytest.mark.parametrize("nearest", [False, True])
 def test_holes_are_seen_through_alike_in_rays_and_in_opengl(show, nearest):
-    """Blocks of 4 x 4 pixels agree; half of the cards' part shows what is behind; with and without reflectance."""
+    """Blocks of 4 x 4 pixels agree; half of the cards' area shows the background; with and without reflectance."""
     settings = Settings(photons=100, radius=0.1, size=(384, 288), exposure=0.0, show=show)
     pictures = []
     for scene in (grove(nearest), whole(grove(nearest))):

@@ -1,6 +1,6 @@
-"""Damaged and malicious files: each ends in a scene or in one sentence. What fuzzing found stays here for ever.
+"""Damaged and malicious files: each becomes a scene or one sentence. Findings of the fuzzer stay here for ever.
 
-`studies/fuzz.py` looks for more; here its mutations run for some hundred cases, and each crasher by name.
+`studies/fuzz.py` searches for more. Some hundred of its mutations run here, and each former crash by name.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SEEDS = seeds()
 
 
 def read(path):
-    """Read a file without completing it to a scene; return what is wrong with it, or None."""
+    """Read a file without completing it to a scene; return its error, or None."""
     try:
         read_scene_file(path, str(path)) if path.suffix == ".toml" else read_mesh_file(path)
     except SceneError as error:
@@ -113,7 +113,7 @@ def test_vertices_out_of_range(tmp_path, far):
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("stray", ["inf", "nan", "1e300"])
 def test_unused_vertex_may_have_any_value(tmp_path, stray):
-    """The cells in which vertices are welded were as large as what the stray one spanned: all became one."""
+    """Weld cells used to grow with the box of the stray vertex: all vertices became one."""
     write_obj(tmp_path / "a.obj")
     plain = read_mesh_file(tmp_path / "a.obj").mesh
     write_obj(tmp_path / "a.obj", before=f"v 5 {stray} 5", faces=BOX_FACES + 1)
@@ -148,7 +148,7 @@ def test_faces_with_missing_vertices(tmp_path):
 
 
 def test_trimesh_stays_silent(tmp_path, capfd):
-    """What it thinks of a file must not stand beside our sentence."""
+    """Messages of trimesh must not appear beside our sentence."""
     (tmp_path / "a.stl").write_bytes(b"solid x\n facet normal nonsense\n" + b"\xff" * 200)
     assert read(tmp_path / "a.stl")
     assert capfd.readouterr().err == ""
@@ -215,7 +215,7 @@ def test_out_of_memory_is_one_sentence(tmp_path, monkeypatch):
         load_scene(write_scene(tmp_path))
 
 
-# -- what is shown of a file ----------------------------------------------------------------------
+# -- names shown of a file ------------------------------------------------------------------------
 
 
 def test_sentences_and_notes_are_printable_lines(tmp_path):

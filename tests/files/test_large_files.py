@@ -16,7 +16,7 @@ SUN = {"type": "directional", "intensity": 100.0}
 
 @pytest.mark.slow
 def test_a_million_triangles_load_and_light(tmp_path):
-    """Hills that reflect nothing under an upright sun: what they absorb is the sun's 100 lx on 100 m2, closed form.
+    """Black hills under an upright sun: they absorb the sun's 100 lx on 100 m2, closed form.
 
     No hill shades another from straight above, so each vertex gets 100 lx times the cosine of its slope.
     """

@@ -1,4 +1,4 @@
-"""Holes that an MTL file asks for, and what one grabs through holes."""
+"""Holes from an MTL file, and picking through holes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CARD = "mtllib card.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 
 
 
 def card(tmp_path, mtl: str, **images: np.ndarray):
-    """Read a card with an MTL and images beside it."""
+    """Read a card with an MTL and images in its folder."""
     for name, pixels in images.items():
         Image.fromarray(pixels).save(tmp_path / f"{name}.png")
     (tmp_path / "card.mtl").write_text("newmtl leaf\n" + mtl)
@@ -88,7 +88,7 @@ def scene_of_a_card_with_holes() -> Scene:
 
 
 def test_picking_passes_through_holes():
-    """The quarter at the upper left is there; right of it one reaches the wall behind."""
+    """The upper left quarter is opaque; right of it a ray hits the wall behind."""
     scene = scene_of_a_card_with_holes()
     picker = Picker(flatten(scene)[0])
     for x, y, of in ((0.25, 0.75, 1), (0.75, 0.75, 0), (0.25, 0.25, 0), (0.75, 0.25, 1)):

@@ -1,4 +1,4 @@
-"""Scenes without a scene file: where the mobile stands, what the camera shows, where the lamp hangs."""
+"""Scenes without a scene file: places of mobile, camera and lamp."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def inside_house(points) -> bool:
 
 
 def test_in_a_house_with_a_terrace_everything_is_in_the_room():
-    """The terrace is the larger floor by far; what stands there would be out of the picture of the room."""
+    """The terrace is the larger floor by far, but objects on it would be outside the picture of the room."""
     scene = completed(house(), cube(0.6))
     assert inside_house(corners(scene)) and inside_house(scene.camera.position) and inside_house(lamp_faces(scene))
     assert corners(scene)[:, 1].min() == pytest.approx(0, abs=1e-4)
@@ -123,7 +123,7 @@ def test_open_front_faces_the_camera():
 
 
 def test_horns_are_in_the_picture():
-    """A block with a thin horn on each corner: they catch less light than what the useful box leaves out."""
+    """A block with a thin horn on each corner: horns catch less light than the share outside the useful box."""
     horns = [box((x, 1, z), (x + 0.02, 1.45, z + 0.02)) for x in (0, 3.98) for z in (0, 3.98)]
     block = merge(box((0, 0, 0), (4, 1, 4)), *horns)
     at = np.abs(in_frame(completed(block).camera, Y, block.vertices))
@@ -205,7 +205,7 @@ def test_scaled_mobile_adds_a_note(tmp_path, size, scaled):
 
 @pytest.mark.parametrize("up", ["x", "y", "z"])
 def test_up_option_sets_the_vertical_axis(tmp_path, up):
-    """The same room whichever axis is up: the mobile, whose own file is y-up, stands upright on its floor."""
+    """The same room for any up axis: the mobile, from a y-up file, stands upright on its floor."""
     room = write_obj(tmp_path / "room.obj", BOX, BOX_FACES[:, ::-1])
     tall = write_obj(tmp_path / "tall.obj", BOX * [0.1, 0.2, 0.1])
     scene = load_scene(room, mobiles=[tall], up=up)

@@ -1,4 +1,4 @@
-"""What is added where files are silent: mobiles, lamps and cameras of mesh files and scene files."""
+"""Completion of files: mobiles, lamps and cameras added to mesh files and scene files."""
 
 from __future__ import annotations
 
@@ -98,9 +98,9 @@ def test_glb_light_and_camera(tmp_path):
 
 
 def test_a_scaled_file_looks_the_same_with_its_own_lights_and_camera(tmp_path):
-    """A room in millimetres, its lights and camera among its walls: at 0.001 every surface receives what it did.
+    """A room in millimetres, lights and camera inside: at scale 0.001 every surface receives the same light.
 
-    Lights that are lengths away go with the square, the sun and radiance stay; what the scene file says is in metres.
+    Flux of point lights scales with the square; sun and radiance stay; values of the scene file are in metres.
     """
     lights = [
         {"type": "point", "intensity": 5e6},

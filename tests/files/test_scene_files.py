@@ -1,4 +1,4 @@
-"""Scene files: what arrives, and what is said about mistakes."""
+"""Scene files: values read, and sentences about mistakes."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_every_key_of_a_scene_file_is_read(tmp_path):
 
 
 def test_path_spins_through_whole_turns(tmp_path):
-    """360 degrees a second for 2 s: half way through a turn, slerp alone could not tell the way round."""
+    """360 degrees per second for 2 s: at half a turn, slerp alone has no unique direction."""
     path = "[mobile.path]\ntimes = [0, 2]\npositions = [[0, 0, 0], [1, 0, 0]]\nspin = 360\n"
     path = load_scene(write_scene(tmp_path, SCENE + path)).mobiles[0].path
     for t in (0.1, 0.6, 1.3):

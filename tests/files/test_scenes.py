@@ -1,4 +1,4 @@
-"""The shipped scenes are what their comments say; strangers' scenes load, where they are at hand."""
+"""The shipped scenes agree with their comments; third-party scenes load, if present."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def rounded(value):
 
 
 def contents(data: bytes):
-    """Return what a GLB says, the bytes of its arrays, and the pixels of its images."""
+    """Return the JSON of a GLB, the bytes of its arrays, and the pixels of its images."""
     length = int.from_bytes(data[12:16], "little")
     said, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
     views = [binary[v["byteOffset"] : v["byteOffset"] + v["byteLength"]] for v in said.pop("bufferViews")]

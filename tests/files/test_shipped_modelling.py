@@ -1,4 +1,4 @@
-"""The generators' shapes: closed, facing outwards, of the size asked for; images decode to what was painted."""
+"""The generators' shapes: closed, facing outwards, of the given size; images decode to the painted pixels."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_joining_with_and_without_normals_is_refused():
 
 
 def test_books_hide_no_cover_behind_another():
-    """Beside a taller book a side is left out; a row that touches the bookcase has no left end."""
+    """A book has no side next to a taller one; a row that touches the bookcase has no left end."""
 
     def sides(at_side):
         rng = np.random.default_rng(1)
@@ -102,7 +102,7 @@ def test_books_hide_no_cover_behind_another():
         return row, n
 
     row, n = sides(False)
-    # What is seen from the left, from the right: the outline of the row, no more.
+    # The view from the left, from the right: the outline of the row, no more.
     assert -n[n[:, 0] < 0][:, 0].sum() == pytest.approx(n[n[:, 0] > 0][:, 0].sum())
     _, fewer = sides(True)
     assert fewer[fewer[:, 0] < 0][:, 0].sum() > n[n[:, 0] < 0][:, 0].sum()

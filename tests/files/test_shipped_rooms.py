@@ -1,4 +1,4 @@
-"""living_room, gallery and second_tree are what their comments say: their light, their mobiles' ways, their images."""
+"""living_room, gallery and second_tree agree with their comments: light, paths of mobiles, images."""
 
 from __future__ import annotations
 

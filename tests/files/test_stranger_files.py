@@ -19,7 +19,7 @@ def area(mesh) -> float:
 
 
 def write_gltf(path, views: list[bytes], accessors: list[tuple], **document):
-    """Write a .gltf with its buffer beside it; accessors are (view, component type, count, kind)."""
+    """Write a .gltf and its buffer file; accessors are (view, component type, count, kind)."""
     offsets = np.cumsum([0, *(len(v) for v in views)])
     path.with_suffix(".bin").write_bytes(b"".join(views))
     document |= {
@@ -51,7 +51,7 @@ def test_triangle_fan(tmp_path):
 
 
 def test_skinned_mesh_is_loaded_in_its_rest_pose(tmp_path):
-    """Two joints, the second moved up by 2 in the file: what hangs on it is up there, the node's own place is void."""
+    """Two joints, the second moved up by 2 in the file: its vertices move up; the node's own transform is ignored."""
     identity = np.eye(4, dtype="<f4")
     joints = np.array([[0, 0, 0, 0]] * 4 + [[1, 0, 0, 0]] * 4, "<u1")
     weights = np.array([[1, 0, 0, 0]] * 8, "<f4")

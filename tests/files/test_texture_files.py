@@ -1,4 +1,4 @@
-"""What files say about textures: coordinates, samplers, images that cannot be read, what scenes keep."""
+"""Textures in files: coordinates, samplers, unreadable images, textures kept by scenes."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_gltf_factor_and_vertex_colours_multiply_the_texture(tmp_path):
 
 @pytest.mark.parametrize("format", ["glb", "obj"])
 def test_without_coordinates_a_texture_counts_by_its_mean(tmp_path, format):
-    """Exporters leave Kd black beside a map: a mesh without coordinates must not turn black, nor grey in silence."""
+    """Exporters write a black Kd with a map: a mesh without coordinates must not turn black, nor grey silently."""
     if format == "glb":
         file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, material=textured(), image=png(PIXELS))
     else:
@@ -232,7 +232,7 @@ def test_pixels_of_all_images_are_bounded(tmp_path, monkeypatch):
 
 
 def test_a_scene_file_keeps_textures_or_replaces_them(tmp_path):
-    """A reflectance written under [materials] is what the user wants to see; anything else leaves the texture."""
+    """A reflectance under [materials] replaces the texture; other keys leave it."""
     (tmp_path / "t.png").write_bytes(png(PIXELS))
     quad_obj(tmp_path, "map_Kd t.png\n")
     lamp = '[[light]]\ntype = "point"\nposition = [0.5, 0.5, 2]\nflux = [1, 1, 1]\n'

@@ -1,4 +1,4 @@
-"""Textures: their mean under triangles, their value in pixels, and what meshes do with them."""
+"""Textures: their mean under triangles, their value in pixels, their passage through mesh operations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def noise(h=13, w=21, wrap=("repeat", "repeat")) -> Texture:
 
 
 def smooth(n=64, wrap=("repeat", "repeat")) -> Texture:
-    """A gradient with a bright disc: what a photograph is like at this scale."""
+    """A gradient with a bright disc, like a photograph at this scale."""
     y, x = np.mgrid[:n, :n] / n
     disc = (x - 0.6) ** 2 + (y - 0.4) ** 2 < 0.04
     return Texture(np.stack([200 * x, 150 * y + 60 * disc, 40 + 200 * disc], axis=2).astype(np.uint8), wrap)
@@ -170,7 +170,7 @@ def test_pixel_covering_the_image_has_its_mean():
 
 
 def test_a_grazing_pixel_is_blurred_along_its_footprint_only():
-    """Columns of black and white, a footprint eight texels long: across them grey, along them as sharp as ever."""
+    """Columns of black and white, a footprint eight texels long: grey across them, sharp along them."""
     pixels = np.zeros((64, 64, 3), np.uint8)
     pixels[:, ::2] = 255
     texture, uv = Texture(pixels), np.array([[0.5 / 64, 0.5]])
@@ -194,7 +194,7 @@ def test_transport_uses_the_mean_and_leaves_plain_scenes_unchanged():
 
 
 def test_means_follow_mesh_refinement():
-    """Halves of a black and white image: one triangle sees grey, small ones see what they lie on; area keeps."""
+    """Halves of a black and white image: one large triangle is grey, small ones black or white; the mean stays."""
     pixels = np.zeros((2, 2, 3), np.uint8)
     pixels[:, 1] = 255
     texture = Texture(np.kron(pixels, np.ones((32, 32, 1), np.uint8)), ("clamp", "clamp"))

@@ -44,7 +44,7 @@ def test_box_of_mixed_winding_is_whole_again(tmp_path):
 
 
 def test_edge_of_three_faces_is_ignored():
-    """A fin on a sheet: the sheet's two faces and the fin meet in one edge, each stays as it is."""
+    """A fin on a sheet: the sheet's two faces and the fin meet in one edge; each stays unchanged."""
     faces = np.array([[0, 1, 2], [0, 1, 3], [1, 0, 4]])
     found = consistent_winding(faces, np.ones(3))
     assert not found.turned.any() and len(found.orientable) == 3
@@ -84,7 +84,7 @@ def test_file_normals_decide_turned_faces(tmp_path):
 
 
 def test_a_few_wrong_normals_do_not_cost_the_others(tmp_path):
-    """A smooth ball whose file holds one normal that points inwards: its faces are flat, all others smooth."""
+    """A smooth ball with one inward normal in its file: its faces are flat, all others smooth."""
     ball = sphere((0, 0, 0), 1.0, 2)
     n = ball.vertices.copy()
     n[0] = -n[0]

@@ -1,6 +1,6 @@
-"""What photon_map and impact_count do at borders and creases (report 2.9.1).
+"""photon_map and impact_count at borders and creases (report 2.9.1).
 
-Photons hit the part of a disc that the surface covers: alpha / 2 pi of it round a border.
+Photons hit the part of a disc that the surface covers: alpha / 2 pi of it at a border.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def test_wall_does_not_light_the_adjoining_floor():
         p, up = solver.receivers.positions, solver.receivers.normals[:, 2] > 0.5
         foot = (np.abs(p[:, 0]) < 1e-9) & (p[:, 2] == 0) & (p[:, 1] > 0.1) & (p[:, 1] < 0.9)
         assert (foot & up).sum() == (foot & ~up).sum() == 1
-        # 10 % of noise in one receiver, whose search takes in nothing but the two squares.
+        # 10 % of noise in one receiver; its search covers only the two squares.
         assert E[foot & up] == pytest.approx(floor, abs=0.4 * floor)
         assert E[foot & ~up] == pytest.approx(wall, abs=0.4 * wall)
 
@@ -132,7 +132,7 @@ def folded(angle: float) -> Scene:
 def test_impact_count_at_creases_and_borders():
     """The mean over faces stops at creases, and has no border bias: flux and area are those of the same faces.
 
-    Below the crease angle one receiver stands for both squares: the mean of 1 and cos 30, by area. Above it has two,
+    Below the crease angle one receiver has the mean of both squares: of 1 and cos 30, by area. Above it there are two,
     each with its own square's light. At the outer border E is that of the faces there.
     """
     for angle, smooth in ((30.0, True), (60.0, False)):

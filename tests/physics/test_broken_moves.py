@@ -74,7 +74,7 @@ def solved(estimator: str, light: str = "photons") -> Solver:
 @pytest.mark.parametrize("light", LIGHTS)
 def test_interrupted_move_changes_nothing(estimator, light):
     solver = solved(estimator, light)
-    for _ in range(2):  # the first time more is called: what is made once
+    for _ in range(2):  # the first call does more: structures built once
         solver.move("block", THERE)
         whole = watched(lambda: solver.move_all(NEXT))
     assert whole > PLACES and solver.frame.changes.photons_cut > 0

@@ -2,9 +2,9 @@
 
 Setting -> answer. The expected value is the closed form averaged over what the estimator measures
 (estimator_means.py derives it). A case is solved with several seeds; their scatter is the standard
-error, so nothing is assumed of how crossings inside a run are correlated. Receivers are taken together
+error, so correlations between crossings inside a run do not matter. Receivers are combined
 in groups: the mean of a group needs far fewer photons than each receiver would, and where the light
-falls differently there are several groups. Where nothing can arrive, the answer is 0 exactly.
+differs there are several groups. Where no light arrives, the answer is exactly 0.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def expected(name: str, estimator: str) -> np.ndarray:
 
 
 def group_ratios(name: str, estimator: str, E: np.ndarray) -> np.ndarray:
-    """Return irradiance over what is expected, (seeds, groups)."""
+    """Return irradiance / expected irradiance, (seeds, groups)."""
     T = expected(name, estimator)
     groups = CASES[name].groups(runs(name)[0].receivers)
     assert all(rows.sum() >= 6 for rows in groups.values()), {k: int(v.sum()) for k, v in groups.items()}

@@ -32,7 +32,7 @@ def test_the_inside_of_a_sphere_is_dark_without_the_rule():
 
 
 def test_outside_of_a_sphere_needs_no_remedy():
-    """E = pi of the lamps all round; the same bits with and without rule and control."""
+    """E = pi of the surrounding lamps; the same bits with and without rule and control."""
     case = control_scenes.ball(inside=False)
     solver, E = solved(case)
     on = control_scenes.classes(case, solver.surfaces, solver.receivers)[0]
@@ -42,7 +42,7 @@ def test_outside_of_a_sphere_needs_no_remedy():
 
 
 def test_valleys_of_a_bumpy_wall_are_as_bright_as_its_crests():
-    """Both see the same wide lamp: the reference tells them apart by 0.1 %. Without the rule valleys keep a third."""
+    """Both see the same wide lamp: by the reference they differ by 0.1 %. Without the rule valleys keep a third."""
     case = control_scenes.bumpy_wall()
     for rule in (True, False):
         solver, E = solved(case, rule)

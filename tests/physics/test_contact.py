@@ -1,6 +1,6 @@
-"""Things that stand on floors and lie against walls: mobiles enter discs, and discs on mobiles enter walls.
+"""Contact of mobiles with floors and walls: mobiles enter discs, and discs on mobiles enter walls.
 
-A white thing in a furnace sends back what it takes: E = pi Le / (1 - rho) with and without it, everywhere.
+A white object in a furnace reflects all light: E = pi Le / (1 - rho) everywhere, with and without it.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ def mean_error(E: np.ndarray) -> float:
 
 @pytest.mark.parametrize("thing", ["leg", "book"])
 def test_white_mobile_in_a_furnace_leaves_the_floor_unchanged(thing):
-    """Beside it a disc loses up to a half without control: a fifth on average over distances up to 0.9 r.
+    """A disc beside the object loses up to a half without control: a fifth on average over distances up to 0.9 r.
 
-    Receivers there see some 300 and 1200 photons in all, so their mean has a deviation of 6 and 3 %; the same
-    photons are counted with control and without, so the difference is known far better.
+    These receivers see some 300 and 1200 photons in all, so their mean has a deviation of 6 and 3 %. The same
+    photons count with and without control, so the difference is far more precise.
     """
     case = control_scenes.leg(True) if thing == "leg" else control_scenes.book()
     on, off = solved(case), solved(case, control=False)
@@ -96,7 +96,7 @@ def test_nothing_leaks_past_a_thin_wall(mobile):
 
 
 def test_a_mobile_in_mid_air_costs_nothing(monkeypatch):
-    """No ray is cast for regions, no receiver is estimated again, no segment is looked for beside the usual ones."""
+    """No ray is cast for regions, no receiver is estimated again, no additional segment is searched."""
     case = control_scenes.leg(True)
     solver = Solver(case.scene, photons=5000, radius=case.radius)
     solver.solve()
@@ -120,7 +120,7 @@ def test_a_mobile_in_mid_air_costs_nothing(monkeypatch):
 
 
 def test_contact_on_mobiles_needs_light_from_photons():
-    """Where it gathers, no disc on it is read; floor and walls beside it are estimated as ever."""
+    """If it gathers, no disc on it is read; floor and walls near it are estimated as before."""
     case = control_scenes.leg(True)
     solver = Solver(case.scene, photons=5000, radius=case.radius)
     solver.solve()

@@ -1,4 +1,4 @@
-"""The first picture does not wait for artifact control, and leaves no trace in what follows."""
+"""The first picture does not wait for artifact control, and leaves no trace in later frames."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_first_look_leaves_no_trace(few_are_many):
 
 @pytest.mark.parametrize("stop", range(12))
 def test_interrupted_first_look_leaves_no_trace(few_are_many, stop):
-    """Broken off after any step, also within the first look itself, and moved meanwhile."""
+    """Interrupted after any step, also within the first look itself, and moved meanwhile."""
     left, straight = opened(), opened()
     for _, _ in zip(range(stop), left.solve_steps(), strict=False):
         pass
@@ -65,7 +65,7 @@ def test_interrupted_first_look_leaves_no_trace(few_are_many, stop):
 
 
 def test_small_scenes_and_other_estimators_have_none(few_are_many, monkeypatch):
-    """Where nothing is slow to build, the first picture is of the setting asked for."""
+    """If nothing is slow to build, the first picture has the requested setting."""
     counted = opened(estimator="impact_count")
     until_picture(counted.solve_steps())
     assert counted.frame.background.setting == counted.setting

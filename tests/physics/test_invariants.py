@@ -1,7 +1,7 @@
 """The invariants: a frame is a function of the poses alone, bit for bit.
 
-One room, two mobiles that touch the floor, cross the walls and each other. Whatever sequence of moves
-led there, irradiance equals that of a solver that never saw another pose, and of the naive twin.
+One room, two mobiles that touch the floor, cross the walls and each other. After any
+sequence of moves, irradiance equals that of a new solver at these poses, and of the naive twin.
 """
 
 from __future__ import annotations

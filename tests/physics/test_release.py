@@ -1,6 +1,6 @@
-"""What a scene holds is free as soon as it is closed: nothing waits for the collector of rings.
+"""Objects of a scene are freed when it is closed, without the cycle collector.
 
-That comes when a quarter of all objects are new, hardly ever: compiled kernels alone are hundreds of thousands.
+It runs when a quarter of all objects are new: hardly ever, as compiled kernels alone are hundreds of thousands.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SETTINGS = Settings(photons=3_000, radius=0.1, neighbours=20, exposure=0.0)
 
 @pytest.fixture(autouse=True)
 def uncollected(tmp_path, monkeypatch):
-    """No collector, and a folder of its own."""
+    """Without the collector, in a separate folder."""
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path))
     gc.collect()
     gc.disable()
@@ -36,7 +36,7 @@ def uncollected(tmp_path, monkeypatch):
 
 
 def goes(*refs: weakref.ref, within: float = 20.0) -> bool:
-    """Tell whether all of them are gone, or will be when threads have ended."""
+    """Return whether all of them are freed, at the latest when threads have ended."""
     end = time.monotonic() + within
     while any(ref() is not None for ref in refs) and time.monotonic() < end:
         time.sleep(0.01)
@@ -66,7 +66,7 @@ def held_by(s: Session) -> list[weakref.ref]:
 
 
 def test_rested_scene_is_freed_with_its_references():
-    """Rounds of the reference are under way, of several poses: each knows the whole scene."""
+    """Rounds of the reference are in progress for several poses; each refers to the whole scene."""
     s = opened()
     for x in (0.5, 0.6):
         s.move(at(s, x))

@@ -1,8 +1,8 @@
-"""The failure atlas: each number that theory predicts is what is measured, and what is said to help helps.
+"""The failure atlas: measurements agree with predictions, and remedies work.
 
-Statistical: over all rows together a right program fails with probability 1e-3 (Sidak). Each test has power: a
-prediction 25 % beyond what theory leaves open would be rejected, which is checked with the same numbers. What the
-rows are is in app/measure/atlas/.
+Over all rows together a correct program fails with probability 1e-3 (Sidak). Each test has power: a
+prediction 25 % outside its uncertainty would be rejected, which is checked with the same numbers. The rows are
+defined in app/measure/atlas/.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from app.measure.atlas.row import AtlasRow, Number, View, near, over_seeds, solv
 from app.measure.atlas.shapes import BLACK, ball, beyond, box, fan, scene, sheet
 from tests.support.significance import p_values, sidak
 
-TESTS = 90  # numbers looked at, rather too many
+TESTS = 90  # numbers tested, an upper bound
 LEVEL = sidak(1e-3, TESTS)
 SEEN = 1.25
 HELPED = 0.02  # how near a remedy must come
@@ -38,7 +38,7 @@ def check(row: AtlasRow) -> None:
     else:
         assert p_value(m, row.predicted, row.known) >= LEVEL, f"{row.key}: {m}, predicted {row.predicted:.4g}"
         for wrong in ((row.predicted + row.known) * SEEN, (row.predicted - row.known) / SEEN):
-            assert p_value(m, wrong, row.known) < LEVEL, f"{row.key}: {m} would not be told from {wrong:.4g}"
+            assert p_value(m, wrong, row.known) < LEVEL, f"{row.key}: {m} would not be distinguished from {wrong:.4g}"
     if row.remedied is not None:
         allowed = HELPED + row.aim_known + 4 * row.remedied.error
         assert abs(row.remedied.mean - row.aim) <= allowed, f"{row.key}: {row.remedied}, should be {row.aim:.4g}"
@@ -114,7 +114,7 @@ def test_noise_is_inversely_proportional_to_the_radius():
 
 
 def test_shapes():
-    """Areas of the pieces, and which way they face: what the predictions rest on."""
+    """Areas and orientations of the shapes that predictions use."""
     from gi_core.geometry.surfaces import face_normals
 
     for degrees in (30, 180, 330, 360):

@@ -1,6 +1,6 @@
 """Where programs like this one break: lights and mobiles in odd places, mobiles at rest, many moves.
 
-The first line of each test names the failure. What theory predicts in numbers is in test_stability_atlas.py.
+The first line of each test names the failure. Numbers predicted by theory are tested in test_stability_atlas.py.
 """
 
 from __future__ import annotations
@@ -121,9 +121,9 @@ def test_a_mobile_at_rest_does_not_change_a_bit(estimator):
 
 
 def test_tiny_move_changes_at_most_the_flux_of_cut_photons():
-    """Photons whose paths are not cut, before or after, add the same: only those of the cut ones can change.
+    """Photons with uncut paths before and after add the same light; only cut photons can change it.
 
-    Each brings at most its flux to a face at each of its segments.
+    Each adds at most its flux per segment.
     """
     solver = solved(room(box_mobile("a")), 20_000, estimator="impact_count")
     a_photon = float(solver.frame.fates["emitted"][0]) / solver.frame.photons

@@ -1,6 +1,6 @@
 """Where programs like this one break: no photons, extreme scales and places, rays at edges, odd meshes.
 
-The first line of each test names the failure. What theory predicts in numbers is in test_stability_atlas.py.
+The first line of each test names the failure. Numbers predicted by theory are tested in test_stability_atlas.py.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def test_any_distance_from_the_origin_gives_the_same_light(tmp_path):
 
 
 def test_rays_through_vertices_and_edges_of_a_closed_room():
-    """Those that slip between triangles are few, and told as escaped; no photon is lost count of."""
+    """Few rays pass between triangles, and these count as escaped; every photon is counted."""
     scene = furnace_scene(1.0, 0.5, 8)
     solver = solved(scene)
     mesh = scene.static

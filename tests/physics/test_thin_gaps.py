@@ -1,4 +1,4 @@
-"""Light crosses gaps that are thinner than what a segment is shortened by at its start, which goes with the world."""
+"""Light crosses gaps thinner than the start offset of segments, which is proportional to the scene size."""
 
 from __future__ import annotations
 

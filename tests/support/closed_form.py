@@ -1,4 +1,4 @@
-"""Closed forms of irradiance, with their derivations: what estimators and reference are held against.
+"""Closed forms of irradiance with their derivations; tests compare estimators and reference with them.
 
 Scalars in, scalars or arrays out; watts, metres, steradians. `E` is always irradiance [W/m2].
 """
@@ -53,7 +53,7 @@ def sky(radiance: float, cos_tilt: float = 1.0) -> float:
     """Return E in the open under a uniform dome, on a plane tilted from the horizontal.
 
     Horizontal: integral of L cos over the hemisphere = pi L. Tilted by b, the dome's part behind the
-    plane is lost; what is left projects to half a unit disc and half an ellipse with half axes 1 and
+    plane is lost; the rest projects to half a unit disc and half an ellipse with half axes 1 and
     cos b (Nusselt): E = pi L (1 + cos b) / 2.
     """
     return math.pi * radiance * (1 + cos_tilt) / 2
@@ -129,7 +129,7 @@ def furnace(radiance: float, reflectance: float) -> float:
     """Return E in a closed room whose walls all emit Le and reflect rho.
 
     Every ray ends on a wall of the same outgoing radiance L = Le + rho E / pi, and E = pi L, so
-    E = pi Le / (1 - rho): at every point, whatever the room's shape.
+    E = pi Le / (1 - rho): at every point, in a room of any shape.
     """
     return math.pi * radiance / (1 - reflectance)
 
@@ -144,7 +144,7 @@ def corner_view(angle: float) -> float:
     return (1 - math.cos(angle)) / 2
 
 
-# -- means over what an estimator really measures -------------------------------------------------
+# -- means over the kernel of an estimator --------------------------------------------------------
 
 
 def disc_nodes(centre, normal, radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -167,7 +167,7 @@ def disc_nodes(centre, normal, radius: float) -> tuple[np.ndarray, np.ndarray]:
 def disc_mean(field, centre, normal, radius: float) -> float:
     """Return the mean of field((m, 3) points) -> (m,) over a disc.
 
-    This is what a tangent-plane estimate is expected to be where nothing hides a part of the disc: a
+    This is the expected tangent-plane estimate if nothing hides a part of the disc: a
     photon crosses it with probability flux / Phi, and each crossing adds Phi / (N pi r^2).
     """
     points, weights = disc_nodes(centre, normal, radius)

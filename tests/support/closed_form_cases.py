@@ -1,6 +1,6 @@
-"""Settings whose irradiance is known in closed form: scene, field, and which receivers to look at.
+"""Scenes with irradiance in closed form: scene, field, and the receivers to compare.
 
-Photons are so many that a mean over a group would show an error of 2 % in 99 of 100 cases.
+With these photon numbers a mean over a group reveals an error of 2 % in 99 of 100 cases.
 """
 
 from __future__ import annotations

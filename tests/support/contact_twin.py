@@ -28,7 +28,7 @@ def regions_in_company(model: Model, o: int, at, radius: float, alone: Regions) 
         distance, _ = model.accelerator.nearest(b, origins, directions, limits)
         distance = distance.reshape(-1, RAYS)
         for i in range(len(points)):
-            # A few directions decide whether a receiver of a mobile looks round at the static part at all.
+            # A few directions decide whether a receiver of a mobile is tested against the static part at all.
             if b == 0 and not (distance[i, :: RAYS // PROBES] < F32(radius)).any():
                 continue
             there = [min(math.floor(F32(d) * F32(255 / radius) + F32(1e-3)), 255) for d in distance[i]]

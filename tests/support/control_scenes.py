@@ -1,7 +1,7 @@
-"""Small scenes that show what artifact control is for, and which of their receivers show it.
+"""Small scenes with artifacts of discs, and their affected receivers.
 
 Each is about a metre wide, has its faces finer than the discs where it matters, and is lit so that
-irradiance hardly changes over a disc: what a disc gets wrong is then its own fault.
+irradiance hardly changes over a disc, so any error comes from the disc's shape.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ RADIUS = 0.01  # 1 % of the scene's size
 
 
 class ControlScene(NamedTuple):
-    """A scene with the points where control matters and points where nothing is in the way."""
+    """A scene with points where control matters, and unobstructed points."""
 
     scene: Scene
     radius: float
@@ -62,7 +62,7 @@ def corner() -> ControlScene:
 
 
 def _furnace(*finer: Mesh) -> Mesh:
-    """A closed unit room, material 0; `finer` stands for its floor."""
+    """A closed unit room, material 0; `finer` replaces its floor."""
     room = box((0, 0, 0), (1, 1, 1), 16, 0, inward=True)
     if not finer:
         return room
@@ -90,7 +90,7 @@ def _beside(p, n, low, high, reach) -> np.ndarray:
 def standing(low, high, height: float, mobile: bool, name: str, black: bool = False) -> ControlScene:
     """A box that stands on the floor over the rectangle [low, high] (2,).
 
-    In a furnace, and white: it sends back what it takes, and E is what it would be without it, everywhere. Or
+    In a furnace, and white: it reflects all light, so E is everywhere the same as without it. Or
     black, under a lamp as wide as the room: E falls towards it.
     """
     body = box((*low, 0), (*high, height), 8, 1)
@@ -190,5 +190,5 @@ def tent() -> ControlScene:
 
 
 def classes(case: ControlScene, surfaces: Surfaces, receivers) -> tuple[np.ndarray, np.ndarray]:
-    """Return which receivers are affected, and which are in the open, (R,) bool each."""
+    """Return the affected receivers and those in the open, (R,) bool each."""
     return tuple(f(receivers.positions, receivers.normals) for f in (case.affected, case.open))

@@ -1,8 +1,8 @@
-"""What the examples of a document do when a reader works through it, in a folder of its own.
+"""Run the examples of a document in order, in a separate folder.
 
-Python blocks share a namespace. A TOML block begins with `# NAME.toml`, or `# added to NAME.toml` to go on with that
-file, and must load. Of shell blocks the lines that start with `gi-viewer` run, with few photons and pixels. A comment
-`<!-- files: a.glb, b.obj -->` stands for files that a reader has already.
+Python blocks share a namespace. A TOML block begins with `# NAME.toml`, or `# added to NAME.toml` to extend that file,
+and must load. In shell blocks the lines that start with `gi-viewer` run, with few photons and pixels. A comment
+`<!-- files: a.glb, b.obj -->` names files that the reader already has.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def blocks(path: Path) -> list[Block]:
 
 
 def work_through(document: str, monkeypatch, folder: Path) -> int:
-    """Do in `folder` what a document shows; return the number of blocks that were run."""
+    """Run a document's examples in `folder`; return the number of blocks run."""
     from app.window import window
 
     monkeypatch.chdir(folder)
@@ -70,7 +70,7 @@ def work_through(document: str, monkeypatch, folder: Path) -> int:
         if block.language == "files":
             bring(block.text)
         elif block.language == "python":
-            # Blank lines in front: a traceback then names the line of the document.
+            # Blank lines in front: a traceback then has the line of the document.
             exec(compile("\n" * (block.line - 1) + block.text, str(ROOT / document), "exec"), names)
         elif block.language == "toml":
             load_toml(block.text, where)
@@ -100,7 +100,7 @@ def commands(text: str) -> list[list[str]]:
 
 
 def run(arguments: list[str]) -> int:
-    """Run a command on a small scale; what it writes must then be there."""
+    """Run a command on a small scale; its output files must exist afterwards."""
     name = arguments[0] if arguments and arguments[0] in cli.COMMANDS else "view"
     more = [*SMALL, *OF_COMMAND[name]]  # the last one counts where an option is given twice
     more += FRAMES if "--frames" in arguments else []

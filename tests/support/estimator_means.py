@@ -1,7 +1,7 @@
-"""What each estimator is expected to measure of a known field of irradiance: its mean over a kernel.
+"""Expected value of each estimator in a known field of irradiance: its mean over a kernel.
 
 `field(points (m, 3), normals (m, 3)) -> (m,)` is the closed form; it holds on surfaces and in the air
-before them. One function an estimator, from the registry's name; a new estimator adds its own.
+before them. One function per estimator, by its name in the registry; a new estimator adds its own.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def photon_map(solver: Solver, field) -> np.ndarray:
     for corners, _, n, receivers in _faces(solver):
         for k, i in enumerate(receivers):
             u, v = corners[(k + 1) % 3] - corners[k], corners[(k + 2) % 3] - corners[k]
-            # On the back the same sector is turned through the other way round.
+            # On the back the same sector has the opposite sense of rotation.
             u, v = (u, v) if np.cross(u, v) @ n > 0 else (v, u)
             angle = math.atan2(np.linalg.norm(np.cross(u, v)), u @ v)
             points, weights = closed_form.sector_nodes(corners[k], n, u, angle, r[i])

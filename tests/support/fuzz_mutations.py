@@ -1,4 +1,4 @@
-"""What the fuzzer feeds the loaders: small files of every format, and ways to damage them."""
+"""Inputs of the fuzzer: small files of every format, and mutations that damage them."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ scene_size = 1.0
 
 
 def surroundings(folder: Path) -> None:
-    """Write what mutated files may refer to: meshes, a library, an image, a buffer."""
+    """Write files that mutated files may refer to: meshes, a library, an image, a buffer."""
     from PIL import Image
 
     write_room(folder)

@@ -1,4 +1,4 @@
-"""Squares that face the eye, and what is read of the picture of them."""
+"""Squares that face the eye, and readings of their picture."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class MemoryUse(NamedTuple):
-    """All in MB; what is resident beyond what malloc holds or keeps is code, and what others have mapped."""
+    """All in MB; resident memory outside malloc is code and other mappings."""
 
     resident: float
     held: float  # handed out by malloc and not yet given back, nan without glibc's mallinfo2
@@ -32,7 +32,7 @@ def resident() -> float:
 
 
 def memory_use() -> MemoryUse:
-    """Return what is resident, and how much of it malloc has handed out."""
+    """Return resident memory, and the part in use inside malloc."""
     try:
         call = ctypes.CDLL(None).mallinfo2
     except AttributeError:
@@ -43,5 +43,5 @@ def memory_use() -> MemoryUse:
 
 
 def trim() -> None:
-    """Have malloc give back to the system what is free."""
+    """Make malloc return free memory to the system."""
     ctypes.CDLL(None).malloc_trim(0)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-SAME_PLACE = 1e-5  # of the scene size: what a sight line may miss a point by; a tile on a floor is thicker
+SAME_PLACE = 1e-5  # of the scene size: tolerance of a sight line at its end; a tile on a floor is thicker
 
 
 def in_view(solver) -> np.ndarray:
     """Return the rows of receivers with an area that the first view shows, ascending; mobiles hide nothing.
 
-    Looked at where truth is taken, off the edges: under a tile or a skirting board nobody sees anything.
+    Visibility is tested at evaluation points, off the edges: places under a tile or a skirting board are not visible.
     """
     from app.draw.shot import home_camera
     from gi_core.files.completion.camera_view import in_frame

@@ -29,7 +29,7 @@ F32 = np.float32
 
 
 class Twin:
-    """Irradiance at given poses from nothing but the scene."""
+    """Irradiance at given poses, from the scene alone."""
 
     def __init__(self, scene, photons: int, radius: float, neighbours: int, seed: int):
         self.model = Model(scene, threads=1)

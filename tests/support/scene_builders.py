@@ -1,4 +1,4 @@
-"""Tiny analytic scenes from numpy arrays: quads, boxes, spheres, and rooms whose answer is known."""
+"""Tiny analytic scenes from numpy arrays: quads, boxes, spheres, and rooms with closed-form answers."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def lamp_over_floor(radiance: float = 10.0, width: float = 1.0, height: float = 
 
 
 def furnace_scene(radiance: float = 1.0, reflectance: float = 0.5, divisions: int = 8, mobiles=()) -> Scene:
-    """A closed unit room whose walls all emit and reflect: E = pi Le / (1 - rho) everywhere."""
+    """A closed unit room with walls that emit and reflect: E = pi Le / (1 - rho) everywhere."""
     walls = box((0, 0, 0), (1, 1, 1), divisions, inward=True)
     return Scene(walls, (lamp(radiance, reflectance),), mobiles, up=(0.0, 0.0, 1.0), name="furnace")
 

@@ -18,7 +18,7 @@ ROUNDING = 1e-6  # relative: float32 positions and fixed-point flux, where a res
 
 
 def sidak(significance: float, tests: int) -> float:
-    """Return the level for each of so many independent tests that keeps the level of all together."""
+    """Return the level per test that keeps the family-wise level of independent tests (Sidak)."""
     return -math.expm1(math.log1p(-significance) / max(tests, 1))
 
 
@@ -32,7 +32,7 @@ def p_values(mean, expected, standard_error, degrees: int | None = None) -> np.n
 
 
 def z_test(mean, expected, standard_error, what: str = "", degrees: int | None = None, significance=SIGNIFICANCE):
-    """Assert that means agree with what is expected; the message prints mean, expected and p.
+    """Assert that means agree with expected values; the message prints mean, expected value and p.
 
     All arguments broadcast. A standard error of 0 demands equality to ROUNDING.
     """
@@ -51,7 +51,7 @@ def z_test(mean, expected, standard_error, what: str = "", degrees: int | None =
 
 
 def seeds_test(samples, expected, what: str = "", significance=SIGNIFICANCE):
-    """Assert that runs of different seeds (seeds, ...) agree with what is expected in the mean.
+    """Assert that the mean over runs of different seeds (seeds, ...) agrees with the expected value.
 
     The standard error comes from the runs themselves, so correlations inside a run do not matter.
     """
@@ -62,7 +62,7 @@ def seeds_test(samples, expected, what: str = "", significance=SIGNIFICANCE):
 
 
 def sees(standard_error, expected, effect=EFFECT, tests: int = 1, degrees: int | None = None) -> bool:
-    """Tell whether a test with this standard error finds the effect with probability POWER."""
+    """Return whether a test with this standard error detects the effect with probability POWER."""
     level = sidak(SIGNIFICANCE, tests)
     critical = -ndtri(level / 2) if degrees is None else _t_critical(degrees, level)
     return bool(np.all(effect * np.abs(expected) >= (critical + ndtri(POWER)) * np.asarray(standard_error)))

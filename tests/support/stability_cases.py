@@ -1,4 +1,4 @@
-"""What the tests of stability share: a closed room, a solver that has traced, what sound light is."""
+"""Shared by the stability tests: a closed room, a solved solver, a check of sound light."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A hand for the tests of the window: words for what a user does."""
+"""The hand of the window tests: functions for actions of a user."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ BLOCK_FRONT = (0.5, 0.3, 0.62)  # a point on the mobile that the camera sees
 
 
 class Hand:
-    """The test engine's context with words for what a user does."""
+    """The test engine's context with functions for actions of a user."""
 
     def __init__(self, viewer, ctx) -> None:
         self.viewer, self.ctx = viewer, ctx
@@ -60,15 +60,15 @@ class Hand:
         self.ctx.yield_(3)
 
     def light_is_that_from_scratch(self) -> bool:
-        """Tell whether light equals a solution from scratch, made in the solver's thread: it may be measuring or
-        gathering, and only one at a time uses the solver."""
+        """Return whether light equals a solution from scratch, made in the solver's thread: it may be measuring or
+        gathering, and only one thread may use the solver."""
         self.wait_for_light()
         session = self.viewer.session
         while True:
             light, job = session.irradiance, session._worker.submit(session.light._solver.from_scratch)
             self.wait(lambda job=job: job.wait(0.0))
             self.ctx.yield_(2)
-            if session.irradiance is light:  # else what was gathered has come in between
+            if session.irradiance is light:  # else gathered light has replaced it meanwhile
                 return np.array_equal(light, job.result())
 
     def pixels(self) -> np.ndarray:

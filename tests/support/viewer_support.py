@@ -1,4 +1,4 @@
-"""What the tests of the viewer share: a small scene from arrays, a screenless GL, a viewer driven by a script."""
+"""Shared by the viewer tests: a small scene from arrays, GL without a screen, a viewer driven by a script."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ SETTINGS = Settings(scene="room", photons=20_000, radius=0.06, neighbours=40, li
 
 
 def opening(scene: Scene) -> Callable:
-    """Return what opens a ready scene instead of a file."""
+    """Return a function that opens a prepared scene instead of a file."""
     return functools.partial(Opening, load=lambda settings: scene)
 
 
@@ -110,7 +110,7 @@ def need_gl(reason: str) -> None:
 
 @functools.cache
 def screenless() -> str | None:
-    """Tell glfw to do without a screen (null platform, EGL), for the whole process; return why it cannot."""
+    """Make glfw work without a screen (null platform, EGL), for the whole process; return the reason if it cannot."""
     try:
         import imgui_bundle  # noqa: F401, I001  before glfw: it brings the libglfw that both must use
         import glfw
@@ -138,8 +138,8 @@ def standalone_context():
 def drive(viewer, script: Callable, quits: bool = False, keep_ini: bool = False) -> None:
     """Run a viewer without a screen; `script(ctx)` clicks and types in it with ImGui's test engine.
 
-    `quits`: the script ends by closing the window, which the engine would count as a failure; `keep_ini`: what
-    the window remembers is written where the test's folder is.
+    `quits`: the script ends by closing the window, which the engine would count as a failure; `keep_ini`: settings
+    of the window are written to the test's folder.
     """
     from imgui_bundle.immapp import testing
 
@@ -152,7 +152,7 @@ def drive(viewer, script: Callable, quits: bool = False, keep_ini: bool = False)
 
 
 class Clock:
-    """Time that passes only where a test says so."""
+    """A clock that only the test advances."""
 
     def __init__(self) -> None:
         self.now = 100.0
@@ -162,9 +162,9 @@ class Clock:
 
 
 class CountingSolver:
-    """The solver's interface around counters; a move costs 4 ms of a test's clock, a step what `Behind` says.
+    """The solver's interface around counters; a move costs 4 ms of a test's clock, a step the time set in `Behind`.
 
-    `photon_seconds`: what a move costs more for each photon; `wrong`: times that what the budget learns.
+    `photon_seconds`: additional time of a move per photon; `wrong`: factor on the times that the budget records.
     """
 
     def __init__(
@@ -269,7 +269,7 @@ class Behind:
         self.jobs = 0  # under way, one at most
 
     def submit(self, call: Callable) -> Behind.Pending:
-        assert self.jobs == 0, "the solver is never used by two at a time"
+        assert self.jobs == 0, "only one thread at a time uses the solver"
         self.jobs = 1
         return self.Pending(self, call)
 

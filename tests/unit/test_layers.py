@@ -1,4 +1,4 @@
-"""The layers: gi_core knows no GL, no window, no GUI and nothing of app; the linter says so too."""
+"""The layers: gi_core knows no GL, no window, no GUI and nothing of app; the linter checks the same rule."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FORBIDDEN = ("moderngl", "glcontext", "glfw", "imgui_bundle", "OpenGL", "PIL", "
 
 
 def test_gi_core_imports_nothing_of_the_window():
-    """Import every module of gi_core in a fresh process, then look at what has been loaded."""
+    """Import every module of gi_core in a fresh process, then list the loaded modules."""
     code = f"""
 import importlib, pkgutil, sys, gi_core
 count = 0

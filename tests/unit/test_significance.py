@@ -1,4 +1,4 @@
-"""The tests' own statistics: they find what is wrong and pass what is right as often as they say."""
+"""The tests' own statistics: their rates of false alarms and of detection are as stated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A twin of a solver: shared photons, settings and poses of its own."""
+"""A twin of a solver: shared photons, separate settings and poses."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tests.support import viewer_support as support
 
 
 def test_twin_shares_photons_but_not_settings():
-    """Its settings and poses are its own; both remain what a solver alone would be, bit for bit."""
+    """Settings and poses are separate; both equal a solver without a twin, bit for bit."""
     solver = Solver(support.room(), photons=8192, radius=0.06)
     solver.solve()
     before, pose = solver.irradiance, solver.poses["block"]

@@ -1,1 +1,1 @@
-"""The window, the session behind it and what both draw."""
+"""The window, its session, and their drawing."""

@@ -126,7 +126,7 @@ def test_frames_over_budget_reduce_the_subset_for_good():
     for _ in range(3):
         frame(s)
     s.begin_drag()
-    assert drag(s, 1) == [1000], "chosen anew"
+    assert drag(s, 1) == [1000], "chosen again"
 
 
 def test_a_hiccup_of_the_machine_changes_nothing():

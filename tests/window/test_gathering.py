@@ -91,7 +91,7 @@ def test_switched_on_and_off_in_the_panel():
     rest_until(session, lambda: np.array_equal(session.irradiance, plain))
     session.want(replace(session.settings, light="best"))
     rest_until(session, lambda: not np.array_equal(session.irradiance, plain))
-    # Beside another estimator each shows its own light.
+    # In a comparison each estimator shows the light of its own photons.
     session.want(replace(session.settings, compare="impact_count"))
     rest_until(session, lambda: np.array_equal(session.irradiance, plain))
     session.close()

@@ -64,7 +64,7 @@ def test_live_error_equals_that_against_another_reference(solver):
 
 
 def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
-    """Told by smoothing it again, for the receivers that it is of; what smoothing blurs is bias."""
+    """Measured by smoothing it again, for its own receivers; detail lost by smoothing is bias."""
     monkeypatch.setattr("gi_core.gather.static.ENOUGH", 0.03)
     s = Solver(replace(support.room(), mobiles=()), photons=20_000, radius=0.06)
     s.configure(light="best")
@@ -90,7 +90,7 @@ def test_new_setting_uses_the_same_reference_and_adds_a_point(solver):
     other = LiveError(twin, time.perf_counter)
     other._truths = live_error._truths
     finish(other)
-    assert other.truth(twin.poses, False) is truth and truth.rounds >= rounds, "nothing is gathered anew"
+    assert other.truth(twin.poses, False) is truth and truth.rounds >= rounds, "nothing is gathered again"
     told = relative_error(twin.irradiance[truth.rows], truth.irradiance, truth.weights).l1
     assert other.report.total == told != live_error.report.total
     points = MeasuredPoints()
@@ -222,7 +222,7 @@ def test_a_drag_waits_for_the_piece_under_way_and_no_longer(piece):
     assert s.clock() - started <= 2 * piece + 0.01 + s.light.grace
 
 
-# What is shown --------------------------------------------------------------------------------------
+# Shown values ---------------------------------------------------------------------------------------
 
 
 @pytest.fixture

@@ -64,7 +64,7 @@ def test_colours_run_linearly_between_vertices(draw):
 
 @pytest.mark.gl
 def test_vertices_of_small_weight_hardly_count(ctx):
-    """A square, dark on the left; each side has weights of its own."""
+    """A square, dark on the left; each side has separate weights."""
     from app.draw.renderer import Look, Renderer
 
     mesh, front, back = square((0, 0, 0), (0, 0, 0))
@@ -169,7 +169,7 @@ def test_wipe_shows_one_layer_per_side(ctx, samples):
     left, right = np.round(255 * np.array([[0.8, 0.1, 0.1], [0.1, 0.2, 0.9]]))
     at = round(0.4 * SIZE[0])
     inside = np.flatnonzero((np.abs(seen[None] - left) <= 1).all(axis=1))
-    assert len(inside) > 20 and inside[0] < at < inside[-1], "as it is: exposure and tone map are not asked"
+    assert len(inside) > 20 and inside[0] < at < inside[-1], "unchanged: without exposure and tone map"
     for x in inside:
         assert seen[0.4][x] == pytest.approx(left if x < at else right, abs=1)
     assert seen[0.0][inside] == pytest.approx(np.tile(right, (len(inside), 1)), abs=1)

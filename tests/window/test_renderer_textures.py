@@ -49,7 +49,7 @@ def exact(texture, uv):
 
 @pytest.mark.gl
 def test_a_texture_colours_each_pixel(draw):
-    """At each pixel: the texture there times the tint times E / pi, plus what the front emits by itself."""
+    """At each pixel: texture times tint times E / pi, plus the emission of the front."""
     tint, glow = np.array([0.9, 0.5, 1.0]), np.array([0.05, 0.0, 0.1])
     texture = Texture(PIXELS, ("clamp", "clamp"))
     shown = [poster(texture, tint=tuple(tint), emission=tuple(glow))]
@@ -78,7 +78,7 @@ def test_beyond_its_edges_a_texture_is_wrapped(draw, wrap):
 
 @pytest.mark.gl
 def test_from_afar_a_texture_shows_its_mean(draw):
-    """Sixty-four checks a pixel: not black or white, but what they reflect together."""
+    """Sixty-four checks per pixel: not black or white, but their mean reflectance."""
     checks = (255 * (np.indices((64, 64)).sum(axis=0) % 2)).astype(np.uint8)[..., None].repeat(3, axis=2)
     uv = 10 * np.array([(0, 1), (1, 1), (1, 0), (0, 0)], float)
     drawn = draw([poster(Texture(checks), uv)], tone_map="clip")

@@ -50,7 +50,7 @@ def make(step_seconds=0.006, steps=40):
 
 
 def frame(s: Session, editing=False, seconds=FRAME):
-    """Run one frame; return what the solver was asked in it."""
+    """Run one frame; return the solver's calls in it."""
     before = len(s.light._solver.log)
     started = s.clock.now
     s.tick(seconds, editing)
@@ -61,7 +61,7 @@ def frame(s: Session, editing=False, seconds=FRAME):
 
 @pytest.mark.parametrize("step_seconds", [0.0005, 0.002, 0.006, 0.02, 1.5])
 def test_refinement_keeps_to_its_budget(step_seconds):
-    """Whatever a step takes, no frame waits longer than its budget; the thread has always something to do."""
+    """No frame waits longer than its budget, for steps of any length; the thread is always busy."""
     s = make(step_seconds, steps=50)
     frames = 0
     while s.refining:
@@ -123,7 +123,7 @@ def test_refused_setting_is_logged_and_reverted(session):
     assert session.settings.estimator == "tangent_plane" and session.settings.tone_map == "clip"
     assert session.log.last.level == ERROR and "no such estimator" in session.log.last.text
     frame(session)
-    assert session.light._solver.count("configure") == 1, "not asked again and again"
+    assert session.light._solver.count("configure") == 1, "not requested repeatedly"
 
 
 def test_a_drag_moves_and_does_not_refine(session):
@@ -216,7 +216,7 @@ def test_undo_redo_cancel_and_reset(session):
 
 @pytest.mark.parametrize("rate", [10, 60, 240])
 def test_playing_does_not_depend_on_the_frame_rate(rate):
-    """A second along a path of 2 s is half of it, whatever the number of frames."""
+    """A second along a path of 2 s is half of it, for any number of frames."""
     s = make()
     s.toggle_play()
     for _ in range(rate):
@@ -287,7 +287,7 @@ def test_kernels_compile_in_a_process_with_progress(monkeypatch, tmp_path):
 
     seen = []
     real = subprocess.Popen
-    shown = tmp_path / "shown"  # what the child waits for before its second step
+    shown = tmp_path / "shown"  # the child waits for it before its second step
     program = f"""
 import pathlib, time
 print("1/4 photon tracing", flush=True)
@@ -313,7 +313,7 @@ print("4/4 ready", flush=True)
 def test_meter_ignores_noise():
     """The median of a noisy first picture is too dark: plain metering was off by 0.3 EV on the Cornell box.
 
-    Exposures of 2,000 photons scatter by 0.1 EV from seed to seed: what counts is their mean over five.
+    Exposures of 2,000 photons scatter by 0.1 EV from seed to seed, so the mean over five is tested.
     """
     from app.draw.camera import from_camera, scene_bounds
 

@@ -184,7 +184,7 @@ def test_a_missing_library_is_named_with_its_package(monkeypatch, found, package
 
 
 def test_without_a_display_the_reason_is_one_sentence():
-    """In a process of its own: this one has been told to do without a screen."""
+    """In a separate process: this one is set up without a screen."""
     script = """
         import os
         for name in ("DISPLAY", "WAYLAND_DISPLAY", "XDG_SESSION_TYPE"):

@@ -39,7 +39,7 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         next_task, live_error.next_task = live_error.next_task, lambda *_: None  # or the map goes on getting better
         picture = hand.pixels()
         assert words and words[-1][0] == "Error of irradiance" and (picture != light).any()
-        # What is drawn are the map's colours and what lies between them, whatever the exposure.
+        # Pixels have the map's colours, interpolated, at any exposure.
         palette = np.round(255 * signed_colours(np.linspace(-1, 1, 2001))).astype(int)
         wall = hand.at((0.2, 0.8, 0.0))
         x, y = (int(c - o) for c, o in zip(wall, viewer.viewport.origin, strict=True))
@@ -52,7 +52,7 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         live_error.next_task = next_task
         hand.ctx.combo_click("##Show/Radiance")
 
-        # It goes with a move, and comes back.
+        # It disappears with a move, and returns.
         hand.press(keys().space)
         hand.wait(lambda: viewer.session.poses["block"].position[0] != 0.5)
         hand.press(keys().space)
@@ -93,11 +93,11 @@ def test_reference_key_and_wipe_between_two_pictures(play):
         differs = (np.abs(both.astype(int) - estimate).max(axis=2) > 8).mean(axis=0)
         assert differs[: at - 1].mean() < 0.01 < 0.05 < differs[at + 1 :].mean()
 
-        # Beyond the line the mouse does what it always does.
+        # Away from the line the mouse works as usual.
         hand.drag((line[0] + 0.1 * w, line[1]), (line[0] + 0.15 * w, line[1]))
         assert viewport.camera != camera and viewport.wipe.at == pytest.approx(0.3, abs=0.02)
 
-        # While something moves only its own light is shown; what it is compared with comes when it rests.
+        # During motion only the estimate is shown; the comparison returns at rest.
         hand.press(K.space)
         hand.wait(lambda: len(shown(viewer).sides) == 1)
         assert "photon map" in shown(viewer).coming

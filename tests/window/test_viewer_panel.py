@@ -169,12 +169,12 @@ def test_slider_drag_never_delays_a_frame(play, monkeypatch):
         assert session.light._solver.radius == session.settings.radius != support.SETTINGS.radius
         assert threads and not threads & windows_thread
 
-    # Without the work at rest, whose twins would be counted here.
+    # Without the work at rest: its twins would count here.
     assert errors(play(script, replace(support.SETTINGS, measure_errors=False))) == []
 
 
 def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):
-    """A solver whose budget fits the fewest photons shows those during a drag and all after it."""
+    """With a budget for the fewest photons, a drag shows the fewest, and rest shows all."""
     from app.session import session as session_module
     from app.window.panel import widgets
 
@@ -219,7 +219,7 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):
         ctx.yield_(2)
         assert ("Photons shown", "20 000 of 20 000") in rows
 
-        # Off: all photons, whatever the solver believes.
+        # Off: all photons, for any prediction.
         ctx.item_input_value("##Time budget", 101)
         ctx.yield_(2)
         assert session.settings.budget == 0

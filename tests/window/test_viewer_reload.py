@@ -23,7 +23,7 @@ AWAY = Pose((0.7, 0.4, 0.6))
 
 
 class Files:
-    """A scene file as the loader sees it: what it holds may change between two readings."""
+    """A scene file for the loader; its contents may change between two readings."""
 
     def __init__(self, **defaults) -> None:
         self.scene, self.problem, self.read, self.gate = support.room(), None, [], threading.Event()
@@ -52,7 +52,7 @@ def again(hand, viewer) -> None:
 
 @pytest.fixture
 def drop(monkeypatch):
-    """Return a function that lets go of files over the window: what glfw is given is called as glfw does."""
+    """Return a function that drops files on the window: it calls glfw's callback as glfw does."""
     import glfw
 
     given, really = [], glfw.set_drop_callback
@@ -200,7 +200,7 @@ def test_failed_upload_keeps_the_old_scene(play, monkeypatch):
 
 
 def test_old_scene_stays_usable_while_the_new_one_loads(play):
-    """Frames, drags and settings go on; what is changed meanwhile stays; the new one waits for a drag to end."""
+    """Frames, drags and settings continue; changes made meanwhile stay; the new scene waits for a drag to end."""
     files = Files()
 
     def script(hand, viewer):

@@ -1,4 +1,4 @@
-"""More photons than memory holds: as many as it does, and the solver says so."""
+"""More photons than fit into memory: as many as fit are traced, and the solver reports it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Every search with every pre-test finds what trying every pair finds, where that is hard: lines in the planes of
-discs, far origins, discs on top of each other, tiny and huge radii. Sums are integers, so equal means equal bits."""
+"""Every search with every pre-test equals testing every pair, in hard cases: lines in the planes of discs, far
+origins, coincident discs, tiny and huge radii. Sums are integers, so equal means equal bits."""
 
 from __future__ import annotations
 

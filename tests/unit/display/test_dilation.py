@@ -1,4 +1,4 @@
-"""Vertices that lie inside other things are drawn like the visible ones beside them, and nothing leaks by it."""
+"""Vertices inside other objects are drawn like their visible neighbours, and no light leaks."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def inside(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("two_sided", [False, True])
 def test_floor_under_a_box_looks_like_the_floor_beside_it(two_sided):
-    # The inside of a thing with two sides may be looked at: only a narrow one is taken for closed.
+    # The inside of a two-sided object may be visible: only a narrow one counts as closed.
     solver = solved(standing(two_sided, 0.03 if two_sided else 0.5))
     E, seen = solver.irradiance, solver.drawn(solver.irradiance).irradiance
     covered, on_floor = inside(solver)
@@ -122,7 +122,7 @@ def test_foot_of_a_sunken_box_does_not_darken_its_sides(sunk):
     if sunk > 0:
         assert not solver.irradiance[foot].any()
         assert (seen.weights[foot] == np.float32(WEIGHT)).all() and (seen.irradiance[foot, 1] > 0.1).all()
-    else:  # it floats: what its foot is, is seen
+    else:  # it floats: its foot is visible
         assert seen.weights is None or (seen.weights[foot] == 1).all()
 
 
@@ -198,7 +198,7 @@ def test_floor_under_a_mobile_looks_like_the_floor_beside_it():
 
 @pytest.mark.parametrize("two_sided", [False, True])
 def test_seat_inside_its_own_post_looks_like_the_seat_beside_it(two_sided):
-    """A plate of 20 by 20 and a post that comes out of it, one mobile; what has two sides may be looked into."""
+    """A plate of 20 by 20 cells and a post through it, one mobile; the inside of a two-sided object may be visible."""
     seat, post = box((-0.5, -0.5, 0.0), (0.5, 0.5, 0.1), 20, 0), box((0.08, 0.08, 0.02), (0.37, 0.37, 0.7), 4, 0)
     lamp_above = quad((-1, -1, 2), (0, 2, 0), (2, 0, 0), (1, 1), 1)
     chair = Mobile("chair", merge(seat, post), Pose((0.0, 0.0, 0.3)))

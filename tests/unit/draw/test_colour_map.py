@@ -38,7 +38,7 @@ def test_equal_steps_look_equal_and_both_arms_are_alike():
 def test_ends_zero_and_beyond():
     colours = signed_colours([-5.0, -1.0, 0.0, 1.0, 5.0, np.nan])
     assert colours.dtype == np.float32 and (colours[[0, 3]] == colours[[1, 4]]).all()
-    assert np.allclose(oklab(colours[[1, 2, 3]]), [BELOW, ZERO, ABOVE], atol=2e-3), "inside what a display shows"
+    assert np.allclose(oklab(colours[[1, 2, 3]]), [BELOW, ZERO, ABOVE], atol=2e-3), "inside the display's gamut"
     assert colours[1].argmax() == 2 and colours[3].argmax() == 0 and np.ptp(colours[2]) < 2e-3
     assert np.allclose(colours[5], UNKNOWN)
     assert oklab(UNKNOWN)[0] < oklab(signed_colours(np.linspace(-1, 1, 9)))[:, 0].min() - 0.05

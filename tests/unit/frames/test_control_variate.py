@@ -77,7 +77,7 @@ def test_combination_of_static_and_frame_light(resting, better, frame, expected)
 
 
 def read_out(resting, better, frame, new_flux, flux_per_cut) -> np.ndarray:
-    """Return the irradiance of one receiver, whose area is 1; sums are in thousandths."""
+    """Return the irradiance of one receiver of area 1; sums are in thousandths."""
     sums, background = np.zeros((2, CHUNK, 3), np.int64)
     sums[0], background[0] = int(1000 * frame), int(1000 * resting)
     area, told = np.ones(CHUNK), np.zeros(CHUNK, np.int64)
@@ -99,7 +99,7 @@ def read_out(resting, better, frame, new_flux, flux_per_cut) -> np.ndarray:
         (8.0, 0.0, 0.0, 1 - 8 / 9 / 64),  # all of eight: hardly any doubt is left
         (1.0, 0.0, 0.0, 1 - 1 / 2),  # one of one: that may be chance
         (8.0, 4.0, 0.0, 1 - 20 / 9 / 16),  # half of eight: 4, give or take nearly sqrt 2
-        (8.0, 7.0, 0.0, 1 - 8 / 9),  # one of eight: next to nothing is said
+        (8.0, 7.0, 0.0, 1 - 8 / 9),  # one of eight: hardly any information
         (8.0, 17.0, 9.0, 1 - 9 / 81),  # nine came
         (8.0, 9.0, 1.0, 0.0),  # one came: chance
         (0.0, 4.0, 4.0, 1 - 4 / 16),

@@ -1,4 +1,4 @@
-"""Grain goes, edges stay, and what is left is told rightly."""
+"""Noise is removed, edges stay, and the remaining noise is reported correctly."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ def quick(monkeypatch, tmp_path):
 
 
 def fine_room() -> Scene:
-    """A room with a lamp and a bulb whose walls have many receivers."""
+    """A room with a lamp, a bulb, and many receivers on the walls."""
     walls = merge(
         box((0, 0, 0), (1, 1, 1), 12, 0, inward=True), quad((0.4, 0.4, 0.95), (0, 0.3, 0), (0.2, 0, 0), (2, 2), 1)
     )
@@ -50,7 +50,7 @@ def pairs(gather: FinalGather, field: np.ndarray, count: int) -> None:
 
 
 def test_uniform_room_gives_rho_times_its_light():
-    """Whatever the directions: no noise is left."""
+    """Equal for all directions, so without noise."""
     gather, areas = final(Scene(box((0, 0, 0), (1, 1, 1), 3, 0, inward=True), (grey(0.7),), up=(0, 0, 1)))
     pairs(gather, np.broadcast_to([1.0, 2.0, 4.0], (len(areas), 3)), 2)
     assert np.allclose(gather.mean, [0.7, 1.4, 2.8], rtol=1e-12)
@@ -66,7 +66,7 @@ def test_open_receivers_see_the_sky():
 
 
 def test_gather_over_true_light_equals_the_reference_within_its_noise():
-    """Walls of many receivers, so that what is interpolated between them is right."""
+    """Walls have many receivers, so that interpolation between them is accurate."""
     scene = fine_room()
     gather, areas = final(scene)
     truth, error = reference_irradiance(scene, gather._positions, gather._normals, 700, 5)
@@ -95,7 +95,7 @@ def test_threads_and_mobiles_change_nothing():
 
 
 def noisy(**settings) -> Solver:
-    """Return a solver whose photons miss most of its tiny discs."""
+    """Return a solver with discs so small that photons miss most of them."""
     solver = Solver(SCENE, photons=PHOTONS, radius=0.004)
     solver.configure(light="best", **settings)
     return solver

@@ -1,4 +1,4 @@
-"""The reference in rounds: no bias whoever gets how many paths, and the same bits with and without a break."""
+"""The reference in rounds: no bias for any allocation of paths, and the same bits with and without interruption."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNEVEN = np.array([1.0, 0.01, 30.0, 0.5, 4.0])
 
 
 def gathered(scene, sets: int, seed=0, points=(P, N), step=PATHS_PER_STEP, **more):
-    """Return the state once every point has so many sets."""
+    """Return the state once every point has that many sets."""
     rounds = ReferenceRounds(scene, *points, seed, **more)
     while rounds.state.rounds < sets:
         rounds.step(step)
@@ -31,7 +31,7 @@ def gathered(scene, sets: int, seed=0, points=(P, N), step=PATHS_PER_STEP, **mor
 
 @pytest.mark.parametrize("m", [1, 4, 7])
 def test_a_set_is_a_net(m):
-    """Every box of volume 2^-m, of whatever shape, holds one point of a pair of dimensions."""
+    """Every elementary box of volume 2^-m, of any shape, holds one point of a pair of dimensions."""
     n = 1 << m
     for first in (0, 5 * n, (3 << 32) + 9 * n):
         for pair in (0, 6):
@@ -61,7 +61,7 @@ def numbers(first: int, count: int, dimension: int, m: int) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("light_sampling", [True, False])
 def test_the_mean_of_many_runs_is_the_answer(light_sampling):
-    """Each run has a pilot, and with it sets, of its own; few rounds, so that a bias by selection would show."""
+    """Each run has another pilot and therefore other sets; few rounds, so that a selection bias would show."""
     scene = build.coloured_room()
     more = {"weights": UNEVEN, "light_sampling": light_sampling, "model": Model(scene)}
     runs = [gathered(scene, 2, s, **more) for s in range(40)]
@@ -164,11 +164,11 @@ def test_bad_arguments_are_refused():
 
 
 def test_noise_of_few_rounds_is_unbiased():
-    """Over many points, what two rounds tell is in the mean what eight tell, less the root of four."""
+    """Over many points, the mean standard error of two rounds is that of eight times the root of four."""
     scene = build.coloured_room()
     points = tuple(np.tile(a, (200, 1)) for a in (P, N))
     weights, noise = np.ones(1000), {}
     for sets in (2, 8):
         noise[sets] = gathered(scene, sets, 0, points).noise(weights)
     assert noise[2] == pytest.approx(2 * noise[8], rel=0.05)
-    assert rounds.ROUNDS > 4  # so many are far from two
+    assert rounds.ROUNDS > 4  # far more than two

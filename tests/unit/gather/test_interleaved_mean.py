@@ -37,7 +37,7 @@ def test_the_nearest_count_and_the_receiver_itself_first():
 
 
 def test_neither_a_crease_nor_a_sheet_is_crossed():
-    """A box's sides, and both sides of a sheet, lie beside each other but are other receivers."""
+    """The sides of a box, and both sides of a sheet, are adjacent but have separate receivers."""
     sheet = quad((2, 0, 0), (1, 0, 0), (0, 1, 0), (4, 4), 1)
     things = Mobile("things", merge(box((0, 0, 0), (1, 1, 1), 4), sheet), Pose())
     model = Model(Scene(quad((0, 0, -1), (1, 0, 0), (0, 1, 0)), (grey(0.5), grey(0.5, True)), (things,)), 1)

@@ -46,7 +46,7 @@ def at_start(scene: Scene, threads: int = 2) -> tuple[Model, object]:
 
 @pytest.mark.parametrize("log2_paths", [0, 3, 12])
 def test_convex_mobile_between_uniform_walls_has_rho_times_their_light(log2_paths):
-    """Every path ends on a wall, whatever its direction: no noise is left."""
+    """Paths of every direction end on a wall, so there is no noise."""
     walls = box((0, 0, 0), (1, 1, 1), 3, 0, inward=True)
     thing = box_mobile("box", 0.2, 1)._replace(pose=Pose((0.4, 0.5, 0.6), (0.8, 0.6, 0.0, 0.0)))
     model, at = at_start(Scene(walls, (grey(0.7), grey(0.2)), (thing,), up=(0, 0, 1)))
@@ -71,7 +71,7 @@ def test_inside_a_hollow_mobile_light_goes_to_and_fro():
 
 @pytest.mark.slow
 def test_mobile_gather_equals_the_reference():
-    """Walls of many receivers, so that what is interpolated between them is right; two things, side by side."""
+    """Walls have many receivers, so that interpolation between them is accurate; two objects, side by side."""
     places = {0.25: (0.4, 0.5, 0.3), 0.15: (0.62, 0.5, 0.35)}
     things = [box_mobile(f"of {size}", size)._replace(pose=Pose(at)) for size, at in places.items()]
     walls = merge(
@@ -296,5 +296,5 @@ assert before == [len(f.signatures) for f in kernels], "a kernel was compiled af
 
 @pytest.mark.slow
 def test_warm_up_compiles_gathering_of_adjacent_mobiles():
-    """In a process of its own: here other tests have compiled everything already."""
+    """In a separate process, because other tests have compiled everything in this one."""
     subprocess.run([sys.executable, "-c", NOTHING_IS_COMPILED], cwd=Path(__file__).parents[3], check=True)

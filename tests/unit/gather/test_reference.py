@@ -1,4 +1,4 @@
-"""The reference against closed forms, and against itself: what can be computed two ways is."""
+"""The reference against closed forms, and against other ways to compute the same value."""
 
 from __future__ import annotations
 

@@ -150,7 +150,7 @@ def test_settings_of_a_twin_are_separate(gathered):
 
 
 def test_photon_distribution_is_forgotten_but_not_its_total():
-    """Photons that tell of a fifth of the light in one half of the room, and of more in the other."""
+    """Photons with a fifth of the true light in one half of the room, and too much in the other."""
     solver = Solver(replace(SCENE, mobiles=()), photons=200_000, radius=0.06)
     solver.solve()
     right = solver.resting_irradiance

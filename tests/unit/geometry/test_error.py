@@ -60,7 +60,7 @@ def test_noise_of_truth_equals_the_error_of_a_noisy_reference():
 
 @pytest.mark.parametrize("prefix", [1000, 5000, 7500])
 def test_noise_from_a_prefix_equals_that_of_independent_photons(prefix):
-    """10,000 photons that each bring 1 +- 20: the mean is off by 0.2 sqrt(2 / pi), whichever prefix it is told from."""
+    """10,000 photons of 1 +- 20 each: the mean has an error of 0.2 sqrt(2 / pi), estimated from any prefix."""
     rng = np.random.default_rng(3)
     first = 1 + 20 * rng.normal(size=20_000) / math.sqrt(prefix)
     rest = 1 + 20 * rng.normal(size=20_000) / math.sqrt(10_000 - prefix)

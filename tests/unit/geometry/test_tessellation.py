@@ -1,4 +1,4 @@
-"""Tessellation: no T-junctions, nothing lost, the same whatever the order of the faces."""
+"""Tessellation: no T-junctions, nothing lost, the same for any order of the faces."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_order_of_faces_does_not_matter():
 
 
 def test_faces_of_different_materials_split_alike():
-    """Two sheets that meet at an edge, each with vertices of its own: the shared edge gets the same points."""
+    """Two sheets with separate vertices meet at an edge: the shared edge gets the same points."""
     a = np.array([[0.0, 0, 0], [1, 0, 0], [0.3, 1, 0]])
     b = np.array([[1.0, 0, 0], [0, 0, 0], [0.6, -0.2, 0.9]])
     mesh = Mesh(np.concatenate([a, b]), np.array([[0, 1, 2], [3, 4, 5]], np.int32), np.array([0, 1], np.int32))
@@ -118,9 +118,9 @@ def test_faces_of_different_materials_split_alike():
 
 
 def strewn_box(seed: int) -> Mesh:
-    """A closed box whose sides are cut into cells of very unequal sizes, each cell of one of four materials.
+    """A closed box with sides of very unequal cells, each cell of one of four materials.
 
-    Every face has vertices of its own, as files have them where materials or images change.
+    Faces share no vertices, as in files where materials or images change.
     """
     rng = np.random.default_rng(seed)
     cuts = [np.unique(np.concatenate([[0, 1], rng.random(3) ** 3])) * length for length in (2.0, 1.0, 0.5)]
@@ -144,7 +144,7 @@ def strewn_box(seed: int) -> Mesh:
 
 
 def shared_edges(mesh: Mesh) -> np.ndarray:
-    """Return the edges by vertex: in cells of a millionth of the box, welding would merge what is apart."""
+    """Return the edges by vertex. Welding in cells of a millionth of the box would merge separate vertices."""
     return np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
 
 
@@ -177,7 +177,7 @@ def test_no_junctions_between_faces_of_any_material_and_size(seed, how):
 
 
 def test_junction_count_detects_a_junction():
-    """A whole edge beside two halves: what the test above must not find."""
+    """A whole edge beside two halves: the defect that the test above excludes."""
     v = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0, 0], [0.3, -1, 0]])
     faces = np.array([[0, 1, 2], [0, 4, 3], [3, 4, 1]], np.int32)
     assert vertices_inside_edges(Mesh(v, faces, np.zeros(3, np.int32))) == 1

@@ -1,4 +1,4 @@
-"""Lamps chosen by what they may bring to a mobile: densities that are true, and lamps that are worth it."""
+"""Lamps chosen by their possible light on a mobile: correct densities, and lamps with much light preferred."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rays asked of Embree from kernels, against plain loops over all triangles."""
+"""Rays cast by Embree from kernels, against plain loops over all triangles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The store: what was gathered is there again, for the same question only, and whatever interrupts."""
+"""The store: a reference is loaded again for the same scene, poses and receivers only, after any interruption."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def opened(scene=SCENE) -> Session:
-    """Return a session whose solver works at once, but takes TASK seconds of a clock that nobody waits for."""
+    """Return a session with a solver that works at once, but advances a simulated clock by TASK seconds."""
     settings = Settings(photons=3000, radius=0.06, neighbours=20, exposure=0.0, light="best")
     solver = Solver(scene, photons=3000, radius=0.06)
     solver.configure(light="best")

@@ -1,4 +1,4 @@
-"""Scenes built from arrays: what no light could be computed for is refused in one sentence."""
+"""Scenes built from arrays: invalid ones are refused in one sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said of complete light that is not what was asked for: in the log once, and by `render`."""
+"""Warnings about complete light that differs from the request: once in the log, and by `render`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_log_reports_truncated_light_once(monkeypatch):
         session.want(replace(session.settings, radius=radius))
         while session.refining:
             session.tick(1 / 60)
-        session.log(f"radius {radius}")  # a line that comes back at once would be one line anyhow
+        session.log(f"radius {radius}")  # separates repeated lines, which the log would merge
     session.close()
     said = [e.text for e in session.log.entries if "memory holds" in e.text]
     assert len(said) == 1

@@ -1,4 +1,4 @@
-"""The command that tells how far off the resting light is: which receivers it asks, and what it says of known light."""
+"""The error of resting light (`studies.light_error`): its receivers, and its result for known light."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.support.receiver_samples import in_view
 from tests.support.scene_builders import floor, grey, merge
 from tests.unit.display.test_dilation import inside, standing
 
-ABOVE = Camera((0.0, -0.3, 0.9), (0.0, 0.0, 0.0), 75.0)  # under the lamp, whose front looks down
+ABOVE = Camera((0.0, -0.3, 0.9), (0.0, 0.0, 0.0), 75.0)  # under the lamp, which faces down
 
 
 @pytest.fixture(scope="module")

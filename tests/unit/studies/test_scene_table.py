@@ -1,4 +1,4 @@
-"""The command that tries scenes: what it finds, what it keeps, what it does with files that do not load."""
+"""The table of scenes (`studies.scene_table`): files found, comments kept, files that do not load."""
 
 from __future__ import annotations
 
