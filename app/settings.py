@@ -86,10 +86,6 @@ class Settings:
         needs_reference = self.reference or self.show == ERRORS
         return {self.compare} - {""} | ({REFERENCE} if needs_reference else set())
 
-    def of_estimator(self, name: str) -> Settings:
-        """Return settings that show the light of an estimator alone."""
-        return replace(self, estimator=name, light="photons")
-
 
 def open_scene(settings: Settings) -> Scene:
     """Return the scene with its mobiles at the poses of the settings. Raises SceneError."""

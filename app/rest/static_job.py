@@ -56,6 +56,18 @@ class Gathering:
             self._saved_at, self._saved = self._clock(), sets
 
 
+def load(solver: Solver) -> Iterator[Progress]:
+    """Take over the stored light, in steps, without tracing; nothing if less than two rounds of paths are stored."""
+    from app.rest.reference_store import StaticStore
+
+    state = StaticStore(solver.model, solver.seed).load()
+    if state is not None and state.rounds > 1:
+        for progress in solver.gather_steps(state):
+            if solver.light_source.gathered.state is not state:
+                return  # the first step of new paths
+            yield progress
+
+
 def gather(solver: Solver, bar) -> None:
     """Gather all static light, showing progress; save it at the end or after an exception."""
     from app.rest.reference_store import StaticStore

@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from app.rest.static_job import load
 from app.settings import Settings, make_solver, open_scene
 from app.worker import without_frames
 
@@ -115,6 +116,8 @@ class Opening:
         self._stop_if_cancelled()
         solver = make_solver(scene, self.settings)
         meshes, picker = draw_meshes(solver.surfaces), Picker(solver.surfaces, solver.model.origins)
+        for _ in load(solver) if solver.light == "best" else ():
+            self._stop_if_cancelled()
         self.phase, self.detail = TRACING, ""
         for progress in solver.solve_steps():
             self._stop_if_cancelled()

@@ -77,6 +77,7 @@ class Reload:
         """Copy the settings that the user has changed since the start of the reload."""
         before, theirs = vars(self._before), () if self.same else OF_A_SCENE
         changed = {name: v for name, v in vars(now.settings).items() if v != before[name] and name not in theirs}
+        coming.lights = now.lights
         coming.want(replace(coming.settings, **changed))
 
     def close(self) -> None:

@@ -61,6 +61,7 @@ class Session:
         self.history = History()
         self.light: Solving | None = None
         self.points = MeasuredPoints()  # of the error chart
+        self.lights: dict[str | None, str | None] = {}  # by estimator, as they were left
         self._refreshed = 0  # redraws of the same light
         self._worker = worker or Worker()
         self._applied = settings
@@ -132,6 +133,13 @@ class Session:
         if settings != self.settings:
             self.settings = settings
             self._changed_at = self.clock()
+
+    def choose_estimator(self, name: str) -> None:
+        """Show an estimator in the light that it had last; at first its photons alone."""
+        s = self.settings
+        if name != s.estimator:
+            self.lights[s.estimator] = s.light
+            self.want(replace(s, estimator=name, light=self.lights.get(name, "photons")))
 
     def _wait_for_opening(self) -> None:
         if self.opening is None or not self.opening.done:

@@ -110,7 +110,7 @@ def _save_picture(window: Window) -> None:
 
 def _choose_estimator(k: int, window: Window) -> None:
     if k < len(window.estimators):
-        window.session.want(window.session.settings.of_estimator(list(window.estimators)[k]))
+        window.session.choose_estimator(list(window.estimators)[k])
 
 
 ACTIONS = {

@@ -89,7 +89,7 @@ class StaticGather:
         rounds = ReferenceRounds(*given, model=self._model, state=self.state, mobiles=False, rounds=ROUNDS)
         looked_at = 1
         while not self.enough:
-            if (done := _complete_rounds(self.state)) > looked_at:
+            if self.state is not None and (done := self.state.rounds) > looked_at:
                 looked_at, noise = done, self.state.noise(self.weights)
                 if noise < max(self.noise, LOW * ENOUGH):
                     yield from self._take_over(self.state.mean, self.state.standard_error, noise)
@@ -119,10 +119,3 @@ class StaticGather:
         self.mean, self.noise, self.left = found.irradiance.copy(), noise, min(self.left, found.share * noise)
         self.deviation = found.share * luminance(standard_error)
         yield True
-
-
-def _complete_rounds(state: ReferenceState | None) -> int:
-    """Return the number of rounds if all points have the same, else 0."""
-    if state is None or not len(state.sets) or state.sets.min() < state.sets.max():
-        return 0
-    return int(state.sets.min())

@@ -294,10 +294,6 @@ def test_light_is_gathered_without_an_estimator_option(words, light):
     assert settings_of(cli.parse(words)).light_chosen == light
 
 
-def test_choosing_an_estimator_shows_its_own_light():
-    assert Settings(light="best").of_estimator("photon_map") == Settings(estimator="photon_map", light="photons")
-
-
 @pytest.mark.parametrize("name", ["estimator", "search"])
 @pytest.mark.parametrize("command", [[], ["render"], ["chart"], ["info"]])
 def test_unknown_names_are_refused_before_any_work(monkeypatch, capsys, command, name):

@@ -12,7 +12,7 @@ from app.rest import static_job
 from app.rest.reference_store import StaticStore
 from app.rest.static_job import Gathering
 from app.session.log import Log
-from app.session.opening import Opened
+from app.session.opening import Opened, Opening
 from app.session.session import Session
 from app.settings import Settings
 from gi_core.gather import static
@@ -130,3 +130,76 @@ def test_nothing_is_gathered_with_photons_only():
     solver = Solver(SCENE, photons=100, radius=0.06)
     solver.solve()
     assert Gathering(solver, time.monotonic).next_work() is None
+
+
+def test_estimators_keep_their_light():
+    """Keys 1, 2, 3, 1: gathered light comes back with the estimator that it was shown with."""
+    session = opened()
+    rest_until(session, lambda: is_finished(session))
+    light = session.irradiance
+    for name in ("tangent_plane", "photon_map", "impact_count", "tangent_plane"):
+        session.choose_estimator(name)
+        assert session.settings.light == ("best" if name == "tangent_plane" else "photons")
+        session.tick(1 / 60)
+        rest_until(session, lambda: not session.refining)
+    assert gathered(session).used and np.array_equal(session.irradiance, light)
+    session.choose_estimator("photon_map")
+    session.want(replace(session.settings, light="best"))
+    session.choose_estimator("impact_count")
+    session.choose_estimator("photon_map")
+    assert session.settings.light == "best"
+    session.close()
+
+
+def test_a_setting_changed_and_changed_back_shows_the_same_light():
+    session = opened()
+    rest_until(session, lambda: is_finished(session))
+    light, start = session.irradiance, session.settings
+    changes = (
+        {"photons": 500}, {"photons": 5000}, {"radius": 0.2}, {"radius": 0.03}, {"control": False},
+        {"search": "kd_tree"}, {"light": "photons"}, {"compare": "photon_map"}, {"compare": "reference"},
+        {"estimator": "photon_map"}, {"estimator": "photon_map", "neighbours": 5, "textbook": True},
+        {"estimator": "impact_count", "light": "photons", "photons": 1000},
+    )  # fmt: skip
+    for change in changes:
+        session.want(replace(start, **change))
+        session.tick(1 / 60)
+        rest_until(session, lambda: not session.refining)
+        session.want(start)
+        session.tick(1 / 60)
+        rest_until(session, lambda: not session.refining)
+        assert gathered(session).used and np.array_equal(session.irradiance, light), change
+    session.close()
+
+
+def test_work_at_rest_is_stored_at_quit(monkeypatch):
+    """Nothing is saved by the clock: the tests' 300 s are less than a year."""
+    monkeypatch.setattr("app.rest.reference_store.SAVE_SECONDS", 3e7)
+    session = opened()
+    rest_until(session, lambda: (g := session.light._solver.light_source.gathered) and g.state and g.state.sets.any())
+    store = StaticStore(session.light._solver.model, session.light._solver.seed)
+    assert store.load() is None
+    session.close(patience=60.0)
+    assert np.array_equal(store.load().sets, session.light._solver.light_source.gathered.state.sets)
+
+
+@pytest.mark.parametrize("complete", [True, False])
+def test_stored_light_is_in_the_first_picture(complete):
+    first = opened()
+    done = (lambda: is_finished(first)) if complete else (lambda: gathered(first).fraction > 0)
+    rest_until(first, done)
+    first.close(patience=60.0)
+    kept = first.light._solver.light_source.gathered
+    assert complete == kept.enough
+    again = Opening(first.settings, load=lambda settings: SCENE)
+    again._thread.join()
+    source = again.result.solver.light_source
+    assert source.is_gathered and source.gathered.enough == complete
+    assert np.array_equal(source.gathered.mean, kept.mean) or not complete
+    assert (source.gathered.state.sets >= kept.state.sets).all()
+
+
+def test_nothing_stored_delays_no_first_picture():
+    opening = Opening(Settings(scene="room", photons=3000, radius=0.06, light="best"), load=lambda settings: SCENE)
+    opening._thread.join()
+    assert opening.result.solver.light_source.gathered is None

@@ -22,7 +22,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     if imgui.begin_combo("##Estimator", ui.title(s.estimator)):
         for k, key in enumerate(keys):
             if imgui.selectable(ui.title(key), key == s.estimator)[0]:
-                s = s.of_estimator(key)
+                actions.add(f"estimator {k}")
             ui.tip(f"{facts.estimators[key]}\nKey {k + 1}")
         imgui.end_combo()
     else:
@@ -64,7 +64,8 @@ def _light(s: Settings, facts: Facts) -> Settings:
     s = ui.choice(s, "Light", "light", LIGHT_NAMES,
                   "Best available: paths traced from receivers light mobiles in each frame, and the static part once "
                   "its noise is below the photons'.\n"
-                  "Photons only: the estimator lights everything. Choosing an estimator selects this.")  # fmt: skip
+                  "Photons only: the estimator lights everything. Choosing another estimator selects this; each "
+                  "estimator keeps its light.")  # fmt: skip
     if (g := facts.gathered) is not None:
         ui.label("")
         imgui.progress_bar(g.fraction, (-1, 0), "")
