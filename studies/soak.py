@@ -203,7 +203,7 @@ def run(options: argparse.Namespace) -> int:
 
     mobiles = tuple(options.mobile)
     viewer = Viewer(Settings(scene=options.scene, mobiles=mobiles, photons=options.photons, size=(800, 600)))
-    viewer.params.fps_idling.enable_idling = False
+    viewer.may_sleep = False
     viewer.params.ini_disable = True
     viewer.params.app_window_params.restore_previous_geometry = False
     soak = Soak(viewer, options.minutes, options.seed, FRESH_REST if options.fresh else 0.0)

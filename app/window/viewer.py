@@ -37,6 +37,9 @@ QUIET_FRAMES = 20  # unchanged frames before a software renderer draws with all 
 SWITCH_SECONDS = 0.001  # interpreter switch interval; Python's default of 5 ms stutters
 LONGEST_WAIT = 0.02  # s per frame for refinement if drawing is slow
 SOFTWARE_GRACE = 0.2  # s per frame for a move if drawing takes the same cores
+LINGER = 1.0  # s of frames after the last input: tooltips come and fade
+REFRESH = 0.5  # s between frames while work at rest changes numbers alone
+PAUSE = 0.5  # s that an idle window waits for input, after which it looks for signals
 LONGEST_STEP = 0.1  # s per frame of an animation: it does not jump after a pause of the program
 
 
@@ -70,7 +73,9 @@ class Viewer:
         self._before = time.perf_counter()
         self._seconds = 0.0
         self._light_seconds = 0.0  # of the last frame: refinement or a move
-        self._quiet = 0
+        self._quiet = 0  # frames since the last change
+        self._awake_until = 0.0  # after input
+        self.may_sleep = True  # between frames in which nothing changes
         self._software = False
         self._ready = False
 
@@ -84,6 +89,8 @@ class Viewer:
     def _begin_frame(self) -> None:
         now = time.perf_counter()
         self._seconds, self._before = min(now - self._before, LONGEST_STEP), now
+        if len(imgui.get_current_context().input_events_trail) or imgui.is_any_item_active():
+            self._awake_until = now + LINGER
         if self.frames == 0:
             self.ctx = window.current_context()
             self._software = window.is_software(self.ctx)
@@ -108,6 +115,30 @@ class Viewer:
         if self._software:
             # Without a screen it queues frames, and the next upload would wait for all of them.
             self.ctx.finish()
+        if self.may_sleep:
+            self._sleep()
+
+    @property
+    def _is_still(self) -> bool:
+        """Whether the next frame would equal the last one."""
+        unchanged = self._quiet > (QUIET_FRAMES if self._software else 1) if self._ready else self.session.problem
+        waits = self.session.opening is None and self.reload.coming is None and not self.params.app_shall_exit
+        counted = self.frames_left is not None or self.exit_when_refined
+        return bool(unchanged and waits and not counted and time.perf_counter() >= self._awake_until)
+
+    def _sleep(self) -> None:
+        """Wait for input or new light while nothing changes; work at rest goes on."""
+        refresh = time.perf_counter() + REFRESH
+        while self._is_still:
+            resting = self._ready and not self.session.light.all_done
+            if resting:
+                self._guard("light", lambda: self.session.tick(0.0, budget=LONGEST_WAIT))
+            if window.wait_for_input(0.0 if resting else PAUSE):
+                break
+            done = self.session.version != self._uploaded or self.session.light.all_done
+            if resting and (done or time.perf_counter() >= refresh):
+                break
+        self._before = max(self._before, time.perf_counter() - LONGEST_WAIT)
 
     def draw_viewport(self) -> None:
         """Handle input, update the light, draw: the picture shows the poses of this frame."""

@@ -6,6 +6,7 @@ This module imports no GUI at the top, so that `why_no_window` can answer withou
 from __future__ import annotations
 
 import ctypes
+import time
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -80,6 +81,16 @@ def hint_opengl() -> None:
         glfw.window_hint(glfw.CONTEXT_CREATION_API, glfw.EGL_CONTEXT_API)
 
 
+def wait_for_input(seconds: float) -> bool:
+    """Wait for at most `seconds`; return whether input, or another event of the window, came in that time."""
+    import glfw
+    from imgui_bundle import imgui
+
+    end = time.monotonic() + seconds
+    glfw.wait_events_timeout(seconds)
+    return len(imgui.get_current_context().input_events_queue) > 0 or time.monotonic() < end
+
+
 def current_context():
     """Return a moderngl context on glfw's current GL context, of any platform (GLX, EGL, WGL)."""
     import glfw
@@ -135,7 +146,7 @@ def runner_params(
     folder = config_folder()
     params.ini_disable = folder is None
     params.ini_filename = str((folder or Path()) / ini_name(screen_scale()))
-    params.fps_idling.enable_idling = False  # light is refined without input
+    params.fps_idling.enable_idling = False  # the viewer itself sleeps between frames
     params.fps_idling.remember_enable_idling = False
     params.callbacks.load_additional_fonts = theme.load_fonts
     params.callbacks.setup_imgui_style = theme.set_style

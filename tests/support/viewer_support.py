@@ -145,6 +145,7 @@ def drive(viewer, script: Callable, quits: bool = False, keep_ini: bool = False)
 
     from app.window import window
 
+    viewer.may_sleep = False  # the engine needs frames
     viewer.params.ini_disable = not keep_ini
     viewer.params.app_window_params.restore_previous_geometry = False
     window.prepare()

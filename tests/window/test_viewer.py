@@ -237,3 +237,59 @@ def test_unwritable_config_folder_disables_window_settings(monkeypatch, folder):
     monkeypatch.setattr("platformdirs.user_config_dir", lambda *_, ensure_exists, **__: (nowhere / "x").mkdir())
     assert window.config_folder() is None
     assert window.runner_params(support.SETTINGS, *[lambda: None] * 3).ini_disable
+
+
+def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):
+    """Between two events the window waits; each event makes one frame, and no frame makes a picture."""
+    waits, viewers = [], []
+
+    def wait(seconds: float) -> bool:
+        waits.append((viewers[0].frames, viewers[0].renderer.draws))
+        return len(waits) % 50 == 0
+
+    def script(hand, viewer):
+        viewers.append(viewer)
+        hand.wait_for_light()
+        hand.wait(lambda: viewer.session.light.all_done)
+        hand.ctx.yield_(30)
+        viewer.may_sleep = True
+        hand.ctx.yield_(4)
+        viewer.may_sleep = False
+        frames = [frames for frames, _ in waits]
+        assert len(waits) >= 150 and all(frames.count(n) == 50 for n in set(frames[:150]))
+        assert len({draws for _, draws in waits}) == 1
+        hand.press(keys().space)
+        viewer.may_sleep = True
+        count = len(waits)
+        hand.ctx.yield_(10)
+        assert len(waits) == count, "it plays"
+        viewer.may_sleep = False
+
+    monkeypatch.setattr("app.window.viewer.LINGER", 0.0, raising=False)
+    monkeypatch.setattr("app.window.window.wait_for_input", wait, raising=False)
+    assert errors(play(script, replace(support.SETTINGS, measure_errors=False))) == []
+
+
+def test_work_at_rest_goes_on_between_frames(play, monkeypatch):
+    """Errors are measured to the end while no input comes; the frames between would show new numbers alone."""
+    ticks, viewers = [], []
+
+    def script(hand, viewer):
+        viewers.append(viewer)
+        hand.wait_for_light()
+        session, tick = viewer.session, viewer.session.tick
+        session.tick = lambda *given, **more: (ticks.append(viewer.frames), tick(*given, **more))
+        hand.ctx.yield_(30)
+        assert not session.light.all_done
+        viewer.may_sleep = True
+        hand.wait(lambda: session.light.all_done)
+        viewer.may_sleep = False
+        assert session.light.snapshot.rest.report.done
+
+    monkeypatch.setattr("app.window.viewer.LINGER", 0.0, raising=False)
+    monkeypatch.setattr("app.window.viewer.REFRESH", 1e9, raising=False)
+    monkeypatch.setattr(
+        "app.window.window.wait_for_input", lambda seconds: viewers[0].session.light.all_done, raising=False
+    )
+    assert errors(play(script)) == []
+    assert max(ticks.count(n) for n in set(ticks)) > 10, "tasks without a frame"
