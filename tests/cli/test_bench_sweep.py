@@ -61,7 +61,7 @@ def test_every_estimator_there_is_has_its_rows(estimator):
 
 
 def test_stopped_sweep_resumes_with_missing_rows(tmp_path):
-    """Stopped in the fifth row, which is not there then; files are whole; the second run measures only the rest."""
+    """Stopped in the fifth row, which is then missing; files are complete; the second run measures only the rest."""
     asked = []
 
     def stopped(spec):

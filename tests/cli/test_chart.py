@@ -68,7 +68,7 @@ def test_a_run_is_measured_once_resumed_and_drawn(small, tmp_path, capsys, monke
 
     page = (out / "index.html").read_text()
     assert page.count("data:image/png;base64,") == 1 + 2 * 3 and "<svg" in page
-    assert 'src="http' not in page and "href=" not in page.replace("xlink:href=", "")  # nothing from elsewhere
+    assert 'src="http' not in page and "href=" not in page.replace("xlink:href=", "")  # no rows of other machines
     assert (out / "chart.png").read_bytes()[:4] == b"\x89PNG" and "</svg>" in (out / "chart.svg").read_text()
 
     lines = (out / "results.csv").read_text().splitlines(keepends=True)
@@ -204,7 +204,7 @@ def test_the_choice_of_receivers_stands_for_all():
         sums.append((weights * f[rows]).sum())
     error = np.std(sums, ddof=1) / np.sqrt(len(sums))
     assert abs(np.mean(sums) - (areas * f).sum()) < 4 * error and error < 0.01 * (areas * f).sum()
-    rows, weights, _ = choose(sides, areas, 10_000, random)  # more than there are: all of them
+    rows, weights, _ = choose(sides, areas, 10_000, random)  # more than exist: all of them
     assert sorted(rows) == list(range(400)) and weights == pytest.approx(areas[rows])
 
 

@@ -68,7 +68,7 @@ def test_info_warns_when_most_light_escapes(capsys, monkeypatch):
 
 
 def test_info_gives_no_advice_about_added_lights(capsys, tmp_path):
-    """A peg in the open, without a light: the stand-ins' light misses it mostly, and nobody can turn them."""
+    """A peg in the open, without a light: most light of the default lights misses it, and they cannot be turned."""
     write_obj(tmp_path / "peg.obj", BOX * (0.1, 1.0, 0.1))
     assert cli.main(["info", str(tmp_path / "peg.obj"), "--photons", "2000"]) == 0
     text = capsys.readouterr().out

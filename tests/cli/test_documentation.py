@@ -38,7 +38,7 @@ def test_the_design_lists_every_package():
 # Scene format -----------------------------------------------------------------------------------------
 
 FORMAT = ROOT / "docs" / "scene-format.md"
-UNKNOWN = {  # section: a scene with a key in that table that is like no other, so that all known ones are listed
+UNKNOWN = {  # section: a scene with an unknown key in that table, so that the error lists all known ones
     "At the top of the file": "____ = 1",
     "[static]": "static = { ____ = 1 }",
     "[[mobile]]": "mobile = [{ ____ = 1 }]",

@@ -161,7 +161,7 @@ def test_mobiles_are_drawn_at_their_poses():
 
 
 def test_every_pixel_inside_a_closed_room_is_hit():
-    """Seen from within, no ray may slip out between two triangles."""
+    """Seen from inside, no ray may pass between two adjacent triangles."""
     scene = replace(room(), camera=Camera((0.5, 0.5, 0.9), (0.5, 0.4, 0.0), 90.0))
     shot = shot_of(scene, replace(SMALL, exposure=0.0), 1.0)
     assert not (shot.take() == bytes_of(raycast.BACKGROUND)).all(axis=2).any()

@@ -1,4 +1,4 @@
-"""Text from files reaches the terminal as printable lines of its encoding; a reader that leaves ends a command."""
+"""Text from files reaches the terminal as printable lines of its encoding; a closed pipe ends a command."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_errors_and_logs_are_printable_lines(capsys):
 
 
 def test_a_traceback_is_printable(monkeypatch, capsys):
-    """That of a failed task at rest names files, too."""
+    """The error of a failed task at rest names files, too."""
 
     def failing(_):
         try:

@@ -36,7 +36,7 @@ def test_folders_and_missing_folders_are_refused(tmp_path):
 
 @pytest.fixture
 def sealed(monkeypatch):
-    """No file can be made, as on a read-only file system: permissions do not stop everybody."""
+    """Creating a file fails, as on a read-only file system; permissions do not stop every user."""
 
     def touch(self, *_, **__):
         raise OSError(30, "Read-only file system", str(self))

@@ -1,4 +1,4 @@
-"""Two-sided lamps shine into the scene, whichever way their file has wound them."""
+"""Two-sided lamps shine into the scene, for any winding in their file."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_each_lamp_is_settled_by_itself():
 
 
 def test_obj_lamp_wound_upwards_lights_its_room(tmp_path):
-    """OBJ does not say which side shines: light must reach the floor all the same."""
+    """An OBJ has no emitting side: light must reach the floor anyway."""
     lines = ["mtllib room.mtl", *(f"v {x} {y} {z}" for x, y, z in BOX), "v .4 .995 .4\nv .6 .995 .4\nv .6 .995 .6"]
     lines += ["usemtl wall", *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in BOX_FACES), "usemtl lamp", "f 11 10 9"]
     (tmp_path / "room.obj").write_text("\n".join(lines) + "\n")

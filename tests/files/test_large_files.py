@@ -1,4 +1,4 @@
-"""A mesh of a million triangles: it loads, nothing of it is lost, and its light is right."""
+"""A mesh of a million triangles: it loads completely, and its light is correct."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gi_core.geometry.error import luminance
 from gi_core.solver import Solver
 from tests.support.mesh_writers import write_glb
 
-SIDE, ROWS = 10.0, 708  # [m], vertices a row: 2 x 707^2 triangles
+SIDE, ROWS = 10.0, 708  # [m], vertices per row: 2 x 707^2 triangles
 SUN = {"type": "directional", "intensity": 100.0}
 
 

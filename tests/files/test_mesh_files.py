@@ -1,4 +1,4 @@
-"""Mesh files: the right geometry, materials and normals out of files that others get wrong."""
+"""Mesh files: correct geometry, materials and normals from difficult files."""
 
 from __future__ import annotations
 
@@ -220,7 +220,7 @@ def test_truncated_glb(tmp_path):
 
 
 def test_obj_comments_and_a_mark_at_the_front(tmp_path):
-    """Comments end any line; editors of Windows begin a file with a mark, and end its lines in their way."""
+    """Comments end any line; Windows editors write a byte order mark and their own line ends."""
     lines = [
         "v 0 0 0 # first",
         "v 1 0 0",

@@ -91,7 +91,7 @@ def test_mobiles_do_not_overlap():
 
 @pytest.mark.parametrize("two_sided", [False, True])
 def test_outward_closed_box_is_viewed_from_outside(two_sided):
-    """Nobody can look into it, and a lamp inside would light nothing that is seen."""
+    """Its inside is invisible, so a lamp inside would light nothing in view."""
     scene = completed(box((-1, -1, -1), (1, 1, 1)), materials=(grey(0.7, two_sided),))
     assert np.abs(scene.camera.position).max() > 1.5
     assert lamp_faces(scene)[..., 1].min() > 1
@@ -182,7 +182,7 @@ def test_lamp_hangs_beside_a_slot_too_narrow_for_it():
 
 
 def test_a_wide_mobile_does_not_stand_half_behind_a_post():
-    """The middle of a place may be in sight and both flanks hidden: all of it counts."""
+    """The middle of a place may be visible and both flanks hidden: the whole place counts."""
     room = box((0, 0, 0), (8, 3, 6), inward=True)
     post = box((2.4, 0, 2.8), (2.6, 3, 3.2))
     sofa = Mobile("sofa", box((-0.2, 0, -0.7), (0.2, 0.6, 0.7)))

@@ -1,4 +1,4 @@
-"""Bare meshes: a budget of receivers spent where light lands and the camera looks, none on sides without light."""
+"""Bare meshes: a budget of receivers is spent on lit surfaces in view, none on sides without light."""
 
 from __future__ import annotations
 

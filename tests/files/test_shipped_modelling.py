@@ -20,7 +20,7 @@ def volume(shape: Shape) -> float:
 
 
 def unmatched_edges(shape: Shape) -> int:
-    """Return how many edges lack a face on the other side that runs along them the other way."""
+    """Return the number of edges without a second face in the opposite direction."""
     place = np.unique(np.round(shape.vertices, 7), axis=0, return_inverse=True)[1].reshape(-1)[shape.faces]
     edges = np.concatenate([place[:, [0, 1]], place[:, [1, 2]], place[:, [2, 0]]])
     there = {tuple(e) for e in edges.tolist()}

@@ -1,4 +1,4 @@
-"""Files as other programs write them: fans, skins, nested nodes with lights, several of everything."""
+"""Files in the manner of other programs: fans, skins, nested nodes with lights, several of each."""
 
 from __future__ import annotations
 

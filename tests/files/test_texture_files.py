@@ -193,7 +193,7 @@ def test_every_kind_of_pixel_becomes_rgb(tmp_path, mode):
 
 @pytest.mark.parametrize("kind", ["EPS", "PDF", "TIFF", "GIF", "PPM", "ICNS"])
 def test_other_formats_are_not_opened(tmp_path, monkeypatch, kind):
-    """Pillow hands PostScript to Ghostscript, whatever the file is called."""
+    """Pillow passes PostScript to Ghostscript, for any file name."""
     run = []
     monkeypatch.setattr("PIL.EpsImagePlugin.Ghostscript", lambda *_, **__: run.append(kind))
     Image.fromarray(PIXELS).resize((16, 16)).save(tmp_path / "wood.png", kind)

@@ -34,7 +34,7 @@ def painted(texture: Texture, uv, colour=None) -> Paint:
 
 
 def bilinear_naively(texture: Texture, u: float, v: float) -> np.ndarray:
-    """One texel at a time, wrapped as the words say."""
+    """One texel at a time, wrapped by name."""
     h, w = texture.pixels.shape[:2]
 
     def at(i, n, way):
@@ -54,7 +54,7 @@ def bilinear_naively(texture: Texture, u: float, v: float) -> np.ndarray:
 
 
 def mean_naively(texture: Texture, uv, n=60) -> np.ndarray:
-    """Thousands of points a triangle, evenly spread."""
+    """Thousands of points per triangle, evenly spread."""
     total, count = np.zeros(3), 0
     for i in range(n):
         for j in range(n - i):
@@ -208,7 +208,7 @@ def test_means_follow_mesh_refinement():
 
 
 def test_coordinates_and_colours_stay_linear_in_position():
-    """Both are affine over the quad; cut into hundreds of faces they still are, corner by corner."""
+    """Both are affine over the quad, and remain so at each corner after it is cut into hundreds of faces."""
     slope = np.array([[2.0, 0.5], [-0.25, 3.0], [0, 0]])
     tint = np.array([[0.3, 0.1, 0.6], [0.2, 0.4, 0.1], [0, 0, 0]])
     at = QUAD[QUAD_FACES]

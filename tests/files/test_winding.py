@@ -1,4 +1,4 @@
-"""Winding made consistent where it can be, two-sided where not; a few wrong normals do not cost the others."""
+"""Winding is made consistent if possible, else two-sided; a few wrong normals do not affect the others."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def test_a_free_border_is_as_bright_as_the_middle():
 
 
 def test_edges_and_corners_of_a_furnace():
-    """E = 2 pi everywhere. Without correction the other wall's hits make up at an edge, but not at a corner: 3 / 4."""
+    """E = 2 pi everywhere. Without correction the other wall's hits compensate at edges, not at corners (3 / 4)."""
     scene = furnace_scene(1.0, 0.5)
     bright = {}
     for correction in (True, False):
@@ -113,7 +113,7 @@ def test_wall_does_not_light_the_adjoining_floor():
 
 
 def test_textbook_form_is_brighter_by_one_hit():
-    """k / (k - 1) on the average, at every receiver that finds k; the report's tables have it."""
+    """k / (k - 1) on average, at every receiver that finds k; the report's tables contain this factor."""
     scene = furnace_scene(1.0, 0.5)
     _, fair = solved(scene, estimator="photon_map", neighbours=20)
     _, textbook = solved(scene, estimator="photon_map", neighbours=20, textbook=True)
@@ -157,7 +157,7 @@ def test_impact_count_is_right_at_the_edges_of_a_furnace():
 
 
 def test_lamps_see_no_correction_where_nothing_has_a_border():
-    """A sphere has the same bits with and without."""
+    """A sphere has the same bits with and without correction."""
     scene = Scene(sphere((0, 0, 0), 1.0, 2), (lamp(0.0),), lights=(SUN,), up=UP)
     E = [solved(scene, estimator="photon_map", photons=5000, border_correction=c)[1] for c in (True, False)]
     assert E[0].max() > 0 and np.array_equal(*E)

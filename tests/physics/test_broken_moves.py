@@ -1,4 +1,4 @@
-"""A move that an exception breaks off has not been made: poses and light stay together, and later moves are right."""
+"""A move interrupted by an exception has no effect: poses and light agree, and later moves are correct."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gi_core.solver import Solver
 from tests.support.scene_builders import box, coloured_room
 
 OURS = str(Path(gi_core.__file__).parent)
-PLACES = 40  # at which a move is broken off, an estimator
+PLACES = 40  # interruptions per estimator
 START, THERE, ELSEWHERE = (
     Pose((x, 0.5, z), axis_angle((0, 0, 1), t)) for x, z, t in ((0.3, 0, 0), (0.6, 0, 30), (0.5, 0.3, 60))
 )
@@ -30,7 +30,7 @@ class BrokenOff(BaseException):
 
 
 def watched(call, break_at: int = 0) -> int:
-    """Call, and raise as the n-th function of ours begins or ends; return how many begin and end until then."""
+    """Call, and raise when the n-th function of the program begins or ends; return the number of such events."""
     count = 0
 
     def on_event(frame, event, argument):
@@ -49,7 +49,7 @@ def watched(call, break_at: int = 0) -> int:
 
 
 def seen(solver: Solver) -> tuple:
-    """Return all that a caller sees of the last frame."""
+    """Return all results of the last frame."""
     fates = [value.tolist() for value in solver.frame.fates.values()]
     numbers = (
         solver.frame.photons,
@@ -78,7 +78,7 @@ def test_interrupted_move_changes_nothing(estimator, light):
         solver.move("block", THERE)
         whole = watched(lambda: solver.move_all(NEXT))
     assert whole > PLACES and solver.frame.changes.photons_cut > 0
-    for place in np.linspace(1, whole - 2, PLACES).astype(int):  # the last two: it has been made and returns
+    for place in np.linspace(1, whole - 2, PLACES).astype(int):  # the last two: the move is complete and returns
         solver.move("block", THERE)
         before = seen(solver)
         with pytest.raises(BrokenOff):

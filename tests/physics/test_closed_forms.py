@@ -113,7 +113,7 @@ def test_the_side_in_its_own_shadow_gets_nothing(name, estimator):
 
 
 def test_each_receiver_alone(estimator):
-    """Groups could hide errors that cancel: here each receiver of the furnace for itself, at fewer photons each."""
+    """Groups could hide errors that cancel: here each receiver of the furnace is tested alone, with fewer photons."""
     name = "furnace"
     solver, E = runs(name)
     rows = np.any(list(CASES[name].groups(solver.receivers).values()), axis=0)
@@ -122,7 +122,7 @@ def test_each_receiver_alone(estimator):
 
 
 def test_photons_were_enough_by_the_formula_too():
-    """The crossings that 2 % at 99 % power need, against those there were under the point light."""
+    """The crossings needed to detect 2 % with a power of 99 %, against those counted under the point light."""
     case = CASES["point light over a plane"]
     solver, E = runs("point light over a plane")
     for rows in case.groups(solver.receivers).values():

@@ -1,4 +1,4 @@
-"""Curved surfaces: those that rise through their own discs count light behind its hit; the others need nothing.
+"""Curved surfaces: those that rise through their own discs count light behind its hit; the others are unchanged.
 
 None leaks.
 """

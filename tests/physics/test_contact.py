@@ -185,7 +185,7 @@ def test_many_receivers_in_contact_are_searched_by_a_grid(monkeypatch):
 
 
 def test_warm_up_compiles_contact_kernels():
-    """Its mobile enters a disc of the floor, and the floor discs on it: no kernel is left for the first touch."""
+    """Its mobile enters a disc of the floor, and the floor discs on it: the first contact compiles no kernel."""
     solver = Solver(_tiny_scene(), photons=64, radius=0.1)
     solver.solve()
     solver.move("mobile", TOUCHING)

@@ -108,7 +108,7 @@ def test_cancelled_load_is_freed():
 
 @pytest.mark.parametrize("refused", [False, True])
 def test_scenes_never_shown_leave_no_thread(refused):
-    """Given up while they are opened, or refused: an hour of either must not fill the program with threads."""
+    """Cancelled while opening, or refused: an hour of either must not fill the program with threads."""
     gate, before = threading.Event(), threading.active_count()
 
     def load(settings):

@@ -1,4 +1,4 @@
-"""Where programs like this one break: lights and mobiles in odd places, mobiles at rest, many moves.
+"""Stability of the program: lights and mobiles in odd places, mobiles at rest, many moves.
 
 The first line of each test names the failure. Numbers predicted by theory are tested in test_stability_atlas.py.
 """
@@ -30,7 +30,7 @@ def test_a_tiny_bright_lamp_a_hair_above_the_floor(estimator):
 
 
 def test_light_inside_a_mobile(estimator):
-    """A closed black box over a bulb leaves the room dark, exactly; taken away, the light is back, bit for bit."""
+    """A closed black box over a bulb leaves the room exactly dark; without it the light returns, bit for bit."""
     cover = Mobile("cover", box((-0.1,) * 3, (0.1,) * 3, 2, 0), Pose((0.5, 0.5, 5.0)))
     walls = box((0, 0, 0), (1, 1, 1), 6, 0, inward=True)
     lights = (PointLight("bulb", (0.5, 0.5, 0.5), (10.0,) * 3),)
@@ -48,7 +48,7 @@ def test_light_inside_a_mobile(estimator):
 
 
 def test_a_mobile_laid_over_the_lamp(estimator):
-    """The lamp's own faces touch it: light goes to and fro in the gap, next to none comes out or through."""
+    """It touches the lamp's own faces: light is reflected in the gap, and hardly any escapes or passes through."""
     plate = Mobile("plate", box((-0.15, -0.15, -0.01), (0.15, 0.15, 0.0), 2, 0), Pose((0.5, 0.5, 0.5)))
     solver = solved(room(plate), estimator=estimator)
     static = solver.surfaces.receiver_range(0)
@@ -90,7 +90,7 @@ def test_mobile_touching_crossing_or_leaving_the_room(where, estimator):
 
 
 def test_no_light_under_a_box_on_the_floor(estimator):
-    """Neither leak nor acne: well inside its footprint it is dark, exactly; around it no receiver is black."""
+    """Neither leak nor acne: well inside the footprint it is exactly dark; around it no receiver is black."""
     block = Mobile("block", box((-0.25, -0.25, 0), (0.25, 0.25, 0.4), 4, 0), Pose((0.5, 0.5, 0.0)))
     solver = solved(room(block), 40_000, estimator=estimator, radius=0.08)
     p, n = solver.receivers.positions, solver.receivers.normals

@@ -1,4 +1,4 @@
-"""Where programs like this one break: no photons, extreme scales and places, rays at edges, odd meshes.
+"""Stability of the program: no photons, extreme scales and places, rays at edges, odd meshes.
 
 The first line of each test names the failure. Numbers predicted by theory are tested in test_stability_atlas.py.
 """
@@ -52,7 +52,7 @@ def test_light_of_one_channel_leaves_the_others_at_zero(estimator):
 
 
 def test_a_black_room(estimator):
-    """All flux is absorbed at its first hit; nothing is reflected, nothing warned of."""
+    """All flux is absorbed at its first hit; nothing is reflected, and there is no warning."""
     scene = furnace_scene(1.0, 0.0, 4)
     solver = solved(scene, estimator=estimator)
     assert_sound(solver)
@@ -165,7 +165,7 @@ MESHES = {
 
 @pytest.mark.parametrize("name", MESHES)
 def test_odd_meshes_load_and_light(name, tmp_path, estimator):
-    """Something is added where a file has no light; then every face that stays gets sound light."""
+    """A file without light gets a default light; then every remaining face gets sound light."""
     vertices, faces = MESHES[name]
     scene = load_scene(written(tmp_path, vertices, faces), max_edge=0.5)
     solver = solved(scene, 3000, estimator=estimator)

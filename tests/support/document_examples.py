@@ -128,7 +128,7 @@ FILES = {
 
 
 def bring(names: str) -> None:
-    """Write the files named, of small contents of our own."""
+    """Write the named files with small contents."""
     for name in re.split(r",\s*", names):
         path = Path(name)
         if name in ("room.obj", "stool.obj"):

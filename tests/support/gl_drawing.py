@@ -15,7 +15,7 @@ IDENTITY = np.eye(4)
 
 
 def square(front, back=None, half=0.4, z=0.0):
-    """Return a square that faces the eye, with one radiance a side; no back: one-sided."""
+    """Return a square that faces the eye, with one radiance per side; no back: one-sided."""
     v, f = support.quad((-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z))
     n = len(v)
     sided = np.full(n, -1 if back is None else 1, np.int32)

@@ -113,7 +113,7 @@ class Twin:
             area[rows] = region.area
             filled = np.full(-(-len(rows) // LANES) * LANES, -1)
             filled[: len(rows)] = np.arange(len(rows))
-            # Every receiver its own disc: that two sides share one is the searches' business.
+            # One disc per receiver; only the searches share one disc between two sides.
             alone = np.full(len(rows), -1, np.int32)
             discs = Discs(p, n, own[rows], alone, radius, region)
             data = blocks(discs, filled).data

@@ -1,6 +1,6 @@
 """Statements about random results: z-tests, chi-square, and how many photons they need.
 
-A test fails at random with probability SIGNIFICANCE at most, over all numbers it looks at together
+A test fails at random with probability SIGNIFICANCE at most, over all its numbers together
 (Sidak). Seeds are fixed, so a test that passes keeps passing until the code changes.
 """
 

@@ -263,7 +263,7 @@ class CountingSolver:
 
 
 class Behind:
-    """A background thread on a test's clock: every call takes so long, and goes on while nobody waits."""
+    """A background thread on a test's clock: every call has a fixed duration, and continues while no one waits."""
 
     def __init__(self, clock: Clock, seconds: float) -> None:
         self.clock, self.seconds = clock, seconds

@@ -25,7 +25,7 @@ def test_twin_shares_photons_but_not_settings():
     assert np.array_equal(twin.irradiance, alone.irradiance)
     solver.move("block", pose)
     assert np.array_equal(solver.irradiance, before)
-    # Photons that the twin traces are there for both.
+    # Photons traced by the twin are available to both.
     twin.configure(photons=10_000)
     twin.solve()
     solver.configure(photons=10_000)

@@ -1,4 +1,4 @@
-"""scipy is not required: libraries that would use it where it is installed must do without."""
+"""scipy is not required: libraries that would use it must work without it."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ def test_off_means_all_photons_always():
 
 
 def test_frames_over_budget_reduce_the_subset_for_good():
-    """The solver believes that all fit; they take 20 ms of 8. Down a step a few late frames later, until they fit."""
+    """All are predicted to fit, but need 20 of 8 ms. After a few late frames the subset shrinks until it fits."""
     s = make(budget=8.0, wrong=0.3)
     s.begin_drag()
     shown = drag(s, 40)
@@ -160,7 +160,7 @@ def test_undo_and_reset_show_all_photons_at_once():
 
 
 def test_refinement_goes_on_at_rest_with_the_prefix_left_behind():
-    """Nothing has been traced beyond the first picture when the drag begins; afterwards the rest is."""
+    """When the drag begins, only the photons of the first picture are traced; the rest follows afterwards."""
     clock = support.Clock()
     solver = support.CountingSolver(support.room(1), clock, 40, 16e-6)
     settings = Settings(
@@ -241,7 +241,7 @@ def test_failed_settling_is_logged_once_and_the_drag_goes_on():
 
 
 def test_prefix_never_falls_below_the_fewest_photons(monkeypatch):
-    """A machine on which nothing fits: frames are late, but no confetti."""
+    """A machine on which nothing fits: frames are late, but not below the fewest photons."""
     monkeypatch.setattr("gi_core.frames.frame_budget.LEAST", 1 << 14)
     for prefixes, enough in (
         ((4_096, 65_536, 131_072, 1_000_000), 65_536),

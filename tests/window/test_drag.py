@@ -86,7 +86,7 @@ def test_turn_spins_about_the_vertical_in_place():
     "position", [(3, 2, 4), (3, 0.11, 4), (3, 0.1, 4), (0.5, 0.6, 0.9), (0.001, 5, 0.001), (1, -3, 2)]
 )
 def test_no_ray_flings_the_object_out_of_the_room(mode, position):
-    """Horizon, sky and rays behind included: the box of the object stays in the room, everywhere finite."""
+    """Also at the horizon, in the sky and behind: the object's box stays in the room and finite."""
     g = grab(mode, camera(position=position))
     for u in np.linspace(-1, 2, 25):
         for v in np.linspace(-1, 2, 41):
@@ -96,7 +96,7 @@ def test_no_ray_flings_the_object_out_of_the_room(mode, position):
 
 
 def test_crossing_the_horizon_is_no_jump():
-    """A cursor that goes up through the horizon takes the object away from the eye, to the end, and leaves it there."""
+    """A cursor that rises through the horizon moves the object away from the eye up to the limit."""
     c = camera(position=(3.0, 0.8, 0.3))
     g = grab(drag.SLIDE, c)
     steps = np.linspace(g.v, -0.2, 4001)

@@ -1,4 +1,4 @@
-"""Error measurement at rest: correct numbers, for the current light, in short tasks, without delay of a drag."""
+"""Error measurement at rest: correct numbers, for the current light, in short tasks, without delaying a drag."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def solver():
 
 
 def finish(live_error, wants=NUMBERS, pieces=3000):
-    """Do all the work; return how many pieces there were."""
+    """Do all the work; return the number of pieces."""
     for k in range(pieces):
         task = live_error.next_task(wants)
         if task is None:
@@ -160,7 +160,7 @@ def test_reference_at_start_poses_is_loaded_again(solver, folder):
 
 
 def resting(s, pieces=1000):
-    """Give a session that only counts something to do at rest; return the list of pieces done."""
+    """Give a counting session work at rest; return the list of pieces done."""
     done = []
     task = Task("counting", lambda: done.append(s.clock()))
     s.light._work.next_task = lambda settings: task if len(done) < pieces else None

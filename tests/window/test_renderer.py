@@ -20,7 +20,7 @@ pytest_plugins = ["tests.support.gl_fixtures"]
 @pytest.mark.parametrize("tone_map", TONE_MAPS)
 @pytest.mark.parametrize("exposure", [-3.0, 0.0, 2.5])
 def test_pixels_are_those_of_the_picture_without_a_window(draw, tone_map, exposure):
-    """One arithmetic in two languages: a step of 8-bit rounding apart at most, from black over 1e-4 to burnt out."""
+    """One arithmetic in two languages: they differ by at most one 8-bit step, from black over 1e-4 to saturation."""
     for radiance in [(0, 0, 0), (1e-4, 2e-3, 0.03), (0.2, 0.5, 0.9), (3.0, 0.4, 40.0)]:
         got = middle(draw([square(radiance)], tone_map=tone_map, exposure=exposure))
         expected = to_display(np.array(radiance, float), exposure, tone_map).astype(int)

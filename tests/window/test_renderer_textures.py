@@ -69,7 +69,7 @@ def test_without_reflectance_there_is_no_texture(draw):
 @pytest.mark.gl
 @pytest.mark.parametrize("wrap", ["repeat", "mirror", "clamp"])
 def test_beyond_its_edges_a_texture_is_wrapped(draw, wrap):
-    """Coordinates from -1 to 2, the image three times each way: again, mirrored, or its last column and row."""
+    """Coordinates from -1 to 2, three periods per axis: repeated, mirrored, or clamped to the last column and row."""
     texture = Texture(PIXELS, (wrap, "repeat"))
     uv = 3 * np.array([(0, 1), (1, 1), (1, 0), (0, 0)], float) - 1
     pixels, at = inside(draw([poster(texture, uv)], tone_map="clip"), step=3)

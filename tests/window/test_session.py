@@ -69,12 +69,12 @@ def test_refinement_keeps_to_its_budget(step_seconds):
         assert spent <= BUDGET + 1e-12
         frames += 1
     assert s.light._solver.count("step") == 50
-    # 8 ms of each frame's 16.7 and, of the step under way at its end, the rest too.
+    # 8 ms of each frame's 16.7, and the rest of the step that runs at its end.
     assert frames <= 52 * max(step_seconds / BUDGET, 1)
 
 
 def test_dragged_slider_runs_at_most_one_frame_of_steps(session):
-    """Radius dragged for two seconds: no frame is over the budget, and settings are taken over only when they rest."""
+    """Radius dragged for two seconds: no frame exceeds the budget, and settings are applied only when they rest."""
     for k in range(120):
         session.want(replace(session.settings, radius=0.05 + 1e-4 * k))
         asked, spent = frame(session, editing=True)
@@ -141,7 +141,7 @@ def test_a_drag_moves_and_does_not_refine(session):
 
 
 def test_a_move_never_waits_for_a_long_step_and_is_not_forgotten():
-    """An index that takes 2 s is under way: the frame goes on, old pose and old light together, until it is done."""
+    """An index of 2 s is being built: frames continue with the old pose and its light until it is complete."""
     s = make(step_seconds=2.0)
     frame(s)
     s.begin_drag()
@@ -162,7 +162,7 @@ def test_a_move_never_waits_for_a_long_step_and_is_not_forgotten():
 
 
 def test_slow_moves_follow_without_a_queue():
-    """Each takes 150 ms: the window goes on, skips poses that are no longer wanted, and ends where the hand ends."""
+    """Each takes 150 ms: the window continues, skips obsolete poses, and ends at the last one."""
     s = make(step_seconds=0.15)
     while s.refining:
         frame(s, seconds=1.0)
@@ -281,7 +281,7 @@ def test_opening_fills_in_open_settings():
 
 
 def test_kernels_compile_in_a_process_with_progress(monkeypatch, tmp_path):
-    """The real child process, given a tiny program instead of the compiler; then one that fails."""
+    """The real child process with a tiny program instead of the compiler; then one that fails."""
     from app.session.opening import COMPILING, Opening
     from gi_core.instruments import compile_ahead
 

@@ -21,7 +21,7 @@ RECORDS = ("scene", "model", "chosen")  # they never change
 
 
 class Guarded:
-    """A solver that raises where another thread than its own touches more than its records."""
+    """A solver that raises if another thread reads anything but its records."""
 
     def __init__(self, solver):
         self._solver = solver

@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 
 def test_frames_go_on_while_the_scene_opens(play):
-    """Frames go on behind a loader that takes its time, its phase is shown, and then there is light."""
+    """Frames continue during a slow load, its phase is shown, and then its light."""
     from app.session.opening import Opening
 
     seen = threading.Event()
@@ -123,7 +123,7 @@ def test_run_for_a_number_of_frames_and_a_picture_of_the_window(monkeypatch, fol
 
 
 def test_ctrl_c_closes_the_window_as_its_button_does(monkeypatch):
-    """While the scene is still being opened; the handler that was there before is there again."""
+    """While the scene is still being opened; afterwards the earlier handler is restored."""
     import app.window.viewer
     from app.session.opening import Opening
 
@@ -212,7 +212,7 @@ def test_settings_survive_in_the_title(play):
 
 
 def test_the_panel_is_as_wide_on_a_screen_of_another_scale(monkeypatch, folder):
-    """The ini file holds its width in pixels: one that was written at 96 dots an inch is not read at 192."""
+    """The ini file has its width in pixels: a file written at 96 dots per inch is not read at 192."""
     import glfw
 
     from app.window import window

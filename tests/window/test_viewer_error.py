@@ -36,7 +36,7 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         hand.ctx.combo_click("##Show/Error map")
         hand.wait(lambda: shown(viewer).errors is not None and not shown(viewer).coming, 60)
         live_error = viewer.session.light._work.live_error
-        next_task, live_error.next_task = live_error.next_task, lambda *_: None  # or the map goes on getting better
+        next_task, live_error.next_task = live_error.next_task, lambda *_: None  # or the map would keep improving
         picture = hand.pixels()
         assert words and words[-1][0] == "Error of irradiance" and (picture != light).any()
         # Pixels have the map's colours, interpolated, at any exposure.

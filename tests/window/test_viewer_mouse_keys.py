@@ -84,7 +84,7 @@ def test_dragged_mobile_and_its_light_move_in_the_same_frame(play):
         hand.ctx.mouse_up(0)
         assert session.poses["block"] == current
 
-        # R: everything as at the start.
+        # R: the initial state.
         hand.press(K.r)
         assert session.poses["block"] == start
 

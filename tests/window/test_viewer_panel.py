@@ -105,7 +105,7 @@ def test_panel_controls(play):
 
 
 def test_all_searches_show_the_same_light(play):
-    """The section "Disc search": another search, the same bits in the window."""
+    """The section "Disc search": another search gives the same bits in the window."""
     from gi_core.discs.search import SEARCHES
 
     def script(hand, viewer):

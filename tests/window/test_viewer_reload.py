@@ -107,7 +107,7 @@ def test_reload_keeps_the_users_settings_and_poses(play):
         hand.wait(lambda: viewer.viewport.camera == viewer.viewport.home)
         assert viewer.viewport.home.eye()[2] == pytest.approx(3.5)
 
-        # The mobile that was moved is gone: the other stays where it is.
+        # The moved mobile is missing: the other keeps its pose.
         files.scene = replace(files.scene, mobiles=(other,))
         again(hand, viewer)
         assert viewer.session.poses == {"second": other.pose}
@@ -119,7 +119,7 @@ def test_reload_keeps_the_users_settings_and_poses(play):
 
 
 def test_reload_updates_values_not_set_by_the_user(play):
-    """A radius that the file gives may have changed in the file; one that the user has set stays."""
+    """A radius from the file may have changed in the file; one set by the user stays."""
     files = Files(radius=0.05, photons=9_000)
 
     def script(hand, viewer):
@@ -152,7 +152,7 @@ def test_failed_load_keeps_the_old_scene_and_reports_why(play):
             assert errors(viewer)[-1] == f"opening: {why}" and not viewer.params.app_shall_exit
         assert np.array_equal(session.irradiance, light)
 
-        # Everything goes on: a drag, a setting, and, repaired, another load.
+        # Everything continues: a drag, a setting and, after a repair, another load.
         start = session.poses["block"]
         hand.drag(hand.at((0.5, 0.3, 0.62)), [c + 40 for c in hand.at((0.5, 0.3, 0.62))])
         assert session.poses["block"] != start
@@ -231,7 +231,7 @@ def test_old_scene_stays_usable_while_the_new_one_loads(play):
 
 
 def test_twenty_loads_leave_nothing_of_the_old_scenes(play):
-    """Solvers go without the help of the collector of rings, threads end, the card's objects are given back."""
+    """Solvers are freed without the cycle collector, threads end, and GL objects are released."""
     files = Files()
 
     def script(hand, viewer):

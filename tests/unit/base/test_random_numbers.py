@@ -1,4 +1,4 @@
-"""Random numbers of photons: even in every projection, and no lamp lights a floor worse than chance would."""
+"""Random numbers of photons: even in every projection, and no lamp is noisier than with independent numbers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PROJECTIONS = [p for d in (2, 3) for p in itertools.combinations(USED, d)]
 
 @pytest.mark.parametrize("projection", PROJECTIONS)
 def test_every_box_holds_its_share(projection):
-    """A (t, m, s)-net: each elementary box of volume 2^(t - m) holds 2^t of 2^m points, t being known."""
+    """A (t, m, s)-net: each elementary box of volume 2^(t - m) holds 2^t of 2^m points, for a known t."""
     t, m = sum(T_OF_DIMENSION[d] for d in projection), 12
     points = numbers(3, 1 << m)[:, projection]
     for split in itertools.product(range(m - t + 1), repeat=len(projection)):

@@ -1,4 +1,4 @@
-"""The rule that chooses radius and photons, and the error and work that it foretells."""
+"""The rule that chooses radius and photons, and the error and cost that it predicts."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_no_radius_is_far_below_the_distance_between_receivers():
 
 
 def test_noise_of_even_light_is_poisson():
-    """A sun over a floor of 4 m2: a photon lands on a disc with the chance that is its share of the sunlit disc."""
+    """A sun over a floor of 4 m2: a photon hits a disc with the probability of its share of the sunlit disc."""
     model = Model(plane_scene(SUN, divisions=40))
     lit = lit_places(model)
     density = 1 / (math.pi * model.emitters.parameters[0, 6] ** 2)  # photons start on a disc that covers all

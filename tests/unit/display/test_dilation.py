@@ -98,7 +98,7 @@ def test_wall_between_lit_and_dark_floor_leaks_neither():
         )
         corners = faces[beside]
         far = np.abs(x[beside]) > 0.05
-        # Where the triangle comes out of the wall, 0.08 of its 0.1 m from it: weights of its corners there.
+        # At the point where the triangle leaves the wall, after 0.08 of its 0.1 m: weights of its corners there.
         place = np.where(far, 0.8 / far.sum(axis=1, keepdims=True), 0.2 / (~far).sum(axis=1, keepdims=True))
         weights = place * shown.weights[corners]
         found = (weights * shown.irradiance[corners, 1]).sum(axis=1) / weights.sum(axis=1)
@@ -111,7 +111,7 @@ def test_wall_between_lit_and_dark_floor_leaks_neither():
 
 @pytest.mark.parametrize("sunk", [0.02, -0.02])
 def test_foot_of_a_sunken_box_does_not_darken_its_sides(sunk):
-    """The floor is a sheet, so the sunk corners look about in the open below it; sides are as tall as two cells."""
+    """The floor is a sheet, so the sunk corners are visible from below it; sides are two cells tall."""
     lamp_above = quad((-1, -1, 1), (0, 2, 0), (2, 0, 0), (1, 1), 1)
     mesh = merge(floor(2.0, 20), lamp_above, box((*LOW[:2], -sunk), (*HIGH[:2], 0.3), 2, 2))
     solver = solved(Scene(mesh, (grey(0.5), lamp(5.0), grey(0.5)), up=(0.0, 0.0, 1.0), name="box"))

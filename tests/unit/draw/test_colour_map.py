@@ -1,4 +1,4 @@
-"""The colour map of errors: even to the eye, alike in both directions, and nothing that is not known looks right."""
+"""The colour map of errors: perceptually uniform, symmetric, and a separate colour for unknown values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from app.draw.colour_map import ABOVE, BELOW, UNKNOWN, ZERO, from_oklab, round_s
 
 
 def oklab(display):
-    """The way back, written down apart: sRGB decoded, then Ottosson's two matrices."""
+    """The inverse, implemented separately: sRGB decoded, then Ottosson's two matrices."""
     c = np.asarray(display, np.float64)
     linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
     to_lms = [

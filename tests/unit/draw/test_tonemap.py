@@ -1,4 +1,4 @@
-"""Exposure, tone maps, sRGB and the meter: the numbers that shader and picture must both give."""
+"""Exposure, tone maps, sRGB and the meter: numbers on which shader and picture must agree."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_meter_ignores_unlit_vertices():
 
 
 def test_meter_keeps_a_spot_lit_stage_from_burning_out():
-    """One fifth of the area 100 times brighter than the rest: the median alone would show a white hole."""
+    """One fifth of the area is 100 times brighter than the rest: the median alone would saturate it."""
     radiance = np.concatenate([np.full((80, 3), 0.01), np.full((20, 3), 1.0)])
     assert 1.0 * 2 ** meter(radiance) <= 2.0 + 1e-9
 

@@ -1,4 +1,4 @@
-"""A new estimator is one class and one entry of the registry: solver, command line, chart and window then have it."""
+"""A new estimator is one class and one entry of the registry: solver, command line, chart and window then offer it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SCENE = ["cornell", "--max-edge", "0.2", "--estimator", "toy"]
 
 
 class Toy:
-    """The flux of the hits on each receiver's faces, added up by numpy alone."""
+    """The flux of the hits on each receiver's faces, summed by numpy alone."""
 
     about = "Hits by face."
     additive, controlled, on_faces = True, False, True

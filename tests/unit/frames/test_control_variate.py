@@ -1,4 +1,4 @@
-"""A frame of few photons takes the light of the static part from all of them, changed as the few say."""
+"""A frame of few photons combines the static light of all photons with the changes of the few."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_noise_of_the_few_cancels(frames):
         (2.0, 3.0, 1.0, 1.5),  # half of it blocked
         (2.0, 3.0, 0.0, 0.0),  # in full shadow no noise is left
         (2.0, 3.0, 2.5, 3.5),  # lit up
-        (0.0, 3.0, 0.0, 3.0),  # none of the few came here
+        (0.0, 3.0, 0.0, 3.0),  # no photon of the subset arrived
         (0.0, 3.0, 0.5, 3.5),
         (2.0, 0.0, 1.0, 0.0),
         (0.0, 0.0, 0.0, 0.0),
@@ -94,16 +94,16 @@ def read_out(resting, better, frame, new_flux, flux_per_cut) -> np.ndarray:
 @pytest.mark.parametrize(
     "resting, frame, new_flux, share",
     [
-        (8.0, 8.0, 0.0, 0.0),  # nothing came, nothing went
-        (8.0, 8.0, 2.0, 0.0),  # as much came as went
-        (8.0, 0.0, 0.0, 1 - 8 / 9 / 64),  # all of eight: hardly any doubt is left
+        (8.0, 8.0, 0.0, 0.0),  # nothing added, nothing removed
+        (8.0, 8.0, 2.0, 0.0),  # as much added as removed
+        (8.0, 0.0, 0.0, 1 - 8 / 9 / 64),  # all of eight: hardly any doubt
         (1.0, 0.0, 0.0, 1 - 1 / 2),  # one of one: that may be chance
-        (8.0, 4.0, 0.0, 1 - 20 / 9 / 16),  # half of eight: 4, give or take nearly sqrt 2
+        (8.0, 4.0, 0.0, 1 - 20 / 9 / 16),  # half of eight: 4 +- nearly sqrt 2
         (8.0, 7.0, 0.0, 1 - 8 / 9),  # one of eight: hardly any information
         (8.0, 17.0, 9.0, 1 - 9 / 81),  # nine came
-        (8.0, 9.0, 1.0, 0.0),  # one came: chance
+        (8.0, 9.0, 1.0, 0.0),  # one added: may be chance
         (0.0, 4.0, 4.0, 1 - 4 / 16),
-        (8.0, 10.0, 6.0, 0.0),  # six came, four went: 2 apart where chance makes sqrt(6 + 2)
+        (8.0, 10.0, 6.0, 0.0),  # six added, four removed: a difference of 2 with a deviation of sqrt(6 + 2)
     ],
 )
 def test_changes_are_shrunk_by_their_noise(resting, frame, new_flux, share):

@@ -1,4 +1,4 @@
-"""Paths of a single bounce over the photons' light: closed forms, the reference, and when they are used."""
+"""Paths of a single bounce over the photons' light: closed forms, the reference, and conditions of their use."""
 
 from __future__ import annotations
 

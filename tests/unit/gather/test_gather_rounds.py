@@ -88,7 +88,7 @@ def test_standard_error_equals_the_scatter_of_seeds():
 
 
 def test_sets_and_weights_lower_the_error():
-    """For as many paths: even ones against independent ones, and given by weight against alike everywhere."""
+    """At equal numbers of paths: stratified against independent, and allocated by weight against uniform."""
     scene = build.coloured_room()
     even = gathered(scene, 200, 5)
     _, independent = reference_irradiance(scene, P, N, int(even.paths[0]), 5)
@@ -99,7 +99,7 @@ def test_sets_and_weights_lower_the_error():
 
 
 def test_set_sizes_follow_weight_and_scatter():
-    """Paths go as (w s)^(2/3): eight times the weight, four times the paths."""
+    """Paths are proportional to (w s)^(2/3): eight times the weight, four times the paths."""
     pilot = np.tile([1.0, 0.5], (3, 1))
     m = set_sizes(pilot, np.array([1.0, 8.0, 64.0]))
     assert (np.diff(m) == 2).all() and m[0] > 0

@@ -62,7 +62,7 @@ def test_kinds_are_mixed():
 
 
 def test_each_kind_is_stratified_and_all_together_more():
-    """Elevations share the hemisphere out; all kinds together are off by less than chance would leave (half) of one."""
+    """Elevations stratify the hemisphere; all kinds together have less than half the error of one."""
     light = np.array([0.5, 0.3, 0.8])
     one, all_kinds = [], []
     for seed in range(200):
@@ -100,7 +100,7 @@ def test_neighbour_weights_fall_with_hit_distance_and_bounces():
     assert np.allclose(mean(near, np.full(n, 1.0), 1 << 40, light, 1), light, rtol=1e-6)
     few, more = (np.abs(mean(near, np.full(n, 1.0), b, light, 1) - light).sum() for b in (4, 1024))
     assert more < 0.2 * few
-    # One that stands close to something neither takes from others nor gives to them.
+    # A receiver close to a surface neither uses its neighbours' light nor gives its own.
     close = np.zeros(n)
     close[40] = 1e9
     found = mean(near, close, 8, light, 1)
@@ -108,7 +108,7 @@ def test_neighbour_weights_fall_with_hit_distance_and_bounces():
     beside_it = [i for i, of in enumerate(rows(near)) if i != 40 and 40 in of]
     others = [light[[j for j in rows(near)[i] if j != 40]].mean(axis=0) for i in beside_it]
     assert beside_it and np.allclose(found[beside_it], others, rtol=1e-9)
-    # Nor do normals that are turned: these by a sixth of a right angle.
+    # Nor does one with another normal: here by a sixth of a right angle.
     tilted = normals + np.array([0.25, 0.0, 0.0]) * (np.arange(n) % 2)[:, None]
     tilted /= np.sqrt((tilted**2).sum(axis=1))[:, None]
     near = near_receivers(positions, tilted, corners)
@@ -128,7 +128,7 @@ def test_closeness_is_the_geometric_mean():
 
 
 def test_shadow_edges_stay_in_place():
-    """A bulb alone, nothing else to see: E = I cos / d2 to the last receiver, black behind the terminator."""
+    """A bulb alone: E = I cos / d2 at every receiver in its light, black behind the terminator."""
     ball = Mobile("ball", sphere((0, 0, 0), 0.2, 3, 1), Pose((0.5, 0.5, 0.5)))
     bulb = PointLight("bulb", (0.5, 0.5, 0.95), (4 * np.pi,) * 3)
     black_walls = box((0, 0, 0), (1, 1, 1), 2, 0, inward=True)

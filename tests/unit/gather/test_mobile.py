@@ -1,4 +1,4 @@
-"""Light that mobiles gather: closed forms, the reference, and the bits of whole frames."""
+"""Gathered light of mobiles: closed forms, the reference, and the bits of whole frames."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_any_history_equals_from_scratch_and_a_fresh_solver(history, estimator):
         solver.move(name, pose)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
     assert np.array_equal(solver.irradiance, gathering(solver.poses, estimator=estimator, threads=5).irradiance)
-    # The static part does not know of it.
+    # The static part does not contain it.
     first = solver.surfaces.receiver_range(0).stop
     plain = solved(solver.poses, estimator=estimator)
     assert np.array_equal(solver.irradiance[:first], plain.irradiance[:first])
@@ -203,7 +203,7 @@ def three_things() -> Scene:
     )
 )
 def test_cached_hits_equal_those_of_an_empty_cache(history):
-    """Things that rest, come back, overlap; numbers of paths in turn; static light that changes; other threads."""
+    """Mobiles that rest, return, overlap; alternating numbers of paths; changing static light; other threads."""
     scene = three_things()
     model, poses = Model(scene, 2), {m.name: m.pose for m in scene.mobiles}
     gather = MobileGather(model, 4)

@@ -20,7 +20,7 @@ from tests.support import closed_form
 from tests.support import scene_builders as build
 from tests.support.significance import seeds_test, z_test
 
-LIFT = 1e-4  # relative: a lifted point is some 1e-5 of the scene nearer to a light that has no size
+LIFT = 1e-4  # relative: a lifted point is some 1e-5 of the scene nearer to a delta light
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -134,7 +134,7 @@ def test_furnace(reflectance, light_sampling):
 
 
 def test_light_sampling_changes_the_noise_only():
-    """Joining lamps and hitting them are two ways to one answer; different seeds, so independent."""
+    """Sampling lamps and hitting them are two ways to one value; different seeds, so independent."""
     mobile = Mobile("box", build.box((-0.1,) * 3, (0.1,) * 3), Pose((0.3, 0.4, 0.2), axis_angle((1, 2, 3), 40)))
     scene = build.coloured_room((mobile,))
     a, error_a = reference_irradiance(scene, *build.ROOM_POINTS, 30000, 7)

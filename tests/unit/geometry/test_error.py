@@ -1,4 +1,4 @@
-"""The measures of error on numbers that can be checked by hand, and on a room."""
+"""Measures of error on numbers computed by hand, and on a room."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_noise_needs_a_prefix():
 
 
 def test_estimated_noise_and_bias_equal_those_against_the_limit():
-    """A room at 16,384 photons: the limit is taken from 32 times as many of another seed, the truth is made biased."""
+    """A room at 16,384 photons: the limit has 32 times as many of another seed; the truth is biased on purpose."""
     E, fewer, limit = [], [], []
     few = Solver(support.room(), photons=16_384, radius=0.06, seed=1)
     few.solve()

@@ -1,4 +1,4 @@
-"""Where truth is evaluated: beside walls, on the right side of curved surfaces."""
+"""Evaluation points of the reference: beside walls, on the correct side of curved surfaces."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_evaluation_points_of_a_sphere_stay_on_their_side():
     side = np.sign((receivers.positions * N).sum(axis=1))
     # Outside, beyond the circumscribed sphere; inside, nearer than any vertex.
     assert (side * (np.sqrt((P * P).sum(axis=1)) - 1) > 1e-5).all()
-    # Those of the inside are nearer than any face too: no ray starts behind its own wall.
+    # Inside points are also nearer than any face: no ray starts behind its own wall.
     scene = build.sphere_scene(DirectionalLight("d", (0, 0, -1), (1.0,) * 3), subdivisions=2)
     assert not reference_irradiance(scene, P[side < 0], N[side < 0], 50, 0)[0].any()
 

@@ -184,7 +184,7 @@ def test_junction_count_detects_a_junction():
 
 
 def test_triangles_of_several_colours_share_irradiance():
-    """Report 3.4.2: E is kept per place and normal; materials, images and their seams make no second receiver."""
+    """Report 3.4.2: E is stored per position and normal; materials, images and seams create no second receiver."""
     before = strewn_box(1)
     rng = np.random.default_rng(2)
     n = len(before.faces)

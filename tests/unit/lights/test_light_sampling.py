@@ -47,14 +47,14 @@ def test_emissive_faces_lie_along_a_curve():
     assert np.array_equal(lights.corners[lights.lamp[lit]], faces)
     assert np.allclose(np.diff(lights.cdf, prepend=0), areas(lights) * lights.density, rtol=1e-9)
     assert lights.cdf[-1] == 1.0
-    # Of 512 faces of one lamp, 32 after each other are a square of it, not a band from side to side.
+    # Of 512 faces of one lamp, 32 consecutive ones form a square, not a band from side to side.
     middle = lights.corners.reshape(-1, 3, 3).mean(axis=1)[lights.radiance[:, 0] == 1]
     assert len(middle) == 512
     assert np.median([np.ptp(middle[k : k + 32], axis=0).max() for k in range(0, 512, 32)]) < 0.5 * 0.4
 
 
 def test_choice_is_a_density_and_prefers_lamps_facing_the_mobile():
-    """One lamp looks at the mobile, one away from it, one is far off, as bright as they are large."""
+    """One lamp faces the mobile, one faces away, one is far away; radiance is proportional to area."""
     near, away = downward(0.3, 0.3, 0.95, 0.4, 1, 3), quad((0.3, 0.3, 0.9), (0.4, 0, 0), (0, 0.4, 0), (3, 3), 2)
     far = downward(20.0, 20.0, 0.95, 0.4, 3, 3)
     model = room(near, away, far)
@@ -115,7 +115,7 @@ def test_light_equals_the_closed_form_for_any_choice_of_lamps():
 
 
 def test_bounces_hit_a_lamp_of_one_face():
-    """Close over the box bounces have their share of it; by the gathering and by the reference's paths."""
+    """Bounces hit a lamp close over the box; by gathering and by the reference's paths."""
     corners = np.array([[0.35, 0.35, 0.43], [0.35, 0.65, 0.43], [0.65, 0.65, 0.43]])
     model = room(Mesh(corners, np.array([[0, 1, 2]], np.int32), np.array([1], np.int32)))
     at, gather = model.transforms(model.start_poses()), MobileGather(model, 0)
@@ -129,7 +129,7 @@ def test_bounces_hit_a_lamp_of_one_face():
 
 
 def test_the_choice_stays_while_a_mobile_moves_a_little():
-    """Ten steps of a tenth of the radius change it once; it is the same at the same place, from wherever."""
+    """Ten steps of a tenth of the radius change it once; it is a function of the position alone."""
     moved = [CENTRE + [0.05 + 0.1 * RADIUS * k, 0.0, 0.0] for k in range(10)]
     places = [steady(at, RADIUS) for at in moved]
     assert len({p.tobytes() for p in places}) == 2
@@ -147,7 +147,7 @@ def test_the_choice_stays_while_a_mobile_moves_a_little():
 
 
 def test_few_rays_find_more_of_the_light(monkeypatch):
-    """The brightest lamp looks the other way."""
+    """The brightest lamp faces away."""
     away = quad((0.5, 0.1, 0.9), (0.4, 0, 0), (0, 0.8, 0), (8, 8), 2)
     model = room(downward(0.1, 0.1, 0.95, 0.3, 1, 6), away)
     at, dark = model.transforms(model.start_poses()), np.zeros((model.first_probe, 3))

@@ -1,4 +1,4 @@
-"""Prefixes of the photons: each is a smaller solution, kept with its background and chosen by time."""
+"""Prefixes of the photons: each is a smaller solution, stored with its background and chosen by time."""
 
 from __future__ import annotations
 

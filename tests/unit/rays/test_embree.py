@@ -22,7 +22,7 @@ FAR = 10.0
 
 
 def soup(triangles: int, seed: int = 0) -> Mesh:
-    """Triangles of any shape and place in a cube of 2 m."""
+    """Triangles of any shape and position in a cube of 2 m."""
     rng = np.random.default_rng(seed)
     corners = (rng.uniform(-1, 1, (triangles, 1, 3)) + rng.uniform(-0.4, 0.4, (triangles, 3, 3))).reshape(-1, 3)
     corners = corners.astype(np.float32).astype(np.float64)
@@ -96,7 +96,7 @@ def test_rays_are_where_embree_wants_them():
 
 def test_structures_are_built_once(monkeypatch):
     solver = Solver(coloured_room((box_mobile(size=0.1),)), photons=2000, radius=0.1)
-    monkeypatch.setattr(accelerator, "EmbreeMesh", None)  # one more could not be made
+    monkeypatch.setattr(accelerator, "EmbreeMesh", None)  # with one more, creation would fail
     solver.solve()
     solver.configure(light="best")
     for k in range(3):

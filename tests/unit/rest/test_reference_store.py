@@ -35,7 +35,7 @@ def test_saved_reference_is_loaded(folder):
     assert 0 < last.noise <= 0.2 and last.fraction == 1
     again = room().load()
     assert all(np.array_equal(a, b) for a, b in zip(again, last.state, strict=True))
-    assert len(list(folder.iterdir())) == 1  # nothing lies aside
+    assert len(list(folder.iterdir())) == 1  # no temporary file is left
     assert len(list(room().gather(0.2))) == 1  # nothing to do
 
 
@@ -51,13 +51,13 @@ def test_other_questions_have_other_names():
     keys = [store(s).key() for s in (scene, moved, brighter, darker, bent)]
     keys += [room(seed=1).key(), room(rows=ROWS[1:]).key(), room(poses={"box": Pose((0.1, 0.2, 0.3))}).key()]
     assert len(set(keys)) == len(keys)
-    assert room().key() == keys[0]  # and the same one the same, in another model
-    assert room(poses={"box": Pose((0.5, 0.2, 0.3))}).key() == keys[1]  # however the pose is given
+    assert room().key() == keys[0]  # the same scene in another model has the same name
+    assert room(poses={"box": Pose((0.5, 0.2, 0.3))}).key() == keys[1]  # for any form of the pose
 
 
 @pytest.mark.parametrize("after", [1, 4])
 def test_an_interrupt_loses_nothing(after, monkeypatch):
-    """Stopped by Ctrl+C after some steps and taken up again: the bits of a run that was not."""
+    """Stopped by Ctrl+C after some steps and resumed: the bits of an uninterrupted run."""
     monkeypatch.setattr(reference_store, "SAVE_SECONDS", 1e9)
     whole = list(room(folder=reference_folder() / "other").gather(0.02))[-1]
     steps = room().gather(0.02)

@@ -43,7 +43,7 @@ def opened(scene=SCENE) -> Session:
 
 
 def rest(session: Session, tasks: int = 3000) -> None:
-    """Let a session do all that is to be done at rest."""
+    """Let a session finish all work at rest."""
     for _ in range(tasks):
         session.tick(1 / 60, budget=2 * TASK)
         if session.light.is_idle and not session.refining:

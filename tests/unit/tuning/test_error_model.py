@@ -1,4 +1,4 @@
-"""Automatic settings: error models are recovered from synthetic trials, and the recommendation is the best setting."""
+"""Automatic settings: error models are recovered from synthetic trials, and the choice is the best setting."""
 
 from __future__ import annotations
 
