@@ -13,7 +13,7 @@ from gi_core.base.vectors import dot
 from gi_core.geometry.border_angle import covered_share
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.sides import NONE
-from gi_core.geometry.surfaces import flatten
+from gi_core.geometry.surfaces import Surfaces, flatten
 from gi_core.lights.emission import build_emitters
 from gi_core.photons.paths import END_EXTENSION
 from gi_core.rays.accelerator import Accelerator, Transforms, bounding_spheres, transforms
@@ -21,11 +21,12 @@ from gi_core.rays.two_level import build_world, enclosing_sphere
 from gi_core.scene.errors import SceneError
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
-from gi_core.scene.types import PointLight, Pose, Scene, SpotLight
+from gi_core.scene.types import DirectionalLight, PointLight, Pose, Scene, SkyLight, SpotLight
 from gi_core.scene.validate import check_scene
 
 BEHIND = -2  # in place of the back receiver's index: this receiver is a back, its front represents both
 CONCAVE = 1e-3  # height over width of the faces around a receiver; flat surfaces in float32 files reach 1e-5
+FARTHEST_REACH = 1000  # sizes of the static part; at 3000, float32 loses 5 % of the light in corners
 
 
 class Model:
@@ -55,6 +56,8 @@ class Model:
         self.world = build_world(self.surfaces, self.accelerator, lights)
         # Directional and sky light must reach mobiles outside the static part.
         lit = enclosing_sphere(self.surfaces.vertices[0], lights, np.array(mobiles))
+        distant = any(isinstance(light, DirectionalLight | SkyLight) for light in scene.lights)
+        _check_reach(scene, self.surfaces, max(self.world.size, 2 * lit[1] * distant))
         self.emitters = build_emitters(scene, self.surfaces, *lit)
         self.lit = lit  # centre (3,) and radius [m] of the sphere that light can reach
         self.eps = np.float32(END_EXTENSION * self.world.size)
@@ -164,3 +167,13 @@ class Model:
         out = np.zeros(2 * (int(self.surfaces.patch.max(initial=-1)) + 1), bool)
         out[own[rises]] = True
         return out
+
+
+def _check_reach(scene: Scene, surfaces: Surfaces, reach: float) -> None:
+    """Raise SceneError for lights, mobiles or vertices so far away that rays miss the static part or its corners."""
+    size = 2 * enclosing_sphere(surfaces.vertices[0][surfaces.faces[0]])[1]
+    if size and reach > FARTHEST_REACH * size:
+        raise SceneError(
+            f"{scene.name}: lights, lit mobiles and unused vertices reach over {reach:.3g} m, more than "
+            f"{FARTHEST_REACH} times the static part's {size:.3g} m, so float32 rays are inexact; move them nearer"
+        )

@@ -12,7 +12,7 @@ from gi_core.defaults.choose import choose
 from gi_core.discs.search import SEARCHES
 from gi_core.display.dilation import Drawn
 from gi_core.estimators import DEFAULT, ESTIMATORS
-from gi_core.estimators.setting import Setting, number
+from gi_core.estimators.setting import Setting, checked
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.first_frame import FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
@@ -24,7 +24,8 @@ from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.model import Model
 from gi_core.retrace.broad_phase import ScanBuffers
-from gi_core.scene.errors import SceneError
+from gi_core.scene.errors import shown
+from gi_core.scene.rules import one_of
 from gi_core.scene.types import Pose, Scene
 
 CHOICES: dict[str, Mapping] = {"estimator": ESTIMATORS, "search": SEARCHES}
@@ -52,12 +53,15 @@ class Solver:
         `gi_core.frames.light_source`; others: fields of `gi_core.estimators.setting.Setting` that differ from their
         defaults. Raises SceneError.
         """
-        self.scene, self.seed = scene, int(seed)
-        self.model = Model(scene, number("threads", threads))
-        given = number("photons", photons), number("radius", radius), number("neighbours", neighbours)
+        self.scene, self.seed = scene, checked("seed", seed, 0)
+        self.model = Model(scene, checked("threads", threads))
+        given = [
+            checked(name, value, checked(name, getattr(scene.defaults, name), where=f"{scene.name}: defaults: "))
+            for name, value in (("photons", photons), ("radius", radius), ("neighbours", neighbours))
+        ]
         self.chosen = choose(self.model, *given)
         self.scene_size, self.photons = self.chosen.scene_size, self.chosen.photons
-        self.setting = Setting(estimator, self.chosen.radius, self.chosen.neighbours)
+        self.setting = Setting(DEFAULT, self.chosen.radius, self.chosen.neighbours)
         self.light_source, self._buffers = LightSource(self.model, self.seed), ScanBuffers()
         store, black = Photons(self.model, self.seed), np.zeros((len(self.model.object_receivers.areas), 3))
         self.frame, self.budget = Frame(self.model.start_poses(), black, store), FrameBudget()
@@ -74,7 +78,7 @@ class Solver:
         photons (for measuring); changes: fields of `setting`; None keeps a value. Until solve_steps() has run,
         frames go on with the old settings. Raises SceneError for a bad value.
         """
-        photons, setting = number("photons", photons, self.photons), self.setting.changed(CHOICES, **changes)
+        photons, setting = checked("photons", photons, self.photons), self.setting.changed(CHOICES, **changes)
         self.light_source.choose(light, prefix_only)
         self.photons, self.setting = photons, setting
 
@@ -135,7 +139,7 @@ class Solver:
 
         Raises SceneError for a name that no mobile has and for a pose that is not rigid.
         """
-        self.move_all({name: pose})
+        self.move_all({name if isinstance(name, str) else shown(name): pose})
 
     def move_all(
         self, poses: Mapping[str, Pose | np.ndarray], photons: int | None = None, paths: int | None = None
@@ -147,9 +151,8 @@ class Solver:
         move() does, and for any other number of photons or paths. A move that any exception breaks off has not been
         made.
         """
-        if photons is not None and photons not in self.frame.prefixes:
-            have = ", ".join(map(str, self.frame.prefixes))
-            raise SceneError(f"{self.scene.name}: a frame can use {have} photons, got {photons}")
+        if photons is not None:
+            one_of(self.frame.prefixes).check(f"{self.scene.name}: the photons of a frame", photons)
         self.light_source.paths(paths)  # raises before the first photon too
         self._update(None, {**self.poses, **self.model.checked_poses(poses)}, photons, paths)
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-import numpy as np
-
 from gi_core.base.fixed_point import MAX_PHOTONS
 from gi_core.scene.errors import SceneError
+from gi_core.scene.rules import FLAG, LENGTH, one_of, whole
 
 
 class Setting(NamedTuple):
@@ -27,35 +26,20 @@ class Setting(NamedTuple):
 
         choices: the registries of fields that name something. Raises SceneError for a bad value.
         """
-        checked = {}
-        for name, value in values.items():
+        for name in values:
             if name not in self._fields:
                 raise SceneError(f"there is no setting {name!r}; there are {', '.join(self._fields)}")
-            if value is None:
-                continue
-            if name in choices:
-                if value not in choices[name]:
-                    raise SceneError(f"{name} must be one of {', '.join(choices[name])}, got {value!r}")
-                checked[name] = value
-            else:
-                checked[name] = bool(value) if isinstance(getattr(self, name), bool) else number(name, value)
-        return self._replace(**checked)
+        rules = RULES | {name: one_of(names) for name, names in choices.items()}
+        return self._replace(**{n: rules[n].check(n, value) for n, value in values.items() if value is not None})
 
 
-_WHOLE = {"photons": (0, MAX_PHOTONS), "neighbours": (1, 100_000), "threads": (1, 1024)}  # others: finite and > 0
+RULES = {
+    "photons": whole(0, MAX_PHOTONS), "neighbours": whole(1, 100_000), "threads": whole(1, 1024),
+    "seed": whole(0, 2**63 - 1), "radius": LENGTH,
+    "control": FLAG, "border_correction": FLAG, "textbook": FLAG,
+}  # fmt: skip
 
 
-def number(name: str, value, kept=None):
-    """Return `value` as a number in the valid range of its name, or `kept` for None. Raises SceneError."""
-    if value is None:
-        return kept
-    low, high = _WHOLE.get(name, (0, np.inf))
-    rule = f"a whole number from {low} to {high}" if name in _WHOLE else "a finite number > 0"
-    try:
-        given = float(value)
-    except (TypeError, ValueError):
-        raise SceneError(f"{name} must be {rule}, got {value!r}") from None
-    whole = name in _WHOLE
-    if not np.isfinite(given) or not low <= given <= high or (given != int(given) if whole else given <= 0):
-        raise SceneError(f"{name} must be {rule}, got {value!r}")
-    return int(given) if whole else given
+def checked(name: str, value, kept=None, where: str = ""):
+    """Return the value of a setting, or `kept` for None. Raises SceneError beyond the range of its name."""
+    return kept if value is None else RULES[name].check(where + name, value)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -22,14 +23,13 @@ from gi_core.files.scaling import scaled
 from gi_core.geometry.cutouts import without_holes
 from gi_core.geometry.paint import join_paints
 from gi_core.geometry.tessellation import tessellate
-from gi_core.scene.errors import SceneError, named
+from gi_core.scene.errors import SceneError, named, shown
 from gi_core.scene.origin import origin_of, translated
+from gi_core.scene.rules import FILE, FLAG, LENGTH, is_direction
 from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Scene
-from gi_core.scene.validate import check_scene
+from gi_core.scene.validate import check_scene, check_size
 
 MOST_RECEIVERS = 150_000  # a bare mesh is refined to about as many, both sides counted, unless it is fine enough before
-
-SIZES = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
 
 
 def load_scene(
@@ -49,10 +49,13 @@ def load_scene(
 
     Raises SceneError with one sentence: file, rule, value found, value to write instead.
     """
+    for name in (path, *(mobiles if isinstance(mobiles, list | tuple) else (mobiles,))):
+        FILE.check("a scene or a mobile", name)
+    FLAG.check("allow_outside", allow_outside)
     file = find_scene(path)
     where = str(path) if os.path.isfile(path) else f"scenes/{file.name}"
-    if max_edge is not None and not max_edge > 0:
-        raise SceneError(f"{where}: max_edge must be a length > 0 in metres, got {max_edge}")
+    if max_edge is not None and not (isinstance(max_edge, Real) and max_edge == np.inf):  # inf: as it is
+        max_edge = LENGTH.check(f"{where}: max_edge", max_edge)
     suffix = file.suffix.lower()
     boundary = Boundary(file.parent, allow_outside)
     if suffix == ".toml":
@@ -90,7 +93,7 @@ class _Builder:
         read = [scaled(self._read(p, self._shown(p)), scale) for p in self.file.static.meshes]
         self.up = self.up or UP[read[0].up]
         static = self._static(read)
-        self._check_size(static)
+        check_size(f"{self.where}: a scene", static)
         lights = [*self.file.lights, *(light for r in read for light in r.lights)]
         punctual = any(r.lights for r in read)  # glTF lights are photometric
         camera = self.file.camera or next((r.camera for r in read if r.camera), None)
@@ -125,14 +128,6 @@ class _Builder:
         solid = tuple(m._replace(mesh=without_holes(m.mesh)) for m in scene.mobiles)
         return translated(replace(scene, static=without_holes(scene.static), mobiles=solid), origin)
 
-    def _check_size(self, static: Mesh) -> None:
-        low, high = SIZES
-        extent = float(np.ptp(static.vertices[static.faces.reshape(-1)], axis=0).max())
-        if not low <= extent <= high:
-            raise SceneError(
-                f"{self.where}: a scene must be {low:g} to {high:g} m large, got {extent:.3g}; write a scale"
-            )
-
     def _shown(self, path: Path) -> str:
         return self.where if self.bare else f"{self.where}: {path.name}"
 
@@ -161,6 +156,7 @@ class _Builder:
         if entry.material is not None:
             mesh, materials = single(mesh, entry.material, r.materials, self.file.materials, entry.where)
         mesh = mesh._replace(vertices=mesh.vertices * entry.scale)
+        check_size(f"{entry.where}: a mobile", mesh)
         self._check_dark(mesh, materials, entry.where)
         mesh = self._adopt(mesh, materials)
         if entry.max_edge is not None:
@@ -176,6 +172,7 @@ class _Builder:
         name, k = path.stem, 2
         while name in names:
             name, k = f"{path.stem} {k}", k + 1
+        check_size(f"{path}: a mobile", r.mesh)
         self._check_dark(r.mesh, r.materials, str(path))
         self.materials = list(scene.materials)
         mesh = self._adopt(r.mesh, r.materials)
@@ -263,7 +260,7 @@ def _checked_up(up, where: str):
         if up not in UP:
             raise SceneError(f'{where}: up must be "x", "y", "z" or three numbers, got {up!r}')
         return UP[up]
+    if not is_direction(up):
+        raise SceneError(f'{where}: up must be "x", "y", "z" or three numbers that are not all 0, got {shown(up)}')
     v = np.asarray(up, np.float64)
-    if v.shape != (3,) or not np.isfinite(v).all() or not v.any():
-        raise SceneError(f'{where}: up must be "x", "y", "z" or three numbers, got {up!r}')
     return tuple(float(x) for x in v / np.sqrt((v * v).sum()))

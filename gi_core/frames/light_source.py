@@ -19,7 +19,7 @@ from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import noise_from_prefix, prefix_to_compare
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
-from gi_core.scene.errors import SceneError
+from gi_core.scene.rules import FLAG, one_of
 
 LIGHTS = ("best", "photons")
 PATHS = (4, 8, 16, 32, 64, 128, 256)  # per receiver and frame
@@ -62,10 +62,8 @@ class LightSource:
 
     def choose(self, light: str | None, prefix_only: bool | None) -> None:
         """Change the settings; None keeps one. Raises SceneError for an unknown light."""
-        light = self.light if light is None else light
-        if light not in LIGHTS:
-            raise SceneError(f"light must be one of {', '.join(LIGHTS)}, got {light!r}")
-        self.light, self.prefix_only = light, self.prefix_only if prefix_only is None else prefix_only
+        self.light = self.light if light is None else one_of(LIGHTS).check("light", light)
+        self.prefix_only = self.prefix_only if prefix_only is None else FLAG.check("prefix_only", prefix_only)
 
     # -- static part ------------------------------------------------------------------------------
 
@@ -138,8 +136,8 @@ class LightSource:
 
         Raises SceneError for a number that is not one of PATHS.
         """
-        if wanted is not None and wanted not in PATHS:
-            raise SceneError(f"a frame can gather {', '.join(map(str, PATHS))} paths per receiver, got {wanted}")
+        if wanted is not None:
+            one_of(PATHS).check("the paths per receiver and frame", wanted)
         if self.light == "photons" or not self._model.names:
             return 0
         return REST if wanted is None else wanted

@@ -20,6 +20,15 @@ def one_line(text: str) -> str:
     return line if len(line) <= LONGEST else f"{line[: half - 5]} ... {line[-half:]}"
 
 
+def shown(value) -> str:
+    """Return a value as it was written, cut short."""
+    try:
+        text = repr(value)
+    except ValueError:  # more digits than Python converts
+        text = "a number of thousands of digits"
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
 @contextmanager
 def named(*places: str) -> Iterator[None]:
     """Let every SceneError within name its place: the first of `places`, unless it names one of them already."""

@@ -10,7 +10,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from gi_core.scene.errors import SceneError
+from gi_core.scene.errors import SceneError, shown
+from gi_core.scene.rules import LARGEST, is_array
 from gi_core.scene.types import KeyFrames, Pose
 
 # What is off by less is made exactly rigid: numbers as people type them, products of many float32 matrices. Beyond it
@@ -108,10 +109,12 @@ def as_pose(pose: Pose | np.ndarray, where: str = "pose") -> Pose:
     Raises SceneError for anything that is not finite and rigid.
     """
     if isinstance(pose, Pose):
-        position = np.asarray(pose.position, np.float64)
+        if not is_array(pose.position, (3,)) or not is_array(pose.quaternion, (4,)):
+            raise SceneError(
+                f"{where}: a pose is three finite metres and four finite quaternion numbers, none over {LARGEST:g}, "
+                f"got {shown(pose)}"
+            )
         q = np.asarray(pose.quaternion, np.float64)
-        if position.shape != (3,) or q.shape != (4,) or not np.isfinite([*position, *q]).all():
-            raise SceneError(f"{where}: a pose is three finite metres and four finite quaternion numbers, got {pose}")
         length = float(np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]))
         if abs(length - 1) > LENGTH_TOLERANCE:
             instead = "1, 0, 0, 0" if length < 1e-9 else ", ".join(f"{c / length + 0.0:.4g}" for c in q)
@@ -119,10 +122,10 @@ def as_pose(pose: Pose | np.ndarray, where: str = "pose") -> Pose:
                 f"{where}: the quaternion (w, x, y, z) of a pose must have length 1, got {length:.4g}; "
                 f"write [{instead}], and scale the mesh instead if that was meant"
             )
-        return Pose(three(position), four(q / length))
+        return Pose(three(pose.position), four(q / length))
+    if not is_array(pose, (4, 4)):
+        raise SceneError(f"{where}: a pose is a Pose or a finite 4 x 4 matrix, got {shown(pose)}")
     M = np.asarray(pose, np.float64)
-    if M.shape != (4, 4) or not np.isfinite(M).all():
-        raise SceneError(f"{where}: a pose is a Pose or a finite 4 x 4 matrix, got shape {M.shape}")
     R = M[:3, :3]
     off = np.abs(R.T @ R - np.eye(3)).max()
     if off > RIGID_TOLERANCE or np.linalg.det(R) < 0 or np.abs(M[3] - [0, 0, 0, 1]).max() > 0:

@@ -4,84 +4,144 @@ from __future__ import annotations
 
 import numpy as np
 
-from gi_core.scene.errors import SceneError
-from gi_core.scene.types import DirectionalLight, Light, Material, Mesh, PointLight, Scene, SpotLight
+from gi_core.scene.errors import SceneError, shown
+from gi_core.scene.pose import as_pose
+from gi_core.scene.rules import (
+    BELOW_ONE,
+    DIRECTION,
+    FLAG,
+    LARGEST,
+    LENGTH,
+    NUMBER,
+    PLACE,
+    REFLECTANCE,
+    STRENGTH,
+    TEXT,
+    Rule,
+    is_array,
+    is_number,
+    one_of,
+)
+from gi_core.scene.types import (
+    Camera,
+    Defaults,
+    DirectionalLight,
+    KeyFrames,
+    Material,
+    Mesh,
+    PointLight,
+    Probe,
+    Scene,
+    SkyLight,
+    SpotLight,
+)
 
 FLUX_OF = {PointLight: "flux", SpotLight: "intensity", DirectionalLight: "irradiance"}  # else radiance
+UNIT = 1.001  # of a component of a unit vector, with rounding
+SIZES = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
+DEGREES = Rule("a number of degrees from 0 to 90", lambda value: is_number(value, 0, 90), float)
+FIELDS: dict[type, dict[str, Rule]] = {
+    Material: {"reflectance": REFLECTANCE, "emission": STRENGTH, "two_sided": FLAG},
+    PointLight: {"position": PLACE, "flux": STRENGTH},
+    SpotLight: {
+        "position": PLACE, "direction": DIRECTION, "intensity": STRENGTH,
+        "inner_degrees": DEGREES, "outer_degrees": DEGREES,
+    },
+    DirectionalLight: {"direction": DIRECTION, "irradiance": STRENGTH},
+    SkyLight: {"radiance": STRENGTH},
+    Probe: {"position": PLACE, "normal": DIRECTION},
+    Camera: {"position": PLACE, "target": PLACE, "vertical_fov_degrees": NUMBER},
+    Defaults: {"estimator": TEXT, "exposure": NUMBER, "radius": LENGTH, "scene_size": LENGTH},
+    Scene: {"up": DIRECTION, "units": one_of(("radiometric", "photometric"))},
+}  # fmt: skip
 
 
 def check_scene(scene: Scene) -> None:
     """Raise SceneError, one sentence, for the first broken rule."""
-    for m in scene.materials:
-        _check_material(scene.name, m)
-    for part, mesh in [("the static part", scene.static), *((f'mobile "{m.name}"', m.mesh) for m in scene.mobiles)]:
-        _check_mesh(f"{scene.name}: {part}", mesh, len(scene.materials))
+    title = TEXT.check("the name of a scene", scene.name)
+    _check_fields(title, scene)
+    for kind, records in (("material", scene.materials), ("light", scene.lights), ("probe", scene.probes)):
+        for record in records:
+            _check_fields(_named(title, kind, record), record)
+    if scene.camera is not None:
+        _check_fields(f"{title}: camera", scene.camera)
+    _check_fields(f"{title}: defaults", scene.defaults)
+    _check_mesh(f"{title}: the static part", scene.static, len(scene.materials))
     for mobile in scene.mobiles:
-        emitting = [k for k in np.unique(mobile.mesh.face_material) if max(scene.materials[k].emission) > 0]
-        if emitting:
-            name = scene.materials[emitting[0]].name
-            raise SceneError(
-                f'{scene.name}: mobile "{mobile.name}": material "{name}" emits light, but lights must stand still: '
-                "give it a material without emission, or make it static"
-            )
-    for light in scene.lights:
-        _check_light(scene.name, light)
-    if not _finite(scene.up, 3) or not any(scene.up):
-        raise SceneError(f"{scene.name}: up must be three numbers that are not all 0, got {scene.up!r}")
+        where = _named(title, "mobile", mobile)
+        _check_mesh(where, mobile.mesh, len(scene.materials))
+        as_pose(mobile.pose, where)
+        if mobile.path is not None:
+            _check_path(where, mobile.path)
+        for k in np.unique(mobile.mesh.face_material):
+            if max(scene.materials[k].emission) > 0:
+                raise SceneError(
+                    f'{where}: material "{scene.materials[k].name}" emits light, but lights must stand still: '
+                    "give it a material without emission, or make it static"
+                )
 
 
-def _check_material(scene: str, m: Material) -> None:
-    where = f'{scene}: material "{m.name}"'
-    if not _finite(m.reflectance, 3) or not all(0 <= c < 1 for c in m.reflectance):
-        raise SceneError(f"{where}: reflectance must be three numbers in [0, 1), got {m.reflectance!r}")
-    if not _finite(m.emission, 3) or min(m.emission) < 0:
-        raise SceneError(f"{where}: emission must be three numbers >= 0, got {m.emission!r}")
+def _named(scene: str, kind: str, record) -> str:
+    return f'{scene}: {kind} "{TEXT.check(f"{scene}: the name of a {kind}", record.name)}"'
+
+
+def check_size(where: str, mesh: Mesh) -> None:
+    """Raise SceneError for a mesh whose faces are smaller or larger than SIZES."""
+    extent = (
+        float(np.ptp(np.asarray(mesh.vertices)[np.reshape(mesh.faces, -1)], axis=0).max()) if len(mesh.faces) else 1
+    )
+    if not SIZES[0] <= extent <= SIZES[1]:
+        raise SceneError(f"{where} must be {SIZES[0]:g} to {SIZES[1]:g} m large, got {extent:.3g}; write a scale")
+
+
+def _check_fields(where: str, record) -> None:
+    for name, rule in FIELDS[type(record)].items():
+        value = getattr(record, name)
+        if not (value is None and type(record) is Defaults):
+            rule.check(f"{where}: {name}", value)
+    if isinstance(record, SpotLight) and record.inner_degrees > record.outer_degrees:
+        raise SceneError(
+            f"{where}: angles must be 0 <= inner_degrees <= outer_degrees <= 90, "
+            f"got {record.inner_degrees!r} and {record.outer_degrees!r}"
+        )
 
 
 def _check_mesh(where: str, mesh: Mesh, materials: int) -> None:
-    vertices, faces, material = np.asarray(mesh.vertices), np.asarray(mesh.faces), np.asarray(mesh.face_material)
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.isfinite(vertices).all():
-        raise SceneError(f"{where}: vertices must be finite numbers of shape (V, 3), got shape {vertices.shape}")
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise SceneError(f"{where}: faces must be integers of shape (F, 3), got {faces.dtype} {faces.shape}")
-    if len(faces) and not (faces.min() >= 0 and faces.max() < len(vertices)):
-        raise SceneError(
-            f"{where}: faces must name vertices 0 to {len(vertices) - 1}, got {faces.min()} to {faces.max()}"
-        )
-    if material.shape != (len(faces),) or material.dtype.kind not in "iu":
-        raise SceneError(
-            f"{where}: face_material must be {len(faces)} integers, one a face, got {material.dtype} {material.shape}"
-        )
-    if len(material) and not (material.min() >= 0 and material.max() < materials):
-        raise SceneError(
-            f"{where}: face_material must name materials 0 to {materials - 1}, got {material.min()} to {material.max()}"
-        )
-    rho = mesh.face_reflectance
-    if rho is not None and (np.shape(rho) != (len(faces), 3) or not ((rho >= 0) & (rho < 1)).all()):
-        raise SceneError(f"{where}: face_reflectance must be numbers in [0, 1) of shape ({len(faces)}, 3)")
+    """Check shapes, types and ranges of all arrays, and the size."""
+    count, paint = np.shape(mesh.faces)[:1], mesh.paint
+
+    def check(name: str, values, shape: tuple, low: float, high: float, kinds: str = "iuf") -> None:
+        if not (isinstance(values, np.ndarray) and is_array(values, shape, low, high, kinds)):
+            written = ", ".join("n" if n is None else str(n) for n in shape)
+            what = f"of {'finite numbers' if 'f' in kinds else 'integers'} from {low:g} to {high:g}"
+            raise SceneError(f"{where}: {name} must be an array ({written}) {what}, got {_found(values)}")
+
+    check("vertices", mesh.vertices, (None, 3), -LARGEST, LARGEST)
+    check("faces", mesh.faces, (None, 3), 0, len(mesh.vertices) - 1, "iu")
+    check("face_material", mesh.face_material, count, 0, materials - 1, "iu")
+    if mesh.corner_normals is not None:
+        check("corner_normals", mesh.corner_normals, (*count, 3, 3), -UNIT, UNIT)
+    if mesh.face_reflectance is not None:
+        check("face_reflectance", mesh.face_reflectance, (*count, 3), 0, BELOW_ONE)
+    if paint is not None:
+        check("face_texture", paint.face_texture, count, -1, len(paint.textures) - 1, "iu")
+        check("corner_uv", paint.corner_uv, (*count, 3, 2), -LARGEST, LARGEST)
+        check("corner_colour", paint.corner_colour, (*count, 3, 3), 0, 1)
+    check_size(where, mesh)
 
 
-def _check_light(scene: str, light: Light) -> None:
-    where, key = f'{scene}: light "{light.name}"', FLUX_OF.get(type(light), "radiance")
-    strength = light._asdict()[key]
-    if not _finite(strength, 3) or min(strength) < 0:
-        raise SceneError(f"{where}: {key} must be three numbers >= 0, got {strength!r}")
-    vectors = {name: value for name, value in light._asdict().items() if name in ("position", "direction")}
-    for name, vector in vectors.items():
-        if not _finite(vector, 3):
-            raise SceneError(f"{where}: {name} must be three finite numbers, got {vector!r}")
-    if not any(vectors.get("direction", (1,))):
-        raise SceneError(f"{where}: direction must not be all 0")
-    if isinstance(light, SpotLight) and not 0 <= light.inner_degrees <= light.outer_degrees <= 90:
-        raise SceneError(
-            f"{where}: angles must be 0 <= inner_degrees <= outer_degrees <= 90, "
-            f"got {light.inner_degrees!r} and {light.outer_degrees!r}"
-        )
+def _found(values) -> str:
+    """Return type, shape and range of an array of numbers, else the value."""
+    if not (isinstance(values, np.ndarray) and values.size and values.dtype.kind in "iuf"):
+        return shown(values)
+    return f"{values.dtype} {values.shape} from {values.min():g} to {values.max():g}"
 
 
-def _finite(values, n: int) -> bool:
-    try:
-        array = np.asarray(values, np.float64)
-    except (TypeError, ValueError):
-        return False
-    return array.shape == (n,) and bool(np.isfinite(array).all())
+def _check_path(where: str, path: KeyFrames) -> None:
+    if not all(isinstance(values, np.ndarray) for values in path):
+        raise SceneError(f"{where}: its path must consist of arrays, got {shown(path)}")
+    keys = path.times.shape[:1]
+    if not (keys > (0,) and is_array(path.times, keys) and (np.diff(path.times) > 0).all()):
+        raise SceneError(f"{where}: the times of its path must be numbers that increase, got {shown(path.times)}")
+    if not (is_array(path.positions, (*keys, 3)) and is_array(path.quaternions, (*keys, 4), -UNIT, UNIT)):
+        raise SceneError(f"{where}: its path must have {keys[0]} positions and unit quaternions, got {shown(path)}")

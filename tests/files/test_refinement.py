@@ -168,3 +168,21 @@ def test_a_bare_file_keeps_to_its_budget(tmp_path, monkeypatch):
 def test_closed_mesh_without_lights_is_one_sided(tmp_path):
     scene = load_scene(write_obj(tmp_path / "crate.obj", BOX, BOX_FACES), max_edge=np.inf)
     assert not two_sided(scene).any()
+
+
+def test_faces_below_the_weld_do_not_count_as_made(tmp_path):
+    """The weld drops tiny faces, so that a fine mesh lost more than it gained: the square root of a negative."""
+    vertices, faces = [], []
+    n = 30
+    for k in range(6):  # a closed room of small squares
+        a, b, c = np.roll(np.eye(3), k % 3, axis=0)
+        side = np.stack([i * a + j * b + (k > 2) * n * c for i in range(n + 1) for j in range(n + 1)]) / n
+        at = np.array([i * (n + 1) + j for i in range(n) for j in range(n)])
+        quads = np.concatenate([at[:, None] + t for t in ([0, n + 1, n + 2], [0, n + 2, 1])])
+        faces.append(quads + sum(len(v) for v in vertices))
+        vertices.append(side)
+    for place in np.random.default_rng(0).uniform(0.2, 0.8, (300, 1, 3)):
+        faces.append(np.arange(3)[None] + sum(len(v) for v in vertices))
+        vertices.append(place + 3e-7 * np.eye(3))
+    scene = load_scene(write_obj(tmp_path / "room.obj", np.concatenate(vertices), np.concatenate(faces)))
+    assert len(scene.static.faces) >= 6 * 2 * n * n

@@ -53,7 +53,7 @@ def refined(scene: Scene, rays: Rays, box: Box, budget: int) -> tuple[Mesh, floa
             if edge <= finest or made > ENOUGH * room:
                 break
         aim = room * (1 + ENOUGH) / 2
-        edge = max(edge * max(float(np.sqrt(made / aim)), LEAST_STEP), finest)
+        edge = max(edge * max(float(np.sqrt(max(made, 0) / aim)), LEAST_STEP), finest)  # the weld drops tiny faces
     return cut(best) if kept is None else kept, best
 
 

@@ -24,11 +24,12 @@ from gi_core.geometry.receivers import build_receivers, weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.errors import SceneError, one_line
+from gi_core.scene.rules import LARGEST
 from gi_core.scene.types import Camera, Light, Material, Mesh, Paint
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 DEGENERATE = 1e-7  # of the mesh's extent: a face lower than that is a line (float32 files cannot say it better)
-BRIGHTEST = FARTHEST = 1e15  # radiance, coordinates: as in scene files, see toml_fields.py
+BRIGHTEST = FARTHEST = LARGEST  # radiance, coordinates: as in scene files
 FARTHEST_UV = 1e6  # texture coordinates beyond have no digits left for a place in the texture
 OPPOSED = 0.1  # cosine to the geometric normal below which a file's normal is not believed
 MOST_WRONG = 0.1  # share of such faces beyond which no normal of the part is believed

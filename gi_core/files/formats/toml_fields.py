@@ -9,9 +9,9 @@ import re
 from pathlib import Path
 
 from gi_core.files.formats.boundary import DEEPEST, Boundary, text_of
-from gi_core.scene.errors import SceneError
+from gi_core.scene.errors import SceneError, shown
+from gi_core.scene.rules import is_direction, is_number
 
-LARGEST = 1e15  # a number beyond it is a slip, and its square may be no float32
 REQUIRED = object()  # default of a key that must be there
 _QUOTED = re.compile(r"""\"(?:\\.|[^"\\\n])*\"|'[^'\n]*'|#[^\n]*""")
 _DEEP = re.compile(rf"(?:\.[ \t]*[\w-]+[ \t]*){{{DEEPEST}}}")
@@ -63,7 +63,7 @@ class Table:
         value = self._get(key, default)
         if value is default:
             return value
-        if not _is_number(value) or not above < value < below or (least is not None and value < least):
+        if not is_number(value) or not above < value < below or (least is not None and value < least):
             rule = "must be a finite number"
             if least is not None:
                 rule = f"must be a number >= {least:g}" + (f" and < {below:g}" if below < math.inf else "")
@@ -91,7 +91,7 @@ class Table:
     def direction(self, key: str, default=REQUIRED):
         """Return three finite numbers that are not all zero."""
         value = self.vector(key, 3, default)
-        if value is not default and not any(value):
+        if value is not default and not is_direction(value):
             self._fail(key, "must be three numbers that are not all 0", list(value))
         return value
 
@@ -109,7 +109,7 @@ class Table:
     def numbers(self, key: str) -> list[float]:
         """Return a list of finite numbers."""
         value = self._get(key, REQUIRED)
-        if not isinstance(value, list) or not value or not all(_is_number(v) for v in value):
+        if not isinstance(value, list) or not value or not all(is_number(v) for v in value):
             self._fail(key, "must be a list of finite numbers", value)
         return [float(v) for v in value]
 
@@ -121,7 +121,7 @@ class Table:
         return value
 
     def _vector(self, key, value, n, least, below):
-        good = isinstance(value, list) and len(value) == n and all(_is_number(v) for v in value)
+        good = isinstance(value, list) and len(value) == n and all(is_number(v) for v in value)
         if good and least is not None:
             good = min(value) >= least
         if good and below is not None:
@@ -150,15 +150,6 @@ def nearest(word: str, known) -> str:
     return f"did you mean {close[0]!r}?" if close else "known here are " + ", ".join(sorted(known))
 
 
-def shown(value) -> str:
-    """Return a value as it was written, cut short."""
-    try:
-        text = repr(value)
-    except ValueError:  # an integer of more digits than Python converts
-        return "a number of thousands of digits"
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
 def read_toml(path: Path, where: str, boundary: Boundary) -> dict:
     """Return the tables of a TOML file."""
     import tomllib
@@ -177,10 +168,6 @@ def read_toml(path: Path, where: str, boundary: Boundary) -> dict:
         raise SceneError(f"{where}: a scene file must not nest brackets hundreds deep") from None
     except ValueError as error:  # of TOML, of its encoding, or a number of thousands of digits
         raise SceneError(f"{where}: a scene file must be TOML, which this is not: {error}") from None
-
-
-def _is_number(value) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
 
 
 def _word(n: int) -> str:

@@ -165,7 +165,9 @@ def test_unknown_light_and_path_counts_are_refused():
     with pytest.raises(SceneError, match="light must be one of best, photons, got 'baked'"):
         solver.configure(light="baked")
     before, poses = solver.irradiance, dict(solver.poses)
-    with pytest.raises(SceneError, match="a frame can gather 4, 8, 16, 32, 64, 128, 256 paths per receiver, got 5"):
+    with pytest.raises(
+        SceneError, match="paths per receiver and frame must be one of 4, 8, 16, 32, 64, 128, 256, got 5"
+    ):
         solver.move_all({"box": AWAY}, None, 5)
     assert solver.irradiance is before and solver.poses == poses
 

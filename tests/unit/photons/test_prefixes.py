@@ -63,7 +63,7 @@ def test_threads_and_parts_do_not_show_in_the_background(estimator, monkeypatch)
 def test_other_counts_are_refused():
     s = solver_of(1000, "impact_count")
     s.solve()
-    with pytest.raises(SceneError, match="room: a frame can use 1000 photons, got 999"):
+    with pytest.raises(SceneError, match="room: the photons of a frame must be one of 1000, got 999"):
         s.move_all({"box": POSE}, photons=999)
 
 

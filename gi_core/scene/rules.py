@@ -1,0 +1,74 @@
+"""Rules for the values of records and settings: what each one may be, in words and as a test."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from numbers import Integral, Real
+from os import PathLike
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gi_core.scene.errors import SceneError, shown
+
+LEAST, LARGEST = 1e-15, 1e15  # float32 holds their squares
+BELOW_ONE = float(np.nextafter(1, 0))
+
+
+class Rule(NamedTuple):
+    """A condition of a value; `make` turns a value that holds into the type that the program uses."""
+
+    text: str  # completes "flux must be ..."
+    holds: Callable[[Any], bool]
+    make: Callable[[Any], Any] = lambda value: value
+
+    def check(self, where: str, value):
+        """Return the value. Raises SceneError, one sentence, if the value breaks the rule."""
+        if not self.holds(value):
+            raise SceneError(f"{where} must be {self.text}, got {shown(value)}")
+        return self.make(value)
+
+
+def is_number(value, low: float = -LARGEST, high: float = LARGEST) -> bool:
+    """Return whether a value is a number from `low` to `high`; True and False are none."""
+    return isinstance(value, Real) and not isinstance(value, bool) and bool(low <= value <= high)  # type: ignore[operator]
+
+
+def is_array(values, shape: tuple, low: float = -LARGEST, high: float = LARGEST, kinds: str = "iuf") -> bool:
+    """Return whether values are an array of numbers from `low` to `high`; a None in its shape is any length."""
+    try:
+        array = np.asarray(values)
+    except ValueError:  # rows of several lengths
+        return False
+    fits = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape, strict=True))
+    return fits and array.dtype.kind in kinds and bool(((low <= array) & (array <= high)).all())
+
+
+def is_direction(values) -> bool:
+    """Return whether values are three numbers that can be made a unit vector."""
+    return is_array(values, (3,)) and bool(np.abs(values).max() >= LEAST)
+
+
+def whole(low: int, high: int) -> Rule:
+    """Return the rule of a whole number from `low` to `high`."""
+    text = f"a whole number from {low} to {high}"
+    return Rule(text, lambda value: is_number(value, low, high) and value == int(value), int)
+
+
+def one_of(values: Iterable[str | int]) -> Rule:
+    """Return the rule of a name, or a whole number, out of several."""
+    values = tuple(values)
+    return Rule(
+        f"one of {', '.join(map(str, values))}", lambda value: isinstance(value, str | Integral) and value in values
+    )
+
+
+TEXT = Rule("a text", lambda value: isinstance(value, str))
+FLAG = Rule("true or false", lambda value: isinstance(value, bool | np.bool_), bool)
+FILE = Rule("the name of a file", lambda value: isinstance(value, str | PathLike))
+NUMBER = Rule("a finite number", is_number, float)
+LENGTH = Rule(f"a finite number > 0, from {LEAST:g} to {LARGEST:g}", lambda value: is_number(value, LEAST), float)
+PLACE = Rule(f"three finite numbers of at most {LARGEST:g}", lambda value: is_array(value, (3,)))
+DIRECTION = Rule(f"three numbers that are not all 0, the largest {LEAST:g} to {LARGEST:g}", is_direction)
+STRENGTH = Rule(f"three numbers >= 0 and <= {LARGEST:g}", lambda value: is_array(value, (3,), 0))
+REFLECTANCE = Rule("three numbers in [0, 1)", lambda value: is_array(value, (3,), 0, BELOW_ONE))
