@@ -29,7 +29,7 @@ class DrawMesh(NamedTuple):
     textures: tuple[Texture, ...] = ()  # empty: the three below are None
     texture: np.ndarray | None = None  # (D,) int32 into textures, -1: none; a triangle's vertices agree
     uv: np.ndarray | None = None  # (D, 2) float32
-    texel: np.ndarray | None = None  # (D, 3) float64, mean of the texture round the vertex, 1 where none
+    texel: np.ndarray | None = None  # (D, 3) float64, mean of the texture around the vertex, 1 without texture
 
 
 def draw_meshes(surfaces: Surfaces) -> tuple[DrawMesh, ...]:

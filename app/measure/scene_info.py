@@ -151,7 +151,7 @@ def _choices(asked: Settings, chosen: Settings, estimator: str, solver: Solver) 
 
     def reason(name: str, rule: str) -> str:
         if getattr(asked, name) is not None:
-            return "as asked"
+            return "as given"
         return "the scene file's" if getattr(file, name) is not None else rule
 
     others = ", ".join(name for name in ESTIMATORS if name != estimator)

@@ -98,7 +98,7 @@ def _seen(model: Model, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
 def noise(lit: Places, radius: float, photons: float) -> float:
     """Return the relative L1 error from counting that many photons on discs of that radius."""
     expected = lit.density * math.pi * radius * radius * photons
-    # A disc that expects next to nothing is off by twice its light at most: nearly all is read elsewhere.
+    # A disc that expects hardly any photons has an error of at most twice its light: other discs get nearly all.
     return float(np.minimum(SOBOL * np.sqrt(2 / math.pi / np.maximum(expected, 1e-30)), 2.0).mean())
 
 

@@ -28,7 +28,7 @@ class Estimator(Protocol):
 
     # Facts that are read from the class, before one is made.
     about: str  # one sentence: the tooltip of the panel's combo
-    additive: bool  # sums of parts add up to sums of the whole: prepare() costs next to nothing
+    additive: bool  # sums of parts add up to sums of the whole: prepare() costs hardly anything
     controlled: bool  # the setting `control` (artifact control) has an effect
     on_faces: bool  # light is counted by faces: a probe takes that of the face beneath it
     smoothing: str | None  # the field of Setting that trades noise for bias, "radius" or "neighbours"

@@ -166,7 +166,7 @@ class Pace:
         self._each = FIRST_SECONDS
 
     def share_of(self, left: int, seconds: float) -> int:
-        """Return the photons of the next step out of `left`, such that no step is short."""
+        """Return the photons of the next step out of `left`; no step is short."""
         fit = min(max(seconds / self._each, LEAST_CHUNK), LARGEST_CHUNK)
         return -(-left // math.ceil(left / fit))
 

@@ -18,8 +18,8 @@ FIRST_STEP_SECONDS = 0.08  # the same before the first picture: nothing can be d
 LONG_STEP_SECONDS = 1.0  # the same without pictures: the paths of a step take memory twice
 FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are too noisy
 MANY_RECEIVERS = 30_000  # measuring their regions takes half a second and more
-MORE, LATE_MORE = 1.41, 1.19  # growth of photons per picture where sums are additive: a picture costs one frame,
-LATE = 1 << 18  # which is little beside so many photons
+MORE, LATE_MORE = 1.41, 1.19  # growth of photons per picture if sums are additive: a picture costs one frame,
+LATE = 1 << 18  # little compared with so many photons
 MUCH_MORE = 2.0  # the same where each picture estimates everything again
 
 

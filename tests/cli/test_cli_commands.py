@@ -27,7 +27,7 @@ def test_info_lists_contents_and_reasons(capsys, estimator):
     assert "Python threads over kernels that release the GIL" in text
     for part in ("triangles", 'mobile "pawn"', 'light "lamp"', "absorbed", "kernel cache", "threads", estimator):
         assert part in text
-    assert "0.02 m: as asked" in text and "2,000: as asked" in text and "warning" not in text
+    assert "0.02 m: as given" in text and "2,000: as given" in text and "warning" not in text
 
 
 def test_info_lists_materials_by_area_and_counts_the_rest(capsys, tmp_path):

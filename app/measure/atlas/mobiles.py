@@ -40,7 +40,7 @@ def block(half: float = 0.15, height: float = 0.3, at=(0.5, 0.5, 0.0)) -> Mobile
 
 
 def sparks() -> Iterator[AtlasRow]:
-    """A point light a hair above the floor: half of its flux arrives, within some millimetres."""
+    """A point light just above the floor: half of its flux arrives, within some millimetres."""
     for height in (1e-4, 1e-6):
         lamp = PointLight("spark", (0.01, 0.02, height), (1e3,) * 3)
         ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (8, 8)), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (lamp,))

@@ -53,7 +53,7 @@ def textbook() -> Iterator[AtlasRow]:
             "count k - 1 hits: `textbook` off, as by default",
             unbiased,
             known=1e-6,
-            aim_known=0.5 / k,  # Sobol photons lie more evenly than chance: k - 1 of them are too few
+            aim_known=0.5 / k,  # Sobol photons are more even than random ones: k - 1 of them are too few
             cost="none",
             what="E / E of the unbiased form",
             view=View(field, 200_000, {**map_, "textbook": True}, map_) if k == 5 else None,
@@ -70,7 +70,7 @@ def small_faces() -> Iterator[AtlasRow]:
         for i, (w, h) in enumerate(s for s in shapes.values() for _ in range(5))
         for j in range(copies // 5)
     ]
-    # Not parallel light: its photons lie more evenly than chance, by half where a face holds ten of them.
+    # Not parallel light: its photons are more even than random ones, by half for ten of them per face.
     sky = SkyLight("sky", (1 / math.pi,) * 3)
     field = scene(joined(*meshes), (BLACK,), (4.5, -3, 3.5), (4.5, 2.5, 0), (sky,))
     spread: dict[str, list[float]] = {name: [] for name in shapes}
@@ -79,7 +79,7 @@ def small_faces() -> Iterator[AtlasRow]:
         p, areas = solver.receivers.positions, solver.receivers.areas
         for i, name in enumerate(shapes):
             inside = (p[:, 0] >= 3.0 * i) & (p[:, 0] < 3.0 * (i + 1) - 0.05)
-            # One receiver a triangle: of the four corners of a square, the two that belong to one triangle alone.
+            # One receiver per triangle: of the four corners of a square, the two that belong to one triangle alone.
             alone = inside & (areas < 1.5 * areas[inside].min())
             spread[name].append(solver.irradiance[alone, 1])
     flux = float(solver.model.emitters.total_flux[1])

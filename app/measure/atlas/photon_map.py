@@ -15,7 +15,7 @@ from gi_core.scene import DirectionalLight
 SUN = DirectionalLight("sun", (0, 0, -1), (1.0, 1.0, 1.0))
 COPIES = 12
 NEIGHBOURS = 50
-HALF_A_HIT = 0.5 / NEIGHBOURS  # share: Sobol photons lie more evenly than chance, k - 1 of them are that much too few
+HALF_A_HIT = 0.5 / NEIGHBOURS  # share: Sobol photons are more even than random ones, so k - 1 of them are too few by it
 KINDS = [("isolated", a) for a in (30, 60, 90, 120)] + [("fan", a) for a in range(60, 331, 30)] + [("interior", 360)]
 SPACING = 2.2
 
@@ -43,7 +43,7 @@ def fans():
 
 
 def borders() -> Iterator[AtlasRow]:
-    """Figs 2.9 and 2.10: hits fill alpha of the 2 pi round a border vertex, and are divided by the whole circle."""
+    """Figs 2.9 and 2.10: hits fill alpha of the 2 pi around a border vertex, and are divided by the whole circle."""
     field, apexes = fans()
     photons = 350_000  # k hits of 30 degrees then reach 0.9 of a fan
     places = [near(*apexes[kind]) for kind in KINDS]
@@ -72,7 +72,7 @@ def borders() -> Iterator[AtlasRow]:
 
 
 def corners() -> Iterator[AtlasRow]:
-    """Where walls meet, the sphere round a vertex holds hits on all of them: a quarter or half a circle each."""
+    """Where walls meet, the sphere around a vertex holds hits on all of them: a quarter or half a circle each."""
     room, along = furnace(20), np.linspace(0.3, 0.7, 9)
     places = {
         "in a corner of three walls": (near(*np.indices((2, 2, 2)).reshape(3, -1).T), 0.75),

@@ -51,7 +51,7 @@ class Run:
         self.lap = motion.walk(motion.paths_of(self.base), STEP * self.base.scene_size, self.frames)
         poses = min(self.effort.poses, self.frames)
         self.truth_frames = [(2 * k + 1) * self.frames // (2 * poses) for k in range(poses)]
-        self._traced: dict[int, float] = {}  # s from the start to so many photons
+        self._traced: dict[int, float] = {}  # s from the start to that number of photons
         self._gather_seconds = 0.0
         self._limits: Solver | None = None
 

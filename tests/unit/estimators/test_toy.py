@@ -113,7 +113,7 @@ def test_frame_equals_from_scratch_and_the_shipped_estimator():
 
 def test_info_render_and_bench_accept_a_new_estimator(tmp_path, capsys):
     assert cli.main(["info", *SCENE]) == 0
-    assert "toy: as asked" in capsys.readouterr().out
+    assert "toy: as given" in capsys.readouterr().out
     few = ["--photons", "2000"]
     assert cli.main(["render", *SCENE, *few, "--size", "48x32", "--out", str(tmp_path / "toy.png")]) == 0
     assert cli.main(["bench", *SCENE, *few, "--frames", "2"]) == 0
