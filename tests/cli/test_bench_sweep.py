@@ -55,7 +55,7 @@ def test_rows_match_the_table():
         assert json.loads(json.dumps(row.spec())) == row.spec(), "or every row would be measured again on resuming"
 
 
-def test_every_estimator_there_is_has_its_rows(estimator):
+def test_every_estimator_has_rows(estimator):
     keys = {row.key for row in rows(TREE, 100)}
     assert {photons_key(n, estimator) for n in bench_rows.PHOTONS} <= keys
 
@@ -106,7 +106,7 @@ def test_failed_row_is_listed_and_retried(tmp_path):
     assert done["failed"] == {} and bad in done["rows"]
 
 
-def test_a_folder_with_a_sweep_of_something_else_is_refused(tmp_path):
+def test_folder_with_another_sweep_is_refused(tmp_path):
     bench_sweep.sweep(TREE, 10, tmp_path, run=numbers)
     with pytest.raises(UsageError, match="scene tree, now it is cornell"):
         bench_sweep.sweep(Settings("cornell"), 10, tmp_path, run=numbers)

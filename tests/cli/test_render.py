@@ -142,7 +142,7 @@ def test_backs_of_two_sided_faces_show_their_own_light():
     assert centre(shot.take()) == to_display(np.array([0.5, 0.4, 0.3]), 0.0, "aces").tolist()
 
 
-def test_rays_go_on_behind_culled_backs():
+def test_rays_continue_behind_culled_backs():
     """Three backs in a row, then a front: only the colour of the front reaches the pixel."""
     backs = [quad((-0.5, -0.5, z), (0, 1, 0), (1, 0, 0)) for z in (0.1, 0.2, 0.2001)]
     scene = replace(card(), static=merge(*backs, card().static))

@@ -73,7 +73,7 @@ def path_of(points) -> KeyFrames:
 
 @pytest.mark.parametrize("frames", [3, 40])
 @pytest.mark.parametrize("closed", [False, True])
-def test_a_walk_moves_by_the_same_step_however_many_frames(frames, closed):
+def test_walk_has_the_same_step_for_any_number_of_frames(frames, closed):
     """Uneven times, straight and there-and-back paths: only at corners and turning points is a step shorter."""
     points = [[0, 0, 0], [1, 0, 0], [3, 0, 0]] + ([[0, 0, 0]] if closed else [])
     walk = motion.walk({"m": path_of(points)}, 0.1, frames)

@@ -130,7 +130,7 @@ def grove(nearest: bool = False) -> Scene:
 @pytest.mark.gl
 @pytest.mark.parametrize("show", ["radiance", "irradiance"])
 @pytest.mark.parametrize("nearest", [False, True])
-def test_holes_are_seen_through_alike_in_rays_and_in_opengl(show, nearest):
+def test_rays_and_opengl_show_the_same_holes(show, nearest):
     """Blocks of 4 x 4 pixels agree; half of the cards' area shows the background; with and without reflectance."""
     settings = Settings(photons=100, radius=0.1, size=(384, 288), exposure=0.0, show=show)
     pictures = []
@@ -155,7 +155,7 @@ def whole(scene: Scene) -> Scene:
     )
 
 
-def test_light_passes_where_whole_triangles_are_cut_away(tmp_path):
+def test_light_passes_through_removed_triangles(tmp_path):
     """A card with a hole of half its width, under the sun: below the hole as bright as in the open, the rest in shade.
 
     As two triangles it shades all of it; the file's card comes out cut, like the one made here.

@@ -39,7 +39,7 @@ def test_a_lamp_at_the_ceiling_shines_down(light, turned):
     assert scene.notes == ("lamps that faced a wall are turned round: lamp",)[:turned]
 
 
-def test_a_lamp_with_two_open_sides_is_named_and_stays():
+def test_lamp_with_two_open_sides_stays_with_a_note():
     scene = lit(up(1.5))
     np.testing.assert_allclose(normals_of_lamp(scene), [[0, 1, 0]] * 2, atol=1e-12)
     assert scene.notes == ("two-sided lamps shine from their front alone: lamp",)
@@ -62,7 +62,7 @@ def test_a_bulb_shines_outwards(inside_out):
     assert ((normals_of_lamp(scene) * outwards).sum(axis=1) > 0).all()
 
 
-def test_each_lamp_is_settled_by_itself():
+def test_each_lamp_is_oriented_separately():
     other = quad((0.2, 2.99, 0.2), (0, 0, 0.5), (0.5, 0, 0), material=1)
     scene = lit(merge(down(2.99), other))
     np.testing.assert_allclose(normals_of_lamp(scene), [[0, -1, 0]] * 4, atol=1e-12)

@@ -60,7 +60,7 @@ def inside_house(points) -> bool:
     return bool((np.abs(p[:, 0]) < 3).all() and (p[:, 1] < 2.5).all() and (p[:, 2] < -5).all())
 
 
-def test_in_a_house_with_a_terrace_everything_is_in_the_room():
+def test_completion_of_a_house_with_a_terrace_stays_in_the_room():
     """The terrace is the larger floor by far, but objects on it would be outside the picture of the room."""
     scene = completed(house(), cube(0.6))
     assert inside_house(corners(scene)) and inside_house(scene.camera.position) and inside_house(lamp_faces(scene))
@@ -69,7 +69,7 @@ def test_in_a_house_with_a_terrace_everything_is_in_the_room():
     assert inside_house(completed(house()).camera.position)
 
 
-def test_a_mobile_stands_where_the_files_camera_looks():
+def test_mobile_stands_in_view_of_the_files_camera():
     """Over the terrace, away from the house: the nearest floor in view, whole in the picture."""
     camera = Camera((0.0, 2.0, 0.0), (0.0, 1.0, 5.0))
     scene = completed(house(), cube(0.6), camera=camera)

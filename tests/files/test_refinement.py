@@ -93,7 +93,7 @@ ROOM = box((0, 0, 0), (3, 3, 3), inward=True)
 
 
 @pytest.mark.parametrize("inside_out", [False, True])
-def test_the_inside_of_a_crate_is_left_out(inside_out):
+def test_inside_of_a_crate_is_removed(inside_out):
     """A crate in an open hall, wound either way, and one face of it turned: all fronts look outwards afterwards."""
     crate = box((1, 0.1, 1), (2, 1.1, 2), inward=inside_out)
     crate.faces[3] = crate.faces[3][::-1]
@@ -106,7 +106,7 @@ def test_the_inside_of_a_crate_is_left_out(inside_out):
     assert face_normals(scene.static)[1].sum() == pytest.approx(9 + 6)
 
 
-def test_the_outside_of_a_lit_room_is_left_out():
+def test_outside_of_a_lit_room_is_removed():
     for room in (ROOM, box((0, 0, 0), (3, 3, 3))):
         scene = sides(room)
         inwards = (1.5, 1.5, 1.5) - scene.static.vertices[scene.static.faces].mean(axis=1)

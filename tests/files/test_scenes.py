@@ -93,7 +93,7 @@ def test_loading_a_scene_file_imports_no_trimesh():
     subprocess.run([sys.executable, "-c", code], check=True, cwd=root)
 
 
-def test_cornell_colours_are_those_of_the_spectra():
+def test_cornell_colours_follow_the_measured_spectra():
     """Known linear sRGB of the measured reflectances under an equal-energy light, to 1 % of full scale."""
     from scenes.cornell_spectra import GREEN, RED, WHITE, lamp_rgb, reflectance_rgb, to_rgb
 
@@ -227,7 +227,7 @@ def shared_files():
 
 @needs_shared
 @pytest.mark.parametrize("name", shared_files())
-def test_strangers_meshes_are_read(name):
+def test_third_party_meshes_are_read(name):
     mesh = read_mesh_file(SHARED / name).mesh
     normals, areas = face_normals(mesh)
     assert (areas > 0).all() and np.isfinite(mesh.vertices).all()

@@ -83,7 +83,7 @@ def test_file_normals_decide_turned_faces(tmp_path):
     np.testing.assert_allclose(read.mesh.corner_normals, np.broadcast_to([0, 0, 1.0], (3, 3, 3)))
 
 
-def test_a_few_wrong_normals_do_not_cost_the_others(tmp_path):
+def test_few_wrong_normals_do_not_affect_the_others(tmp_path):
     """A smooth ball with one inward normal in its file: its faces are flat, all others smooth."""
     ball = sphere((0, 0, 0), 1.0, 2)
     n = ball.vertices.copy()

@@ -121,7 +121,7 @@ def test_each_receiver_alone(estimator):
     assert_closed_form(ratios, unknown(name, estimator), f"{estimator}, each receiver of the furnace")
 
 
-def test_photons_were_enough_by_the_formula_too():
+def test_photon_numbers_satisfy_the_power_formula():
     """The crossings needed to detect 2 % with a power of 99 %, against those counted under the point light."""
     case = CASES["point light over a plane"]
     solver, E = runs("point light over a plane")

@@ -13,7 +13,7 @@ PHOTONS = 40_000
 
 
 @pytest.fixture
-def few_are_many(monkeypatch):
+def low_receiver_threshold(monkeypatch):
     monkeypatch.setattr(first_frame, "MANY_RECEIVERS", 1)
 
 
@@ -28,7 +28,7 @@ def until_picture(steps) -> None:
     raise AssertionError("no picture")
 
 
-def test_first_picture_is_of_whole_discs(few_are_many):
+def test_first_picture_is_of_whole_discs(low_receiver_threshold):
     """It equals that of a solver without control, which is not the one with control."""
     first, plain = opened(), opened(control=False)
     until_picture(first.solve_steps())
@@ -41,7 +41,7 @@ def test_first_picture_is_of_whole_discs(few_are_many):
     assert not np.array_equal(first.irradiance, controlled.irradiance)
 
 
-def test_first_look_leaves_no_trace(few_are_many):
+def test_first_look_leaves_no_trace(low_receiver_threshold):
     steps, straight = opened(), opened()
     for _ in steps.solve_steps():
         pass
@@ -52,7 +52,7 @@ def test_first_look_leaves_no_trace(few_are_many):
 
 
 @pytest.mark.parametrize("stop", range(12))
-def test_interrupted_first_look_leaves_no_trace(few_are_many, stop):
+def test_interrupted_first_look_leaves_no_trace(low_receiver_threshold, stop):
     """Interrupted after any step, also within the first look itself, and moved meanwhile."""
     left, straight = opened(), opened()
     for _, _ in zip(range(stop), left.solve_steps(), strict=False):
@@ -64,7 +64,7 @@ def test_interrupted_first_look_leaves_no_trace(few_are_many, stop):
     assert np.array_equal(left.irradiance, straight.irradiance)
 
 
-def test_small_scenes_and_other_estimators_have_none(few_are_many, monkeypatch):
+def test_small_scenes_and_other_estimators_have_none(low_receiver_threshold, monkeypatch):
     """If nothing is slow to build, the first picture has the requested setting."""
     counted = opened(estimator="impact_count")
     until_picture(counted.solve_steps())

@@ -35,7 +35,7 @@ def uncollected(tmp_path, monkeypatch):
     gc.enable()
 
 
-def goes(*refs: weakref.ref, within: float = 20.0) -> bool:
+def are_freed(*refs: weakref.ref, within: float = 20.0) -> bool:
     """Return whether all of them are freed, at the latest when threads have ended."""
     end = time.monotonic() + within
     while any(ref() is not None for ref in refs) and time.monotonic() < end:
@@ -75,7 +75,7 @@ def test_rested_scene_is_freed_with_its_references():
     refs = held_by(s)
     s.close()
     s = None
-    assert goes(*refs)
+    assert are_freed(*refs)
 
 
 def test_scene_under_comparison_is_freed():
@@ -84,7 +84,7 @@ def test_scene_under_comparison_is_freed():
     refs = [*held_by(s), weakref.ref(s.light._work.live_error.comparison)]
     s.close()
     s = None
-    assert goes(*refs)
+    assert are_freed(*refs)
 
 
 def test_cancelled_load_is_freed():
@@ -103,7 +103,7 @@ def test_cancelled_load_is_freed():
         time.sleep(0.01)
     assert f"{opening.problem}" == "cancelled" and kept
     del opening
-    assert goes(*kept)
+    assert are_freed(*kept)
 
 
 @pytest.mark.parametrize("refused", [False, True])
@@ -147,7 +147,7 @@ def test_failed_load_is_freed_although_its_error_is_kept():
     reason = opening.problem
     assert f"{reason}" == "room.toml: no such thing" and f"{reason.__cause__}" == "of 1"
     del opening
-    assert goes(*kept)
+    assert are_freed(*kept)
 
 
 def test_scene_with_a_failed_step_is_freed(monkeypatch):
@@ -164,7 +164,7 @@ def test_scene_with_a_failed_step_is_freed(monkeypatch):
     refs = held_by(s)
     s.close()
     s = None
-    assert goes(*refs)
+    assert are_freed(*refs)
 
 
 def test_failed_job_holds_no_reference():
@@ -182,7 +182,7 @@ def test_failed_job_holds_no_reference():
         take(job)
     del thing, job
     worker.close()
-    assert goes(ref)
+    assert are_freed(ref)
 
 
 def take(job) -> None:

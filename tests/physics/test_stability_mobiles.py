@@ -16,7 +16,7 @@ from tests.support.stability_cases import UP, assert_sound, room, solved
 # -- lights in odd places -------------------------------------------------------------------------
 
 
-def test_a_tiny_bright_lamp_a_hair_above_the_floor(estimator):
+def test_tiny_bright_lamp_just_above_the_floor(estimator):
     """Its light all lands within a millimetre: one receiver's kernel holds it, and is finite."""
     for height in (1e-2, 1e-4, 1e-6):
         scene = plane_scene(PointLight("spark", (0.01, 0.02, height), (1e6,) * 3), reflectance=0.5)
@@ -109,7 +109,7 @@ def test_no_light_under_a_box_on_the_floor(estimator):
 # -- flicker --------------------------------------------------------------------------------------
 
 
-def test_a_mobile_at_rest_does_not_change_a_bit(estimator):
+def test_mobile_at_rest_changes_no_bit(estimator):
     solver = solved(room(box_mobile("a")), estimator=estimator)
     pose = Pose((0.5, 0.5, 0.4), axis_angle((0, 1, 0), 30))
     solver.move("a", pose)

@@ -38,7 +38,7 @@ def test_more_neighbours_than_photons():
 
 
 @pytest.mark.parametrize("lights", [(), (PointLight("off", (0, 0, 1), (0.0, 0.0, 0.0)),)])
-def test_a_light_of_no_flux_and_no_light(lights, estimator):
+def test_zero_flux_and_no_lights(lights, estimator):
     scene = plane_scene(*lights, reflectance=0.5, mobiles=(box_mobile("a"),))
     solver = solved(scene, 100, {"a": Pose((0, 0, 0.5))}, estimator=estimator)
     assert_sound(solver)

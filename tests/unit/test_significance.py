@@ -51,7 +51,7 @@ def test_photons_for_power_sees_two_percent_99_times_in_100():
     assert sig.sees(error, p) and not sig.sees(1.05 * error, p)
 
 
-def test_sees_counts_the_fewer_degrees_of_freedom():
+def test_sees_accounts_for_degrees_of_freedom():
     assert sig.sees(0.003, 1.0, tests=1)
     assert not sig.sees(0.003, 1.0, tests=1, degrees=3)
 

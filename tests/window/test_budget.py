@@ -20,7 +20,7 @@ BUDGET_MS = 12.5
 
 
 @pytest.fixture(autouse=True)
-def a_hundred_photons_make_a_picture(monkeypatch):
+def fewest_photons_is_100(monkeypatch):
     monkeypatch.setattr("gi_core.frames.frame_budget.LEAST", 100)
 
 
@@ -108,7 +108,7 @@ def test_playing_uses_one_prefix():
     assert s.light.snapshot.photons == 1000
 
 
-def test_off_means_all_photons_always():
+def test_budget_off_uses_all_photons():
     s = make(budget=0.0)
     s.begin_drag()
     assert drag(s, 10) == [1000] * 10
@@ -129,7 +129,7 @@ def test_frames_over_budget_reduce_the_subset_for_good():
     assert drag(s, 1) == [1000], "chosen again"
 
 
-def test_a_hiccup_of_the_machine_changes_nothing():
+def test_single_late_frame_changes_nothing():
     s = make()
     s.begin_drag()
     shown = []
@@ -139,7 +139,7 @@ def test_a_hiccup_of_the_machine_changes_nothing():
     assert set(shown) == {500}
 
 
-def test_a_change_of_the_budget_counts_from_the_next_frame_on():
+def test_budget_change_applies_from_the_next_frame():
     s = make()
     s.toggle_play()
     frame(s)
@@ -159,7 +159,7 @@ def test_undo_and_reset_show_all_photons_at_once():
     assert s.light.snapshot.photons == 1000 and s.light._solver.moved_with[-1] == 1000
 
 
-def test_refinement_goes_on_at_rest_with_the_prefix_left_behind():
+def test_refinement_at_rest_continues_from_the_prefix():
     """When the drag begins, only the photons of the first picture are traced; the rest follows afterwards."""
     clock = support.Clock()
     solver = support.CountingSolver(support.room(1), clock, 40, 16e-6)
@@ -220,7 +220,7 @@ def test_drag_interrupts_the_timing_of_frames():
     assert s.light.snapshot.photons == 1000 and s.light._solver.frame.photons == 1000
 
 
-def test_failed_settling_is_logged_once_and_the_drag_goes_on():
+def test_failed_settling_is_logged_once_and_the_drag_continues():
     s = make()
     s.begin_drag()
     drag(s, 3)

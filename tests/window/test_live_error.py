@@ -209,7 +209,7 @@ def test_nothing_is_done_at_rest_while_something_moves():
 
 
 @pytest.mark.parametrize("piece", [0.001, 0.01, 0.05])
-def test_a_drag_waits_for_the_piece_under_way_and_no_longer(piece):
+def test_drag_waits_for_at_most_one_piece(piece):
     s = make(step_seconds=piece)
     resting(s)
     for _ in range(3):

@@ -68,7 +68,7 @@ def test_without_reflectance_there_is_no_texture(draw):
 
 @pytest.mark.gl
 @pytest.mark.parametrize("wrap", ["repeat", "mirror", "clamp"])
-def test_beyond_its_edges_a_texture_is_wrapped(draw, wrap):
+def test_texture_is_wrapped_beyond_its_edges(draw, wrap):
     """Coordinates from -1 to 2, three periods per axis: repeated, mirrored, or clamped to the last column and row."""
     texture = Texture(PIXELS, (wrap, "repeat"))
     uv = 3 * np.array([(0, 1), (1, 1), (1, 0), (0, 0)], float) - 1
@@ -77,7 +77,7 @@ def test_beyond_its_edges_a_texture_is_wrapped(draw, wrap):
 
 
 @pytest.mark.gl
-def test_from_afar_a_texture_shows_its_mean(draw):
+def test_distant_texture_shows_its_mean(draw):
     """Sixty-four checks per pixel: not black or white, but their mean reflectance."""
     checks = (255 * (np.indices((64, 64)).sum(axis=0) % 2)).astype(np.uint8)[..., None].repeat(3, axis=2)
     uv = 10 * np.array([(0, 1), (1, 1), (1, 0), (0, 0)], float)

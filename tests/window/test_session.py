@@ -228,7 +228,7 @@ def test_playing_does_not_depend_on_the_frame_rate(rate):
     assert s.poses["block"] == s.light._solver.scene.mobiles[0].pose, "playing is one step of undo"
 
 
-def test_play_head_goes_there_and_back_or_round():
+def test_play_head_reverses_or_repeats():
     q = np.array([[1.0, 0, 0, 0]] * 3)
     there = KeyFrames(np.array([1.0, 2.0, 3.0]), np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), q)
     assert [play_head(there, t) for t in (0, 1, 2, 3, 4, 5)] == pytest.approx([1, 2, 3, 2, 1, 2])

@@ -22,7 +22,7 @@ pytest_plugins = ["tests.support.viewer_fixtures"]
 pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 
-def test_frames_go_on_while_the_scene_opens(play):
+def test_frames_continue_while_the_scene_opens(play):
     """Frames continue during a slow load, its phase is shown, and then its light."""
     from app.session.opening import Opening
 
@@ -51,7 +51,7 @@ def test_frames_go_on_while_the_scene_opens(play):
     assert errors(viewer) == []
 
 
-def test_exception_in_a_stage_is_logged_and_frames_go_on(play):
+def test_exception_in_a_stage_is_logged_and_frames_continue(play):
     def script(hand, viewer):
         hand.wait_for_light()
         draw = viewer.renderer.draw

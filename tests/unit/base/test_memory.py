@@ -25,7 +25,7 @@ def test_memory_left_is_a_number_or_unknown(tmp_path, monkeypatch):
     assert memory.available() == 4_096_000
 
 
-def test_photons_end_where_memory_does(estimator, monkeypatch):
+def test_photons_are_limited_by_memory(estimator, monkeypatch):
     wanted = Solver(coloured_room(), estimator, photons=40_000, radius=0.15)
     taken = [0]
     real = background.PathStore.append

@@ -25,7 +25,7 @@ def index_of(scene: Scene, radius: float, search: str = "disc_index"):
     return solver, solver.frame.background.estimate.searches[0]
 
 
-def test_crowds_get_grids_of_their_own():
+def test_dense_clusters_get_separate_grids():
     _, index = index_of(stadium(), 0.05)
     assert len(index.grids) == 3
     whole = DiscGrid(index.discs, np.arange(len(index.discs.positions)))
@@ -35,7 +35,7 @@ def test_crowds_get_grids_of_their_own():
 
 
 @pytest.mark.parametrize("search", SEARCHES)
-def test_crowds_give_the_same_bits(search):
+def test_dense_clusters_give_the_same_bits(search):
     expected = index_of(stadium(), 0.05, "brute_force")[0].irradiance
     assert expected.max() > 0
     assert np.array_equal(index_of(stadium(), 0.05, search)[0].irradiance, expected)

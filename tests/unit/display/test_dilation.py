@@ -67,7 +67,7 @@ def test_each_is_the_mean_of_its_visible_neighbours():
         assert np.allclose(seen[r], E[lit].mean(axis=0), rtol=1e-12)
 
 
-def test_unreached_receivers_have_next_to_no_weight_in_their_triangles():
+def test_unreached_receivers_have_almost_no_weight():
     solver = solved(standing())
     seen = solver.drawn(solver.irradiance)
     covered, on_floor = inside(solver)

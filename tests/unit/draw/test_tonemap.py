@@ -11,7 +11,7 @@ from app.settings import TONE_MAPS as NAMES
 GREYS = np.linspace(0, 50, 2001)[:, None] * np.ones(3)
 
 
-def test_settings_name_the_tone_maps_there_are():
+def test_settings_list_all_tone_maps():
     assert set(NAMES) == set(TONE_MAPS)
 
 
@@ -44,7 +44,7 @@ def test_reinhard_keeps_hue_while_nothing_clips():
 
 
 @pytest.mark.parametrize("name", TONE_MAPS)
-def test_a_stop_is_a_doubling(name):
+def test_one_stop_doubles_the_light(name):
     colour = np.array([[0.1, 0.2, 0.05]])
     assert (to_display(colour, 1.0, name) == to_display(2 * colour, 0.0, name)).all()
 

@@ -152,7 +152,7 @@ def test_without_photons_there_is_nothing_to_gather_over(monkeypatch):
     assert solver.light_source.gathered.enough
 
 
-def test_where_there_are_only_mobiles_there_is_nothing_to_gather():
+def test_scene_of_mobiles_alone_gathers_nothing():
     nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
     lights = PointLight("p", (0.5, 0.5, 0.9), (1.0,) * 3), PointLight("q", (-0.5, -0.5, -0.9), (1.0,) * 3)
     scene = Scene(nothing, (grey(0.5), grey(0.5)), (box_mobile(size=0.2),), lights, up=(0, 0, 1))

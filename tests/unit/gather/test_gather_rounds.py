@@ -71,7 +71,7 @@ def test_the_mean_of_many_runs_is_the_answer(light_sampling):
     assert (error < 0.01 * truth).all()
 
 
-def test_in_a_furnace():
+def test_reference_in_a_furnace():
     points = np.array([(0.5, 0.5, 0), (0.01, 0.5, 0), (1e-3, 1e-3, 0), (0.3, 0.4, 0.5)]), np.tile([0.0, 0, 1], (4, 1))
     state = gathered(build.furnace_scene(2.0, 0.5), 40, 3, points, weights=np.ones(4))
     z_test(state.mean[:, 0], closed_form.furnace(2.0, 0.5), state.standard_error[:, 0], "furnace", degrees=39)

@@ -12,7 +12,7 @@ from gi_core.model import Model
 from tests.support.scene_builders import ROOM_POINTS, coloured_room, plane_scene
 
 
-def test_a_draw_is_by_area_and_counts_repeats():
+def test_draws_are_by_area_with_repeats():
     areas = np.array([0.0, 1.0, 3.0, 0.0, 4.0])
     rows, times = draw_by_area(np.array([1, 2, 4]), areas, 8000, 1)
     assert rows.tolist() == [1, 2, 4] and times.sum() == 8000

@@ -53,7 +53,7 @@ def test_a_mesh_of_graded_edges_stays_closed():
     assert len(mesh.faces) < 20_000 < 2 * 6 * (20 / 0.1) ** 2  # far away it stays coarse
 
 
-def test_thin_faces_wait_for_their_neighbours():
+def test_thin_faces_are_split_only_with_their_neighbours():
     mesh = tessellate(box((1.0, 1.0, 0.005)), 0.1, None, 0.02)
     _, counts = np.unique(edges_of(mesh), axis=0, return_counts=True)
     assert (counts == 2).all()

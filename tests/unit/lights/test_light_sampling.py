@@ -93,7 +93,7 @@ def test_each_share_is_the_formula():
     assert np.allclose(share, expected, rtol=0.01)
 
 
-def test_where_nothing_faces_the_mobile_the_choice_is_by_flux():
+def test_choice_is_by_flux_if_no_lamp_faces_the_mobile():
     plain = area_lights(room(quad((0.3, 0.3, 0.9), (0.4, 0, 0), (0, 0.4, 0), (2, 2), 1)).surfaces)
     assert np.allclose(aimed(plain, CENTRE, RADIUS).cdf, plain.cdf, rtol=1e-12)
 

@@ -72,7 +72,7 @@ def test_all_work_at_rest_is_done_and_stored_in_a_new_folder(folder, capfd):
     assert np.array_equal(session.irradiance, session.light._solver.from_scratch())
 
 
-def test_rest_ends_where_there_is_no_light():
+def test_work_at_rest_ends_without_light():
     session = opened(UNLIT)
     rest(session)
     assert errors(session) == [] and not session.irradiance.any()
