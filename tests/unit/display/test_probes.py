@@ -28,5 +28,5 @@ def test_probes_read_linear_light_exactly(turn, height):
     def light(points: np.ndarray) -> np.ndarray:
         return 1 + np.outer((points @ turn)[:, 0], (0.1, 0.2, 0.3))
 
-    read = probe_irradiance(model, light(model.object_receivers.positions), on_faces=True)
+    read = probe_irradiance(model, light(model.receivers_at({}).positions), on_faces=True)
     assert np.allclose([read[p.name] for p in probes], light(places), rtol=1e-5)
