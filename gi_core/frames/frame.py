@@ -126,7 +126,7 @@ def next_frame(
         E = _controlled(b, source, evaluated, size.photons)
     clock("read out")
     if size.paths:
-        source.light_mobiles(E, at, size.paths)
+        source.light_mobiles(E, at, size.paths, source.bounce_reflectance(store, b))
         clock("gather")
     return Frame(poses, E, store, b, changed, size, source.is_gathered, estimate.control_facts, clock.seconds)
 
@@ -156,5 +156,5 @@ def light_from_scratch(shown: Frame, b: Background, source: LightSource, poses: 
         return irradiance(every.sums, model.emitters.unit_flux / n, every.area)
     E = _controlled(b, source, every, n)
     if shown.paths:
-        source.light_mobiles(E, at, shown.paths, fresh=True)
+        source.light_mobiles(E, at, shown.paths, source.bounce_reflectance(shown.store, b), fresh=True)
     return E

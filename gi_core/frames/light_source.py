@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.display.dilation import NONE_UNREACHED, Dilation, Drawn, dilated
-from gi_core.frames.background import Background
+from gi_core.frames.background import Background, Photons
 from gi_core.frames.progress import Progress
+from gi_core.gather import coarse_faces
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
@@ -50,6 +51,7 @@ class LightSource:
         self._model, self._seed = model, seed
         self._less_noise = False  # gathered light has less noise than all photons
         self._mobile: MobileGather | None = None
+        self._reflectance: tuple[np.ndarray, np.ndarray] | None = None  # for static light, see `coarse_faces`
         self._poses: dict[int, bytes] = {}  # by number of paths, of its last frame
         self.rays_traced = False  # in the last frame: mobiles had moved
 
@@ -122,6 +124,7 @@ class LightSource:
             self.dilation = Dilation(self._model, size)
             yield
         self.unreached = yield from self.dilation.find_static(self.static_irradiance(shown, shown.estimate.photons))
+        self._reflectance = None
 
     def dilated(self, irradiance: np.ndarray, at: Transforms) -> Drawn:
         """Return irradiance (R, 3) at poses for pictures, unreached receivers filled; as it is before the search."""
@@ -146,10 +149,21 @@ class LightSource:
         """Return the size of a frame; paths as for `paths()`. Without photons there are none."""
         return FrameSize(photons, self.paths(paths) if photons else 0)
 
-    def light_mobiles(self, irradiance: np.ndarray, at: Transforms, paths: int, fresh: bool = False) -> None:
+    def bounce_reflectance(self, store: Photons, b: Background) -> np.ndarray:
+        """Return reflectance (F, 3) for light_mobiles(), where a background of these photons is on show."""
+        light = self.static_irradiance(b, b.estimate.photons)
+        if self._reflectance is None or self._reflectance[0] is not light:
+            some, _ = store.prefix(min(b.estimate.photons, coarse_faces.PHOTONS))
+            filled, disc = dilated(light, self.unreached).irradiance, math.pi * b.setting.radius**2
+            self._reflectance = light, coarse_faces.conserving_reflectance(self._model, some, disc, filled)
+        return self._reflectance[1]
+
+    def light_mobiles(
+        self, irradiance: np.ndarray, at: Transforms, paths: int, reflectance: np.ndarray | None = None, fresh=False
+    ) -> None:
         """Replace the irradiance (R, 3) of receivers on mobiles by gathered light from the static part's.
 
-        paths: one of PATHS; fresh: without caches of earlier frames.
+        paths: one of PATHS; reflectance (F, 3): see `coarse_faces`; fresh: without caches of earlier frames.
         """
         if fresh:
             gather = MobileGather(self._model, self._seed)
@@ -157,4 +171,5 @@ class LightSource:
             gather = self._mobile = self._mobile or MobileGather(self._model, self._seed)
             poses = at.rotation.tobytes() + at.position.tobytes()
             self.rays_traced, self._poses[paths] = self._poses.get(paths) != poses, poses
-        irradiance[gather.first :] = gather.irradiance(at, irradiance[: gather.first], paths.bit_length() - 1)
+        static = irradiance[: gather.first]
+        irradiance[gather.first :] = gather.irradiance(at, static, paths.bit_length() - 1, reflectance)

@@ -39,6 +39,7 @@ from gi_core.lights.next_event import (
 )
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
+from gi_core.rays.two_level import World
 from gi_core.scene.pose import to_world_at
 
 STREAM = 0x3B11  # separates these random numbers from those of photons and reference with the same seed
@@ -83,13 +84,17 @@ class MobileGather:
         self._directions: dict[int, np.ndarray] = {}  # by log2 of paths
         self._batches: dict[int, list[ReceiverBatch | None]] = {}  # by log2 of paths
 
-    def irradiance(self, at: Transforms, static: np.ndarray, log2_paths: int) -> np.ndarray:
+    def irradiance(
+        self, at: Transforms, static: np.ndarray, log2_paths: int, reflectance: np.ndarray | None = None
+    ) -> np.ndarray:
         """Return irradiance (m, 3) float64 [W/m2] of the receivers on mobiles, from `first` on.
 
         static (>= first, 3) float64 [W/m2]: irradiance of the static receivers at these poses. 2^log2_paths paths per
-        receiver, 0 <= log2_paths <= strata.LARGEST.
+        receiver, 0 <= log2_paths <= strata.LARGEST. reflectance (F, 3) float64 of all faces, None: their own.
         """
-        m, n = log2_paths, len(self._positions)
+        m, n, world = log2_paths, len(self._positions), self._model.world
+        if reflectance is not None:
+            world = world._replace(reflectance=reflectance)
         light = PathSums(*np.zeros((2, n, 3)), np.empty(n))
         if n == 0:
             return light.direct
@@ -105,7 +110,7 @@ class MobileGather:
             for k in order[first:last]:
                 batch = kept[k] or self._batch(m, *places[k])
                 known = PathSums(*(a[batch.rows] for a in light))
-                found.append(self._gather(batch, at, *sampled[batch.mobile - 1], static, m, known))
+                found.append(self._gather(world, batch, at, *sampled[batch.mobile - 1], static, m, known))
                 if (n << m) <= CACHED_PATHS:
                     kept[k] = batch
             return found
@@ -154,10 +159,11 @@ class MobileGather:
         return ReceiverBatch(mobile, rows, directions, rays, ShadowRays(self._model, mobile))
 
     def _gather(
-        self, batch: ReceiverBatch, at: Transforms, lights: Lights, samples: LightSamples, static, m, light: PathSums
-    ) -> Exchange:
+        self, world: World, batch: ReceiverBatch, at: Transforms, lights: Lights, samples: LightSamples, static, m,
+        light: PathSums,
+    ) -> Exchange:  # fmt: skip
         """Gather at a batch of receivers: add known light to `light`, return the hits on mobiles."""
-        world, s, area = self._model.world, self._model.surfaces, lights.area
+        s, area = self._model.surfaces, lights.area
         n, R, p = batch.rows.stop - batch.rows.start, at.rotation[batch.mobile, None], at.position[batch.mobile, None]
         positions = to_world_at(R, p, self._positions[batch.rows])
         normals = to_world_at(R, 0 * p, self._normals[batch.rows])
