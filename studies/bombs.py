@@ -23,7 +23,7 @@ def main() -> int:
     load_scene(write_scene(Path(tempfile.mkdtemp())))  # imports and kernels
     for name in sys.argv[1:] or ALL:
         with tempfile.TemporaryDirectory() as folder:
-            if not os.fork():  # writing takes memory too: in a process of its own
+            if not os.fork():  # writing takes memory too: in a separate process
                 ALL[name](Path(folder))
                 os._exit(0)
             os.wait()

@@ -1,7 +1,7 @@
 """Time from an interrupt to the end of the program: `python -m studies.interrupts [--scene cornell] [--after 2 8 20]`.
 
-Starts commands and the window, presses Ctrl+C (SIGINT to the whole group, as a terminal does) or closes the window,
-and prints the time to the end, the exit code, the last lines and files left behind. Exit code 1 if an end took longer
+Starts commands and the window. Presses Ctrl+C (SIGINT to the whole group, as a terminal does) or closes the window.
+Prints the time to the end, the exit code, the last lines and files left behind. Exit code 1 if an end took longer
 than SOON, had another exit code, or left a partial file. Linux alone.
 """
 

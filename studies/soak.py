@@ -2,8 +2,8 @@
 
 A window without a screen repeats a user's actions at full speed: drags, turns, play, undo, switches of estimator,
 radius and photons, resizes, panel folds, loads. Memory, memory in use inside malloc, and frames are recorded every few
-seconds. Exit code 1 if memory still grows in the second half after a minute of warm-up, if the log has an error, or
-if the last light differs by a bit from a solution from scratch. Linux alone (it reads /proc).
+seconds. Exit code 1 in three cases: memory grows in the second half after a minute of warm-up; the log has an error;
+the last light differs from a solution from scratch. Linux alone (it reads /proc).
 """
 
 from __future__ import annotations

@@ -100,13 +100,13 @@ def test_ctrl_c_ends_quietly(capsys, monkeypatch):
     assert one_line(capsys.readouterr().err) == "gi-viewer: stopped\n"
 
 
-class _Terminal(io.StringIO):
+class _TtyStream(io.StringIO):
     def isatty(self) -> bool:
         return True
 
 
 def test_the_progress_bar_draws_on_terminals_only_and_cleans_up():
-    for stream, drawn in ((_Terminal(), True), (io.StringIO(), False)):
+    for stream, drawn in ((_TtyStream(), True), (io.StringIO(), False)):
         with Bar(stream) as bar:
             bar("tracing", 0.5)
         text = stream.getvalue()

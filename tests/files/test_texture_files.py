@@ -226,7 +226,7 @@ def test_pixels_of_all_images_are_bounded(tmp_path, monkeypatch):
     (tmp_path / "a.obj").write_text("\n".join(lines))
     (tmp_path / "a.mtl").write_text("".join(f"newmtl m{i}\nmap_Kd {i}.png\n" for i in range(4)))
     read = read_mesh_file(tmp_path / "a.obj")
-    assert len(read.mesh.paint.textures) == 3  # 0, 1 and 3, which holds what 0 holds
+    assert len(read.mesh.paint.textures) == 3  # 0, 1 and 3, which equals 0
     (note,) = [n for n in read.notes if "texture" in n]
     assert "2.png: a scene must have no more than 40 pixels, got 48" in note
 

@@ -1,7 +1,7 @@
 """Small scenes with artifacts of discs, and their affected receivers.
 
 Each is about a metre wide, has its faces finer than the discs where it matters, and is lit so that
-irradiance hardly changes over a disc, so any error comes from the disc's shape.
+irradiance hardly changes over a disc. Any error comes from the disc's shape.
 """
 
 from __future__ import annotations

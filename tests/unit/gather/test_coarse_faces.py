@@ -1,4 +1,4 @@
-"""Mobiles in rooms of few large triangles, whose corners tell little of their light."""
+"""Mobiles in rooms of few large triangles, with corners that hardly represent their light."""
 
 from __future__ import annotations
 
