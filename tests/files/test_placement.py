@@ -154,7 +154,7 @@ def test_lamp_hangs_below_the_shelf_over_the_mobile():
     scene, _, _ = complete(Scene(merge(room, shelf), (grey(0.7),), (mobile,)), [], True)
     assert 0.8 < lamp_faces(scene)[..., 1].max() < 1
     (note,) = (n for n in scene.notes if "no light" in n)
-    assert note.endswith("hangs below the shelf")
+    assert note.endswith("hangs below the object over the mobile")
 
 
 def test_the_lamp_does_not_stick_into_a_beam():

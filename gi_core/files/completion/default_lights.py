@@ -59,7 +59,7 @@ def lamp_below_ceiling(scene: Scene, rays: Rays, stand: np.ndarray, height: floa
         free = min(LAMP_SIDE * height, 1.5 * float(t.min()))
         if free > side:
             best, side = centre, free
-    where = "below what is above the mobile" if scene.mobiles else "below the ceiling"
+    where = "below the object over the mobile" if scene.mobiles else "below the ceiling"
     return _with_lamp(scene, best, max(side, LEAST_SIDE * height), -up, around[0], where)
 
 
