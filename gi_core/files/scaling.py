@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import assert_never
+
 from gi_core.files.formats.mesh_file import MeshFile
-from gi_core.scene.types import Camera, Light, PointLight, SpotLight
+from gi_core.scene.types import Camera, DirectionalLight, Light, PointLight, SkyLight, SpotLight
 
 
 def scaled(read: MeshFile, factor: float) -> MeshFile:
@@ -25,11 +27,15 @@ def scaled(read: MeshFile, factor: float) -> MeshFile:
 
 
 def _light(light: Light, factor: float) -> Light:
-    if isinstance(light, PointLight):
-        return light._replace(position=_times(light.position, factor), flux=_times(light.flux, factor**2))
-    if isinstance(light, SpotLight):
-        return light._replace(position=_times(light.position, factor), intensity=_times(light.intensity, factor**2))
-    return light
+    match light:
+        case PointLight():
+            return light._replace(position=_times(light.position, factor), flux=_times(light.flux, factor**2))
+        case SpotLight():
+            return light._replace(position=_times(light.position, factor), intensity=_times(light.intensity, factor**2))
+        case DirectionalLight() | SkyLight():
+            return light
+        case _:
+            assert_never(light)
 
 
 def _times(values, factor: float) -> tuple[float, float, float]:

@@ -7,7 +7,7 @@ the Sobol sequence picks the light, so photon i depends on (seed, i) alone.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, assert_never
 
 import numpy as np
 
@@ -63,19 +63,22 @@ def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius:
             emitted = math.pi * surfaces.areas[f] * surfaces.emission[f]
             add(AREA, np.concatenate([corners, surfaces.normals[f]]), emitted, f)
     for light in scene.lights:
-        if isinstance(light, PointLight):
-            add(POINT, np.array(light.position, float), np.array(light.flux, float))
-        elif isinstance(light, SpotLight):
-            ci, co = (math.cos(math.radians(a)) for a in (light.inner_degrees, light.outer_degrees))
-            values = np.concatenate([light.position, unit(light.direction), [ci, co]])
-            add(SPOT, values, np.array(light.intensity, float) * spot_solid_angle(ci, co))
-        elif isinstance(light, DirectionalLight):
-            d = unit(light.direction)
-            values = np.concatenate([d, centre - d * radius, [radius]])
-            add(DIRECTIONAL, values, np.array(light.irradiance, float) * math.pi * radius * radius)
-        elif isinstance(light, SkyLight):
-            values = np.concatenate([unit(scene.up), centre, [radius]])
-            add(SKY, values, np.array(light.radiance, float) * 2 * math.pi * math.pi * radius * radius)
+        match light:
+            case PointLight():
+                add(POINT, np.array(light.position, float), np.array(light.flux, float))
+            case SpotLight():
+                ci, co = (math.cos(math.radians(a)) for a in (light.inner_degrees, light.outer_degrees))
+                values = np.concatenate([light.position, unit(light.direction), [ci, co]])
+                add(SPOT, values, np.array(light.intensity, float) * spot_solid_angle(ci, co))
+            case DirectionalLight():
+                d = unit(light.direction)
+                values = np.concatenate([d, centre - d * radius, [radius]])
+                add(DIRECTIONAL, values, np.array(light.irradiance, float) * math.pi * radius * radius)
+            case SkyLight():
+                values = np.concatenate([unit(scene.up), centre, [radius]])
+                add(SKY, values, np.array(light.radiance, float) * 2 * math.pi * math.pi * radius * radius)
+            case _:
+                assert_never(light)
     return _distribution(kinds, parameters, faces, flux)
 
 
@@ -106,14 +109,8 @@ def unit(v) -> np.ndarray:
     return v / np.sqrt((v * v).sum())
 
 
-def spot_falloff(cosine, cos_inner: float, cos_outer: float):
-    """Return intensity relative to the axis: 1 inside `inner`, the square of a ramp in cos, 0 outside."""
-    ramp = np.clip((cosine - cos_outer) / max(cos_inner - cos_outer, 1e-12), 0, 1)
-    return ramp * ramp
-
-
 def spot_solid_angle(cos_inner: float, cos_outer: float) -> float:
-    """Return the integral of spot_falloff over directions [sr]: 2 pi (1 - ci + (ci - co) / 3)."""
+    """Return the integral of a spot's falloff over directions [sr]: 2 pi (1 - ci + (ci - co) / 3)."""
     return 2 * math.pi * ((1 - cos_inner) + (cos_inner - cos_outer) / 3)
 
 

@@ -12,7 +12,7 @@ radius: choices that follow every step make the light flicker.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, assert_never
 
 import numpy as np
 
@@ -86,21 +86,24 @@ def small_lights(scene: Scene) -> SmallLights:
     kind, parameters, value = [], [], []
     for light in scene.lights:
         row = np.zeros(8)
-        if isinstance(light, PointLight):
-            kind.append(POINT)
-            row[:3] = light.position
-            value.append(np.array(light.flux, float) / (4 * math.pi))
-        elif isinstance(light, SpotLight):
-            kind.append(SPOT)
-            row[:3], row[3:6] = light.position, _unit(light.direction)
-            row[6:] = math.cos(math.radians(light.inner_degrees)), math.cos(math.radians(light.outer_degrees))
-            value.append(np.array(light.intensity, float))
-        elif isinstance(light, DirectionalLight):
-            kind.append(DIRECTIONAL)
-            row[3:6] = _unit(light.direction)
-            value.append(np.array(light.irradiance, float))
-        else:
-            continue
+        match light:
+            case PointLight():
+                kind.append(POINT)
+                row[:3] = light.position
+                value.append(np.array(light.flux, float) / (4 * math.pi))
+            case SpotLight():
+                kind.append(SPOT)
+                row[:3], row[3:6] = light.position, _unit(light.direction)
+                row[6:] = math.cos(math.radians(light.inner_degrees)), math.cos(math.radians(light.outer_degrees))
+                value.append(np.array(light.intensity, float))
+            case DirectionalLight():
+                kind.append(DIRECTIONAL)
+                row[3:6] = _unit(light.direction)
+                value.append(np.array(light.irradiance, float))
+            case SkyLight():  # `sky_of`
+                continue
+            case _:
+                assert_never(light)
         parameters.append(row)
     return SmallLights(
         np.array(kind, np.int64),

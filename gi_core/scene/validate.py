@@ -95,6 +95,9 @@ def check_size(where: str, mesh: Mesh) -> None:
 
 
 def _check_fields(where: str, record) -> None:
+    if type(record) not in FIELDS:
+        known = ", ".join(kind.__name__ for kind in FIELDS)
+        raise SceneError(f"{where} must be a {known}, got a {type(record).__name__}")
     for name, rule in FIELDS[type(record)].items():
         value = getattr(record, name)
         if not (value is None and type(record) is Defaults):

@@ -247,3 +247,12 @@ def test_what_a_loaded_scene_breaks_is_named_by_its_file(tmp_path):
     file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, nodes=[node], extensions=light)
     with pytest.raises(SceneError, match='a.glb: .*light "light 0": flux must be three numbers >= 0'):
         load_scene(file)
+
+
+def test_an_unknown_kind_of_gltf_light(tmp_path):
+    """It became a spot."""
+    light = {"KHR_lights_punctual": {"lights": [{"type": "area", "intensity": 3}]}}
+    node = {"extensions": {"KHR_lights_punctual": {"light": 0}}}
+    file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, nodes=[node], extensions=light)
+    with pytest.raises(SceneError, match="a.glb: .* a light must be point, spot or directional, got 'area'"):
+        read_mesh_file(file)

@@ -26,6 +26,8 @@ def node_light(json: dict, node: dict, matrix: np.ndarray, number: int):
     intensity = tuple(float(c) for c in colour)
     if light["type"] == "directional":
         return DirectionalLight(name, direction, intensity)
+    if light["type"] != "spot":
+        raise ValueError(f"a light must be point, spot or directional, got {light['type']!r}")
     cone = light.get("spot", {})
     outer = min(max(math.degrees(cone.get("outerConeAngle", math.pi / 4)), NARROWEST), 90.0)
     inner = min(math.degrees(cone.get("innerConeAngle", 0.0)), outer)

@@ -23,14 +23,14 @@ NO_MATERIAL = "default"
 
 def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
     """Read triangles and polygons (cut into fans), normals, materials and colour textures."""
-    text = text_of(data, "replace")
+    text = _joined(data)
     boundary.take(where, "lines of text", text.count("\n"))
     boundary.take(where, "vertices", text.count("\nv"))
     v, vt, vn = array("d"), array("d"), array("d")
     corners, face_material = array("q"), array("q")  # of each corner three indices: position, texture, normal
     library, names, current, notes, images = {}, {}, None, [], Images(boundary)
     libraries = set()
-    for number, line in enumerate(text.replace("\\\n", " ").split("\n"), 1):
+    for number, line in enumerate(text.split("\n"), 1):
         word, rest = [*line.split(None, 1), "", ""][:2]
         if word in ("v", "vt", "vn", "f"):
             rest = rest.partition("#")[0]
@@ -72,6 +72,11 @@ def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
     texture, uv = _texture_coordinates(names, library, material, placed, uv_ids)
     part = Part(vertices, faces, material, normals, None, texture, uv)
     return FileParts([part], materials, [], None, "y", notes + images.notes(), tuple(images.textures))
+
+
+def _joined(data: bytes) -> str:
+    """Return text whose continued lines are joined."""
+    return text_of(data, "replace").replace("\\\n", " ")
 
 
 class _Entry:
@@ -127,7 +132,7 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
         notes.append(f"material file {name} {why}: materials taken as grey 0.7")
         return {}
     entries, entry = {}, None
-    for line in text_of(boundary.read(found, where), "replace").split("\n"):
+    for line in _joined(boundary.read(found, where)).split("\n"):
         words = line.partition("#")[0].split()
         if not words:
             continue

@@ -213,6 +213,8 @@ def _light(values, i, scene) -> Light:
         return DirectionalLight(name, t.direction("direction"), t.vector("irradiance", least=0))
     if kind == "sky":
         return SkyLight(name, t.vector("radiance", least=0))
+    if kind != "spot":
+        raise NotImplementedError(kind)  # a key of LIGHTS that is not read
     outer = t.number("outer_degrees", above=0, below=90.0001)
     inner = t.number("inner_degrees", 0.0, least=0)
     if inner > outer:

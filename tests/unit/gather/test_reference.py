@@ -10,7 +10,6 @@ import pytest
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.surfaces import flatten
-from gi_core.lights.emission import spot_falloff
 from gi_core.lights.light_sampling import small_lights
 from gi_core.lights.next_event import small_light_at
 from gi_core.scene.errors import SceneError
@@ -74,14 +73,13 @@ def test_several_small_lights_add_up():
     z_test(together, alone, np.hypot(error, LIFT * alone), "four lights")
 
 
-def test_spot_falloff_equals_that_of_photons():
+def test_spot_falloff():
     scene = build.plane_scene(SpotLight("s", (0, 0, 1), (0, 0, -1), (1.0,) * 3, 15.0, 50.0))
     lights = small_lights(scene)
     for x in np.linspace(0, 1.5, 20):
         s, *_ = small_light_at(lights.kind[0], lights.parameters[0], (x, 0.0, 0.0), (0.0, 0.0, 1.0), 9.0)
-        cosine = 1 / math.hypot(x, 1)
-        falloff = spot_falloff(cosine, *(math.cos(math.radians(a)) for a in (15, 50)))
-        assert s == pytest.approx(closed_form.point_over_plane(1.0, 1.0, x) * falloff, abs=1e-12)
+        inner, outer = (math.cos(math.radians(a)) for a in (15, 50))
+        assert s == pytest.approx(closed_form.spot_over_plane(1.0, 1.0, x, inner, outer), abs=1e-12)
 
 
 # -- area lights, sky -------------------------------------------------------------------------------

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from gi_core.geometry.surfaces import flatten
+from gi_core.lights.emission import build_emitters
+from gi_core.lights.light_sampling import small_lights
 from gi_core.scene import SceneError
 from gi_core.scene.types import DirectionalLight, PointLight, SkyLight, SpotLight
+from gi_core.scene.validate import check_scene
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room, grey, lamp
 
@@ -99,3 +104,23 @@ def test_no_photons_no_light():
     solver = Solver(ROOM, photons=0)
     solver.solve()
     assert solver.photons == 0 and not solver.irradiance.any()
+
+
+class Beam(NamedTuple):
+    """A kind of light that nothing knows."""
+
+    name: str = "beam"
+    position: tuple = (0.0, 0.0, 0.0)
+    direction: tuple = (0.0, 0.0, -1.0)
+    radiance: tuple = WHITE
+
+
+def test_an_unknown_kind_of_light_is_refused():
+    """No other kind may stand in for it: it became a sky to this check, and was absent to shadow rays."""
+    with pytest.raises(SceneError, match='light "beam" must be a .*PointLight, .*SkyLight, .* got a Beam'):
+        check_scene(with_light(Beam()))
+    surfaces, _ = flatten(with_light(Beam()))
+    with pytest.raises(AssertionError, match="unreachable"):
+        small_lights(with_light(Beam()))
+    with pytest.raises(AssertionError, match="unreachable"):
+        build_emitters(with_light(Beam()), surfaces, np.zeros(3), 1.0)
