@@ -195,10 +195,12 @@ class Session:
     def move(self, poses: Mapping[str, Pose]) -> None:
         """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light.
 
-        While something is dragged or played it is the light of as many photons as fit the budget.
+        It is the light of as many photons as fit the budget; a single move chooses their number anew.
         """
         self._moved_at = self.clock()
-        self.light.move(poses, hasty=self.dragging or self.playing)
+        if not (self.dragging or self.playing):
+            self.light.begin_motion()
+        self.light.move(poses)
 
     def begin_drag(self) -> None:
         self.dragging = True

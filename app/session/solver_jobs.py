@@ -80,24 +80,15 @@ class Move:
 
 @dataclass(frozen=True)
 class Time:
-    """The frame of the next prefix timed, smallest first, so that the first drag knows which one fits.
+    """The frame of the next prefix timed, so that the first drag knows which one fits. It is not shown."""
 
-    It is not shown. The last timed frame is of all photons again.
-    """
-
-    budget: float  # [s]
-    begun: bool  # the solver's last frame may be of few photons
+    steps: Iterator[bool]
     name: ClassVar[str] = "timing"
     busy: ClassVar[bool] = True
 
     def run(self, solver: Solver, work: RestWork) -> bool:
-        """Return whether there are more prefixes to time."""
-        photons = solver.budget.next_to_time(self.budget, solver.frame.prefixes)
-        if photons is not None:
-            solver.move_all({}, photons, solver.size_within(0.0)[1])
-        elif self.begun:
-            solver.move_all({})
-        return photons is not None
+        """Return whether there may be more prefixes to time."""
+        return next(self.steps, False)
 
 
 class Rested(NamedTuple):

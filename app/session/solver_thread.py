@@ -35,14 +35,6 @@ class Stage(enum.Enum):
     REFINED = enum.auto()
 
 
-class Timing(enum.Enum):
-    """State of the timing of prefixes' frames."""
-
-    DUE = enum.auto()
-    BEGUN = enum.auto()  # the solver's last frame may be of few photons
-    DONE = enum.auto()
-
-
 class Solving:
     """Hands jobs to the solver's thread, which alone touches the solver; all methods are the window's thread's."""
 
@@ -62,10 +54,10 @@ class Solving:
         self._warned: set[str] = set()  # kinds of warnings that the log has had
         self._solver, self._work, self._worker = solver, RestWork(solver, clock), worker
         self._job: Job | None = None
-        self._timing = Timing.DUE
+        self._time_due = True  # frames of prefixes are to be timed
+        self._timings: Iterator[bool] | None = None
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
         self._begins = False  # a motion, with the next of them
-        self._hasty = False  # these may be shown in the light of fewer photons
         self._begin_refinement()
         self._show(worker.submit(functools.partial(snapshot_of, solver, self._work)).result())
 
@@ -118,6 +110,7 @@ class Solving:
                 else:
                     self.gi_seconds.add(seconds)
                     self._show(snapshot)
+                self._timings = None
                 self._begin_refinement()
             case Rested(task, rest, snapshot, problem):
                 self.all_done = not task
@@ -129,7 +122,7 @@ class Solving:
                     self.version += not rest.looks_like(self.snapshot.rest)
                     self.snapshot = self.snapshot._replace(rest=rest)
             case more:
-                self._timing = Timing.BEGUN if more else Timing.DONE
+                self._time_due = more
 
     def _fail(self, job: Job, problem: Exception) -> None:
         match job:
@@ -138,7 +131,7 @@ class Solving:
             case Move():
                 self.move_failed = True
             case Time():
-                self._timing = Timing.DONE
+                self._time_due = False
             case Rest():
                 self.all_done = True
         self.log.error(job.name, problem)
@@ -181,7 +174,7 @@ class Solving:
         # The solver keeps the old picture until the new one is as good.
         self._worker.submit(functools.partial(_configure, self._solver, changes)).result()
         self._begin_refinement()
-        self._timing = Timing.DUE
+        self._time_due, self._timings = True, None
         return True
 
     def close(self, patience: float = PATIENCE) -> None:
@@ -189,7 +182,7 @@ class Solving:
         if self._wait(patience):
             self._worker.submit(self._work.keep).wait(patience)
         self._worker.close()
-        self._stage, self._steps, self._job = Stage.REFINED, iter(()), None
+        self._stage, self._steps, self._timings, self._job = Stage.REFINED, iter(()), None, None
 
     def refine(self, budget: float, rest: Settings | None = None) -> None:
         """Wait for steps until the budget is spent; the one under way then goes on behind the picture.
@@ -198,6 +191,7 @@ class Solving:
         """
         deadline = self.clock() + budget
         while self._stage is Stage.REFINING and not self._pending:
+            self.settle()  # at once: a step of refinement that brings all photons takes twice as long
             if self.is_idle:
                 self._begin(Refine(self._steps))
                 self.steps_begun += 1
@@ -207,8 +201,9 @@ class Solving:
             return
         if self.partial or self._stage is Stage.REFINING:
             return
-        if self._timing is not Timing.DONE and self.snapshot.poses and self.budget > 0:
-            self._begin(Time(self.budget, self._timing is Timing.BEGUN))
+        if self._time_due and self.snapshot.poses and self.budget > 0:
+            self._timings = self._timings or _timings(self._solver, self.budget)
+            self._begin(Time(self._timings))
         elif rest is not None:
             self._rest(deadline, rest)
 
@@ -222,19 +217,16 @@ class Solving:
 
     # -- moves ------------------------------------------------------------------------------------
 
-    def move(self, poses: Mapping[str, Pose], hasty: bool = False) -> None:
+    def move(self, poses: Mapping[str, Pose]) -> None:
         """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light.
 
-        `hasty`: in that of as many photons as fit the budget; settle() then brings the rest.
+        The light is that of as many photons as fit the budget; settle() brings the rest.
         """
         self._pending.update(poses)
-        self._hasty = hasty
-        if self._timing is Timing.BEGUN:
-            self._timing = Timing.DONE
         self.move_pending(self.grace)
 
     def begin_motion(self) -> None:
-        """Let the next hasty move choose its photons."""
+        """Let the next move choose its photons."""
         self._begins = True
 
     def settle(self) -> None:
@@ -249,7 +241,7 @@ class Solving:
             if not self._wait(deadline - self.clock()):
                 return
             poses, self._pending = self._pending, {}
-            self._begin_move(poses, self._hasty)
+            self._begin_move(poses, hasty=True)
         if isinstance(self._job, Move):
             self._wait(deadline - self.clock())
 
@@ -262,6 +254,15 @@ class Solving:
 def _steps(solver: Solver) -> Iterator[Progress]:
     """Iterate over the solver's steps; the solver is first touched with the first step."""
     yield from solver.solve_steps()
+
+
+def _timings(solver: Solver, seconds: float) -> Iterator[bool]:
+    """Time the frames of prefixes within a budget [s], smallest first, by a twin: the frame on show stays."""
+    twin = solver.twin()
+    twin.budget = solver.budget
+    while (photons := solver.budget.next_to_time(seconds, solver.frame.prefixes)) is not None:
+        twin.move_all({}, photons, solver.size_within(0.0)[1])
+        yield True
 
 
 def _configure(solver: Solver, changes: Mapping[str, Any]) -> None:

@@ -246,9 +246,19 @@ class CountingSolver:
         self._learn(photons)
         self.frame.photons = photons
         self.moved_with.append(photons)
-        self.log.append(("move", dict(poses)) if poses else ("timed", photons))
+        self.log.append(("move", dict(poses)))
         self.poses.update(poses)
         self.irradiance = np.full_like(self.irradiance, len(self.log))
+
+    def twin(self) -> SimpleNamespace:
+        return SimpleNamespace(move_all=self._time)
+
+    def _time(self, poses, photons: int, paths: int | None) -> None:
+        """A frame of the twin: what is on show stays."""
+        assert not poses and photons in self.prefixes
+        self.clock.now += self.move_seconds(photons)
+        self._learn(photons)
+        self.log.append(("timed", photons))
 
     def configure(self, **changes) -> None:
         self.log.append(("configure", changes))
