@@ -1,6 +1,6 @@
 """The solver's thread: the window never waits for a long task.
 
-Most tasks take milliseconds; the index of a large scene or a move among a million photons takes longer. Calls run one
+Most calls last milliseconds; the index of a large scene or a move among a million photons lasts longer. They run one
 at a time, and no other thread uses the solver meanwhile.
 """
 

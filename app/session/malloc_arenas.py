@@ -15,7 +15,7 @@ def limit_arenas() -> None:
     """Let malloc use few arenas, whatever the number of threads; call it before they start."""
     try:
         library = ctypes.CDLL(None)
-    except (OSError, TypeError):  # Windows takes no None
+    except (OSError, TypeError):  # Windows accepts no None
         return
     if hasattr(library, "gnu_get_libc_version"):
         library.mallopt(M_ARENA_MAX, ARENAS)

@@ -1,8 +1,7 @@
-"""From a command line to a lit scene, beside a window that stays alive.
+"""Opening of a scene up to its first picture, behind a window that goes on drawing.
 
-Kernels that were never compiled on this machine are compiled in a process of their own (a compiler holds
-the interpreter lock for seconds); the rest runs in a thread up to the first picture, so that every kernel
-has been loaded when the window's own thread takes over. Only one thread at a time uses the solver.
+Missing kernels are compiled in a process of their own, because a compiler holds the interpreter lock for seconds. All
+else runs in one thread. Every kernel is loaded before the solver's thread begins.
 """
 
 from __future__ import annotations
@@ -33,12 +32,12 @@ class Opened(NamedTuple):
 
     settings: Settings  # with every None filled in
     solver: Solver
-    meshes: tuple  # DrawMesh an object
+    meshes: tuple  # one DrawMesh per object
     picker: Picker
 
 
 class Opening:
-    """Runs in the background; look at `phase`, `detail`, `fraction`, then at `result` or `problem`."""
+    """Runs in a thread: `phase`, `detail` and `fraction` until it is done, then `result` or `problem`."""
 
     def __init__(self, settings: Settings, load: Callable[[Settings], Scene] = open_scene) -> None:
         self.settings = settings
@@ -55,7 +54,7 @@ class Opening:
 
     @property
     def progress(self) -> tuple[str, float | None]:
-        """What is being done, in words, and how much of it is; None: nobody knows."""
+        """The phase in words, and the fraction done; None: unknown."""
         return self.phase + (f": {self.detail}" if self.detail else ""), self.fraction
 
     @property
@@ -63,7 +62,7 @@ class Opening:
         return not self._thread.is_alive()
 
     def cancel(self, patience: float = 1.0) -> None:
-        """Give up; returns when nothing of it runs any more, after so many seconds at most."""
+        """Stop; wait for its end for at most `patience` seconds."""
         self._cancelled = True
         if self._compiler is not None:
             self._compiler.kill()

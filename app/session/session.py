@@ -1,6 +1,6 @@
-"""One scene while it is looked at: its opening, its settings, moves, undo, playing. No window, no GL.
+"""An open scene: opening, settings, moves, undo, playing. No window, no GL.
 
-The window calls `tick` once a frame and draws `irradiance` when `version` has changed.
+The window calls `tick` once per frame and draws the snapshot when `version` has changed.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from gi_core.model import Model
     from gi_core.scene import Scene
 
-BUDGET = 0.008  # s that a frame waits for refinement
-STILL = 0.25  # s that an object is held still, after which all photons are shown although it may go on
-SETTLE = 0.15  # s: a slider's value counts once it has rested so long, or is let go
+BUDGET = 0.008  # s per frame for refinement
+STILL = 0.25  # s without motion in a drag, after which all photons are shown
+SETTLE = 0.15  # s without change after which the value of a held slider counts
 
 
 class Session:
-    """`ready` turns True when there is a solver; before that only `opening` is worth a look."""
+    """`ready` is True once there is a solver; until then only `opening` and `problem` change."""
 
     def __init__(
         self,
@@ -45,11 +45,11 @@ class Session:
         clock: Callable[[], float] = time.perf_counter,
         worker: Worker | None = None,
     ) -> None:
-        self.settings = settings  # as the user wants them
+        self.settings = settings  # the user's
         self.log = log
         self.clock = clock
         self.opening: Opening | None = open_with(settings)
-        self.problem: BaseException | None = None  # why there is no scene
+        self.problem: BaseException | None = None  # of the opening
         self.scene: Scene
         self.model: Model
         self.chosen: Chosen
@@ -65,7 +65,7 @@ class Session:
         self._refreshed = 0  # redraws of the same light
         self._worker = worker or Worker()
         self._applied = settings
-        self.filled: dict[str, object] = {}  # settings that were left open, and what they became
+        self.filled: dict[str, object] = {}  # values of settings that were open
         self._changed_at = 0.0
         self._moved_at = 0.0
         self._path_time = 0.0
@@ -81,35 +81,37 @@ class Session:
 
     @property
     def version(self) -> int:
-        """Grows whenever there is something new to draw."""
+        """A number that grows with each new picture."""
         return self.light.version + self._refreshed
 
     @property
     def poses(self) -> dict[str, Pose]:
-        """Where the mobiles are, or will be as soon as their light is there."""
+        """Poses of the mobiles, those of moves under way included."""
         return self.light.poses
 
     @property
     def moved(self) -> dict[str, Pose]:
-        """Where mobiles are that are no longer where the scene's file puts them."""
+        """Poses of the mobiles that differ from the scene file's."""
         asked = dict(self.settings.poses)
         return {name: p for name, p in self.poses.items() if name in asked or p != self._start[name]}
 
     @property
     def pose_list(self) -> list[Pose]:
-        """Poses as drawn, in the scene's order: those that the light belongs to."""
+        """Poses of the light on show, in the scene's order."""
         return [self.light.snapshot.poses[m.name] for m in self.scene.mobiles]
 
     @property
     def irradiance(self) -> np.ndarray:
-        """Irradiance (R, 3) at the poses as drawn."""
+        """Irradiance (R, 3) [W/m2] of the light on show."""
         return self.light.snapshot.irradiance
 
     # Once a frame -----------------------------------------------------------------------------------
 
     def tick(self, seconds: float, editing: bool = False, budget: float = BUDGET, still: bool = True) -> None:
-        """Do the work of one frame; `seconds` since the last, `editing` while a slider is held, `still`: so is the
-        camera."""
+        """Do the work of one frame.
+
+        seconds: since the last frame; editing: a slider is held; budget: for refinement [s]; still: the camera rests.
+        """
         if not self.ready:
             self._wait_for_opening()
             return
@@ -129,7 +131,7 @@ class Session:
             self.light.settle()
 
     def want(self, settings: Settings) -> None:
-        """Ask for other settings; they are taken over once they rest."""
+        """Request settings; they apply once they rest."""
         if settings != self.settings:
             self.settings = settings
             self._changed_at = self.clock()
@@ -154,15 +156,15 @@ class Session:
         self.adopt(opening.result)
 
     def adopt(self, opened: Opened) -> None:
-        """Take over a scene that has its first picture."""
+        """Show a scene that has its first picture."""
         from app.draw.motion import paths_of
 
-        # What the panel changed meanwhile stays; what was open is filled in.
+        # Changes made in the panel meanwhile stay; open settings get their values.
         filled = {k: v for k, v in vars(opened.settings).items() if getattr(self.settings, k) is None}
         self.filled = {name: value for name, value in filled.items() if value is not None}
         self.settings = self._applied = replace(self.settings, **filled)
         self.meshes, self.picker = opened.meshes, opened.picker
-        # Records that never change; all else of the solver is touched by its own thread alone.
+        # These records never change; the solver's thread alone touches the rest.
         solver = opened.solver
         self.scene, self.model, self.chosen = solver.scene, solver.model, solver.chosen
         self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
@@ -176,13 +178,13 @@ class Session:
         return self.settings != self._applied
 
     def _apply(self) -> None:
-        """Take over what the panel asks for, going back no further than needed."""
+        """Apply the requested settings; only the work that depends on a change is repeated."""
         old, new = self._applied, self.settings
         was = old.of_solver
         changed = {name: value for name, value in new.of_solver.items() if value != was[name]}
         try:
             if changed and not self.light.configure(changed, BUDGET):
-                return  # in the next frame, then
+                return  # busy: again in the next frame
         except Exception as problem:
             self.settings = new = replace(new, **{name: getattr(old, name) for name in changed})
             self.log.error("settings", problem)
@@ -193,7 +195,7 @@ class Session:
     # Motion -----------------------------------------------------------------------------------------
 
     def move(self, poses: Mapping[str, Pose]) -> None:
-        """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light.
+        """Put mobiles at poses; a fast move is drawn in this frame, in its own light.
 
         It is the light of as many photons as fit the budget; a single move chooses their number anew.
         """
@@ -208,7 +210,7 @@ class Session:
         self.before_drag = self.poses
 
     def end_drag(self, keep: bool = True) -> None:
-        """Finish a drag: one step of undo; or, not kept, the poses as they were at the press."""
+        """End a drag as one step of undo; not `keep`: return to the poses at the press."""
         self.dragging = False
         if keep:
             self.history.push(self.before_drag, self.poses)
@@ -240,7 +242,7 @@ class Session:
 
     @property
     def paths(self) -> dict:
-        """The paths that mobiles follow: the scene's, else a circle for the first mobile."""
+        """Paths by mobile: the scene's, else a circle for the first mobile."""
         return self._paths
 
     def toggle_play(self) -> None:
@@ -255,7 +257,7 @@ class Session:
             self.history.push(self.before_drag, self.poses)
 
     def _play(self, seconds: float) -> None:
-        """Go on by the time that has passed, so the speed does not depend on the frame rate."""
+        """Advance along the paths by a time, so that the speed does not depend on the frame rate."""
         from app.draw.motion import play_head
 
         self._path_time += seconds
@@ -264,24 +266,24 @@ class Session:
     # To be drawn ------------------------------------------------------------------------------------
 
     def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return linear radiance (D, 3) float32 of both sides of an object's draw vertices."""
+        """Return linear radiance (D, 3) float32 of front and back of an object's draw vertices."""
         from app.draw.vertex_colours import colours
 
         return colours(self.meshes[o], self.light.snapshot.drawn.irradiance, self.settings.show == "radiance")
 
     def metered(self, camera: Turntable) -> float:
-        """Return the exposure [EV] that suits a view of the light on show."""
+        """Return the metered exposure [EV] of a view of the light on show."""
         from app.draw.metering import metered
 
         receivers, textured = self.model.receivers_at(self.light.snapshot.poses), self.settings.show == "radiance"
         return metered(receivers, self.meshes, self.colours, textured, self.chosen.scene_size, camera)
 
     def models(self) -> tuple[np.ndarray, ...]:
-        """Return one (4, 4) object-to-world matrix an object; the static part's is 1."""
+        """Return the (4, 4) object-to-world matrix of each object; the static part's is the identity."""
         return tuple(matrices(self.model.transforms(self.light.snapshot.poses)))
 
     def close(self, patience: float = PATIENCE) -> None:
-        """Stop all work; returns when nothing runs any more, or after so many seconds. It is of no use afterwards."""
+        """Stop all work, waiting for at most `patience` seconds per job. Nothing else may be called afterwards."""
         if self.opening is not None:
             self.opening.cancel(patience)
         if self.light is not None:

@@ -1,8 +1,8 @@
 """The solver's thread: jobs one at a time, and the snapshot that the window draws.
 
-Poses and the light that belongs to them change together, when a picture or a move is complete. A frame waits for
-refinement as long as its budget allows, for a move as long as a frame may take; the job then goes on behind the
-picture. During a motion the light may be that of a prefix of the photons (gi_core/frames/frame_budget.py).
+Poses and their light change together, when a picture or a move is complete. A frame waits for a job within its budget;
+the job then goes on behind the picture. During a motion the light may be that of a prefix of the photons
+(gi_core/frames/frame_budget.py).
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ if TYPE_CHECKING:  # the solver takes a second to import: that happens behind th
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 
-GRACE = 0.040  # s that a frame waits for a move: with the drawing it stays under 50 ms
+GRACE = 0.040  # s per frame for a move: with the drawing, a frame stays under 50 ms
 
 
 class Stage(enum.Enum):
-    """What the light on show still lacks."""
+    """State of refinement."""
 
     REFINING = enum.auto()
     REFINED = enum.auto()
@@ -46,8 +46,8 @@ class Solving:
         self.version = 0  # of the picture in the snapshot
         self.progress: Progress | None = None  # the last step of the refinement under way
         self.gi_seconds = MovingMedian()  # new poses in, irradiance out
-        self.grace = GRACE  # s that a frame waits for a move
-        self.budget = 0.0  # s that a frame may take while something moves; 0: all photons always
+        self.grace = GRACE  # s per frame for a move
+        self.budget = 0.0  # s per frame in motion; 0: always all photons
         self.steps_begun = 0
         self.move_failed = False  # the last one
         self.all_done = False  # the last call for a task at rest found none
@@ -57,7 +57,7 @@ class Solving:
         self._time_due = True  # frames of prefixes are to be timed
         self._timings: Iterator[bool] | None = None
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
-        self._begins = False  # a motion, with the next of them
+        self._begins = False  # the next move begins a motion
         self._begin_refinement()
         self._show(worker.submit(functools.partial(snapshot_of, solver, self._work)).result())
 
@@ -152,7 +152,7 @@ class Solving:
         self._call = self._worker.submit(functools.partial(job.run, self._solver, self._work))
 
     def _wait(self, seconds: float) -> bool:
-        """Wait so long for the job under way, and take it over; True when none is under way any more."""
+        """Wait for the job under way and take its result; return whether none is under way any more."""
         job = self._job
         if job is None:
             return True
@@ -168,7 +168,7 @@ class Solving:
         return True
 
     def configure(self, changes: Mapping[str, Any], patience: float) -> bool:
-        """Change the solver's settings; False if it is busy for longer than the patience [s]. Raises what it raises."""
+        """Change the solver's settings; return False if it stays busy for `patience` [s]. Raises SceneError."""
         if not self._wait(patience):
             return False
         # The solver keeps the old picture until the new one is as good.
@@ -178,14 +178,14 @@ class Solving:
         return True
 
     def close(self, patience: float = PATIENCE) -> None:
-        """Stop after the job under way, waited for so long [s], and save the results at rest behind it."""
+        """Stop after the job under way and save the results at rest; wait for each for at most `patience` [s]."""
         if self._wait(patience):
             self._worker.submit(self._work.keep).wait(patience)
         self._worker.close()
         self._stage, self._steps, self._timings, self._job = Stage.REFINED, iter(()), None, None
 
     def refine(self, budget: float, rest: Settings | None = None) -> None:
-        """Wait for steps until the budget is spent; the one under way then goes on behind the picture.
+        """Refine for at most `budget` [s]; the step under way then goes on behind the picture.
 
         rest: settings for work at rest; None while anything moves in the window.
         """
@@ -218,7 +218,7 @@ class Solving:
     # -- moves ------------------------------------------------------------------------------------
 
     def move(self, poses: Mapping[str, Pose]) -> None:
-        """Put mobiles at poses; unless it takes too long, they are drawn there in this frame, in their light.
+        """Put mobiles at poses; a fast move is drawn in this frame, in its own light.
 
         The light is that of as many photons as fit the budget; settle() brings the rest.
         """
@@ -230,12 +230,12 @@ class Solving:
         self._begins = True
 
     def settle(self) -> None:
-        """Begin to compute the light of all photons where the mobiles are, if the picture shows fewer."""
+        """Begin the frame of all photons at the poses on show, if the picture has fewer."""
         if self.partial and self.is_idle and not self._pending:
             self._begin_move(self.snapshot.poses, hasty=False, settles=True)
 
     def move_pending(self, patience: float) -> None:
-        """Make the moves that wait, as far as the patience [s] goes."""
+        """Begin the moves that wait, for at most `patience` [s]."""
         deadline = self.clock() + patience
         while self._pending:
             if not self._wait(deadline - self.clock()):

@@ -15,7 +15,7 @@ class History:
         self._undone: list[tuple[dict[str, Pose], dict[str, Pose]]] = []
 
     def push(self, before: dict[str, Pose], after: dict[str, Pose]) -> None:
-        """Remember a change; what was undone before it can no longer be redone."""
+        """Record a change; undone steps can then no longer be redone."""
         before = {name: pose for name, pose in before.items() if after.get(name, pose) != pose}
         if not before:
             return
@@ -23,7 +23,7 @@ class History:
         self._undone.clear()
 
     def undo(self) -> dict[str, Pose]:
-        """Return the poses to go back to; empty when there is nothing to undo."""
+        """Return the poses before the last step; empty without one."""
         if not self._done:
             return {}
         self._undone.append(self._done.pop())

@@ -1,4 +1,4 @@
-"""What is to be said of light that is complete, where it is not what was asked for."""
+"""Warnings about complete light that differs from the request."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def caveats(solver: Solver) -> dict[str, str]:
-    """Return a sentence about each thing that is amiss: "memory"; empty where nothing is."""
+    """Return one sentence per kind of warning: "memory"; empty without any."""
     if not solver.frame.store.memory_full:
         return {}
     return {"memory": f"memory holds no more than {solver.frame.photons:,} of the {solver.photons:,} photons wanted"}
