@@ -161,3 +161,38 @@ ROOM_POINTS = (
     np.array([(0.5, 0.5, 0), (0.02, 0.5, 0), (0, 0.3, 0.6), (0.75, 0.4, 0.55 + 1e-6), (0.75, 0.4, 0.55 - 1e-6)]),
     np.array([(0, 0, 1), (0, 0, 1), (1, 0, 0), (-0.316227766, 0, 0.948683298), (0.316227766, 0, -0.948683298)]),
 )
+
+
+def classroom(spacing: float = 0.25) -> Scene:
+    """Return a closed room of 8 x 3 x 6 m, lit through one window of 2 x 1.2 m in a frame 0.4 m deep, with desks.
+
+    The window's light is an emissive portal at the outer end of the frame. spacing [m]: of the receivers.
+    """
+
+    def side(corner, u, v, material=0, fine=spacing):
+        divisions = tuple(max(1, round(float(np.linalg.norm(w)) / fine)) for w in (u, v))
+        return quad(corner, u, v, divisions, material)
+
+    x, y, z, low, high, left, right, deep = 8.0, 3.0, 6.0, 0.9, 2.1, 3.0, 5.0, 0.4
+    parts = [
+        side((0, 0, 0), (0, 0, z), (x, 0, 0), 1),  # floor
+        side((0, y, 0), (x, 0, 0), (0, 0, z)),  # ceiling
+        side((0, 0, 0), (0, y, 0), (0, 0, z)),
+        side((x, 0, 0), (0, 0, z), (0, y, 0)),
+        side((0, 0, z), (0, y, 0), (x, 0, 0)),
+        side((0, 0, 0), (x, 0, 0), (0, low, 0)),  # the window's wall, in four parts
+        side((0, high, 0), (x, 0, 0), (0, y - high, 0)),
+        side((0, low, 0), (left, 0, 0), (0, high - low, 0)),
+        side((right, low, 0), (x - right, 0, 0), (0, high - low, 0)),
+        side((left, low, -deep), (0, 0, deep), (right - left, 0, 0), 0, 0.1),  # its frame
+        side((left, high, -deep), (right - left, 0, 0), (0, 0, deep), 0, 0.1),
+        side((left, low, -deep), (0, high - low, 0), (0, 0, deep), 0, 0.1),
+        side((right, low, -deep), (0, 0, deep), (0, high - low, 0), 0, 0.1),
+        side((left, low, -deep), (right - left, 0, 0), (0, high - low, 0), 2),
+    ]
+    for row in range(2):
+        for column in range(3):
+            at = np.array((1.2 + 2.2 * column, 0.0, 2.0 + 2.0 * row))
+            parts.append(box(at + (0, 0.68, 0), at + (1.2, 0.72, 0.6), 4, 1))
+            parts += [box(at + (dx, 0, 0.1), at + (dx + 0.06, 0.68, 0.5), 3, 1) for dx in (0.05, 1.09)]
+    return Scene(merge(*parts), (grey(0.75), grey(0.35), lamp(20.0)), name="classroom")
