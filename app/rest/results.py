@@ -16,7 +16,7 @@ class GatherProgress(NamedTuple):
     """Progress of the static light."""
 
     fraction: float = 0.0  # 0 .. 1
-    noise: float = math.inf  # relative l1; inf: unknown
+    error: float = math.inf  # relative l1, bias included; inf: unknown
     used: bool = False  # the picture shows it
 
 

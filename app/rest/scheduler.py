@@ -36,7 +36,7 @@ class RestWork:
         other = "" if settings.compare == REFERENCE else settings.compare
         self._wants = Wants(settings.measure_errors, REFERENCE in settings.beside_estimate, other)
         self._turn += 1
-        turns = FIRST_TURNS if math.isinf(self.gathering.progress.noise) else 2
+        turns = FIRST_TURNS if math.isinf(self.gathering.progress.error) else 2
         first, second = (self._gather, self._measure_errors)[:: 1 if self._turn % turns else -1]
         return first() or second()
 

@@ -25,7 +25,7 @@ class Gathering:
     @property
     def progress(self) -> GatherProgress:
         g = self._solver.light_source.gathered
-        return GatherProgress(g.fraction, g.noise, self._solver.light_source.is_gathered) if g else GatherProgress()
+        return GatherProgress(g.fraction, g.error, self._solver.light_source.is_gathered) if g else GatherProgress()
 
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""

@@ -31,7 +31,7 @@ class Picture(NamedTuple):
         """
         s, view, setting, rest = self.settings, self.camera.as_camera(), snapshot.setting, snapshot.rest
         photons, paths = "photons", f"gathered, {snapshot.paths} paths per receiver"
-        gathered = f"gathered, noise {100 * rest.gathered.noise:.2g} %"
+        gathered = f"gathered, error {100 * rest.gathered.error:.2g} %"
         right = "-" if self.split is None else f"{s.compare} right of {self.split:.4g} of the width"
         entries = {
             "software": f"gi-viewer {version()}",

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.gather.reference import PATHS_PER_STEP, ReferenceRounds, ReferenceState
-from gi_core.geometry.error import relative_error
+from gi_core.geometry.error import luminance, relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
 from gi_core.scene.types import Pose
@@ -43,6 +43,11 @@ class ReferenceSample(NamedTuple):
     def error(self, E: np.ndarray) -> float:
         """Return the relative l1 error of irradiance E (R, 3) without the reference's noise."""
         return math.sqrt(max(self.squared_error(E), 0.0))
+
+    def relative_total(self, E: np.ndarray) -> float:
+        """Return the total of irradiance E (R, 3) over that of the reference; 1 where the reference is black."""
+        mine, truth = (float((self.weights * luminance(a)).sum()) for a in (E[self.rows], self.irradiance))
+        return mine / truth if truth > 0 else 1.0
 
 
 def draw_by_area(rows: np.ndarray, areas: np.ndarray, count: int, seed) -> tuple[np.ndarray, np.ndarray]:

@@ -1,20 +1,24 @@
 """Irradiance of the static part without mobiles, by path tracing, in two phases.
 
 Phase 1 is final gathering (`final_gather.py`): paths of one bounce that end in the photons' light, later in the light
-of the last pair of sets. Its noise is low within seconds, but it inherits some of the photons' error. Phase 2 traces
-whole paths in rounds (`reference.py`), without bias. They take over at the noise that phase 1 ends with. Both are
-denoised in proportion to their noise (`denoise.py`).
+of the last pair of sets. Its noise is low within seconds, but it inherits some of the photons' error. Whole paths at a
+sample of receivers measure that error. Phase 2 traces whole paths at all receivers in rounds (`reference.py`), without
+bias. It begins when phase 1 has more bias than noise, or little noise, and its light is used once it has less noise
+than phase 1 has error. Both are denoised in proportion to their noise (`denoise.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Generator, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.gather.denoise import denoise
 from gi_core.gather.final_gather import FinalGather
 from gi_core.gather.reference import ReferenceRounds, ReferenceState
+from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_until
 from gi_core.geometry.error import luminance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
@@ -23,13 +27,36 @@ from gi_core.model import Model
 ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation the error is within a percent
 LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
 ROUNDS = 24  # until 1 % noise; the first noise is known after two
+SAMPLE = 512  # receivers, drawn by area, that measure the error of phase 1 ...
+SAMPLE_NOISE = 2.5  # ... by paths of so many times its noise
+SAMPLE_STREAM = 0x5A3B  # separates their random numbers from those of phase 2
+
+
+class ErrorSample(NamedTuple):
+    """Receivers, how often each was drawn, and whole paths there."""
+
+    rows: np.ndarray  # (k,) int64
+    times: np.ndarray  # (k,) float64
+    rounds: ReferenceRounds
+
+    @property
+    def reference(self) -> ReferenceSample:
+        s = self.rounds.state
+        return ReferenceSample(self.rows, self.times, s.mean, s.noise(self.times), 1.0)
+
+
+def _unbiased(E: np.ndarray, noise: float) -> Generator[bool, None, float]:
+    """Return the error of light without bias."""
+    yield from ()
+    return noise
 
 
 class StaticGather:
     """Irradiance of the static part's receivers without mobiles.
 
     mean (n, 3) float64 [W/m2]: denoised irradiance. noise, left: its relative l1 noise before and after denoising, inf
-    before the first result. deviation (n,) [W/m2]: standard error of its luminance. state: the whole paths, or None.
+    before the first result. error: relative l1 error of `mean`, bias included. deviation (n,) [W/m2]: standard error of
+    its luminance. state: the whole paths, or None.
     """
 
     def __init__(self, model: Model, seed: int, state: ReferenceState | None = None):
@@ -45,10 +72,11 @@ class StaticGather:
         self._model, self._seed = model, seed
         self._points = points[rows], normals[rows]
         self._final = FinalGather(model, seed, *self._points, self._paid)
+        self._sample: ErrorSample | None = None
         self._near = neighbours(model.corners(0), rows.stop)
         self.state = state
         self.mean, self.noise, self.deviation = np.zeros((0, 3)), float("inf"), np.zeros(0)
-        self.left = float("inf")
+        self.left = self.error = float("inf")
         lit = len(self.weights) and len(model.emitters.kind)
         self._left = float("inf" if lit else "nan")  # noise of whole paths at the last complete round
 
@@ -80,9 +108,23 @@ class StaticGather:
         for new in f.steps(lambda: self._known(photons())):
             yield False
             if new and f.noise < self.noise:
-                yield from self._take_over(f.mean, f.standard_error, f.noise)
-            if not f.noise > LOW * ENOUGH:
+                yield from self._take_over(f.mean, f.standard_error, f.noise, self._measure)
+            if not f.noise > LOW * ENOUGH or (new and self._sample.reference.error(f.mean) > math.sqrt(2) * f.noise):
                 return
+
+    def _measure(self, E: np.ndarray, noise: float) -> Generator[bool, None, float]:
+        """Return the error of irradiance E (n, 3) with this noise, from whole paths at the sample, in steps."""
+        if self._sample is None:
+            rows, times = draw_by_area(np.flatnonzero(self._paid > 0), self._paid, SAMPLE, self._seed)
+            points, seed = (a[rows] for a in self._points), self._seed ^ (SAMPLE_STREAM << 40)
+            given = self._model.scene, *points, seed, times
+            rounds = ReferenceRounds(*given, model=self._model, mobiles=False, rounds=ROUNDS)
+            self._sample = ErrorSample(rows, times, rounds)
+        s = self._sample
+        for _ in gather_until(s.rounds, s.times, SAMPLE_NOISE * noise):
+            yield False
+        # The error of the total is known best, as noise averages out there; the rest is only known to a part.
+        return max(s.reference.error(E), math.hypot(noise, s.reference.relative_total(E) - 1.0))
 
     def _whole_paths(self) -> Iterator[bool | None]:
         given = self._model.scene, *self._points, self._seed, self._paid
@@ -91,7 +133,7 @@ class StaticGather:
         while not self.enough:
             if self.state is not None and (done := self.state.rounds) > looked_at:
                 looked_at, noise = done, self.state.noise(self.weights)
-                if noise < max(self.noise, LOW * ENOUGH):
+                if noise < max(self.error, LOW * ENOUGH):
                     yield from self._take_over(self.state.mean, self.state.standard_error, noise)
                 self._left = noise
             else:
@@ -111,11 +153,18 @@ class StaticGather:
         mine, theirs = self.weights @ out, self.weights @ photons
         return out * np.divide(theirs, mine, out=np.ones(3), where=mine > 0)
 
-    def _take_over(self, mean: np.ndarray, standard_error: np.ndarray, noise: float) -> Iterator[bool | None]:
-        """Denoise this light and store it as `mean`, in steps; the arrays must not change meanwhile."""
-        given = self.weights, self._near, self._seed, self._model.threads
-        found = yield from denoise(mean, standard_error, *given)
-        # Less noise is smoothed less: the share left may rise while the error falls.
-        self.mean, self.noise, self.left = found.irradiance.copy(), noise, min(self.left, found.share * noise)
+    def _take_over(
+        self, mean: np.ndarray, standard_error: np.ndarray, noise: float, error: Callable = _unbiased
+    ) -> Iterator[bool | None]:
+        """Denoise this light and store it as `mean`, in steps; the arrays must not change meanwhile.
+
+        error(E, noise): generator that returns the error of denoised light (n, 3) with so much noise left.
+        """
+        found = yield from denoise(mean, standard_error, self.weights, self._near, self._seed, self._model.threads)
+        denoised = found.irradiance.copy()
+        left = found.share * noise
+        self.error = yield from error(denoised, left)
+        # Less noise is smoothed less, and bias is traded for noise: the noise left may rise while the error falls.
+        self.mean, self.noise, self.left = denoised, noise, min(self.left, left)
         self.deviation = found.share * luminance(standard_error)
         yield True

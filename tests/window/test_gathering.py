@@ -60,7 +60,7 @@ def test_static_light_is_shown_saved_and_loaded_again():
         lambda: is_finished(first),
     )
     first.tick(1 / 60)
-    assert gathered(first).used and gathered(first).noise <= 0.02
+    assert gathered(first).used and gathered(first).error <= 0.02
     assert np.array_equal(first.irradiance, first.light._solver.irradiance)
     assert np.array_equal(first.light._solver.resting_irradiance, first.light._solver.light_source.gathered.mean)
     first.close()

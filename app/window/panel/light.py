@@ -70,6 +70,6 @@ def _light(s: Settings, facts: Facts) -> Settings:
         ui.label("")
         imgui.progress_bar(g.fraction, (-1, 0), "")
         use = "shown" if g.used else "photons are better"
-        ui.write_over(f"noise {100 * g.noise:.1f} %, {use}" if g.noise < 1 else "gathering light")
-        ui.tip("Noise of the gathered light on the static part. Gathering ends at 0.7 %.")
+        ui.write_over(f"error {100 * g.error:.1f} %, {use}" if g.error < 1 else "gathering light")
+        ui.tip("Error of the gathered light on the static part. Gathering ends at 0.7 %.")
     return s

@@ -34,8 +34,8 @@ def test_different_light_has_different_parameters():
     while not solver.light_source.is_gathered:
         next(steps)
     early = metadata()
-    assert early["static_light"].startswith("gathered, noise ")
-    while solver.light_source.gathered.noise >= early_noise(early):
+    assert early["static_light"].startswith("gathered, error ")
+    while solver.light_source.gathered.error >= early_error(early):
         next(steps)
     assert metadata()["static_light"] != early["static_light"]
     solver.configure(light="photons")
@@ -49,7 +49,7 @@ def test_different_light_has_different_parameters():
     assert metadata()["error"].endswith(" %")
 
 
-def early_noise(entries: dict[str, str]) -> float:
+def early_error(entries: dict[str, str]) -> float:
     return 0.99 * float(entries["static_light"].split()[-2]) / 100
 
 
