@@ -12,7 +12,7 @@ M_ARENA_MAX = -8  # mallopt's name for their number
 
 
 def limit_arenas() -> None:
-    """Let malloc use few arenas, whatever the number of threads; call it before they start."""
+    """Limit malloc to few arenas for any number of threads; call it before they start."""
     try:
         library = ctypes.CDLL(None)
     except (OSError, TypeError):  # Windows accepts no None

@@ -39,7 +39,7 @@ LONGEST_WAIT = 0.02  # s per frame for refinement if drawing is slow
 SOFTWARE_GRACE = 0.2  # s per frame for a move if drawing takes the same cores
 LINGER = 1.0  # s of frames after the last input: tooltips come and fade
 REFRESH = 0.5  # s between frames while work at rest changes numbers alone
-PAUSE = 0.5  # s that an idle window waits for input, after which it looks for signals
+PAUSE = 0.5  # s that an idle window waits for input before it checks for signals
 LONGEST_STEP = 0.1  # s per frame of an animation: it does not jump after a pause of the program
 
 

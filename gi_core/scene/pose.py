@@ -14,8 +14,8 @@ from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.rules import LARGEST, is_array
 from gi_core.scene.types import KeyFrames, Pose
 
-# What is off by less is made exactly rigid: numbers as people type them, products of many float32 matrices. Beyond it
-# is a scale, or numbers of another meaning.
+# Smaller deviations are corrected: rounded numbers, products of many float32 matrices. Larger ones mean a scale, or
+# numbers of another meaning.
 LENGTH_TOLERANCE = 1e-3  # on |q| - 1: (0.707, 0, 0.707, 0) passes, (0.7, 0, 0.7, 0) does not
 RIGID_TOLERANCE = 1e-4  # on R^T R - 1
 

@@ -1,4 +1,4 @@
-"""Rules for the values of records and settings: what each one may be, in words and as a test."""
+"""Rules for the values of records and settings: the valid range of each, in words and as a test."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ PLENTY = 300  # hits on one side of a body and none on the other: the other gets
 
 
 def one_sided_where_dark(scene: Scene, box: Box) -> Scene:
-    """Return the scene with bodies one-sided, front outwards or inwards, whose other side gets no light.
+    """Return the scene with bodies that get light on one side only made one-sided, front outwards or inwards.
 
     box: of the pilot, with the hits per face and side.
     """

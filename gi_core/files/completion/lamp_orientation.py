@@ -19,8 +19,8 @@ BLOCKED, OPEN = 0.9, 0.5  # share of the rays that hit something near, or the la
 
 
 def facing_the_scene(scene: Scene) -> tuple[Scene, Rays | None]:
-    """Return the scene with two-sided lamps turned whose front looks at a wall, and with a note for each that has
-    two open sides; and rays against that scene, if some had to be cast.
+    """Return the scene with two-sided lamps turned if their front faces a wall, and a note for each with two open
+    sides; and rays against that scene, if some had to be cast.
 
     Emission leaves the front only. One-sided lamps are left as they are: their file says which side is the front.
     """

@@ -72,7 +72,7 @@ def default_camera(scene: Scene, rays: Rays, box: Box, subject: np.ndarray | Non
 
 
 class _Lit:
-    """Which cells of the scene the pilot's light reached, on which side of a surface."""
+    """Cells of the scene reached by the pilot's light, by side of a surface."""
 
     def __init__(self, box: Box):
         self.cell = CELL * box.size

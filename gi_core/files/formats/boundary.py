@@ -42,7 +42,7 @@ class Boundary:
     def __init__(self, folder: str | Path, open: bool = False) -> None:
         self.folder, self.open = os.path.realpath(folder), open
         self.taken: Counter[str] = Counter()
-        self.images: set[bytes] = set()  # digests of the images whose pixels are taken
+        self.images: set[bytes] = set()  # digests of the images whose pixels are counted
 
     def holds(self, path: str | Path) -> bool:
         """Return whether a path may be read; the file need not exist."""

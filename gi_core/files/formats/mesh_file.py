@@ -257,7 +257,7 @@ def _paint(read: FileParts, parts: list[Part], materials: list[Material]) -> Pai
         plain = np.repeat(rho[p.material][:, None], 3, axis=1)
         plain[textured] = 1.0
         given = plain if p.corner_colour is None else np.nan_to_num(p.corner_colour)
-        # The texture brings a limit of its own.
+        # A texture has a separate limit.
         colour.append(np.clip(given, 0, np.where(textured, 1.0, MOST_REFLECTANCE)[:, None, None]))
     return Paint(
         read.textures,

@@ -127,7 +127,7 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
     tries = [obj.parent / name, obj.parent / name.replace("\\", "/").rpartition("/")[2], obj.with_suffix(".mtl")]
     found = next((p for p in tries if boundary.file(p)), None)
     if found is None:
-        boundary.take(where, "files")  # looked for in vain
+        boundary.take(where, "files")  # a file that was not found counts too
         why = "lies outside the folder of the scene" if os.path.isfile(tries[0]) else "not found"
         notes.append(f"material file {name} {why}: materials taken as grey 0.7")
         return {}
@@ -209,7 +209,7 @@ def _is_number(text: str) -> bool:
 
 
 def _average_unplaced(names, library, material, uv_ids, images: Images, notes: list[str]) -> None:
-    """Give materials whose faces have no texture coordinates at all the mean colour of their texture instead."""
+    """Give materials without any texture coordinates the mean colour of their texture instead."""
     unplaced = set(material.tolist()) - set(material[(uv_ids >= 0).any(axis=1)].tolist())
     for name, i in names.items():
         entry = library.get(name)

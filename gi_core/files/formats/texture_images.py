@@ -128,7 +128,7 @@ class Images:
         return self._pictures[name]
 
     def _fits(self, name: str, pixels: int, otherwise: str) -> bool:
-        """Return whether a copy of an image stays within the limits of the scene; a note tells if not."""
+        """Return whether a copy of an image stays within the limits of the scene; add a note if not."""
         try:
             self._boundary.take(name, "pixels", pixels)
         except SceneError as error:

@@ -33,7 +33,7 @@ def read_with_trimesh(path: Path, data: bytes, where: str, boundary: Boundary) -
         # The resolver serves no file: a PLY names its texture by any path.
         found = trimesh.load(io.BytesIO(data), kind, resolver={}, process=False, force="scene").geometry.values()
     except Exception as error:  # trimesh passes on the errors of its parsers
-        # Of a file that is neither text nor binary trimesh wants to guess the encoding, with what may be missing.
+        # For a file that is neither text nor binary, trimesh guesses the encoding, by a package that may be missing.
         why = "damaged" if isinstance(error, ImportError) else error
         raise SceneError(f"{where}: not a readable {kind.upper()} file: {why}; export it again, as triangles") from None
     parts = [_part(mesh, where, boundary) for mesh in found if isinstance(mesh, trimesh.Trimesh)]
