@@ -23,7 +23,7 @@ GUESS = 3  # entries per vertex, assumed before any are known
 ROOM = 4  # entries per segment in the first allocation
 
 
-class _Part(NamedTuple):
+class _Entries(NamedTuple):
     """Entries of all segments of consecutive photons."""
 
     photon: int  # index of the first
@@ -40,7 +40,7 @@ class IntersectionCache:
 
     def __init__(self):
         self.complete = True  # False: there were too many, and the cache is empty
-        self._parts: list[_Part] = []  # not merged yet
+        self._parts: list[_Entries] = []  # not merged yet
         self._photons = self._vertices = 0
         self._first = np.zeros(1, np.uint32)  # (vertices + 1,), first entry of each vertex
         self._receiver, self._distance = np.empty(0, np.int32), np.empty(0, np.float32)
@@ -68,7 +68,7 @@ class IntersectionCache:
         count = np.zeros(segments.size + photons, np.uint32)
         receiver, distance = np.empty(n, np.int32), np.empty(n, np.float32)
         _by_vertex(segments.bounce, log, n, count, receiver, distance)
-        self._parts.append(_Part(int(segments.photon[0]), photons, count, receiver, distance))
+        self._parts.append(_Entries(int(segments.photon[0]), photons, count, receiver, distance))
 
     def settle(self) -> None:
         """Merge the parts, which now cover all photons up to some last one, for subtract()."""

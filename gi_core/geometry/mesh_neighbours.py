@@ -1,4 +1,4 @@
-"""Mesh adjacency of receivers: two are neighbours where they share an edge of a face on one smooth side."""
+"""Mesh adjacency of receivers: two are neighbours if they share an edge of a face on one smooth side."""
 
 from __future__ import annotations
 

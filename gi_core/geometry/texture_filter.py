@@ -155,5 +155,5 @@ def _seen(fine, coarse, table, wrap_u, wrap_v, uv, axis, taps, share):
 
 
 def _finite(uv: np.ndarray) -> np.ndarray:
-    """Return coordinates with non-finite values replaced, whatever the file contains."""
+    """Return coordinates with non-finite values replaced."""
     return np.clip(np.nan_to_num(np.asarray(uv, np.float64)), -1e6, 1e6)

@@ -23,7 +23,7 @@ from gi_core.geometry.surfaces import Surfaces
 from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
 
 POINT, SPOT, DIRECTIONAL = range(3)
-BY_FLUX = 0.02  # of the probability goes by flux alone, so that lamps near the sphere and large faces keep some
+BY_FLUX = 0.02  # share of the probability in proportion to flux alone, so that every lamp keeps some
 
 
 class AreaLights(NamedTuple):

@@ -39,7 +39,7 @@ class World(NamedTuple):
     two_sided: np.ndarray  # (F,) bool
     face_object: np.ndarray  # (F,) int16
     first_face: np.ndarray  # (objects + 1,) int64
-    size: float  # [m], diameter of a sphere round static part and lights; epsilons are shares of it
+    size: float  # [m], diameter of a sphere around static part and lights; epsilons are shares of it
     sphere_centre: np.ndarray  # (objects, 3) float64, bounding spheres in object space
     sphere_radius: np.ndarray  # (objects,) float64
     box_low: np.ndarray  # (objects, 3) float64, bounding boxes in object space

@@ -30,7 +30,7 @@ _STRIDE = RAYS // PROBES
 
 
 class ShortenedRegions(NamedTuple):
-    """Receivers of one object whose regions other objects shorten, and their regions at the pose."""
+    """Receivers of one object with regions shortened by other objects, and their regions at the pose."""
 
     rows: np.ndarray  # (n,) int64, index within the object, ascending
     reach: np.ndarray  # (n, RAYS, 2) uint8, as in Regions
@@ -41,7 +41,7 @@ NO_REGIONS = ShortenedRegions(np.empty(0, np.int64), np.empty((0, RAYS, 2), np.u
 
 
 class PoseContacts(NamedTuple):
-    """Regions that objects shorten of each other, at some poses."""
+    """Regions that objects shorten mutually, at some poses."""
 
     regions: tuple[ShortenedRegions, ...]  # per object
     static_rows: tuple[np.ndarray, ...]  # per mobile: (n,) int64, static receivers whose regions it shortens

@@ -1,4 +1,4 @@
-"""Candidates that are accepted add to the sums: listed first, because the accesses of a loop of its own overlap."""
+"""Accepted candidates are added to the sums. They are listed first: memory accesses overlap in a separate loop."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from gi_core.base.vec import difference, dot
 from gi_core.discs.search.predicate import accepts, receiver
 from gi_core.photons.flux_sums import CHUNK_BITS
 
-ROOM = 2048  # candidates that are listed before they are added
+ROOM = 2048  # candidates listed before they are added
 
 
 @inlined
 def record(log, k, i, centre, normal, lines):
-    """Write to the log that line k crosses the disc of receiver i, and where: the bits of t that decided it."""
+    """Write the crossing of line k with the disc of receiver i to the log, with the bits of t that decided it."""
     at = log.count[0]
     log.count[0] = at + 1
     if at < len(log.line):
@@ -22,7 +22,7 @@ def record(log, k, i, centre, normal, lines):
 
 @kernel
 def add_accepted(n, candidates, blocks, discs, lines, sign, sums):
-    """Add sign x flux of the first n candidates (line, entry of blocks) that are accepted; returns how many are."""
+    """Add sign x flux of the accepted ones of n candidates (line, entry of blocks); return their number."""
     total, room = 0, len(sums.log.line)
     for f in range(n):
         k = candidates[f, 0]

@@ -1,7 +1,7 @@
-"""Every disc against every segment: the search that the others are measured against.
+"""Every disc against every segment: the baseline of the other searches.
 
-What is done with a candidate stands here and in accumulate.py: one inlined function for both made
-an estimate a fifth slower.
+Candidates are handled here and in accumulate.py: one inlined function for both made an estimate
+a fifth slower.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from gi_core.photons.flux_sums import CHUNK_BITS, Sums
 
 
 class BruteForce:
-    """Discs with no structure over them."""
+    """Discs without a search structure."""
 
     parts_share_lines = False
 
@@ -45,7 +45,7 @@ class BruteForce:
         return _accumulate(self.blocks, self.discs, self.pretest, lines, first, last, sign, sums)
 
     def summary(self) -> str:
-        """Return in words what was built."""
+        """Return the number of discs, in words."""
         return f"brute_force: {len(self.blocks.front):,} discs, nothing over them"
 
 

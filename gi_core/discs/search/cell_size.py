@@ -23,7 +23,7 @@ BLOCK_NS = 12.0  # test of LANES discs
 
 def best_cell_radii(discs: Discs, rows: np.ndarray) -> float:
     """Return the cell edge in disc radii for a grid over discs `rows` (n,), by descent from CELL_RADII."""
-    return _downhill(lambda radii: ns_a_metre(discs, rows, radii))
+    return _downhill(lambda radii: ns_per_metre(discs, rows, radii))
 
 
 def _downhill(cost: Callable[[float], float]) -> float:
@@ -44,7 +44,7 @@ def _downhill(cost: Callable[[float], float]) -> float:
     return SIZES[at]
 
 
-def ns_a_metre(discs: Discs, rows: np.ndarray, cell_radii: float) -> float:
+def ns_per_metre(discs: Discs, rows: np.ndarray, cell_radii: float) -> float:
     """Return the predicted time per metre of line in a grid with such cells [ns]."""
     cell, _, shape, count = discs_in_cells(discs, rows, cell_radii)
     inside = float((shape - 2).prod())  # without the border

@@ -1,8 +1,8 @@
 """A uniform grid over discs, walked by each segment (report 2.7).
 
-A disc is listed in every cell that its padded box touches. A crossing is accepted only in the cell
-whose half-open interval of t holds it, so each disc counts once and no mailbox is needed. The
-discs of a cell lie in blocks that vector instructions test at once.
+A disc is listed in every cell that its padded box touches. Each cell accepts only crossings in its
+half-open interval of t, so each disc counts once and no mailbox is needed. The discs of a cell lie
+in blocks that vector instructions test at once.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CELL_RADII = 4.0  # cell edge in disc radii: see docs/archive/measurements.md
 MAX_CELLS = 1 << 22  # memory bound for tiny discs in a big scene; cells grow instead
 MOST_ALONG = 512  # cells along an axis
 PAD = 1e-3  # of a cell: rounding of a crossing against the cell's walls
-VISITS = 1024  # cells that are listed before their discs are tested: these lists stay in the first cache
+VISITS = 1024  # cells listed before their discs are tested: these lists stay in the level-1 cache
 
 
 class Cells(NamedTuple):
@@ -36,7 +36,7 @@ class Cells(NamedTuple):
 
 
 class Visits(NamedTuple):
-    """Scratch memory of a walk: the cells visited that hold discs, and the candidates found there."""
+    """Scratch memory of a traversal: visited cells with discs, and their candidates."""
 
     line: np.ndarray  # (n,) int64
     blocks: np.ndarray  # (n, 2) int32, first and last + 1
@@ -60,15 +60,15 @@ def box_of(discs: Discs, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cell_for(extent: np.ndarray, radius: float, cell_radii: float = CELL_RADII) -> float:
-    """Return the edge [m] of a grid's cells: that of cell_radii radii, unless memory would not do."""
+    """Return the edge [m] of a grid's cells: cell_radii radii, or more if memory requires it."""
     return max(cell_radii * radius, float(extent.max()) / MOST_ALONG, float(extent.prod() / MAX_CELLS) ** (1 / 3))
 
 
 def discs_in_cells(discs: Discs, rows: np.ndarray, cell_radii: float):
-    """Return the grid of cells of so many radii over some discs: edge, low (3,) [m], shape (3,), discs a cell (C,)."""
+    """Return the grid of some discs: edge and low (3,) [m], shape (3,), discs per cell (C,)."""
     low, extent = box_of(discs, rows)
     cell = cell_for(extent, float(discs.radius), cell_radii)
-    # A border of empty cells: a walk inside the grid needs no look at where it ends.
+    # A border of empty cells: traversal inside the grid needs no test for its end.
     low, shape = low - cell, np.maximum(1, np.ceil(extent / cell)).astype(np.int64) + 2
     count = np.zeros(int(shape.prod()), np.int64)
     _list(rows, discs.positions, _half_extents(discs, PAD * cell), low, cell, shape, count, np.empty(0, np.int32))
@@ -90,20 +90,20 @@ class DiscGrid:
         self.blocks, self.pretest = blocks(discs, ids), triangles(pretest, discs, ids)
 
     def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
-        """Add sign x flux of a share of the lines to the sums of the discs they cross; returns how many crossings."""
+        """Add sign x flux of a share of the lines to the sums of the discs they cross; return their number."""
         first, last = share(len(lines.low), part, parts)
         visits = Visits.of(VISITS)
         return _accumulate(self.cells, self.blocks, self.discs, self.pretest, lines, first, last, sign, sums, visits)
 
     @property
     def discs_a_cell(self) -> float:
-        """How many discs are in a cell that has any."""
+        """Mean number of discs per occupied cell."""
         held = (self.blocks.front >= 0) | (self.blocks.behind >= 0)
         return float(held.sum()) / max(int((np.diff(self.cells.first) > 0).sum()), 1)
 
     def summary(self) -> str:
-        """Return in words how large the cells are, and how full."""
-        return f"cells of {self.cell_radii:g} radii with {self.discs_a_cell:.0f} discs where any are"
+        """Return size and occupancy of the cells, in words."""
+        return f"cells of {self.cell_radii:g} radii with {self.discs_a_cell:.0f} discs per occupied cell"
 
 
 def _half_extents(discs: Discs, pad: float) -> np.ndarray:
@@ -121,7 +121,7 @@ def _span(x, half, low, cell, n):
 
 @kernel
 def _list(rows, positions, half, low, cell, shape, cursor, ids):
-    """Advance the cursor of each cell once for each disc in it; write the disc there if ids has room at all."""
+    """Advance the cursor of each cell once per disc in it; write the disc there unless ids is empty."""
     for j in rows:
         x0, x1 = _span(positions[j, 0], half[j, 0], low[0], cell, shape[0])
         y0, y1 = _span(positions[j, 1], half[j, 1], low[1], cell, shape[1])
@@ -146,7 +146,7 @@ def _clip(o, d, low, high, t0, t1):
 
 @inlined
 def _axis(o, d, t, low, cell, n):
-    """Return where a walk along one axis stands: cell, step, t of the next wall, t between walls."""
+    """Return the state of a traversal along one axis: cell, step, t of the next wall, t between walls."""
     i = min(max(int(math.floor((o + t * d - low) / cell)), 0), n - 1)
     if d > 0.0:
         return i, 1, (low + (i + 1) * cell - o) / d, cell / d
@@ -157,10 +157,10 @@ def _axis(o, d, t, low, cell, n):
 
 @kernel
 def _accumulate(cells, blocks, discs, pretest, lines, first, last, sign, sums, visits):
-    """Three passes over some segments at a time: full cells on the way, discs crossed there, sums.
+    """Three passes over some segments at a time: occupied cells on the line, discs crossed there, sums.
 
-    Apart, because most of the time goes into waiting for memory: within one pass the accesses of
-    different segments do not depend on each other, and the processor overlaps them.
+    Passes are separate because most of the time is spent waiting for memory. Within one pass the
+    accesses of different segments are independent, so the processor overlaps them.
     """
     cell = cells.cell
     pad = PAD * cell
@@ -171,7 +171,7 @@ def _accumulate(cells, blocks, discs, pretest, lines, first, last, sign, sums, v
     for k in range(first, last):
         ox, oy, oz = row(lines.origin, k)
         dx, dy, dz = row(lines.direction, k)
-        # Clip to what is inside the border, a little outside so that no crossing is lost to rounding.
+        # Clip to the inside of the border, slightly enlarged, so that no crossing is lost to rounding.
         t0, t1 = float(lines.low[k]), float(lines.high[k])
         t0, t1 = _clip(ox, dx, lx + near, lx + nx * cell - near, t0, t1)
         t0, t1 = _clip(oy, dy, ly + near, ly + ny * cell - near, t0, t1)

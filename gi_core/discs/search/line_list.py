@@ -1,7 +1,7 @@
 """Lists of lines in blocks, each block in one piece of memory, filtered by spheres (report 2.6).
 
-LANES origins' x, LANES origins' y, ... then low and high: 16 lines against one sphere or one disc make vectors.
-Lists are filled up with lines that nothing meets.
+A block holds the x of LANES origins, then their y, ... then low and high, so vector instructions test 16 lines against
+one sphere or disc. Lists are padded with fillers: lines that cross nothing.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ class LineLists(NamedTuple):
     """A stack of lists of lines: list h holds count[h] lines from block start[h] on."""
 
     data: np.ndarray  # (blocks * 128,) float32, in blocks
-    who: np.ndarray  # (blocks * LANES,) int32, number of each line
+    number: np.ndarray  # (blocks * LANES,) int32, number of each line
     start: np.ndarray  # (depths,) int64
     count: np.ndarray  # (depths,) int64
 
 
 @kernel
 def load(lines, first, last, lists):
-    """Write lines first .. last - 1 into the first blocks; returns the largest distance of an origin from 0 [m]."""
+    """Write lines first .. last - 1 into the first blocks; return the largest distance of an origin from 0 [m]."""
     far, data = np.float32(0.0), lists.data
     for k in range(first, last):
         e = k - first
@@ -38,14 +38,14 @@ def load(lines, first, last, lists):
             data[j + (3 + c) * LANES] = lines.direction[k, c]
             far = max(far, abs(lines.origin[k, c]))
         data[j + 6 * LANES], data[j + 7 * LANES] = lines.low[k], lines.high[k]
-        lists.who[e] = k
+        lists.number[e] = k
     fill_up(data, 0, last - first)
     return far
 
 
 @kernel
 def fill_up(data, block, count):
-    """Make the rest of the last block of a list of `count` lines, which begins at `block`, lines that nothing meets."""
+    """Pad the last block of a list of `count` lines, which begins at `block`, with fillers."""
     for e in range(count, (count + LANES - 1) // LANES * LANES):
         j = (block + e // LANES) * _BLOCK + e % LANES
         for field in range(6):
@@ -54,8 +54,8 @@ def fill_up(data, block, count):
 
 
 @inlined
-def _met(data, block, centre, r2):
-    """Return which lines of a block pass through a sphere: a bit a lane. The nearest point of each, no branch."""
+def _lines_inside(data, block, centre, r2):
+    """Return the lines of a block that pass through a sphere, one bit per lane. By nearest points, without branches."""
     base = np.uint64(block) * np.uint64(_BLOCK)
     bits = np.uint32(0)
     for lane in range(np.uint64(LANES)):
@@ -70,29 +70,29 @@ def _met(data, block, centre, r2):
 
 @allocating
 def push(lists, height, centre, r2):
-    """Make list height + 1 of what passes through a sphere out of list `height`, behind it in the same memory.
+    """Write the lines of list `height` that pass through a sphere to list height + 1, behind it in the same memory.
 
-    Returns the lists, in more memory where there was too little. A filler is
-    infinitely far away: the clamp leaves t = -inf.
+    Returns the lists, reallocated if memory was too small. A filler is infinitely far away: the clamp
+    leaves t = -inf.
     """
-    data, who, start, count = lists
+    data, number, start, count = lists
     first, blocks = start[height], (count[height] + LANES - 1) // LANES
     onto, n = first + blocks, 0
-    if (onto + blocks) * LANES > len(who):
-        data, who = _grown(data, 2 * (onto + blocks) * _BLOCK), _grown(who, 2 * (onto + blocks) * LANES)
+    if (onto + blocks) * LANES > len(number):
+        data, number = _grown(data, 2 * (onto + blocks) * _BLOCK), _grown(number, 2 * (onto + blocks) * LANES)
     for b in range(first, onto):
-        bits = _met(data, b, centre, r2)
+        bits = _lines_inside(data, b, centre, r2)
         while bits != 0:
             lane = lane_of(bits)
             bits &= bits - np.uint32(1)
             i, j = b * _BLOCK + lane, (onto + n // LANES) * _BLOCK + n % LANES
             for field in range(LINE_FIELDS):
                 data[j + field * LANES] = data[i + field * LANES]
-            who[onto * LANES + n] = who[b * LANES + lane]
+            number[onto * LANES + n] = number[b * LANES + lane]
             n += 1
     fill_up(data, onto, n)
     start[height + 1], count[height + 1] = onto, n
-    return LineLists(data, who, start, count)
+    return LineLists(data, number, start, count)
 
 
 @allocating

@@ -1,7 +1,7 @@
-"""The one predicate that decides whether a segment crosses a receiver's disc, and what it adds.
+"""The one predicate that decides whether a segment crosses a receiver's disc.
 
-Every disc search calls discs_crossed() and accepts(); a search only chooses which discs are tried, and is a
-superset. All arithmetic is float32 with a fixed order, so a decision has the same bits everywhere.
+Every disc search calls discs_crossed() and accepts(). A search only chooses the discs to test, a superset of those
+crossed. All arithmetic is float32 in a fixed order, so a decision has the same bits everywhere.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class Discs(NamedTuple):
     own: np.ndarray  # (R,) int32, 2 patch + side of the receiver, NONE of a probe
     back: np.ndarray  # (R,) int32, receiver on the other side of the same disc or NONE; BEHIND on those themselves
     radius: np.float32  # [m]
-    regions: Regions  # which part of each disc light can reach
+    regions: Regions  # the part of each disc that light can reach
 
 
 class Blocks(NamedTuple):
-    """Discs in blocks of LANES, each block in one piece of memory; lists are filled up with fillers.
+    """Discs in blocks of LANES, each block contiguous; lists are padded with fillers.
 
-    A disc of a two-sided surface stands for the receivers on both its sides.
+    A disc of a two-sided surface serves the receivers on both its sides.
     """
 
     data: np.ndarray  # (E / LANES * 112,) float32: LANES x, LANES y, ... of positions, of normals, limits
@@ -50,13 +50,13 @@ class Blocks(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """Segments made ready for disc tests, in the discs' space."""
+    """Segments prepared for disc tests, in the discs' space."""
 
     origin: np.ndarray  # (S, 3) float32
     direction: np.ndarray  # (S, 3) float32 unit
     low: np.ndarray  # (S,) float32
     stop: np.ndarray  # (S,) float32, where the segment ends ...
-    high: np.ndarray  # (S,) float32, ... and where its extension behind the hit does
+    high: np.ndarray  # (S,) float32, ... and where its extension behind the hit ends
     flux: np.ndarray  # (S, 3) int32
     patches: np.ndarray  # (S, 3) int32, 2 patch + side at start, static end, cut; NONE
     touches: np.ndarray  # (S, 3, 3) float32, those three points
@@ -94,12 +94,12 @@ def _patch_side(patch, side):
 
 
 def share(n: int, part: int, parts: int) -> tuple[int, int]:
-    """Return first and last of n things that are one of `parts` shares of them."""
+    """Return first and last of share `part` when n items are split into `parts` shares."""
     return n * part // parts, n * (part + 1) // parts
 
 
 def lines(segments: Segments, rotation, position, model: Model, radius: float) -> Lines:
-    """Return segments carried into an object's space.
+    """Return segments transformed to an object's space.
 
     A segment that lands on a concave side of a patch is extended by 2 radius: see accepts(). Others
     are not: behind a wall a cupboard may hold thousands of discs.
@@ -122,7 +122,7 @@ def lines(segments: Segments, rotation, position, model: Model, radius: float) -
 
 @inlined
 def _crosses(centre, normal, limit, origin, direction, low, high, r2):
-    """Return whether a line crosses a disc at t in [low, high), from a side that is seen: the predicate itself.
+    """Return whether a line crosses a disc at t in [low, high), from a visible side: the predicate itself.
 
     Everything is float32, nothing branches. A line in the plane of a disc divides by zero, a filler 0 by 0;
     inf and nan fail the comparisons.
@@ -136,7 +136,7 @@ def _crosses(centre, normal, limit, origin, direction, low, high, r2):
 
 @inlined
 def offset(a, t, direction):
-    """Return where a line is at t, seen from a disc's centre; a: from the line's origin to the centre."""
+    """Return the point of a line at t relative to a disc's centre; a: from the line's origin to the centre."""
     return t * direction[0] - a[0], t * direction[1] - a[1], t * direction[2] - a[2]
 
 
@@ -148,10 +148,10 @@ def three(data, j):
 
 @inlined
 def discs_crossed(data, block, origin, direction, low, high, r2):
-    """Return which discs of a block a line crosses: one bit per lane. origin, direction: tuples.
+    """Return the discs of a block that a line crosses, one bit per lane. origin, direction: tuples.
 
-    The loop has no branch, a fixed length, unsigned indices (checks for negative ones stop LLVM) and no
-    memory to write to: LLVM makes it vectors.
+    LLVM vectorises the loop: it has no branch, a fixed length, unsigned indices (checks for negative ones
+    would prevent it) and no memory writes.
     """
     base = np.uint64(block) * _BLOCK
     bits = np.uint32(0)
@@ -165,7 +165,7 @@ def discs_crossed(data, block, origin, direction, low, high, r2):
 
 @inlined
 def lines_crossing(data, block, centre, normal, limit, r2):
-    """Return which lines of a block (see line_list.py) cross one disc: discs_crossed() with the loop turned round."""
+    """Return the lines of a block (see line_list.py) that cross one disc: discs_crossed() with exchanged roles."""
     base = np.uint64(block) * _LINE_BLOCK
     bits = np.uint32(0)
     for lane in range(np.uint64(LANES)):
@@ -191,7 +191,7 @@ def lane_of(bits):
 
 @inlined
 def receiver(blocks, e, direction):
-    """Return the receiver that sees a line cross the disc of entry e, NONE if none does; its position; its normal."""
+    """Return the receiver that gets a line's crossing of the disc of entry e, or NONE; its position; its normal."""
     j = (e // LANES) * (DISC_FIELDS * LANES) + e % LANES
     data = blocks.data
     centre = data[j], data[j + LANES], data[j + 2 * LANES]
@@ -216,7 +216,7 @@ def blocks(discs: Discs, rows: np.ndarray) -> Blocks:
 
 
 def to_list(discs: Discs) -> np.ndarray:
-    """Return (R,) bool: discs that stand for a receiver that light can reach; those seen from behind are not listed."""
+    """Return (R,) bool: discs to list, of receivers that light can reach; the back of a listed disc is not listed."""
     lit = discs.regions.area > 0
     return (discs.back != BEHIND) & (lit | ((discs.back >= 0) & lit[discs.back]))
 
@@ -232,15 +232,15 @@ def _meets(e, mine, k, centre, r2, lines):
 def accepts(discs, i, centre, normal, lines, k):
     """Return whether receiver i at `centre` accepts the crossing of line k that discs_crossed() found.
 
-    - A segment that starts or ends on the receiver's own patch within 2r of it counts only for the
-      side on which it lives there: on a convex surface the disc floats in front, and light that
-      leaves the front crosses it from behind. (On a sphere such a start is within 2r, exactly.)
-    - Behind its hit a segment counts for at most 2r, and only on the patch that it hit, within 2r of
-      the hit: a concave surface rises through its own tangent disc (report 1.2.1).
+    - A segment that starts or ends on the receiver's own patch within 2r of it counts only for its
+      side there. On a convex surface the disc floats in front, and light that leaves the front
+      crosses it from behind. (On a sphere such a start is within 2r, exactly.)
+    - Behind its hit a segment counts for at most 2r, only on the patch of the hit and within 2r of it:
+      a concave surface rises through its own tangent disc (report 1.2.1).
     - The crossing must lie in the reachable region of the disc.
 
     Without branches until the last rule: two in five crossings of a tree's leaves fail the first, and
-    guesses gone wrong took more than half of the time (124 to 50 ns).
+    branch mispredictions took more than half of the time (124 to 50 ns).
     """
     r2, mine, patches = discs.radius * discs.radius, discs.own[i], lines.patches
     direction = lines.direction[k]
@@ -250,7 +250,7 @@ def accepts(discs, i, centre, normal, lines, k):
     ends = _meets(1, mine, k, centre, r2, lines)
     cut = _meets(2, mine, k, centre, r2, lines)
     elsewhere = (starts & (patches[k, 0] != mine)) | (ends & (patches[k, 1] != mine)) | (cut & (patches[k, 2] != mine))
-    is_cut = patches[k, 2] != NONE  # what really stops this part
+    is_cut = patches[k, 2] != NONE  # a mobile stops this part
     lands = cut if is_cut else ends
     accepted = (not elsewhere) & ((t < lines.stop[k]) | lands)
     row = discs.regions.row[i]

@@ -1,9 +1,9 @@
-"""Pre-intersection tests (report 2.8): is the line outside a triangle around the disc? Then it need not be tried.
+"""Pre-intersection tests (report 2.8): a line outside a triangle around the disc cannot cross the disc.
 
-The triangle is equilateral and touches a disc a little larger than the receiver's. Each test is a superset of
-predicate.py's: it says "outside" only where rounding cannot have decided. What is left is tried as ever.
-Written like the disc test, for vectors; a block whose lines are all outside is spared that test. Nothing
-crosses a disc in whose plane it lies (slope 0), or a filler.
+The triangle is equilateral and touches a disc a little larger than the receiver's. Each test accepts a superset
+of predicate.py's crossings: it rejects only beyond any rounding error. The disc test decides the rest. The
+tests are vectorised like the disc test, which is skipped for blocks with all lines outside. No line crosses
+a filler, or a disc in its own plane (slope 0).
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from gi_core.discs.search.predicate import DISC_FIELDS, LANES, LINE_FIELDS, Disc
 
 BADOUEL, PLUECKER, MOELLER = 0, 1, 2
 PRETESTS = {"none": None, "badouel": BADOUEL, "pluecker": PLUECKER, "moeller_trumbore": MOELLER}
-MARGIN = 0.05  # of the radius, that the triangle's inner circle is larger
-# An intersection is off by some 12 roundings of the coordinates / slope, and the disc test's by 8: "outside" is
-# believed where 64 of them are less than the margin.
+MARGIN = 0.05  # of the radius, by which the triangle's inner circle is larger
+# An intersection has an error of some 12 roundings of the coordinates / slope, that of the disc test 8. A line counts
+# as outside only where 64 roundings are less than the margin.
 _BELIEVED = np.float32(64 * 2.0**-24)
-_RADII = np.float32(64.0)  # margins: what the triangle itself adds to those coordinates, three radii
+_RADII = np.float32(64.0)  # margins: the triangle's own share of those coordinates, three radii
 _FIELDS = (8, 18, 9)  # of a disc, by the numbers above
 _DISC, _LINE = np.uint64(DISC_FIELDS * LANES), np.uint64(LINE_FIELDS * LANES)
 _L1, _L2, _L3, _L6, _L7, _L9, _L12, _L15 = (np.uint64(k * LANES) for k in (1, 2, 3, 6, 7, 9, 12, 15))
 
 
 class Triangles(NamedTuple):
-    """What one of the tests keeps of the triangle around each disc, in blocks as `predicate.Blocks`."""
+    """Data of one test: the triangle around each disc, in blocks as `predicate.Blocks`."""
 
     kind: int  # BADOUEL, PLUECKER or MOELLER
     data: np.ndarray  # (E / LANES * fields * LANES,) float32
@@ -38,7 +38,7 @@ class Triangles(NamedTuple):
 
 
 def triangles(name: str, discs: Discs, rows: np.ndarray) -> Triangles | None:
-    """Return what a test of PRETESTS needs of discs (n,), a multiple of LANES; a row of -1 is a filler."""
+    """Return the data of a test of PRETESTS for discs (n,), a multiple of LANES; a row of -1 is a filler."""
     kind = PRETESTS[name]
     if kind is None:
         return None
@@ -62,7 +62,7 @@ def triangles(name: str, discs: Discs, rows: np.ndarray) -> Triangles | None:
 
 
 def _badouel_columns(normal, corner) -> list[np.ndarray]:
-    """Return the rows that give a point of the plane its alpha and beta, looking along the normal's longest axis."""
+    """Return the rows that map a point of the plane to alpha and beta, projected along the normal's longest axis."""
     n, longest = len(normal), np.abs(normal).argmax(axis=1)
     i, j = (longest + 1) % 3, (longest + 2) % 3
     k = np.arange(n)
@@ -96,7 +96,7 @@ def _extent(a):
 
 @inlined
 def _pluecker(data, j, centre, normal, origin, direction, margin):
-    """Pluecker coordinates: on which side of each edge's line the line passes; inside, on the same of all three."""
+    """Pluecker coordinates: inside, the line passes all three edges on the same side."""
     moment = cross(origin, direction)
     a = dot(direction, three(data, j + _L3)) + dot(moment, three(data, j))
     b = dot(direction, three(data, j + _L9)) + dot(moment, three(data, j + _L6))
@@ -124,7 +124,7 @@ def _moeller(data, j, centre, normal, origin, direction, margin):
 
 @inlined
 def discs_left(pretest, data, block, origin, direction):
-    """Return which discs of a block may be crossed by a line: a bit a lane."""
+    """Return the discs of a block that a line may cross, one bit per lane."""
     kind, more, margin = pretest
     base, bits = np.uint64(block) * _DISC, np.uint32(0)
     if kind == BADOUEL:
@@ -150,7 +150,7 @@ def discs_left(pretest, data, block, origin, direction):
 
 @inlined
 def lines_left(pretest, lists, block, e, centre, normal):
-    """Return which lines of a block may cross the disc of entry e: a bit a lane."""
+    """Return the lines of a block that may cross the disc of entry e, one bit per lane."""
     kind, more, margin = pretest
     base, bits = np.uint64(block) * _LINE, np.uint32(0)
     own, lane_of_disc = np.uint64(e // LANES), np.uint64(e % LANES)

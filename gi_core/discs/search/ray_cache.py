@@ -30,7 +30,7 @@ from gi_core.discs.search.sphere_stack import LEAST_RADII, stack_spheres
 from gi_core.photons.flux_sums import Sums
 
 BATCH = 1 << 15  # lines that go through all spheres together: a list of them is 1 MB
-BLOCKS_A_PART = 8  # blocks of receivers that a thread takes, every so many: light falls on some places more than others
+BLOCKS_PER_PART = 8  # runs of blocks per share of the work, spread over the receivers because light is uneven
 DISC_BLOCK = DISC_FIELDS * LANES
 ROUNDING = 4e-6  # of the distances in a line's arithmetic, with room
 
@@ -57,7 +57,7 @@ class RayCache:
         s = self.spheres
         if not len(s.first):
             return 0
-        count = BLOCKS_A_PART * parts if parts > 1 else 1
+        count = BLOCKS_PER_PART * parts if parts > 1 else 1
         bounds = np.searchsorted(s.first, np.arange(count + 1) * s.last[0] // count)
         bounds[0], bounds[-1] = 0, len(s.first)
         return _accumulate(s, bounds, part, parts, self._far, self.blocks, self.discs, self.pretest, lines, sign, sums)
@@ -75,8 +75,8 @@ def _accumulate(spheres, bounds, part, parts, far, blocks, discs, pretest, lines
     start, count = np.zeros(depths + 1, np.int64), np.zeros(depths + 1, np.int64)  # list 0 holds every line
     stack, candidates = np.zeros(depths, np.int64), np.empty((ROOM, 2), np.int64)
     room = 4 * (min(BATCH, len(low)) // LANES + 1)
-    data, who = np.empty(room * LINE_FIELDS * LANES, np.float32), np.empty(room * LANES, np.int32)
-    lists = LineLists(data, who, start, count)
+    data, number = np.empty(room * LINE_FIELDS * LANES, np.float32), np.empty(room * LANES, np.int32)
+    lists = LineLists(data, number, start, count)
     total = 0
     for batch in range(0, len(low), BATCH):
         count[0] = min(BATCH, len(low) - batch)
@@ -116,7 +116,7 @@ def _visit(spheres, part, pad, lists, stack, candidates, blocks, discs, pretest,
         begins = end if k >= last else first_of[k]
         if height > 0:
             # Try the receivers up to where the next sphere begins or the smallest one ends.
-            listed, who = lists.data, lists.who
+            listed, number = lists.data, lists.number
             upto = min(last_of[stack[height - 1]], begins)
             for e in range(at, upto):
                 j = (e // LANES) * DISC_BLOCK + e % LANES
@@ -132,7 +132,7 @@ def _visit(spheres, part, pad, lists, stack, candidates, blocks, discs, pretest,
                     if pretest is not None:
                         bits &= left
                     while bits != 0:
-                        candidates[n, 0], candidates[n, 1] = who[b * LANES + lane_of(bits)], e
+                        candidates[n, 0], candidates[n, 1] = number[b * LANES + lane_of(bits)], e
                         bits &= bits - np.uint32(1)
                         n += 1
                     if n > ROOM - LANES:

@@ -112,7 +112,7 @@ def _distances(empty: np.ndarray, cell: float) -> np.ndarray:
 
 @allocating
 def _between(grid, at):
-    """Return the values (n,) at places (n, 3) between the cells of a grid, linear along each axis; its rim goes on."""
+    """Return the values (n,) at places (n, 3) between the cells of a grid, linear per axis, constant outside."""
     out = np.empty(len(at))
     low, share = np.empty(3, np.int64), np.empty(3)
     for i in range(len(at)):
