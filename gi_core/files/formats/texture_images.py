@@ -31,7 +31,7 @@ class ImageError(ValueError):
     """An image that cannot be used; the message is its name and the fault."""
 
 
-class Picture(NamedTuple):
+class DecodedImage(NamedTuple):
     """A decoded image."""
 
     pixels: np.ndarray  # (h, w, 3) uint8 sRGB, read-only
@@ -52,7 +52,7 @@ class Images:
         self.textures: list[Texture] = []
         self._boundary = boundary
         self._index: dict[tuple, int | None] = {}
-        self._pictures: dict[str, Picture | None] = {}
+        self._pictures: dict[str, DecodedImage | None] = {}
         self._means: dict[int, np.ndarray] = {}  # by identity of pixels, which `_pictures` and `textures` keep alive
         self._troubles: dict[str, list[str]] = {}  # by replacement
 
@@ -113,7 +113,7 @@ class Images:
         self.textures.append(Texture(np.broadcast_to(srgb, shape).copy(), cover=cover))
         return len(self.textures) - 1
 
-    def _picture(self, name: str, load: Callable[[], bytes], otherwise: str) -> Picture | None:
+    def _picture(self, name: str, load: Callable[[], bytes], otherwise: str) -> DecodedImage | None:
         """Return an image, decoded once; None if it cannot be read, with `otherwise` noted."""
         if name not in self._pictures:
             try:
@@ -150,7 +150,7 @@ class Images:
         return lines
 
 
-def decode(data: bytes, name: str, boundary: Boundary) -> Picture:
+def decode(data: bytes, name: str, boundary: Boundary) -> DecodedImage:
     """Return an encoded image; equal bytes share their pixels. Raises ImageError, or SceneError beyond the limits."""
     from PIL import Image
 
@@ -174,7 +174,7 @@ def decode(data: bytes, name: str, boundary: Boundary) -> Picture:
                 pixels = _rgb(image)
                 pixels.flags.writeable = False
                 _decoded[digest] = pixels
-            return Picture(pixels, None if alpha is None or alpha.min() == 255 else alpha)
+            return DecodedImage(pixels, None if alpha is None or alpha.min() == 255 else alpha)
     except (ImageError, SceneError, MemoryError):
         raise
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
