@@ -31,7 +31,7 @@ docs:
 
 # Frame times of twelve cases, appended to bench/history.csv and drawn beside it
 bench:
-    {{python}} -m app bench --history bench/history.csv --plot
+    {{python}} -m studies.frame_history
 
 # A window driven at random for MINUTES, on empty stores
 soak minutes="5" scene="cornell":

@@ -1,4 +1,4 @@
-"""`gi-viewer bench`: frame times and their bounds, sweeps, the report's tables, a history of times."""
+"""`gi-viewer bench`: frame times, sweeps, the report's tables."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 from app.cli import options, values
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
-from app.cli.terminal import say
 from app.settings import STEP, UsageError
 
 
@@ -21,8 +20,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--step", type=values.positive, default=100 * STEP, metavar="PCT",
         help=f"distance of a mobile per frame [%% of the scene size] ({100 * STEP:g})")  # fmt: skip
     add("--json", type=Path, metavar="FILE", help="write every number to a JSON file too")
-    add("--history", type=Path, metavar="FILE.csv", help="append the times of 12 fixed cases; minutes")
-    add("--plot", action="store_true", help="with --history: draw all its rows to FILE.svg")
     add("--sweep", action="store_true", help="measure a table of settings into --out; resumes one that was stopped")
     add("--tables", action="store_true", help="the report's tables 2.1 to 2.5 with our times, into --out; minutes")
     add("--out", type=Path, metavar="DIR", help="where --sweep writes sweep.json and sweep.md, --tables tables.md")
@@ -32,16 +29,10 @@ def run(arguments: argparse.Namespace) -> int:
     settings = settings_of(arguments)
     if (arguments.sweep or arguments.tables) != (arguments.out is not None):
         raise UsageError("--sweep and --out DIR go together, --tables and --out too: the folder that is written to")
-    if arguments.plot and arguments.history is None:
-        raise UsageError("--plot draws the rows of --history FILE.csv: give both")
     if arguments.tables:
         from app.measure.bench.report_times import tables
 
         print(tables(settings, arguments.out))
-    elif arguments.history is not None:
-        from app.measure.bench.history import history
-
-        say(map(str, history(arguments.history, arguments.plot)))
     elif arguments.sweep:
         from app.measure.bench.sweep import sweep
 

@@ -38,7 +38,6 @@ class Estimator(Protocol):
     photons: int  # photons that the last prepare() covered; 0 before
     prefixes: SubsetStore  # photon subsets that evaluate() and background() accept
     control_facts: ControlFacts  # receivers under correction; zeros if there are none
-    stale: int  # static receivers whose sums the last frame computed afresh; 0 where it only added and subtracted
     searches: list[Search]  # over the discs of each object, static part first; empty without discs or before build()
 
     @property

@@ -52,7 +52,6 @@ class ImpactCount:
     smoothing: str | None = None
     compile_seconds = 1
     bytes_per_hit = 0
-    stale = 0
 
     def __init__(self, model: Model, setting: Setting):
         self.model, self._corners = model, (model.surfaces.corner_front, model.surfaces.corner_back)

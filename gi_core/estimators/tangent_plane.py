@@ -64,7 +64,6 @@ class TangentPlane:
         self._search = SEARCHES[setting.search]
         self.area = np.full(len(model.object_receivers.areas), math.pi * self.radius * self.radius)
         self.control_facts = ControlFacts(0.0, 0, 0)
-        self.stale = 0
         self.photons = 0
         self.prefixes = SubsetStore()  # sums of the background
         self.searches: list[Search] = []
@@ -151,7 +150,6 @@ class TangentPlane:
             self._frame.clear()  # the next frame must not start with half of this one
             raise
         out.sums[rows], out.new_flux[rows] = stale, NOT_ADDITIVE
-        self.stale = len(rows)
         self.control_facts = self._contact.facts(contacts)
         return out
 

@@ -1,1 +1,1 @@
-"""Instruments around the solver: lower bounds, search timing, compilation ahead of use."""
+"""Instruments around the solver: search timing, compilation ahead of use."""

@@ -38,8 +38,8 @@ def measured(grid: tuple[float, ...], spheres: tuple[float, ...], radii) -> dict
     out = {}
     for receivers in ("whole", "tree", "ground"):
         for r, a, b in zip(radii, grid, spheres, strict=True):
-            out[receivers, report.DISC_INDEX, r] = Times(a, a / 10, 100, 10, (4.0, 20.0))
-            out[receivers, report.RAY_CACHE, r] = Times(b, b / 10, 100, 10, None)
+            out[receivers, report.DISC_INDEX, r] = Times(a, a / 10, (4.0, 20.0))
+            out[receivers, report.RAY_CACHE, r] = Times(b, b / 10, None)
     return out
 
 

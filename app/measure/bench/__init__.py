@@ -1,1 +1,1 @@
-"""Frame times, their bounds, and the report's tables."""
+"""Frame times, sweeps, and the report's tables."""

@@ -11,7 +11,6 @@ from pathlib import Path
 from app.cli.progress import Bar, compile_kernels
 from app.cli.terminal import say
 from app.cli.writable import check_writable
-from app.measure.bench.bounds import summary
 from app.measure.bench.measure import measure, warm_up
 from app.settings import STEP, Settings, open_moving_scene
 
@@ -37,7 +36,7 @@ def bench(settings: Settings, frames: int, json_file: Path | None = None, step: 
 
 def table(n: dict) -> list[str]:
     """Return the lines of the printed table."""
-    f, b = n["frame_ms"], n["bounds"]
+    f = n["frame_ms"]
     per_cut, peak = n["us_per_cut_photon"], n["peak_rss_mb"]
     control = "with" if n["control"] else "without"
     rows = [
@@ -46,17 +45,14 @@ def table(n: dict) -> list[str]:
         ("estimator", f"{n['estimator']}, radius {n['radius']:.4g} m, k {n['neighbours']}, {control} artifact control"),
         ("machine", f"{n['processor']}, {n['threads']} threads, commit {n['commit'] or 'unknown'}"),
         *_busy(n),
-        ("copying", f"{b['copy_gb_per_s']:.1f} GB/s, read and written"),
         ("GI frame", f"median {f['median']:.2f} ms, p95 {f['p95']:.2f}, min {f['min']:.2f}, max {f['max']:.2f}"),
         ("  CPU", f"{f['cpu']:.2f} ms, all threads together"),
         ("frames", f"{n['frames']}, one step of {n['step_percent']:g} % of the scene size each"),
-        ("bound", f"{b['frame_bound_ms']:.2f} ms for the work that a frame cannot avoid; it takes {_ratio(b)} that"),
-        *((f"  {name}", _stage(name, ms, b)) for name, ms in n["stages_ms"].items()),
+        *((f"  {name}", f"{ms:.3f} ms") for name, ms in n["stages_ms"].items()),
         ("photons cut", f"{100 * n['share_cut']:.3f} % (median)"),
         ("changed", f"{n['segments_changed']:,.0f} segments, old and new (median)"),
         ("per cut", f"{per_cut:.2f} us per photon that is cut" if per_cut is not None else "no photon was cut"),
         ("control", _affected(n)),
-        *_stale(n["queries"]),
         ("from scratch", f"{n['from_scratch_ms']:.1f} ms, {n['from_scratch_ratio']:.1f} frames"),
         ("first frame", f"{n['first_frame_ms']:.0f} ms, after {n['prepare_ms']:.0f} ms of preparing the scene"),
         ("peak memory", f"{peak:.0f} MB" if peak is not None else "unknown on this platform"),
@@ -72,28 +68,6 @@ def _busy(n: dict) -> list[tuple[str, str]]:
     return [("busy", f"{n['load']:.1f} threads ran or waited in the minute before: rely on CPU time")]
 
 
-def _ratio(bound: dict) -> str:
-    if not bound["frame_ratio"]:
-        return "no share"
-    return f"{bound['frame_ratio']:.1f} times, by CPU time {bound['frame_cpu_ratio']:.1f} times"
-
-
-def _stage(name: str, ms: float, bound: dict) -> str:
-    known = bound["stages"].get(name)
-    return f"{ms:.3f} ms" + (f", {summary(known)}" if known else "")
-
-
 def _affected(n: dict) -> str:
     contact = f"{n['control_stale']:,.0f} near mobiles estimated again, {n['control_on_mobiles']:,.0f} on them"
     return f"{100 * n['control_share']:.1f} % of the receivers; {contact} (median)"
-
-
-def _stale(queries: dict | None) -> list[tuple[str, str]]:
-    if queries is None:
-        return []
-    q = queries
-    share = (
-        f"{100 * q['stale_share']:.2f} % of the receivers, {q['queries']:,.0f} queries of {q['us_a_query']:.2f} us each"
-    )
-    full = f"{q['full_estimate_ms']:.0f} ms for all of them, {q['allowed_ms']:.2f} ms for that share"
-    return [("stale", share), ("full estimate", full)]

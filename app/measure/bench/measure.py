@@ -15,14 +15,13 @@ import numpy as np
 from app.cli.progress import Bar, solve
 from app.cli.version import commit
 from app.draw import motion
-from app.measure.bench.bounds import best_seconds, bounds
 from app.measure.machine import load, peak_rss_mb, processor
 from app.settings import STEP, Settings, make_solver
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
 
-FORMAT = "gi-viewer bench 3"
+FORMAT = "gi-viewer bench 4"
 BEST_OF = 3  # from-scratch runs
 
 
@@ -44,12 +43,9 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
     first_frame = time.perf_counter() - prepared
 
     lap = motion.walk(motion.paths_of(solver), step * solver.scene_size, frames)
-    walked = _walk(solver, lap, bar)
+    walked = walk(solver, lap, bar)
     ms, middle = np.array(walked.frames["ms"]), {name: float(np.median(v)) for name, v in walked.frames.items()}
-    stages_ms = {name: float(np.median(v)) for name, v in walked.stages.items()}
     scratch, equal = _from_scratch(solver, bar)
-    bar("bounds", 0.0)
-    median_pose = lap[int(np.abs(ms - middle["ms"]).argmin())]
     return {
         "format": FORMAT,
         "scene": settings.scene,
@@ -77,13 +73,11 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
             "max": float(ms.max()),
             "cpu": middle["cpu ms"],
         },
-        "stages_ms": stages_ms,
-        "bounds": bounds(solver, median_pose, stages_ms, middle["ms"], middle["cpu ms"]),
+        "stages_ms": {name: float(np.median(v)) for name, v in walked.stages.items()},
         "share_cut": middle["cut"] / max(solver.frame.photons, 1),
         "segments": solver.frame.segments,
         "segments_changed": middle["changed"],
         "us_per_cut_photon": middle.get("us per cut"),
-        "queries": _queries(solver, middle["stale"], stages_ms),
         "from_scratch_ms": 1e3 * scratch,
         "from_scratch_ratio": 1e3 * scratch / middle["ms"],
         "prepare_ms": 1e3 * (prepared - started),
@@ -100,11 +94,10 @@ class Walked(NamedTuple):
     stages: dict[str, list[float]]  # ms
 
 
-def _walk(solver: Solver, lap: list[dict], bar: Bar) -> Walked:
-    from gi_core.instruments.lower_bounds import estimate_of
-
+def walk(solver: Solver, lap: list[dict], bar: Bar) -> Walked:
+    """Time each pose of `lap`, after an untimed frame at the last one."""
     frames, stages = defaultdict(list), defaultdict(list)
-    solver.move_all(lap[-1])  # the frame before the first one, untimed
+    solver.move_all(lap[-1])
     for k, poses in enumerate(lap):
         bar("moving", k / len(lap))
         clock, cpu = time.perf_counter(), time.process_time()
@@ -118,7 +111,6 @@ def _walk(solver: Solver, lap: list[dict], bar: Bar) -> Walked:
             "changed": changes.old_segments + changes.new_segments,
             "in contact": facts.stale,
             "on mobiles": facts.on_mobiles,
-            "stale": estimate_of(solver).stale,
         }
         if changes.photons_cut:
             numbers["us per cut"] = 1e6 * clock / changes.photons_cut
@@ -139,25 +131,3 @@ def _from_scratch(solver: Solver, bar: Bar) -> tuple[float, bool]:
         took.append(time.perf_counter() - before)
         equal = equal and bool(np.array_equal(fresh, solver.irradiance))
     return min(took), equal
-
-
-def _queries(solver: Solver, stale: float, stages_ms: dict[str, float]) -> dict | None:
-    """Return the cost of stale receivers, which k-nearest estimators estimate again; None for other estimators.
-
-    `allowed_ms`: the time of a full estimate times the share of stale receivers.
-    """
-    from gi_core.instruments import lower_bounds
-
-    if lower_bounds.estimate_of(solver).additive:
-        return None
-    static = solver.surfaces.receiver_range(0).stop
-    queries = stale + len(solver.irradiance) - static
-    full = 1e3 * best_seconds(lower_bounds.full_estimate(solver))
-    share = stale / max(static, 1)
-    return {
-        "stale_share": share,
-        "queries": queries,
-        "us_a_query": 1e3 * stages_ms.get("estimate", 0.0) / max(queries, 1),
-        "full_estimate_ms": full,
-        "allowed_ms": full * share,
-    }

@@ -45,8 +45,6 @@ class Times(NamedTuple):
 
     every: float  # s, all segments
     frame: float  # s, the segments that a frame changes
-    segments: int
-    crossings: int
     cells: tuple[float, float] | None  # of a grid: edge [radii], discs per occupied cell
 
 

@@ -18,7 +18,7 @@ from app.measure.bench.tables import markdown
 from app.measure.machine import processor
 from app.settings import Settings, UsageError
 
-FORMAT = "gi-viewer sweep 2"
+FORMAT = "gi-viewer sweep 3"
 
 
 def sweep(settings: Settings, frames: int, out: Path, run: Callable = run_apart) -> dict:

@@ -9,7 +9,7 @@ from gi_core.estimators import DEFAULT
 def markdown(sweep: dict) -> str:
     """Return the whole report."""
     have = sweep["rows"]
-    parts = [_head(sweep), _rows(have), _growth_with_triangles(have), _queries(have), _stages(have), _failed(sweep)]
+    parts = [_head(sweep), _rows(have), _growth_with_triangles(have), _stages(have), _failed(sweep)]
     return "\n\n".join(p for p in parts if p) + "\n"
 
 
@@ -40,20 +40,19 @@ def _section(title: str, body: str) -> str:
 
 def _rows(have: dict) -> str:
     """Return the table of all rows but those of triangles; frames should grow with the photons cut, plus a scan."""
-    head = ["row", "cut", "frame", "95 %", "CPU", "scan", "all else, us per cut photon", "of its bound", "by CPU",
+    head = ["row", "cut", "frame", "95 %", "CPU", "scan", "all else, us per cut photon",
             "from scratch", "ratio", "first frame", "peak MB"]  # fmt: skip
     grown = {triangles_key(n, radius) for n in TRIANGLES for radius in RADII}
     lines = []
     for key, r in have.items():
         if key in grown:
             continue
-        f, b, cut = r["frame_ms"], r["bounds"], r["share_cut"] * r["photons"]
+        f, cut = r["frame_ms"], r["share_cut"] * r["photons"]
         scan = sum(ms for name, ms in r["stages_ms"].items() if "scan" in name)
         lines.append([
             key, f"{cut:,.0f}", _ms(f["median"]), _ms(f["p95"]), _ms(f["cpu"]), _ms(scan),
-            _number(1e3 * (f["median"] - scan) / cut if cut else None), _times(b["frame_ratio"]),
-            _times(b["frame_cpu_ratio"]), _ms(r["from_scratch_ms"]), _times(r["from_scratch_ratio"]),
-            _ms(r["first_frame_ms"]), _number(r["peak_rss_mb"], 0),
+            _number(1e3 * (f["median"] - scan) / cut if cut else None), _ms(r["from_scratch_ms"]),
+            _times(r["from_scratch_ratio"]), _ms(r["first_frame_ms"]), _number(r["peak_rss_mb"], 0),
         ])  # fmt: skip
     return _section("Rows", table(head, lines))
 
@@ -62,59 +61,26 @@ def _growth_with_triangles(have: dict) -> str:
     parts = []
     for radius in RADII:
         measured = [have[key] for n in TRIANGLES if (key := triangles_key(n, radius)) in have]
-        lines = []
-        for r in measured:
-            first = measured[0]
-            crossings, of_first = _crossings(r), _crossings(first)
-            lines.append([
-                f"{r['triangles']:,}", f"{r['receivers']:,}", f"{r['radius']:.4g}", _ms(r["frame_ms"]["median"]),
-                _times(r["frame_ms"]["median"] / first["frame_ms"]["median"]), f"{crossings:,.0f}",
-                _times(crossings / of_first if of_first else None),
-                _number(crossings / r["segments_changed"] if r["segments_changed"] else None),
-            ])  # fmt: skip
-        head = ["triangles", "receivers", "radius m", "frame", "ratio", "crossings", "ratio", "per segment"]
+        lines = [
+            [f"{r['triangles']:,}", f"{r['receivers']:,}", f"{r['radius']:.4g}", _ms(r["frame_ms"]["median"]),
+             _times(r["frame_ms"]["median"] / measured[0]["frame_ms"]["median"]), f"{r['segments_changed']:,.0f}"]
+            for r in measured
+        ]  # fmt: skip
+        head = ["triangles", "receivers", "radius m", "frame", "ratio", "segments changed"]
         made = table(head, lines)
         if made:
             parts.append(f"Radius {radius}:\n\n{made}")
     return _section("Growth with static triangles (the same surfaces cut finer)", "\n\n".join(parts))
 
 
-def _crossings(r: dict) -> float:
-    return r["bounds"]["stages"].get("estimate", {"work": {}})["work"].get("crossings", {"count": 0})["count"]
-
-
-def _queries(have: dict) -> str:
-    lines = []
-    for key, r in have.items():
-        q = r["queries"]
-        if q is None:
-            continue
-        share = f"{100 * q['stale_share']:.2f} %"
-        frame = r["frame_ms"]["median"]
-        lines.append([
-            key, _ms(frame), share, f"{q['queries']:,.0f}", _number(q["us_a_query"]),
-            _ms(q["full_estimate_ms"]), _ms(q["allowed_ms"]),
-            _times(frame / q["allowed_ms"] if q["allowed_ms"] else None),
-        ])  # fmt: skip
-    head = ["row", "frame", "stale", "queries", "us per query", "full estimate", "x stale share",
-            "frame / that"]  # fmt: skip
-    return _section("Receivers estimated again", table(head, lines))
-
-
 def _stages(have: dict) -> str:
-    """Return time and bound of each stage at the largest number of photons measured."""
+    """Return the time of each stage at the largest number of photons measured."""
     counts = [n for n in PHOTONS if photons_key(n, DEFAULT) in have]
     if not counts:
         return ""
     r = have[photons_key(max(counts), DEFAULT)]
-    lines = []
-    for name, ms in r["stages_ms"].items():
-        known = r["bounds"]["stages"].get(name, {"bound_ms": None, "ratio": None})
-        lines.append([name, _ms(ms), _ms(known["bound_ms"]), _times(known["ratio"])])
-    lines.append(["whole frame", _ms(r["frame_ms"]["median"]), _ms(r["bounds"]["frame_bound_ms"]),
-                  _times(r["bounds"]["frame_ratio"])])  # fmt: skip
-    title = f"Stages of a frame at {max(counts):,} photons ({DEFAULT}), and their bounds"
-    return _section(title, table(["stage", "took", "bound", "ratio"], lines))
+    lines = [[name, _ms(ms)] for name, ms in (r["stages_ms"] | {"whole frame": r["frame_ms"]["median"]}).items()]
+    return _section(f"Stages of a frame at {max(counts):,} photons ({DEFAULT})", table(["stage", "took"], lines))
 
 
 def _failed(sweep: dict) -> str:

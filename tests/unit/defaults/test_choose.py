@@ -11,12 +11,12 @@ import pytest
 from gi_core.defaults import choose, predict_cost, predict_error
 from gi_core.discs.search.predicate import lines
 from gi_core.geometry.error import luminance, relative_error
-from gi_core.instruments.lower_bounds import candidates
 from gi_core.model import Model
 from gi_core.photons.paths import segments_of
 from gi_core.photons.trace import trace_background
 from gi_core.scene.types import Camera, Defaults, DirectionalLight, Scene
 from gi_core.solver import Solver
+from studies.lower_bounds import candidates
 from tests.support.scene_builders import box, floor, grey, lamp, merge, plane_scene, quad
 
 SUN = DirectionalLight("sun", (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))

@@ -39,7 +39,6 @@ class Toy:
     smoothing: str | None = None
     compile_seconds = 0
     bytes_per_hit = 0
-    stale = 0
 
     def __init__(self, model: Model, setting: Setting):
         self.model, self.area = model, 3 * model.object_receivers.areas

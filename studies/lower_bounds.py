@@ -1,22 +1,33 @@
-"""Lower bounds of frame time: the rays, disc tests, disc intersections and bytes of a frame, counted, as bare loops.
+"""Lower bounds of frame time: the work that the stages of a frame cannot avoid, timed alone on this machine.
 
-Rays and the lines of disc searches are rebuilt from the segments of the last frame. Disc tests and additions run on
-data in the nearest cache. The caller measures time: `Work.run()` does `batch` units, a frame needs `count`.
+    python -m studies.lower_bounds tree --photons 100000 --estimator tangent_plane
+
+The rays, disc tests, disc crossings and bytes of the median frame are counted and run as bare loops. Rays and the lines
+of disc searches are rebuilt from the segments of that frame. Disc tests and additions run on data in the nearest cache.
+The table has a row per stage: measured time [ms], bound [ms], their ratio, and the counts with their rates.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
+from app.cli.progress import Bar, compile_kernels, solve
+from app.cli.terminal import say
+from app.draw import motion
+from app.measure.bench.measure import walk
+from app.measure.bench.report_times import best_seconds
+from app.settings import STEP, Settings, make_solver, open_moving_scene
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.discs.search import Search
 from gi_core.discs.search.disc_grid import CELL_RADII, discs_in_cells
 from gi_core.discs.search.predicate import Discs, Lines, lines, to_list
 from gi_core.estimators import ESTIMATORS, Estimator
+from gi_core.estimators.photon_map import PhotonMap
 from gi_core.photons.flux_sums import Sums
 from gi_core.photons.paths import Segments, empty_segments, segments_at, segments_of, take
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, rays_to_object
@@ -34,6 +45,113 @@ ADDITIONS = 1 << 20
 POINTS = 8  # of a line
 CHUNK = 1 << 16  # photons
 LEAST_COPY = 1 << 12  # bytes
+COPY_BYTES = 128_000_000  # of the copy that measures bandwidth: larger than any cache
+
+
+class Bound(NamedTuple):
+    """The bound of one stage."""
+
+    ms: float
+    work: dict[str, tuple[int, float]]  # unit -> count, and the units per second of the bare loop
+
+
+class Found(NamedTuple):
+    """Bounds of the median frame of a walk, beside its measured medians."""
+
+    stages_ms: dict[str, float]
+    bounds: dict[str, Bound]  # by stage; some are not timed apart
+    frame_ms: float
+    cpu_ms: float  # of all threads
+    threads: int
+    queries: Queries | None
+
+    @property
+    def bound_ms(self) -> float:
+        """Bound of the whole frame."""
+        return sum(b.ms for b in self.bounds.values())
+
+
+class Queries(NamedTuple):
+    """Cost of the queries of stale receivers, which photon_map estimates again."""
+
+    stale_share: float  # of the static receivers
+    count: float  # queries per frame, those on mobiles included
+    us_per_query: float
+    full_estimate_ms: float  # of all static receivers
+
+    @property
+    def allowed_ms(self) -> float:
+        """Time of a full estimate times the share of stale receivers."""
+        return self.full_estimate_ms * self.stale_share
+
+
+def measure(solver: Solver, frames: int, bar: Bar) -> Found:
+    """Time a walk of a solved solver, and bound its median frame. Leaves the solver at that frame."""
+    lap = motion.walk(motion.paths_of(solver), STEP * solver.scene_size, frames)
+    walked = walk(solver, lap, bar)
+    ms, stages_ms = np.array(walked.frames["ms"]), {name: float(np.median(v)) for name, v in walked.stages.items()}
+    bar("bounds", 0.0)
+    middle = float(np.median(ms))
+    bounds = bounds_of(work_of_frame(solver, lap[int(np.abs(ms - middle).argmin())]))
+    cpu_ms, threads = float(np.median(walked.frames["cpu ms"])), solver.model.threads
+    return Found(stages_ms, bounds, middle, cpu_ms, threads, queries(solver, stages_ms["estimate"]))
+
+
+def bounds_of(works: list[Work]) -> dict[str, Bound]:
+    """Run all works; return the bound of each stage."""
+    stages: dict[str, dict[str, list[float]]] = {}
+    for work in works:
+        seconds = work.count * best_seconds(work.run) / work.batch
+        total = stages.setdefault(work.stage, {}).setdefault(work.unit, [0, 0.0])
+        total[0] += work.count
+        total[1] += seconds
+    return {
+        stage: Bound(1e3 * sum(s for _, s in units.values()), {u: (int(n), n / s) for u, (n, s) in units.items()})
+        for stage, units in stages.items()
+    }
+
+
+def queries(solver: Solver, estimate_ms: float) -> Queries | None:
+    """Return the queries of photon_map in the last frame; None for other estimators."""
+    estimate, static = estimate_of(solver), solver.surfaces.receiver_range(0).stop
+    if not isinstance(estimate, PhotonMap):
+        return None
+    count = estimate.stale + _on_mobiles(solver)
+    full = 1e3 * best_seconds(full_estimate(solver))
+    return Queries(estimate.stale / max(static, 1), count, 1e3 * estimate_ms / max(count, 1), full)
+
+
+def table(found: Found) -> list[str]:
+    """Return the lines of the printed table."""
+    out = [f"{'stage':<12}{'ms':>9}{'bound ms':>10}{'ratio':>8}  work"]
+    for stage in dict.fromkeys((*found.stages_ms, *found.bounds)):
+        out.append(_row(stage, found.stages_ms.get(stage), found.bounds.get(stage)))
+    out.append(_row("whole frame", found.frame_ms, Bound(found.bound_ms, {})))
+    out.append(_row("CPU / thread", found.cpu_ms / found.threads, Bound(found.bound_ms, {})))
+    if (q := found.queries) is not None:
+        share = f"{100 * q.stale_share:.2f} % of the static receivers are stale"
+        out.append(f"{share}; {q.count:,.0f} queries of {q.us_per_query:.2f} us each")
+        out.append(f"full estimate {q.full_estimate_ms:.0f} ms, times that share {q.allowed_ms:.2f} ms")
+    return out
+
+
+def _row(name: str, ms: float | None, bound: Bound | None) -> str:
+    text = f"{name:<12}" + (f"{ms:9.3f}" if ms is not None else " " * 9)
+    if bound is None:
+        return text
+    ratio = f"{ms / bound.ms:8.1f}" if ms is not None and bound.ms else " " * 8
+    work = (f"{_amount(n, unit)} at {_amount(rate, unit)}/s" for unit, (n, rate) in bound.work.items())
+    return f"{text}{bound.ms:10.3f}{ratio}  {', '.join(work)}".rstrip()
+
+
+def _amount(n: float, unit: str) -> str:
+    for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if n >= factor:
+            return f"{n / factor:.3g} {prefix}{'B' if unit == 'bytes' else ' ' + unit}"
+    return f"{n:.0f} {'B' if unit == 'bytes' else unit}"
+
+
+# Work of a frame -----------------------------------------------------------------------------------------
 
 
 class Work(NamedTuple):
@@ -60,7 +178,7 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
         ("estimate", 2 * SUM_BYTES * receivers + VERTEX_BYTES * changes.old_segments),
         ("read out", (2 * SUM_BYTES + 8) * receivers),
     ]
-    if estimate.smoothing == "neighbours":  # a query of k nearest hits reads k hits at the least
+    if isinstance(estimate, PhotonMap):  # a query of k nearest hits reads k hits at the least
         moved.append(("estimate", (estimate.stale + _on_mobiles(solver)) * solver.neighbours * HIT_BYTES))
     work = [w for w in _rays(solver) if w.count]
     work += [copied(stage, size, threads) for stage, size in moved if size]
@@ -245,3 +363,26 @@ def candidates(discs: Discs, over: Lines) -> int:
         at = np.floor((at - corner) / cell).astype(np.int64).clip(0, shape - 1)
         held = held + count[np.ravel_multi_index(tuple(at.T), tuple(shape))]
     return int((cells * held / POINTS).sum())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("scene")
+    parser.add_argument("--photons", type=int, help="(default: the scene's)")
+    parser.add_argument("--estimator", choices=ESTIMATORS)
+    parser.add_argument("--no-control", dest="control", action="store_false", help="without artifact control")
+    parser.add_argument("--frames", type=int, default=100, help="timed frames (default 100)")
+    a = parser.parse_args()
+    settings = Settings(a.scene, photons=a.photons, estimator=a.estimator, control=a.control, light="photons")
+    with Bar() as bar:
+        compile_kernels(bar)
+        solver = make_solver(open_moving_scene(settings), settings)
+        solve(solver, bar)
+        found = measure(solver, a.frames, bar)
+        copy = copied("", COPY_BYTES, found.threads)
+    say(table(found))
+    say([f"copying {1e-9 * copy.batch / best_seconds(copy.run):.1f} GB/s, read and written"])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,17 +1,26 @@
-"""`gi-viewer bench --history FILE.csv`: one row per fixed case and run, to compare commits; --plot draws them."""
+"""Frame times of twelve fixed cases, to compare commits: one row per case and run, and a plot of all rows.
+
+    python -m studies.frame_history --out bench/history.csv
+
+It takes minutes. A process of its own measures each case, and its row is appended at once.
+"""
 
 from __future__ import annotations
 
+import argparse
 import csv
 import platform
+import sys
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
+from app.cli.exit_codes import OK, USAGE, fail
 from app.cli.progress import Bar
 from app.cli.writable import check_writable
-from app.measure.bench.row import Failed, run_apart
+from app.measure.bench.row import ROOT, Failed, run_apart
 from app.measure.bench.rows import PHOTONS, Row
+from app.measure.chart.figure import need_matplotlib
 from app.settings import Settings, UsageError
 from gi_core.estimators import ESTIMATORS
 
@@ -33,22 +42,16 @@ def cases() -> list[Row]:
     return out
 
 
-def history(
-    file: Path, plot: bool = False, measured: Sequence[Row] | None = None, run: Callable[[dict], dict] = run_apart
-) -> list[Path]:
-    """Append a row per case, as soon as it is measured; return the files written.
+def history(file: Path, rows: Sequence[Row], run: Callable[[dict], dict] = run_apart) -> Path:
+    """Append a row per case, as soon as it is measured; return the SVG file of the plot.
 
     `run(spec) -> numbers` measures a row, or raises Failed. Raises UsageError for a file of other columns, OSError.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
-    check_writable("--history", file)
-    if plot:
-        from app.measure.chart.figure import need_matplotlib
-
-        need_matplotlib()
+    check_writable("--out", file)
+    need_matplotlib()
     if file.exists() and _read(file)[0] != list(COLUMNS):
-        raise UsageError(f"{file} has other columns than a history of this program: give another file with --history")
-    rows = cases() if measured is None else measured
+        raise UsageError(f"{file} has other columns than a history of this program: give another file with --out")
     with Bar() as bar:
         for k, row in enumerate(rows):
             bar(row.key, k / len(rows))
@@ -56,7 +59,7 @@ def history(
                 _append(file, row.key, run(row.spec()))
             except Failed as problem:
                 raise UsageError(f"{row.key} could not be measured: {problem}") from None
-    return [file, draw(file)] if plot else [file]
+    return draw(file)
 
 
 def _append(file: Path, case: str, n: dict) -> None:
@@ -97,3 +100,18 @@ def draw(file: Path) -> Path:
     figure.savefig(out, metadata={"Date": None})
     pyplot.close(figure)
     return out
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "bench" / "history.csv", metavar="FILE.csv")
+    arguments = parser.parse_args()
+    try:
+        print(history(arguments.out, cases()))
+    except (UsageError, OSError) as error:
+        return fail(error, USAGE)
+    return OK
+
+
+if __name__ == "__main__":
+    sys.exit(main())
