@@ -36,12 +36,6 @@ def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: Mapping[
     return path
 
 
-def read_parameters(path: str | os.PathLike) -> dict[str, str]:
-    """Return the text entries of a PNG."""
-    with Image.open(path, formats=["PNG"]) as image:
-        return dict(image.text)
-
-
 def _latin(value: object) -> str:
     """Return text in Latin-1, as tEXt requires, with escapes for other characters."""
     return str(value).encode("latin-1", "backslashreplace").decode("latin-1")

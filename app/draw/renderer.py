@@ -63,8 +63,6 @@ class Renderer:
         # Bound after each picture: the GUI draws to it next, and `resize` must not release a bound framebuffer.
         self._default = ctx.detect_framebuffer(0)
         self.samples = samples
-        self.uploads = 0  # colour uploads so far
-        self.draws = 0  # pictures so far
 
     def set_scene(self, meshes: tuple[DrawMesh, ...]) -> None:
         """Upload the geometry, one DrawMesh per object; after an exception the old geometry stays."""
@@ -94,7 +92,6 @@ class Renderer:
         weights (D, 2): interpolation weights of front and back; None: all 1.
         """
         self._objects[o].upload(front, back, layer, weights)
-        self.uploads += 1
 
     def resize(self, width: int, height: int, samples: int | None = None) -> None:
         """Set the picture's size in pixels and release the old one, because moderngl frees nothing by itself."""
@@ -133,7 +130,6 @@ class Renderer:
             self._draw_outline(targets, look)
         ctx.enable_only(ctx.NOTHING)
         self._default.use()
-        self.draws += 1
 
     def _draw_layer(self, look: Look, layer: int) -> None:
         for o, model in zip(self._objects, look.models, strict=True):

@@ -47,7 +47,6 @@ class Chosen(NamedTuple):
     radius: float  # [m]
     neighbours: int
     scene_size: float  # [m]
-    hits_a_photon: float
     escaped_first: float  # share of pilot photons that hit nothing
     low: np.ndarray  # (3,) [m], corner of the box of the central hits
     high: np.ndarray
@@ -85,7 +84,6 @@ def choose(model: Model, photons: int | None, radius: float | None, neighbours: 
         float(radius or _round(RADIUS_SHARE * size)),
         int(neighbours or recommended.neighbours or NEIGHBOURS),
         size,
-        len(pilot.hits) / pilot.photons,
         first_flight,
         low + model.origins[0],
         high + model.origins[0],

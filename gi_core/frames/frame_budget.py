@@ -68,10 +68,6 @@ class FrameBudget:
 
     # -- costs ------------------------------------------------------------------------------------
 
-    def forget_photons(self) -> None:
-        """Discard the measured costs of photons, after a change of estimator."""
-        self._photon_times = FrameTimes()
-
     def record(self, size: FrameSize, timings: Mapping[str, float], rays_traced: bool) -> None:
         """Record the times of a frame's stages [s]; rays_traced: gathering traced rays, so its time counts."""
         gathering = timings.get("gather", 0.0)

@@ -50,7 +50,6 @@ class Accelerator:
             [s.address if s else 0 for s in self._structures], np.int64
         )  # for kernels: one per object
         self.face_object = np.repeat(np.arange(surfaces.objects), np.diff(surfaces.first_face)).astype(np.int16)
-        self.world_low, self.world_high = _box(surfaces.vertices[0])
 
     def nearest(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray):
         """Return distance (n,) float32 and global face (n,) int32, -1 for none, in object o's space.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 
+from PIL import Image
+
 from app import __main__ as cli
 from app.cli.progress import Bar
 from tests.support.cli_support import FAST, one_line
@@ -16,9 +18,7 @@ def test_render_prints_the_full_path(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["render", *FAST, "--out", "a.png", "--size", "64x48", "--pose", "pawn=0.3,0.05,0.2"]) == 0
     assert capsys.readouterr().out == f"{(tmp_path / 'a.png').resolve()}\n"
-    from app.draw.png import read_parameters
-
-    assert read_parameters(tmp_path / "a.png")["pose pawn"].startswith("0.3,0.05,0.2,")
+    assert Image.open(tmp_path / "a.png").text["pose pawn"].startswith("0.3,0.05,0.2,")
 
 
 def test_info_lists_contents_and_reasons(capsys, estimator):

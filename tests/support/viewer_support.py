@@ -262,7 +262,7 @@ class CountingSolver:
 
     def configure(self, **changes) -> None:
         self.log.append(("configure", changes))
-        self.budget.forget_photons()
+        self.budget = type(self.budget)()
         for name, value in changes.items():
             if value == "unknown":
                 raise ValueError("no such estimator")

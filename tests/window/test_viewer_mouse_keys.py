@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from app.draw.png import read_parameters
 from app.window import drag
 from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
 
@@ -176,14 +176,12 @@ def test_keys(play, folder):
     viewer = play(script, quits=True)
     assert errors(viewer) == []
     assert viewer.params.app_shall_exit
-    parameters = read_parameters(folder / "gi-viewer-001.png")
+    parameters = Image.open(folder / "gi-viewer-001.png").text
     assert parameters["scene"] == "room" and parameters["photons"] == "20000"
     assert parameters["estimator"] == "tangent_plane"
     assert parameters["radius"] == "0.06 m" and parameters["neighbours"] == "40" and parameters["seed"] == "0"
     assert parameters["pose block"].count(",") == 6 and "EV" in parameters["exposure"]
     assert parameters["camera"].startswith("position 0.5,0.55,2.9 target 0.5,0.45,0.5")
-    from PIL import Image
-
     with Image.open(folder / "gi-viewer-001.png") as picture:
         assert picture.size == tuple(map(round, viewer.viewport.size))
         colours = np.asarray(picture.convert("RGB")).reshape(-1, 3)

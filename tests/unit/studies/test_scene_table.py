@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from PIL import Image
 
-from app.draw.png import read_parameters
 from studies import scene_table
 from tests.support.mesh_writers import write_room
 
@@ -30,7 +30,7 @@ def test_rows_and_written_comments_are_kept(tmp_path):
     assert good["file"] == 14 and good["drawn"] > 14 and not good["nan"] and good["stages"]["ready"] > 0
     assert (out / "room.obj.png").stat().st_size > 1000
     assert good["stages"]["gathered"] > good["stages"]["ready"]
-    assert read_parameters(out / "room.obj.gathered.png")["static_light"].startswith("gathered")
+    assert Image.open(out / "room.obj.gathered.png").text["static_light"].startswith("gathered")
     assert "must hold glTF JSON" in bad["refused"]
     (tmp_path / "room.obj").unlink()
     assert scene_table._child(str(tmp_path / "room.obj"), "room.obj", out, 300, []) == good
