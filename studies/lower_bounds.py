@@ -23,12 +23,11 @@ from app.measure.bench.report_times import best_seconds
 from app.settings import STEP, Settings, make_solver, open_moving_scene
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
-from gi_core.discs.search import Search
 from gi_core.discs.search.disc_grid import CELL_RADII, discs_in_cells
 from gi_core.discs.search.predicate import Discs, Lines, lines, to_list
 from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.estimators.photon_map import PhotonMap
-from gi_core.photons.flux_sums import Sums
+from gi_core.instruments.search_timing import search_run
 from gi_core.photons.paths import Segments, empty_segments, segments_at, segments_of, take
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, rays_to_object
 from gi_core.retrace.broad_phase import PAD, ScanBuffers
@@ -225,7 +224,7 @@ def _searches(solver: Solver) -> list[tuple[Discs, Lines, int]]:
     segments_of_objects = change.new_suffixes, *change.near_mobiles  # mobiles that gather are not searched
     for o, (search, segments) in enumerate(zip(estimate_of(solver).searches, segments_of_objects, strict=False)):
         over = lines(segments, change.at.rotation[o], change.at.position[o], model, solver.radius)
-        out.append((search.discs, over, _intersections(search, over)))
+        out.append((search.discs, over, search_run(search, over)()))
     return out
 
 
@@ -233,11 +232,7 @@ def _looked_up(solver: Solver) -> int:
     """Return the number of disc intersections of removed suffixes, which frames look up in a cache."""
     model, removed = solver.model, solver.frame.change.removed_suffixes.segments(solver.model.threads)
     over = lines(removed, model.static.rotation[0], model.static.position[0], model, solver.radius)
-    return _intersections(estimate_of(solver).searches[0], over)
-
-
-def _intersections(search: Search, over: Lines) -> int:
-    return search.accumulate(over, 1, Sums.zeros(len(search.discs.positions)))
+    return search_run(estimate_of(solver).searches[0], over)()
 
 
 def _rays(solver: Solver) -> list[Work]:

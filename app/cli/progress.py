@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from app.settings import Settings
+    from gi_core.scene import Scene
     from gi_core.solver import Solver
 
 BAR_CHARACTERS = 28
@@ -69,6 +73,16 @@ def compile_kernels(bar: Bar) -> None:
         return
     for step in compile_ahead.compile_kernels():
         bar(f"compiling {step.name}", step.done / step.total)
+
+
+@contextmanager
+def opened(settings: Settings, open_scene: Callable[[Settings], Scene]) -> Iterator[tuple[Bar, Scene]]:
+    """Open a scene and compile kernels; yield the progress bar and the scene. Raises SceneError, UsageError."""
+    with Bar() as bar:
+        bar("loading", 0.0)
+        scene = open_scene(settings)
+        compile_kernels(bar)
+        yield bar, scene
 
 
 def solve(solver: Solver, bar: Bar) -> None:

@@ -10,61 +10,60 @@ SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
 LEAST_EXPOSURE, MOST_EXPOSURE = -64.0, 64.0  # EV; beyond, every picture is black or white
 
 
+def _require(holds: object, rule: str, text: str) -> None:
+    if not holds:
+        raise argparse.ArgumentTypeError(f"must be {rule}, got {text}")
+
+
 def finite(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"must be a number, got {text}") from None
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"must be a finite number, got {text}")
+    _require(math.isfinite(value), "a finite number", text)
     return value
 
 
 def exposure(text: str) -> float:
     value = finite(text)
-    if not LEAST_EXPOSURE <= value <= MOST_EXPOSURE:
-        raise argparse.ArgumentTypeError(f"must be {LEAST_EXPOSURE:g} .. {MOST_EXPOSURE:g} stops, got {text}")
+    _require(LEAST_EXPOSURE <= value <= MOST_EXPOSURE, f"{LEAST_EXPOSURE:g} .. {MOST_EXPOSURE:g} stops", text)
     return value
 
 
 def positive(text: str) -> float:
     value = finite(text)
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f"must be over 0, got {text}")
+    _require(value > 0, "over 0", text)
     return value
 
 
 def not_negative(text: str) -> float:
     value = finite(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"must be 0 or more, got {text}")
+    _require(value >= 0, "0 or more", text)
     return value
 
 
 def positive_int(text: str) -> int:
     value = positive(text)
-    if value != int(value):
-        raise argparse.ArgumentTypeError(f"must be a whole number, got {text}")
+    _require(value == int(value), "a whole number", text)
     return int(value)
 
 
 def seed(text: str) -> int:
     value = int(text)
-    if not 0 <= value < 2**63:
-        raise argparse.ArgumentTypeError(f"must be in 0 .. 2^63 - 1, got {text}")
+    _require(0 <= value < 2**63, "in 0 .. 2^63 - 1", text)
     return value
 
 
 def png(text: str) -> Path:
-    if Path(text).suffix.lower() != ".png" or not Path(text).resolve().parent.is_dir():
-        raise argparse.ArgumentTypeError(f"must be a .png file in a folder that exists, got {text}")
+    fits = Path(text).suffix.lower() == ".png" and Path(text).resolve().parent.is_dir()
+    _require(fits, "a .png file in a folder that exists", text)
     return Path(text)
 
 
 def size(text: str) -> tuple[int, int]:
     width, cross, height = text.lower().partition("x")
-    if not (cross and width.isdecimal() and height.isdecimal() and 0 < int(width) <= 16384 >= int(height) > 0):
-        raise argparse.ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels, each 1 .. 16384, got {text}")
+    fits = cross and width.isdecimal() and height.isdecimal() and 0 < int(width) <= 16384 >= int(height) > 0
+    _require(fits, "WIDTHxHEIGHT in pixels, each 1 .. 16384", text)
     return int(width), int(height)
 
 
@@ -74,6 +73,5 @@ def pose(text: str) -> tuple[str, tuple[float, ...]]:
         values = tuple(finite(n) for n in numbers.split(","))
     except argparse.ArgumentTypeError:
         values = ()
-    if not (name and equals and len(values) in (3, 7)):
-        raise argparse.ArgumentTypeError(f"must be NAME=x,y,z or NAME=x,y,z,qw,qx,qy,qz, got {text}")
+    _require(name and equals and len(values) in (3, 7), "NAME=x,y,z or NAME=x,y,z,qw,qx,qy,qz", text)
     return name, values

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from app.cli import options, values
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
-from app.cli.progress import Bar, compile_kernels, time_left
+from app.cli.progress import opened, time_left
 from app.cli.writable import check_folder
 from app.settings import Settings, open_scene
 
@@ -43,10 +43,7 @@ def reference(settings: Settings, error: float) -> dict:
     from gi_core.model import Model
 
     check_folder(FOLDER_VARIABLE, reference_folder())
-    with Bar() as bar:
-        bar("loading", 0.0)
-        scene = open_scene(settings)
-        compile_kernels(bar)
+    with opened(settings, open_scene) as (bar, scene):
         store = ReferenceStore(Model(scene), seed=settings.seed)
         started, first = time.monotonic(), None
         try:

@@ -9,7 +9,7 @@ from pathlib import Path
 from app.cli import options, values
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
-from app.cli.progress import Bar, compile_kernels, solve
+from app.cli.progress import opened, solve
 from app.cli.writable import check_writable
 from app.rest.static_job import gather
 from app.settings import Settings, UsageError, make_solver, open_scene
@@ -48,10 +48,7 @@ def render(settings: Settings, out: Path, frames: int | None = None) -> list[Pat
     from app.session.warnings import caveats
 
     _check(out, frames)
-    with Bar() as bar:
-        bar("loading", 0.0)
-        scene = open_scene(settings)
-        compile_kernels(bar)
+    with opened(settings, open_scene) as (bar, scene):
         solver = make_solver(scene, settings)
         solve(solver, bar)
         if settings.light == "best":  # by option only; by default a picture does not wait

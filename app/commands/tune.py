@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from app.cli import options, values
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
-from app.cli.progress import Bar, compile_kernels, solve
+from app.cli.progress import opened, solve
 from app.cli.terminal import say
 from app.settings import Settings, UsageError, make_solver, open_moving_scene
 
@@ -42,10 +42,7 @@ def tuned_lines(settings: Settings, error: float | None, check: bool = False) ->
 
     if settings.budget <= 0:
         raise UsageError("--budget must be over 0 to choose settings by")
-    with Bar() as bar:
-        bar("loading", 0.0)
-        scene = open_moving_scene(settings)
-        compile_kernels(bar)
+    with opened(settings, open_moving_scene) as (bar, scene):
         solver = make_solver(scene, settings)
         solve(solver, bar)
         found = tune(solver, 1e-3 * settings.budget, bar, None if error is None else 1e-2 * error)

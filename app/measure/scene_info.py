@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.cli.progress import Bar, compile_kernels
+from app.cli.progress import opened
 from app.cli.version import version
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
@@ -30,10 +30,7 @@ def info(settings: Settings) -> list[str]:
     """Return the lines to print. Raises SceneError, UsageError."""
     from gi_core.estimators import CHEAPEST, DEFAULT
 
-    with Bar() as bar:
-        bar("loading", 0.0)
-        scene = open_scene(settings)
-        compile_kernels(bar)
+    with opened(settings, open_scene) as (bar, scene):
         solver = make_solver(scene, settings)
         chosen = replace(settings, photons=solver.photons, radius=solver.radius, neighbours=solver.neighbours)
         bar("tracing", 0.5)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from gi_core.discs.region import whole_discs
-from gi_core.discs.search import SEARCHES
+from gi_core.discs.search import Search
 from gi_core.discs.search.predicate import Discs, Lines, lines
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Sums
@@ -51,13 +51,7 @@ def _ready(solver: Solver, segments: Segments, radius: float) -> Lines:
     return lines(segments, at.rotation[0], at.position[0], solver.model, radius)
 
 
-class SearchTrial:
-    """One search over some discs."""
-
-    def __init__(self, search: str, discs: Discs, pretest: str = "none"):
-        self.search = SEARCHES[search](discs, pretest)
-        self._sums = Sums.zeros(len(discs.positions))
-
-    def run(self, over: Lines) -> Callable[[], int]:
-        """Return a call that adds the lines to scratch sums on one thread; it returns the number of intersections."""
-        return lambda: self.search.accumulate(over, 1, self._sums)
+def search_run(search: Search, over: Lines) -> Callable[[], int]:
+    """Return a call that adds the lines to scratch sums on one thread; it returns the number of crossings."""
+    sums = Sums.zeros(len(search.discs.positions))
+    return lambda: search.accumulate(over, 1, sums)

@@ -9,7 +9,7 @@ from app import __main__ as cli
 from app.measure.bench import report
 from app.measure.bench.report import Times, crossover, markdown
 from gi_core.discs.search import PRETESTS, SEARCHES
-from gi_core.instruments.search_timing import SearchTrial, photon_lines, static_discs
+from gi_core.instruments.search_timing import photon_lines, search_run, static_discs
 from gi_core.scene.types import Material, PointLight, Scene
 from gi_core.solver import Solver
 from tests.support.scene_builders import floor, grey, merge, quad
@@ -29,7 +29,8 @@ def test_parts_add_up_to_the_whole():
     over = photon_lines(solver, 2000, 0.2)
     sets = (None, (scene.materials[0].name,), ("leaf",))
     for search in SEARCHES:
-        whole, ground, leaf = (SearchTrial(search, static_discs(solver.model, 0.2, m)).run(over)() for m in sets)
+        made = (SEARCHES[search](static_discs(solver.model, 0.2, m)) for m in sets)
+        whole, ground, leaf = (search_run(s, over)() for s in made)
         assert whole == ground + leaf
         assert ground > 100 and leaf > 100
 

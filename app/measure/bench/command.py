@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from app.cli.progress import Bar, compile_kernels
+from app.cli.progress import opened
 from app.cli.terminal import say
 from app.cli.writable import check_writable
 from app.measure.bench.measure import measure, warm_up
@@ -22,10 +22,7 @@ def bench(settings: Settings, frames: int, json_file: Path | None = None, step: 
     """
     if json_file is not None:
         check_writable("--json", json_file)
-    with Bar() as bar:
-        bar("loading", 0.0)
-        scene = open_moving_scene(settings)
-        compile_kernels(bar)
+    with opened(settings, open_moving_scene) as (bar, scene):
         warm_up(scene, settings)
         numbers = measure(scene, settings, frames, bar, step)
     say(table(numbers))

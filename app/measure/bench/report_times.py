@@ -69,7 +69,8 @@ def _static(solver: Solver) -> int:
 
 def _times(solver: Solver, photons: int, radii, sets: dict, bar: Bar) -> dict[tuple[str, str, float], Times]:
     """Return the times of each search by (receivers, search, radius)."""
-    from gi_core.instruments.search_timing import SearchTrial, frame_lines, photon_lines, static_discs
+    from gi_core.discs.search import SEARCHES
+    from gi_core.instruments.search_timing import frame_lines, photon_lines, search_run, static_discs
 
     solver.move_all(solver.poses, photons=None)
     out = {}
@@ -80,18 +81,18 @@ def _times(solver: Solver, photons: int, radii, sets: dict, bar: Bar) -> dict[tu
             discs = static_discs(solver.model, size, materials)
             for search in (RAY_CACHE, DISC_INDEX):
                 bar(f"{solver.scene.name}: {search}, radius {radius:g}", k / len(radii))
-                trial = SearchTrial(search, discs)
-                run, few = trial.run(every), trial.run(changed)
-                grid = trial.search.grids[0] if isinstance(trial.search, DiscIndex) else None
+                made = SEARCHES[search](discs)
+                grid = made.grids[0] if isinstance(made, DiscIndex) else None
                 cells = (grid.cell_radii, grid.discs_a_cell) if grid else None
-                out[name, search, radius] = Times(best_seconds(run), best_seconds(few), cells)
+                all_seconds, few_seconds = (best_seconds(search_run(made, over)) for over in (every, changed))
+                out[name, search, radius] = Times(all_seconds, few_seconds, cells)
     return out
 
 
 def _pretests(solver: Solver, bar: Bar) -> dict[tuple[str, str], tuple[float, float]]:
     """Return seconds by (search, pre-test) for all segments of 10,000 photons and for those of a frame."""
-    from gi_core.discs.search import PRETESTS
-    from gi_core.instruments.search_timing import SearchTrial, frame_lines, photon_lines, static_discs
+    from gi_core.discs.search import PRETESTS, SEARCHES
+    from gi_core.instruments.search_timing import frame_lines, photon_lines, search_run, static_discs
 
     radius = TREE_RADII[0] * solver.scene_size
     discs, out = static_discs(solver.model, radius), {}
@@ -99,8 +100,8 @@ def _pretests(solver: Solver, bar: Bar) -> dict[tuple[str, str], tuple[float, fl
     for k, pretest in enumerate(PRETESTS):
         bar(f"pre-test {pretest}", k / len(PRETESTS))
         for search in (RAY_CACHE, DISC_INDEX):
-            trial = SearchTrial(search, discs, pretest)
-            out[search, pretest] = best_seconds(trial.run(every)), best_seconds(trial.run(changed))
+            made = SEARCHES[search](discs, pretest)
+            out[search, pretest] = best_seconds(search_run(made, every)), best_seconds(search_run(made, changed))
     return out
 
 

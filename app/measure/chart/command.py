@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from app.cli.progress import Bar, compile_kernels
+from app.cli.progress import opened
 from app.settings import Settings, open_moving_scene
 
 
@@ -23,10 +23,7 @@ def chart(
 
     need_matplotlib()
     out.mkdir(parents=True, exist_ok=True)
-    with Bar() as bar:
-        bar("loading", 0.0)
-        scene = open_moving_scene(settings)
-        compile_kernels(bar)
+    with opened(settings, open_moving_scene) as (bar, scene):
         run = Run(scene, settings, quick, frames, points, out, bar)
         try:
             run.measure()
