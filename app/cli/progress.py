@@ -63,16 +63,14 @@ def time_left(seconds: float | None) -> str:
 
 def compile_kernels(bar: Bar) -> None:
     """Compile kernels that this machine has not compiled yet, showing progress: about a minute, once."""
-    from gi_core.base.jit import CACHE_PROBLEM
+    from gi_core.base.kernel_cache import problems
     from gi_core.instruments import compile_ahead
 
-    if CACHE_PROBLEM:
-        bar.close()
-        print(f"gi-viewer: {CACHE_PROBLEM}", file=sys.stderr)
-    if compile_ahead.is_warm():
-        return
-    for step in compile_ahead.compile_kernels():
-        bar(f"compiling {step.name}", step.done / step.total)
+    if not compile_ahead.is_warm():
+        for step in compile_ahead.compile_kernels():
+            bar(f"compiling {step.name}", step.done / step.total)
+    for problem in problems:
+        bar.say(f"gi-viewer: {problem}")
 
 
 @contextmanager

@@ -77,11 +77,8 @@ class Opening:
 
     def _compile(self) -> None:
         import gi_core
-        from gi_core.base.jit import CACHE_PROBLEM
         from gi_core.instruments import compile_ahead
 
-        if CACHE_PROBLEM:
-            self.warnings.append(CACHE_PROBLEM)
         if compile_ahead.is_warm():
             return
         self.phase, self.fraction = COMPILING, 0.0
@@ -109,6 +106,7 @@ class Opening:
     def _open(self) -> Opened:
         from app.draw.picking import Picker
         from app.draw.vertex_colours import draw_meshes
+        from gi_core.base.kernel_cache import problems
 
         self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
         scene = self._load(self.settings)
@@ -134,6 +132,7 @@ class Opening:
             neighbours=solver.neighbours,
             light=solver.light,
         )
+        self.warnings += problems
         return Opened(settings, solver, meshes, picker)
 
     def _stop_if_cancelled(self) -> None:

@@ -8,16 +8,17 @@ functions that it inlines.
 
 from __future__ import annotations
 
-import atexit
 import hashlib
 import os
-import shutil
-import tempfile
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numba
 import platformdirs
+
+from gi_core.base.kernel_cache import KernelCache, usable_folder
 
 _ROOT = Path(__file__).parent.parent
 
@@ -43,30 +44,23 @@ def cache_folder() -> Path:
     return Path(platformdirs.user_cache_dir("gi-viewer", appauthor=False)) / f"kernels-{source_hash()}"
 
 
-def _cache_elsewhere(folder: Path) -> str:
-    """Return "" if a folder can be written, else the reason; then cache kernels in a temporary folder.
-
-    Child processes share the temporary folder through NUMBA_CACHE_DIR. It is deleted when this process ends.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return ""
-    except OSError as error:
-        elsewhere = tempfile.mkdtemp(prefix="gi-viewer-")
-        atexit.register(shutil.rmtree, elsewhere, ignore_errors=True)
-        os.environ["NUMBA_CACHE_DIR"] = elsewhere
-        return f"{folder} cannot be written ({error.strerror or error}): kernels are compiled at every start"
+numba.config.CACHE_DIR = str(usable_folder(cache_folder()))
 
 
-CACHE_PROBLEM = _cache_elsewhere(cache_folder())
-numba.config.CACHE_DIR = str(cache_folder())
+def _decorator(**options) -> Callable[[Callable], Any]:
+    def decorated(function: Callable):
+        dispatcher = numba.njit(nogil=True, error_model="numpy", **options)(function)
+        dispatcher._cache = KernelCache(function)  # in place of `cache=True`
+        return dispatcher
+
+    return decorated
+
 
 # numba reference-counts every array used in a loop: 300 of a ray's 900 ns, more where threads share the array.
 # Kernels that create no arrays need no counting; numba rejects _nrt=False for the others.
-kernel = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+kernel = _decorator(_nrt=False)
 
-allocating = numba.njit(cache=True, nogil=True, error_model="numpy")
+allocating = _decorator()
 
 # For short functions of inner loops: a call that passes six arrays costs 60 ns.
-inlined = numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+inlined = _decorator(inline="always")

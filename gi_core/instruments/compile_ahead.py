@@ -16,7 +16,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import cache_folder
+from gi_core.base.kernel_cache import KernelCache
 from gi_core.base.nearest_points import count_within, nearest
 from gi_core.base.threads import available_cores
 from gi_core.discs.search import SEARCHES
@@ -70,8 +71,9 @@ def compile_kernels() -> Iterator[CompileStep]:
             yield CompileStep(done, total, name.replace("_", " "))
             run()
             done += _cost(name)
-    cache_folder().mkdir(parents=True, exist_ok=True)
-    (cache_folder() / STAMP).touch()
+    with suppress(OSError):
+        if not KernelCache.ended:
+            (cache_folder() / STAMP).touch()
     yield CompileStep(total, total, "ready")
 
 

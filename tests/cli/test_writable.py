@@ -64,10 +64,11 @@ def test_missing_kernel_folder_is_reported_and_harmless(tmp_path):
     (tmp_path / "cache").write_text("")
     code = (
         "import json, os, numpy as np\n"
-        "from gi_core.base import jit\n"
+        "from gi_core.base import jit, kernel_cache\n"
         "from gi_core.base.grouping import components\n"
         "components(np.zeros((1, 2), np.int64), 2)\n"
-        "print(json.dumps([jit.CACHE_PROBLEM, os.environ['NUMBA_CACHE_DIR'], len(os.listdir(jit.cache_folder()))]))\n"
+        "problem, = kernel_cache.problems\n"
+        "print(json.dumps([problem, os.environ['NUMBA_CACHE_DIR'], len(os.listdir(jit.cache_folder()))]))\n"
     )
     kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     done = subprocess.run(
