@@ -30,6 +30,7 @@ def _run(argv: list[str]) -> int:
     except SystemExit as stop:  # argparse has printed the reason
         return int(stop.code or 0)
 
+    from gi_core.base.memory import sentence
     from gi_core.scene import SceneError
 
     try:
@@ -38,6 +39,8 @@ def _run(argv: list[str]) -> int:
         return fail(error, SCENE)
     except UsageError as error:
         return fail(error, USAGE)
+    except MemoryError as error:
+        return fail(sentence(error), USAGE)
     except KeyboardInterrupt as stop:
         return fail(str(stop) or "stopped", STOPPED)
 

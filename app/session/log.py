@@ -7,6 +7,7 @@ import traceback
 from collections import deque
 from typing import NamedTuple
 
+from gi_core.base.memory import sentence
 from gi_core.scene.errors import one_line
 
 MOST_ENTRIES = 200
@@ -32,11 +33,13 @@ class Log:
 
     def error(self, doing: str, problem: BaseException) -> None:
         """Log an error as one line, without a traceback."""
-        self(f"{doing}: {problem or type(problem).__name__}", ERROR)
+        reason = sentence(problem) if isinstance(problem, MemoryError) else str(problem) or type(problem).__name__
+        self(f"{doing}: {reason}", ERROR)
 
     def failure(self, doing: str, problem: BaseException) -> None:
-        """Log an error of the program: one line here, its traceback on stderr."""
-        traceback.print_exception(problem)
+        """Log an error of the program: one line here, its traceback on stderr; full memory is no error of its own."""
+        if not isinstance(problem, MemoryError):
+            traceback.print_exception(problem)
         self.error(doing, problem)
 
     @property

@@ -137,7 +137,11 @@ class Photons:
         paths, fates = zip(*traced, strict=True)
         self._store.reserve(wanted)
         self._store.append(paths, m.threads)
-        self._coarse.append(paths, stored, self._store.room, m.threads)
+        try:
+            self._coarse.append(paths, stored, self._store.room, m.threads)
+        except BaseException:  # memory is full
+            self._store.photons = stored  # both hold the same photons
+            raise
         self.fates = functools.reduce(add_fates, fates, self.fates)
 
     def _estimate(self, b: Background, count: int) -> None:
