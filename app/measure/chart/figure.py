@@ -106,7 +106,7 @@ def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, flo
     _ticks(axis)
     for ms, label in RATES.items():
         axis.axvline(ms, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=0)
-        axis.text(ms, 0.01, label, transform=axis.get_xaxis_transform(), ha="right", va="bottom", size=9, rotation=90)
+        axis.text(ms, 0.99, label, transform=axis.get_xaxis_transform(), ha="right", va="top", size=9, rotation=90)
     shown = [y for own in points.values() for _, y in own]
     if shown:
         axis.set_ylim(min(shown) / 1.35, max(shown) * 1.25)
