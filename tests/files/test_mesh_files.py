@@ -256,3 +256,12 @@ def test_an_unknown_kind_of_gltf_light(tmp_path):
     file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, nodes=[node], extensions=light)
     with pytest.raises(SceneError, match="a.glb: .* a light must be point, spot or directional, got 'area'"):
         read_mesh_file(file)
+
+
+@pytest.mark.parametrize("yfov", [0.0, -1.0, 4.0, float("inf")])
+def test_a_gltf_camera_of_no_view(tmp_path, yfov):
+    """An infinite angle ended in a traceback where photons are chosen."""
+    camera = {"type": "perspective", "perspective": {"yfov": yfov}}
+    file = write_glb(tmp_path / "a.glb", QUAD, QUAD_FACES, nodes=[{"camera": 0}], cameras=[camera])
+    with pytest.raises(SceneError, match="a.glb: .* yfov of a camera must be > 0 and < pi, got"):
+        read_mesh_file(file)

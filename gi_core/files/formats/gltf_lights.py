@@ -44,6 +44,8 @@ def node_camera(json: dict, node: dict, matrix: np.ndarray) -> Camera | None:
     position = matrix[:3, 3]
     target = position + np.array(_forward(matrix))
     fov = math.degrees(camera["perspective"]["yfov"])
+    if not 0 < fov < 180:
+        raise ValueError(f"yfov of a camera must be > 0 and < pi, got {camera['perspective']['yfov']}")
     return Camera(tuple(map(float, position)), tuple(map(float, target)), fov)
 
 
