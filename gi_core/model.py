@@ -86,6 +86,8 @@ class Model:
     def transforms(self, poses: Mapping[str, Pose]) -> Transforms:
         """Return the transforms of all objects at the given poses, for geometry relative to `origins`."""
         at = transforms([poses[name] for name in self.names])
+        if not self.origins.any():
+            return at
         shift = (at.rotation @ self.origins[:, :, None])[:, :, 0] - self.origins[0]
         return at._replace(position=at.position + shift)
 
