@@ -40,7 +40,8 @@ class Snapshot(NamedTuple):
     @property
     def partial(self) -> bool:
         """Whether the frame has fewer photons or paths than at rest."""
-        return self.photons < self.photons_at_rest or self.paths < self.paths_at_rest
+        fewer = self.photons < self.photons_at_rest or self.paths < self.paths_at_rest
+        return self.photons > 0 and fewer  # before the first frame a move changes nothing
 
 
 def snapshot_of(s: Solver, work: RestWork) -> Snapshot:
