@@ -241,10 +241,13 @@ def test_unwritable_config_folder_disables_window_settings(monkeypatch, folder):
 
 def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):
     """Between two events the window waits; each event makes one frame, and no frame makes a picture."""
-    waits, viewers = [], []
+    from app.draw.renderer import Renderer
+
+    waits, viewers, draws, draw = [], [], [], Renderer.draw
+    monkeypatch.setattr(Renderer, "draw", lambda self, look: (draws.append(look), draw(self, look)))
 
     def wait(seconds: float) -> bool:
-        waits.append((viewers[0].frames, viewers[0].renderer.draws))
+        waits.append((viewers[0].frames, len(draws)))
         return len(waits) % 50 == 0
 
     def script(hand, viewer):
@@ -257,7 +260,7 @@ def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):
         viewer.may_sleep = False
         frames = [frames for frames, _ in waits]
         assert len(waits) >= 150 and all(frames.count(n) == 50 for n in set(frames[:150]))
-        assert len({draws for _, draws in waits}) == 1
+        assert draws and len({drawn for _, drawn in waits}) == 1
         hand.press(keys().space)
         viewer.may_sleep = True
         count = len(waits)
