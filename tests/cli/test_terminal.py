@@ -107,15 +107,15 @@ def test_undecodable_file_name_is_escaped(capsys):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGPIPE")
 @pytest.mark.parametrize(
-    ("arguments", "code"),
+    ("arguments", "codes"),
     [
-        (("info", "cornell", "--photons", "100"), 141),
-        (("--version",), 141),
-        (("--help",), 0),  # argparse itself ignores it
-        (("info", "nowhere"), 141),
+        (("info", "cornell", "--photons", "100"), {141}),
+        (("--version",), {141}),
+        (("--help",), {0, 141}),  # argparse ignores a pipe that closes while it writes, not one at the last flush
+        (("info", "nowhere"), {141}),
     ],
 )
-def test_closed_pipe_ends_a_command_quietly(arguments, code):
+def test_closed_pipe_ends_a_command_quietly(arguments, codes):
     reading, writing = os.pipe()
     os.close(reading)
     fails = arguments[-1] == "nowhere"  # then stderr has no reader
@@ -124,7 +124,7 @@ def test_closed_pipe_ends_a_command_quietly(arguments, code):
     )
     done = subprocess.run([sys.executable, "-m", "app", *arguments], cwd=ROOT, timeout=300, check=False, **streams)
     os.close(writing)
-    assert (done.returncode, done.stdout or b"", done.stderr or b"") == (code, b"", b"")
+    assert done.returncode in codes and not done.stdout and not done.stderr
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="Linux's full device")

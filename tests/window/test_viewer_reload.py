@@ -196,7 +196,9 @@ def test_failed_upload_keeps_the_old_scene(play, monkeypatch):
         hand.wait(lambda: viewer._quiet > QUIET_FRAMES)
         assert np.array_equal(hand.pixels(), picture)
 
-    assert errors(play(script, open_with=files.open)) == ["opening: the card is full"]
+    assert errors(play(script, open_with=files.open)) == [
+        "opening: memory is full (the card is full): take fewer photons, or simplify the scene"
+    ]
 
 
 def test_old_scene_stays_usable_while_the_new_one_loads(play):
