@@ -197,7 +197,7 @@ class Session:
     def move(self, poses: Mapping[str, Pose]) -> None:
         """Put mobiles at poses; a fast move is drawn in this frame, in its own light.
 
-        It is the light of as many photons as fit the budget; a single move chooses their number anew.
+        The light has as many photons as fit the budget; each single move chooses their number anew.
         """
         self._moved_at = self.clock()
         if not (self.dragging or self.playing):

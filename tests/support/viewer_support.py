@@ -312,3 +312,19 @@ class Behind:
             if self.problem is not None:
                 raise self.problem
             return self.value
+
+
+def counting_session(solver: CountingSolver, step_seconds: float, budget: float = 0.0):
+    """Return an open session of a counting solver; budget [ms]: per frame, 0: all photons always."""
+    from app.session.log import Log
+    from app.session.opening import Opened
+    from app.session.session import Session
+
+    settings = Settings(
+        estimator="tangent_plane", photons=1000, radius=0.05, neighbours=50, exposure=0.0, budget=budget,
+        measure_errors=False,
+    )  # fmt: skip
+    clock = solver.clock
+    s = Session(settings, Log(), open_with=lambda settings: None, clock=clock, worker=Behind(clock, step_seconds))
+    s.adopt(Opened(settings, solver, (), None))
+    return s

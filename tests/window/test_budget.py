@@ -6,10 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from app.session.log import Log
-from app.session.opening import Opened
 from app.session.session import STILL, Session
-from app.settings import Settings
 from gi_core.frames.frame_budget import IN_A_ROW, FrameBudget
 from gi_core.frames.light_source import FrameSize
 from gi_core.scene import Pose
@@ -28,23 +25,7 @@ def make(budget=BUDGET_MS, photon_seconds=16e-6, wrong=1.0, step_seconds=0.001):
     """Return a session with 1000 photons at rest: with 500 a move takes 12 ms, with all 20."""
     clock = support.Clock()
     solver = support.CountingSolver(support.room(1), clock, 10, photon_seconds, wrong)
-    settings = Settings(
-        estimator="tangent_plane",
-        photons=1000,
-        radius=0.05,
-        neighbours=50,
-        exposure=0.0,
-        budget=budget,
-        measure_errors=False,
-    )
-    s = Session(
-        settings,
-        Log(),
-        open_with=lambda settings: None,
-        clock=clock,
-        worker=support.Behind(clock, step_seconds),
-    )
-    s.adopt(Opened(settings, solver, (), None))
+    s = support.counting_session(solver, step_seconds, budget)
     while s.refining:
         frame(s)
     assert s.light.snapshot.photons == s.light.snapshot.photons_at_rest == 1000
@@ -191,17 +172,7 @@ def test_refinement_at_rest_continues_from_the_prefix():
     """When the drag begins, only the photons of the first picture are traced; the rest follows afterwards."""
     clock = support.Clock()
     solver = support.CountingSolver(support.room(1), clock, 40, 16e-6)
-    settings = Settings(
-        estimator="tangent_plane",
-        photons=1000,
-        radius=0.05,
-        neighbours=50,
-        exposure=0.0,
-        budget=9.0,
-        measure_errors=False,
-    )
-    s = Session(settings, Log(), open_with=lambda _: None, clock=clock, worker=support.Behind(clock, 0.004))
-    s.adopt(Opened(settings, solver, (), None))
+    s = support.counting_session(solver, 0.004, 9.0)
     while s.light.snapshot.photons_at_rest < 250:
         frame(s)
     s.begin_drag()

@@ -11,7 +11,6 @@ import pytest
 
 from app.draw.motion import play_head
 from app.session.log import ERROR, Log
-from app.session.opening import Opened
 from app.session.session import BUDGET, SETTLE, Session
 from app.session.solver_thread import GRACE
 from app.settings import Settings
@@ -29,24 +28,7 @@ def session():
 def make(step_seconds=0.006, steps=40):
     clock = support.Clock()
     solver = support.CountingSolver(support.room(1), clock, steps)
-    settings = Settings(
-        estimator="tangent_plane",
-        photons=1000,
-        radius=0.05,
-        neighbours=50,
-        exposure=0.0,
-        budget=0.0,
-        measure_errors=False,
-    )
-    s = Session(
-        settings,
-        Log(),
-        open_with=lambda settings: None,
-        clock=clock,
-        worker=support.Behind(clock, step_seconds),
-    )
-    s.adopt(Opened(settings, solver, (), None))
-    return s
+    return support.counting_session(solver, step_seconds)
 
 
 def frame(s: Session, editing=False, seconds=FRAME):

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -207,19 +208,23 @@ def _light(values, i, scene) -> Light:
     kind = Table({k: v for k, v in values.items() if k == "type"}, where, ("type",)).text("type", choices=tuple(LIGHTS))
     t = Table(values, where, ("type", "name", *LIGHTS[kind]))
     name = t.text("name", f"light {i}")
-    if kind == "point":
-        return PointLight(name, t.vector("position"), t.vector("flux", least=0))
-    if kind == "directional":
-        return DirectionalLight(name, t.direction("direction"), t.vector("irradiance", least=0))
-    if kind == "sky":
-        return SkyLight(name, t.vector("radiance", least=0))
-    if kind != "spot":
-        raise NotImplementedError(kind)  # a key of LIGHTS that is not read
+    return READERS[kind](t, name)
+
+
+def _spot(t: Table, name: str) -> SpotLight:
     outer = t.number("outer_degrees", above=0, below=90.0001)
     inner = t.number("inner_degrees", 0.0, least=0)
     if inner > outer:
-        raise SceneError(f"{where}: inner_degrees must be at most outer_degrees {outer:g}, got {inner:g}")
+        raise SceneError(f"{t.where}: inner_degrees must be at most outer_degrees {outer:g}, got {inner:g}")
     return SpotLight(name, t.vector("position"), t.direction("direction"), t.vector("intensity", least=0), inner, outer)
+
+
+READERS: dict[str, Callable[[Table, str], Light]] = {  # one per key of LIGHTS
+    "point": lambda t, name: PointLight(name, t.vector("position"), t.vector("flux", least=0)),
+    "directional": lambda t, name: DirectionalLight(name, t.direction("direction"), t.vector("irradiance", least=0)),
+    "sky": lambda t, name: SkyLight(name, t.vector("radiance", least=0)),
+    "spot": _spot,
+}
 
 
 def _probe(values, i, scene) -> Probe:

@@ -104,6 +104,17 @@ print(solver.frame.photons, solver.frame.store.memory_full)
 
 
 @limited
+def test_command_traces_the_photons_that_fit():
+    """At 40 MB, `bench` either measures as many photons as fit, with one line about them, or ends in one sentence."""
+    code = "sys.exit(main(['bench', 'cornell', '--photons', '5000000']))"
+    done = run_limited(code, 40 << 20, "app.__main__", "main", "(['info', 'furnace', '--photons', '100'])")
+    lines = done.stderr.strip().splitlines()
+    assert done.returncode in (0, 2) and lines
+    full = "gi-viewer: memory holds no more than" if done.returncode == 0 else "gi-viewer: memory is full ("
+    assert lines[-1].startswith(full)
+
+
+@limited
 def test_command_ends_in_one_sentence(tmp_path):
     words = ["render", "cornell", "--photons", "500000", "--out", str(tmp_path / "a.png"), "--size", "16384x16384"]
     code = f"sys.exit(main({words!r}))"
