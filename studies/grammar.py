@@ -1,6 +1,6 @@
 """Scene files by grammar for the loaders: `python -m studies.grammar --cases 5000 [--first 0]`.
 
-`tests.support.file_grammar` writes them. Each case may use 20 s of computing and 1 GB beyond the imports; warnings are
+`tests.support.grammar` writes them. Each case may use 20 s of computing and 1 GB beyond the imports; warnings are
 errors. It must end in a scene that is lit, or in one sentence that names the file. Refusals of valid files are listed.
 Linux alone (memory limit, alarm).
 """
@@ -22,7 +22,7 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
-from tests.support.file_grammar import case, write
+from tests.support.grammar.cases import case, write
 
 SECONDS, MEMORY = 20, 1 << 30
 WARM = 40  # cases that compile kernels

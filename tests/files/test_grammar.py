@@ -9,7 +9,7 @@ import pytest
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
 from gi_core.scene.errors import LONGEST
-from tests.support.file_grammar import KINDS, case, write
+from tests.support.grammar.cases import KINDS, case, write
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
