@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from app.cli.warnings import caveats
+
 if TYPE_CHECKING:
     from app.settings import Settings
     from gi_core.scene import Scene
@@ -84,6 +86,8 @@ def opened(settings: Settings, open_scene: Callable[[Settings], Scene]) -> Itera
 
 
 def solve(solver: Solver, bar: Bar) -> None:
-    """Trace all requested photons, showing progress."""
+    """Trace all requested photons, showing progress, and warn where memory does not hold them."""
     for progress in solver.solve_steps(pictures=False):
         bar(progress.stage, progress.fraction)
+    for text in caveats(solver).values():
+        bar.say(f"gi-viewer: {text}")

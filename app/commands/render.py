@@ -45,7 +45,6 @@ def render(settings: Settings, out: Path, frames: int | None = None) -> list[Pat
     from app.draw.png import write_png
     from app.draw.shot import Shot
     from app.session.picture import metadata_of
-    from app.session.warnings import caveats
 
     _check(out, frames)
     with opened(settings, open_scene) as (bar, scene):
@@ -53,8 +52,6 @@ def render(settings: Settings, out: Path, frames: int | None = None) -> list[Pat
         solve(solver, bar)
         if settings.light == "best":  # by option only; by default a picture does not wait
             gather(solver, bar)
-        for text in caveats(solver).values():
-            bar.say(f"gi-viewer: {text}")
         shot = Shot(solver, settings)
         if frames is None:
             return [write_png(out, shot.take(lambda f: bar("drawing", f)), metadata_of(shot))]

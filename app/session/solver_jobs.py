@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
+from app.cli.warnings import caveats
 from app.session.snapshot import Snapshot, snapshot_of
-from app.session.warnings import caveats
 
 if TYPE_CHECKING:
     from app.rest.results import RestResults

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
+from app.cli.warnings import caveats
 from app.commands import render
 from app.session.log import Log
 from app.session.opening import Opened
 from app.session.session import Session
-from app.session.warnings import caveats
 from app.settings import Settings
 from gi_core.solver import Solver
 from tests.support.scene_builders import furnace_scene
