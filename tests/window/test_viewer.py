@@ -10,13 +10,17 @@ import textwrap
 import threading
 import time
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from app.window.viewer import QUIET_FRAMES
+from gi_core.photons.paths import PathStore
+from gi_core.retrace import cuts
 from gi_core.scene import SceneError
 from tests.support import viewer_support as support
-from tests.support.viewer_hand import errors, keys
+from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
 
 pytest_plugins = ["tests.support.viewer_fixtures"]
 pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
@@ -72,6 +76,40 @@ def test_exception_in_a_stage_is_logged_and_frames_continue(play):
         assert viewer.frames >= frames + 5
 
     play(script)
+
+
+def test_full_memory_keeps_the_picture_and_the_program(play, monkeypatch):
+    """Allocations fail in the solver's thread: while more photons are stored, then in the frames of a drag."""
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.wait(lambda: viewer._quiet > QUIET_FRAMES)  # drawn with all samples
+        session, picture = viewer.session, hand.pixels()
+        light, start, front = session.irradiance, session.poses["block"], hand.at(BLOCK_FRONT)
+        full = Mock(side_effect=MemoryError("Unable to allocate 9 GiB"))
+
+        def old_picture_stays(problems: int) -> None:
+            hand.wait(lambda: len(errors(viewer)) == problems)
+            hand.wait(lambda: viewer._quiet > QUIET_FRAMES)
+            assert session.irradiance is light and session.poses["block"] == start
+            assert np.array_equal(hand.pixels(), picture)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(PathStore, "append", full)
+            session.want(replace(session.settings, photons=40_000))
+            old_picture_stays(1)
+        with monkeypatch.context() as patch:
+            patch.setattr(cuts, "follow", full)
+            hand.drag(front, (front[0] + 60, front[1]))
+            hand.move((5, 5))
+            old_picture_stays(2)
+        hand.drag(front, (front[0] + 60, front[1]))
+        hand.wait_for_light()
+        assert session.poses["block"] != start and session.light.snapshot.photons == 40_000
+        assert hand.light_is_that_from_scratch()
+
+    remedy = "memory is full (Unable to allocate 9 GiB): take fewer photons, or simplify the scene"
+    assert errors(play(script)) == [f"refining: {remedy}", f"moving: {remedy}"]
 
 
 def test_unusable_scene_closes_the_window_with_its_sentence(monkeypatch):
