@@ -25,7 +25,7 @@ from gi_core.retrace.broad_phase import ScanBuffers
 from gi_core.retrace.cuts import PoseChange, change, current_segments
 from gi_core.scene.types import Pose
 
-SCRATCH_CHUNK = 1 << 16
+SCRATCH_SEGMENTS = 1 << 18  # of paths traced again at once
 
 
 class Changes(NamedTuple):
@@ -145,9 +145,9 @@ def light_from_scratch(shown: Frame, b: Background, source: LightSource, poses: 
     static light, and only where it is on show.
     """
     model, at, n = b.model, b.model.transforms(poses), b.estimate.photons
+    chunk = max(1, n * SCRATCH_SEGMENTS // max(shown.store.segments(n), 1))  # paths in white rooms are long
     parts = (
-        current_segments(model, at, shown.store.seed, first, min(SCRATCH_CHUNK, n - first))[0]
-        for first in range(0, n, SCRATCH_CHUNK)
+        current_segments(model, at, shown.store.seed, first, min(chunk, n - first))[0] for first in range(0, n, chunk)
     )
     every = b.estimate.from_scratch(parts, at)
     if not n:

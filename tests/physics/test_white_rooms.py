@@ -10,8 +10,10 @@ import math
 import numpy as np
 import pytest
 
+from gi_core.frames import frame
 from gi_core.gather.reference import reference_irradiance
 from gi_core.photons import trace
+from gi_core.retrace.cuts import current_segments
 from gi_core.scene.types import Mobile, Pose, Scene
 from gi_core.solver import Solver
 from tests.support.scene_builders import box, furnace_scene, grey, lamp
@@ -61,6 +63,19 @@ def test_paths_do_not_depend_on_the_memory_of_a_step(monkeypatch):
         found.append((*paths, *change.new_suffixes, *photons.fates, *change.fates))
     for other in found[1:]:
         assert all(np.array_equal(a, b) for a, b in zip(found[0], other, strict=True))
+
+
+def test_a_solve_from_scratch_holds_few_segments_at_once(monkeypatch):
+    sizes = []
+
+    def counted(*arguments):
+        sizes.append((found := current_segments(*arguments))[0].size)
+        return found
+
+    monkeypatch.setattr(frame, "current_segments", counted)
+    solver = solved(furnace_scene(1.0, 0.999, 2), 2_000)
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+    assert sum(sizes) > 1_500_000 and max(sizes) < 500_000
 
 
 def test_frames_of_long_paths_equal_a_solve_from_scratch(estimator):
