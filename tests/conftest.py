@@ -39,3 +39,11 @@ def numpy_raises():
 @pytest.fixture(params=ESTIMATORS)
 def estimator(request) -> str:
     return request.param
+
+
+@pytest.fixture(scope="module")
+def small_pilot():
+    """Choose defaults from few photons: for files that make hundreds of solvers of given photons and radius."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gi_core.defaults.choose.PILOT_PHOTONS", 64)
+        yield

@@ -21,6 +21,8 @@ from gi_core.solver import Solver
 from tests.support.reference_twins import Twin
 from tests.support.scene_builders import box, merge, quad, sphere
 
+pytestmark = pytest.mark.usefixtures("small_pilot")
+
 PHOTONS, RADIUS, NEIGHBOURS, SEED = 300, 0.2, 6, 11
 AWAY = Pose((50.0, 50.0, 50.0))
 

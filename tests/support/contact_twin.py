@@ -22,9 +22,8 @@ def regions_in_company(model: Model, o: int, at, radius: float, alone: Regions) 
     for b in range(model.surfaces.objects):
         if b == o or not len(points):
             continue
-        rays = [_ray(points[i], normals[i], k, at, o, b) for i in range(len(points)) for k in range(RAYS)]
-        origins, directions = (np.array(a, F32) for a in zip(*rays, strict=True))
-        limits = np.full(len(rays), radius, F32)
+        origins, directions = _rays(points, normals, at, o, b)
+        limits = np.full(len(origins), radius, F32)
         distance, _ = model.accelerator.nearest(b, origins, directions, limits)
         distance = distance.reshape(-1, RAYS)
         for i in range(len(points)):
@@ -45,15 +44,18 @@ def regions_in_company(model: Model, o: int, at, radius: float, alone: Regions) 
     return Regions(row, np.array(reach, np.uint8).reshape(-1, RAYS, 2), area)
 
 
-def _ray(point, normal, k: int, at, o: int, b: int):
-    """Return origin and direction, three float32 each, of receiver's direction k in object b's space."""
-    ax, ay, az, bx, by, bz = basis(*map(float, normal))
-    c, s = float(np.cos(2 * np.pi * np.arange(RAYS) / RAYS)[k]), float(np.sin(2 * np.pi * np.arange(RAYS) / RAYS)[k])
-    direction = (c * ax + s * bx, c * ay + s * by, c * az + s * bz)
-    origin = _across(at.rotation[o], at.position[o], at.rotation[b], at.position[b], [float(x) for x in point])
-    return origin, _across(at.rotation[o], np.zeros(3), at.rotation[b], np.zeros(3), direction)
+def _rays(points, normals, at, o: int, b: int):
+    """Return origins and directions (RAYS n, 3) float32 of all directions of n receivers, in object b's space."""
+    frames = np.array([basis(*map(float, n)) for n in normals])
+    angle = 2 * np.pi * np.arange(RAYS) / RAYS
+    directions = np.cos(angle)[:, None] * frames[:, None, :3] + np.sin(angle)[:, None] * frames[:, None, 3:]
+    origins = _across(at.rotation[o], at.position[o], at.rotation[b], at.position[b], points.astype(float))
+    directions = _across(at.rotation[o], np.zeros(3), at.rotation[b], np.zeros(3), directions.reshape(-1, 3))
+    return np.repeat(origins, RAYS, axis=0), directions
 
 
 def _across(Ra, pa, Rb, pb, x):
-    w = [float(F32(Ra[i, 0] * x[0] + Ra[i, 1] * x[1] + Ra[i, 2] * x[2] + pa[i])) - pb[i] for i in range(3)]
-    return [F32(Rb[0, i] * w[0] + Rb[1, i] * w[1] + Rb[2, i] * w[2]) for i in range(3)]
+    """Carry points (n, 3) float64 from object a's space to object b's: float32, as rounded in world space."""
+    world = (x[:, :1] * Ra[:, 0] + x[:, 1:2] * Ra[:, 1] + x[:, 2:] * Ra[:, 2] + pa).astype(F32)
+    w = world.astype(float) - pb
+    return (w[:, :1] * Rb[0] + w[:, 1:2] * Rb[1] + w[:, 2:] * Rb[2]).astype(F32)

@@ -34,10 +34,14 @@ class Twin:
     def __init__(self, scene, photons: int, radius: float, neighbours: int, seed: int):
         self.model = Model(scene, threads=1)
         self.photons, self.radius, self.neighbours, self.seed = photons, radius, neighbours, seed
+        self._traced: tuple[dict | None, list[dict]] = None, []
 
     def segments(self, poses) -> list[dict]:
-        at = self.model.transforms(poses)
-        return [s for i in range(self.photons) for s in self._path(i, at)]
+        """Return all segments at some poses; the last ones are kept, because estimators share them."""
+        if poses != self._traced[0]:
+            at = self.model.transforms(poses)
+            self._traced = dict(poses), [s for i in range(self.photons) for s in self._path(i, at)]
+        return self._traced[1]
 
     def _path(self, i: int, at):
         """Follow photon i until it ends."""
@@ -117,8 +121,10 @@ class Twin:
             alone = np.full(len(rows), -1, np.int32)
             discs = Discs(p, n, own[rows], alone, radius, region)
             data = blocks(discs, filled).data
+            pose = None if o == 0 else poses[model.names[o - 1]]
+            R = None if o == 0 else rotation(pose)
             for s in segments:
-                points = [_to_object(poses, model.names, o, s[k]) for k in ("origin", "end", "hit")]
+                points = [_to_object(pose, R, s[k]) for k in ("origin", "end", "hit")]
                 d, _ = _line(points[0], points[1])
                 stop = F32(s["high"])
                 side = s["hit_side"]
@@ -128,6 +134,8 @@ class Twin:
                 origin, d = tuple(points[0]), tuple(d)
                 lanes = [discs_crossed(data, b, origin, d, F32(s["low"]), high, r2) for b in every]
                 near = [LANES * b + k for b in every for k in range(LANES) if lanes[b] >> k & 1]
+                if not near:
+                    continue
                 patches = [
                     2 * patch[k >> 1] + (k & 1) if k >= 0 else -1
                     for k in (s["start_side"], s["end_side"], s["cut_side"])
@@ -147,8 +155,9 @@ class Twin:
         model, k, radius = self.model, self.neighbours, F32(self.radius)
         receivers = model.receivers_at(poses)
         hits = [s for s in segments if s["hit_side"] >= 0]
+        at = model.transforms(poses)
         x = np.array([h["hit"] for h in hits], F32).reshape(-1, 3)
-        d = np.array([self._side_normal(h["hit_side"], model.transforms(poses)) for h in hits], F32).reshape(-1, 3)
+        d = np.array([self._side_normal(h["hit_side"], at) for h in hits], F32).reshape(-1, 3)
         sums, area = [], []
         own = np.array([2 * model.surfaces.patch[h["hit_side"] >> 1] + (h["hit_side"] & 1) for h in hits])
         share = model.covered_share
@@ -187,11 +196,9 @@ def _line(origin, end):
     return np.array([c * scale for c in d], F32), F32(length)
 
 
-def _to_object(poses, names, o: int, point):
-    """Carry a world point (3,) float32 to object o's space."""
-    if o == 0:
+def _to_object(pose, R, point):
+    """Carry a world point (3,) float32 to the space of an object at a pose of rotation R; None: the static part."""
+    if pose is None:
         return point
-    pose = poses[names[o - 1]]
-    R = rotation(pose)
     x, y, z = (float(point[k]) - pose.position[k] for k in range(3))
     return np.array([R[0, k] * x + R[1, k] * y + R[2, k] * z for k in range(3)], F32)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -22,39 +24,67 @@ from gi_core.base import jit, kernel_cache
 def triple(x):
     return 3 * x
 
-results = [triple(14), triple(0.5)]
-print(json.dumps([results, sum(triple.stats.cache_hits.values()), str(jit.cache_folder()), kernel_cache.problems]))
+@jit.kernel
+def double(x):
+    return 2 * x
+
+@jit.kernel
+def same(x):
+    return x
+
+results = [triple(14), triple(0.5), double(3), same(7)]
+hits = [sum(kernel.stats.cache_hits.values()) for kernel in (triple, double, same)]
+print(json.dumps([results, hits, str(jit.cache_folder()), kernel_cache.problems]))
 """
+NONE, ALL = [0, 0, 0], [2, 1, 1]  # cache hits of the kernels
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="owners and modes are POSIX's")
 
 
-@pytest.fixture
-def run(tmp_path):
-    script = tmp_path / "kernels.py"
+@pytest.fixture(scope="module")
+def started(tmp_path_factory) -> Callable:
+    """Return a function that runs the kernels with a folder for caches, and fills one such folder."""
+    script = tmp_path_factory.mktemp("kernels") / "kernels.py"
     script.write_text(RUN)
 
-    def called(*arguments: str, **environment):
-        kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-        environment = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT), **environment}
+    def called(caches: Path, *arguments: str):
+        environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+        environment |= {"XDG_CACHE_HOME": str(caches), "PYTHONPATH": str(ROOT)}
         done = subprocess.run(
-            [sys.executable, str(script), *arguments],
-            env=kept | environment,
-            capture_output=True,
-            text=True,
-            timeout=200,
+            [sys.executable, str(script), *arguments], env=environment, capture_output=True, text=True, timeout=200
         )
         assert done.returncode == 0 and done.stderr == "", done.stderr
         results, hits, folder, problems = json.loads(done.stdout)
-        assert results == [42, 1.5]
+        assert results == [42, 1.5, 6, 7]
         return hits, Path(folder), problems
 
     return called
 
 
-def test_folder_is_private_and_files_are_reused(run):
-    hits, folder, problems = run()
-    assert (hits, problems) == (0, []) and folder.stat().st_mode & 0o777 == 0o700
-    assert run() == (2, folder, [])
+@pytest.fixture
+def run(started, tmp_path):
+    """Return a function that runs the kernels in the cache folder of a test."""
+    return lambda *arguments: started(tmp_path / "cache", *arguments)
+
+
+@pytest.fixture(scope="module")
+def filled(started, tmp_path_factory) -> Path:
+    """Fill a folder for caches, and test that kernels are compiled once."""
+    caches = tmp_path_factory.mktemp("filled")
+    hits, folder, problems = started(caches)
+    assert (hits, problems) == (NONE, []) and folder.stat().st_mode & 0o777 == 0o700
+    return caches
+
+
+@pytest.fixture
+def folder(filled, tmp_path) -> Path:
+    """Copy the filled folder to that of a test."""
+    shutil.copytree(filled, tmp_path / "cache")
+    (folder,) = (tmp_path / "cache").glob("*/kernels-*")
+    return folder
+
+
+def test_folder_is_private_and_files_are_reused(run, folder):
+    assert run() == (ALL, folder, [])
 
 
 def trap(file: Path) -> Path:
@@ -70,8 +100,7 @@ def trap(file: Path) -> Path:
 
 
 @pytest.mark.parametrize("change", ["mode", "owner", "file"])
-def test_foreign_files_are_not_loaded(run, tmp_path, change):
-    _, folder, _ = run()
+def test_foreign_files_are_not_loaded(run, folder, tmp_path, change):
     trapped = trap(tmp_path / "ran")
     if change == "mode":
         folder.chmod(0o777)
@@ -80,25 +109,27 @@ def test_foreign_files_are_not_loaded(run, tmp_path, change):
     else:
         os.chown(folder if change != "file" else next(folder.rglob("*.nbi")), 12345, -1)
     hits, elsewhere, (problem,) = run()
-    assert hits == 0 and not trapped.exists() and elsewhere != folder and not elsewhere.exists()
+    assert hits == NONE and not trapped.exists() and elsewhere != folder and not elsewhere.exists()
     assert problem.startswith(f"{folder} ") and "compiled at every start" in problem and problem.isprintable()
 
 
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
-@pytest.mark.parametrize("content", [b"", b"junk", 100], ids=str)
-def test_damaged_files_are_compiled_again(run, kind, content):
-    _, folder, _ = run()
-    for file in folder.rglob(f"*.{kind}"):
-        file.write_bytes(content if isinstance(content, bytes) else file.read_bytes()[:content])
+def test_damaged_files_are_compiled_again(run, folder, kind):
+    """Empty, truncated, or not what it should be: each kernel's files in another way."""
+    for kernel, content in {"triple": b"", "double": b"junk", "same": 100}.items():
+        files = list(folder.rglob(f"*{kernel}*.{kind}"))
+        assert files
+        for file in files:
+            file.write_bytes(content if isinstance(content, bytes) else file.read_bytes()[:content])
     hits, _, problems = run()
-    assert hits == 0 and problems == []
-    assert run() == (2, folder, [])
+    assert hits == NONE and problems == []
+    assert run() == (ALL, folder, [])
 
 
 def test_a_full_disk_ends_caching(run):
     """RLIMIT_FSIZE stands for the disk: every write beyond it fails."""
     hits, folder, problems = run("300")
-    assert hits == 0 and len(problems) == 1
+    assert hits == NONE and len(problems) == 1
     assert "cannot be written (File too large)" in problems[0] and "compiled at every start" in problems[0]
     assert not [f for f in folder.rglob("*") if ".tmp." in f.name]
-    assert run() == (0, folder, []) and run() == (2, folder, [])
+    assert run() == (NONE, folder, []) and run() == (ALL, folder, [])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.surfaces import face_normals, flatten
@@ -152,14 +153,14 @@ def vertices_inside_edges(mesh: Mesh) -> int:
     """Count T-junctions: vertices that lie on an edge of some face between its ends."""
     ends = np.unique(shared_edges(mesh), axis=0)
     a, b = mesh.vertices[ends[:, 0]], mesh.vertices[ends[:, 1]]
-    count = 0
-    for p in mesh.vertices[np.unique(mesh.faces)]:
-        along, off = b - a, p - a
-        length = (along * along).sum(axis=1)
-        share = (along * off).sum(axis=1) / length
-        away = ((off - share[:, None] * along) ** 2).sum(axis=1)
-        count += int(((away < 1e-18 * length) & (share > 1e-9) & (share < 1 - 1e-9)).sum())
-    return count
+    half, points = np.sqrt(((b - a) ** 2).sum(axis=1)) / 2, mesh.vertices[np.unique(mesh.faces)]
+    near = cKDTree(points).query_ball_point((a + b) / 2, half)  # a vertex inside an edge is in the ball around it
+    edge = np.repeat(np.arange(len(ends)), [len(rows) for rows in near])
+    along, off = (b - a)[edge], points[np.concatenate(near).astype(int)] - a[edge]
+    length = (along * along).sum(axis=1)
+    share = (along * off).sum(axis=1) / length
+    away = ((off - share[:, None] * along) ** 2).sum(axis=1)
+    return int(((away < 1e-18 * length) & (share > 1e-9) & (share < 1 - 1e-9)).sum())
 
 
 @pytest.mark.slow
