@@ -6,13 +6,13 @@ frame, so it cannot drift. Receivers on mobiles: from all segments near them, or
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.stage_timer import StageTimer
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.display.probes import probe_irradiance
 from gi_core.frames.background import Background, Photons, add_fates
@@ -104,6 +104,19 @@ class Frame(NamedTuple):
         """Summary of the disc search over the static part; "" where there is none."""
         searches = self.background.estimate.searches if self.background is not None else ()
         return searches[0].summary() if searches else ""
+
+
+class StageTimer:
+    """Call it with the name of a stage when that stage ends; `seconds` sums the time per name."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def __call__(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
+        self._last = now
 
 
 def next_frame(
