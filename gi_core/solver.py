@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -103,12 +103,13 @@ class Solver:
         for _ in self.solve_steps(pictures=False):
             pass
 
-    def solve_steps(self, pictures: bool = True) -> Iterator[Progress]:
+    def solve_steps(self, pictures: bool = True, stop: Callable[[], bool] | None = None) -> Iterator[Progress]:
         """Trace and estimate in steps of some 20 ms; with `pictures`, refresh irradiance as photons grow.
 
-        May be abandoned between steps and restarted; traced photons are reused.
+        May be abandoned between steps and restarted; traced photons are reused. stop: as in move_all().
         """
-        yield from self._first_frame.steps(self.setting, lambda: self.frame, lambda: self._goal, pictures, self._update)
+        show = partial(self._update, stop=stop)
+        yield from self._first_frame.steps(self.setting, lambda: self.frame, lambda: self._goal, pictures, show)
         yield Progress("done", 1.0, False)
 
     @property
@@ -142,19 +143,24 @@ class Solver:
         self.move_all({name if isinstance(name, str) else shown(name): pose})
 
     def move_all(
-        self, poses: Mapping[str, Pose | np.ndarray], photons: int | None = None, paths: int | None = None
+        self,
+        poses: Mapping[str, Pose | np.ndarray],
+        photons: int | None = None,
+        paths: int | None = None,
+        stop: Callable[[], bool] | None = None,
     ) -> None:
         """Put several mobiles at new poses and update irradiance once.
 
         For a faster and noisier frame, photons: one of `prefixes`, None: all; paths: that a receiver of a mobile
-        gathers, where its light is gathered, one of `gi_core.frames.light_source.PATHS`, None: 64. Raises SceneError as
-        move() does, and for any other number of photons or paths. A move that any exception breaks off has not been
-        made.
+        gathers, where its light is gathered, one of `gi_core.frames.light_source.PATHS`, None: 64; stop: called after
+        each stage; where it is True, Interrupted (`gi_core.frames.progress`) breaks off the move. Raises SceneError
+        as move() does, and for any other number of photons or paths. A move that any exception breaks off has not
+        been made.
         """
         if photons is not None:
             one_of(self.frame.prefixes).check(f"{self.scene.name}: the photons of a frame", photons)
         self.light_source.paths(paths)  # raises before the first photon too
-        self._update(None, {**self.poses, **self.model.checked_poses(poses)}, photons, paths)
+        self._update(None, {**self.poses, **self.model.checked_poses(poses)}, photons, paths, stop)
 
     def size_within(self, seconds: float) -> tuple[int | None, int | None]:
         """Return the photons and paths, as for move_all(), of the largest frame predicted to fit.
@@ -170,7 +176,7 @@ class Solver:
 
     def _update(
         self, background: Background | None = None, poses: dict[str, Pose] | None = None, photons: int | None = None,
-        paths: int | None = None,
+        paths: int | None = None, stop: Callable[[], bool] | None = None,
     ) -> None:  # fmt: skip
         """Compute the next frame, from the background on show and at the last poses where none are given.
 
@@ -182,7 +188,7 @@ class Solver:
             self.frame = self.frame._replace(poses=poses)
             return  # nothing traced yet
         size = self.light_source.size(b.estimate.photons if photons is None else photons, paths)
-        frame = next_frame(self.frame.store, b, self.light_source, poses, size, self._buffers)
+        frame = next_frame(self.frame.store, b, self.light_source, poses, size, self._buffers, stop)
         budget = self.budget if b is shown else FrameBudget()
         budget.record(size, frame.timings, self.light_source.rays_traced)
         self.frame, self.budget = frame, budget

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import enum
 import functools
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from app.session.moving_median import MovingMedian
 from app.session.snapshot import Snapshot, snapshot_of
 from app.session.solver_jobs import Job, Move, Moved, Refine, Rest, Rested, Step, Time
 from app.worker import PATIENCE, Worker
+from gi_core.frames.progress import Interrupted
 
 if TYPE_CHECKING:  # the solver takes a second to import: that happens behind the window's first frames
     from app.settings import Settings
@@ -57,6 +59,7 @@ class Solving:
         self._time_due = True  # frames of prefixes are to be timed
         self._timings: Iterator[bool] | None = None
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
+        self._waits = threading.Event()  # set while there are any: a frame without news for the hand is broken off
         self._begins = False  # the next move begins a motion
         self._begin_refinement()
         self._show(worker.submit(functools.partial(snapshot_of, solver, self._work)).result())
@@ -143,7 +146,7 @@ class Solving:
 
     def _begin_refinement(self) -> None:
         """Refine from here; an iterator left between two steps is dropped, nothing is traced twice."""
-        self._stage, self._steps = Stage.REFINING, _steps(self._solver)
+        self._stage, self._steps = Stage.REFINING, _steps(self._solver, self._waits.is_set)
 
     # -- jobs -------------------------------------------------------------------------------------
 
@@ -161,6 +164,8 @@ class Solving:
         self._job = None
         try:
             result = self._call.result()
+        except Interrupted:
+            self._begin_refinement()
         except Exception as problem:
             self._fail(job, problem)
         else:
@@ -223,6 +228,7 @@ class Solving:
         The light is that of as many photons as fit the budget; settle() brings the rest.
         """
         self._pending.update(poses)
+        self._waits.set()
         self.move_pending(self.grace)
 
     def begin_motion(self) -> None:
@@ -241,6 +247,7 @@ class Solving:
             if not self._wait(deadline - self.clock()):
                 return
             poses, self._pending = self._pending, {}
+            self._waits.clear()
             self._begin_move(poses, hasty=True)
         if isinstance(self._job, Move):
             self._wait(deadline - self.clock())
@@ -248,12 +255,12 @@ class Solving:
     def _begin_move(self, poses: Mapping[str, Pose], hasty: bool, settles: bool = False) -> None:
         self.move_failed = False
         begins, self._begins = self._begins and hasty, self._begins and not hasty
-        self._begin(Move(poses, self.budget, hasty, begins, settles, self.clock))
+        self._begin(Move(poses, self.budget, hasty, begins, settles, self._waits.is_set, self.clock))
 
 
-def _steps(solver: Solver) -> Iterator[Progress]:
+def _steps(solver: Solver, stop: Callable[[], bool]) -> Iterator[Progress]:
     """Iterate over the solver's steps; the solver is first touched with the first step."""
-    yield from solver.solve_steps()
+    yield from solver.solve_steps(stop=stop)
 
 
 def _timings(solver: Solver, seconds: float) -> Iterator[bool]:

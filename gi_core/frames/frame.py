@@ -7,7 +7,7 @@ frame, so it cannot drift. Receivers on mobiles: from all segments near them, or
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from gi_core.display.probes import probe_irradiance
 from gi_core.frames.background import Background, Photons, add_fates
 from gi_core.frames.control_variate import frame_irradiance
 from gi_core.frames.light_source import FrameSize, LightSource
+from gi_core.frames.progress import Interrupted
 from gi_core.geometry.radiosity import irradiance
 from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.trace import Fates
@@ -107,26 +108,39 @@ class Frame(NamedTuple):
 
 
 class StageTimer:
-    """Call it with the name of a stage when that stage ends; `seconds` sums the time per name."""
+    """Call it with the name of a stage when that stage ends; `seconds` sums the time per name.
 
-    def __init__(self) -> None:
+    Raises Interrupted at the end of a stage if `stop` returns True.
+    """
+
+    def __init__(self, stop: Callable[[], bool] | None = None) -> None:
         self.seconds: dict[str, float] = {}
+        self._stop = stop
         self._last = time.perf_counter()
 
     def __call__(self, stage: str) -> None:
         now = time.perf_counter()
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
         self._last = now
+        if self._stop is not None and self._stop():
+            raise Interrupted
 
 
 def next_frame(
-    store: Photons, b: Background, source: LightSource, poses: dict[str, Pose], size: FrameSize, room: ScanBuffers
+    store: Photons,
+    b: Background,
+    source: LightSource,
+    poses: dict[str, Pose],
+    size: FrameSize,
+    room: ScanBuffers,
+    stop: Callable[[], bool] | None = None,
 ) -> Frame:
     """Return the frame of a background at poses, from `size.photons` of its photons.
 
-    room: buffers that the frame's path changes stay in, until the next frame overwrites them.
+    room: buffers that the frame's path changes stay in, until the next frame overwrites them; stop: called after each
+    stage. Raises Interrupted where `stop` returns True.
     """
-    model, estimate, clock = store.model, b.estimate, StageTimer()
+    model, estimate, clock = store.model, b.estimate, StageTimer(stop)
     at = model.transforms(poses)
     paths, coarse = store.prefix(size.photons)
     wanted = estimate.wanted(at, mobiles=not size.paths)

@@ -11,3 +11,7 @@ class Progress(NamedTuple):
     stage: str
     fraction: float  # 0 .. 1 of the photons wanted
     picture: bool  # irradiance was refreshed
+
+
+class Interrupted(Exception):
+    """A frame was broken off between two stages, because its result is no longer wanted."""

@@ -12,6 +12,7 @@ import pytest
 import gi_core
 from gi_core.base.threads import run_ranges
 from gi_core.frames.light_source import LIGHTS
+from gi_core.frames.progress import Interrupted
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Mobile, Pose
 from gi_core.solver import Solver
@@ -89,6 +90,25 @@ def test_interrupted_move_changes_nothing(estimator, light):
         assert np.array_equal(solver.irradiance, solver.from_scratch()), f"after {place} of {whole}"
     solver.move_all(NEXT)
     assert seen(solver)[:2] != before[:2]
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_frame_stopped_between_stages_changes_nothing(estimator, light):
+    """In a move, and in a solve that may then go on with more photons."""
+    solver = solved(estimator, light)
+    for stages in range(5):
+        asked, before = iter(range(stages)), seen(solver)
+        with pytest.raises(Interrupted):
+            solver.move_all(NEXT, stop=lambda asked=asked: next(asked, None) is None)
+        assert seen(solver) == before
+    solver.configure(photons=4000)
+    for _ in range(2):
+        with pytest.raises(Interrupted):
+            list(solver.solve_steps(stop=lambda: True))
+        assert seen(solver)[:2] == before[:2]
+    solver.move("block", START)
+    solver.solve()
+    assert solver.frame.photons == 4000 and np.array_equal(solver.irradiance, solver.from_scratch())
 
 
 def test_move_before_tracing_sets_poses_alone():

@@ -154,7 +154,7 @@ def test_scene_with_a_failed_step_is_freed(monkeypatch):
     s = opened()
     until(s, lambda: not s.refining)
 
-    def fails(*_):
+    def fails(*_, **__):
         raise ValueError("no light")
 
     monkeypatch.setattr(s.light._solver, "move_all", fails, raising=False)

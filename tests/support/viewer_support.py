@@ -16,6 +16,7 @@ from app.settings import Settings
 from gi_core.base import vectors
 from gi_core.display.dilation import Drawn
 from gi_core.frames.light_source import FrameSize
+from gi_core.frames.progress import Interrupted
 from gi_core.scene import Camera, KeyFrames, Material, Mesh, Mobile, Pose, Probe, Scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -162,6 +163,9 @@ class Clock:
         return self.now
 
 
+STAGES = 8  # of a frame of CountingSolver that may be broken off
+
+
 class CountingSolver:
     """The solver's interface around counters; a move costs 4 ms of a test's clock, a step the time set in `Behind`.
 
@@ -226,7 +230,7 @@ class CountingSolver:
     def _learn(self, photons: int) -> None:
         self.budget.record(FrameSize(photons, 0), {"estimate": self.wrong * self.move_seconds(photons)}, False)
 
-    def solve_steps(self):
+    def solve_steps(self, stop=None):
         from gi_core.frames.progress import Progress
 
         for k in range(1, self.steps + 1):
@@ -239,10 +243,14 @@ class CountingSolver:
                 self._learn(self.at_rest)
             yield Progress("tracing", k / self.steps, picture)
 
-    def move_all(self, poses, photons: int | None = None, paths: int | None = None) -> None:
+    def move_all(self, poses, photons: int | None = None, paths: int | None = None, stop=None) -> None:
         assert photons is None or photons in self.prefixes
         photons = self.at_rest if photons is None else photons
-        self.clock.now += self.move_seconds(photons)
+        stages = STAGES if stop else 1
+        for _ in range(stages):
+            self.clock.now += self.move_seconds(photons) / stages
+            if stop and stop():
+                raise Interrupted
         self._learn(photons)
         self.frame.photons = photons
         self.moved_with.append(photons)

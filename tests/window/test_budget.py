@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from app.session.log import ERROR
 from app.session.session import STILL, Session
 from gi_core.frames.frame_budget import IN_A_ROW, FrameBudget
 from gi_core.frames.light_source import FrameSize
@@ -219,13 +220,34 @@ def test_drag_interrupts_the_timing_of_frames():
     assert s.light.snapshot.photons == 1000 and s.light._solver.frame.photons == 1000
 
 
+def test_a_drag_breaks_off_the_frame_of_all_photons():
+    """That frame takes 304 ms, one of 125 photons 41: the drag waits for the end of a stage."""
+    s = make(budget=50.0, photon_seconds=300e-6, step_seconds=0.02)
+    s.begin_drag()
+    drag(s, 3)
+    s.end_drag()
+    while not s.light.is_moving:
+        frame(s)
+    there, started = Pose((0.5, 0.3, 0.5)), s.clock.now
+    s.begin_drag()
+    s.move({"block": there})
+    while s.pose_list != [there]:
+        frame(s)
+    assert s.clock.now - started < 0.15 and s.light.snapshot.photons == 125
+    s.end_drag()
+    for _ in range(60):
+        frame(s)
+    assert s.light.snapshot.photons == 1000 and s.pose_list == [there]
+    assert not [entry for entry in s.log.entries if entry.level == ERROR]
+
+
 def test_failed_settling_is_logged_once_and_the_drag_continues():
     s = make()
     s.begin_drag()
     drag(s, 3)
     move_all, asked = s.light._solver.move_all, []
 
-    def broken(poses, photons=None, paths=None):
+    def broken(poses, photons=None, paths=None, stop=None):
         asked.append(photons)
         raise ValueError("embree lost its scene")
 

@@ -219,14 +219,14 @@ def test_play_head_reverses_or_repeats():
 
 
 def test_exception_in_refinement_or_move_is_logged(session):
-    session.light._solver.solve_steps = lambda: iter_raising("embree lost its scene")
+    session.light._solver.solve_steps = lambda stop: iter_raising("embree lost its scene")
     session.want(replace(session.settings, radius=0.01))
     for _ in range(4):
         frame(session)
     assert session.log.last.level == ERROR and "embree lost its scene" in session.log.last.text
     assert not session.refining
 
-    def refuse(poses, photons=None, paths=None):
+    def refuse(poses, photons=None, paths=None, stop=None):
         raise ValueError("not rigid")
 
     session.light._solver.move_all = refuse
