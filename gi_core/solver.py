@@ -116,13 +116,17 @@ class Solver:
     def _goal(self) -> int:
         return self.photons if len(self.model.emitters.kind) else 0
 
-    def gather_steps(self, state: ReferenceState | None = None) -> Iterator[Progress]:
+    def gather_steps(
+        self, state: ReferenceState | None = None, stop: Callable[[], bool] | None = None
+    ) -> Iterator[Progress]:
         """Gather the static part's light in steps of some 30 ms to 0.7 % noise (`gi_core.gather.static`).
 
         Used by frames where `light` is "best". May be abandoned between steps and begun again;
-        state: an earlier run's `gathered.state`, for the same scene and seed. Raises ValueError for another.
+        state: an earlier run's `gathered.state`, for the same scene and seed; stop: as in move_all(). Raises ValueError
+        for another state.
         """
-        refresh = partial(self._first_frame.refresh, lambda: self.frame.background, lambda: self._goal, self._update)
+        show = partial(self._update, stop=stop)
+        refresh = partial(self._first_frame.refresh, lambda: self.frame.background, lambda: self._goal, show)
         yield from self.light_source.gather_steps(state, lambda: self.frame.background, refresh)
         yield Progress("done", 1.0, False)
 

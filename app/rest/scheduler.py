@@ -22,8 +22,9 @@ FIRST_TURNS = 4  # all but one gather light, until it has a first result
 class RestWork:
     """Work at rest in short tasks, and its results. One per solver; only the solver's thread uses it."""
 
-    def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
-        self.gathering, self.live_error = Gathering(solver, clock), LiveError(solver, clock)
+    def __init__(self, solver: Solver, clock: Callable[[], float], stop: Callable[[], bool] | None = None) -> None:
+        """stop: whether to break off a frame, as for Solver.move_all()."""
+        self.gathering, self.live_error = Gathering(solver, clock, stop), LiveError(solver, clock, stop)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._wants = Wants()
         self._turn = 0

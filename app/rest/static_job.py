@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 class Gathering:
     """One per solver; only the solver's thread uses it."""
 
-    def __init__(self, solver: Solver, clock: Callable[[], float]) -> None:
-        self._solver, self._clock = solver, clock
+    def __init__(self, solver: Solver, clock: Callable[[], float], stop: Callable[[], bool] | None = None) -> None:
+        self._solver, self._clock, self._stop = solver, clock, stop
         self._steps: Iterator[Progress] | None = None
         self._store: StaticStore | None = None
         self._saved_at, self._saved = 0.0, 0  # sets of paths in the file
@@ -39,7 +39,8 @@ class Gathering:
         solver = self._solver
         if self._steps is None:
             self._store = StaticStore(solver.model, solver.seed)
-            self._steps = solver.gather_steps(self._store.load() if solver.light_source.gathered is None else None)
+            state = self._store.load() if solver.light_source.gathered is None else None
+            self._steps = solver.gather_steps(state, self._stop)
             self._saved_at = self._clock()
         progress = next(self._steps, None)
         if progress is None:

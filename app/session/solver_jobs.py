@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from app.cli.warnings import caveats
 from app.session.snapshot import Snapshot, snapshot_of
+from gi_core.frames.progress import Interrupted
 
 if TYPE_CHECKING:
     from app.rest.results import RestResults
@@ -116,6 +117,8 @@ class Rest:
             return Rested("", work.results())
         try:
             changed = task.run()
+        except Interrupted:
+            raise
         except Exception as problem:
             work.given_up.add(task.name)
             return Rested(task.name, work.results(), problem=problem)

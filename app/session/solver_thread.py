@@ -54,12 +54,12 @@ class Solving:
         self.move_failed = False  # the last one
         self.all_done = False  # the last call for a task at rest found none
         self._warned: set[str] = set()  # kinds of warnings that the log has had
-        self._solver, self._work, self._worker = solver, RestWork(solver, clock), worker
+        self._waits = threading.Event()  # set while moves wait: a frame that shows no move is then broken off
+        self._solver, self._work, self._worker = solver, RestWork(solver, clock, self._waits.is_set), worker
         self._job: Job | None = None
         self._time_due = True  # frames of prefixes are to be timed
         self._timings: Iterator[bool] | None = None
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
-        self._waits = threading.Event()  # set while there are any: a frame without news for the hand is broken off
         self._begins = False  # the next move begins a motion
         self._begin_refinement()
         self._show(worker.submit(functools.partial(snapshot_of, solver, self._work)).result())

@@ -11,11 +11,14 @@ import pytest
 from app.rest import live_error as module
 from app.rest.live_error import LiveError, Wants
 from app.rest.measured_points import MeasuredPoints
+from app.rest.scheduler import RestWork
 from app.session.log import Log
 from app.session.session import Session
+from app.session.solver_jobs import Rest
 from app.settings import Settings
 from app.window import view_content
 from app.worker import Task
+from gi_core.frames.progress import Interrupted
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance, relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
@@ -61,6 +64,24 @@ def test_live_error_equals_that_against_another_reference(solver):
     point = live_error.point
     assert point.photons == 20_000 and point.error == r.total and point.seconds > 0
     assert "tangent plane\n20 000 photons\nradius 0.06 m" in point.label and "control" in point.label
+
+
+@pytest.mark.parametrize("light", ["photons", "best"])
+def test_a_frame_at_rest_is_broken_off_for_a_move_and_done_later(solver, light):
+    """Timed frames, and new gathered light: the job ends at once, and its kind goes on at the next rest."""
+    twin, waits = solver.twin(), [True]
+    twin.configure(light=light)
+    work, job = RestWork(twin, time.perf_counter, lambda: waits[0]), Rest(Settings(measure_errors=light == "photons"))
+    with pytest.raises(Interrupted):
+        for _ in range(1000):
+            job.run(twin, work)
+    assert not work.given_up and work.live_error.report is None and not twin.frame.gathered
+    waits[0] = False
+    for _ in range(1000):
+        assert job.run(twin, work).problem is None
+        if work.live_error.report is not None or twin.frame.gathered:
+            break
+    assert (work.live_error.report is None) == twin.frame.gathered == (light == "best")
 
 
 def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
