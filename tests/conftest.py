@@ -29,6 +29,12 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         subprocess.run([sys.executable, "-m", compile_ahead.__name__], stdout=subprocess.DEVNULL, check=True)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files of slow tests and of windows, so that no worker ends alone with one of them."""
+    first = {item.path for item in items if item.get_closest_marker("slow") or item.get_closest_marker("gl")}
+    items.sort(key=lambda item: item.path not in first)
+
+
 @pytest.fixture(autouse=True)
 def numpy_raises():
     """Overflow, invalid operations and divisions by zero are errors in tests."""

@@ -35,9 +35,9 @@ def uncollected(tmp_path, monkeypatch):
     gc.enable()
 
 
-def are_freed(*refs: weakref.ref, within: float = 20.0) -> bool:
+def are_freed(*refs: weakref.ref) -> bool:
     """Return whether all of them are freed, at the latest when threads have ended."""
-    end = time.monotonic() + within
+    end = time.monotonic() + support.PATIENCE
     while any(ref() is not None for ref in refs) and time.monotonic() < end:
         time.sleep(0.01)
     return all(ref() is None for ref in refs)
@@ -50,7 +50,7 @@ def opened(settings=SETTINGS, load=lambda settings: support.room()) -> Session:
 
 
 def until(s: Session, true, still: bool = True) -> None:
-    end = time.monotonic() + 300  # kernels may have to be compiled
+    end = time.monotonic() + support.PATIENCE
     while not true():
         assert time.monotonic() < end and s.problem is None
         s.tick(1 / 60, still=still)
@@ -91,7 +91,7 @@ def test_cancelled_load_is_freed():
     kept, gate = [], threading.Event()
 
     def load(settings):
-        gate.wait(20)
+        gate.wait(support.PATIENCE)
         scene = support.room()
         kept.append(weakref.ref(scene.static.vertices))
         return scene
@@ -112,7 +112,7 @@ def test_scenes_never_shown_leave_no_thread(refused):
     gate, before = threading.Event(), threading.active_count()
 
     def load(settings):
-        gate.wait(20)
+        gate.wait(support.PATIENCE)
         raise SceneError("room.toml: no such thing")
 
     sessions = [Session(SETTINGS, Log(), functools.partial(Opening, load=load)) for _ in range(3)]
@@ -121,7 +121,7 @@ def test_scenes_never_shown_leave_no_thread(refused):
         for s in sessions:
             s.close(0.0)
     gate.set()
-    end = time.monotonic() + 20
+    end = time.monotonic() + support.PATIENCE
     while refused and any(s.problem is None for s in sessions):
         for s in sessions:
             s.tick(0.0)

@@ -44,72 +44,82 @@ def check(row: AtlasRow) -> None:
         assert abs(row.remedied.mean - row.aim) <= allowed, f"{row.key}: {row.remedied}, should be {row.aim:.4g}"
 
 
-@pytest.mark.parametrize("rows", [photon_map.small_surfaces, photon_map.thin_wall])
-def test_photon_maps_on_small_surfaces_and_across_walls(rows):
-    for row in rows():
-        check(row)
+# The page has more photons than these tests need: divisors, with which `check` still has power for each row.
+FEWER = {
+    photon_map.thin_wall: 4,
+    photon_map.corners: 2,
+    tangent_plane.walls_and_corners: 2,
+    tangent_plane.table_leg: 2,
+    tangent_plane.curved_outside: 8,
+    tangent_plane.larger_than_the_room: 4,
+    tangent_plane.curved_inside: 4,
+    tangent_plane.lamp_near_a_surface: 4,
+    others.bright_rooms: 4,
+    others.beside_a_mobile: 2,
+    programs.soup: 4,
+}
 
 
-@pytest.mark.slow
-def test_photon_maps_at_borders():
-    found = [*photon_map.borders(), *photon_map.corners()]
-    assert len(found) == 15 + 2
-    for row in found:
-        check(row)
+@pytest.fixture
+def measured(monkeypatch):
+    """Return a function that measures rows with as many photons as their tests need."""
+
+    def measure(rows) -> list[AtlasRow]:
+        def fewer(scene, photons, *arguments, **setting):
+            return solved(scene, photons // FEWER.get(rows, 1), *arguments, **setting)
+
+        monkeypatch.setattr("app.measure.atlas.row.solved", fewer)
+        monkeypatch.setattr(others, "solved", fewer)
+        found = rows()
+        return [found] if isinstance(found, AtlasRow) else list(found)
+
+    return measure
 
 
-DISCS = [
+ROWS = [
+    photon_map.small_surfaces,
+    photon_map.thin_wall,
+    pytest.param(photon_map.borders, marks=pytest.mark.slow),
+    pytest.param(photon_map.corners, marks=pytest.mark.slow),
     tangent_plane.walls_and_corners,
     pytest.param(tangent_plane.table_leg, marks=pytest.mark.slow),
+    tangent_plane.curved_inside,
     tangent_plane.curved_outside,
     tangent_plane.larger_than_the_room,
-    tangent_plane.smaller_and_smaller,
     tangent_plane.shadow_edge,
+    tangent_plane.lamp_near_a_surface,
+    pytest.param(others.textbook, marks=pytest.mark.slow),
+    others.small_faces,
+    others.naive_sums,
+    pytest.param(others.bright_rooms, marks=pytest.mark.slow),
+    pytest.param(others.beside_a_mobile, marks=pytest.mark.slow),
+    pytest.param(programs.scales, marks=pytest.mark.slow),
+    programs.at_rest,
+    programs.at_edges,
+    programs.next_to_nothing,
+    pytest.param(programs.drift, marks=pytest.mark.slow),
+    pytest.param(programs.soup, marks=pytest.mark.slow),
+    mobiles.rows,
 ]
 
 
-@pytest.mark.parametrize("rows", DISCS)
-def test_discs(rows):
-    found = list(rows())
+@pytest.mark.parametrize("rows", ROWS)
+def test_measurements_agree_with_theory(rows, measured):
+    found = measured(rows)
     assert found
     for row in found:
         check(row)
 
 
-@pytest.mark.parametrize("row", [tangent_plane.curved_inside, tangent_plane.lamp_near_a_surface])
-def test_discs_on_curves_and_under_lamps(row):
-    check(row())
+def test_borders_have_fans_of_every_angle():
+    assert len(photon_map.KINDS) == 15
 
 
-OTHERS = [
-    pytest.param(others.textbook, marks=pytest.mark.slow),
-    others.small_faces,
-    pytest.param(others.bright_rooms, marks=pytest.mark.slow),
-    pytest.param(programs.scales, marks=pytest.mark.slow),
-    programs.at_rest,
-    programs.at_edges,
-    programs.next_to_nothing,
-    mobiles.rows,
-]
-
-
-@pytest.mark.parametrize("rows", OTHERS)
-def test_others(rows):
-    for row in rows():
+def test_noise_of_discs_is_inversely_proportional_to_their_radius(measured):
+    rows = measured(tangent_plane.smaller_and_smaller)
+    for row in rows:
         check(row)
-
-
-LONG = programs.drift, programs.soup, others.beside_a_mobile
-SLOW = [pytest.param(row, marks=pytest.mark.slow) for row in LONG]
-
-
-@pytest.mark.parametrize("row", [others.naive_sums, *SLOW])
-def test_sums_drift_and_mobiles(row):
-    check(row())
-
-
-def test_noise_is_inversely_proportional_to_the_radius():
-    noise = [row.measured.mean for row in tangent_plane.smaller_and_smaller()]
+    noise = [row.measured.mean for row in rows]
     assert np.diff(np.log2(noise)) == pytest.approx(1.0, abs=0.1)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from gi_core.frames import frame
+from gi_core.gather import static
 from gi_core.gather.reference import reference_irradiance
 from gi_core.photons import trace
 from gi_core.retrace.cuts import current_segments
@@ -88,8 +89,9 @@ def test_frames_of_long_paths_equal_a_solve_from_scratch(estimator):
     assert fates["emitted"] == pytest.approx(fates["absorbed"] + fates["truncated"], rel=1e-12)
 
 
-def test_a_darker_mobile_in_a_white_room_takes_its_light_from_the_walls():
+def test_a_darker_mobile_in_a_white_room_takes_its_light_from_the_walls(monkeypatch):
     """The mean over the walls, of photons and of best light; the reference's at random places on them."""
+    monkeypatch.setattr(static, "SAMPLE_NOISE", 20.0)  # of few receivers and much light: 2.5 would take a minute
     scene, n, paths = white_room(0.97, 0.2), 2_000, 64
     rng = np.random.default_rng(1)
     wall, side = rng.integers(0, 3, n), rng.integers(0, 2, n)

@@ -6,6 +6,8 @@ import time
 
 import numpy as np
 
+from tests.support.viewer_support import PATIENCE
+
 BLOCK_FRONT = (0.5, 0.3, 0.62)  # a point on the mobile that the camera sees
 
 
@@ -21,9 +23,9 @@ class Hand:
         while self._jobs:
             self._jobs.pop()()
 
-    def wait(self, what, seconds: float = 60.0) -> None:
+    def wait(self, what) -> None:
         """Let frames pass until something holds."""
-        limit = time.monotonic() + seconds
+        limit = time.monotonic() + PATIENCE
         while not what():
             assert time.monotonic() < limit, "waited too long"
             self.ctx.yield_()

@@ -84,7 +84,11 @@ def room(n: int = 8) -> Scene:
     )
 
 
-SETTINGS = Settings(scene="room", photons=20_000, radius=0.06, neighbours=40, light="photons", size=(960, 640))
+# A small window, because llvmpipe draws on the processor; work at rest only where it is tested.
+SETTINGS = Settings(
+    scene="room", photons=20_000, radius=0.06, neighbours=40, light="photons", size=(720, 540), measure_errors=False
+)
+PATIENCE = 600.0  # s after which a test that hangs fails; none needs a tenth on two cores
 
 
 def opening(scene: Scene) -> Callable:
@@ -142,10 +146,18 @@ def drive(viewer, script: Callable, quits: bool = False, keep_ini: bool = False)
     `quits`: the script ends by closing the window, which the engine would count as a failure; `keep_ini`: settings
     of the window are written to the test's folder.
     """
+    from imgui_bundle import hello_imgui
+    from imgui_bundle.imgui import test_engine
     from imgui_bundle.immapp import testing
 
     from app.window import window
 
+    def without_watchdog() -> None:
+        """The engine would end a test after 60 s of a busy machine, see PATIENCE."""
+        io = test_engine.get_io(hello_imgui.get_imgui_test_engine())
+        io.config_watchdog_warning = io.config_watchdog_kill_test = np.finfo(np.float32).max.item()
+
+    viewer.params.callbacks.register_tests = without_watchdog
     viewer.may_sleep = False  # the engine needs frames
     viewer.params.ini_disable = not keep_ini
     viewer.params.app_window_params.restore_previous_geometry = False

@@ -19,6 +19,7 @@ from gi_core.gather import static
 from gi_core.scene import Pose
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room
+from tests.support.viewer_support import PATIENCE
 
 SCENE = coloured_room((box_mobile(size=0.2),))
 
@@ -26,7 +27,7 @@ SCENE = coloured_room((box_mobile(size=0.2),))
 @pytest.fixture(autouse=True)
 def quick(monkeypatch, tmp_path):
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path))
-    monkeypatch.setattr(static, "ENOUGH", 0.02)
+    monkeypatch.setattr(static, "ENOUGH", 0.05)
 
 
 def opened(light: str = "best") -> Session:
@@ -38,8 +39,8 @@ def opened(light: str = "best") -> Session:
     return session
 
 
-def rest_until(session: Session, done, seconds: float = 300.0) -> None:
-    end = time.monotonic() + seconds
+def rest_until(session: Session, done) -> None:
+    end = time.monotonic() + PATIENCE
     while not done():
         assert time.monotonic() < end, gathered(session)
         session.tick(1 / 60)
@@ -57,7 +58,7 @@ def test_static_light_is_shown_saved_and_loaded_again():
     first = opened()
     rest_until(first, lambda: is_finished(first))
     first.tick(1 / 60)
-    assert gathered(first).used and gathered(first).error <= 0.02
+    assert gathered(first).used and gathered(first).error <= 0.05
     assert np.array_equal(first.irradiance, first.light._solver.irradiance)
     assert np.array_equal(first.light._solver.resting_irradiance, first.light._solver.light_source.gathered.mean)
     first.close()
@@ -69,7 +70,7 @@ def test_static_light_is_shown_saved_and_loaded_again():
         again.light._solver.light_source.gathered.mean, first.light._solver.light_source.gathered.mean
     )
     again.move({"box": Pose((0.6, 0.5, 0.4))})
-    rest_until(again, lambda: not again.refining and not again.light.partial)
+    rest_until(again, lambda: gathered(again).fraction == 1 and not again.refining and not again.light.partial)
     moved = again.irradiance
     again.close()  # its thread may be measuring: only one at a time uses the solver
     assert np.array_equal(moved, again.light._solver.from_scratch())
@@ -170,22 +171,23 @@ def test_a_setting_changed_and_changed_back_shows_the_same_light():
 
 
 def test_work_at_rest_is_stored_at_quit(monkeypatch):
-    """Nothing is saved by the clock: the tests' 300 s are less than a year."""
+    """Nothing is saved by the clock: PATIENCE is less than a year."""
     monkeypatch.setattr("app.rest.reference_store.SAVE_SECONDS", 3e7)
     session = opened()
     rest_until(session, lambda: (g := session.light._solver.light_source.gathered) and g.state and g.state.sets.any())
     store = StaticStore(session.light._solver.model, session.light._solver.seed)
     assert store.load() is None
-    session.close(patience=60.0)
+    session.close(patience=PATIENCE)
     assert np.array_equal(store.load().sets, session.light._solver.light_source.gathered.state.sets)
 
 
 @pytest.mark.parametrize("complete", [True, False])
-def test_stored_light_is_in_the_first_picture(complete):
+def test_stored_light_is_in_the_first_picture(complete, monkeypatch):
+    monkeypatch.setattr(static, "ENOUGH", 0.05 if complete else 0.01)
     first = opened()
     done = (lambda: is_finished(first)) if complete else (lambda: gathered(first).fraction > 0)
     rest_until(first, done)
-    first.close(patience=60.0)
+    first.close(patience=PATIENCE)
     kept = first.light._solver.light_source.gathered
     assert complete == kept.enough
     again = Opening(first.settings, load=lambda settings: SCENE)

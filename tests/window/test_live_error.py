@@ -86,7 +86,7 @@ def test_a_frame_at_rest_is_broken_off_for_a_move_and_done_later(solver, light):
 
 def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
     """Measured by smoothing it again, for its own receivers; detail lost by smoothing is bias."""
-    monkeypatch.setattr("gi_core.gather.static.ENOUGH", 0.03)
+    monkeypatch.setattr("gi_core.gather.static.ENOUGH", 0.04)
     s = Solver(replace(support.room(), mobiles=()), photons=20_000, radius=0.06)
     s.configure(light="best")
     s.solve()
@@ -248,7 +248,7 @@ def test_drag_waits_for_at_most_one_piece(piece):
 
 @pytest.fixture
 def session():
-    settings = replace(support.SETTINGS, photons=8192, tone_map="clip", exposure=0.0)
+    settings = replace(support.SETTINGS, photons=8192, tone_map="clip", exposure=0.0, measure_errors=True)
     opened = support.opened(settings)
     s = Session(replace(opened.settings, exposure=0.0), Log(), open_with=lambda settings: None)
     s.adopt(opened)
@@ -256,8 +256,8 @@ def session():
     s.close()
 
 
-def rest(s, until, seconds=60.0):
-    limit = time.monotonic() + seconds
+def rest(s, until):
+    limit = time.monotonic() + support.PATIENCE
     while not until():
         assert time.monotonic() < limit, "waited too long"
         s.tick(FRAME)

@@ -56,17 +56,16 @@ def pick_naively(surfaces, origin, direction, poses, cull):
         vertices = surfaces.vertices[o]
         if o:
             vertices = vertices @ rotation(poses[o - 1]).T + poses[o - 1].position
-        for f, face in enumerate(surfaces.faces[o]):
-            a, b, c = vertices[face]
-            A = np.stack([a - b, a - c, direction], axis=1)
-            if abs(np.linalg.det(A)) < 1e-12:
-                continue
-            beta, gamma, t = np.linalg.solve(A, a - origin)
-            back = np.cross(b - a, c - a) @ direction > 0
-            if cull and back and not surfaces.two_sided[surfaces.first_face[o] + f]:
-                continue
-            if beta >= 0 and gamma >= 0 and beta + gamma <= 1 and t > 0 and (best is None or t < best[0]):
-                best = (t, o)
+        a, b, c = np.moveaxis(vertices[surfaces.faces[o]], 1, 0)
+        A = np.stack([a - b, a - c, np.broadcast_to(direction, a.shape)], axis=2)
+        met = np.abs(np.linalg.det(A)) >= 1e-12
+        if cull:
+            two_sided = surfaces.two_sided[surfaces.first_face[o] :][: len(a)]
+            met &= two_sided | (np.cross(b - a, c - a) @ direction <= 0)
+        beta, gamma, t = np.linalg.solve(A[met], (a - origin)[met, :, None])[..., 0].T
+        inside = (beta >= 0) & (gamma >= 0) & (beta + gamma <= 1) & (t > 0)
+        if inside.any() and (best is None or t[inside].min() < best[0]):
+            best = (t[inside].min(), o)
     return best
 
 

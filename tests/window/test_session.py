@@ -328,5 +328,5 @@ def test_opening_reports_its_error_and_can_be_cancelled():
 
     job = support.opening(support.room())(replace(support.SETTINGS, photons=50_000_000))
     job.cancel()
-    job._thread.join(10)
+    job._thread.join(support.PATIENCE)
     assert job.done

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -169,8 +168,7 @@ def test_slider_drag_never_delays_a_frame(play, monkeypatch):
         assert session.light._solver.radius == session.settings.radius != support.SETTINGS.radius
         assert threads and not threads & windows_thread
 
-    # Without the work at rest: its twins would count here.
-    assert errors(play(script, replace(support.SETTINGS, measure_errors=False))) == []
+    assert errors(play(script)) == []
 
 
 def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):

@@ -32,7 +32,7 @@ class Files:
 
     def load(self, settings):
         self.read.append(settings)
-        self.gate.wait(20)
+        self.gate.wait(support.PATIENCE)
         if self.problem is not None:
             raise self.problem
         return self.scene

@@ -27,7 +27,7 @@ TASK = 0.4 * SAVE_SECONDS  # s of the test's clock that each task takes: every t
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "empty"))
-    monkeypatch.setattr(static, "ENOUGH", 0.03)
+    monkeypatch.setattr(static, "ENOUGH", 0.06)
     return tmp_path / "empty"
 
 
