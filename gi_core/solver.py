@@ -35,31 +35,18 @@ class Solver:
     """Irradiance at the receivers of a scene, kept up to date while mobiles move. `frame` is the last one."""
 
     def __init__(
-        self,
-        scene: Scene,
-        estimator: str = DEFAULT,
-        photons: int | None = None,
-        radius: float | None = None,
-        neighbours: int | None = None,
-        seed: int = 0,
-        threads: int | None = None,
-        light: str = "photons",
-        **others,
-    ):
+        self, scene: Scene, estimator: str = DEFAULT, photons: int | None = None, radius: float | None = None,
+        neighbours: int | None = None, seed: int = 0, threads: int | None = None, light: str = "photons", **others,
+    ):  # fmt: skip
         """Prepare a scene; nothing is traced except a small pilot trace for the defaults.
 
-        photons: how many to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map;
-        None takes the scene file's value, else the rule of `gi_core.defaults.choose`; light: "photons" or "best", see
-        `gi_core.frames.light_source`; others: fields of `gi_core.estimators.setting.Setting` that differ from their
-        defaults. Raises SceneError.
+        photons: to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map; None: the scene file's value,
+        else by `gi_core.defaults.choose`; light: "photons" or "best", see `gi_core.frames.light_source`; others: fields
+        of `gi_core.estimators.setting.Setting` that differ from their defaults. Raises SceneError.
         """
         self.scene, self.seed = scene, checked("seed", seed, 0)
         self.model = Model(scene, checked("threads", threads))
-        given = [
-            checked(name, value, checked(name, getattr(scene.defaults, name), where=f"{scene.name}: defaults: "))
-            for name, value in (("photons", photons), ("radius", radius), ("neighbours", neighbours))
-        ]
-        self.chosen = choose(self.model, *given)
+        self.chosen = choose(self.model, photons, radius, neighbours)
         self.scene_size, self.photons = self.chosen.scene_size, self.chosen.photons
         self.setting = Setting(DEFAULT, self.chosen.radius, self.chosen.neighbours)
         self.light_source, self._buffers = LightSource(self.model, self.seed), ScanBuffers()
@@ -73,10 +60,9 @@ class Solver:
     ) -> None:
         """Change settings. Paths stay; solve_steps() repeats only the work that depends on the change.
 
-        light: "photons", the estimator's own; "best", gathered where that is better (`gi_core.frames.light_source`);
-        prefix_only: frames of a photon subset take the static part's light from that subset too, not from all
-        photons (for measuring); changes: fields of `setting`; None keeps a value. Until solve_steps() has run,
-        frames go on with the old settings. Raises SceneError for a bad value.
+        light: as for Solver; prefix_only: frames of a photon subset take the static part's light from that subset too,
+        not from all photons (for measuring); changes: fields of `setting`; None keeps a value. Until solve_steps() has
+        run, frames go on with the old settings. Raises SceneError for a bad value.
         """
         photons, setting = checked("photons", photons, self.photons), self.setting.changed(CHOICES, **changes)
         self.light_source.choose(light, prefix_only)
@@ -108,8 +94,8 @@ class Solver:
 
         May be abandoned between steps and restarted; traced photons are reused. stop: as in move_all().
         """
-        show = partial(self._update, stop=stop)
-        yield from self._first_frame.steps(self.setting, lambda: self.frame, lambda: self._goal, pictures, show)
+        f, show = self._first_frame, partial(self._update, stop=stop)
+        yield from f.steps(self.setting, lambda: self.frame, lambda: self._goal, pictures, show)
         yield Progress("done", 1.0, False)
 
     @property
@@ -130,6 +116,17 @@ class Solver:
         yield from self.light_source.gather_steps(state, lambda: self.frame.background, refresh)
         yield Progress("done", 1.0, False)
 
+    def gather_pose_steps(self, stop: Callable[[], bool] | None = None) -> Iterator[Progress]:
+        """Gather light with mobiles in place at the current poses, in steps of some 30 ms (see `gi_core.gather`).
+
+        Used by frames at the same poses where `light` is "best" and its noise is lower; kept for the last poses. To be
+        abandoned at the next move; begun again, it continues. stop: as in move_all().
+        """
+        f, refresh = self.frame, partial(self._update, stop=stop)
+        at = self.model.transforms(f.poses)
+        yield from self.light_source.pose_steps(f.background, f.photons, f.irradiance, at, refresh)
+        yield Progress("done", 1.0, False)
+
     @property
     def poses(self) -> dict[str, Pose]:
         return self.frame.poses
@@ -147,19 +144,15 @@ class Solver:
         self.move_all({name if isinstance(name, str) else shown(name): pose})
 
     def move_all(
-        self,
-        poses: Mapping[str, Pose | np.ndarray],
-        photons: int | None = None,
-        paths: int | None = None,
+        self, poses: Mapping[str, Pose | np.ndarray], photons: int | None = None, paths: int | None = None,
         stop: Callable[[], bool] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Put several mobiles at new poses and update irradiance once.
 
-        For a faster and noisier frame, photons: one of `prefixes`, None: all; paths: that a receiver of a mobile
-        gathers, where its light is gathered, one of `gi_core.frames.light_source.PATHS`, None: 64; stop: called after
-        each stage; where it is True, Interrupted (`gi_core.frames.progress`) breaks off the move. Raises SceneError
-        as move() does, and for any other number of photons or paths. A move that any exception breaks off has not
-        been made.
+        photons: one of `prefixes`, None: all; paths: per receiver of a mobile, where its light is gathered, one of
+        `gi_core.frames.light_source.PATHS`, None: 64; stop: called after each stage; where it is True, Interrupted
+        (`gi_core.frames.progress`) breaks off the move. Raises SceneError as move() does, and for any other number of
+        photons or paths. A move that any exception breaks off has not been made.
         """
         if photons is not None:
             one_of(self.frame.prefixes).check(f"{self.scene.name}: the photons of a frame", photons)
@@ -167,10 +160,7 @@ class Solver:
         self._update(None, {**self.poses, **self.model.checked_poses(poses)}, photons, paths, stop)
 
     def size_within(self, seconds: float) -> tuple[int | None, int | None]:
-        """Return the photons and paths, as for move_all(), of the largest frame predicted to fit.
-
-        The prediction uses past frames; without any, the smallest acceptable size (`gi_core.frames.frame_budget`).
-        """
+        """Return photons and paths for move_all(), of the largest frame that past ones predict to fit (FrameBudget)."""
         return self.budget.within(seconds, self.frame.prefixes, self.paths_at_rest > 0)
 
     @property
@@ -198,13 +188,12 @@ class Solver:
         self.frame, self.budget = frame, budget
 
     def twin(self, fresh: bool = False) -> Solver:
-        """Return a solver with separate settings and poses that shares this one's scene and photons.
+        """Return a solver with separate settings and poses that shares scene and photons; nothing is traced twice.
 
-        It starts as this one is or, `fresh`, with nothing estimated yet. For a second look at the same light, say by
-        another estimator: nothing is traced twice. Only one of the two may be at work at a time.
+        It starts as this one is or, `fresh`, with nothing estimated yet. Only one of the two may work at a time.
         """
-        other = copy.copy(self)
-        other.budget, other._buffers, other.light_source = FrameBudget(), ScanBuffers(), self.light_source.twin(fresh)
+        other, light = copy.copy(self), self.light_source.twin(fresh)
+        other.budget, other._buffers, other.light_source = FrameBudget(), ScanBuffers(), light
         other._first_frame = FirstFrame(self.frame.store, other.light_source, self.scene_size)
         if fresh:
             other.frame = Frame(self.poses, self.irradiance, self.frame.store)
@@ -213,7 +202,7 @@ class Solver:
     def from_scratch(self, poses: Mapping[str, Pose] | None = None) -> np.ndarray:
         """Return irradiance (R, 3) at poses from all photons, traced again through static part and mobiles.
 
-        Each frame must equal this bit for bit. Acceleration structures are reused; the background is not.
+        Each frame must equal this bit for bit. Accelerators are reused; the background is not.
         """
         b = self.frame.background or self._first_frame.background(self.setting, None, self._goal)
         return light_from_scratch(self.frame, b, self.light_source, {**self.poses, **(poses or {})})
@@ -221,10 +210,9 @@ class Solver:
     @property
     def resting_irradiance(self) -> np.ndarray:
         """Irradiance (n, 3) [W/m2] of static receivers without mobiles; zeros before the first solve."""
-        f = self.frame
-        if not f.photons_at_rest:
+        if not (photons := self.frame.photons_at_rest):
             return np.zeros((self.surfaces.receiver_range(0).stop, 3))
-        return self.light_source.static_irradiance(f.background, f.photons_at_rest)
+        return self.light_source.static_irradiance(self.frame.background, photons)
 
     def drawn(self, irradiance: np.ndarray, poses: Mapping[str, Pose] | None = None) -> Drawn:
         """Return irradiance (R, 3) as it is to be drawn: unreached receivers are filled from lit ones beside them.

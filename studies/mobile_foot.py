@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 
 import numpy as np
 
@@ -36,12 +37,16 @@ def seen(solver: Solver, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     return (face < 0).reshape(-1, DIRECTIONS).mean(axis=1) >= FREE
 
 
-def study(name: str, mobiles: list[str], gather: bool) -> float:
+def study(name: str, mobiles: list[str], gather: bool, seconds: float) -> float:
     """Print the errors at the mobiles of a scene; return the largest."""
     solver = Solver(load_scene(name, mobiles=mobiles), light="best")
     solver.solve()
     for progress in solver.gather_steps() if gather else ():
         if progress.picture and solver.frame.gathered:
+            break
+    started = time.process_time()
+    for _ in solver.gather_pose_steps() if gather else ():
+        if time.process_time() - started > seconds:
             break
     first = solver.surfaces.receiver_range(0).stop
     points, normals = (a[first:] for a in evaluation_points(solver.surfaces, solver.receivers))
@@ -77,9 +82,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", nargs="*", default=SCENES)
     parser.add_argument("--mobile", action="append", default=[])
+    parser.add_argument("--seconds", type=float, default=60.0, help="CPU time for light at the poses")
     parser.add_argument("--photons-only", action="store_true", help="static light of photons instead of gathered")
     options = parser.parse_args()
-    return int(max(study(s, options.mobile, not options.photons_only) for s in options.scenes) > BAR)
+    return int(max(study(s, options.mobile, not options.photons_only, options.seconds) for s in options.scenes) > BAR)
 
 
 if __name__ == "__main__":

@@ -52,6 +52,8 @@ def render(settings: Settings, out: Path, frames: int | None = None) -> list[Pat
         solve(solver, bar)
         if settings.light == "best":  # by option only; by default a picture does not wait
             gather(solver, bar)
+            for progress in solver.gather_pose_steps() if frames is None else ():
+                bar(progress.stage, progress.fraction)
         shot = Shot(solver, settings)
         if frames is None:
             return [write_png(out, shot.take(lambda f: bar("drawing", f)), metadata_of(shot))]

@@ -179,7 +179,7 @@ class LiveError:
         total = relative_error(E, truth.irradiance, w).l1
         noise = float("nan")
         if m is not None and m.prefix:
-            others = self._noise_of_gathered(truth.rows)
+            others = self._solver.light_source.deviation(self._solver.model.transforms(self._solver.poses))[truth.rows]
             noise = noise_from_prefix(E, m.fewer[truth.rows], m.photons, m.prefix, w, others)
         done = not truth.noise > max(LEAST_NOISE, NOISE_OF_ERROR * total)
         if done:
@@ -190,12 +190,3 @@ class LiveError:
         if m is not None and m.seconds and total == total:
             seconds = statistics.median(m.seconds)
             self.point = MeasuredPoint(self._solver.setting, m.photons, seconds, total, truth.noise)
-
-    def _noise_of_gathered(self, rows: np.ndarray) -> np.ndarray:
-        """Return the standard error (n,) of luminance at receivers with gathered light, 0 at others."""
-        out = np.zeros(len(rows))
-        if self._solver.light_source.is_gathered:
-            known = self._solver.light_source.gathered.deviation
-            static = rows < len(known)
-            out[static] = known[rows[static]]
-        return out

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class GatherProgress(NamedTuple):
-    """Progress of the static light."""
+    """Progress of gathered light."""
 
     fraction: float = 0.0  # 0 .. 1
     error: float = math.inf  # relative l1, bias included; inf: unknown
@@ -54,7 +54,8 @@ class Comparison(NamedTuple):
 class RestResults(NamedTuple):
     """Results for the light of one snapshot."""
 
-    gathered: GatherProgress
+    gathered: GatherProgress  # of the static part
+    at_poses: GatherProgress | None = None  # with mobiles in place; None: not begun
     report: Report | None = None
     point: MeasuredPoint | None = None  # of the error chart
     reference: ReferencePicture | None = None  # None: unknown or not wanted

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from app.rest.live_error import LiveError, Wants
-from app.rest.results import RestResults
+from app.rest.pose_job import PoseGathering
+from app.rest.results import GatherProgress, RestResults
 from app.rest.static_job import Gathering
 from app.settings import REFERENCE, Settings
 from app.worker import Task
@@ -15,8 +16,8 @@ from app.worker import Task
 if TYPE_CHECKING:
     from gi_core.solver import Solver
 
-GATHERING = "gathering the static light"
-FIRST_TURNS = 4  # all but one gather light, until it has a first result
+GATHERING, AT_POSES = "gathering the static light", "gathering the light at these poses"
+FIRST_TURNS = 3  # of gathering static light per turn of measuring errors, until it has a first result
 
 
 class RestWork:
@@ -25,6 +26,7 @@ class RestWork:
     def __init__(self, solver: Solver, clock: Callable[[], float], stop: Callable[[], bool] | None = None) -> None:
         """stop: whether to break off a frame, as for Solver.move_all()."""
         self.gathering, self.live_error = Gathering(solver, clock, stop), LiveError(solver, clock, stop)
+        self.at_poses = PoseGathering(solver, stop)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._wants = Wants()
         self._turn = 0
@@ -36,17 +38,21 @@ class RestWork:
         """
         other = "" if settings.compare == REFERENCE else settings.compare
         self._wants = Wants(settings.measure_errors, REFERENCE in settings.beside_estimate, other)
+        unknown = math.isinf(self.gathering.progress.error) and GATHERING not in self.given_up
+        gathering = (self._gather,) * FIRST_TURNS if unknown else (self._gather, self._gather_at_poses)
+        jobs = (*gathering, self._measure_errors)
         self._turn += 1
-        turns = FIRST_TURNS if math.isinf(self.gathering.progress.error) else 2
-        first, second = (self._gather, self._measure_errors)[:: 1 if self._turn % turns else -1]
-        return first() or second()
+        turn = self._turn % len(jobs)
+        return next((task for job in (*jobs[turn:], *jobs[:turn]) if (task := job()) is not None), None)
 
     def results(self) -> RestResults:
         """Return the results for the solver's present light."""
         e = self.live_error
         e.follow()
         reference = e.picture if self._wants.picture else None
-        return RestResults(self.gathering.progress, e.report, e.point, reference, e.comparison.result)
+        light = self.at_poses.light
+        at_poses = None if light is None else GatherProgress(light.fraction, light.left, bool(light.used.any()))
+        return RestResults(self.gathering.progress, at_poses, e.report, e.point, reference, e.comparison.result)
 
     def keep(self) -> None:
         """Save the static light and the references as far as they are."""
@@ -56,6 +62,10 @@ class RestWork:
     def _gather(self) -> Task | None:
         run = None if GATHERING in self.given_up else self.gathering.next_work()
         return run and Task(GATHERING, run)
+
+    def _gather_at_poses(self) -> Task | None:
+        run = None if AT_POSES in self.given_up else self.at_poses.next_work()
+        return run and Task(AT_POSES, run)
 
     def _measure_errors(self) -> Task | None:
         return self.live_error.next_task(self._wants, self.given_up)

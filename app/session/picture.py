@@ -32,6 +32,7 @@ class Picture(NamedTuple):
         s, view, setting, rest = self.settings, self.camera.as_camera(), snapshot.setting, snapshot.rest
         photons, paths = "photons", f"gathered, {snapshot.paths} paths per receiver"
         gathered = f"gathered, error {100 * rest.gathered.error:.2g} %"
+        settled = rest.at_poses is not None and rest.at_poses.used
         right = "-" if self.split is None else f"{s.compare} right of {self.split:.4g} of the width"
         entries = {
             "software": f"gi-viewer {version()}",
@@ -44,6 +45,7 @@ class Picture(NamedTuple):
             "seed": s.seed,
             "static_light": gathered if rest.gathered.used else photons,
             "mobile_light": paths if snapshot.paths else photons,
+            "light_at_poses": f"gathered, noise {100 * rest.at_poses.error:.2g} %" if settled else "-",
             "irradiance": hashlib.sha256(snapshot.irradiance.tobytes()).hexdigest()[:16],
             "error": f"{100 * rest.report.total:.2g} %" if rest.report else "not measured",
             "exposure": f"{s.exposure:.4f} EV",

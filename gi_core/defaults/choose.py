@@ -22,6 +22,7 @@ import numpy as np
 from gi_core.base.vectors import box, central_box
 from gi_core.defaults import predict_error
 from gi_core.defaults.predict_cost import costs
+from gi_core.estimators.setting import checked
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.photons.paths import PathStore
@@ -68,21 +69,26 @@ class Predicted(NamedTuple):
 
 
 def choose(model: Model, photons: int | None, radius: float | None, neighbours: int | None) -> Chosen:
-    """Return the settings of a scene; None arguments come from the scene file, else from the rule. radius [m]."""
-    recommended = model.scene.defaults
+    """Return the settings of a scene; None arguments come from the scene file, else from the rule. radius [m].
+
+    Raises SceneError for a value beyond its range, given or in the file.
+    """
+    recommended, where = model.scene.defaults, f"{model.scene.name}: defaults: "
+    photons, radius, neighbours = (
+        checked(name, value, checked(name, getattr(recommended, name), where=where))
+        for name, value in (("photons", photons), ("radius", radius), ("neighbours", neighbours))
+    )
     pilot, first_flight = _pilot(model)
     low, high = _box(model, pilot.hits)
     size = recommended.scene_size or max(float((high - low).max()), 1e-9)
-    radius = recommended.radius if radius is None else radius
-    photons = recommended.photons if photons is None else photons  # 0 is a valid choice
     predicted = None
     if len(pilot.hits) >= predict_error.FEWEST and (radius is None or photons is None):
         predicted = _best(model, pilot, predict_error.places(model, pilot, low, high, size), size, radius)
         radius = predicted.radius
     return Chosen(
-        (predicted.photons if predicted else FEWEST_PHOTONS) if photons is None else int(photons),
+        (predicted.photons if predicted else FEWEST_PHOTONS) if photons is None else int(photons),  # may be 0
         float(radius or _round(RADIUS_SHARE * size)),
-        int(neighbours or recommended.neighbours or NEIGHBOURS),
+        int(neighbours or NEIGHBOURS),
         size,
         first_flight,
         low + model.origins[0],

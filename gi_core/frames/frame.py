@@ -155,6 +155,7 @@ def next_frame(
     if size.paths:
         source.light_mobiles(E, at, size.paths, source.bounce_reflectance(store, b))
         clock("gather")
+    source.settle(E, at)
     return Frame(poses, E, store, b, changed, size, source.is_gathered, estimate.control_facts, clock.seconds)
 
 
@@ -184,4 +185,5 @@ def light_from_scratch(shown: Frame, b: Background, source: LightSource, poses: 
     E = _controlled(b, source, every, n)
     if shown.paths:
         source.light_mobiles(E, at, shown.paths, source.bounce_reflectance(shown.store, b), fresh=True)
+    source.settle(E, at)
     return E

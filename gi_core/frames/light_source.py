@@ -1,4 +1,4 @@
-"""Light of frames besides photons: gathered light of the static part and of mobiles."""
+"""Light of frames besides photons: gathered light of the static part, of mobiles, and at resting poses."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from gi_core.frames.background import Background, Photons
 from gi_core.frames.progress import Progress
 from gi_core.gather import coarse_faces
 from gi_core.gather.mobile import MobileGather
+from gi_core.gather.pose_gather import PoseGather, PoseGathers, Static
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import noise_from_prefix, prefix_to_compare
@@ -39,8 +40,9 @@ class LightSource:
 
     "best": mobiles gather their light in each frame (`mobile.py`), and the static part shows gathered light
     (`static.py`) once that has less noise than its photons. Either way, mobiles change the static part's light
-    according to the frame's photons (`control_variate.py`). prefix_only: frames of a photon subset start from the
-    static light of that subset, as in the report.
+    according to the frame's photons (`control_variate.py`). At poses that have rested, light gathered with mobiles in
+    place replaces both (`pose_gather.py`). prefix_only: frames of a photon subset start from the static light of that
+    subset, as in the report.
     """
 
     def __init__(self, model: Model, seed: int):
@@ -51,6 +53,7 @@ class LightSource:
         self._model, self._seed = model, seed
         self._less_noise = False  # gathered light has less noise than all photons
         self._mobile: MobileGather | None = None
+        self._at_poses = PoseGathers(model, seed)
         self._reflectance: tuple[np.ndarray, np.ndarray] | None = None  # for static light, see `coarse_faces`
         self._poses: dict[int, bytes] = {}  # by number of paths, of its last frame
         self.rays_traced = False  # in the last frame: mobiles had moved
@@ -60,6 +63,7 @@ class LightSource:
         other = copy.copy(self)
         if fresh:
             other.gathered, other._less_noise = None, False
+            other._at_poses = PoseGathers(self._model, self._seed)
         return other
 
     def choose(self, light: str | None, prefix_only: bool | None) -> None:
@@ -173,3 +177,45 @@ class LightSource:
             self.rays_traced, self._poses[paths] = self._poses.get(paths) != poses, poses
         static = irradiance[: gather.first]
         irradiance[gather.first :] = gather.irradiance(at, static, paths.bit_length() - 1, reflectance)
+
+    # -- resting poses ----------------------------------------------------------------------------
+
+    def pose_gather(self, at: Transforms) -> PoseGather | None:
+        """Return the light gathered at poses, None if there is none or frames take none."""
+        return self._at_poses.find(at) if self.light == "best" and not self.prefix_only else None
+
+    def pose_steps(
+        self, shown: Background | None, photons: int, irradiance: np.ndarray, at: Transforms,
+        refresh: Callable[[], None],
+    ) -> Iterator[Progress]:  # fmt: skip
+        """Gather light at poses, see `PoseGather.steps`; irradiance (R, 3) [W/m2] of the frame of `photons` there.
+
+        refresh: computes the frame again. Nothing for a frame of few photons, and where frames take no gathered light.
+        """
+        if shown is None or not 0 < photons == shown.estimate.photons or not self._model.names:
+            return
+        if self.light == "photons" or self.prefix_only:
+            return
+        begun = self._at_poses.begin(at, photons, irradiance, self.static_irradiance(shown, photons))
+
+        def static() -> Static | None:
+            return (self.gathered.mean, self.gathered.deviation) if self.is_gathered else None
+
+        for changed in begun.steps(static):
+            if changed:
+                refresh()
+            yield Progress("gathering at these poses", begun.fraction, bool(changed))
+
+    def deviation(self, at: Transforms) -> np.ndarray:
+        """Return the standard error (R,) of the luminance of gathered light at poses [W/m2]; 0: not gathered."""
+        out = np.zeros(len(self._model.object_receivers.areas))
+        if self.is_gathered:
+            out[: len(self.gathered.deviation)] = self.gathered.deviation
+        if (found := self.pose_gather(at)) is not None and found.used.any():
+            out[found.rows[found.used]] = found.deviation[found.used]
+        return out
+
+    def settle(self, irradiance: np.ndarray, at: Transforms) -> None:
+        """Replace irradiance (R, 3) where light was gathered at these poses."""
+        if (found := self.pose_gather(at)) is not None and found.used.any():
+            irradiance[found.rows[found.used]] = found.mean[found.used]

@@ -45,7 +45,7 @@ def denoise(
     """
     lit, sigma = (mean > 0).any(axis=1), luminance(standard_error)
     squares = (standard_error**2).sum(axis=1)
-    variance = _averaged(near, squares, lit, threads)  # a single variance of few rounds is too rough
+    variance = averaged(near, squares, lit, threads)  # a single variance of few rounds is too rough
     chance = np.random.default_rng(seed).standard_normal(len(mean))
     more = mean + LITTLE * chance[:, None] * standard_error
     noise = float((weights * sigma**2).sum())
@@ -63,8 +63,8 @@ def denoise(
     return Denoised(best, float(np.sqrt(max(least, 0.0) / noise)) if noise > 0 else 1.0)
 
 
-def _averaged(near: Neighbours, values: np.ndarray, lit: np.ndarray, threads: int) -> np.ndarray:
-    """Return the means of values (n,) over each lit receiver and its lit neighbours; 0 at the others."""
+def averaged(near: Neighbours, values: np.ndarray, lit: np.ndarray, threads: int) -> np.ndarray:
+    """Return the means of values (n,) over each lit (n,) receiver and its lit neighbours; 0 at the others."""
     out = np.zeros_like(values)
     run_ranges(lambda _, a, b: _average(*near, values, lit, a, b, out), len(lit), threads, GRAIN)
     return out

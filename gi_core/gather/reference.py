@@ -10,7 +10,7 @@ independent of their values, and means are unbiased. The paths of a point in one
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -37,15 +37,14 @@ class ReferenceState(NamedTuple):
     pilot: np.ndarray  # (n, 2) float64 [W/m2], luminance: mean and deviation of a path; nan: not yet traced
     log2_set: np.ndarray  # (n,) int8, a round traces 2^m paths at a point; -1: not yet known
     sets: np.ndarray  # (n,) int32, rounds traced at each point
-    mean: np.ndarray  # (n, 3) float64 [W/m2], irradiance, 0 before the first set
-    squares: np.ndarray  # (n, 3) float64, sum of squared differences of sets from the mean
+    mean: np.ndarray  # (n, 3) float64 [W/m2], irradiance, 0 before the first set; or more channels
+    squares: np.ndarray  # as `mean`, sum of squared differences of sets from the mean
 
     @classmethod
-    def empty(cls, n: int) -> ReferenceState:
+    def empty(cls, n: int, channels: int = 3) -> ReferenceState:
         """Return the state of n points before the first path."""
-        return cls(
-            np.full((n, 2), np.nan), np.full(n, -1, np.int8), np.zeros(n, np.int32), np.zeros((n, 3)), np.zeros((n, 3))
-        )
+        zeros = np.zeros((n, channels))
+        return cls(np.full((n, 2), np.nan), np.full(n, -1, np.int8), np.zeros(n, np.int32), zeros, zeros.copy())
 
     @property
     def rounds(self) -> int:
@@ -54,7 +53,7 @@ class ReferenceState(NamedTuple):
 
     @property
     def standard_error(self) -> np.ndarray:
-        """Standard error of the mean, (n, 3) float64 [W/m2]; inf before the second set."""
+        """Standard error of the mean, float64 [W/m2], shaped as `mean`; inf before the second set."""
         sets = np.maximum(self.sets, 2)[:, None].astype(np.float64)
         return np.where(self.sets[:, None] < 2, np.inf, np.sqrt(self.squares / (sets * (sets - 1))))
 
@@ -97,8 +96,47 @@ def reference_irradiance(
     return gathered.state.mean, gathered.state.standard_error
 
 
-class ReferenceRounds:
+class Rounds:
     """Rounds of paths at points, without end. Each step changes the arrays of `state`, a ReferenceState, in place."""
+
+    def __init__(
+        self,
+        paths: Callable[..., np.ndarray],
+        pilot: Callable[[np.ndarray], np.ndarray],
+        weights: np.ndarray | None,
+        state: ReferenceState,
+        rounds: int = ROUNDS,
+    ):
+        """paths(rows, first, count, m, stream): estimates (rows, count, channels), see `Gatherer.paths`.
+
+        pilot(estimates): luminance (rows, count) whose deviation distributes the paths; weights, rounds: see
+        ReferenceRounds.
+        """
+        self._paths, self._pilot, self._weights, self._rounds, self.state = paths, pilot, weights, rounds, state
+
+    def step(self, paths: int = PATHS_PER_STEP, end: int | None = None) -> None:
+        """Trace about `paths` paths of the pilot or of one round; end: of several rounds at once, up to that one."""
+        s = self.state
+        if not len(s.sets):
+            return
+        if self._weights is not None and len(rows := np.flatnonzero(np.isnan(s.pilot[:, 0]))):
+            rows = rows[: max(1, paths // PILOT)]
+            light = self._pilot(self._paths(rows, 0, PILOT, 0, PILOT_STREAM))
+            s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
+            return
+        if s.log2_set.min() < 0:
+            s.log2_set[:] = EVEN_SET if self._weights is None else set_sizes(s.pilot, self._weights, self._rounds)
+        now = s.rounds
+        sets = 1 if end is None else min(end - now, max(1, paths // int((1 << s.log2_set.astype(np.int64)).sum())))
+        due = np.flatnonzero(s.sets == now)
+        m = int(s.log2_set[due].min())
+        rows = due[s.log2_set[due] == m][: max(1, paths // (sets << m))]
+        values = self._paths(rows, now << m, sets << m, m, 0)
+        _take_in(values, 1 << m, rows, s.sets, s.mean, s.squares)
+
+
+class ReferenceRounds(Rounds):
+    """Rounds of the reference's paths at points of a scene."""
 
     def __init__(
         self,
@@ -121,36 +159,16 @@ class ReferenceRounds:
         until AIM; more rounds give earlier results, fewer are better stratified. Raises SceneError for a bad pose,
         ValueError for bad points, weights, or a state of other points.
         """
-        self._gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles)
-        n = len(self._gatherer.positions)
+        gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles)
+        n = len(gatherer.positions)
         if weights is not None:
             weights = np.asarray(weights, np.float64)
             if weights.shape != (n,) or not (np.isfinite(weights).all() and (weights >= 0).all()):
                 raise ValueError(f"weights must be {n} finite numbers >= 0, one per point")
         if state is not None and len(state.sets) != n:
             raise ValueError(f"the state has {len(state.sets)} points, but there are {n}")
-        self._weights, self._rounds = weights, rounds
-        self.state = ReferenceState.empty(n) if state is None else ReferenceState(*(a.copy() for a in state))
-
-    def step(self, paths: int = PATHS_PER_STEP, end: int | None = None) -> None:
-        """Trace about `paths` paths of the pilot or of one round; end: of several rounds at once, up to that one."""
-        s = self.state
-        if not len(s.sets):
-            return
-        if self._weights is not None and len(rows := np.flatnonzero(np.isnan(s.pilot[:, 0]))):
-            rows = rows[: max(1, paths // PILOT)]
-            light = luminance(self._gatherer.paths(rows, 0, PILOT, stream=PILOT_STREAM))
-            s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
-            return
-        if s.log2_set.min() < 0:
-            s.log2_set[:] = EVEN_SET if self._weights is None else set_sizes(s.pilot, self._weights, self._rounds)
-        now = s.rounds
-        sets = 1 if end is None else min(end - now, max(1, paths // int((1 << s.log2_set.astype(np.int64)).sum())))
-        due = np.flatnonzero(s.sets == now)
-        m = int(s.log2_set[due].min())
-        rows = due[s.log2_set[due] == m][: max(1, paths // (sets << m))]
-        values = self._gatherer.paths(rows, now << m, sets << m, m)
-        _take_in(values, 1 << m, rows, s.sets, s.mean, s.squares)
+        state = ReferenceState.empty(n) if state is None else ReferenceState(*(a.copy() for a in state))
+        super().__init__(gatherer.paths, luminance, weights, state, rounds)
 
 
 def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> np.ndarray:
@@ -171,12 +189,12 @@ def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> n
 
 @kernel
 def _take_in(values, size, rows, sets, mean, squares):
-    """Add sets of `size` paths, values (rows, paths, 3), to the running means and squares (Welford 1962)."""
+    """Add sets of `size` paths, values (rows, paths, channels), to the running means and squares (Welford 1962)."""
     for k in range(len(rows)):
         i = rows[k]
         for first in range(0, values.shape[1], size):
             sets[i] += 1
-            for c in range(3):
+            for c in range(values.shape[2]):
                 total = 0.0
                 for j in range(first, first + size):
                     total += values[k, j, c]

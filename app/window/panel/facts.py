@@ -45,6 +45,7 @@ class Facts:
     report: Report | None = None  # of errors; None until measured
     points: tuple[MeasuredPoint, ...] = ()  # of the error chart
     gathered: GatherProgress | None = None  # progress of the static light; None: photons only
+    at_poses: GatherProgress | None = None  # progress of the light at these poses; None: not begun
     search_summary: str = ""  # size of the disc search's index; "": the estimator has none
     loading: tuple[str, float | None] | None = None  # phase and fraction of the scene being opened
     load_problem: str = ""  # of the last scene that failed to open
@@ -85,6 +86,7 @@ def facts_of(
         report=snapshot.rest.report,
         points=session.points.all,
         gathered=snapshot.rest.gathered if session.settings.of_solver["light"] == "best" else None,
+        at_poses=snapshot.rest.at_poses,
         search_summary=snapshot.search_summary,
         loading=reload.progress,
         load_problem=reload.problem,

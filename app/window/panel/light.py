@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from imgui_bundle import imgui
 
+from app.rest.results import GatherProgress
 from app.settings import Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
@@ -72,4 +73,12 @@ def _light(s: Settings, facts: Facts) -> Settings:
         use = "shown" if g.used else "photons are better"
         ui.write_over(f"error {100 * g.error:.1f} %, {use}" if g.error < 1 else "gathering light")
         ui.tip("Error of the gathered light on the static part. Gathering ends at 0.7 %.")
+        if facts.mobiles:
+            g = facts.at_poses or GatherProgress()
+            ui.label("")
+            imgui.progress_bar(g.fraction if g.error < 1 else 0.0, (-1, 0), "")
+            use = "shown" if g.used else "frames are better"
+            ui.write_over(f"noise at mobiles {100 * g.error:.1f} %, {use}" if g.error < 1 else "gathering at mobiles")
+            ui.tip("Noise of the light on mobiles and of the light that they change, gathered while they rest. "
+                   "Gathering ends at 0.7 %.")  # fmt: skip
     return s

@@ -81,6 +81,7 @@ def test_work_at_rest_ends_without_light():
 
 JOBS = {
     "gathering the static light": "app.rest.static_job.Gathering._step",
+    "gathering the light at these poses": "app.rest.pose_job.PoseGathering._step",
     "timing frames": "app.rest.live_error.LiveError._measure",
     "computing impact count": "app.rest.comparison.ComparisonJob.step",
     "gathering the reference": "app.rest.reference_job.Truth.step",
@@ -99,6 +100,7 @@ def test_failed_job_ends_nothing_else(job, monkeypatch, capfd):
     monkeypatch.setattr(JOBS[job], fail)
     session = opened()
     rest(session)
+    at_poses = session.light.snapshot.rest.at_poses
     session.want(replace(session.settings, compare="impact_count"))
     rest(session)
     line = f"{job} has failed and stops until F5: out of luck"
@@ -109,6 +111,7 @@ def test_failed_job_ends_nothing_else(job, monkeypatch, capfd):
     measured, report = work.live_error._measured, results.report
     done = {
         "gathering the static light": session.light.snapshot.rest.gathered.fraction == 1.0,
+        "gathering the light at these poses": at_poses is not None and at_poses.fraction == 1.0,
         "timing frames": measured is not None and measured.twin is None,
         "computing impact count": results.comparison is not None,
         "gathering the reference": report is not None and report.done,

@@ -1,0 +1,232 @@
+"""Irradiance at one set of poses by whole paths, with mobiles in place: on mobiles, and where they change static light.
+
+Frames know the change from photons that mobiles cut, and the light of mobiles from single bounces. At rest, paths
+replace both without bias. Each path from a static receiver is traced twice with the same random numbers, with mobiles
+and without. Its difference is 0 unless it meets a mobile. Irradiance then has two unbiased estimates:
+
+    W        the mean with mobiles; good in their shadow
+    G + D    static light without mobiles, plus the mean difference; good where they change little
+
+The result is their mean, weighted by the inverse of their variances (D is a control variate, Kahn and Marshall 1953).
+Variances are averaged over neighbours: weights from a receiver's own few paths would be biased. The mean is denoised
+as the static part's light is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from functools import cached_property
+
+import numpy as np
+
+from gi_core.gather import static as static_gather
+from gi_core.gather.denoise import averaged, denoise
+from gi_core.gather.path_tracer import gather
+from gi_core.gather.point_gather import PATHS_PER_POINT
+from gi_core.gather.reference import ReferenceState, Rounds
+from gi_core.geometry.error import DARK, luminance, noise_of_truth, relative_error, small_sample_bias
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
+from gi_core.geometry.receiver_classes import AFFECTED
+from gi_core.lights.light_sampling import Lights, area_lights, sky_of, small_lights
+from gi_core.model import Model
+from gi_core.rays.accelerator import ORIGIN_LIFT, Transforms
+from gi_core.scene.pose import to_world_at
+
+STREAM = 0x70E5  # separates these random numbers from those of photons and reference with the same seed
+MORE = 1.3  # growth of rounds from one result to the next
+KEPT = 8  # poses with light
+
+Static = tuple[np.ndarray, np.ndarray]  # irradiance (n, 3) without mobiles, standard error (n,) of its luminance [W/m2]
+
+
+class PoseGather:
+    """Light at one set of poses.
+
+    rows (n,) int64, ascending: receivers. mean (n, 3) float64 [W/m2]: denoised irradiance there, empty before the first
+    result. deviation (n,) [W/m2]: standard error of its luminance. used (n,) bool: frames show it. left: the relative
+    l1 noise of static receivers or of mobiles, whichever is higher.
+    """
+
+    def __init__(self, points: ReceiverPoints, at: Transforms, irradiance: np.ndarray, static: np.ndarray):
+        """irradiance (R, 3) [W/m2] of the frame at these poses, static (n, 3) [W/m2] without mobiles."""
+        self._points, self._at = points, at
+        self.rows = points.changed(irradiance, static)
+        self._own = irradiance[self.rows]
+        mobile = self.rows >= points.static
+        self._classes = [of for of in (mobile, ~mobile) if of.any()]
+        areas = points.model.object_receivers.areas[self.rows]
+        self._weights = np.zeros(len(areas))
+        for of in self._classes:  # each counts as much as the other; probes get the mean weight
+            mean = areas[of].mean() or 1.0
+            self._weights[of] = np.where(areas[of] > 0, areas[of], mean) / (mean * of.sum())
+        light = luminance(self._own)
+        dark = max(DARK * light.sum() / max(len(light), 1), 1e-300)
+        relative = self._weights / np.maximum(light, dark)  # distributes paths: the feet of mobiles are dark
+        self._mobile, self._near = mobile, points.near_rows(self.rows)
+        state = ReferenceState.empty(len(self.rows), channels=6)
+        self._rounds = Rounds(self._paths, _steadier, relative, state, static_gather.ROUNDS)
+        self.mean, self.deviation, self.used = np.zeros((0, 3)), np.zeros(0), np.zeros(len(self.rows), bool)
+        self.left = float("inf")
+
+    @property
+    def enough(self) -> bool:
+        """Whether gathering has ended. True without receivers or without light, where the noise is nan."""
+        return not self.left > static_gather.ENOUGH or not len(self.rows)
+
+    @property
+    def fraction(self) -> float:
+        """Fraction of the paths needed, 0 .. 1."""
+        return min((static_gather.ENOUGH / self.left) ** 2, 1.0) if self.left > 0 else 1.0
+
+    def steps(self, static: Callable[[], Static | None]) -> Iterator[bool | None]:
+        """Gather until it is enough, in steps of some 30 ms; yields True where frames change.
+
+        static() returns the static part's light, None where photons know it best. The generator may be dropped and
+        restarted.
+        """
+        looked_at = 1
+        while not self.enough:
+            if (done := self._rounds.state.rounds) > MORE * looked_at:
+                looked_at = done
+                yield from self._result(static())
+            else:
+                self._rounds.step()
+                yield False
+
+    def _result(self, static: Static | None) -> Iterator[bool | None]:
+        p, s = self._points, self._rounds.state
+        error = s.standard_error / small_sample_bias(s.sets)[:, None]
+        mean, error = combined(s.mean, error, self._mobile, self.rows, static, self._near, p.model.threads)
+        shown, deviation, used, most = mean.copy(), luminance(error), self.used.copy(), 0.0
+        for of in self._classes:
+            found = yield from denoise(mean, error, self._weights * of, self._near, p.seed, p.model.threads)
+            left = found.share * noise_of_truth(error, mean, self._weights, of)
+            own = relative_error(self._own, found.irradiance, self._weights, of).l1
+            shown[of], deviation[of] = found.irradiance[of], found.share * deviation[of]
+            used |= of & (own > math.sqrt(2) * left)  # `own` contains both errors
+            most = max(most, left)
+        self.mean, self.deviation, self.used, self.left = shown, deviation, used, most
+        yield bool(used.any())
+
+    def _paths(self, rows: np.ndarray, first: int, count: int, m: int, stream: int) -> np.ndarray:
+        """Return estimates (rows, count, 6): irradiance with mobiles, and that less the one without (0 on mobiles)."""
+        p, receivers = self._points, self.rows[rows]
+        path = receivers[:, None] * PATHS_PER_POINT + first + np.arange(count)
+        positions, normals = p.at(receivers, self._at)
+        out = np.zeros((len(rows), count, 6))
+        for of, at in ((slice(None), self._at), (~self._mobile[rows], p.model.static)):
+            start = (np.repeat(a[of], count, axis=0) for a in (positions, normals))
+            E = gather(p.model, at, p.lights, p.seed ^ (stream << 24), path[of].reshape(-1), *start, m=m)
+            E = E.reshape(-1, count, 3)
+            if at is self._at:
+                out[..., :3] = E
+            else:
+                out[of, :, 3:] = out[of, :, :3] - E
+        return out
+
+
+def _steadier(values: np.ndarray) -> np.ndarray:
+    """Return the luminance (n, count) of whichever scatters less, of irradiance (n, count, 6) and of its difference.
+
+    The mean is that of irradiance, so that the light of all receivers sizes the rounds.
+    """
+    whole, difference = luminance(values[..., :3]), luminance(values[..., 3:])
+    steadier = (difference.std(axis=1) < whole.std(axis=1)) & (values[..., 3:] != 0).any(axis=(1, 2))
+    shifted = difference - difference.mean(axis=1, keepdims=True) + whole.mean(axis=1, keepdims=True)
+    return np.where(steadier[:, None], shifted, whole)
+
+
+def combined(
+    mean: np.ndarray, error: np.ndarray, mobile: np.ndarray, rows: np.ndarray, static: Static | None, near: Neighbours,
+    threads: int,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Return irradiance (n, 3) and its standard error (n, 3) of both estimates together.
+
+    mean, error (n, 6): irradiance and difference, and their standard errors; mobile (n,) bool; rows (n,) receivers.
+    Errors are added as if fully correlated, so the result is not understated.
+    """
+    W, of_W = mean[:, :3], error[:, :3]
+    if static is None or not len(rows):
+        return W.copy(), of_W.copy()
+    G, deviation = (a[np.where(mobile, 0, rows)] for a in static)
+    of_D = np.sqrt(error[:, 3:] ** 2 + deviation[:, None] ** 2)
+    everywhere = np.ones(len(rows), bool)
+    v, u = (averaged(near, luminance(e) ** 2, everywhere, threads) for e in (of_W, of_D))
+    share = np.where(mobile, 1.0, np.divide(u, v + u, out=np.ones_like(v), where=v + u > 0))[:, None]  # of W
+    E = share * W + (1 - share) * (G + mean[:, 3:])
+    return np.maximum(E, 0.0), share * of_W + (1 - share) * of_D
+
+
+class ReceiverPoints:
+    """Start points of paths at all receivers of a model, and their adjacency; shared by all poses."""
+
+    def __init__(self, model: Model, seed: int):
+        self.model, self.seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+        self.static = model.surfaces.receiver_range(0).stop
+        self.lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
+
+    @cached_property
+    def _starts(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions [m] and normals (R, 3), in object space, lifted off the surface; normal 0: black."""
+        points, normals = evaluation_points(self.model.surfaces, self.model.object_receivers)
+        return points + ORIGIN_LIFT * self.model.world.size * normals, normals
+
+    @cached_property
+    def _corners(self) -> np.ndarray:
+        return np.concatenate([self.model.corners(o) for o in range(self.model.surfaces.objects)])
+
+    def at(self, rows: np.ndarray, at: Transforms) -> tuple[np.ndarray, np.ndarray]:
+        """Return positions [m] and normals (n, 3) of receivers in the world."""
+        points, normals = (a[rows] for a in self._starts)
+        o = np.searchsorted(self.model.surfaces.first_receiver[1:], rows, side="right")
+        R, p = at.rotation[o], at.position[o]
+        return to_world_at(R, p, points), to_world_at(R, 0 * p, normals)
+
+    def changed(self, irradiance: np.ndarray, static: np.ndarray) -> np.ndarray:
+        """Return receivers (n,) on mobiles, and those that mobiles change, with neighbours; see PoseGather.
+
+        A change counts from AFFECTED of the mean: paths to all receivers would cost six times as much in cornell.
+        """
+        areas, light = self.model.object_receivers.areas[: self.static], luminance(static)
+        least = AFFECTED * float(areas @ light) / max(areas.sum(), 1e-300)
+        due = np.ones(len(irradiance), bool)
+        due[: self.static] = np.abs(luminance(irradiance[: self.static]) - light) > least
+        c = self._corners
+        due[c[due[c].any(axis=1)]] = True
+        return np.flatnonzero(due & (self._starts[1] != 0).any(axis=1))
+
+    def near_rows(self, rows: np.ndarray) -> Neighbours:
+        """Return the adjacency of some receivers, numbered by their place in `rows`."""
+        place = np.full(len(self._starts[0]), -1)
+        place[rows] = np.arange(len(rows))
+        corners = place[self._corners]
+        return neighbours(corners[(corners >= 0).all(axis=1)], len(rows))
+
+
+class PoseGathers:
+    """Light of the last KEPT poses."""
+
+    def __init__(self, model: Model, seed: int):
+        self._points = ReceiverPoints(model, seed)
+        self._kept: dict[bytes, tuple[int, PoseGather]] = {}  # by poses: photons of the frame it began from, and light
+
+    def find(self, at: Transforms) -> PoseGather | None:
+        """Return the light at poses, None if it has not been begun."""
+        return self._kept.get(_key(at), (0, None))[1]
+
+    def begin(self, at: Transforms, photons: int, irradiance: np.ndarray, static: np.ndarray) -> PoseGather:
+        """Return the light at poses, begun now if necessary; arguments as for PoseGather, `photons` of the frame.
+
+        Light that is not yet used begins again with the frame of another number of photons.
+        """
+        had, gather = self._kept.pop(_key(at), (0, None))
+        if gather is None or not (gather.used.any() or had == photons):
+            had, gather = photons, PoseGather(self._points, at, irradiance, static)
+        self._kept = dict([*self._kept.items(), (_key(at), (had, gather))][-KEPT:])
+        return gather
+
+
+def _key(at: Transforms) -> bytes:
+    return at.rotation.tobytes() + at.position.tobytes()

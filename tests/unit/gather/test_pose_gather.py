@@ -1,0 +1,151 @@
+"""Light gathered at resting poses: unbiased, exact under moves, kept for the last poses, right at mobiles' feet."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gi_core.gather import pose_gather, static
+from gi_core.gather.reference import reference_irradiance
+from gi_core.geometry.error import luminance, relative_error
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.scene import Pose
+from gi_core.solver import Solver
+from tests.support.scene_builders import box_mobile, coloured_room
+
+SCENE = coloured_room((box_mobile(size=0.2),))
+ON_FLOOR, RAISED = Pose((0.55, 0.5, 0.101)), Pose((0.4, 0.5, 0.4))
+POSES = [Pose((0.3 + 0.05 * k, 0.5, 0.101)) for k in range(10)]
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch):
+    monkeypatch.setattr(static, "ENOUGH", 0.03)
+
+
+def solved(static_light: bool = True, threads: int = 2) -> Solver:
+    solver = Solver(SCENE, photons=20_000, radius=0.06, light="best", threads=threads)
+    solver.solve()
+    for _ in solver.gather_steps() if static_light else ():
+        pass
+    return solver
+
+
+kept = functools.cache(solved)  # one for all histories
+
+
+def gather_pose(solver: Solver) -> pose_gather.PoseGather:
+    for _ in solver.gather_pose_steps():
+        pass
+    return solver.light_source.pose_gather(solver.model.transforms(solver.poses))
+
+
+def reference(solver: Solver, rows: np.ndarray, paths: int) -> tuple[np.ndarray, np.ndarray]:
+    points, normals = (a[rows] for a in evaluation_points(solver.surfaces, solver.receivers))
+    return reference_irradiance(solver.scene, points, normals, paths, 5, solver.poses, model=solver.model)
+
+
+@pytest.mark.parametrize("static_light", [False, True])
+def test_light_at_a_pose_is_unbiased_and_better_than_the_frames(static_light, monkeypatch):
+    solver, found, combined = solved(static_light), [], pose_gather.combined
+    solver.move("box", ON_FLOOR)
+    own = solver.irradiance
+    monkeypatch.setattr(pose_gather, "combined", lambda *given: found.append(combined(*given)) or found[-1])
+    light = gather_pose(solver)
+    truth, error = reference(solver, light.rows, 3000)
+    mean, deviation = found[-1]
+    sigma = np.sqrt(error**2 + deviation**2)[:, 1]
+    z = (mean - truth)[:, 1][sigma > 0] / sigma[sigma > 0]
+    assert len(z) > 60 and abs(z.mean()) < 4 / np.sqrt(len(z)) + 0.1, "static light's errors are correlated"
+    assert z.std() < 1.4, "errors are not understated"
+    mobile = light.rows >= solver.surfaces.receiver_range(0).stop
+    for of in (mobile, ~mobile):
+        before, after = (relative_error(E[light.rows], truth, light._weights, of).l1 for E in (own, solver.irradiance))
+        assert after < 0.9 * before if light.used[of].all() else after == before < 1.5 * static.ENOUGH
+    assert light.used.any()
+
+
+def test_no_vertex_at_the_foot_of_a_mobile_is_far_off():
+    """Frames read the foot's light from a floor vertex that is far from it: the worst were 41 % too bright."""
+    solver = solved()
+    solver.move("box", ON_FLOOR)
+    rows = np.arange(solver.surfaces.receiver_range(0).stop, len(solver.irradiance))
+    points, normals = evaluation_points(solver.surfaces, solver.receivers)
+    rows = rows[normals[rows, 2] > -0.5]  # the sole sees 1 mm
+    truth = luminance(reference(solver, rows, 4000)[0])
+
+    def worst() -> float:
+        return float(np.abs(luminance(solver.irradiance[rows]) / truth - 1).max())
+
+    before = worst()
+    gather_pose(solver)
+    assert before > 0.15 > worst()
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    history=st.lists(
+        st.tuples(st.integers(0, 3), st.integers(0, 40), st.sampled_from([None, 4096])), min_size=2, max_size=5
+    )
+)
+def test_any_history_of_moves_and_rests_equals_from_scratch(history):
+    """A pose rests for some steps, then the next move breaks the gathering off."""
+    solver = kept()
+    for pose, steps, photons in history:
+        solver.move_all({"box": POSES[pose]}, photons)
+        for _, _ in zip(range(steps), solver.gather_pose_steps(), strict=False):
+            pass
+    solver.move_all({})
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+
+
+def test_gathering_that_was_broken_off_ends_with_the_same_bits():
+    through, broken = (solved(False, threads) for threads in (1, 2))
+    for solver in (through, broken):
+        solver.move("box", ON_FLOOR)
+    for k, _ in enumerate(broken.gather_pose_steps()):
+        if k == 12:
+            break
+    broken.move("box", RAISED)
+    broken.move("box", ON_FLOOR)
+    one, other = gather_pose(through), gather_pose(broken)
+    assert one.used.any() and np.array_equal(one.mean, other.mean)
+    assert np.array_equal(through.irradiance, broken.irradiance)
+
+
+def test_light_of_the_last_poses_is_kept(monkeypatch):
+    monkeypatch.setattr(static, "ENOUGH", 0.2)
+    solver, lights = solved(False), []
+    for pose in POSES[: pose_gather.KEPT + 1]:
+        solver.move("box", pose)
+        gather_pose(solver)
+        lights.append(solver.irradiance)
+    for k, pose in enumerate(POSES[: pose_gather.KEPT + 1]):
+        solver.move("box", pose)
+        assert np.array_equal(solver.irradiance, lights[k]) == (k > 0)
+
+
+def test_photons_alone_take_no_light_of_poses():
+    solver = solved(False)
+    solver.move("box", ON_FLOOR)
+    gather_pose(solver)
+    solver.configure(light="photons")
+    solver.solve()
+    assert solver.light_source.pose_gather(solver.model.transforms(solver.poses)) is None
+    plain = Solver(SCENE, photons=20_000, radius=0.06)
+    plain.solve()
+    plain.move("box", ON_FLOOR)
+    assert np.array_equal(solver.irradiance, plain.irradiance)
+    assert [p.stage for p in solver.gather_pose_steps()] == ["done"]
+
+
+def test_a_scene_without_light_or_mobiles_ends_at_once():
+    bare = Solver(coloured_room(), photons=2000, radius=0.06, light="best")
+    bare.solve()
+    assert len(list(bare.gather_pose_steps())) == 1
+    unsolved = Solver(SCENE, photons=2000, radius=0.06, light="best")
+    assert [p.stage for p in unsolved.gather_pose_steps()] == ["done"]
