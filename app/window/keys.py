@@ -12,10 +12,10 @@ MOUSE = (
     ("Drag an object", "slide it at constant height"),
     ("Shift + drag it", "move it up and down"),
     ("Alt or right drag it", "move it in the image plane"),
-    ("Ctrl + drag it", "turn it about the vertical"),
+    ("Ctrl + drag it", "turn it about the vertical axis"),
     ("Drag empty space", "orbit"),
     ("Shift or middle drag", "pan"),
-    ("Wheel", "dolly in and out"),
+    ("Wheel", "move the camera nearer or farther"),
     ("Double-click", "make this point the orbit centre"),
 )
 

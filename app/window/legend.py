@@ -8,7 +8,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.colour_map import UNKNOWN, signed_colours
-from app.window import plate, theme
+from app.window import label, theme
 from app.window.view_content import Errors
 
 WIDTH_EM, HEIGHT_EM = 1.1, 11.0  # of the bar
@@ -30,7 +30,7 @@ def draw(errors: Errors, right: float, bottom: float) -> None:
     x, y = right - width, bottom - height
     drawing = imgui.get_window_draw_list()
     text, dim = imgui.get_color_u32((*theme.TEXT, 1.0)), imgui.get_color_u32((*theme.DIM, 1.0))
-    drawing.add_rect_filled((x, y), (right, bottom), imgui.get_color_u32(plate.COLOUR), 0.35 * em)
+    drawing.add_rect_filled((x, y), (right, bottom), imgui.get_color_u32(label.COLOUR), 0.35 * em)
     for k, caption in enumerate(lines):
         drawing.add_text((x + pad, y + pad + k * line), text if k == 0 else dim, caption)
     top = y + pad + (len(lines) + 0.5) * line

@@ -7,7 +7,7 @@ from imgui_bundle import imgui
 from app.session.log import ERROR, WARNING, Log
 from app.session.reload import Reload
 from app.session.session import Session
-from app.window import legend, plate, theme
+from app.window import label, legend, theme
 from app.window.view_content import Shown
 from app.window.viewport import Viewport
 from app.window.wipe import Wipe
@@ -27,14 +27,14 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
     _draw_shown(viewport.shown, viewport.wipe, (x, y, w, h), em)
     hint = viewport.hint()
     if hint:
-        plate.write(hint, *corner)
+        label.write(hint, *corner)
     elif reload.progress is not None:
         phase, fraction = reload.progress
-        plate.write(phase if fraction is None else f"{phase} {100 * fraction:.0f} %", *corner, theme.DIM)
+        label.write(phase if fraction is None else f"{phase} {100 * fraction:.0f} %", *corner, theme.DIM)
     elif session.refining:
         progress = session.light.progress
         if progress is not None and progress.fraction < 1:
-            plate.write(f"refining {100 * progress.fraction:.0f} %", *corner, theme.DIM)
+            label.write(f"refining {100 * progress.fraction:.0f} %", *corner, theme.DIM)
 
 
 def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float, float], em: float) -> None:
@@ -45,9 +45,9 @@ def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float
     if len(shown.sides) == 2:
         wipe.draw(area, (shown.sides[0].label, shown.sides[1].label))
     elif shown.named:
-        plate.write(shown.sides[0].label, x + em, y + em)
+        label.write(shown.sides[0].label, x + em, y + em)
     if shown.coming:
-        plate.write(shown.coming, x + w - em, y + em, theme.DIM, right=True)
+        label.write(shown.coming, x + w - em, y + em, theme.DIM, right=True)
     if shown.errors is not None:
         legend.draw(shown.errors, x + w - em, y + h - em)
 
@@ -56,10 +56,10 @@ def _draw_opening(session: Session, x: float, y: float, em: float) -> None:
     opening = session.opening
     if opening is None:
         problem = session.problem or "see the status line"
-        plate.write(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
+        label.write(f"Could not open the scene: {problem}", x, y, theme.ERROR, centred=True)
         return
     text, known = opening.progress
-    plate.write(text, x, y - 1.4 * em, centred=True)
+    label.write(text, x, y - 1.4 * em, centred=True)
     width = 18 * em
     imgui.set_cursor_screen_pos((x - width / 2, y + 0.4 * em))
     # A negative fraction makes ImGui's bar oscillate: work of unknown duration.

@@ -31,10 +31,10 @@ class Side(NamedTuple):
 class Errors(NamedTuple):
     """Reference and scale of an error map."""
 
-    truth: np.ndarray  # (R, 3) [W/m2], nan where unknown
+    reference: np.ndarray  # (R, 3) [W/m2], nan where unknown
     areas: np.ndarray  # (R,) [m2]
     scale: float  # relative error at the ends of the colour map
-    noise: float  # of the truth, relative l1
+    noise: float  # of the reference, relative l1
 
 
 class Shown(NamedTuple):
@@ -49,25 +49,25 @@ class Shown(NamedTuple):
 def shown(session: Session) -> Shown:
     """Return the content for the settings, as far as it is computed for the light of this frame."""
     s, light = session.settings, session.light.snapshot
-    truth, other = light.rest.reference, light.rest.comparison
+    reference, other = light.rest.reference, light.rest.comparison
     estimate = _estimate(light.setting.estimator, light.photons, light.drawn)
-    reference = None if truth is None else Side(_label_of(truth), *truth.drawn)
-    errors = _errors(session, estimate, truth) if s.show == ERRORS and truth is not None else None
-    if errors is None and truth is not None and truth.seen < 1:
-        reference = None  # an error map may have holes, a picture may not
-    left = reference if s.reference and reference is not None else estimate
-    right = reference if s.compare == REFERENCE else None
+    exact = None if reference is None else Side(_label_of(reference), *reference.drawn)
+    errors = _errors(session, estimate, reference) if s.show == ERRORS and reference is not None else None
+    if errors is None and reference is not None and reference.seen < 1:
+        exact = None  # an error map may have holes, a picture may not
+    left = exact if s.reference and exact is not None else estimate
+    right = exact if s.compare == REFERENCE else None
     if other is not None and other.estimator == s.compare:
         right = _estimate(other.estimator, other.photons, other.drawn)
     sides = (left,) if right is None else (left, right)
-    return Shown(sides, _coming(s, right, truth), errors, s.reference or errors is not None)
+    return Shown(sides, _coming(s, right, reference), errors, s.reference or errors is not None)
 
 
-def _coming(s: Settings, right: Side | None, truth: ReferencePicture | None) -> str:
+def _coming(s: Settings, right: Side | None, reference: ReferencePicture | None) -> str:
     """Return the sentence about parts still to be computed."""
     names = [s.compare.replace("_", " ")] if s.compare not in ("", REFERENCE) and right is None else []
-    if REFERENCE in s.beside_estimate and (truth is None or truth.seen < 1):
-        names.append(REFERENCE if truth is None else f"{REFERENCE} ({100 * truth.seen:.0f} % of receivers)")
+    if REFERENCE in s.beside_estimate and (reference is None or reference.seen < 1):
+        names.append(REFERENCE if reference is None else f"{REFERENCE} ({100 * reference.seen:.0f} % of receivers)")
     return f"{' and '.join(names)}: computed at rest" if names else ""
 
 
@@ -79,26 +79,26 @@ def paint(mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: b
 
         front, back = colours(mesh, side.irradiance, with_reflectance)
         return np.nan_to_num(front, nan=-1.0), np.nan_to_num(back, nan=-1.0)
-    of_receivers = signed_colours(signed_error(side.irradiance, errors.truth, errors.areas) / errors.scale)
+    of_receivers = signed_colours(signed_error(side.irradiance, errors.reference, errors.areas) / errors.scale)
     back = of_receivers[mesh.back]
     back[mesh.back < 0] = UNKNOWN
     return of_receivers[mesh.front], back
 
 
-def _errors(session: Session, estimate: Side, truth: ReferencePicture) -> Errors:
-    areas, E = session.model.object_receivers.areas, truth.drawn.irradiance
+def _errors(session: Session, estimate: Side, reference: ReferencePicture) -> Errors:
+    areas, E = session.model.object_receivers.areas, reference.drawn.irradiance
     off = signed_error(estimate.irradiance, E, areas)
-    return Errors(E, areas, max(round_scale(off, areas), LEAST_SCALE), truth.noise)
+    return Errors(E, areas, max(round_scale(off, areas), LEAST_SCALE), reference.noise)
 
 
 def _estimate(estimator: str, photons: int, drawn: Drawn) -> Side:
     return Side(f"{_title(estimator)}, {_thousands(photons)} photons", *drawn)
 
 
-def _label_of(truth: ReferencePicture) -> str:
-    if not np.isfinite(truth.noise):
+def _label_of(reference: ReferencePicture) -> str:
+    if not np.isfinite(reference.noise):
         return "Reference, noise unknown"
-    return f"Reference, {_thousands(round(truth.paths))} paths per receiver, ±{100 * truth.noise:.2g} %"
+    return f"Reference, {_thousands(round(reference.paths))} paths per receiver, ±{100 * reference.noise:.2g} %"
 
 
 def _title(name: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from app.window import plate, theme
+from app.window import label, theme
 
 GRAB_EM = 0.5  # distance from the line within which it is grabbed
 EDGE_MARGIN = 0.02  # of the width
@@ -44,5 +44,5 @@ class Wipe:
         draw.add_circle_filled((line, middle), 0.55 * em, imgui.get_color_u32((*theme.FRAME, 0.95)))
         draw.add_circle((line, middle), 0.55 * em, imgui.get_color_u32(LINE), 0, 0.1 * em)
         gap = 0.6 * em
-        plate.write(names[0], line - gap, y + em, right=True)
-        plate.write(names[1], line + gap, y + em)
+        label.write(names[0], line - gap, y + em, right=True)
+        label.write(names[1], line + gap, y + em)

@@ -20,28 +20,28 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     changed, measure_errors = imgui.checkbox("##Measure errors", s.measure_errors)
     if changed:
         s = replace(s, measure_errors=measure_errors)
-    ui.tip("Measure errors while nothing moves. A drag interrupts it.")
+    ui.tip("Measure errors while nothing moves. A drag interrupts the measurement.")
     if r is not None:
         where = "all" if r.receivers == r.of else f"{ui.thousands(r.receivers)} of"
         imgui.same_line()
         imgui.text_disabled(f"at {where} {ui.thousands(r.of)} receivers")
-        ui.tip("Receivers in the measurement: all of a small scene, a random sample of a large one.")
+        ui.tip("Receivers store light, one per vertex and side. A large scene is measured at a random sample of them.")
     ui.number(
         "Total",
         _percent(r and r.total),
-        "Mean absolute error of irradiance against the unbiased reference, in luminance, weighted by area, relative to "
-        "the mean.",
+        "Mean error of irradiance against the unbiased reference, relative to the mean irradiance. Absolute values, in "
+        "luminance, weighted by area.",
     )
     ui.number(
         "   noise",
         _percent(r and r.noise, "up to "),
         "Error that more photons remove: an upper bound, from the difference to a subset of the photons.\n"
-        "For photon_map it includes the change of the search radius.",
+        "For photon_map it includes the effect of the changed search radius.",
     )
     ui.number(
         "   bias",
         _percent(r and r.bias, "at least "),
-        "Error that no number of photons removes, such as blur over the radius: a lower bound.\n"
+        "Error that more photons do not remove, such as blur over the radius: a lower bound.\n"
         "bias² = total² - noise² - reference noise².",
     )
     paths = "" if r is None else f" So far: {ui.thousands(round(r.paths))} paths per receiver."
@@ -58,7 +58,7 @@ def _compare(s: Settings, facts: Facts) -> Settings:
     s = ui.choice(
         s, "Compare with", "compare", names,
         "Show another estimator of the same photons, or the reference, right of a line that you drag across the "
-        "picture. Computed while nothing moves.",
+        "picture. It is computed while nothing moves.",
     )  # fmt: skip
     ui.label("Show reference")
     changed, reference = imgui.checkbox("##Show reference", s.reference)

@@ -27,7 +27,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
             ui.tip(f"{facts.estimators[key]}\nKey {k + 1}")
         imgui.end_combo()
     else:
-        ui.tip(f"Method that estimates irradiance from the photon paths. Keys 1 to {len(keys)}.")
+        ui.tip(f"Method that computes the light on surfaces from photon paths. Keys 1 to {len(keys)}.")
 
     ui.label("Photons")
     changed, photons = imgui.slider_int(
@@ -35,7 +35,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     )
     if changed:
         s = replace(s, photons=ui.rounded(max(photons, 1)))
-    ui.tip("Number of photons. More photons: less noise, slower frames.")
+    ui.tip("Number of photons. More photons give less noise and slower frames.")
 
     ui.label("Radius")
     size = facts.scene_size
@@ -47,7 +47,8 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     if changed and radius > 0:
         s = replace(s, radius=float(f"{radius:.3g}"))
     ui.tip(
-        "Radius of a receiver's disc, in metres and in percent of the scene size. For photon_map: the largest radius.\n"
+        "Radius around each vertex within which photon paths count, also in percent of the scene size. For photon_map: "
+        "the largest radius.\n"
         "A larger radius gives less noise and blurs shadow edges over that length. Ctrl+click to type a value."
     )
 
@@ -63,10 +64,10 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
 
 def _light(s: Settings, facts: Facts) -> Settings:
     s = ui.choice(s, "Light", "light", LIGHT_NAMES,
-                  "Best available: paths traced from receivers light mobiles in each frame, and the static part once "
+                  "Best available: path tracing lights movable objects in each frame. It lights the static part once "
                   "its noise is below the photons'.\n"
-                  "Photons only: the estimator lights everything. Choosing another estimator selects this; each "
-                  "estimator keeps its light.")  # fmt: skip
+                  "Photons only: the estimator lights everything. Choosing another estimator selects this mode; each "
+                  "estimator keeps its own mode.")  # fmt: skip
     if (g := facts.gathered) is not None:
         ui.label("")
         imgui.progress_bar(g.fraction, (-1, 0), "")

@@ -18,11 +18,11 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     imgui.begin_disabled(facts.mobiles == 0)
     if imgui.button(("Pause" if facts.playing else "Play") + "###Play", (third, 0)):
         actions.add("play")
-    ui.tip("Move the mobiles along their paths, or on a circle. Key Space.")
+    ui.tip("Move the objects along their paths, or one on a circle. Key Space.")
     imgui.same_line()
     if imgui.button("Reset poses", (third, 0)):
         actions.add("reset poses")
-    ui.tip("Return every mobile to its start pose. Key R resets the view too.")
+    ui.tip("Return every object to its start pose. Key R resets the view too.")
     imgui.end_disabled()
     imgui.same_line()
     if imgui.button("Reset view", (third, 0)):
@@ -35,11 +35,11 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     if changed:
         s = replace(s, budget=float(value) if value <= high else 0.0)
     ui.tip(
-        "Time for light per frame while something moves. It limits photons and paths; at rest all are used.\n"
-        "Off: always all photons."
+        "Time for computing light per frame while something moves. It limits photons and paths; at rest all are used.\n"
+        "Off: every frame uses all photons."
     )
     shown = f"{ui.thousands(facts.photons_shown)} of {ui.thousands(facts.photons_traced)}"
-    ui.number("Photons shown", shown, "Photons in this picture, and in the picture at rest.")
+    ui.number("Photons shown", shown, "Photons in this picture, of those in the picture at rest.")
     paths = ui.thousands(facts.paths_shown) if facts.paths_shown else ui.DASH
-    ui.number("Paths per vertex", paths, "Paths traced per mobile vertex. A dash: photons light the mobiles.")
+    ui.number("Paths per vertex", paths, "Paths traced per vertex of objects that move. A dash: photons light them.")
     return s

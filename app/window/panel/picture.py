@@ -33,8 +33,8 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
                 "Map from radiance to display colour. ACES keeps highlights, Reinhard keeps hue, Clip is exact below "
                 "white.")  # fmt: skip
     s = ui.choice(s, "Show", "show", {k: SHOW_NAMES.get(k, k) for k in (*SHOWS, ERRORS)},
-                "Radiance of the surfaces, irradiance as on white surfaces, or the error of irradiance against the "
-                "reference.")  # fmt: skip
+                "Radiance: the picture. Irradiance: the light on surfaces, drawn as if all were white. Error map: "
+                "the error of irradiance against the reference.")  # fmt: skip
     ui.label("Cull backfaces")
     changed, cull = imgui.checkbox("##Cull backfaces", s.cull)
     if changed:

@@ -14,12 +14,20 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     share = facts.photons_traced / facts.photons_goal if facts.photons_goal else 1.0
     imgui.progress_bar(min(share, 1.0), (-1, 0), "")
     ui.write_over(f"{ui.thousands(facts.photons_traced)} of {ui.thousands(facts.photons_goal)}")
-    ui.tip(f"Photons traced, of those requested: {ui.thousands(facts.segments)} path segments.")
+    ui.tip(f"Photons traced, of those requested. They have {ui.thousands(facts.segments)} path segments.")
     n = max(facts.photons_shown, 1)
     ui.number("Photons cut", f"{ui.thousands(facts.photons_cut)}   ({100 * facts.photons_cut / n:.2g} %)",
-              "Photons whose static path a mobile blocks: only these are traced again.")  # fmt: skip
-    ui.number("Segments removed", ui.thousands(facts.old_segments), "Path segments behind a cut, subtracted.")
-    ui.number("Segments added", ui.thousands(facts.new_segments), "Path segments traced from a cut on, added.")
+              "Photons with a path that a movable object blocks. Only these are traced again.")  # fmt: skip
+    ui.number(
+        "Segments removed",
+        ui.thousands(facts.old_segments),
+        "Path segments behind such an object, subtracted.",
+    )
+    ui.number(
+        "Segments added",
+        ui.thousands(facts.new_segments),
+        "Path segments from such an object on, added.",
+    )
     ui.number("Triangles", ui.thousands(facts.triangles), "Triangles of the static part and the mobiles.")
-    ui.number("Receivers", ui.thousands(facts.receivers), "Vertex sides that store irradiance.")
+    ui.number("Receivers", ui.thousands(facts.receivers), "Sides of vertices; each stores irradiance.")
     return s

@@ -10,7 +10,7 @@ COLOUR = (0.06, 0.062, 0.068, 0.78)
 
 
 def write(text: str, x: float, y: float, colour=theme.TEXT, centred: bool = False, right: bool = False) -> None:
-    """Write text on a dark plate, readable on any scene; (x, y) is the plate's upper left corner, or its centre if
+    """Write text on a dark plate, readable on any scene; (x, y) is the upper left corner of the plate, or its centre if
     `centred`, or its upper right corner if `right`."""
     em = imgui.get_font_size()
     size = imgui.calc_text_size(text)
