@@ -169,7 +169,7 @@ def test_reference_at_start_poses_is_loaded_again(solver, folder):
     (file,) = folder.iterdir()
     again = LiveError(solver, time.perf_counter)
     assert finish(again) < gathered / 2
-    assert again.report.total == pytest.approx(first.report.total, rel=5e-3)
+    assert again.report.total == pytest.approx(first.report.total, rel=2e-3)  # it has one more step of paths
     pose = solver.poses["block"]
     solver.move("block", pose._replace(position=(0.6, 0.3, 0.5)))
     finish(again)

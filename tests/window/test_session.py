@@ -295,7 +295,7 @@ print("4/4 ready", flush=True)
 def test_meter_ignores_noise():
     """The median of a noisy first picture is too dark: plain metering was off by 0.3 EV on the Cornell box.
 
-    Exposures of 2,000 photons scatter by 0.1 EV from seed to seed, so the mean over five is tested.
+    Exposures of 2,000 photons scatter by 0.1 EV from seed to seed, so the mean over five is tested: 0.10 too bright.
     """
     from app.draw.camera import from_camera, scene_bounds
 

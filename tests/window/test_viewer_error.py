@@ -44,12 +44,12 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         next_task, live_error.next_task = live_error.next_task, lambda *_: None  # or the map would keep improving
         picture = hand.pixels()
         assert words and words[-1][0] == "Error of irradiance" and (picture != light).any()
-        # Pixels have the map's colours, interpolated, at any exposure.
+        # A vertex has a colour of the map at any exposure; colours between vertices are interpolated.
         palette = np.round(255 * signed_colours(np.linspace(-1, 1, 2001))).astype(int)
-        wall = hand.at((0.2, 0.8, 0.0))
+        wall = hand.at((0.25, 0.75, 0.0))
         x, y = (int(c - o) for c, o in zip(wall, viewer.viewport.origin, strict=True))
         nearest = np.abs(palette - picture[y, x].astype(int)).max(axis=1).min()
-        assert nearest <= 20, picture[y, x]
+        assert nearest <= 6, picture[y, x]
         hand.ctx.item_input_value("##Exposure", viewer.session.settings.exposure - 3)
         assert (np.abs(hand.pixels().astype(int) - picture).max(axis=2) > 8).mean() < 0.02, (
             "but at edges, by its samples"

@@ -220,7 +220,8 @@ def test_seat_inside_its_own_post_looks_like_the_seat_beside_it(two_sided):
             weights, light = seen.weights[rows], seen.irradiance[rows, 1]
             assert (weights[inside] <= np.float32(WEIGHT)).all() and (weights[away] == 1).all()
             rim = inside & (weights == np.float32(WEIGHT))
-            assert rim.sum() == 20 and (light[rim] > 0.25 * np.median(E[away])).all()
+            light = light[rim] / np.median(E[away])
+            assert rim.sum() == 20 and np.median(light) > 0.5 and light.min() > 0.25, "darker ones by noise alone"
 
 
 def test_unknown_light_is_dilated_without_a_warning():
