@@ -60,11 +60,11 @@ def test_a_run_is_measured_once_resumed_and_drawn(small, tmp_path, capsys, monke
     monkeypatch.setattr(chart_run.Run, "_row", lambda self, c, *a: measured.append(c) or row(self, c, *a))
     assert command(out) == 0
     first = table(out)
-    assert {r["curve"] for r in first} == set(styles()) - {TUNED} and len(measured) == 12 and len(first) == 12 + 2
+    assert {r["curve"] for r in first} == set(styles()) - {TUNED} and len(measured) == 13 and len(first) == 13 + 2
     for r in first:
         assert 0 < float(r["total all"]) < 2 and float(r["frame_ms"]) > 0 and float(r["truth all"]) < 0.2
     said = capsys.readouterr().out
-    assert "14 settings" in said and str(out.resolve() / "index.html") in said
+    assert "15 settings" in said and str(out.resolve() / "index.html") in said
 
     page = (out / "index.html").read_text()
     assert page.count("data:image/png;base64,") == 1 + 2 * 3 and "<svg" in page
@@ -86,8 +86,10 @@ def test_more_photons_and_paths_are_nearer_the_truth(small, tmp_path):
     by = {(r["curve"], r["photons"]): r for r in run.results.rows}  # of two numbers of paths the larger
     for curve, few, many in (("impact_count", 4096, 8192), ("path gather", 1, 4)):
         assert by[curve, many]["total all"] < by[curve, few]["total all"]
-    gathered = "tangent_plane, gathered light"
-    assert all(0 < r["noise all"] < 1 for r in by.values() if r["curve"] not in ("path gather", gathered))
+    gathered, rested = "tangent_plane, gathered light", "tangent_plane, at rest"
+    assert all(0 < r["noise all"] < 1 for r in by.values() if r["curve"] not in ("path gather", gathered, rested))
+    for name in ("affected", "mobile"):
+        assert by[rested, 8192][f"total {name}"] < 1.05 * by[gathered, 8192][f"total {name}"]
     assert by[gathered, 4096]["total untouched"] < 0.5 * by["tangent_plane, while dragged", 4096]["total untouched"]
     assert by[gathered, 4096]["total mobile"] < 0.7 * by["tangent_plane", 4096]["total mobile"]
     dragged, all_photons = by["tangent_plane, while dragged", 4096], by["tangent_plane", 4096]

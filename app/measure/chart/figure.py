@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 
 from app.measure.chart.report import REPORT, SCENES
 from app.measure.chart.rival import RIVAL
-from app.measure.chart.settings import DRAGGED, GATHERED, NO_CONTROL, TUNED
+from app.measure.chart.settings import DRAGGED, GATHERED, NO_CONTROL, RESTED, TUNED
 from app.settings import BUDGET, UsageError
 from gi_core.estimators import ESTIMATORS
 
@@ -20,7 +21,9 @@ PANELS = {
 }
 # Okabe and Ito's colours, which the colour-blind distinguish; markers repeat the distinction.
 OWN = (("#0072B2", "o"), ("#CC79A7", "D"), ("#D55E00", "^"), ("#B59F00", "<"), ("#8C510A", ">"))  # per estimator
-VARIANTS = {DRAGGED: ("#56B4E9", "s"), GATHERED: ("#7A5195", "P"), NO_CONTROL: ("#009E73", "v")}
+VARIANTS = {
+    DRAGGED: ("#56B4E9", "s"), GATHERED: ("#7A5195", "P"), RESTED: ("#1B1B6B", "h"), NO_CONTROL: ("#009E73", "v"),
+}  # fmt: skip
 OTHERS = {TUNED: ("#000000", "*"), RIVAL: ("#555555", "X")}
 RATES = {1000 / 60: "16.7 ms", 40.0: "40 ms"}
 NOTE = {
@@ -72,6 +75,11 @@ def draw(rows: list[dict], about: dict, out: Path) -> None:
         pyplot.close(figure)
 
 
+def aside(curves: Iterable[str]) -> set[str]:
+    """Return the curves that the Pareto front leaves out: no frame of a motion is like them."""
+    return {c for c in curves if c in (RIVAL, TUNED) or c.endswith(RESTED)}
+
+
 def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Return the Pareto front: points that no other beats in both time and error, by time."""
     out: list[tuple[float, float]] = []
@@ -83,7 +91,7 @@ def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 def _panel(axis, rows: list[dict], name: str, title: str, span: tuple[float, float], about: dict) -> None:
     points = {curve: _points(rows, curve, name) for curve in styles()}
-    every = [p for curve, own in points.items() if curve not in (RIVAL, TUNED) for p in own]
+    every = [p for curve, own in points.items() if curve not in aside(points) for p in own]
     best = front(every)
     if best:
         axis.plot(*_columns(best), color=BEST, linewidth=8, alpha=0.45, solid_capstyle="round", zorder=1)

@@ -65,11 +65,15 @@ def go(solver: Solver, walk: Walk, photons: int | None = None, paths: int | None
     return Recorded(np.array(ms), [by_frame[c.frame] for c in walk.cases], np.array(light))
 
 
-def at_cases(solver: Solver, walk: Walk) -> list[np.ndarray]:
-    """Return irradiance (n, 3) at the receivers of each case."""
+def at_cases(solver: Solver, walk: Walk, seconds: float = 0.0) -> list[np.ndarray]:
+    """Return irradiance (n, 3) at the receivers of each case, gathered at its pose for so many CPU seconds."""
     out = []
     for case in walk.cases:
         solver.move_all(walk.lap[case.frame])
+        started = time.process_time()
+        for _ in solver.gather_pose_steps() if seconds else ():
+            if time.process_time() - started > seconds:
+                break
         out.append(solver.irradiance[case.rows])
     return out
 

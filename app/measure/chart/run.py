@@ -122,6 +122,8 @@ class Run:
         if choice.light == "best":
             first += self._gather_seconds
         seen = measure.go(solver, walk, *choice.frame)
+        if choice.rested:
+            seen = seen._replace(at_cases=measure.at_cases(solver, walk, self.effort.gathered_seconds))
         return measure.row(choice, seen, limit, walk, first)
 
     def _trace(self, photons: int) -> None:

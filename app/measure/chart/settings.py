@@ -11,6 +11,7 @@ from gi_core.solver import Solver
 
 TUNED = "tune's choice"
 DRAGGED, GATHERED, NO_CONTROL = ", while dragged", ", gathered light", ", no control"  # curves of an estimator
+RESTED = ", at rest"
 
 
 class Effort(NamedTuple):
@@ -26,6 +27,7 @@ class Effort(NamedTuple):
     truth: float  # l1 noise of the truth at those receivers
     picture_truth: float  # l1 noise of the truth in the page's pictures
     gathered_noise: float  # of gathered static light before smoothing
+    gathered_seconds: float  # CPU time of light gathered at a pose
     limit_photons: int  # of an estimator's limit
 
 
@@ -40,9 +42,10 @@ FULL = Effort(
     0.01,
     0.02,
     0.01,
+    60.0,
     1 << 22,
 )
-QUICK = Effort((1 << 14, 1 << 16), (1.0,), (), (1, 4), 8, 300, 1, 0.03, 0.1, 0.05, 1 << 18)
+QUICK = Effort((1 << 14, 1 << 16), (1.0,), (), (1, 4), 8, 300, 1, 0.03, 0.1, 0.05, 3.0, 1 << 18)
 
 
 def effort(quick: bool) -> Effort:
@@ -63,6 +66,7 @@ class Choice(NamedTuple):
     textbook: bool = False  # photon_map counts the k-th hit, as in the report
     paths: int = 0  # per receiver of a mobile and frame; 0: mobiles are lit by photons
     tuned: bool = False  # chosen by `tune`
+    rested: bool = False  # light is gathered at each pose; the frame time is that of the frame before
 
     @classmethod
     def of(cls, row: dict) -> Choice:
@@ -77,7 +81,7 @@ class Choice(NamedTuple):
     @property
     def setting(self) -> dict:
         """Arguments of Solver.configure() other than photons."""
-        others = ("photons", "traced", "paths", "tuned")
+        others = ("photons", "traced", "paths", "tuned", "rested")
         return {name: value for name, value in self._asdict().items() if name not in others}
 
     @property
@@ -90,6 +94,8 @@ class Choice(NamedTuple):
         """Name of the curve through this point."""
         if self.tuned:
             return TUNED
+        if self.rested:
+            return f"{self.estimator}{RESTED}"
         if self.light == "best":
             return f"{self.estimator}{GATHERED}"
         if self.traced > self.photons:
@@ -105,6 +111,8 @@ class Choice(NamedTuple):
             words[0] += f" of {self.traced:,}"
         if self.paths:
             words.append(f"{self.paths} paths per vertex of the mobiles")
+        if self.rested:
+            words.append("light gathered at each pose")
         setting = Setting(self.estimator, self.radius, self.neighbours, textbook=self.textbook)
         words.append(ESTIMATORS[self.estimator].summary(setting))
         return ", ".join(filter(None, words))
@@ -143,6 +151,7 @@ def choices(settings: Settings, solver: Solver, effort: Effort) -> list[Choice]:
         if control and name == DEFAULT:  # a drag: frames of a photon subset, static light of all photons
             out += [Choice(name, n, most, r, k, True, "photons") for n in counts[:-1]]
             out += [Choice(name, n, most, r, k, True, "best", paths=p) for n, p in _gathered(counts)]
+            out.append(Choice(name, most, most, r, k, True, "best", paths=64, rested=True))
         if kind.controlled:
             add(name)
     return out

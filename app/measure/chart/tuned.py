@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from app.measure.chart.settings import TUNED, Choice
+from app.measure.chart.settings import RESTED, TUNED, Choice
 from app.measure.tuning import tune
 from app.settings import BUDGET
 
@@ -40,9 +40,10 @@ def nearness(rows: list[dict]) -> dict[str, float]:
         return {}
     chosen = tuned[-1]
     limit = max(LATE * BUDGET, chosen["frame_ms"])
+    moving = [r for r in rows if r["curve"] != TUNED and not r["curve"].endswith(RESTED)]
     out = {}
     for name in JUDGED:
-        others = [r[f"total {name}"] for r in rows if r["curve"] != TUNED and r["frame_ms"] <= limit]
+        others = [r[f"total {name}"] for r in moving if r["frame_ms"] <= limit]
         others = [e for e in others if isinstance(e, float) and math.isfinite(e) and e > 0]
         if others and isinstance(chosen[f"total {name}"], float):
             out[name] = chosen[f"total {name}"] / min(others)
