@@ -22,7 +22,7 @@ class Task(NamedTuple):
     run: Callable[[], object]
 
 
-class Job:
+class Call:
     """A submitted call and its future result."""
 
     def __init__(self, future: Future) -> None:
@@ -51,13 +51,13 @@ class Worker:
         self._calls: queue.SimpleQueue[tuple[Future, Callable] | None] = queue.SimpleQueue()
         self._started = False
 
-    def submit(self, call: Callable) -> Job:
+    def submit(self, call: Callable) -> Call:
         if not self._started:
             self._started = True
             threading.Thread(target=_work, args=(self._calls,), name="solver", daemon=True).start()
         future: Future = Future()
         self._calls.put((future, call))
-        return Job(future)
+        return Call(future)
 
     def close(self) -> None:
         """End the thread after the submitted calls."""

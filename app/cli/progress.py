@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from app.cli.warnings import caveats
+from app.cli.warnings import warnings_of
 
 if TYPE_CHECKING:
     from app.settings import Settings
@@ -89,5 +89,5 @@ def solve(solver: Solver, bar: Bar) -> None:
     """Trace all requested photons, showing progress, and warn where memory does not hold them."""
     for progress in solver.solve_steps(pictures=False):
         bar(progress.stage, progress.fraction)
-    for text in caveats(solver).values():
+    for text in warnings_of(solver).values():
         bar.say(f"gi-viewer: {text}")

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from gi_core.solver import Solver
 
 
-def caveats(solver: Solver) -> dict[str, str]:
+def warnings_of(solver: Solver) -> dict[str, str]:
     """Return one sentence per kind of warning: "memory"; empty without any."""
     if not solver.frame.store.memory_full:
         return {}

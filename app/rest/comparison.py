@@ -1,4 +1,4 @@
-"""The light by another estimator, for the right side of a wipe: computed at rest by a twin of the solver.
+"""Light of another estimator for the right side of a wipe, computed at rest by a twin of the solver.
 
 The twin shares the photons, so nothing is traced twice. Only the solver's thread uses it.
 """
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class ComparisonJob:
-    """Call `step` until `is_done`; `result` is then the light by that estimator."""
+    """Call `step` until `is_done`; `result` is then the light of that estimator."""
 
     def __init__(self, solver: Solver) -> None:
         self._solver = solver
@@ -28,14 +28,14 @@ class ComparisonJob:
         return self.result is not None and self.result.estimator == estimator
 
     def step(self, estimator: str) -> None:
-        """Advance the light by an estimator by one step."""
+        """Advance the light of an estimator by one step."""
         self._twin = self._twin or self._solver.twin()
         if self._steps is None or self._doing != estimator:
             self._doing, self._steps = estimator, _steps_of(self._solver, self._twin, estimator)
         self.result = next(self._steps, None)
 
     def restart(self) -> None:
-        """Forget the result, after a change of the light."""
+        """Discard the result, after a change of the light."""
         self._steps = self.result = None
 
     def drop(self) -> None:

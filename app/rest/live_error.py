@@ -17,7 +17,7 @@ import numpy as np
 
 from app.rest.comparison import ComparisonJob
 from app.rest.measured_points import MeasuredPoint
-from app.rest.reference_job import Truth
+from app.rest.reference_job import ReferenceJob
 from app.rest.results import ReferencePicture, Report
 from app.worker import Task
 from gi_core.geometry.error import bias_left, noise_from_prefix, prefix_to_compare, relative_error
@@ -65,7 +65,7 @@ class LiveError:
         self._solver, self._clock, self._stop = solver, clock, stop
         self._light: np.ndarray | None = None  # irradiance that the results belong to
         self._measured: Measured | None = None
-        self._truths: dict[tuple, Truth] = {}  # newest last
+        self._references: dict[tuple, ReferenceJob] = {}  # newest last
         self._areas = solver.model.object_receivers.areas
         self._few = int((self._areas > 0).sum()) <= MOST_RECEIVERS
 
@@ -76,15 +76,15 @@ class LiveError:
             self._measured = self.report = self.point = None
             self.comparison.restart()
 
-    def truth(self, poses: Mapping[str, Pose], everywhere: bool) -> Truth | None:
+    def reference(self, poses: Mapping[str, Pose], everywhere: bool) -> ReferenceJob | None:
         """Return the reference at these poses: at all receivers, or at those of the report."""
-        return self._truths.get(self._key(poses, everywhere))
+        return self._references.get(self._key(poses, everywhere))
 
     @property
     def picture(self) -> ReferencePicture | None:
         """The reference at all receivers and the current poses; None before the first step."""
-        truth = self.truth(self._solver.poses, True)
-        return None if truth is None else truth.picture
+        reference = self.reference(self._solver.poses, True)
+        return None if reference is None else reference.picture
 
     def next_task(self, wants: Wants, given_up: Set[str] = frozenset()) -> Task | None:
         """Return the next task for the current light, the most urgent of a kind not given up; None at the end."""
@@ -92,12 +92,12 @@ class LiveError:
         if not wants.other:
             self.comparison.drop()
         poses, m, r = self._solver.poses, self._measured, self.report
-        some, everywhere = self.truth(poses, False), self.truth(poses, True)
+        some, everywhere = self.reference(poses, False), self.reference(poses, True)
         numbers = wants.numbers and not (r is not None and r.done)
         rough = r is None or some is None or some.noise > FIRST_NOISE
         picture = wants.picture and (everywhere is None or everywhere.noise > PICTURE_NOISE)
-        reference, at_some = "gathering the reference", functools.partial(self._gather, False)
-        of_numbers = Task(reference if self._few else f"{reference} for the error", at_some)
+        gathering, at_some = "gathering the reference", functools.partial(self._gather, False)
+        of_numbers = Task(gathering if self._few else f"{gathering} for the error", at_some)
         compare = functools.partial(self.comparison.step, wants.other)
         tasks = (
             (wants.numbers and (m is None or m.twin is not None), Task("timing frames", self._measure)),
@@ -106,15 +106,15 @@ class LiveError:
                 Task(f"computing {wants.other.replace('_', ' ')}", compare),
             ),
             (numbers and rough, of_numbers),
-            (picture, Task(reference, functools.partial(self._gather, True))),
+            (picture, Task(gathering, functools.partial(self._gather, True))),
             (numbers, of_numbers),
         )
         return next((task for due, task in tasks if due and task.name not in given_up), None)
 
     def keep(self) -> None:
         """Save the references at the scene's start poses."""
-        for truth in self._truths.values():
-            truth.keep()
+        for reference in self._references.values():
+            reference.keep()
 
     def _key(self, poses: Mapping[str, Pose], everywhere: bool) -> tuple:
         return tuple(sorted(poses.items())), everywhere or self._few
@@ -154,39 +154,40 @@ class LiveError:
         from gi_core.gather.reference_sample import draw_by_area
 
         solver, key = self._solver, self._key(self._solver.poses, everywhere)
-        truth = self._truths.pop(key, None)
-        if truth is None:
+        reference = self._references.pop(key, None)
+        if reference is None:
             rows = np.flatnonzero(self._areas > 0)
             rows, weights = (
                 (rows, self._areas[rows]) if key[1] else draw_by_area(rows, self._areas, SAMPLED_RECEIVERS, 0)
             )
-            truth = Truth(solver, solver.poses, rows, weights, even=everywhere and not self._few)
-        self._truths = dict([*self._truths.items(), (key, truth)][-REMEMBERED_POSES:])
-        before = truth.look
-        truth.step()
-        if key[1] and (truth.picture is None or truth.look != before):
+            reference = ReferenceJob(solver, solver.poses, rows, weights, even=everywhere and not self._few)
+        self._references = dict([*self._references.items(), (key, reference)][-REMEMBERED_POSES:])
+        before = reference.look
+        reference.step()
+        if key[1] and (reference.picture is None or reference.look != before):
             E = np.full((len(self._areas), 3), np.nan)
-            E[truth.rows] = truth.irradiance
+            E[reference.rows] = reference.irradiance
             drawn = solver.drawn(E, solver.poses)
-            truth.picture = ReferencePicture(drawn, truth.noise, truth.paths, truth.seen)
-        if truth.rounds.bit_count() == 1 and truth.seen == 1:  # 1, 2, 4, ... rounds
-            truth.keep()
-        if truth.noise != float("inf") and (self._few or not everywhere):  # nan: there is no light
-            self._report(truth)
+            reference.picture = ReferencePicture(drawn, reference.noise, reference.paths, reference.seen)
+        if reference.rounds.bit_count() == 1 and reference.seen == 1:  # 1, 2, 4, ... rounds
+            reference.keep()
+        if reference.noise != float("inf") and (self._few or not everywhere):  # nan: there is no light
+            self._report(reference)
 
-    def _report(self, truth: Truth) -> None:
-        m, E, w = self._measured, self._light[truth.rows], truth.weights
-        total = relative_error(E, truth.irradiance, w).l1
+    def _report(self, reference: ReferenceJob) -> None:
+        m, E, w = self._measured, self._light[reference.rows], reference.weights
+        total = relative_error(E, reference.irradiance, w).l1
         noise = float("nan")
         if m is not None and m.prefix:
-            others = self._solver.light_source.deviation(self._solver.model.transforms(self._solver.poses))[truth.rows]
-            noise = noise_from_prefix(E, m.fewer[truth.rows], m.photons, m.prefix, w, others)
-        done = not truth.noise > max(LEAST_NOISE, NOISE_OF_ERROR * total)
+            at = self._solver.model.transforms(self._solver.poses)
+            others = self._solver.light_source.deviation(at)[reference.rows]
+            noise = noise_from_prefix(E, m.fewer[reference.rows], m.photons, m.prefix, w, others)
+        done = not reference.noise > max(LEAST_NOISE, NOISE_OF_ERROR * total)
         if done:
-            truth.keep()
+            reference.keep()
         of = int((self._areas > 0).sum())
-        bias = bias_left(total, noise, truth.noise)
-        self.report = Report(total, noise, bias, truth.noise, len(truth.rows), of, truth.paths, done)
+        bias = bias_left(total, noise, reference.noise)
+        self.report = Report(total, noise, bias, reference.noise, len(reference.rows), of, reference.paths, done)
         if m is not None and m.seconds and total == total:
             seconds = statistics.median(m.seconds)
-            self.point = MeasuredPoint(self._solver.setting, m.photons, seconds, total, truth.noise)
+            self.point = MeasuredPoint(self._solver.setting, m.photons, seconds, total, reference.noise)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gi_core.solver import Solver
 
 
-class Truth:
+class ReferenceJob:
     """The reference of some receivers; only the solver's thread uses it."""
 
     def __init__(
@@ -61,10 +61,10 @@ class Truth:
 
     @property
     def look(self) -> tuple[int, int]:
-        """Return a pair that changes with the visible result; rounds count in powers of two."""
+        """A pair that changes when the result changes visibly: at powers of two of the rounds."""
         return self.rounds.bit_length(), int(16 * self.seen)
 
     @property
     def rounds(self) -> int:
-        """Rounds that have come to every receiver."""
+        """Rounds that every receiver has had."""
         return self._gathered.state.rounds

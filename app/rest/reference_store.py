@@ -1,6 +1,6 @@
 """Files of references and static light: an interrupted run continues from its file.
 
-A file's name is a hash of all inputs of its result, so an edited scene or another pose never finds an outdated file.
+A file's name is a hash of all inputs of its result, so an edited scene or another pose never loads an outdated file.
 Files are replaced atomically. `GI_VIEWER_REFERENCE_DIR` overrides the folder in the user's cache.
 """
 
@@ -99,7 +99,7 @@ class ReferenceStore(StateFile):
         folder: Path | None = None,
         weights: np.ndarray | None = None,
     ) -> None:
-        """`poses`: differences to the scene's poses; `rows` (n,): receivers, default all.
+        """`poses`: poses that differ from the scene's; `rows` (n,): receivers, default all.
 
         `weights` (n,): weight of each receiver, default its area; the number of paths follows the weight.
         """
@@ -129,7 +129,7 @@ class ReferenceStore(StateFile):
     def gather(self, error: float) -> Iterator[Reached]:
         """Gather until the noise is at most `error` (0.01: 1 %), as gather_until() does.
 
-        The state is saved every SAVE_SECONDS and at any end (Ctrl+C and a closed iterator too), if possible.
+        The state is saved every SAVE_SECONDS and at the end, also after Ctrl+C or a closed iterator, if possible.
         """
         rounds, saved = self.rounds(), time.monotonic()
         before = rounds.state.sets.sum(), np.isnan(rounds.state.pilot).sum()

@@ -62,5 +62,5 @@ class RestResults(NamedTuple):
     comparison: Comparison | None = None
 
     def looks_like(self, other: RestResults) -> bool:
-        """Return whether both add the same to a picture."""
+        """Return whether both change a picture in the same way."""
         return self.reference is other.reference and self.comparison is other.comparison

@@ -30,7 +30,7 @@ class Gathering:
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""
         g = self._solver.light_source.gathered
-        finished = self._steps is None and g is not None and g.enough  # and its light is in the picture
+        finished = self._steps is None and g is not None and g.enough  # its light is in the picture
         return None if self._solver.light != "best" or finished else self._step
 
     def _step(self) -> bool:
@@ -50,7 +50,7 @@ class Gathering:
         return progress is not None and progress.picture
 
     def keep(self) -> None:
-        """Save the whole paths if there are more than in the file; single bounces are not saved."""
+        """Save the state of whole paths if the file has fewer; single bounces are not saved."""
         state = self._solver.light_source.gathered and self._solver.light_source.gathered.state
         if self._store and state and (sets := int(state.sets.sum())) > self._saved:
             self._store.keep(state)
@@ -58,14 +58,14 @@ class Gathering:
 
 
 def load(solver: Solver) -> Iterator[Progress]:
-    """Take over the stored light, in steps, without tracing; nothing if less than two rounds of paths are stored."""
+    """Load the stored light in steps, without tracing; needs two stored rounds of paths."""
     from app.rest.reference_store import StaticStore
 
     state = StaticStore(solver.model, solver.seed).load()
     if state is not None and state.rounds > 1:
         for progress in solver.gather_steps(state):
             if solver.light_source.gathered.state is not state:
-                return  # the first step of new paths
+                return  # this step has traced new paths
             yield progress
 
 

@@ -37,7 +37,7 @@ class Log:
         self(f"{doing}: {reason}", ERROR)
 
     def failure(self, doing: str, problem: BaseException) -> None:
-        """Log an error of the program: one line here, its traceback on stderr; full memory is no error of its own."""
+        """Log an error of the program: one line here, its traceback on stderr; full memory is not such an error."""
         if not isinstance(problem, MemoryError):
             traceback.print_exception(problem)
         self.error(doing, problem)

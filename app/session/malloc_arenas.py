@@ -1,18 +1,18 @@
-"""Few malloc arenas: glibc keeps one for each of a few threads, each as large as it ever was.
+"""Few malloc arenas: glibc keeps one per thread, up to a limit, and returns little of their free space.
 
-Two arenas hold less free space and slow no frame down. Other C libraries have no such setting.
+Two arenas hold less free space and do not slow frames. Other C libraries have no such setting.
 """
 
 from __future__ import annotations
 
 import ctypes
 
-ARENAS = 2  # the window need not wait for the solver's malloc
+ARENAS = 2  # so that the window does not wait for the solver's malloc
 M_ARENA_MAX = -8  # mallopt's name for their number
 
 
 def limit_arenas() -> None:
-    """Limit malloc to few arenas for any number of threads; call it before they start."""
+    """Limit malloc to few arenas for any number of threads; call it before threads start."""
     try:
         library = ctypes.CDLL(None)
     except (OSError, TypeError):  # Windows accepts no None

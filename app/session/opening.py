@@ -1,7 +1,7 @@
-"""Opening of a scene up to its first picture, behind a window that goes on drawing.
+"""Opening of a scene up to its first picture, in a thread: the window goes on drawing.
 
 Missing kernels are compiled in a process of their own, because a compiler holds the interpreter lock for seconds. All
-else runs in one thread. Every kernel is loaded before the solver's thread begins.
+other work runs in one thread. Every kernel is loaded before the solver's thread begins.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Opening:
         with tempfile.TemporaryFile("w+") as errors:
             self._compiler = subprocess.Popen(
                 [sys.executable, "-m", "gi_core.instruments.compile_ahead"],
-                cwd=Path(gi_core.__file__).parent.parent,  # found there, installed or not
+                cwd=Path(gi_core.__file__).parent.parent,  # for `-m` to find gi_core, installed or not
                 stdout=subprocess.PIPE,
                 stderr=errors,
                 text=True,
@@ -123,7 +123,7 @@ class Opening:
             if progress.picture:
                 break
         if solver.poses:
-            solver.move_all(solver.poses)  # the first frame of a drag then finds its kernels loaded
+            solver.move_all(solver.poses)  # loads the kernels of a drag's frames
         settings = replace(
             self.settings,
             estimator=solver.estimator,

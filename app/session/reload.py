@@ -1,6 +1,6 @@
 """Reloads of the current scene, and scenes dropped on the window.
 
-The new scene opens while the current one goes on; the current one stays if that fails.
+The current scene stays in use while the new one opens, and remains if that fails.
 """
 
 from __future__ import annotations
@@ -88,12 +88,12 @@ class Reload:
 
 
 def settings_again(now: Session) -> Settings:
-    """Return settings for a reload; settings that the program filled in are open again."""
+    """Return settings for a reload; settings that the program filled in become None."""
     chosen = {name: None for name, value in now.filled.items() if getattr(now.settings, name) == value}
     return replace(now.settings, **chosen, poses=())
 
 
 def settings_for(now: Session, scene: str, mobiles: tuple[str, ...]) -> Settings:
-    """Return settings for another scene; those of OF_A_SCENE are open again."""
+    """Return settings for another scene; those of OF_A_SCENE become None."""
     left_open = {name: getattr(Settings, name) for name in OF_A_SCENE}
     return replace(settings_again(now), **left_open, scene=scene, mobiles=mobiles)

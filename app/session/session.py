@@ -197,7 +197,7 @@ class Session:
     def move(self, poses: Mapping[str, Pose]) -> None:
         """Put mobiles at poses; a fast move is drawn in this frame, in its own light.
 
-        The light has as many photons as fit the budget; each single move chooses their number anew.
+        The light has as many photons as fit the budget; each single move chooses their number again.
         """
         self._moved_at = self.clock()
         if not (self.dragging or self.playing):

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from app.cli.warnings import caveats
+from app.cli.warnings import warnings_of
 from app.session.snapshot import Snapshot, snapshot_of
 from gi_core.frames.progress import Interrupted
 
@@ -32,7 +32,7 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Refine:
-    """The next step of the first frame."""
+    """Run the next step of the first frame."""
 
     steps: Iterator[Progress]
     name: ClassVar[str] = "refining"
@@ -41,7 +41,7 @@ class Refine:
     def run(self, solver: Solver, work: RestWork) -> Step:
         progress = next(self.steps, None)
         if progress is None:
-            return Step(None, None, caveats(solver))
+            return Step(None, None, warnings_of(solver))
         return Step(progress, snapshot_of(solver, work) if progress.picture else None, {})
 
 
@@ -54,7 +54,7 @@ class Moved(NamedTuple):
 
 @dataclass(frozen=True)
 class Move:
-    """Mobiles put at poses, in the light of all photons or of as many as fit the budget."""
+    """Put mobiles at poses, in the light of all photons or of as many as fit the budget."""
 
     poses: Mapping[str, Pose]
     budget: float  # [s]
@@ -82,14 +82,14 @@ class Move:
 
 @dataclass(frozen=True)
 class Time:
-    """The frame of the next prefix timed, so that the first drag knows which one fits. It is not shown."""
+    """Measure the frame time of the next photon subset, so that the first drag knows which subset fits the budget."""
 
     steps: Iterator[bool]
     name: ClassVar[str] = "timing"
     busy: ClassVar[bool] = True
 
     def run(self, solver: Solver, work: RestWork) -> bool:
-        """Return whether there may be more prefixes to time."""
+        """Return whether there may be more subsets to time."""
         return next(self.steps, False)
 
 
@@ -104,14 +104,14 @@ class Rested(NamedTuple):
 
 @dataclass(frozen=True)
 class Rest:
-    """One short task while nothing moves; a drag waits for no more than that."""
+    """Run one short task while nothing moves; a drag waits for at most one."""
 
     settings: Settings
     name: ClassVar[str] = "resting"
     busy: ClassVar[bool] = False
 
     def run(self, solver: Solver, work: RestWork) -> Rested:
-        """A failed task ends its own kind alone, until the scene is loaded again."""
+        """Return the results. A failed task ends only its own kind, until the scene is loaded again."""
         task = work.next_task(self.settings)
         if task is None:
             return Rested("", work.results())

@@ -1,7 +1,7 @@
 """The solver's thread: jobs one at a time, and the snapshot that the window draws.
 
 Poses and their light change together, when a picture or a move is complete. A frame waits for a job within its budget;
-the job then goes on behind the picture. During a motion the light may be that of a prefix of the photons
+the job then goes on behind the picture. During a motion the light may be that of a subset of the photons
 (gi_core/frames/frame_budget.py).
 """
 
@@ -21,7 +21,7 @@ from app.session.solver_jobs import Job, Move, Moved, Refine, Rest, Rested, Step
 from app.worker import PATIENCE, Worker
 from gi_core.frames.progress import Interrupted
 
-if TYPE_CHECKING:  # the solver takes a second to import: that happens behind the window's first frames
+if TYPE_CHECKING:  # importing the solver lasts a second, so it happens behind the window's first frames
     from app.settings import Settings
     from gi_core.frames.progress import Progress
     from gi_core.scene import Pose
@@ -57,7 +57,7 @@ class Solving:
         self._waits = threading.Event()  # set while moves wait: a frame that shows no move is then broken off
         self._solver, self._work, self._worker = solver, RestWork(solver, clock, self._waits.is_set), worker
         self._job: Job | None = None
-        self._time_due = True  # frames of prefixes are to be timed
+        self._time_due = True  # frames of photon subsets must be timed
         self._timings: Iterator[bool] | None = None
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
         self._begins = False  # the next move begins a motion
@@ -145,7 +145,7 @@ class Solving:
         self.version += 1
 
     def _begin_refinement(self) -> None:
-        """Refine from here; an iterator left between two steps is dropped, nothing is traced twice."""
+        """Start refining at the present state; photons already traced stay."""
         self._stage, self._steps = Stage.REFINING, _steps(self._solver, self._waits.is_set)
 
     # -- jobs -------------------------------------------------------------------------------------
@@ -196,7 +196,7 @@ class Solving:
         """
         deadline = self.clock() + budget
         while self._stage is Stage.REFINING and not self._pending:
-            self.settle()  # at once: a step of refinement that brings all photons takes twice as long
+            self.settle()  # at once: the refinement step that estimates all photons lasts twice as long
             if self.is_idle:
                 self._begin(Refine(self._steps))
                 self.steps_begun += 1
@@ -225,7 +225,7 @@ class Solving:
     def move(self, poses: Mapping[str, Pose]) -> None:
         """Put mobiles at poses; a fast move is drawn in this frame, in its own light.
 
-        The light is that of as many photons as fit the budget; settle() brings the rest.
+        The light has as many photons as fit the budget; settle() adds the others.
         """
         self._pending.update(poses)
         self._waits.set()
@@ -241,7 +241,7 @@ class Solving:
             self._begin_move(self.snapshot.poses, hasty=False, settles=True)
 
     def move_pending(self, patience: float) -> None:
-        """Begin the moves that wait, for at most `patience` [s]."""
+        """Begin the waiting moves; wait for them for at most `patience` [s]."""
         deadline = self.clock() + patience
         while self._pending:
             if not self._wait(deadline - self.clock()):
@@ -264,7 +264,7 @@ def _steps(solver: Solver, stop: Callable[[], bool]) -> Iterator[Progress]:
 
 
 def _timings(solver: Solver, seconds: float) -> Iterator[bool]:
-    """Time the frames of prefixes within a budget [s], smallest first, by a twin: the frame on show stays."""
+    """Time the frames of photon subsets within a budget [s], smallest first, by a twin: the frame on show stays."""
     twin = solver.twin()
     twin.budget = solver.budget
     while (photons := solver.budget.next_to_time(seconds, solver.frame.prefixes)) is not None:

@@ -18,7 +18,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.gather.one_bounce import Bounces, Exchange, Field, meet
 from gi_core.gather.path_tracer import BLOCK, PathEnds, join_lights, scatter
 from gi_core.geometry.error import noise_of_truth, small_sample_bias
-from gi_core.lights.light_sampling import Lights, area_lights, sky_of, small_lights
+from gi_core.lights.light_sampling import Lights, area_lights, delta_lights, sky_of
 from gi_core.lights.next_event import room_for_shadows
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, nearest_in_world
@@ -39,7 +39,7 @@ class FinalGather:
         self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self._positions, self._normals = positions + ORIGIN_LIFT * model.world.size * normals, normals
         self._weights, self._lit = weights, np.flatnonzero((normals * normals).sum(axis=1) > 0)
-        self._lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
+        self._lights = Lights(area_lights(model.surfaces), delta_lights(model.scene), sky_of(model.scene))
         self._variance = np.zeros(positions.shape)
         self._pairs = 0  # of sets
         self.paths = 0  # per receiver in `mean`; 0: no result yet

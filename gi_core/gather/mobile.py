@@ -27,13 +27,13 @@ from gi_core.gather.one_bounce import Bounces, Exchange, Field
 from gi_core.gather.path_tracer import SHADOW_GAP, PathEnds
 from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.evaluation_points import evaluation_points
-from gi_core.lights.light_sampling import Lights, aimed, area_lights, sky_of, small_lights, steady
+from gi_core.lights.light_sampling import Lights, aimed, area_lights, delta_lights, sky_of, steady
 from gi_core.lights.next_event import (
     LightSamples,
     Shadows,
     add_lit,
     join_area,
-    join_small,
+    join_delta,
     light_samples,
     room_for_shadows,
 )
@@ -75,7 +75,7 @@ class MobileGather:
         self.first = model.surfaces.receiver_range(0).stop  # the first receiver on a mobile
         positions, self._normals = (a[self.first :] for a in evaluation_points(model.surfaces, model.object_receivers))
         self._positions = positions + ORIGIN_LIFT * model.world.size * self._normals
-        self._lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
+        self._lights = Lights(area_lights(model.surfaces), delta_lights(model.scene), sky_of(model.scene))
         self._aimed: dict[int, tuple[bytes, Lights]] = {}  # by mobile: cell of its position, and lights
         s = model.surfaces
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
@@ -170,11 +170,11 @@ class MobileGather:
         far, gap = float(np.float32(FAR * world.size)), SHADOW_GAP * world.size
 
         def shadows() -> Shadows:
-            small, rows = min(len(lights.small.kind), 1 << m), np.arange(n)
-            rays = room_for_shadows((n << m) + n * small)
+            deltas, rows = min(len(lights.delta.kind), 1 << m), np.arange(n)
+            rays = room_for_shadows((n << m) + n * deltas)
             ends = PathEnds(rows, rows, positions, normals, np.ones((n, 3)))
             count = join_area(samples, ends, area, gap, rays)
-            count = join_small(samples, 1 << m, ends, lights.small, far, gap, count, rays)
+            count = join_delta(samples, 1 << m, ends, lights.delta, far, gap, count, rays)
             return Shadows(*(a[:count] for a in rays))
 
         rays, blocked = batch.shadow.occluded(at, shadows)

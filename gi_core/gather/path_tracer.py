@@ -20,7 +20,7 @@ from gi_core.lights.next_event import (
     Shadows,
     add_lit,
     join_area,
-    join_small,
+    join_delta,
     light_samples,
     room_for_shadows,
     share_of_bounce,
@@ -96,8 +96,8 @@ def join_lights(model: Model, at: Transforms, lights: Lights, seed, m, vertex, e
     size = model.world.size
     far, gap = float(np.float32(FAR * size)), SHADOW_GAP * size
     samples = light_samples(seed, m, vertex, ends.path[:, None], lights)
-    if len(lights.small.kind):
-        _join(model, at, rays, join_small(samples, 1, ends, lights.small, far, gap, 0, rays), total)
+    if len(lights.delta.kind):
+        _join(model, at, rays, join_delta(samples, 1, ends, lights.delta, far, gap, 0, rays), total)
     _join(model, at, rays, join_area(samples, ends, lights.area, gap, rays), total)
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.gather.path_tracer import gather
-from gi_core.lights.light_sampling import Lights, area_lights, sky_of, small_lights
+from gi_core.lights.light_sampling import Lights, area_lights, delta_lights, sky_of
 from gi_core.model import Model
 from gi_core.rays.accelerator import ORIGIN_LIFT
 from gi_core.scene.errors import SceneError
@@ -32,7 +32,7 @@ class Gatherer:
         positions, normals = _checked(positions, normals)
         self.model = model or Model(scene)
         self._at = self.model.transforms(_poses(self.model, poses)) if mobiles else self.model.static
-        self._lights = Lights(area_lights(self.model.surfaces), small_lights(self.model.scene), sky_of(scene))
+        self._lights = Lights(area_lights(self.model.surfaces), delta_lights(self.model.scene), sky_of(scene))
         self._seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self._light_sampling = light_sampling
         length = np.sqrt((normals * normals).sum(axis=1))

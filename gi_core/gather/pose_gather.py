@@ -29,7 +29,7 @@ from gi_core.geometry.error import DARK, luminance, noise_of_truth, relative_err
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
 from gi_core.geometry.receiver_classes import AFFECTED
-from gi_core.lights.light_sampling import Lights, area_lights, sky_of, small_lights
+from gi_core.lights.light_sampling import Lights, area_lights, delta_lights, sky_of
 from gi_core.model import Model
 from gi_core.rays.accelerator import ORIGIN_LIFT, Transforms
 from gi_core.scene.pose import to_world_at
@@ -165,7 +165,7 @@ class ReceiverPoints:
     def __init__(self, model: Model, seed: int):
         self.model, self.seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self.static = model.surfaces.receiver_range(0).stop
-        self.lights = Lights(area_lights(model.surfaces), small_lights(model.scene), sky_of(model.scene))
+        self.lights = Lights(area_lights(model.surfaces), delta_lights(model.scene), sky_of(model.scene))
 
     @cached_property
     def _starts(self) -> tuple[np.ndarray, np.ndarray]:

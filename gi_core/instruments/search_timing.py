@@ -52,6 +52,6 @@ def _ready(solver: Solver, segments: Segments, radius: float) -> Lines:
 
 
 def search_run(search: Search, over: Lines) -> Callable[[], int]:
-    """Return a call that adds the lines to scratch sums on one thread; it returns the number of crossings."""
+    """Return a call that adds the lines to scratch sums on one thread; it returns the number of intersections."""
     sums = Sums.zeros(len(search.discs.positions))
     return lambda: search.accumulate(over, 1, sums)

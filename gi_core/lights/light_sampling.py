@@ -37,7 +37,7 @@ class AreaLights(NamedTuple):
     lamp: np.ndarray  # (F,) int32, index of a global face among the area lights, -1: none
 
 
-class SmallLights(NamedTuple):
+class DeltaLights(NamedTuple):
     """Delta lights: point, spot and directional."""
 
     kind: np.ndarray  # (D,) int64
@@ -56,7 +56,7 @@ class Lights(NamedTuple):
     """All lights of a scene, by sampling method."""
 
     area: AreaLights
-    small: SmallLights
+    delta: DeltaLights
     sky: Sky
 
 
@@ -81,7 +81,7 @@ def area_lights(surfaces: Surfaces) -> AreaLights:
     return AreaLights(corners, surfaces.normals[faces], emitted[faces], cdf, share / surfaces.areas[faces], lamp)
 
 
-def small_lights(scene: Scene) -> SmallLights:
+def delta_lights(scene: Scene) -> DeltaLights:
     """Collect the delta lights of a scene."""
     kind, parameters, value = [], [], []
     for light in scene.lights:
@@ -105,7 +105,7 @@ def small_lights(scene: Scene) -> SmallLights:
             case _:
                 assert_never(light)
         parameters.append(row)
-    return SmallLights(
+    return DeltaLights(
         np.array(kind, np.int64),
         np.array(parameters, np.float64).reshape(-1, 8),
         np.array(value, np.float64).reshape(-1, 3),

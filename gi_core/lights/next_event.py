@@ -54,7 +54,7 @@ def light_samples(seed: int, m: int, vertex: int, path: np.ndarray, lights: Ligh
     """Sample points on lights at vertex `vertex` of paths (s, P) int64, stratified in sets of 2^m (see strata)."""
     s, paths = path.shape
     lamps = paths if len(lights.area.cdf) else 0
-    picks = paths if len(lights.small.kind) > paths else 0
+    picks = paths if len(lights.delta.kind) > paths else 0
     out = LightSamples(
         np.empty((s, lamps), np.int64), np.empty((s, lamps, 3)), np.empty((s, lamps)), np.empty((s, picks))
     )
@@ -97,7 +97,7 @@ def join_area(samples, ends, lights, gap, out):
 
 
 @allocating
-def join_small(samples, paths, ends, lights, far, gap, first, out):
+def join_delta(samples, paths, ends, lights, far, gap, first, out):
     """Write shadow rays from n path ends to delta lights, from row `first` on; return the next free row.
 
     With no more delta lights than paths, each end samples all of them, so unoccluded light is exact. Otherwise each
@@ -109,7 +109,7 @@ def join_small(samples, paths, ends, lights, far, gap, first, out):
         row, position, normal, throughput = ends.row[k], ends.position[k], ends.normal[k], ends.throughput[k]
         total = 0.0
         for e in range(lamps):
-            reached[e, 0], reached[e, 1], reached[e, 2], reached[e, 3], reached[e, 4] = small_light_at(
+            reached[e, 0], reached[e, 1], reached[e, 2], reached[e, 3], reached[e, 4] = delta_light_at(
                 lights.kind[e], lights.parameters[e], position, normal, far
             )
             weight[e] = reached[e, 0] * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))
@@ -210,7 +210,7 @@ def _aim_ray(row, position, direction, limit, out, j):
 
 
 @kernel
-def small_light_at(kind, p, position, normal, far):
+def delta_light_at(kind, p, position, normal, far):
     """Return E / value of one delta light at a point, the unit direction to it and its distance [m]."""
     if kind == DIRECTIONAL:
         dx, dy, dz, d = -p[3], -p[4], -p[5], far

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from app.cli.warnings import caveats
+from app.cli.warnings import warnings_of
 from app.commands import render
 from app.session.log import Log
 from app.session.opening import Opened
@@ -24,9 +24,9 @@ def solved(reflectance: float, photons: int = 4_000) -> Solver:
 
 def test_memory_is_reported():
     solver = solved(0.5)
-    assert caveats(solver) == {}
+    assert warnings_of(solver) == {}
     solver.frame.store.memory_full = True
-    assert caveats(solver) == {"memory": "memory holds no more than 4,000 of the 4,000 photons wanted"}
+    assert warnings_of(solver) == {"memory": "memory holds no more than 4,000 of the 4,000 photons wanted"}
 
 
 def test_log_reports_truncated_light_once(monkeypatch):

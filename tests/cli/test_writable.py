@@ -83,7 +83,7 @@ def test_missing_kernel_folder_is_reported_and_harmless(tmp_path):
 
 def test_gathered_light_is_used_without_a_writable_folder(monkeypatch, capsys, tmp_path):
     """The folder is a file: no user can create anything in it."""
-    from app.rest.reference_job import Truth
+    from app.rest.reference_job import ReferenceJob
     from app.rest.reference_store import ReferenceStore
     from gi_core.solver import Solver
     from tests.support.scene_builders import coloured_room
@@ -97,11 +97,11 @@ def test_gathered_light_is_used_without_a_writable_folder(monkeypatch, capsys, t
     assert program.main(["render", *asked]) == 0 and out.exists()
 
     solver = Solver(coloured_room(), photons=100)
-    truth = Truth(solver, solver.poses, np.arange(3), np.ones(3))
-    while truth.rounds < 2:
-        truth.step()
-    truth.keep()
-    assert truth.irradiance.any() and ReferenceStore(solver.model, solver.poses, np.arange(3)).load() is None
+    reference = ReferenceJob(solver, solver.poses, np.arange(3), np.ones(3))
+    while reference.rounds < 2:
+        reference.step()
+    reference.keep()
+    assert reference.irradiance.any() and ReferenceStore(solver.model, solver.poses, np.arange(3)).load() is None
     capsys.readouterr()
 
     monkeypatch.setattr("gi_core.files.load.load_scene", None)  # refused before the work

@@ -71,7 +71,9 @@ def test_rested_scene_is_freed_with_its_references():
     for x in (0.5, 0.6):
         s.move(at(s, x))
         poses = dict(s.poses)
-        until(s, lambda poses=poses: (t := s.light._work.live_error.truth(poses, False)) is not None and t.rounds > 0)
+        until(
+            s, lambda poses=poses: (t := s.light._work.live_error.reference(poses, False)) is not None and t.rounds > 0
+        )
     refs = held_by(s)
     s.close()
     s = None

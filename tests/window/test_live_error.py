@@ -58,8 +58,8 @@ def test_live_error_equals_that_against_another_reference(solver):
     r = live_error.report
     assert r.done and r.receivers == r.of == int((solver.receivers.areas > 0).sum())
     points, normals = evaluation_points(solver.surfaces, solver.receivers)
-    truth, _ = reference_irradiance(solver.scene, points, normals, 256, 7, model=solver.model)
-    assert r.total == pytest.approx(relative_error(solver.irradiance, truth, solver.receivers.areas).l1, rel=0.1)
+    reference, _ = reference_irradiance(solver.scene, points, normals, 256, 7, model=solver.model)
+    assert r.total == pytest.approx(relative_error(solver.irradiance, reference, solver.receivers.areas).l1, rel=0.1)
     assert r.reference_noise <= 0.15 * r.total and 0 < r.noise < 1.2 * r.total and 0 <= r.bias < r.total
     point = live_error.point
     assert point.photons == 20_000 and point.error == r.total and point.seconds > 0
@@ -103,16 +103,16 @@ def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
 def test_new_setting_uses_the_same_reference_and_adds_a_point(solver):
     live_error = LiveError(solver, time.perf_counter)
     finish(live_error)
-    truth = live_error.truth(solver.poses, False)
-    rounds = truth.rounds
+    reference = live_error.reference(solver.poses, False)
+    rounds = reference.rounds
     twin = solver.twin()
     twin.configure(estimator="impact_count")
     twin.solve()
     other = LiveError(twin, time.perf_counter)
-    other._truths = live_error._truths
+    other._references = live_error._references
     finish(other)
-    assert other.truth(twin.poses, False) is truth and truth.rounds >= rounds, "nothing is gathered again"
-    told = relative_error(twin.irradiance[truth.rows], truth.irradiance, truth.weights).l1
+    assert other.reference(twin.poses, False) is reference and reference.rounds >= rounds, "nothing is gathered again"
+    told = relative_error(twin.irradiance[reference.rows], reference.irradiance, reference.weights).l1
     assert other.report.total == told != live_error.report.total
     points = MeasuredPoints()
     for e in (live_error, other, live_error):
@@ -129,7 +129,7 @@ def test_large_scene_is_measured_at_sampled_receivers(solver, monkeypatch):
     r = live_error.report
     assert 0 < r.receivers <= 300 < r.of and live_error.picture is None
     finish(live_error, Wants(picture=True))
-    picture = live_error.truth(solver.poses, True)
+    picture = live_error.reference(solver.poses, True)
     assert picture.seen == live_error.picture.seen == 1
     E = np.full_like(solver.irradiance, np.nan)
     E[picture.rows] = picture.irradiance
@@ -280,7 +280,7 @@ def test_reference_and_errors_come_at_rest_and_go_with_a_move(session):
     # Where the estimate is too bright the map is red, where it is too dark blue, the reference is all light grey.
     mesh = s.meshes[0]
     front, _ = view_content.paint(mesh, now.sides[0], now.errors, False)
-    off = luminance(now.sides[0].irradiance - now.errors.truth)[mesh.front]
+    off = luminance(now.sides[0].irradiance - now.errors.reference)[mesh.front]
     assert (front[off > 0.1, 0] > front[off > 0.1, 2]).all() and (front[off < -0.1, 2] > front[off < -0.1, 0]).all()
     right, _ = view_content.paint(mesh, now.sides[1], now.errors, False)
     assert np.ptp(right) < 0.01

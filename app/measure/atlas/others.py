@@ -127,7 +127,7 @@ def naive_sums() -> AtlasRow:
     exact = float(np.abs(solver.irradiance - solver.from_scratch()).max())
     return AtlasRow(
         "additive",
-        "photon_map, Eq. 2.4 term by term: E_bg - E(tails) + E(branches), red, darkest receiver",
+        "photon_map, Eq. 2.4 term by term: E_bg - E(removed) + E(new), red, darkest receiver",
         "below 0: Eq. 2.8 is not additive",
         0.0,
         Number(float(naive[:, 0].min() / before[:, 0].mean())),

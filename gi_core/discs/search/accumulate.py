@@ -12,7 +12,7 @@ ROOM = 2048  # candidates listed before they are added
 
 @inlined
 def record(log, k, i, centre, normal, lines):
-    """Write the crossing of line k with the disc of receiver i to the log, with the bits of t that decided it."""
+    """Write the intersection of line k with the disc of receiver i to the log, with the bits of t that decided it."""
     at = log.count[0]
     log.count[0] = at + 1
     if at < len(log.line):

@@ -11,7 +11,7 @@ from gi_core.photons.flux_sums import Sums
 class Search(Protocol):
     """A search over the discs of one object, made once and used by every frame.
 
-    All searches accept the same crossings bit for bit: each proposes candidates, `predicate.accepts` decides.
+    All searches accept the same disc intersections bit for bit: each proposes candidates, `predicate.accepts` decides.
     """
 
     @property
@@ -28,11 +28,11 @@ class Search(Protocol):
     def __init__(self, discs: Discs, pretest: str = "none") -> None:
         """Build over discs; no disc at all is allowed.
 
-        pretest: a key of `PRETESTS`, for the report's tables: it changes the time, not the crossings.
+        pretest: a key of `PRETESTS`, for the report's tables: it changes the time, not the intersections.
         """
 
     def accumulate(self, lines: Lines, sign: int, sums: Sums, part: int = 0, parts: int = 1) -> int:
-        """Add sign x flux of the lines to the sums of the discs that they cross; return the number of crossings.
+        """Add sign x flux of the lines to the sums of the discs that they cross; return the number of intersections.
 
         lines: (k) segments in the discs' space (`predicate.lines`), zero of them allowed; sign: 1 or -1; sums: int64
         fixed-point units, one row per disc; part: does this one of `parts` equal shares. Threads call it at the same

@@ -1,6 +1,6 @@
 """A uniform grid over discs, walked by each segment (report 2.7).
 
-A disc is listed in every cell that its padded box touches. Each cell accepts only crossings in its
+A disc is listed in every cell that its padded box touches. Each cell accepts only intersections in its
 half-open interval of t, so each disc counts once and no mailbox is needed. The discs of a cell lie
 in blocks that vector instructions test at once.
 """
@@ -22,7 +22,7 @@ from gi_core.photons.flux_sums import Sums
 CELL_RADII = 4.0  # cell edge in disc radii: see docs/archive/measurements.md
 MAX_CELLS = 1 << 22  # memory bound for tiny discs in a big scene; cells grow instead
 MOST_ALONG = 512  # cells along an axis
-PAD = 1e-3  # of a cell: rounding of a crossing against the cell's walls
+PAD = 1e-3  # of a cell: rounding of an intersection against the cell's walls
 VISITS = 1024  # cells listed before their discs are tested: these lists stay in the level-1 cache
 
 
@@ -171,7 +171,7 @@ def _accumulate(cells, blocks, discs, pretest, lines, first, last, sign, sums, v
     for k in range(first, last):
         ox, oy, oz = row(lines.origin, k)
         dx, dy, dz = row(lines.direction, k)
-        # Clip to the inside of the border, slightly enlarged, so that no crossing is lost to rounding.
+        # Clip to the inside of the border, slightly enlarged, so that no intersection is lost to rounding.
         t0, t1 = float(lines.low[k]), float(lines.high[k])
         t0, t1 = _clip(ox, dx, lx + near, lx + nx * cell - near, t0, t1)
         t0, t1 = _clip(oy, dy, ly + near, ly + ny * cell - near, t0, t1)

@@ -191,7 +191,7 @@ def lane_of(bits):
 
 @inlined
 def receiver(blocks, e, direction):
-    """Return the receiver that gets a line's crossing of the disc of entry e, or NONE; its position; its normal."""
+    """Return the receiver of a line's intersection with the disc of entry e, or NONE; its position; its normal."""
     j = (e // LANES) * (DISC_FIELDS * LANES) + e % LANES
     data = blocks.data
     centre = data[j], data[j + LANES], data[j + 2 * LANES]
@@ -230,16 +230,16 @@ def _meets(e, mine, k, centre, r2, lines):
 
 @inlined
 def accepts(discs, i, centre, normal, lines, k):
-    """Return whether receiver i at `centre` accepts the crossing of line k that discs_crossed() found.
+    """Return whether receiver i at `centre` accepts the intersection of line k that discs_crossed() found.
 
     - A segment that starts or ends on the receiver's own patch within 2r of it counts only for its
       side there. On a convex surface the disc floats in front, and light that leaves the front
       crosses it from behind. (On a sphere such a start is within 2r, exactly.)
     - Behind its hit a segment counts for at most 2r, only on the patch of the hit and within 2r of it:
       a concave surface rises through its own tangent disc (report 1.2.1).
-    - The crossing must lie in the reachable region of the disc.
+    - The intersection must lie in the reachable region of the disc.
 
-    Without branches until the last rule: two in five crossings of a tree's leaves fail the first, and
+    Without branches until the last rule: two in five intersections with a tree's leaves fail the first, and
     branch mispredictions took more than half of the time (124 to 50 ns).
     """
     r2, mine, patches = discs.radius * discs.radius, discs.own[i], lines.patches

@@ -1,7 +1,7 @@
 """Pre-intersection tests (report 2.8): a line outside a triangle around the disc cannot cross the disc.
 
 The triangle is equilateral and touches a disc a little larger than the receiver's. Each test accepts a superset
-of predicate.py's crossings: it rejects only beyond any rounding error. The disc test decides the rest. The
+of predicate.py's intersections: it rejects only beyond any rounding error. The disc test decides the rest. The
 tests are vectorised like the disc test, which is skipped for blocks with all lines outside. No line crosses
 a filler, or a disc in its own plane (slope 0).
 """

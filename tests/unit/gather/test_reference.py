@@ -10,8 +10,8 @@ import pytest
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.surfaces import flatten
-from gi_core.lights.light_sampling import small_lights
-from gi_core.lights.next_event import small_light_at
+from gi_core.lights.light_sampling import delta_lights
+from gi_core.lights.next_event import delta_light_at
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import DirectionalLight, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
@@ -60,7 +60,7 @@ def test_directional_light_and_its_shadow():
     assert E[:, 1] == pytest.approx([lit, 0, 0, lit], rel=LIFT)
 
 
-def test_several_small_lights_add_up():
+def test_several_delta_lights_add_up():
     lights = (
         PointLight("a", (0.3, 0.1, 0.7), (1.0, 0.0, 0.2)),
         PointLight("b", (-0.4, 0.2, 0.5), (0.1, 2.0, 0.3)),
@@ -75,9 +75,9 @@ def test_several_small_lights_add_up():
 
 def test_spot_falloff():
     scene = build.plane_scene(SpotLight("s", (0, 0, 1), (0, 0, -1), (1.0,) * 3, 15.0, 50.0))
-    lights = small_lights(scene)
+    lights = delta_lights(scene)
     for x in np.linspace(0, 1.5, 20):
-        s, *_ = small_light_at(lights.kind[0], lights.parameters[0], (x, 0.0, 0.0), (0.0, 0.0, 1.0), 9.0)
+        s, *_ = delta_light_at(lights.kind[0], lights.parameters[0], (x, 0.0, 0.0), (0.0, 0.0, 1.0), 9.0)
         inner, outer = (math.cos(math.radians(a)) for a in (15, 50))
         assert s == pytest.approx(closed_form.spot_over_plane(1.0, 1.0, x, inner, outer), abs=1e-12)
 

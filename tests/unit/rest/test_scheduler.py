@@ -84,7 +84,7 @@ JOBS = {
     "gathering the light at these poses": "app.rest.pose_job.PoseGathering._step",
     "timing frames": "app.rest.live_error.LiveError._measure",
     "computing impact count": "app.rest.comparison.ComparisonJob.step",
-    "gathering the reference": "app.rest.reference_job.Truth.step",
+    "gathering the reference": "app.rest.reference_job.ReferenceJob.step",
 }
 
 

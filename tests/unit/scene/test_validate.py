@@ -10,7 +10,7 @@ import pytest
 
 from gi_core.geometry.surfaces import flatten
 from gi_core.lights.emission import build_emitters
-from gi_core.lights.light_sampling import small_lights
+from gi_core.lights.light_sampling import delta_lights
 from gi_core.scene import SceneError
 from gi_core.scene.types import DirectionalLight, PointLight, SkyLight, SpotLight
 from gi_core.scene.validate import check_scene
@@ -121,6 +121,6 @@ def test_an_unknown_kind_of_light_is_refused():
         check_scene(with_light(Beam()))
     surfaces, _ = flatten(with_light(Beam()))
     with pytest.raises(AssertionError, match="unreachable"):
-        small_lights(with_light(Beam()))
+        delta_lights(with_light(Beam()))
     with pytest.raises(AssertionError, match="unreachable"):
         build_emitters(with_light(Beam()), surfaces, np.zeros(3), 1.0)
