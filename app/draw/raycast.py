@@ -107,11 +107,11 @@ def picture(
     world = place(meshes, at)
     weights = [None] * len(meshes) if weights is None else weights
     front, back = (
-        np.concatenate([_weighted(c[side], w, side) for c, w in zip(colours, weights, strict=True)]) for side in (0, 1)
+        np.concatenate([weighted(c[side], w, side) for c, w in zip(colours, weights, strict=True)]) for side in (0, 1)
     )
     out = np.empty((height, width, 3), np.uint8)
     rows = max(1, RAYS_PER_BATCH // (width * len(PIXEL_OFFSETS)))
-    steps = _pixel_steps(camera, width, height) if textured and world.textures else None
+    steps = pixel_steps(camera, width, height) if textured and world.textures else None
     for top in range(0, height, rows):
         progress(top / height)
         bottom = min(top + rows, height)
@@ -124,7 +124,7 @@ def picture(
     return out
 
 
-def _weighted(colours: np.ndarray, weights: np.ndarray | None, side: int) -> np.ndarray:
+def weighted(colours: np.ndarray, weights: np.ndarray | None, side: int) -> np.ndarray:
     """Return colours times their weights, and the weights. (D, 4) float32."""
     w = np.ones(len(colours), np.float32) if weights is None else weights[:, side]
     return np.c_[colours * w[:, None], w].astype(np.float32)
@@ -161,7 +161,7 @@ def _visible_faces(accelerator, at, world: PictureScene, origins, directions, cu
         seen = ~hidden
         rows = going[seen]
         face[rows] = hit[seen]
-        u[rows], v[rows] = _barycentrics(world.corners[hit[seen]], o[seen], d[seen])
+        u[rows], v[rows] = barycentrics(world.corners[hit[seen]], o[seen], d[seen])
         if not hidden.any():
             break
         # Continue behind culled faces and through holes.
@@ -178,13 +178,13 @@ def _cut_away(world: PictureScene, hit: np.ndarray, o: np.ndarray, d: np.ndarray
         rows = np.flatnonzero(world.texture[hit] == t) if texture.cover is not None else ()
         if len(rows):
             f = hit[rows]
-            u, v = (w.astype(np.float64)[:, None] for w in _barycentrics(world.corners[f], o[rows], d[rows]))
+            u, v = (w.astype(np.float64)[:, None] for w in barycentrics(world.corners[f], o[rows], d[rows]))
             uv = world.uv[f].astype(np.float64)
             away[rows] = ~covered(texture, (1 - u - v) * uv[:, 0] + u * uv[:, 1] + v * uv[:, 2])
     return away
 
 
-def _barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return barycentric weights of corners 1 and 2 at a ray's hit, clamped to the triangle."""
     e1, e2, s = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], o - corners[:, 0]
     h, q = np.cross(d, e2), np.cross(s, e1)
@@ -201,19 +201,32 @@ def _shade(world: PictureScene, front, back, face, u, v, directions, exposure, t
     hit = np.flatnonzero(face >= 0)
     if not len(hit):
         return out
-    f, u, v = face[hit], u[hit][:, None], v[hit][:, None]
-    facing = (world.normals[f] * directions[hit]).sum(axis=1) < 0  # gl_FrontFacing
-    a, b, c = (np.where(facing[:, None], front[k], back[k]) for k in world.draw[f].T)
-    radiance = (1 - u - v) * a + u * b + v * c
-    radiance = radiance[:, :3] / radiance[:, 3:]
-    if steps is not None:
-        _colour(world, radiance, f, u, v, facing, eye, directions[hit], steps)
+    rays = world, front, back, face[hit], u[hit], v[hit], directions[hit], steps, eye
+    radiance, facing = seen_radiance(*rays)
     out[hit] = to_display(radiance, exposure, tone_map)
-    out[hit[~facing & world.one_sided[f]]] = np.round(np.array(UNLIT) * 255)
+    out[hit[~facing & world.one_sided[face[hit]]]] = np.round(np.array(UNLIT) * 255)
     return out
 
 
-def _pixel_steps(camera: Turntable, width: int, height: int) -> np.ndarray:
+def seen_radiance(
+    world: PictureScene, front, back, face, u, v, directions, steps, eye
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return radiance (n, 3) of hits on faces (n,) at barycentric weights u, v (n,), and whether fronts are seen (n,).
+
+    front, back (D, 4): colours of `weighted`; directions (n, 3) of the rays from eye (3,); steps: of `pixel_steps`, or
+    None to leave textures out.
+    """
+    u, v = u[:, None], v[:, None]
+    facing = (world.normals[face] * directions).sum(axis=1) < 0  # gl_FrontFacing
+    a, b, c = (np.where(facing[:, None], front[k], back[k]) for k in world.draw[face].T)
+    radiance = (1 - u - v) * a + u * b + v * c
+    radiance = radiance[:, :3] / radiance[:, 3:]
+    if steps is not None:
+        _colour(world, radiance, face, u, v, facing, eye, directions, steps)
+    return radiance, facing
+
+
+def pixel_steps(camera: Turntable, width: int, height: int) -> np.ndarray:
     """Return (3, 3) float64: offsets at unit depth for one pixel right and one pixel down, and the view direction."""
     right, upward, forward = camera.basis()
     step = 2 * np.tan(camera.fov / 2) / height  # pixels are square

@@ -25,6 +25,9 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
         return
     corner = x + em, y + h - 2.6 * em
     _draw_shown(viewport.shown, viewport.wipe, (x, y, w, h), em)
+    readout = viewport.readout()
+    if readout:
+        label.write(readout, corner[0], corner[1] - 2 * em)
     hint = viewport.hint()
     if hint:
         label.write(hint, *corner)

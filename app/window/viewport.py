@@ -10,12 +10,14 @@ from imgui_bundle import imgui
 
 from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
 from app.draw.picking import Hit
+from app.draw.readout import Reading, read
 from app.draw.renderer import Look, Renderer
 from app.session.picture import Picture
 from app.session.session import Session
 from app.window import drag
 from app.window.view_content import Shown
 from app.window.wipe import Wipe
+from gi_core.display.dilation import Drawn
 
 FLIGHT_SECONDS = 0.35  # of a camera animation
 THRESHOLD_PIXELS = 2.0  # shorter motions are a click
@@ -33,6 +35,7 @@ class Viewport:
         self.bounds: Bounds | None = None  # of everything
         self.room: Bounds | None = None  # limits of drags
         self.hover: Hit | None = None  # mobile under the cursor
+        self.reading: Reading | None = None  # light under the cursor
         self.grab: drag.Grab | None = None
         self.wipe = Wipe()
         self.shown: Shown | None = None  # content of the colour buffers
@@ -47,7 +50,9 @@ class Viewport:
         """Show a ready session through the scene's camera; `keep_view`: through the user's, if it was moved."""
         stays = keep_view and self.camera != self.home
         self.session = session
-        self.hover = self.grab = self._steering = self._flight = self.shown = self._asked = self._drawn = None
+        self.hover = self.reading = self.grab = self._steering = self._flight = self.shown = self._asked = (
+            self._drawn
+        ) = None
         self.bounds = scene_bounds(session.model, session.poses)
         self.room = drag.room_for(self.bounds, session.scene.up)
         lit = Bounds(tuple(session.chosen.low), tuple(session.chosen.high))
@@ -85,7 +90,7 @@ class Viewport:
         hovered = imgui.is_window_hovered() and self._inside(io.mouse_pos)
         self._fly(seconds)
         if self._may_wipe and self.wipe.handle(io, self.origin[0], self.size[0], hovered):
-            self.hover = None
+            self._leave()
         elif self.grab is not None:
             self._continue_drag(io)
         elif self._steering is not None:
@@ -94,7 +99,7 @@ class Viewport:
             self._update_hover(io)
             self._press(io)
         else:
-            self.hover = None
+            self._leave()
         if hovered and io.mouse_wheel:
             self._flight = None
             self.camera = self.camera.dolly(io.mouse_wheel)
@@ -180,12 +185,26 @@ class Viewport:
     # Picking ----------------------------------------------------------------------------------------
 
     def _update_hover(self, io) -> None:
-        asked = (tuple(io.mouse_pos), self.camera, self.session.version, self.session.settings.cull)
+        asked = (tuple(io.mouse_pos), self.camera, self.session.version, self.session.settings.cull, self.shown is None)
         if asked == self._asked:
             return
         self._asked = asked
         hit = self._pick(io)
         self.hover = hit if hit is not None and hit.object > 0 else None
+        self.reading = None if hit is None or self.shown is None else self._read(hit, io)
+
+    def _read(self, hit: Hit, io) -> Reading:
+        """Return the light of the picture at a hit under the cursor."""
+        (u, v), s, sides = self._uv(io.mouse_pos), self.session, self.shown.sides
+        side = sides[-1 if u > self.wipe.at else 0]
+        _, direction = self.camera.ray(u, v, self.aspect)
+        height = round(self.size[1] * io.display_framebuffer_scale.y)
+        drawn, mesh = Drawn(side.irradiance, side.weights), s.meshes[hit.object]
+        return read(hit, direction, self.camera, height, s.scene, s.model, s.light.snapshot.poses, mesh, drawn)
+
+    def _leave(self) -> None:
+        """Forget the point under the cursor."""
+        self.hover = self.reading = self._asked = None
 
     def _pick(self, io) -> Hit | None:
         origin, direction = self.camera.ray(*self._uv(io.mouse_pos), self.aspect)
@@ -248,6 +267,11 @@ class Viewport:
             imgui.set_mouse_cursor(C.resize_all)
         elif hovered and self.hover is not None:
             imgui.set_mouse_cursor(_CURSORS[drag.mode_of(io.key_shift, io.key_alt, io.key_ctrl)])
+
+    def readout(self) -> str:
+        """Return one line about the light under the cursor; "" without a surface there and while the mouse drags."""
+        dragging = self.grab is not None or self._steering is not None
+        return "" if dragging or self.reading is None else self.reading.text()
 
     def hint(self) -> str:
         """Return one line about the current drag, or a drag of the hovered mobile; "" for neither."""

@@ -1,0 +1,101 @@
+"""The light under the cursor, in the window."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from gi_core.scene import Camera, Material, Mobile, PointLight, Pose, Scene
+from tests.support import closed_form
+from tests.support import viewer_support as support
+from tests.support.scene_builders import merge, quad
+from tests.support.viewer_hand import errors
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+
+INTENSITY, HEIGHT = 500.0, 2.0  # [cd], [m]
+
+
+def lamp_over_floor() -> Scene:
+    """A floor of 4 m under a point lamp, in photometric units, and a tile on it, out of the way."""
+    lamp = PointLight("lamp", (0, 0, HEIGHT), (4 * math.pi * INTENSITY,) * 3)
+    tile = Mobile("tile", quad((-0.2, -0.2, 0), (0.4, 0, 0), (0, 0.4, 0), (2, 2), 1), Pose((1.4, 1.2, 0.01)))
+    rim = quad((-2, 1.9, 0), (0.1, 0, 0), (0, 0, 0.1), material=1)  # a bounce, so that gathered light has some noise
+    return Scene(
+        merge(quad((-2, -2, 0), (4, 0, 0), (0, 4, 0), (40, 40)), rim),
+        (Material("oak", (0.5,) * 3), Material("slate", (0.2,) * 3)),
+        (tile,),
+        (lamp,),
+        camera=Camera((0.3, -2.5, 3.0), (0, 0, 0), 60.0),
+        up=(0.0, 0.0, 1.0),
+        units="photometric",
+        name="lamp over a floor",
+    )
+
+
+def test_illuminance_under_the_cursor_is_the_closed_form(play, monkeypatch):
+    """Gathered direct light is exact at vertices. One ray per new place, none while the mouse rests."""
+    from app.draw.picking import Picker
+    from app.window import label
+
+    written, write, rays, pick = [], label.write, [], Picker.pick
+    monkeypatch.setattr(label, "write", lambda text, *a, **k: (written.append(text), write(text, *a, **k)))
+    monkeypatch.setattr(Picker, "pick", lambda *given: (rays.append(1), pick(*given))[1])
+
+    def script(hand, viewer):
+        viewport = viewer.viewport
+        hand.wait_for_light()
+        hand.wait(lambda: viewer.session.light.all_done)
+        for x, y in ((0.0, 0.0), (0.33, -0.21), (-0.9, 0.62)):
+            hand.move(hand.at((x, y, 0.0)))
+            E = closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(x, y))
+            reading = viewport.reading
+            assert reading.irradiance == pytest.approx(E, rel=0.02)
+            assert reading.radiance == pytest.approx(0.5 * reading.irradiance / math.pi, rel=1e-5)
+        written.clear()
+        rays.clear()
+        hand.ctx.yield_(10)
+        assert not rays, "the mouse rests"
+        assert written.count(viewport.reading.text()) >= 10
+        assert " lx  ·  luminance " in viewport.reading.text() and viewport.reading.text().endswith("static part, oak")
+
+        tile = hand.at((1.4, 1.2, 0.01))
+        size = viewport.size
+        hand.move(tile)
+        assert (viewport.reading.object, viewport.reading.material) == ("tile", "slate")
+        hand.ctx.mouse_down(0)
+        hand.move((tile[0] - 30, tile[1]))
+        assert viewport.grab is not None and viewport.readout() == ""
+        hand.ctx.mouse_up(0)
+        hand.ctx.yield_(3)
+        assert viewport.readout() and viewport.size == size
+        hand.move((viewport.origin[0] + 3, viewport.origin[1] + 3))
+        assert viewport.reading is None, "no surface"
+
+    settings = replace(support.SETTINGS, light="best")
+    assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
+
+
+def test_each_side_of_a_wipe_reads_its_own_light(play):
+    def script(hand, viewer):
+        viewport = viewer.viewport
+        hand.wait_for_light()
+        hand.ctx.set_ref("Panel")
+        hand.ctx.combo_click("##Compare with/Photon map")
+        hand.wait(lambda: len(viewport.shown.sides) == 2)
+        sides = viewport.shown.sides
+        for side, x in zip(sides, (-0.3, 0.3), strict=True):
+            at = hand.at((x, 0.0, 0.0))
+            assert (at[0] - viewport.origin[0]) / viewport.size[0] == pytest.approx(0.5, abs=0.4)
+            hand.move(at)
+            light = viewport.reading.irradiance
+            viewport.shown = viewport.shown._replace(sides=(side._replace(irradiance=2 * side.irradiance),) * 2)
+            hand.move((at[0] + 1, at[1]))
+            hand.move(at)
+            assert viewport.reading.irradiance == pytest.approx(2 * light, rel=1e-6)
+            viewport.shown = viewport.shown._replace(sides=sides)
+
+    assert errors(play(script, replace(support.SETTINGS), support.opening(lamp_over_floor()))) == []
