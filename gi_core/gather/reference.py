@@ -106,13 +106,15 @@ class Rounds:
         weights: np.ndarray | None,
         state: ReferenceState,
         rounds: int = ROUNDS,
+        smoothed: Callable[[np.ndarray], np.ndarray] = np.asarray,
     ):
         """paths(rows, first, count, m, stream): estimates (rows, count, channels), see `Gatherer.paths`.
 
-        pilot(estimates): luminance (rows, count) whose deviation distributes the paths; weights, rounds: see
-        ReferenceRounds.
+        pilot(estimates): luminance (rows, count) whose deviation distributes the paths; smoothed(pilots (n, 2)): pilots
+        that distribute them; weights, rounds: see ReferenceRounds.
         """
-        self._paths, self._pilot, self._weights, self._rounds, self.state = paths, pilot, weights, rounds, state
+        self._paths, self._pilot, self._smoothed = paths, pilot, smoothed
+        self._weights, self._rounds, self.state = weights, rounds, state
 
     def step(self, paths: int = PATHS_PER_STEP, end: int | None = None) -> None:
         """Trace about `paths` paths of the pilot or of one round; end: of several rounds at once, up to that one."""
@@ -125,7 +127,8 @@ class Rounds:
             s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
             return
         if s.log2_set.min() < 0:
-            s.log2_set[:] = EVEN_SET if self._weights is None else set_sizes(s.pilot, self._weights, self._rounds)
+            w, rounds = self._weights, self._rounds
+            s.log2_set[:] = EVEN_SET if w is None else set_sizes(self._smoothed(s.pilot), w, rounds)
         now = s.rounds
         sets = 1 if end is None else min(end - now, max(1, paths // int((1 << s.log2_set.astype(np.int64)).sum())))
         due = np.flatnonzero(s.sets == now)
