@@ -20,7 +20,8 @@ SOLVER_SETTINGS = (
 LIGHTS = ("best", "photons")  # those of gi_core.frames.light_source
 REFERENCE = "reference"  # beside estimators, a choice of the wipe
 TONE_MAPS = ("aces", "reinhard", "clip")
-SHOWS = ("radiance", "irradiance")
+ILLUMINANCE = "illuminance"
+SHOWS = ("radiance", "irradiance", ILLUMINANCE)
 ERRORS = "error"  # one more in the window: needs the reference, see app/rest/live_error.py
 SIZE = (1280, 800)
 BUDGET = 16.0  # [ms]: 60 frames per second
@@ -59,7 +60,8 @@ class Settings:
     size: tuple[int, int] = SIZE  # pixels
     exposure: float | None = None  # [EV]; None: metered once
     tone_map: str = "aces"  # one of TONE_MAPS
-    show: str = "radiance"  # one of SHOWS: with reflectance, or E / pi alone; in the window ERRORS too
+    show: str = "radiance"  # one of SHOWS: with reflectance, E / pi alone, false colours; in the window ERRORS too
+    illuminance_range: tuple[float, float] | None = None  # of the false colours [lx or W/m2]; None: of the view
     cull: bool = True  # the backs of one-sided faces are not drawn: rooms can be seen from outside
 
     # Window

@@ -3,7 +3,9 @@
 // app/draw/tonemap.py does the same arithmetic for pictures without a window.
 
 uniform float exposure;  // factor: 2^EV
-uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours
+uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours, 4 false colours
+uniform vec3 scale;      // of false colours: low, high, 1 if logarithmic
+uniform vec3 map[33];    // display colours from low to high
 uniform vec3 unlit;      // display colour of a side that has no light by definition
 
 centroid in vec4 front_radiance;  // times its weight; weight
@@ -28,6 +30,14 @@ vec3 srgb(vec3 c) {
     return mix(1.055 * pow(max(c, 0.0031308), vec3(1.0 / 2.4)) - 0.055, 12.92 * c, vec3(lessThanEqual(c, vec3(0.0031308))));
 }
 
+vec3 false_colour(vec3 radiance) {
+    float E = 3.14159265 * dot(radiance, vec3(0.2126, 0.7152, 0.0722));
+    float ratio = scale.z > 0.5 ? log(max(E, 1e-30) / scale.x) / log(scale.y / scale.x) : (E - scale.x) / (scale.y - scale.x);
+    float at = 32.0 * clamp(ratio, 0.0, 1.0);
+    int k = min(int(at), 31);
+    return mix(map[k], map[k + 1], at - float(k));
+}
+
 void main() {
     vec4 seen = gl_FrontFacing ? front_radiance : back_radiance;
     vec3 radiance = seen.rgb / seen.a;
@@ -44,6 +54,8 @@ void main() {
         colour = vec4(unlit, 1.0);
     } else if (tone_map == 3) {
         colour = vec4(radiance, 1.0);
+    } else if (tone_map == 4) {
+        colour = vec4(false_colour(radiance), 1.0);
     } else {
         colour = vec4(srgb(tone_mapped(max(radiance, 0.0) * exposure)), 1.0);
     }

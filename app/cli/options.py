@@ -44,7 +44,11 @@ PICTURE = {
     "exposure": {"type": values.exposure, "metavar": "EV",
                  "help": "stops; +1 doubles the brightness (the scene's, else metered)"},
     "tone_map": {"choices": TONE_MAPS, "default": Settings.tone_map, "help": f"({Settings.tone_map})"},
-    "show": {"choices": SHOWS, "default": Settings.show, "help": f"with reflectance, or without ({Settings.show})"},
+    "show": {"choices": SHOWS, "default": Settings.show,
+             "help": f"with reflectance, without, or false colours of irradiance with a legend ({Settings.show})"},
+    "illuminance_range": {"type": values.value_range, "metavar": "LOW,HIGH",
+                          "help": "ends of the false colours [lx or W/m2]; a logarithmic scale if HIGH is 30 LOW or"
+                                  " more (that of the view)"},
     "cull": {"action": "store_false", "help": "draw the backs of one-sided faces too, dark grey"},
 }  # fmt: skip
 FLAGS = {"mobiles": "mobile", "poses": "pose"}  # options whose name differs from their field of Settings

@@ -67,6 +67,13 @@ def size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
+def value_range(text: str) -> tuple[float, float]:
+    low, comma, high = text.partition(",")
+    values = (finite(low), finite(high)) if comma else (0.0, 0.0)
+    _require(0 <= values[0] < values[1], "LOW,HIGH with 0 <= LOW < HIGH", text)
+    return values
+
+
 def pose(text: str) -> tuple[str, tuple[float, ...]]:
     name, equals, numbers = text.rpartition("=")
     try:

@@ -1,7 +1,7 @@
-"""A diverging colour map: blue below zero, light grey at zero, red above.
+"""Colour maps of lines in Oklab (Ottosson 2020), a perceptually uniform space.
 
-Each arm is a straight line in Oklab (Ottosson 2020), a perceptually uniform space. Both ends are equally dark, so
-neither sign looks worse; colour-blind readers can distinguish blue and red.
+Errors have a diverging map: blue below zero, light grey at zero, red above. Both ends are equally dark, so neither sign
+looks worse; colour-blind readers can distinguish blue and red. Irradiance has a sequential one, ever lighter.
 """
 
 from __future__ import annotations
@@ -13,6 +13,16 @@ import numpy as np
 ZERO = (0.93, 0.0, 0.0)  # Oklab L, a, b
 BELOW = (0.44, -0.028, -0.165)  # at -1
 ABOVE = (0.44, 0.155, 0.075)  # at +1
+VIRIDIS = np.array(  # Oklab of five colours of viridis (Smith and van der Walt 2015): violet, blue, teal, green, yellow
+    [
+        [0.285, 0.102, -0.091],
+        [0.448, -0.007, -0.098],
+        [0.597, -0.094, -0.017],
+        [0.749, -0.141, 0.101],
+        [0.918, -0.039, 0.182],
+    ]
+)
+SEQUENTIAL_STEPS = 32  # of the table, whose colours are interpolated as display values
 UNKNOWN = (0.24, 0.245, 0.255)  # display colour of nan, darker than the map
 
 _CUBE_ROOTS = np.array(
@@ -41,6 +51,21 @@ def from_oklab(lab: np.ndarray) -> np.ndarray:
     """Return display colours (n, 3) in 0 .. 1 of Oklab colours (n, 3)."""
     linear = np.clip((lab @ _CUBE_ROOTS.T) ** 3 @ _LINEAR.T, 0, 1)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def sequential_colours(t: np.ndarray) -> np.ndarray:
+    """Return display colours (n, 3) in 0 .. 1 of positions (n,) in 0 .. 1 on a scale, as surface.frag does."""
+    places = np.linspace(0, 1, SEQUENTIAL_STEPS + 1)
+    return np.stack([np.interp(t, places, SEQUENTIAL[:, k]) for k in range(3)], axis=1)
+
+
+def _sequential() -> np.ndarray:
+    """Return the table (SEQUENTIAL_STEPS + 1, 3) of display colours."""
+    places, stops = np.linspace(0, 1, SEQUENTIAL_STEPS + 1), np.linspace(0, 1, len(VIRIDIS))
+    return from_oklab(np.stack([np.interp(places, stops, VIRIDIS[:, k]) for k in range(3)], axis=1))
+
+
+SEQUENTIAL = _sequential()
 
 
 def round_scale(values: np.ndarray, weights: np.ndarray, share: float = 0.95) -> float:

@@ -6,15 +6,19 @@ renderer, so the two pictures differ only along edges.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from app.draw.camera import Turntable
+from app.draw.false_colour import Scale, false_colours
 from app.draw.tonemap import to_display
-from app.draw.vertex_colours import DrawMesh
+from app.draw.vertex_colours import DrawMesh, colours, weights
+from gi_core.display.dilation import Drawn
 from gi_core.geometry.cutouts import covered
+from gi_core.geometry.error import luminance
 from gi_core.geometry.texture_filter import lookup
 from gi_core.geometry.texture_footprint import footprints
 from gi_core.rays.accelerator import Accelerator, Transforms, nearest_in_world
@@ -25,6 +29,7 @@ UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face without culling
 # Offsets of a pixel's rays: a rotated grid, so that edges near the axes get all four levels.
 PIXEL_OFFSETS = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
 RAYS_PER_BATCH = 1 << 17  # enough for Embree, small enough for the cache
+GRID_ROWS = 32  # of rays that measure what is visible, times the samples of a pixel
 MAX_CULLED = 64  # culled faces along a ray
 CULLED_OFFSET = 4e-6  # of the scene size and the distance: step beyond a culled face (float32: 6e-8)
 
@@ -96,12 +101,13 @@ def picture(
     progress: Callable[[float], None] = lambda fraction: None,
     textured: bool = True,
     weights: Sequence[np.ndarray | None] | None = None,
+    scale: Scale | None = None,
 ) -> np.ndarray:
     """Return the picture (height, width, 3) uint8.
 
     `colours` has linear radiance of front and back (D, 3) per object; `size` is (width, height) pixels.
     `textured`: multiply by textures; `weights` has the interpolation weights of front and back (D, 2) per object,
-    None for all 1.
+    None for all 1; `scale`: false colours in place of the tone map, of `colours` E / pi.
     """
     width, height = size
     world = place(meshes, at)
@@ -117,11 +123,34 @@ def picture(
         bottom = min(top + rows, height)
         origins, directions = _rays(camera, width, height, top, bottom)
         face, u, v = _visible_faces(accelerator, at, world, origins, directions, cull)
-        display = _shade(world, front, back, face, u, v, directions, exposure, tone_map, steps, origins[0])
+        display = _shade(world, front, back, face, u, v, directions, exposure, tone_map, steps, origins[0], scale)
         # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
         mean = display.reshape(bottom - top, width, len(PIXEL_OFFSETS), 3).mean(axis=2, dtype=np.float32)
         out[top:bottom] = np.round(mean)
     return out
+
+
+def visible_irradiance(
+    accelerator: Accelerator,
+    at: Transforms,
+    meshes: Sequence[DrawMesh],
+    drawn: Drawn,
+    camera: Turntable,
+    aspect: float,
+    cull: bool = True,
+) -> np.ndarray:
+    """Return the irradiance (n,) of the surface at a grid of rays over the picture, as luminance of RGB [W/m2].
+
+    drawn: irradiance (R, 3) [W/m2] and weights of the picture; aspect: its width over its height.
+    """
+    world = place(meshes, at)
+    pairs = [(colours(mesh, drawn.irradiance, False), weights(mesh, drawn.weights)) for mesh in meshes]
+    front, back = (np.concatenate([weighted(c[side], w, side) for c, w in pairs]) for side in (0, 1))
+    origins, directions = _rays(camera, max(round(aspect * GRID_ROWS), 1), GRID_ROWS, 0, GRID_ROWS)
+    face, u, v = _visible_faces(accelerator, at, world, origins, directions, cull)
+    hit = np.flatnonzero(face >= 0)
+    radiance, facing = seen_radiance(world, front, back, face[hit], u[hit], v[hit], directions[hit], None, origins[0])
+    return math.pi * luminance(radiance[facing | ~world.one_sided[face[hit]]])
 
 
 def weighted(colours: np.ndarray, weights: np.ndarray | None, side: int) -> np.ndarray:
@@ -194,7 +223,9 @@ def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.
     return u, np.clip((d * q).sum(axis=1) * inverse, 0, 1 - u)
 
 
-def _shade(world: PictureScene, front, back, face, u, v, directions, exposure, tone_map, steps, eye) -> np.ndarray:
+def _shade(
+    world: PictureScene, front, back, face, u, v, directions, exposure, tone_map, steps, eye, scale
+) -> np.ndarray:
     """Return display values (n, 3) uint8."""
     out = np.empty((len(face), 3), np.uint8)
     out[:] = np.round(np.array(BACKGROUND) * 255)
@@ -203,7 +234,7 @@ def _shade(world: PictureScene, front, back, face, u, v, directions, exposure, t
         return out
     rays = world, front, back, face[hit], u[hit], v[hit], directions[hit], steps, eye
     radiance, facing = seen_radiance(*rays)
-    out[hit] = to_display(radiance, exposure, tone_map)
+    out[hit] = to_display(radiance, exposure, tone_map) if scale is None else false_colours(radiance, scale)
     out[hit[~facing & world.one_sided[face[hit]]]] = np.round(np.array(UNLIT) * 255)
     return out
 

@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
+from app.draw.colour_map import SEQUENTIAL
 from app.draw.gl_objects import DrawnObject
 from app.draw.gl_textures import GLTextures
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 
 if TYPE_CHECKING:
+    from app.draw.false_colour import Scale
     from app.draw.vertex_colours import DrawMesh
     from gi_core.scene.types import Texture
 
@@ -26,6 +28,7 @@ UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
 TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
 AS_IS = 3  # there: display colours
+FALSE_COLOURS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +44,7 @@ class Look:
     outline_width: float = 2.0  # pixels
     textured: bool = True  # multiply colours by textures
     as_is: bool = False  # colours are display colours: no exposure, no tone map
+    scale: Scale | None = None  # of false colours, in place of the tone map; colours are E / pi
     split: float | None = None  # of the width; the second layer of colours is right of it
 
 
@@ -114,7 +118,11 @@ class Renderer:
         ctx.cull_face = "back"
         for program in (self._surface, self._textured, self._cut_out):
             program["exposure"] = 2.0**look.exposure
-            program["tone_map"] = AS_IS if look.as_is else TONE_MAP_CODES[look.tone_map]
+            program["tone_map"] = (
+                AS_IS if look.as_is else FALSE_COLOURS if look.scale else TONE_MAP_CODES[look.tone_map]
+            )
+            program["map"].write(SEQUENTIAL.astype(np.float32).tobytes())
+            program["scale"] = look.scale or (0.0, 1.0, 0.0)
             program["unlit"] = UNLIT
         for program in (self._textured, self._cut_out):
             program["image"] = 0

@@ -8,9 +8,12 @@ import numpy as np
 
 from app.draw import raycast
 from app.draw.camera import Bounds, Turntable, from_camera
+from app.draw.false_colour import Scale, automatic_scale, fixed_scale
+from app.draw.legend import with_legend
 from app.draw.metering import metered
+from app.draw.units import units_of
 from app.draw.vertex_colours import colours, draw_meshes, weights
-from app.settings import Settings
+from app.settings import ILLUMINANCE, Settings
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
@@ -23,6 +26,7 @@ class Shot:
         self.solver, self.settings = solver, settings
         self.meshes = draw_meshes(solver.surfaces)
         self.camera = home_camera(solver)
+        self.scale: Scale | None = None  # of false colours
         self.exposure = settings.exposure
         if self.exposure is None:
             self.exposure = solver.scene.defaults.exposure
@@ -37,11 +41,13 @@ class Shot:
         return weights(self.meshes[o], self.solver.drawn(self.solver.irradiance).weights)
 
     def take(self, progress=lambda fraction: None) -> np.ndarray:
-        """Return the picture (h, w, 3) uint8; the first one meters the exposure if the settings leave it open."""
+        """Return the picture (h, w, 3) uint8; the first one fixes what the settings leave open."""
         if self.exposure is None:
             self.exposure = self.metered()
+        if self.scale is None:
+            self.scale = self.fitted_scale()
         model, s = self.solver.model, self.settings
-        return raycast.picture(
+        picture = raycast.picture(
             model.accelerator,
             model.transforms(self.solver.poses),
             self.meshes,
@@ -54,6 +60,22 @@ class Shot:
             progress,
             s.show == "radiance",
             [self.weights(o) for o in range(len(self.meshes))],
+            self.scale,
+        )
+        return picture if self.scale is None else with_legend(picture, self.scale, units_of(self.solver.scene.units))
+
+    def fitted_scale(self) -> Scale | None:
+        """Return the scale of false colours that the settings give or that suits the picture; None: other pictures."""
+        s, solver = self.settings, self.solver
+        if s.show != ILLUMINANCE:
+            return None
+        if s.illuminance_range is not None:
+            return fixed_scale(*s.illuminance_range)
+        model, drawn = solver.model, solver.drawn(solver.irradiance)
+        at, camera = model.transforms(solver.poses), self.camera.relative_to(model.origins[0])
+        width, height = s.size
+        return automatic_scale(
+            raycast.visible_irradiance(model.accelerator, at, self.meshes, drawn, camera, width / height, s.cull)
         )
 
     def metered(self) -> float:

@@ -10,7 +10,9 @@ from typing import NamedTuple
 
 from app.cli.version import commit, version
 from app.draw.camera import Turntable
+from app.draw.false_colour import Scale
 from app.draw.shot import Shot
+from app.draw.units import RADIOMETRIC, Units, units_of
 from app.rest.scheduler import RestWork
 from app.session.snapshot import Snapshot, snapshot_of
 from app.settings import REFERENCE, Settings
@@ -23,6 +25,8 @@ class Picture(NamedTuple):
     camera: Turntable
     light: int = 0  # version of the light, see Session.version
     split: float | None = None  # of the width; the comparison is right of it
+    scale: Scale | None = None  # of false colours
+    units: Units = RADIOMETRIC
 
     def metadata(self, snapshot: Snapshot) -> dict[str, str]:
         """Return the parameters as text entries, for a picture of the light in a snapshot.
@@ -51,6 +55,7 @@ class Picture(NamedTuple):
             "exposure": f"{s.exposure:.4f} EV",
             "tone_map": s.tone_map,
             "show": s.show,
+            "false_colours": "-" if self.scale is None else self.scale.text(self.units),
             "cull": s.cull,
             "light_shown": REFERENCE if s.reference and rest.reference else "estimate",
             "wipe": right,
@@ -63,7 +68,12 @@ class Picture(NamedTuple):
 
 def metadata_of(shot: Shot) -> dict[str, str]:
     """Return the parameters of a ray-cast picture as text entries."""
-    picture = Picture(replace(shot.settings, exposure=shot.exposure), shot.camera)
+    picture = Picture(
+        replace(shot.settings, exposure=shot.exposure),
+        shot.camera,
+        scale=shot.scale,
+        units=units_of(shot.solver.scene.units),
+    )
     return picture.metadata(snapshot_of(shot.solver, RestWork(shot.solver, time.perf_counter)))
 
 

@@ -1,13 +1,16 @@
-"""The legend of the error map: colour scale, ticks, units."""
+"""Legends of the error map and of false colours: colour scale, ticks, units."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from imgui_bundle import imgui
 
-from app.draw.colour_map import UNKNOWN, signed_colours
+from app.draw.colour_map import UNKNOWN, sequential_colours, signed_colours
+from app.draw.false_colour import Scale
+from app.draw.units import Units
 from app.window import label, theme
 from app.window.view_content import Errors
 
@@ -17,39 +20,61 @@ NO_DATA = "no reference yet"
 TICKS = (1.0, 0.5, 0.0, -0.5, -1.0)  # of the scale
 
 
-def draw(errors: Errors, right: float, bottom: float) -> None:
+class Legend(NamedTuple):
+    """Content of a legend."""
+
+    lines: list[str]  # caption; the first is the title
+    ticks: list[tuple[float, str]]  # position from 0 (bottom) to 1 (top), label
+    colours: np.ndarray  # (COLOUR_STEPS + 1, 3) display colours from bottom to top
+    unknown: str = ""  # label of the colour for surfaces without a value; "": there are none
+
+
+def of_errors(errors: Errors) -> Legend:
+    """Return the legend of an error map."""
+    ticks = [((1 + tick) / 2, tick_text(tick, errors.scale)) for tick in TICKS]
+    return Legend(texts(errors), ticks, signed_colours(np.linspace(-1, 1, COLOUR_STEPS + 1)), NO_DATA)
+
+
+def of_scale(scale: Scale, units: Units) -> Legend:
+    """Return the legend of false colours."""
+    colours = sequential_colours(np.linspace(0, 1, COLOUR_STEPS + 1))
+    return Legend(scale.title(units), scale.labels, colours)
+
+
+def draw(legend: Legend, right: float, bottom: float) -> None:
     """Draw the legend with its lower right corner at (right, bottom)."""
     em = imgui.get_font_size()
-    lines = texts(errors)
     pad, line = 0.7 * em, 1.25 * em
     beside = (WIDTH_EM + 0.6) * em
-    ticks = [tick_text(tick, errors.scale) for tick in TICKS]
-    widest = max(imgui.calc_text_size(text).x for text in (*ticks, NO_DATA)) + beside
-    width = max(widest, *(imgui.calc_text_size(text).x for text in lines)) + 2 * pad
-    height = HEIGHT_EM * em + (len(lines) + 2.2) * line + 2 * pad
+    swatch_label = [legend.unknown] if legend.unknown else []
+    widest = max(imgui.calc_text_size(text).x for text in (*(t for _, t in legend.ticks), *swatch_label)) + beside
+    width = max(widest, *(imgui.calc_text_size(text).x for text in legend.lines)) + 2 * pad
+    height = HEIGHT_EM * em + (len(legend.lines) + (2.2 if legend.unknown else 1.0)) * line + 2 * pad
     x, y = right - width, bottom - height
     drawing = imgui.get_window_draw_list()
     text, dim = imgui.get_color_u32((*theme.TEXT, 1.0)), imgui.get_color_u32((*theme.DIM, 1.0))
     drawing.add_rect_filled((x, y), (right, bottom), imgui.get_color_u32(label.COLOUR), 0.35 * em)
-    for k, caption in enumerate(lines):
+    for k, caption in enumerate(legend.lines):
         drawing.add_text((x + pad, y + pad + k * line), text if k == 0 else dim, caption)
-    top = y + pad + (len(lines) + 0.5) * line
+    top = y + pad + (len(legend.lines) + 0.5) * line
     left = x + pad
-    colours = signed_colours(np.linspace(1, -1, COLOUR_STEPS + 1))
+    colours = legend.colours[::-1]
     for k in range(COLOUR_STEPS):
         a, b = (imgui.get_color_u32((*map(float, colours[i]), 1.0)) for i in (k, k + 1))
         low, high = (top + HEIGHT_EM * em * i / COLOUR_STEPS for i in (k, k + 1))
         drawing.add_rect_filled_multi_color((left, low), (left + WIDTH_EM * em, high), a, a, b, b)
-    for tick, words in zip(TICKS, ticks, strict=True):
-        at = top + HEIGHT_EM * em * (1 - tick) / 2
+    for position, words in legend.ticks:
+        at = top + HEIGHT_EM * em * (1 - position)
         drawing.add_line((left + WIDTH_EM * em, at), (left + (WIDTH_EM + 0.3) * em, at), dim, 1.0)
         drawing.add_text((left + beside, at - 0.5 * em), text, words)
+    if not legend.unknown:
+        return
     swatch = top + HEIGHT_EM * em + 0.5 * line
     drawing.add_rect_filled(
         (left, swatch), (left + WIDTH_EM * em, swatch + em), imgui.get_color_u32((*UNKNOWN, 1.0)), 0.2 * em
     )
     drawing.add_rect((left, swatch), (left + WIDTH_EM * em, swatch + em), dim, 0.2 * em)
-    drawing.add_text((left + beside, swatch), dim, NO_DATA)
+    drawing.add_text((left + beside, swatch), dim, legend.unknown)
 
 
 def texts(errors: Errors) -> list[str]:

@@ -238,6 +238,7 @@ class Viewer:
         if changed:
             self._upload()
             self._uploaded = session.version
+        self.viewport.rescale(at_rest=not busy)
         samples = 1 if self._software and self._quiet < QUIET_FRAMES else SAMPLES_PER_PIXEL
         self.viewport.draw(self.renderer, samples)
 

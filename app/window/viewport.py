@@ -9,11 +9,15 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
+from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.picking import Hit
+from app.draw.raycast import visible_irradiance
 from app.draw.readout import Reading, read
 from app.draw.renderer import Look, Renderer
+from app.draw.units import units_of
 from app.session.picture import Picture
 from app.session.session import Session
+from app.settings import ILLUMINANCE
 from app.window import drag
 from app.window.view_content import Shown
 from app.window.wipe import Wipe
@@ -39,6 +43,8 @@ class Viewport:
         self.grab: drag.Grab | None = None
         self.wipe = Wipe()
         self.shown: Shown | None = None  # content of the colour buffers
+        self.scale: Scale | None = None  # of false colours
+        self._scaled: tuple | None = None  # arguments of the last scale
         self.size = (1.0, 1.0)  # points
         self.origin = (0.0, 0.0)
         self._steering: tuple[str, int] | None = None  # ("orbit" or "pan", button)
@@ -224,7 +230,27 @@ class Viewport:
     def picture(self) -> Picture:
         """Parameters of the current picture."""
         split = self.wipe.at if self.shown is not None and len(self.shown.sides) == 2 else None
-        return Picture(self.session.settings, self.camera, self.session.version, split)
+        s = self.session
+        scale = self.scale if s.settings.show == ILLUMINANCE else None
+        return Picture(s.settings, self.camera, s.version, split, scale, units_of(s.scene.units))
+
+    def rescale(self, at_rest: bool) -> None:
+        """Fit the scale of false colours to the picture: at rest, so that colours do not flicker in motion."""
+        s, shown = self.session, self.shown
+        if s.settings.show != ILLUMINANCE or shown is None:
+            self.scale = self._scaled = None
+            return
+        asked = s.version, self.camera, self.aspect, s.settings.cull, s.settings.illuminance_range
+        if asked == self._scaled or not (at_rest or self.scale is None):
+            return
+        self._scaled = asked
+        if asked[-1] is not None:
+            self.scale = fixed_scale(*asked[-1])
+            return
+        at, camera = s.model.transforms(s.light.snapshot.poses), self.camera.relative_to(s.model.origins[0])
+        drawn, cull = Drawn(shown.sides[0].irradiance, shown.sides[0].weights), s.settings.cull
+        seen = visible_irradiance(s.model.accelerator, at, s.meshes, drawn, camera, self.aspect, cull)
+        self.scale = automatic_scale(seen)
 
     @property
     def _marked(self) -> int:
@@ -235,7 +261,7 @@ class Viewport:
 
     def look(self, outlined: bool = True) -> Look:
         """Return the current picture for the renderer."""
-        settings, camera, _, split = self.picture
+        settings, camera, _, split, scale, _ = self.picture
         return Look(
             camera.projection(self.aspect) @ camera.relative_to(self.session.model.origins[0]).view(),
             self.session.models(),
@@ -246,6 +272,7 @@ class Viewport:
             OUTLINE_PIXELS * imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y,
             textured=settings.show == "radiance",
             as_is=self.shown is not None and self.shown.errors is not None,
+            scale=scale,
             split=split,
         )
 

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from app.draw import raycast
+from app.draw.colour_map import sequential_colours
+from app.draw.false_colour import Scale
 from app.draw.shot import Shot
 from app.draw.tonemap import to_display
 from app.draw.vertex_colours import colours, draw_meshes
+from app.session.picture import metadata_of
 from app.settings import Settings, make_solver
 from gi_core.geometry.surfaces import flatten
 from gi_core.scene import Camera, Material, Mesh, Mobile, Paint, Pose, Scene, Texture
@@ -100,6 +103,46 @@ def test_front_seen_and_its_colour_exact():
     assert picture[0, 0].tolist() == bytes_of(raycast.BACKGROUND)
 
 
+def test_false_colours_of_a_known_irradiance_are_those_of_the_map():
+    """E = 30 on a scale from 0 to 40: three quarters up the map, at any exposure and reflectance; then logarithmic."""
+    for ends, position in (((0.0, 40.0), 0.75), ((3.0, 300.0), 0.5), ((40.0, 80.0), 0.0)):
+        settings = replace(SMALL, show="illuminance", illuminance_range=ends, exposure=3.0)
+        expected = bytes_of(sequential_colours(np.array([position]))[0])
+        np.testing.assert_allclose(centre(shot_of(card(), settings, 30.0).take()), expected, atol=1)
+
+
+def test_false_colours_belong_to_interpolated_values():
+    """E = 80 x + 40 across large triangles: each pixel has the colour of its own value."""
+    scene, settings = card(), replace(SMALL, size=(65, 65), show="illuminance", illuminance_range=(0.0, 80.0))
+    solver = make_solver(scene, settings)
+    E = 80 * solver.receivers.positions[:, :1] + 40
+    solver.frame = solver.frame._replace(irradiance=np.repeat(E, 3, axis=1))
+    row = Shot(solver, settings).take()[32].astype(float)
+    t = (2 * (np.arange(65) + 0.5) / 65 - 1) * 2.0 * np.tan(np.radians(30)) + 0.5
+    inside = (t > 0.03) & (t < 0.97)
+    np.testing.assert_allclose(row[inside], 255 * sequential_colours(t[inside]), atol=3)
+
+
+def test_the_scale_of_false_colours_fits_the_visible_surface_and_stays():
+    """A bright mobile behind the card does not count; later pictures keep the first one's scale."""
+    hidden = Mobile("m", quad((-0.3, -0.3, 0), (0.6, 0, 0), (0, 0.6, 0)), Pose((0, 0, -0.5)))
+    scene = replace(card(), mobiles=(hidden,), units="photometric")
+    settings = replace(SMALL, show="illuminance", size=(640, 480))
+    shot = shot_of(scene, settings, 430.0)
+    E = shot.solver.irradiance.copy()
+    E[shot.solver.surfaces.receiver_range(1)] = 9000.0
+    shot.solver.frame = shot.solver.frame._replace(irradiance=E)
+    picture = shot.take()
+    assert shot.scale == Scale(0.0, 500.0, False)
+    assert metadata_of(shot)["false_colours"] == "Illuminance in lx, 0 to 500, linear, viridis"
+    top, bottom = (sequential_colours(np.array([t]))[0] * 255 for t in (1.0, 0.0))
+    corner = picture[300:, 500:].reshape(-1, 3).astype(float)
+    assert all(np.abs(corner - c).max(axis=1).min() < 4 for c in (top, bottom)), "the legend has both ends"
+    shot.solver.frame = shot.solver.frame._replace(irradiance=E / 10)
+    shot.take()
+    assert shot.scale == Scale(0.0, 500.0, False)
+
+
 def test_gouraud_is_linear_across_a_triangle():
     """Irradiance proportional to x + 1/2 gives a picture proportional to it (clip, in linear values)."""
     scene, settings = card(), replace(SMALL, exposure=0.0, tone_map="clip", size=(65, 65), show="irradiance")
@@ -174,7 +217,8 @@ def test_ray_cast_picture_equals_the_opengl_picture():
     assert (raycast.BACKGROUND, raycast.UNLIT) == (renderer.BACKGROUND, renderer.UNLIT)
     solver = make_solver(room(), SMALL)
     solver.solve()
-    for settings in (SMALL, replace(SMALL, cull=False, tone_map="reinhard"), replace(SMALL, show="irradiance")):
+    shown = replace(SMALL, show="irradiance"), replace(SMALL, show="illuminance", illuminance_range=(0.0, 20.0))
+    for settings in (SMALL, replace(SMALL, cull=False, tone_map="reinhard"), *shown):
         shot = Shot(solver, replace(settings, size=(192, 144)))
         ours = shot.take()
         drawn = gl_picture(shot).astype(int)
@@ -203,7 +247,8 @@ def gl_picture(shot: Shot) -> np.ndarray:
         drawing.resize(width, height)
         s = shot.settings
         textured = s.show == "radiance"
-        drawing.draw(Look(view_projection, tuple(models), shot.exposure, s.tone_map, s.cull, textured=textured))
+        look = Look(view_projection, tuple(models), shot.exposure, s.tone_map, s.cull, textured=textured)
+        drawing.draw(replace(look, scale=shot.scale))
         return drawing.pixels()[..., :3]
     finally:
         drawing.release()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from app.draw.false_colour import Scale, false_colours
 from app.draw.tonemap import TONE_MAPS, to_display
 from app.draw.vertex_colours import DrawMesh, colours, draw_meshes
 from gi_core.geometry.surfaces import flatten
@@ -24,6 +25,15 @@ def test_pixels_are_those_of_the_picture_without_a_window(draw, tone_map, exposu
     for radiance in [(0, 0, 0), (1e-4, 2e-3, 0.03), (0.2, 0.5, 0.9), (3.0, 0.4, 40.0)]:
         got = middle(draw([square(radiance)], tone_map=tone_map, exposure=exposure))
         expected = to_display(np.array(radiance, float), exposure, tone_map).astype(int)
+        assert np.abs(got - expected).max() <= 1, (radiance, got, expected)
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("scale", [Scale(0.0, 3.0, False), Scale(0.5, 2.0, False), Scale(0.01, 10.0, True)])
+def test_false_colours_are_those_of_the_picture_without_a_window(draw, scale):
+    for radiance in [(0, 0, 0), (1e-4, 2e-3, 0.03), (0.2, 0.5, 0.9), (0.3, 0.3, 0.3), (3.0, 0.4, 40.0)]:
+        got = middle(draw([square(radiance)], exposure=2.0, scale=scale))
+        expected = false_colours(np.array([radiance], float), scale)[0].astype(int)
         assert np.abs(got - expected).max() <= 1, (radiance, got, expected)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gi_core.scene import Camera, Material, Mobile, PointLight, Pose, Scene
@@ -99,3 +100,63 @@ def test_each_side_of_a_wipe_reads_its_own_light(play):
             viewport.shown = viewport.shown._replace(sides=sides)
 
     assert errors(play(script, replace(support.SETTINGS), support.opening(lamp_over_floor()))) == []
+
+
+def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play):
+    """A pixel has the colour of the illuminance at its place. The scale is fitted at rest, not during a drag."""
+    from app.draw.colour_map import sequential_colours
+
+    def script(hand, viewer):
+        viewport = viewer.viewport
+        hand.wait_for_light()
+        hand.wait(lambda: viewer.session.light.all_done)
+        assert viewport.picture.scale is None
+        hand.ctx.set_ref("Panel")
+        hand.ctx.combo_click("##Show/Illuminance")
+        hand.wait(lambda: viewport.picture.scale is not None)
+        hand.ctx.yield_(25)
+        scale, picture = viewport.picture.scale, hand.pixels()
+        assert scale.high > 100 and viewport.picture.units.per_area == "lx"
+        for x, y in ((0.0, 0.0), (0.33, -0.21), (-0.9, 0.62)):
+            E = closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(x, y))
+            expected = 255 * sequential_colours(scale.position(np.array([E])))[0]
+            column, row = (int(c - o) for c, o in zip(hand.at((x, y, 0.0)), viewport.origin, strict=True))
+            assert np.abs(picture[row, column] - expected).max() <= 6, (E, picture[row, column])
+
+        tile = hand.at((1.4, 1.2, 0.01))
+        hand.move(tile)
+        hand.ctx.mouse_down(0)
+        viewer.viewport.scale = kept = scale._replace(high=4 * scale.high)
+        for k in range(4):
+            hand.move((tile[0] - 10 * k, tile[1]))
+            assert viewport.picture.scale is kept
+        hand.ctx.mouse_up(0)
+        hand.wait(lambda: viewport.picture.scale == scale)
+
+        viewer.session.want(replace(viewer.session.settings, illuminance_range=(10.0, 1000.0)))
+        hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True))
+
+    settings = replace(support.SETTINGS, light="best")
+    assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
+
+
+def test_nothing_is_measured_again_while_false_colours_rest(play, monkeypatch):
+    from app.window import viewport as module
+
+    calls, visible = [], module.visible_irradiance
+    monkeypatch.setattr(module, "visible_irradiance", lambda *given: (calls.append(1), visible(*given))[1])
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.wait(lambda: viewer.session.light.all_done)
+        hand.ctx.yield_(30)
+        calls.clear()
+        hand.ctx.yield_(30)
+        assert not calls and viewer._is_still
+        viewer.viewport.camera = viewer.viewport.camera.dolly(1.0)
+        hand.ctx.yield_(30)
+        assert len(calls) == 1
+
+    monkeypatch.setattr("app.window.viewer.LINGER", 0.0)
+    settings = replace(support.SETTINGS, show="illuminance")
+    assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 from imgui_bundle import imgui
 
-from app.settings import ERRORS, SHOWS, TONE_MAPS, Settings
+from app.settings import ERRORS, ILLUMINANCE, SHOWS, TONE_MAPS, Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
 EXPOSURE_MARGIN = 10.0  # EV on either side of the exposure metered at load
 TONE_MAP_NAMES = {"aces": "ACES (filmic)", "reinhard": "Reinhard", "clip": "Clip"}
-SHOW_NAMES = {"radiance": "Radiance", "irradiance": "Irradiance", ERRORS: "Error map"}
+SHOW_NAMES = {"radiance": "Radiance", "irradiance": "Irradiance", ILLUMINANCE: "Illuminance", ERRORS: "Error map"}
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
@@ -33,7 +33,8 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
                 "Map from radiance to display colour. ACES keeps highlights, Reinhard keeps hue, Clip is exact below "
                 "white.")  # fmt: skip
     s = ui.choice(s, "Show", "show", {k: SHOW_NAMES.get(k, k) for k in (*SHOWS, ERRORS)},
-                "Radiance: the picture. Irradiance: the light on surfaces, drawn as if all were white. Error map: "
+                "Radiance: the picture. Irradiance: the light on surfaces, drawn as if all were white. "
+                "Illuminance: false colours of it, with a scale in lx or W/m². Error map: "
                 "the error of irradiance against the reference.")  # fmt: skip
     ui.label("Cull backfaces")
     changed, cull = imgui.checkbox("##Cull backfaces", s.cull)
