@@ -85,13 +85,18 @@ def automatic_scale(values: np.ndarray) -> Scale:
     if low * LOGARITHMIC <= high:
         return Scale(*_round_ends(max(low, high / 10.0**MOST_DECADES), high), True)
     step = _step(high)
-    return Scale(0.0, step * math.ceil(high / step - 1e-9), False)
+    return Scale(0.0, _rounded(step * math.ceil(high / step - 1e-9)), False)
 
 
 def false_colours(radiance: np.ndarray, scale: Scale) -> np.ndarray:
     """Return display colours (n, 3) uint8 of surfaces that show E / pi (n, 3)."""
     t = scale.position(math.pi * luminance(radiance))
     return np.round(255 * sequential_colours(t)).astype(np.uint8)
+
+
+def _rounded(value: float) -> float:
+    """Return 1.2 for 6 times 0.2."""
+    return float(f"{value:.6g}")
 
 
 def _step(length: float) -> float:

@@ -23,6 +23,7 @@ def test_the_map_is_ever_lighter():
     ("values", "scale"),
     [
         (np.linspace(100, 480, 1000), Scale(0.0, 500.0, False)),
+        (np.linspace(0.1, 1.19, 1000), Scale(0.0, 1.2, False)),
         (np.full(1000, 3.7), Scale(0.0, 4.0, False)),
         (np.geomspace(0.9, 900, 1000), Scale(1.0, 1000.0, True)),
         (np.r_[np.full(990, 300.0), np.full(10, 1e6)], Scale(0.0, 300.0, False)),
