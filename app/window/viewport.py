@@ -45,6 +45,7 @@ class Viewport:
         self.shown: Shown | None = None  # content of the colour buffers
         self.scale: Scale | None = None  # of false colours
         self._scaled: tuple | None = None  # arguments of the last scale
+        self._seen_from: Turntable | None = None  # camera of the last frame
         self.size = (1.0, 1.0)  # points
         self.origin = (0.0, 0.0)
         self._steering: tuple[str, int] | None = None  # ("orbit" or "pan", button)
@@ -237,6 +238,7 @@ class Viewport:
     def rescale(self, at_rest: bool) -> None:
         """Fit the scale of false colours to the picture: at rest, so that colours do not flicker in motion."""
         s, shown = self.session, self.shown
+        at_rest, self._seen_from = at_rest and self.camera == self._seen_from, self.camera  # the wheel turns, or not
         if s.settings.show != ILLUMINANCE or shown is None:
             self.scale = self._scaled = None
             return

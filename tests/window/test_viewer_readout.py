@@ -153,7 +153,9 @@ def test_nothing_is_measured_again_while_false_colours_rest(play, monkeypatch):
         calls.clear()
         hand.ctx.yield_(30)
         assert not calls and viewer._is_still
-        viewer.viewport.camera = viewer.viewport.camera.dolly(1.0)
+        for _ in range(5):  # the wheel turns
+            viewer.viewport.camera = viewer.viewport.camera.dolly(0.2)
+            hand.ctx.yield_()
         hand.ctx.yield_(30)
         assert len(calls) == 1
 
