@@ -17,7 +17,7 @@ from gi_core.geometry.receiver_classes import receiver_classes
 from gi_core.solver import Solver
 
 CLASSES = ("affected", "mobile")
-POINTS, TRUTH, SEED = 400, 0.005, 99  # receivers per class; noise of the reference there
+POINTS, TRUTH, SEED = 400, 0.007, 99  # receivers per class; noise of the reference there
 
 
 def study(name: str, photons: int | None, error: float, seconds: float) -> None:

@@ -36,6 +36,7 @@ from gi_core.scene.pose import to_world_at
 STREAM = 0x70E5  # separates these random numbers from those of photons and reference with the same seed
 MORE = 1.3  # growth of rounds from one result to the next
 KEPT = 8  # poses with light
+FIRST = 3  # rounds before the first result: noise after denoising is understated with fewer
 CLEARLY = 2.0  # times the noise: difference from the frame's light, which contains both errors. At sqrt(2) both are as
 # good, but noise after denoising may be understated: living_room's mobile went from 3.1 to 3.9 % at first
 
@@ -87,7 +88,7 @@ class PoseGather:
         static() returns the static part's light, None where photons know it best. The generator may be dropped and
         restarted.
         """
-        looked_at = 1
+        looked_at = FIRST
         while not self.enough:
             if (done := self._rounds.state.rounds) > MORE * looked_at:
                 looked_at = done
