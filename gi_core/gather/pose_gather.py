@@ -53,10 +53,10 @@ class PoseGather:
 
     def __init__(self, points: ReceiverPoints, at: Transforms, irradiance: np.ndarray, static: np.ndarray):
         """irradiance (R, 3) [W/m2] of the frame at these poses, static (n, 3) [W/m2] without mobiles."""
-        self._points, self._at = points, at
-        self.rows = points.changed(irradiance, static)
+        self._points, self.rows = points, points.changed(irradiance, static)
         self._own = irradiance[self.rows]
-        mobile = self.rows >= points.static
+        self._paths = PosePaths(points, at, self.rows)
+        mobile = self._paths.mobile
         self._classes = [of for of in (mobile, ~mobile) if of.any()]
         areas = points.model.object_receivers.areas[self.rows]
         self._weights = np.zeros(len(areas))
@@ -66,9 +66,10 @@ class PoseGather:
         light = luminance(self._own)
         dark = max(DARK * light.sum() / max(len(light), 1), 1e-300)
         relative = self._weights / np.maximum(light, dark)  # distributes paths: the feet of mobiles are dark
-        self._mobile, self._near = mobile, points.near_rows(self.rows)
         state = ReferenceState.empty(len(self.rows), channels=6)
-        self._rounds = Rounds(self._paths, _steadier, relative, state, static_gather.ROUNDS, self._smoothed)
+        self._rounds = Rounds(
+            self._paths.traced, _steadier, relative, state, static_gather.ROUNDS, self._paths.smoothed
+        )
         self.mean, self.deviation, self.used = np.zeros((0, 3)), np.zeros(0), np.zeros(len(self.rows), bool)
         self.left = float("inf")
 
@@ -98,12 +99,12 @@ class PoseGather:
                 yield False
 
     def _result(self, static: Static | None) -> Iterator[bool | None]:
-        p, s = self._points, self._rounds.state
+        p, s, near = self._points, self._rounds.state, self._paths.near
         error = s.standard_error / small_sample_bias(s.sets)[:, None]
-        mean, error = combined(s.mean, error, self._mobile, self.rows, static, self._near, p.model.threads)
+        mean, error = combined(s.mean, error, self._paths.mobile, self.rows, static, near, p.model.threads)
         shown, deviation, used, most = mean.copy(), luminance(error), self.used.copy(), 0.0
         for of in self._classes:
-            found = yield from denoise(mean, error, self._weights * of, self._near, p.seed, p.model.threads)
+            found = yield from denoise(mean, error, self._weights * of, near, p.seed, p.model.threads)
             left = found.share * noise_of_truth(error, mean, self._weights, of)
             own = relative_error(self._own, found.irradiance, self._weights, of).l1
             shown[of], deviation[of] = found.irradiance[of], found.share * deviation[of]
@@ -112,20 +113,22 @@ class PoseGather:
         self.mean, self.deviation, self.used, self.left = shown, deviation, used, most
         yield bool(used.any())
 
-    def _smoothed(self, pilot: np.ndarray) -> np.ndarray:
-        """Return pilots (n, 2) averaged over neighbours: eight paths in a dark crease may miss all of its light."""
-        mean, variance = pilot.T[0], pilot.T[1] ** 2
-        everywhere, threads = np.ones(len(pilot), bool), self._points.model.threads
-        mean, variance = (averaged(self._near, a, everywhere, threads) for a in (mean, variance))
-        return np.stack([mean, np.sqrt(variance)], axis=1)
 
-    def _paths(self, rows: np.ndarray, first: int, count: int, m: int, stream: int) -> np.ndarray:
+class PosePaths:
+    """Paths from some receivers at one set of poses. No part of a reference cycle, as it holds the scene."""
+
+    def __init__(self, points: ReceiverPoints, at: Transforms, rows: np.ndarray):
+        """rows (n,): receivers."""
+        self._points, self._at, self._rows = points, at, rows
+        self.mobile, self.near = rows >= points.static, points.near_rows(rows)
+
+    def traced(self, rows: np.ndarray, first: int, count: int, m: int, stream: int) -> np.ndarray:
         """Return estimates (rows, count, 6): irradiance with mobiles, and that less the one without (0 on mobiles)."""
-        p, receivers = self._points, self.rows[rows]
+        p, receivers = self._points, self._rows[rows]
         path = receivers[:, None] * PATHS_PER_POINT + first + np.arange(count)
         positions, normals = p.at(receivers, self._at)
         out = np.zeros((len(rows), count, 6))
-        for of, at in ((slice(None), self._at), (~self._mobile[rows], p.model.static)):
+        for of, at in ((slice(None), self._at), (~self.mobile[rows], p.model.static)):
             start = (np.repeat(a[of], count, axis=0) for a in (positions, normals))
             E = gather(p.model, at, p.lights, p.seed ^ (stream << 24), path[of].reshape(-1), *start, m=m)
             E = E.reshape(-1, count, 3)
@@ -134,6 +137,12 @@ class PoseGather:
             else:
                 out[of, :, 3:] = out[of, :, :3] - E
         return out
+
+    def smoothed(self, pilot: np.ndarray) -> np.ndarray:
+        """Return pilots (n, 2) averaged over neighbours: eight paths in a dark crease may miss all of its light."""
+        everywhere, threads = np.ones(len(pilot), bool), self._points.model.threads
+        mean, variance = (averaged(self.near, a, everywhere, threads) for a in (pilot[:, 0], pilot[:, 1] ** 2))
+        return np.stack([mean, np.sqrt(variance)], axis=1)
 
 
 def _steadier(values: np.ndarray) -> np.ndarray:
