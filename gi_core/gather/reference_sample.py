@@ -73,7 +73,8 @@ def gather_until(
         paths = int(s.paths.sum())
         if s.rounds != looked_at:
             looked_at, found = s.rounds, s.noise(weights)
-            needed = min(math.inf if math.isinf(found) else paths * (found / noise) ** 2, most_paths)
+            known = noise > 0 and not math.isinf(found)  # a lamp over a floor alone has no noise
+            needed = min(paths * (found / noise) ** 2 if known else math.inf, most_paths)
         if not found > noise or (paths >= most_paths and looked_at > 1):
             break
         rounds.step(step)

@@ -13,9 +13,9 @@ from gi_core.gather.reference import ReferenceState, reference_irradiance
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
-from gi_core.scene import Pose
+from gi_core.scene import PointLight, Pose
 from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, coloured_room
+from tests.support.scene_builders import box_mobile, coloured_room, plane_scene
 
 SCENE = coloured_room((box_mobile(size=0.1),))
 POSE = Pose((0.55, 0.5, 0.35))
@@ -175,3 +175,14 @@ def test_photon_distribution_is_forgotten_but_not_its_total():
     assert once > 0.1
     assert fed < 0.4 * once
     assert gathered_over(right, True)[1] == pytest.approx(solver.receivers.areas @ right)
+
+
+def test_light_without_noise_is_gathered_to_the_end():
+    """A bulb over a floor: no path has any variance."""
+    bulb = PointLight("p", (0.0, 0.0, 1.0), (1.0, 1.0, 1.0))
+    solver = Solver(plane_scene(bulb, reflectance=0.5), photons=20_000, radius=0.1, light="best")
+    solver.solve()
+    for _ in solver.gather_steps():
+        pass
+    g = solver.light_source.gathered
+    assert g.enough and g.left == 0 and solver.light_source.is_gathered
