@@ -10,9 +10,9 @@ setup:
     python3 -m venv .venv
     {{python}} -m pip install --quiet --editable ".[dev]"
 
-# Unit tests and closed forms: under a minute on two cores once kernels are compiled
+# Unit tests: under a minute on two cores once kernels are compiled
 quick *options:
-    {{python}} -m pytest -m "not slow and not gl" tests/unit tests/physics/test_closed_forms.py {{options}}
+    {{python}} -m pytest -m "not slow and not gl" tests/unit {{options}}
 
 # All tests
 test *options:

@@ -37,7 +37,7 @@ hits = [sum(kernel.stats.cache_hits.values()) for kernel in (triple, double, sam
 print(json.dumps([results, hits, str(jit.cache_folder()), kernel_cache.problems]))
 """
 NONE, ALL = [0, 0, 0], [2, 1, 1]  # cache hits of the kernels
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="owners and modes are POSIX's")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name != "posix", reason="owners and modes are POSIX's")]
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,8 @@ from gi_core.retrace.broad_phase import CoarseStore
 from gi_core.solver import Solver
 from tests.support.scene_builders import coloured_room
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[3]
 
 

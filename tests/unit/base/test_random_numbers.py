@@ -16,6 +16,8 @@ from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, S
 from tests.support import scene_builders as build
 from tests.support.significance import chi_square
 
+pytestmark = pytest.mark.slow
+
 WORST = 1.1  # error over that of independent numbers
 T_OF_DIMENSION = (0, 0, 1, 2, 2, 3)  # degree of the primitive polynomial less 1 (Sobol 1967); they add up
 USED = range(owen_sobol.DIMENSIONS)

@@ -19,6 +19,8 @@ from gi_core.solver import Solver
 from studies.lower_bounds import candidates
 from tests.support.scene_builders import box, floor, grey, lamp, merge, plane_scene, quad
 
+pytestmark = pytest.mark.slow
+
 SUN = DirectionalLight("sun", (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))
 LAMP = quad((0.3, 0.3, 0.99), (0, 0.4, 0), (0.4, 0, 0), (1, 1), 1)
 

@@ -9,6 +9,8 @@ from gi_core.gather.reference_sample import draw_by_area, gather_sample
 from gi_core.solver import Solver
 from tests.support.scene_builders import classroom
 
+pytestmark = pytest.mark.slow
+
 NOISE = 0.025  # of whole paths, where the test ends
 
 

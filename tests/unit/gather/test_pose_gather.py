@@ -17,6 +17,8 @@ from gi_core.scene import Pose
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room
 
+pytestmark = pytest.mark.slow
+
 SCENE = coloured_room((box_mobile(size=0.2),))
 ON_FLOOR, RAISED = Pose((0.55, 0.5, 0.101)), Pose((0.4, 0.5, 0.4))
 POSES = [Pose((0.3 + 0.05 * k, 0.5, 0.101)) for k in range(10)]

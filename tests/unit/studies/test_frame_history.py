@@ -13,6 +13,8 @@ from app.settings import Settings
 from studies import frame_history
 from tests.support.cli_support import one_line
 
+pytestmark = pytest.mark.slow
+
 
 def test_the_history_has_a_row_per_case_and_run_and_is_drawn(tmp_path):
     pytest.importorskip("matplotlib")

@@ -10,6 +10,8 @@ from gi_core.solver import Solver
 from studies import lower_bounds
 from studies.lower_bounds import Found, Work
 
+pytestmark = pytest.mark.slow
+
 
 def solved(**settings) -> Solver:
     chosen = Settings("cornell", photons=2000, **{"light": "photons"} | settings)
