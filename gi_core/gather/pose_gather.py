@@ -36,6 +36,7 @@ from gi_core.scene.pose import to_world_at
 STREAM = 0x70E5  # separates these random numbers from those of photons and reference with the same seed
 MORE = 1.3  # growth of rounds from one result to the next
 KEPT = 8  # poses with light
+MOST = 47  # rounds until the last result: twice those that noise is sized for; living_room takes 200 CPU s
 FIRST = 3  # rounds before the first result: noise after denoising is understated with fewer
 CLEARLY = 2.0  # times the noise: difference from the frame's light, which contains both errors. At sqrt(2) both are as
 # good, but noise after denoising may be understated: living_room's mobile went from 3.1 to 3.9 % at first
@@ -71,17 +72,17 @@ class PoseGather:
             self._paths.traced, _steadier, relative, state, static_gather.ROUNDS, self._paths.smoothed
         )
         self.mean, self.deviation, self.used = np.zeros((0, 3)), np.zeros(0), np.zeros(len(self.rows), bool)
-        self.left = float("inf")
+        self.left, self._seen = float("inf"), FIRST  # rounds of the last result
 
     @property
     def enough(self) -> bool:
         """Whether gathering has ended. True without receivers or without light, where the noise is nan."""
-        return not self.left > static_gather.ENOUGH or not len(self.rows)
+        return not self.left > static_gather.ENOUGH or self._seen >= MOST or not len(self.rows)
 
     @property
     def fraction(self) -> float:
         """Fraction of the paths needed, 0 .. 1."""
-        return min((static_gather.ENOUGH / self.left) ** 2, 1.0) if self.left > 0 else 1.0
+        return max(min((static_gather.ENOUGH / self.left) ** 2, 1.0), self._seen / MOST) if self.left > 0 else 1.0
 
     def steps(self, static: Callable[[], Static | None]) -> Iterator[bool | None]:
         """Gather until it is enough, in steps of some 30 ms; yields True where frames change.
@@ -89,10 +90,9 @@ class PoseGather:
         static() returns the static part's light, None where photons know it best. The generator may be dropped and
         restarted.
         """
-        looked_at = FIRST
         while not self.enough:
-            if (done := self._rounds.state.rounds) > MORE * looked_at:
-                looked_at = done
+            if (done := self._rounds.state.rounds) > MORE * self._seen:
+                self._seen = done
                 yield from self._result(static())
             else:
                 self._rounds.step()

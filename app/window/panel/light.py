@@ -81,5 +81,5 @@ def _light(s: Settings, facts: Facts) -> Settings:
             use = "shown" if g.used else "frames are better"
             ui.write_over(f"noise at mobiles {100 * g.error:.1f} %, {use}" if g.error < 1 else "gathering at mobiles")
             ui.tip("Noise of the light on mobiles and of the light that they change, gathered while they rest. "
-                   "Gathering ends at 0.7 %.")  # fmt: skip
+                   "Gathering ends at 0.7 %, or after 47 rounds of paths.")  # fmt: skip
     return s

@@ -151,3 +151,12 @@ def test_a_scene_without_light_or_mobiles_ends_at_once():
     assert len(list(bare.gather_pose_steps())) == 1
     unsolved = Solver(SCENE, photons=2000, radius=0.06, light="best")
     assert [p.stage for p in unsolved.gather_pose_steps()] == ["done"]
+
+
+def test_gathering_ends_after_the_most_rounds(monkeypatch):
+    monkeypatch.setattr(static, "ENOUGH", 1e-9)
+    monkeypatch.setattr(pose_gather, "MOST", 6)
+    solver = solved(False)
+    light = gather_pose(solver)
+    assert light.enough and light.fraction == 1.0 and light._rounds.state.rounds == 6
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
