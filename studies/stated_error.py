@@ -46,8 +46,8 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=1.5, help="of the truth [%%]")
     parser.add_argument("--cpu", type=float, default=300.0, help="seconds of gathering per scene")
     asked = parser.parse_args()
-    for what in asked.scenes:
-        measure(what, asked.points, asked.noise / 100, asked.cpu)
+    for scene in asked.scenes:
+        measure(scene, asked.points, asked.noise / 100, asked.cpu)
 
 
 if __name__ == "__main__":

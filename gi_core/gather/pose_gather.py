@@ -36,7 +36,7 @@ from gi_core.scene.pose import to_world_at
 STREAM = 0x70E5  # separates these random numbers from those of photons and reference with the same seed
 MORE = 1.3  # growth of rounds from one result to the next
 KEPT = 8  # poses with light
-MOST = 47  # rounds until the last result: twice those that noise is sized for; living_room takes 200 CPU s
+MOST = 47  # rounds until the last result: twice those that noise is sized for
 FIRST = 3  # rounds before the first result: noise after denoising is understated with fewer
 CLEARLY = 2.0  # times the noise: difference from the frame's light, which contains both errors. At sqrt(2) both are as
 # good, but noise after denoising may be understated: living_room's mobile went from 3.1 to 3.9 % at first

@@ -112,8 +112,8 @@ def test_new_setting_uses_the_same_reference_and_adds_a_point(solver):
     other._references = live_error._references
     finish(other)
     assert other.reference(twin.poses, False) is reference and reference.rounds >= rounds, "nothing is gathered again"
-    told = relative_error(twin.irradiance[reference.rows], reference.irradiance, reference.weights).l1
-    assert other.report.total == told != live_error.report.total
+    expected = relative_error(twin.irradiance[reference.rows], reference.irradiance, reference.weights).l1
+    assert other.report.total == expected != live_error.report.total
     points = MeasuredPoints()
     for e in (live_error, other, live_error):
         points.add(e.point)
