@@ -109,7 +109,10 @@ class StaticGather:
             yield False
             if new and f.noise < self.noise:
                 yield from self._take_over(f.mean, f.standard_error, f.noise, self._measure)
-            if not f.noise > LOW * ENOUGH or (new and self._sample.reference.error(f.mean) > math.sqrt(2) * f.noise):
+            measured = new and self._sample is not None  # else the light before has less noise
+            if not f.noise > LOW * ENOUGH or (
+                measured and self._sample.reference.error(f.mean) > math.sqrt(2) * f.noise
+            ):
                 return
 
     def _measure(self, E: np.ndarray, noise: float) -> Generator[bool, None, float]:

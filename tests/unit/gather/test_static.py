@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gi_core.gather import static
+from gi_core.gather import final_gather, static
 from gi_core.gather.denoise import denoise
 from gi_core.gather.reference import ReferenceState, reference_irradiance
 from gi_core.geometry.error import relative_error
@@ -186,3 +186,19 @@ def test_light_without_noise_is_gathered_to_the_end():
         pass
     g = solver.light_source.gathered
     assert g.enough and g.left == 0 and solver.light_source.is_gathered
+
+
+def test_stored_light_of_less_noise_than_the_first_single_bounces_goes_on(gathered, monkeypatch):
+    """The second launch of a scene: stored paths are in the picture before any photon, and gathering continues."""
+    monkeypatch.setattr(static, "ENOUGH", 0.013)
+    monkeypatch.setattr(final_gather, "SMALLEST", 0)
+    solver = Solver(SCENE, photons=5_000, radius=0.06, light="best")
+    for _ in solver.gather_steps(kept(gathered.light_source.gathered.state)):
+        if np.isfinite(solver.light_source.gathered.noise):
+            break
+    stored = solver.light_source.gathered
+    assert static.LOW * 0.013 < stored.noise < np.inf and not stored.enough
+    solver.solve()
+    for _ in solver.gather_steps():
+        pass
+    assert stored.enough and stored.left <= 0.013
