@@ -22,6 +22,7 @@ REFERENCE = "reference"  # beside estimators, a choice of the wipe
 TONE_MAPS = ("aces", "reinhard", "clip")
 ILLUMINANCE = "illuminance"
 SHOWS = ("radiance", "irradiance", ILLUMINANCE)
+ERROR_RANGES = (0.1, 0.3, 1.0)
 ERRORS = "error"  # one more in the window: needs the reference, see app/rest/live_error.py
 SIZE = (1280, 800)
 BUDGET = 16.0  # [ms]: 60 frames per second
@@ -59,9 +60,11 @@ class Settings:
     # Picture
     size: tuple[int, int] = SIZE  # pixels
     exposure: float | None = None  # [EV]; None: metered once
+    white_balance: bool = True  # the light of the lamps is drawn neutral
     tone_map: str = "aces"  # one of TONE_MAPS
     show: str = "radiance"  # one of SHOWS: with reflectance, E / pi alone, false colours; in the window ERRORS too
     illuminance_range: tuple[float, float] | None = None  # of the false colours [lx or W/m2]; None: of the view
+    error_range: float | None = None  # ends of the error map, relative; None: of the view; see ERROR_RANGES
     cull: bool = True  # the backs of one-sided faces are not drawn: rooms can be seen from outside
 
     # Window

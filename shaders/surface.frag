@@ -2,7 +2,7 @@
 // Chooses the side that is seen, then exposure, tone map, sRGB: once each, in this order.
 // app/draw/tonemap.py does the same arithmetic for pictures without a window.
 
-uniform float exposure;  // factor: 2^EV
+uniform vec3 exposure;   // factor: 2^EV times the gain of the white balance
 uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours, 4 false colours
 uniform vec3 scale;      // of false colours: low, high, 1 if logarithmic
 uniform vec3 map[33];    // display colours from low to high

@@ -43,6 +43,7 @@ PICTURE = {
              "help": f"pixels ({Settings.size[0]}x{Settings.size[1]})"},
     "exposure": {"type": values.exposure, "metavar": "EV",
                  "help": "stops; +1 doubles the brightness (the scene's, else metered)"},
+    "white_balance": {"action": "store_false", "help": "draw coloured lamps coloured instead of neutral"},
     "tone_map": {"choices": TONE_MAPS, "default": Settings.tone_map, "help": f"({Settings.tone_map})"},
     "show": {"choices": SHOWS, "default": Settings.show,
              "help": f"with reflectance, without, or false colours of irradiance with a legend ({Settings.show})"},

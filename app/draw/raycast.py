@@ -16,6 +16,7 @@ from app.draw.camera import Turntable
 from app.draw.false_colour import Scale, false_colours
 from app.draw.tonemap import to_display
 from app.draw.vertex_colours import DrawMesh, colours, weights
+from app.draw.white_balance import NEUTRAL, Gains
 from gi_core.display.dilation import Drawn
 from gi_core.geometry.cutouts import covered
 from gi_core.geometry.error import luminance
@@ -102,12 +103,13 @@ def picture(
     textured: bool = True,
     weights: Sequence[np.ndarray | None] | None = None,
     scale: Scale | None = None,
+    gains: Gains = NEUTRAL,
 ) -> np.ndarray:
     """Return the picture (height, width, 3) uint8.
 
     `colours` has linear radiance of front and back (D, 3) per object; `size` is (width, height) pixels.
     `textured`: multiply by textures; `weights` has the interpolation weights of front and back (D, 2) per object,
-    None for all 1; `scale`: false colours in place of the tone map, of `colours` E / pi.
+    None for all 1; `scale`: false colours in place of the tone map, of `colours` E / pi; `gains`: white balance.
     """
     width, height = size
     world = place(meshes, at)
@@ -123,7 +125,9 @@ def picture(
         bottom = min(top + rows, height)
         origins, directions = _rays(camera, width, height, top, bottom)
         face, u, v = _visible_faces(accelerator, at, world, origins, directions, cull)
-        display = _shade(world, front, back, face, u, v, directions, exposure, tone_map, steps, origins[0], scale)
+        display = _shade(
+            world, front, back, face, u, v, directions, exposure, tone_map, steps, origins[0], scale, gains
+        )
         # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
         mean = display.reshape(bottom - top, width, len(PIXEL_OFFSETS), 3).mean(axis=2, dtype=np.float32)
         out[top:bottom] = np.round(mean)
@@ -224,7 +228,7 @@ def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.
 
 
 def _shade(
-    world: PictureScene, front, back, face, u, v, directions, exposure, tone_map, steps, eye, scale
+    world: PictureScene, front, back, face, u, v, directions, exposure, tone_map, steps, eye, scale, gains
 ) -> np.ndarray:
     """Return display values (n, 3) uint8."""
     out = np.empty((len(face), 3), np.uint8)
@@ -234,7 +238,7 @@ def _shade(
         return out
     rays = world, front, back, face[hit], u[hit], v[hit], directions[hit], steps, eye
     radiance, facing = seen_radiance(*rays)
-    out[hit] = to_display(radiance, exposure, tone_map) if scale is None else false_colours(radiance, scale)
+    out[hit] = to_display(radiance, exposure, tone_map, gains) if scale is None else false_colours(radiance, scale)
     out[hit[~facing & world.one_sided[face[hit]]]] = np.round(np.array(UNLIT) * 255)
     return out
 

@@ -16,6 +16,7 @@ import numpy as np
 from app.draw.colour_map import SEQUENTIAL
 from app.draw.gl_objects import DrawnObject
 from app.draw.gl_textures import GLTextures
+from app.draw.white_balance import NEUTRAL, Gains
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ class Look:
     as_is: bool = False  # colours are display colours: no exposure, no tone map
     scale: Scale | None = None  # of false colours, in place of the tone map; colours are E / pi
     split: float | None = None  # of the width; the second layer of colours is right of it
+    gains: Gains = NEUTRAL  # of the white balance
 
 
 class Renderer:
@@ -117,7 +119,7 @@ class Renderer:
         ctx.front_face = "ccw"
         ctx.cull_face = "back"
         for program in (self._surface, self._textured, self._cut_out):
-            program["exposure"] = 2.0**look.exposure
+            program["exposure"] = tuple(2.0**look.exposure * gain for gain in look.gains)
             program["tone_map"] = (
                 AS_IS if look.as_is else FALSE_COLOURS if look.scale else TONE_MAP_CODES[look.tone_map]
             )

@@ -13,6 +13,7 @@ from app.draw.legend import with_legend
 from app.draw.metering import metered
 from app.draw.units import units_of
 from app.draw.vertex_colours import colours, draw_meshes, weights
+from app.draw.white_balance import NEUTRAL, gains_for
 from app.settings import ILLUMINANCE, Settings
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ class Shot:
         self.solver, self.settings = solver, settings
         self.meshes = draw_meshes(solver.surfaces)
         self.camera = home_camera(solver)
+        flux = solver.model.emitters.total_flux
+        self.gains = gains_for(flux) if settings.white_balance else NEUTRAL
         self.scale: Scale | None = None  # of false colours
         self.exposure = settings.exposure
         if self.exposure is None:
@@ -61,6 +64,7 @@ class Shot:
             s.show == "radiance",
             [self.weights(o) for o in range(len(self.meshes))],
             self.scale,
+            self.gains,
         )
         return picture if self.scale is None else with_legend(picture, self.scale, units_of(self.solver.scene.units))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from app.draw.white_balance import NEUTRAL, Gains
 from gi_core.geometry.error import luminance
 
 MID_GREY = 0.25  # linear, before the tone map: target of the metered median; rooms look dim at 0.18
@@ -43,9 +44,12 @@ def srgb_encode(c: np.ndarray) -> np.ndarray:
     return np.where(c <= 0.0031308, 12.92 * c, 1.055 * np.maximum(c, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
-def to_display(radiance: np.ndarray, exposure: float, tone_map: str = "aces") -> np.ndarray:
-    """Return sRGB bytes (..., 3) uint8 of linear radiance (..., 3) at an exposure [EV]: a stop doubles."""
-    c = TONE_MAPS[tone_map](np.maximum(radiance, 0.0) * 2.0**exposure)
+def to_display(radiance: np.ndarray, exposure: float, tone_map: str = "aces", gains: Gains = NEUTRAL) -> np.ndarray:
+    """Return sRGB bytes (..., 3) uint8 of linear radiance (..., 3) at an exposure [EV]: a stop doubles.
+
+    gains: of the white balance, per channel.
+    """
+    c = TONE_MAPS[tone_map](np.maximum(radiance, 0.0) * (2.0**exposure * np.array(gains)))
     return np.round(srgb_encode(c) * 255).astype(np.uint8)
 
 

@@ -53,6 +53,7 @@ class Picture(NamedTuple):
             "irradiance": hashlib.sha256(snapshot.irradiance.tobytes()).hexdigest()[:16],
             "error": f"{100 * rest.report.total:.2g} %" if rest.report else "not measured",
             "exposure": f"{s.exposure:.4f} EV",
+            "white_balance": s.white_balance,
             "tone_map": s.tone_map,
             "show": s.show,
             "false_colours": "-" if self.scale is None else self.scale.text(self.units),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.draw.camera import Turntable, matrices
+from app.draw.white_balance import NEUTRAL, Gains, gains_for
 from app.rest.measured_points import MeasuredPoints
 from app.session.log import WARNING, Log
 from app.session.opening import Opened, Opening
@@ -31,6 +32,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
 
 BUDGET = 0.008  # s per frame for refinement
 STILL = 0.25  # s without motion in a drag, after which all photons are shown
+OF_COLOURS = "show", "reference", "compare", "error_range"  # settings that change uploaded colours
 SETTLE = 0.15  # s without change after which the value of a held slider counts
 
 
@@ -53,6 +55,7 @@ class Session:
         self.scene: Scene
         self.model: Model
         self.chosen: Chosen
+        self.gains: Gains = NEUTRAL  # of the white balance
         self.meshes: tuple = ()
         self.picker: Picker | None = None
         self.dragging = False
@@ -167,6 +170,7 @@ class Session:
         # These records never change; the solver's thread alone touches the rest.
         solver = opened.solver
         self.scene, self.model, self.chosen = solver.scene, solver.model, solver.chosen
+        self.gains = gains_for(solver.model.emitters.total_flux)
         self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
         self.light = Solving(solver, self.log, self.clock, self._worker)
         self._start = self.light.snapshot.poses
@@ -188,7 +192,7 @@ class Session:
         except Exception as problem:
             self.settings = new = replace(new, **{name: getattr(old, name) for name in changed})
             self.log.error("settings", problem)
-        if (new.show, new.reference, new.compare) != (old.show, old.reference, old.compare):
+        if any(getattr(new, name) != getattr(old, name) for name in OF_COLOURS):
             self._refreshed += 1
         self._applied = new
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from app.session.log import ERROR, WARNING, Log
+from app.session.log import ERROR, INFO, WARNING, Log
 from app.session.reload import Reload
 from app.session.session import Session
 from app.window import label, legend, theme
@@ -13,6 +13,7 @@ from app.window.viewport import Viewport
 from app.window.wipe import Wipe
 
 KEY_HINT = "H: help    Tab: panel"
+MESSAGE_SECONDS = {INFO: 3.0, WARNING: 8.0, ERROR: 20.0}  # before a read-out replaces a message
 TOOLTIP_MESSAGES = 12  # of the log, in the status line's tooltip
 
 
@@ -27,19 +28,12 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
     _draw_shown(viewport.shown, viewport.wipe, (x, y, w, h), em)
     if viewport.picture.scale is not None:
         legend.draw(legend.of_scale(viewport.picture.scale, viewport.picture.units), x + w - em, y + h - em)
-    readout = viewport.readout()
-    if readout:
-        label.write(readout, corner[0], corner[1] - 2 * em)
     hint = viewport.hint()
     if hint:
         label.write(hint, *corner)
     elif reload.progress is not None:
         phase, fraction = reload.progress
         label.write(phase if fraction is None else f"{phase} {100 * fraction:.0f} %", *corner, theme.DIM)
-    elif session.refining:
-        progress = session.light.progress
-        if progress is not None and progress.fraction < 1:
-            label.write(f"refining {100 * progress.fraction:.0f} %", *corner, theme.DIM)
 
 
 def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float, float], em: float) -> None:
@@ -72,17 +66,24 @@ def _draw_opening(session: Session, x: float, y: float, em: float) -> None:
     imgui.progress_bar(fraction, (width, 0.35 * em), "")
 
 
-def draw_status(log: Log) -> None:
-    """Write the last log message and, at the right, the keys of help and panel."""
+def draw_status(log: Log, readout: str, state: str, now: float) -> None:
+    """Write the status line: a new message or the light under the cursor; at the right the state of the light.
+
+    state: in words, "" before the first picture; now: the log's time [s].
+    """
     start = imgui.get_cursor_pos()
-    room = imgui.get_content_region_avail().x - imgui.calc_text_size(KEY_HINT).x
-    imgui.set_cursor_pos((start.x + room, start.y))
-    imgui.text_disabled(KEY_HINT)
+    right = f"{state}    {KEY_HINT}" if state else KEY_HINT
+    room = imgui.get_content_region_avail().x - imgui.calc_text_size(right).x
     entry = log.last
-    if entry is None:
-        return
-    imgui.set_cursor_pos(start)
-    colour = {ERROR: theme.ERROR, WARNING: theme.WARNING}.get(entry.level, theme.DIM)
-    imgui.text_colored((*colour, 1.0), entry.text)
+    if entry is not None and (not readout or now - entry.when < MESSAGE_SECONDS[entry.level]):
+        text, colour = entry.text, {ERROR: theme.ERROR, WARNING: theme.WARNING}.get(entry.level, theme.DIM)
+    else:
+        text, colour = readout, theme.TEXT
+    if imgui.calc_text_size(text).x < room:
+        imgui.set_cursor_pos((start.x + room, start.y))
+        imgui.text_disabled(right)
+        imgui.set_cursor_pos(start)
+    imgui.text_colored((*colour, 1.0), text)
     if imgui.is_item_hovered():
-        imgui.set_tooltip("\n".join(e.text for e in list(log.entries)[-TOOLTIP_MESSAGES:]))
+        lines = "\n".join(e.text for e in list(log.entries)[-TOOLTIP_MESSAGES:])
+        imgui.set_tooltip(lines or "Light under the cursor; messages.")

@@ -88,7 +88,8 @@ def paint(mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: b
 def _errors(session: Session, estimate: Side, reference: ReferencePicture) -> Errors:
     areas, E = session.model.object_receivers.areas, reference.drawn.irradiance
     off = signed_error(estimate.irradiance, E, areas)
-    return Errors(E, areas, max(round_scale(off, areas), LEAST_SCALE), reference.noise)
+    scale = session.settings.error_range or max(round_scale(off, areas), LEAST_SCALE)
+    return Errors(E, areas, scale, reference.noise)
 
 
 def _estimate(estimator: str, photons: int, drawn: Drawn) -> Side:

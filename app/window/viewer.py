@@ -164,14 +164,22 @@ class Viewer:
         if not self._ready:
             imgui.text_disabled("The controls appear with the scene.")
             return
-        facts = panel.facts_of(self.session, self.reload, self.estimators, self.frame_seconds.value, self.metered)
+        facts = self._facts()
         wanted, actions = panel.draw(self.session.settings, facts, self.folds)
         self.session.want(wanted)
         for action in actions:
             self._do(action)
 
     def draw_status(self) -> None:
-        overlay.draw_status(self.log)
+        state = ""
+        if self._ready and self.session.ready:
+            facts = self._facts()
+            state = f"{panel.status.status_of(facts).text}  ·  {panel.status.frame_rate(facts)}"
+        overlay.draw_status(self.log, self.viewport.readout(), state, time.monotonic())
+
+    def _facts(self) -> panel.Facts:
+        scale, seconds = self.viewport.picture.scale, self.frame_seconds.value
+        return panel.facts_of(self.session, self.reload, self.estimators, seconds, self.metered, scale)
 
     def _close(self) -> None:
         self.folds.save()

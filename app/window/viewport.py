@@ -15,6 +15,7 @@ from app.draw.raycast import visible_irradiance
 from app.draw.readout import Reading, read
 from app.draw.renderer import Look, Renderer
 from app.draw.units import units_of
+from app.draw.white_balance import NEUTRAL
 from app.session.picture import Picture
 from app.session.session import Session
 from app.settings import ILLUMINANCE
@@ -276,6 +277,7 @@ class Viewport:
             as_is=self.shown is not None and self.shown.errors is not None,
             scale=scale,
             split=split,
+            gains=self.session.gains if settings.white_balance else NEUTRAL,
         )
 
     def draw(self, renderer: Renderer, samples: int) -> None:

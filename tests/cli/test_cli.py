@@ -70,9 +70,10 @@ def test_help_names_every_command():
 
 
 LIGHT = ("estimator", "photons", "radius", "neighbours", "control", "search", "seed")
+PICTURE = ("size", "exposure", "white_balance", "tone_map", "show", "cull")
 OPTIONS = {  # per command: the fields of Settings that it reads besides the scene's
-    "": {*LIGHT, "border_correction", "textbook", "light", "size", "tone_map", "show", "cull", "exposure", "budget"},
-    "render": {*LIGHT, "border_correction", "textbook", "light", "size", "tone_map", "show", "cull", "exposure"},
+    "": {*LIGHT, "border_correction", "textbook", "light", "budget", *PICTURE},
+    "render": {*LIGHT, "border_correction", "textbook", "light", *PICTURE},
     "bench": {*LIGHT, "border_correction", "textbook", "light"},
     "chart": {*LIGHT, "exposure"},
     "info": {*LIGHT, "exposure"},
@@ -92,6 +93,7 @@ WORDS = {
     "seed": ("--seed 7", 7),
     "size": ("--size 64x48", (64, 48)),
     "exposure": ("--exposure -1.5", -1.5),
+    "white_balance": ("--no-white-balance", False),
     "tone_map": ("--tone-map clip", "clip"),
     "show": ("--show irradiance", "irradiance"),
     "cull": ("--no-cull", False),

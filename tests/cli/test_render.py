@@ -248,7 +248,7 @@ def gl_picture(shot: Shot) -> np.ndarray:
         s = shot.settings
         textured = s.show == "radiance"
         look = Look(view_projection, tuple(models), shot.exposure, s.tone_map, s.cull, textured=textured)
-        drawing.draw(replace(look, scale=shot.scale))
+        drawing.draw(replace(look, scale=shot.scale, gains=shot.gains))
         return drawing.pixels()[..., :3]
     finally:
         drawing.release()

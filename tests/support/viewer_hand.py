@@ -34,6 +34,11 @@ class Hand:
         self.wait(lambda: self.viewer._ready and not self.viewer.session.refining)
         self.ctx.yield_(2)
 
+    def open_research(self) -> None:
+        """Show the sections about the method; refer to the panel's items from now on."""
+        self.ctx.set_ref("Panel")
+        self.ctx.item_check("Research")
+
     def at(self, point) -> tuple[float, float]:
         """Return where a point of the scene is in the window."""
         v = self.viewer.viewport

@@ -200,6 +200,7 @@ class CountingSolver:
         self.model = SimpleNamespace(
             scene=scene,
             surfaces=self.surfaces,
+            emitters=SimpleNamespace(total_flux=np.ones(3)),
             object_receivers=self.receivers,
             receivers_at=lambda poses: self.receivers,
         )

@@ -54,6 +54,8 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         assert (np.abs(hand.pixels().astype(int) - picture).max(axis=2) > 8).mean() < 0.01, (
             "but at edges, by its samples"
         )
+        hand.ctx.combo_click("##Scale/\N{PLUS-MINUS SIGN}10 %")
+        hand.wait(lambda: shown(viewer).errors.scale == 0.1)
         live_error.next_task = next_task
         hand.ctx.combo_click("##Show/Radiance")
 
@@ -81,7 +83,7 @@ def test_reference_key_and_wipe_between_two_pictures(play):
         hand.wait(lambda: not settings().reference and shown(viewer).sides[0].label.startswith("Tangent plane"))
         assert (hand.pixels() == estimate).all()
 
-        hand.ctx.set_ref("Panel")
+        hand.open_research()
         hand.ctx.combo_click("##Compare with/Photon map")
         hand.wait(lambda: len(shown(viewer).sides) == 2)
         assert [side.label for side in shown(viewer).sides] == [
@@ -124,7 +126,7 @@ def test_settings_tried_are_points_of_the_chart(play, monkeypatch):
     def script(hand, viewer):
         hand.wait_for_light()
         points = viewer.session.points
-        hand.ctx.set_ref("Panel")
+        hand.open_research()
         hand.wait(lambda: len(points.all) == 1)
         hand.press(keys()._3)
         hand.wait(lambda: len(points.all) == 2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ def test_panel_controls(play):
 
         # Estimators by combo and by key, without tracing anything again.
         before = hand.pixels()
-        ctx.set_ref("Panel")
+        hand.open_research()
         ctx.combo_click(f"##Estimator/{names[-1].replace('_', ' ').capitalize()}")
         hand.wait_for_light()
         assert session.light._solver.estimator == session.settings.estimator == names[-1]
@@ -73,14 +74,14 @@ def test_panel_controls(play):
         metered = session.settings.exposure
         ctx.item_input_value("##Exposure", metered - 2)
         dark = hand.pixels()
-        ctx.item_click("Auto")
+        ctx.item_click("Meter exposure")
         ctx.yield_(2)
         assert session.settings.exposure == pytest.approx(metered, abs=0.3)
         assert hand.pixels().mean() > dark.mean() + 20
 
         ctx.combo_click("##Tone map/Clip")
         ctx.combo_click("##Show/Irradiance")
-        ctx.item_uncheck("##Cull backfaces")
+        ctx.item_uncheck("Back-face culling")
         ctx.yield_(2)
         s = session.settings
         assert (s.tone_map, s.show, s.cull) == ("clip", "irradiance", False)
@@ -92,8 +93,8 @@ def test_panel_controls(play):
 
         # Every control has a tooltip.
         refs = "##Estimator ##Photons ##Radius ##Neighbours_k ##Light Artifact_control Border_correction Count_k-th_hit"
-        refs += " ##Exposure Auto ##Tone_map ##Show ##Cull_backfaces"
-        refs += " ###Play Reset_poses Reset_view ##Time_budget"
+        refs += " ##Exposure Meter_exposure ##Tone_map ##Show ##Scale White_balance Back-face_culling ##Quality"
+        refs += " ###Play Reset_poses Reset_view ##Time_budget Research"
         for ref in refs.split():
             ctx.mouse_move(ref.replace("_", " "))
             ctx.sleep_no_skip(0.7, 0.1)
@@ -111,7 +112,7 @@ def test_all_searches_show_the_same_light(play):
         session, ctx = viewer.session, hand.ctx
         hand.press(keys()._1)
         hand.wait_for_light()
-        ctx.set_ref("Panel")
+        hand.open_research()
         ctx.item_open("Disc search")
         lit, summary = session.irradiance, session.light._solver.frame.search_summary
         assert summary.startswith("disc_index: cells of")
@@ -151,8 +152,10 @@ def test_slider_drag_never_delays_a_frame(play, monkeypatch):
             windows_thread.add(threading.get_ident())
 
         windows_thread = set()
+        hand.open_research()
         solver.configure = lambda **changes: (configured.append(changes), configure(**changes))
         solver.solve_steps, session.tick = watched_steps, watched_tick
+        ctx.mouse_move("##Radius")  # scrolls
         info = ctx.item_info("//Panel/##Radius")
         low, high = info.rect_full.min, info.rect_full.max
         y = (low.y + high.y) / 2
@@ -186,7 +189,7 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):
     def script(hand, viewer):
         session, ctx = viewer.session, hand.ctx
         hand.wait_for_light()
-        ctx.set_ref("Panel")
+        hand.open_research()
         ctx.item_input_value("##Time budget", 20)
         ctx.yield_(2)
         assert session.settings.budget == 20 and session.light.budget == 0.02
@@ -233,8 +236,8 @@ def test_drag_keeps_the_budget_and_panel_shows_its_photons(play, monkeypatch):
     assert errors(play(script)) == []
 
 
-def test_sections_keep_their_fold_state(play):
-    """Sections for engineers start folded; a second window opens as the first one closed."""
+def test_sections_and_the_research_switch_keep_their_state(play):
+    """The method starts hidden; a second window opens as the first one closed."""
     unfolded = {}
 
     def look(hand, viewer):
@@ -243,20 +246,55 @@ def test_sections_keep_their_fold_state(play):
 
     def first(hand, viewer):
         hand.wait_for_light()
-        look(hand, viewer)
-        assert unfolded["Light"] and unfolded["Probes"] and not unfolded["Timings"] and not unfolded["Statistics"]
         hand.ctx.set_ref("Panel")
+        assert hand.ctx.item_exists("##Estimator") and hand.ctx.item_exists("##Quality")
+        assert not hand.ctx.item_exists("##Radius") and not hand.ctx.item_exists("Timings")
+        hand.open_research()
+        look(hand, viewer)
+        assert unfolded["Method"] and unfolded["Quality"] and not unfolded["Timings"] and not unfolded["Statistics"]
         assert hand.ctx.item_exists("##Radius") and not hand.ctx.item_exists("##Search")
-        hand.ctx.item_click("Light")
+        hand.ctx.item_click("Method")
         hand.ctx.item_click("Timings")
         look(hand, viewer)
-        assert unfolded["Timings"] and not unfolded["Light"]
+        assert unfolded["Timings"] and not unfolded["Method"]
         assert not hand.ctx.item_exists("##Radius")
 
     def second(hand, viewer):
         hand.wait_for_light()
         look(hand, viewer)
-        assert unfolded["Timings"] and unfolded["Probes"] and not unfolded["Light"] and not unfolded["Statistics"]
+        assert unfolded["Timings"] and unfolded["Quality"] and not unfolded["Method"] and not unfolded["Statistics"]
+        hand.ctx.set_ref("Panel")
+        assert hand.ctx.item_exists("Timings")
 
     assert errors(play(first, keep_ini=True)) == []
     assert errors(play(second, keep_ini=True)) == []
+
+
+def test_quality_slider_sets_photons_and_budget_and_the_status_line_tells_their_light(play, monkeypatch):
+    from app.window import overlay
+    from app.window.panel import quality
+
+    written, draw = [], overlay.draw_status
+    monkeypatch.setattr(overlay, "draw_status", lambda *given: (written.append(given[2]), draw(*given)))
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        ctx.set_ref("Panel")
+        assert quality.level_of(session.settings, 20_000) == ("balanced", 2)
+        ctx.item_input_value("##Quality", 2)
+        hand.wait_for_light()
+        assert (session.settings.photons, session.settings.budget) == (5_000, 11)
+        assert session.light._solver.frame.photons == 5_000
+        hand.wait(lambda: session.light.all_done)
+        ctx.yield_(2)
+        assert written[-1].startswith("converged, ") and written[-1].endswith(" frames/s")
+        at = hand.at(BLOCK_FRONT)
+        hand.move(at)
+        ctx.mouse_down(0)
+        hand.move((at[0] + 20, at[1]))
+        assert written[-1].startswith("in motion")
+        ctx.mouse_up(0)
+
+    settings = replace(support.SETTINGS, measure_errors=True)
+    assert errors(play(script, settings)) == []

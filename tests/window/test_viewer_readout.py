@@ -40,10 +40,10 @@ def lamp_over_floor() -> Scene:
 def test_illuminance_under_the_cursor_is_the_closed_form(play, monkeypatch):
     """Gathered direct light is exact at vertices. One ray per new place, none while the mouse rests."""
     from app.draw.picking import Picker
-    from app.window import label
+    from app.window import overlay
 
-    written, write, rays, pick = [], label.write, [], Picker.pick
-    monkeypatch.setattr(label, "write", lambda text, *a, **k: (written.append(text), write(text, *a, **k)))
+    written, draw, rays, pick = [], overlay.draw_status, [], Picker.pick
+    monkeypatch.setattr(overlay, "draw_status", lambda *given: (written.append(given[1]), draw(*given)))
     monkeypatch.setattr(Picker, "pick", lambda *given: (rays.append(1), pick(*given))[1])
 
     def script(hand, viewer):
@@ -84,7 +84,7 @@ def test_each_side_of_a_wipe_reads_its_own_light(play):
     def script(hand, viewer):
         viewport = viewer.viewport
         hand.wait_for_light()
-        hand.ctx.set_ref("Panel")
+        hand.open_research()
         hand.ctx.combo_click("##Compare with/Photon map")
         hand.wait(lambda: len(viewport.shown.sides) == 2)
         sides = viewport.shown.sides

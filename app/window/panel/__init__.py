@@ -3,10 +3,10 @@
 `draw(settings, facts, folds)` returns the edited settings and the requested actions. The frame compares old and new
 settings and restarts the first stage that a change affects.
 
-A section is one file with `draw(settings, facts, actions) -> Settings` and one line in SECTIONS. Sections for
-engineers start folded. A new setting is a field of `Settings` (app/settings.py); a solver's setting is also named
-in SOLVER_SETTINGS there. A new read-out is a field of `Facts` (facts.py). Widgets with label and tooltip are in
-widgets.py.
+A section is one file with `draw(settings, facts, actions) -> Settings` and one line in SECTIONS, or in RESEARCH if it
+is about the method: one switch shows those. A new setting is a field of `Settings` (app/settings.py); a solver's
+setting is also named in SOLVER_SETTINGS there. A new read-out is a field of `Facts` (facts.py). Widgets with label and
+tooltip are in widgets.py.
 """
 
 from __future__ import annotations
@@ -14,25 +14,30 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from imgui_bundle import imgui
+
 from app.settings import Settings
 from app.window.panel import (
     artifacts,
     chart,
     error,
-    light,
+    method,
     motion,
     notes,
+    objects,
     picture,
-    probes,
+    quality,
+    readouts,
     scene,
     search,
     statistics,
+    status,
     timings,
 )
 from app.window.panel.facts import Facts, facts_of
 from app.window.panel.folds import Folds
 
-__all__ = ["SECTIONS", "Facts", "Folds", "Section", "draw", "facts_of"]
+__all__ = ["RESEARCH", "SECTIONS", "Facts", "Folds", "Section", "draw", "facts_of", "status"]
 
 
 def _always(facts: Facts) -> bool:
@@ -50,25 +55,37 @@ class Section(NamedTuple):
 
 SECTIONS = (
     Section("Scene", scene.draw),
-    Section("Light", light.draw),
-    Section("Probes", probes.draw, visible=lambda facts: bool(facts.probes)),
+    Section("Objects", objects.draw),
+    Section("Picture", picture.draw),
+    Section("Read-outs", readouts.draw),
+    Section("Quality", quality.draw),
+    Section("Scene notes", notes.draw, unfolded=False, visible=lambda facts: bool(facts.notes)),
+)
+RESEARCH = (
+    Section("Method", method.draw),
     Section("Motion", motion.draw),
     Section("Error", error.draw),
-    Section("Picture", picture.draw),
     Section("Error against time", chart.draw, unfolded=False),
     Section("Bias correction", artifacts.draw, unfolded=False),
     Section("Disc search", search.draw, unfolded=False, visible=lambda facts: bool(facts.search_summary)),
     Section("Timings", timings.draw, unfolded=False),
     Section("Statistics", statistics.draw, unfolded=False),
-    Section("Scene notes", notes.draw, visible=lambda facts: bool(facts.notes)),
 )
 
 
 def draw(settings: Settings, facts: Facts, folds: Folds) -> tuple[Settings, set[str]]:
     """Draw the panel; return the edited settings and the requested actions, keys of `app.window.actions`."""
     actions: set[str] = set()
-    for section in SECTIONS:
+    settings = _draw(SECTIONS, settings, facts, folds, actions)
+    imgui.separator()
+    if folds.switch("Research", "Show the parameters, errors and timings of the method."):
+        settings = _draw(RESEARCH, settings, facts, folds, actions)
+    return settings, actions
+
+
+def _draw(sections: tuple[Section, ...], settings: Settings, facts: Facts, folds: Folds, actions: set[str]) -> Settings:
+    for section in sections:
         if section.visible(facts) and folds.header(section.title, section.unfolded):
             settings = section.draw(settings, facts, actions)
             folds.show_whole(section.title)
-    return settings, actions
+    return settings

@@ -16,16 +16,13 @@ NO_COMPARISON = "None"
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     r = facts.report
-    ui.label("Measure")
-    changed, measure_errors = imgui.checkbox("##Measure errors", s.measure_errors)
+    changed, measure_errors = imgui.checkbox("Measure errors", s.measure_errors)
     if changed:
         s = replace(s, measure_errors=measure_errors)
     ui.tip("Measure errors while nothing moves. A drag interrupts the measurement.")
-    if r is not None:
-        where = "all" if r.receivers == r.of else f"{ui.thousands(r.receivers)} of"
-        imgui.same_line()
-        imgui.text_disabled(f"at {where} {ui.thousands(r.of)} receivers")
-        ui.tip("Receivers store light, one per vertex and side. A large scene is measured at a random sample of them.")
+    at = ui.DASH if r is None else f"{ui.thousands(r.receivers)} of {ui.thousands(r.of)}"
+    about = "Receivers store light, one per vertex and side. A large scene is measured at a random sample of them."
+    ui.number("Receivers", at, about)
     ui.number(
         "Total",
         _percent(r and r.total),
@@ -60,8 +57,7 @@ def _compare(s: Settings, facts: Facts) -> Settings:
         "Show another estimator of the same photons, or the reference, right of a line that you drag across the "
         "picture. It is computed while nothing moves.",
     )  # fmt: skip
-    ui.label("Show reference")
-    changed, reference = imgui.checkbox("##Show reference", s.reference)
+    changed, reference = imgui.checkbox("Show reference", s.reference)
     if changed:
         s = replace(s, reference=reference)
     ui.tip("Show the reference in place of the estimate. Key 0.")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import numpy as np
 
+    from app.draw.false_colour import Scale
     from app.rest.measured_points import MeasuredPoint
     from app.rest.results import GatherProgress, Report
     from app.session.reload import Reload
@@ -29,6 +30,7 @@ class Facts:
     photons_shown: int  # in the current picture
     photons_traced: int  # in the picture at rest
     photons_goal: int
+    photons_chosen: int  # by the scene, or --photons
     paths_shown: int  # per mobile vertex; 0: photons light the mobiles
     segments: int
     control: ControlFacts
@@ -37,8 +39,10 @@ class Facts:
     new_segments: int
     triangles: int
     receivers: int
-    mobiles: int
+    mobiles: tuple[str, ...]  # names
     playing: bool
+    moving: bool  # objects are in motion, or their light is
+    all_done: bool  # no work is left at rest
     metered: float  # EV at load
     probes: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> irradiance (3,)
     notes: tuple[str, ...] = ()
@@ -46,6 +50,7 @@ class Facts:
     points: tuple[MeasuredPoint, ...] = ()  # of the error chart
     gathered: GatherProgress | None = None  # progress of the static light; None: photons only
     at_poses: GatherProgress | None = None  # progress of the light at these poses; None: not begun
+    scale: Scale | None = None  # of false colours on show
     search_summary: str = ""  # size of the disc search's index; "": the estimator has none
     loading: tuple[str, float | None] | None = None  # phase and fraction of the scene being opened
     load_problem: str = ""  # of the last scene that failed to open
@@ -57,6 +62,7 @@ def facts_of(
     estimators: Mapping[str, str],
     frame_seconds: float,
     metered: float,
+    scale: Scale | None,
 ) -> Facts:
     """Return the facts of a ready session."""
     snapshot = session.light.snapshot
@@ -70,6 +76,7 @@ def facts_of(
         photons_shown=snapshot.photons,
         photons_traced=snapshot.photons_at_rest,
         photons_goal=session.settings.photons,
+        photons_chosen=max(session.chosen.photons, 1),
         paths_shown=snapshot.paths,
         segments=snapshot.segments,
         control=snapshot.control,
@@ -78,8 +85,10 @@ def facts_of(
         new_segments=snapshot.changes.new_segments,
         triangles=sum(len(mesh.triangles) for mesh in session.meshes),
         receivers=len(snapshot.irradiance),
-        mobiles=len(session.scene.mobiles),
+        mobiles=tuple(m.name for m in session.scene.mobiles),
         playing=session.playing,
+        moving=session.playing or session.dragging or session.light.is_moving or session.light.partial,
+        all_done=session.light.all_done and not session.refining,
         metered=metered,
         probes=snapshot.probes,
         notes=session.scene.notes,
@@ -87,6 +96,7 @@ def facts_of(
         points=session.points.all,
         gathered=snapshot.rest.gathered if session.settings.of_solver["light"] == "best" else None,
         at_poses=snapshot.rest.at_poses,
+        scale=scale,
         search_summary=snapshot.search_summary,
         loading=reload.progress,
         load_problem=reload.problem,

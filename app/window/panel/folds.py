@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from imgui_bundle import hello_imgui, imgui
 
+from app.window.panel import widgets as ui
+
 PREFERENCE = "sections"  # in the window's ini file
 FOLDED, UNFOLDED = "-", "+"
 
@@ -33,6 +35,13 @@ class Folds:
         if now and not before:
             self._just_unfolded = title
         return now
+
+    def switch(self, title: str, about: str) -> bool:
+        """Draw a switch of more sections; return whether they are shown."""
+        changed, on = imgui.checkbox(title, self._unfolded.setdefault(title, False))
+        ui.tip(about)
+        self._unfolded[title] = on
+        return on
 
     def show_whole(self, title: str) -> None:
         """Scroll to the end of the section just drawn if the user has just unfolded it."""

@@ -1,44 +1,76 @@
-"""Display of light: exposure, tone map, quantity, backface culling."""
+"""Display of light: exposure, white balance, false colours, tone map, view."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from imgui_bundle import imgui
 
-from app.settings import ERRORS, ILLUMINANCE, SHOWS, TONE_MAPS, Settings
+from app.settings import ERROR_RANGES, ERRORS, ILLUMINANCE, SHOWS, TONE_MAPS, Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
 EXPOSURE_MARGIN = 10.0  # EV on either side of the exposure metered at load
 TONE_MAP_NAMES = {"aces": "ACES (filmic)", "reinhard": "Reinhard", "clip": "Clip"}
 SHOW_NAMES = {"radiance": "Radiance", "irradiance": "Irradiance", ILLUMINANCE: "Illuminance", ERRORS: "Error map"}
+AUTOMATIC = "Automatic"
+SWITCHES = {
+    "white_balance": (
+        "White balance",
+        "Draw the light of the lamps neutral, as a camera does. Off: coloured lamps look coloured.",
+    ),
+    "cull": (
+        "Back-face culling",
+        "Hide the backs of one-sided faces, to look into closed rooms. Off: backs are dark grey.",
+    ),
+}
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    ui.label("Exposure")
-    em = imgui.get_font_size()
-    imgui.set_next_item_width(-4.6 * em)
     low, high = facts.metered - EXPOSURE_MARGIN, facts.metered + EXPOSURE_MARGIN
-    changed, exposure = imgui.slider_float("##Exposure", s.exposure, low, high, "%+.1f EV")
+    changed, exposure = ui.float_slider("Exposure", s.exposure, low, high, f"{s.exposure:+.1f} EV")
     if changed:
         s = replace(s, exposure=exposure)
     ui.tip("Exposure in stops; +1 EV doubles brightness. Metered at load, then fixed.")
-    imgui.same_line()
-    if imgui.button("Auto", (-1, 0)):
-        actions.add("meter")
-    ui.tip("Meter the exposure from the current view. Key A.")
-
-    s = ui.choice(s, "Tone map", "tone_map", {k: TONE_MAP_NAMES.get(k, k) for k in TONE_MAPS},
-                "Map from radiance to display colour. ACES keeps highlights, Reinhard keeps hue, Clip is exact below "
-                "white.")  # fmt: skip
     s = ui.choice(s, "Show", "show", {k: SHOW_NAMES.get(k, k) for k in (*SHOWS, ERRORS)},
                 "Radiance: the picture. Irradiance: the light on surfaces, drawn as if all were white. "
                 "Illuminance: false colours of it, with a scale in lx or W/m². Error map: "
                 "the error of irradiance against the reference.")  # fmt: skip
-    ui.label("Cull backfaces")
-    changed, cull = imgui.checkbox("##Cull backfaces", s.cull)
-    if changed:
-        s = replace(s, cull=cull)
-    ui.tip("Hide the backs of one-sided faces, to look into closed rooms. Off: backs are dark grey.")
+    s = _scale(s, facts)
+    s = ui.choice(s, "Tone map", "tone_map", {k: TONE_MAP_NAMES.get(k, k) for k in TONE_MAPS},
+                "Map from radiance to display colour. ACES keeps highlights, Reinhard keeps hue, Clip is exact below "
+                "white.")  # fmt: skip
+    for field, (name, about) in SWITCHES.items():
+        changed, on = imgui.checkbox(name, getattr(s, field))
+        if changed:
+            change: dict[str, Any] = {field: on}
+            s = replace(s, **change)
+        ui.tip(about)
+    half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
+    if imgui.button("Meter exposure", (half, 0)):
+        actions.add("meter")
+    ui.tip("Meter the exposure from the current view. Key A.")
+    imgui.same_line()
+    if imgui.button("Reset view", (half, 0)):
+        actions.add("reset view")
+    ui.tip("Return the camera to its start. Key Home.")
+    return s
+
+
+def _scale(s: Settings, facts: Facts) -> Settings:
+    """Draw the choice of the scale: of false colours, of the error map; disabled without either."""
+    imgui.begin_disabled(s.show not in (ERRORS, ILLUMINANCE))
+    if s.show == ERRORS:
+        names: dict = {None: AUTOMATIC, **{r: f"±{100 * r:.0f} %" for r in ERROR_RANGES}}
+        s = ui.choice(s, "Scale", "error_range", names, "Ends of the colours of the error map.")
+    else:
+        fixed = s.illuminance_range or (facts.scale and facts.scale[:2])
+        names = {None: AUTOMATIC}
+        if fixed:
+            names[fixed] = f"{fixed[0]:g} to {fixed[1]:g} {'lx' if facts.photometric else 'W/m²'}"
+        s = ui.choice(s, "Scale", "illuminance_range", names,
+                      "Automatic: fitted to the view at rest. Fixed: the present ends stay; "
+                      "--illuminance-range sets others.")  # fmt: skip
+    imgui.end_disabled()
     return s

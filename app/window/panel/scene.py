@@ -1,4 +1,4 @@
-"""The current scene: name, loading progress, reload."""
+"""The current scene: name, size, loading progress, reload."""
 
 from __future__ import annotations
 
@@ -13,18 +13,17 @@ from app.window.panel.facts import Facts
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    imgui.text(Path(s.scene).name)
+    imgui.text_wrapped(Path(s.scene).name)
     ui.tip(s.scene)
     if facts.loading is not None:
         phase, fraction = facts.loading
-        imgui.progress_bar(-imgui.get_time() if fraction is None else fraction, (-1, 0), "")
+        # A negative fraction makes ImGui's bar oscillate: work of unknown duration.
+        imgui.progress_bar(-imgui.get_time() if fraction is None else fraction, (-1, imgui.get_frame_height()), "")
         ui.write_over(phase)
     elif imgui.button("Reload", (-1, 0)):
         actions.add("reload")
-    ui.tip(
-        "Read the scene's files again; settings and poses stay. Key F5.\n"
-        "To open another scene, drop its file on the window."
-    )
+    ui.tip("Read the scene's files again; settings and poses stay. Key F5.\n"
+           "To open another scene, drop its file on the window.")  # fmt: skip
     if facts.load_problem:
         imgui.push_style_color(imgui.Col_.text, (*theme.ERROR, 1.0))
         imgui.text_wrapped(facts.load_problem)

@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 from app.settings import Settings
 from app.window import theme
 
-LABEL_EM = 7.2  # width of the label column
+LABEL_EM, VALUE_EM = 6.6, 5.4  # width of the columns of labels and of numbers beside sliders
 DASH = "\N{EM DASH}"  # an unknown number
 
 
@@ -32,6 +32,35 @@ def label(text: str) -> None:
     imgui.text(text)
     imgui.same_line(LABEL_EM * imgui.get_font_size())
     imgui.set_next_item_width(-1)
+
+
+def int_slider(name: str, value: int, low: int, high: int, shown: str, logarithmic: bool = False) -> tuple[bool, int]:
+    """Draw a slider between its label and its value in words, so that the knob hides no number."""
+    _beside(name, shown)
+    flags = imgui.SliderFlags_.logarithmic if logarithmic else imgui.SliderFlags_.none
+    return imgui.slider_int(f"##{name}", value, low, high, "", flags)
+
+
+def float_slider(
+    name: str, value: float, low: float, high: float, shown: str, logarithmic: bool = False
+) -> tuple[bool, float]:
+    """Draw a slider for a float, as int_slider()."""
+    _beside(name, shown)
+    flags = imgui.SliderFlags_.logarithmic if logarithmic else imgui.SliderFlags_.none
+    return imgui.slider_float(f"##{name}", value, low, high, "", flags)
+
+
+def _beside(name: str, shown: str) -> None:
+    """Write label and value of a slider; the slider comes between them."""
+    label(name)
+    em = imgui.get_font_size()
+    start, right = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
+    imgui.set_cursor_pos((start.x + right - imgui.calc_text_size(shown).x, start.y))
+    imgui.align_text_to_frame_padding()
+    imgui.text(shown)
+    imgui.same_line()
+    imgui.set_cursor_pos(start)
+    imgui.set_next_item_width(max(right - VALUE_EM * em, 3 * em))
 
 
 def write_over(text: str) -> None:

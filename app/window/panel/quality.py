@@ -1,0 +1,95 @@
+"""Quality: the estimator, one slider from fast to accurate with its cost and error, the state of the light."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from imgui_bundle import imgui
+
+from app.settings import Settings
+from app.window.panel import status
+from app.window.panel import widgets as ui
+from app.window.panel.facts import Facts
+
+
+class Level(NamedTuple):
+    """A position of the slider."""
+
+    name: str
+    photons: float  # factor on the photons that the scene chooses
+    budget: float  # [ms] for light per frame in motion
+
+
+LEVELS = (
+    Level("draft", 1 / 16, 8.0),
+    Level("fast", 1 / 4, 11.0),
+    Level("balanced", 1.0, Settings.budget),
+    Level("high", 2.0, 33.0),
+    Level("highest", 4.0, 66.0),
+)
+FEWEST = 4096  # photons of a level, if the scene chooses more
+
+
+def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+    _estimator(s, facts, actions)
+    now, k = level_of(s, facts.photons_chosen)
+    label = "Quality"
+    changed, new = ui.int_slider(label, k + 1, 1, len(LEVELS), now)
+    if changed:
+        s = at_level(s, min(max(new, 1), len(LEVELS)) - 1, facts.photons_chosen)
+    ui.tip(_about(facts))
+    cost = ui.ms(facts.gi_seconds) if facts.gi_seconds > 0 else ui.DASH
+    of = f" of {s.budget:.0f} ms" if s.budget > 0 else ""
+    ui.number("Costs per move", cost + of,
+              "Time for light per frame while something moves: median of the last moves, and its limit.")  # fmt: skip
+    error = status.error_of(facts)
+    ui.number("Error at rest", ui.DASH if error is None or facts.moving else f"{100 * error:.1f} %",
+              "Mean error of irradiance against an unbiased reference, relative to the mean irradiance.")  # fmt: skip
+    status.draw(facts)
+    return s
+
+
+def level_of(s: Settings, chosen: int) -> tuple[str, int]:
+    """Return the name and the index of the level of the settings; "custom" and the nearest one by photons otherwise.
+
+    chosen: photons that the scene chooses.
+    """
+    nearest = min(range(len(LEVELS)), key=lambda k: abs(photons_of(LEVELS[k], chosen) - s.photons))
+    for k, level in enumerate(LEVELS):
+        if (photons_of(level, chosen), level.budget) == (s.photons, s.budget):
+            return level.name, k
+    return "custom", nearest
+
+
+def at_level(s: Settings, k: int, chosen: int) -> Settings:
+    """Return the settings with photons and time budget of a level."""
+    return replace(s, photons=photons_of(LEVELS[k], chosen), budget=LEVELS[k].budget)
+
+
+def photons_of(level: Level, chosen: int) -> int:
+    """Return the photons of a level; the level of factor 1 has those that the scene chooses."""
+    return chosen if level.photons == 1 else max(ui.rounded(max(round(level.photons * chosen), 1)), min(FEWEST, chosen))
+
+
+def _about(facts: Facts) -> str:
+    """Return the tooltip: photons, time and error of each level, as far as measured."""
+    lines = ["From fast to accurate. Photons at rest, time for light per frame in motion, measured error:"]
+    for level in LEVELS:
+        photons = photons_of(level, facts.photons_chosen)
+        error = next((f"{100 * p.error:.1f} %" for p in reversed(facts.points) if p.photons == photons), ui.DASH)
+        lines.append(f"{level.name}: {ui.thousands(photons)}, {level.budget:g} ms, {error}")
+    return "\n".join(lines)
+
+
+def _estimator(s: Settings, facts: Facts, actions: set[str]) -> None:
+    keys = list(facts.estimators)
+    ui.label("Estimator")
+    if imgui.begin_combo("##Estimator", ui.title(s.estimator)):
+        for k, key in enumerate(keys):
+            if imgui.selectable(ui.title(key), key == s.estimator)[0]:
+                actions.add(f"estimator {k}")
+            ui.tip(f"{facts.estimators[key]}\nKey {k + 1}")
+        imgui.end_combo()
+    else:
+        ui.tip(f"Method that computes the light on surfaces from photon paths. Keys 1 to {len(keys)}.")
