@@ -60,14 +60,11 @@ def _certain(sums, background, new_flux, flux_per_cut, r):
 
 @kernel
 def _read_out(changed, background, resting, better, same, sums, new_flux, flux_per_cut, scale, area, first, last, out):
-    """Write irradiance of chunks first .. last - 1; receivers of unchanged chunks keep their light at rest."""
+    """Write irradiance of the changed chunks among first .. last - 1."""
     static = len(resting)
     for chunk in range(first, last):
         start, stop = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(out))
         if not changed[chunk]:
-            for r in range(start, stop):
-                for c in range(3):
-                    out[r, c] = better[r, c]
             continue
         for r in range(start, stop):
             # Area 0: no light can reach the receiver, or it has no face.
@@ -99,6 +96,8 @@ def frame_irradiance(
     same, out = better is resting, np.empty((len(frame.sums), 3))
 
     def work(_, first, last):
+        rows = slice(first << CHUNK_BITS, min(last << CHUNK_BITS, len(better)))
+        out[rows] = better[rows]  # receivers of unchanged chunks keep their light at rest
         _read_out(
             frame.changed, background, resting, better, same, frame.sums, frame.new_flux, frame.flux_per_cut,
             flux_unit, frame.area, first, last, out,

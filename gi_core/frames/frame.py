@@ -148,9 +148,7 @@ def next_frame(
     changed = change(model, paths, coarse, at, store.seed, wanted, room, clock)
     evaluated = estimate.evaluate(changed)
     clock("estimate")
-    E = np.zeros(evaluated.sums.shape)
-    if size.photons:
-        E = _controlled(b, source, evaluated, size.photons)
+    E = _controlled(b, source, evaluated, size.photons) if size.photons else np.zeros(evaluated.sums.shape)
     clock("read out")
     if size.paths:
         source.light_mobiles(E, at, size.paths, source.bounce_reflectance(store, b))

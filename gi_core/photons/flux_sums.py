@@ -13,9 +13,9 @@ import numpy as np
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 
-CHUNK_BITS = 6  # a chunk is 64 receivers: 1.5 kB of sums
+CHUNK_BITS = 3  # a chunk is 8 receivers: 192 bytes of sums
 CHUNK = 1 << CHUNK_BITS
-CHUNK_GRAIN = 256  # chunks per thread
+CHUNK_GRAIN = 2048  # chunks per thread
 NOWHERE = np.empty(0, np.int64)
 NOT_ADDITIVE = -1  # the receiver's sums are not background - removed suffixes + new suffixes
 
