@@ -20,6 +20,7 @@ FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are too noisy
 MANY_RECEIVERS = 30_000  # measuring their regions takes half a second and more
 MORE, LATE_MORE = 1.41, 1.19  # growth of photons per picture if sums are additive: a picture costs one frame,
 LATE = 1 << 18  # little compared with so many photons
+RECENT = 3  # backgrounds kept: one per shipped estimator
 MUCH_MORE = 2.0  # the same where each picture estimates everything again
 
 
@@ -49,19 +50,23 @@ def _after(b: Background) -> int:
 
 
 class FirstFrame:
-    """Builder of the background of a setting. Finished parts stay if the steps are abandoned."""
+    """Builder of the backgrounds of settings. Finished parts stay if the steps are abandoned.
+
+    The last RECENT backgrounds stay too: a return to their setting shows its light at once. They go if memory is short.
+    """
 
     def __init__(self, photons: Photons, source: LightSource, scene_size: float):
         self._photons, self._source, self._scene_size = photons, source, scene_size
-        self._building: Background | None = None
+        self._recent: list[Background] = []  # newest last
 
     def background(self, setting: Setting, shown: Background | None, wanted: int) -> Background:
-        """Return the background to continue: the one on show, or being built, if it fits the setting."""
-        for kept in (shown, self._building):
-            if kept is not None and kept.setting == setting and kept.added <= wanted:
-                return kept
-        self._building = Background(self._photons.model, setting)
-        return self._building
+        """Return the background to continue: the one on show, or a recent one, if it fits the setting."""
+        known = [b for b in (shown, *self._recent) if b is not None]
+        fitting = [b for b in known if b.setting == setting and b.added <= wanted]
+        chosen = max(fitting, key=lambda b: b.added, default=None) or Background(self._photons.model, setting)
+        newest = [b for b in (shown, chosen) if b is not None]
+        self._recent = [*(b for b in self._recent if b not in newest), *dict.fromkeys(newest)][-RECENT:]
+        return chosen
 
     def steps(
         self,
@@ -83,7 +88,7 @@ class FirstFrame:
         b = self.background(setting, shown, wanted())
         yield from _build(b)
         schedule = Schedule(b, shown.estimate.photons if shown not in (None, b) else 0, pictures)
-        while b.added < (goal := self._photons.affordable(wanted(), b.estimate.bytes_per_hit)):
+        while b.added < (goal := self._affordable(wanted(), b)):
             had = b.added
             work = self._photons.bring_in(b, schedule.next_goal(had, goal), goal, seconds)
             yield Progress(work.value, b.added / goal, False)
@@ -98,6 +103,15 @@ class FirstFrame:
         f, as_asked = frame(), (self._source.size(goal), self._source.is_gathered)
         if b is not f.background or f.photons_at_rest != goal or (f.size, f.gathered) != as_asked:
             yield from self.show(b, wanted(), show)
+
+    def _affordable(self, wanted: int, b: Background) -> int:
+        """Return the wanted photons that fit into memory; recent backgrounds give way."""
+        photons, each = self._photons, b.estimate.bytes_per_hit
+        fit = photons.affordable(wanted, each)
+        if photons.memory_full and len(self._recent) > 1:
+            self._recent = [b]
+            fit = photons.affordable(wanted, each)
+        return fit
 
     def refresh(
         self, shown: Callable[[], Background], wanted: Callable[[], int], show: Callable[[Background], None]
@@ -114,8 +128,6 @@ class FirstFrame:
         if b.added == wanted > 0:
             yield from self.find_unreached(b)
         show(b)
-        if b is self._building:
-            self._building = None
         yield Progress("estimating", b.added / max(wanted, 1), True)
 
     def find_unreached(self, b: Background) -> Iterator[Progress]:

@@ -62,7 +62,7 @@ def facts_of(
     estimators: Mapping[str, str],
     frame_seconds: float,
     metered: float,
-    scale: Scale | None,
+    scale: Scale | None = None,
 ) -> Facts:
     """Return the facts of a ready session."""
     snapshot = session.light.snapshot

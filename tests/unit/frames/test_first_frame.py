@@ -1,0 +1,66 @@
+"""Backgrounds of recent settings: a return to a setting estimates nothing again and gives the same bits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gi_core.frames import first_frame
+from gi_core.solver import Solver
+from tests.support.scene_builders import box_mobile, coloured_room
+
+SCENE = coloured_room((box_mobile(size=0.1),))
+
+
+def estimated(solver: Solver) -> bool:
+    """Solve; return whether the solution of all photons was the first picture shown, and it came without estimating."""
+    before = solver.frame.background
+    added = {id(b): b.added for b in solver._first_frame._recent}
+    pictures = [p for p in solver.solve_steps() if p.picture]
+    now = solver.frame.background
+    assert now is not before
+    return len(pictures) > 1 or added.get(id(now)) != now.added
+
+
+def test_a_return_to_a_recent_setting_is_one_frame():
+    solver = Solver(SCENE, photons=40_000, radius=0.06)
+    solver.solve()
+    light = solver.irradiance
+    for name in ("photon_map", "impact_count"):
+        solver.configure(estimator=name)
+        assert estimated(solver)
+    solver.configure(estimator="tangent_plane")
+    assert not estimated(solver) and np.array_equal(solver.irradiance, light)
+    solver.configure(photons=5_000)
+    assert estimated(solver)
+    solver.configure(photons=40_000)
+    assert not estimated(solver) and np.array_equal(solver.irradiance, light)
+
+
+def test_an_abandoned_switch_loses_nothing():
+    solver = Solver(SCENE, photons=40_000, radius=0.06)
+    solver.solve()
+    light, first = solver.irradiance, solver.frame.background
+    solver.configure(estimator="photon_map")
+    for progress in solver.solve_steps():
+        if progress.picture:
+            break
+    solver.configure(estimator="impact_count")
+    next(solver.solve_steps())
+    solver.configure(estimator="tangent_plane")
+    solver.solve()
+    assert solver.frame.background is first and np.array_equal(solver.irradiance, light)
+
+
+def test_no_more_than_the_recent_ones_stay_and_none_if_memory_is_short(monkeypatch):
+    solver = Solver(SCENE, photons=2_000, radius=0.06)
+    for radius in (0.06, 0.05, 0.04, 0.03, 0.02):
+        solver.configure(radius=radius)
+        solver.solve()
+    recent = solver._first_frame._recent
+    assert [b.setting.radius for b in recent] == [0.04, 0.03, 0.02] and len(recent) == first_frame.RECENT
+
+    monkeypatch.setattr("gi_core.base.memory.available", lambda: 0)
+    solver.configure(photons=4_000)
+    solver.solve()
+    assert [b.setting.radius for b in solver._first_frame._recent] == [0.02]
+    assert solver.frame.photons == 2_000 and solver.frame.store.memory_full
