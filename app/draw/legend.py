@@ -1,6 +1,8 @@
-"""The legend of false colours in a picture file; app/window/legend.py draws the window's."""
+"""Legends of false colours and of the error map, drawn into a picture file; app/window/legend.py draws the window's."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -14,17 +16,32 @@ LINE_EM = 1.3
 MARGIN_EM = 0.8
 PLATE, TEXT = (15, 16, 17, 210), (235, 236, 238)
 LEAST_EM = 9  # pixels
+COLOUR_STEPS = 64
 
 
-def with_legend(picture: np.ndarray, scale: Scale, units: Units) -> np.ndarray:
+class Legend(NamedTuple):
+    """Content of a legend."""
+
+    lines: list[str]  # caption; the first is the title
+    ticks: list[tuple[float, str]]  # position from 0 (bottom) to 1 (top), label
+    colours: np.ndarray  # (COLOUR_STEPS + 1, 3) display colours from bottom to top
+    unknown: str = ""  # label of the colour for surfaces without a value; "": there are none
+
+
+def of_scale(scale: Scale, units: Units) -> Legend:
+    """Return the legend of false colours."""
+    return Legend(scale.title(units), scale.labels, sequential_colours(np.linspace(0, 1, COLOUR_STEPS + 1)))
+
+
+def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     """Return a picture (h, w, 3) uint8 with the legend in its lower right corner; unchanged if it is too small."""
     h, w = picture.shape[:2]
     em = max(h // 50, LEAST_EM)
     font = ImageFont.load_default(em)
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image, "RGBA")
-    lines = [line.replace("²", "2") for line in scale.title(units)]  # Pillow's font has no superscripts
-    labels, margin = scale.labels, MARGIN_EM * em
+    lines, labels = [_plain(line) for line in legend.lines], [(at, _plain(text)) for at, text in legend.ticks]
+    margin = MARGIN_EM * em
     beside = (WIDTH_EM + 0.6) * em
     width = max(*(draw.textlength(t, font) for t in lines), *(beside + draw.textlength(t, font) for _, t in labels))
     head = (len(lines) + 0.5) * LINE_EM * em
@@ -36,7 +53,8 @@ def with_legend(picture: np.ndarray, scale: Scale, units: Units) -> np.ndarray:
     for k, line in enumerate(lines):
         draw.text((left, top + k * LINE_EM * em), line, TEXT, font)
     rows = round(HEIGHT_EM * em)
-    bar = np.round(255 * sequential_colours(np.linspace(1, 0, rows))).astype(np.uint8)
+    places, steps = np.linspace(1, 0, rows), np.linspace(0, 1, len(legend.colours))
+    bar = np.round(255 * np.stack([np.interp(places, steps, c) for c in legend.colours.T], axis=1)).astype(np.uint8)
     image.paste(
         Image.fromarray(np.repeat(bar[:, None], round(WIDTH_EM * em), axis=1)), (round(left), round(top + head))
     )
@@ -45,3 +63,8 @@ def with_legend(picture: np.ndarray, scale: Scale, units: Units) -> np.ndarray:
         draw.line((left + WIDTH_EM * em, y, left + (WIDTH_EM + 0.3) * em, y), TEXT)
         draw.text((left + beside, y), text, TEXT, font, anchor="lm")
     return np.asarray(image)
+
+
+def _plain(text: str) -> str:
+    """Return text without characters that Pillow's font lacks."""
+    return text.replace("²", "2").replace("\N{MINUS SIGN}", "-")

@@ -15,7 +15,7 @@ import numpy as np
 from app.draw.camera import Turntable
 from app.draw.false_colour import Scale, false_colours
 from app.draw.tonemap import to_display
-from app.draw.vertex_colours import DrawMesh, colours, weights
+from app.draw.vertex_colours import DrawMesh, colours, part_of, weights
 from app.draw.white_balance import NEUTRAL, Gains
 from gi_core.display.dilation import Drawn
 from gi_core.geometry.cutouts import covered
@@ -30,7 +30,7 @@ UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face without culling
 # Offsets of a pixel's rays: a rotated grid, so that edges near the axes get all four levels.
 PIXEL_OFFSETS = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
 RAYS_PER_BATCH = 1 << 17  # enough for Embree, small enough for the cache
-GRID_ROWS = 32  # of rays that measure what is visible, times the samples of a pixel
+GRID_ROWS = 16  # of rays that measure what is visible, times the samples of a pixel
 MAX_CULLED = 64  # culled faces along a ray
 CULLED_OFFSET = 4e-6  # of the scene size and the distance: step beyond a culled face (float32: 6e-8)
 
@@ -47,6 +47,9 @@ class PictureScene(NamedTuple):
     texture: np.ndarray  # (F,) int64 into textures, -1: none; or (0,): none at all
     uv: np.ndarray  # (F, 3, 2) float32, or (0, 3, 2)
     emission: np.ndarray  # (F, 3) float64 that a texture does not colour, or (0, 3)
+
+
+Placed = Callable[[np.ndarray], tuple[PictureScene, np.ndarray]]
 
 
 def place(meshes: Sequence[DrawMesh], at: Transforms) -> PictureScene:
@@ -124,7 +127,7 @@ def picture(
         progress(top / height)
         bottom = min(top + rows, height)
         origins, directions = _rays(camera, width, height, top, bottom)
-        face, u, v = _visible_faces(accelerator, at, world, origins, directions, cull)
+        face, u, v = _visible_faces(accelerator, at, lambda hit: (world, hit), origins, directions, cull)
         display = _shade(
             world, front, back, face, u, v, directions, exposure, tone_map, steps, origins[0], scale, gains
         )
@@ -147,14 +150,30 @@ def visible_irradiance(
 
     drawn: irradiance (R, 3) [W/m2] and weights of the picture; aspect: its width over its height.
     """
-    world = place(meshes, at)
-    pairs = [(colours(mesh, drawn.irradiance, False), weights(mesh, drawn.weights)) for mesh in meshes]
-    front, back = (np.concatenate([weighted(c[side], w, side) for c, w in pairs]) for side in (0, 1))
+    size = float(np.subtract(camera.bounds.high, camera.bounds.low).max())
+
+    def placed(hit: np.ndarray) -> tuple[PictureScene, np.ndarray]:
+        some, rows = _parts(meshes, hit)
+        return place(some, at)._replace(size=size), rows
+
     origins, directions = _rays(camera, max(round(aspect * GRID_ROWS), 1), GRID_ROWS, 0, GRID_ROWS)
-    face, u, v = _visible_faces(accelerator, at, world, origins, directions, cull)
+    face, u, v = _visible_faces(accelerator, at, placed, origins, directions, cull)
     hit = np.flatnonzero(face >= 0)
-    radiance, facing = seen_radiance(world, front, back, face[hit], u[hit], v[hit], directions[hit], None, origins[0])
-    return math.pi * luminance(radiance[facing | ~world.one_sided[face[hit]]])
+    some, rows = _parts(meshes, face[hit])
+    world = place(some, at)
+    pairs = [(colours(mesh, drawn.irradiance, False), weights(mesh, drawn.weights)) for mesh in some]
+    front, back = (np.concatenate([weighted(c[side], w, side) for c, w in pairs]) for side in (0, 1))
+    radiance, facing = seen_radiance(world, front, back, rows, u[hit], v[hit], directions[hit], None, origins[0])
+    return math.pi * luminance(radiance[facing | ~world.one_sided[rows]])
+
+
+def _parts(meshes: Sequence[DrawMesh], faces: np.ndarray) -> tuple[list[DrawMesh], np.ndarray]:
+    """Return the meshes of some faces (n,) of all objects, and the row of each face among these meshes' faces."""
+    first = np.cumsum([0, *(len(mesh.triangles) for mesh in meshes)])
+    of = np.searchsorted(first, faces, "right") - 1
+    rows = np.empty(len(faces), np.int64)
+    rows[np.argsort(of, kind="stable")] = np.arange(len(faces))
+    return [part_of(mesh, faces[of == o] - first[o]) for o, mesh in enumerate(meshes)], rows
 
 
 def weighted(colours: np.ndarray, weights: np.ndarray | None, side: int) -> np.ndarray:
@@ -177,8 +196,11 @@ def _rays(camera: Turntable, width: int, height: int, top: int, bottom: int) -> 
     return np.ascontiguousarray(origins), d.astype(np.float32)
 
 
-def _visible_faces(accelerator, at, world: PictureScene, origins, directions, cull: bool):
-    """Return the visible face (n,) int32 per ray, -1 for none, and barycentric weights u, v of corners 1, 2."""
+def _visible_faces(accelerator, at, placed: Placed, origins, directions, cull: bool):
+    """Return the visible face (n,) int32 per ray, -1 for none, and barycentric weights u, v of corners 1, 2.
+
+    placed: returns for faces (n,) a scene that has them, and their rows there.
+    """
     n = len(origins)
     face, u, v = np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32)
     going, o, d = np.arange(n), origins, directions
@@ -188,13 +210,14 @@ def _visible_faces(accelerator, at, world: PictureScene, origins, directions, cu
         found = hit >= 0
         going, o, d, t, hit = going[found], o[found], d[found], t[found], hit[found]
         hidden = np.zeros(len(hit), bool)
+        world, at_hit = placed(hit)
         if cull:
-            hidden = world.one_sided[hit] & ((world.normals[hit] * d).sum(axis=1) >= 0)
-        hidden |= _cut_away(world, hit, o, d)
+            hidden = world.one_sided[at_hit] & ((world.normals[at_hit] * d).sum(axis=1) >= 0)
+        hidden |= _cut_away(world, at_hit, o, d)
         seen = ~hidden
         rows = going[seen]
         face[rows] = hit[seen]
-        u[rows], v[rows] = barycentrics(world.corners[hit[seen]], o[seen], d[seen])
+        u[rows], v[rows] = barycentrics(world.corners[at_hit[seen]], o[seen], d[seen])
         if not hidden.any():
             break
         # Continue behind culled faces and through holes.

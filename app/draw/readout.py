@@ -9,7 +9,7 @@ import numpy as np
 
 from app.draw.raycast import barycentrics, pixel_steps, place, seen_radiance, weighted
 from app.draw.units import Units, units_of
-from app.draw.vertex_colours import colours, weights
+from app.draw.vertex_colours import colours, part_of, weights
 from gi_core.geometry.error import luminance
 from gi_core.rays.accelerator import Transforms
 
@@ -63,7 +63,7 @@ def read(
     (R, 3) [W/m2] and interpolation weights (R,) that the picture shows.
     """
     o = hit.object
-    one, at = _triangle(mesh, hit.face), model.transforms(poses)
+    one, at = part_of(mesh, np.array([hit.face])), model.transforms(poses)
     world = place([one], Transforms(at.rotation[o : o + 1], at.position[o : o + 1]))
     camera = camera.relative_to(model.origins[0])
     eye, d = camera.eye().astype(np.float32), direction.astype(np.float32)[None]
@@ -84,12 +84,3 @@ def read(
     if not is_lit:
         E = L = math.nan
     return Reading(name, material, math.pi * E, L, is_lit, units_of(scene.units))
-
-
-def _triangle(mesh: DrawMesh, face: int) -> DrawMesh:
-    """Return the mesh of one face."""
-    rows = mesh.triangles[face]
-    per_vertex = ("positions", "front", "back", "reflectance", "emission", "texture", "uv", "texel")
-    values = {name: getattr(mesh, name) for name in per_vertex}
-    values = {name: None if a is None else a[rows] for name, a in values.items()}
-    return mesh._replace(triangles=np.arange(3, dtype=np.int32)[None], **values)

@@ -9,7 +9,7 @@ import numpy as np
 from app.draw import raycast
 from app.draw.camera import Bounds, Turntable, from_camera
 from app.draw.false_colour import Scale, automatic_scale, fixed_scale
-from app.draw.legend import with_legend
+from app.draw.legend import of_scale, with_legend
 from app.draw.metering import metered
 from app.draw.units import units_of
 from app.draw.vertex_colours import colours, draw_meshes, weights
@@ -66,7 +66,11 @@ class Shot:
             self.scale,
             self.gains,
         )
-        return picture if self.scale is None else with_legend(picture, self.scale, units_of(self.solver.scene.units))
+        return (
+            picture
+            if self.scale is None
+            else with_legend(picture, of_scale(self.scale, units_of(self.solver.scene.units)))
+        )
 
     def fitted_scale(self) -> Scale | None:
         """Return the scale of false colours that the settings give or that suits the picture; None: other pictures."""

@@ -37,6 +37,15 @@ def draw_meshes(surfaces: Surfaces) -> tuple[DrawMesh, ...]:
     return tuple(_draw_mesh(surfaces, o) for o in range(len(surfaces.vertices)))
 
 
+def part_of(mesh: DrawMesh, faces: np.ndarray) -> DrawMesh:
+    """Return the mesh of some faces (n,) in their order, each with its own vertices."""
+    rows = mesh.triangles[faces].reshape(-1)
+    per_vertex = ("positions", "front", "back", "reflectance", "emission", "texture", "uv", "texel")
+    values = {name: getattr(mesh, name) for name in per_vertex}
+    values = {name: None if a is None else a[rows] for name, a in values.items()}
+    return mesh._replace(triangles=np.arange(len(rows), dtype=np.int32).reshape(-1, 3), **values)
+
+
 def _draw_mesh(surfaces: Surfaces, o: int) -> DrawMesh:
     faces = surfaces.faces[o]
     of = slice(int(surfaces.first_face[o]), int(surfaces.first_face[o + 1]))

@@ -103,7 +103,8 @@ def _meter(window: Window) -> None:
 def _save_picture(window: Window) -> None:
     viewport, renderer = window.viewport, window.renderer
     metadata = viewport.picture.metadata(window.session.light.snapshot)
-    path = screenshot.save(renderer, viewport.look(outlined=False), metadata, screenshot.next_free(Path.cwd()))
+    look, path = viewport.look(outlined=False), screenshot.next_free(Path.cwd())
+    screenshot.save(renderer, look, viewport.legend, metadata, path)
     window.log(f"saved {path}")
     viewport.redraw()
 

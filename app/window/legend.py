@@ -3,42 +3,24 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from imgui_bundle import imgui
 
-from app.draw.colour_map import UNKNOWN, sequential_colours, signed_colours
-from app.draw.false_colour import Scale
-from app.draw.units import Units
+from app.draw.colour_map import UNKNOWN, signed_colours
+from app.draw.legend import COLOUR_STEPS, Legend
 from app.window import label, theme
 from app.window.view_content import Errors
 
 WIDTH_EM, HEIGHT_EM = 1.1, 11.0  # of the bar
-COLOUR_STEPS = 64
 NO_DATA = "no reference yet"
 TICKS = (1.0, 0.5, 0.0, -0.5, -1.0)  # of the scale
-
-
-class Legend(NamedTuple):
-    """Content of a legend."""
-
-    lines: list[str]  # caption; the first is the title
-    ticks: list[tuple[float, str]]  # position from 0 (bottom) to 1 (top), label
-    colours: np.ndarray  # (COLOUR_STEPS + 1, 3) display colours from bottom to top
-    unknown: str = ""  # label of the colour for surfaces without a value; "": there are none
 
 
 def of_errors(errors: Errors) -> Legend:
     """Return the legend of an error map."""
     ticks = [((1 + tick) / 2, tick_text(tick, errors.scale)) for tick in TICKS]
     return Legend(texts(errors), ticks, signed_colours(np.linspace(-1, 1, COLOUR_STEPS + 1)), NO_DATA)
-
-
-def of_scale(scale: Scale, units: Units) -> Legend:
-    """Return the legend of false colours."""
-    colours = sequential_colours(np.linspace(0, 1, COLOUR_STEPS + 1))
-    return Legend(scale.title(units), scale.labels, colours)
 
 
 def draw(legend: Legend, right: float, bottom: float) -> None:

@@ -26,8 +26,8 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
         return
     corner = x + em, y + h - 2.6 * em
     _draw_shown(viewport.shown, viewport.wipe, (x, y, w, h), em)
-    if viewport.picture.scale is not None:
-        legend.draw(legend.of_scale(viewport.picture.scale, viewport.picture.units), x + w - em, y + h - em)
+    if viewport.legend is not None:
+        legend.draw(viewport.legend, x + w - em, y + h - em)
     hint = viewport.hint()
     if hint:
         label.write(hint, *corner)
@@ -47,8 +47,6 @@ def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float
         label.write(shown.sides[0].label, x + em, y + em)
     if shown.coming:
         label.write(shown.coming, x + w - em, y + em, theme.DIM, right=True)
-    if shown.errors is not None:
-        legend.draw(legend.of_errors(shown.errors), x + w - em, y + h - em)
 
 
 def _draw_opening(session: Session, x: float, y: float, em: float) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from app.draw.legend import Legend, with_legend
 from app.draw.png import write_png
 from app.draw.renderer import Look, Renderer
 
@@ -18,8 +19,8 @@ def next_free(folder: Path) -> Path:
     return path
 
 
-def save(renderer: Renderer, look: Look, metadata: dict[str, str], path: Path) -> Path:
-    """Draw at the viewport's size with SAMPLES_PER_PIXEL and write a PNG. Raises OSError."""
+def save(renderer: Renderer, look: Look, legend: Legend | None, metadata: dict[str, str], path: Path) -> Path:
+    """Draw at the viewport's size with SAMPLES_PER_PIXEL and write a PNG, with its legend. Raises OSError."""
     size, samples = renderer.size, renderer.samples_now
     renderer.resize(*size, SAMPLES_PER_PIXEL)
     try:
@@ -27,4 +28,4 @@ def save(renderer: Renderer, look: Look, metadata: dict[str, str], path: Path) -
         picture = renderer.pixels()
     finally:
         renderer.resize(*size, samples)
-    return write_png(path, picture, metadata)
+    return write_png(path, picture if legend is None else with_legend(picture, legend), metadata)

@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 
 from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
 from app.draw.false_colour import Scale, automatic_scale, fixed_scale
+from app.draw.legend import Legend, of_scale
 from app.draw.picking import Hit
 from app.draw.raycast import visible_irradiance
 from app.draw.readout import Reading, read
@@ -20,6 +21,7 @@ from app.session.picture import Picture
 from app.session.session import Session
 from app.settings import ILLUMINANCE
 from app.window import drag
+from app.window.legend import of_errors
 from app.window.view_content import Shown
 from app.window.wipe import Wipe
 from gi_core.display.dilation import Drawn
@@ -235,6 +237,14 @@ class Viewport:
         s = self.session
         scale = self.scale if s.settings.show == ILLUMINANCE else None
         return Picture(s.settings, self.camera, s.version, split, scale, units_of(s.scene.units))
+
+    @property
+    def legend(self) -> Legend | None:
+        """Legend of the current picture; None: it shows light."""
+        if self.shown is not None and self.shown.errors is not None:
+            return of_errors(self.shown.errors)
+        picture = self.picture
+        return None if picture.scale is None else of_scale(picture.scale, picture.units)
 
     def rescale(self, at_rest: bool) -> None:
         """Fit the scale of false colours to the picture: at rest, so that colours do not flicker in motion."""

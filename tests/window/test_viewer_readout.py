@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from gi_core.scene import Camera, Material, Mobile, PointLight, Pose, Scene
 from tests.support import closed_form
 from tests.support import viewer_support as support
 from tests.support.scene_builders import merge, quad
-from tests.support.viewer_hand import errors
+from tests.support.viewer_hand import errors, keys
 
 pytest_plugins = ["tests.support.viewer_fixtures"]
 pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
@@ -122,6 +123,13 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
             expected = 255 * sequential_colours(scale.position(np.array([E])))[0]
             column, row = (int(c - o) for c, o in zip(hand.at((x, y, 0.0)), viewport.origin, strict=True))
             assert np.abs(picture[row, column] - expected).max() <= 6, (E, picture[row, column])
+
+        hand.press(keys().p)
+        saved = np.asarray(Image.open("gi-viewer-001.png"))
+        top, left = (round(0.4 * n) for n in saved.shape[:2])
+        assert saved.shape == picture.shape and np.abs(saved[:top, :left].astype(int) - picture[:top, :left]).mean() < 2
+        plate = (saved[top:, left:].max(axis=2) < 40).mean()
+        assert plate > 0.05 and (picture[top:, left:].max(axis=2) < 40).mean() < plate / 2, "the legend is in the file"
 
         tile = hand.at((1.4, 1.2, 0.01))
         hand.move(tile)
