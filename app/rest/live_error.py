@@ -59,7 +59,7 @@ class LiveError:
     """One per solver; only the solver's thread uses it."""
 
     def __init__(self, solver: Solver, clock: Callable[[], float], stop: Callable[[], bool] | None = None) -> None:
-        self.comparison = ComparisonJob(solver)
+        self.comparison = ComparisonJob(solver, stop)
         self.report: Report | None = None
         self.point: MeasuredPoint | None = None  # of the chart
         self._solver, self._clock, self._stop = solver, clock, stop

@@ -66,22 +66,28 @@ def test_live_error_equals_that_against_another_reference(solver):
     assert "tangent plane\n20 000 photons\nradius 0.06 m" in point.label and "control" in point.label
 
 
-@pytest.mark.parametrize("light", ["photons", "best"])
-def test_a_frame_at_rest_is_broken_off_for_a_move_and_done_later(solver, light):
-    """Timed frames, and new gathered light: the job ends at once, and its kind goes on at the next rest."""
+@pytest.mark.parametrize("light, compare", [("photons", ""), ("photons", "impact_count"), ("best", "")])
+def test_a_frame_at_rest_is_broken_off_for_a_move_and_done_later(solver, light, compare):
+    """Timed frames, those of a comparison, new gathered light: the job ends at once and goes on at the next rest."""
     twin, waits = solver.twin(), [True]
     twin.configure(light=light)
-    work, job = RestWork(twin, time.perf_counter, lambda: waits[0]), Rest(Settings(measure_errors=light == "photons"))
+    settings = Settings(measure_errors=light == "photons" and not compare, compare=compare)
+    work, job = RestWork(twin, time.perf_counter, lambda: waits[0]), Rest(settings)
+
+    def results():
+        e = work.live_error
+        return e.report is not None, e.comparison.result is not None, twin.frame.gathered
+
     with pytest.raises(Interrupted):
         for _ in range(1000):
             job.run(twin, work)
-    assert not work.given_up and work.live_error.report is None and not twin.frame.gathered
+    assert not work.given_up and not any(results())
     waits[0] = False
     for _ in range(1000):
         assert job.run(twin, work).problem is None
-        if work.live_error.report is not None or twin.frame.gathered:
+        if any(results()):
             break
-    assert (work.live_error.report is None) == twin.frame.gathered == (light == "best")
+    assert results() == (light == "photons" and not compare, bool(compare), light == "best")
 
 
 def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
