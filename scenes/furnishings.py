@@ -1,4 +1,4 @@
-"""What makes a room lived in: books, lamps, vases, curtains, a plant, pictures. Pieces as in furniture.py."""
+"""Furnishings of a room: books, lamps, vases, curtains, a plant, pictures. Pieces as in furniture.py."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def lying_books(sizes, pick) -> list[Shape]:
 def floor_lamp(height: float, metal: str, shade: str, diffuser: str) -> Piece:
     """Return a lamp with a drum shade that glows, and a glowing diffuser in its upper and lower opening.
 
-    The bulb itself is left out: what it sends through cloth and diffusers is given to them, and
+    The bulb itself is left out: its light through cloth and diffusers is given to them, and
     light that leaves large surfaces needs far fewer photons than a small bulb in a deep shade.
     """
     r, tall = 0.21, 0.27

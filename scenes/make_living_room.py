@@ -84,7 +84,7 @@ def _window():
     half = (wide - BAR) / 2
     panes = [flat(z, y0, half, tall) for z in (z1, z0 + half)]
     bar = flat(z0 + half + BAR, y0, BAR, tall)
-    # The casing lies flush in the wall: behind a board the wall would be dark, and darken what is beside it.
+    # The casing lies flush in the wall: behind a board the wall would be dark, and darken its neighbours.
     casing = [wall((LEFT, y0, z + CASING), (0, 0, -CASING), (0, tall, 0), CELL / 2) for z in (z0 - CASING, z1)]
     casing.append(wall((LEFT, y1, z1 + CASING), (0, 0, -wide - 2 * CASING), (0, CASING, 0), CELL / 2))
     reveal = [

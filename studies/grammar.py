@@ -52,9 +52,9 @@ def hang(*_) -> None:
 
 def peak() -> float:
     """Return the largest resident memory of this process since the last call [MB]."""
-    told = re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())[1]
+    kilobytes = re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())[1]
     Path("/proc/self/clear_refs").write_text("5")
-    return int(told) / 1e3
+    return int(kilobytes) / 1e3
 
 
 def main() -> int:

@@ -41,7 +41,7 @@ class _FaceBlocks(NamedTuple):
 
 class Picker:
     def __init__(self, surfaces: Surfaces, origins: np.ndarray | None = None) -> None:
-        """origins (objects, 3) [m]: what the vertices of each object are relative to, see Model; None: zeros."""
+        """origins (objects, 3) [m]: of the coordinates of each object's vertices, see Model; None: zeros."""
         self._origins = np.zeros((surfaces.objects, 3)) if origins is None else origins
         self._objects = [
             _blocks(

@@ -30,7 +30,7 @@ UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face without culling
 # Offsets of a pixel's rays: a rotated grid, so that edges near the axes get all four levels.
 PIXEL_OFFSETS = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
 RAYS_PER_BATCH = 1 << 17  # enough for Embree, small enough for the cache
-GRID_ROWS = 16  # of rays that measure what is visible, times the samples of a pixel
+GRID_ROWS = 16  # of rays that measure visible light, times the samples of a pixel
 MAX_CULLED = 64  # culled faces along a ray
 CULLED_OFFSET = 4e-6  # of the scene size and the distance: step beyond a culled face (float32: 6e-8)
 

@@ -44,7 +44,7 @@ class Shot:
         return weights(self.meshes[o], self.solver.drawn(self.solver.irradiance).weights)
 
     def take(self, progress=lambda fraction: None) -> np.ndarray:
-        """Return the picture (h, w, 3) uint8; the first one fixes what the settings leave open."""
+        """Return the picture (h, w, 3) uint8; the first one fixes the settings left open."""
         if self.exposure is None:
             self.exposure = self.metered()
         if self.scale is None:

@@ -1,4 +1,4 @@
-"""Flux of coarse faces as bounces read it: what photons bring to a face, not what its corners suggest.
+"""Reflectance of coarse faces, scaled such that bounces reflect the flux of the photons on the face.
 
 A bounce ends in irradiance interpolated between the corners of a face. A face larger than the disc of an estimator may
 be lit quite otherwise than its corners, as the two triangles of a wall are. Many photons hit such a face, so its flux

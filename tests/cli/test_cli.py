@@ -267,16 +267,16 @@ def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["--exposure", "1e9"], "argument --exposure: must be -64 .. 64 stops, got 1e9"),
         (["--exposure", "bright"], "argument --exposure: must be a number, got bright"),
         (["--photons", "many"], "argument --photons: must be a number, got many"),
     ],
 )
-def test_values_out_of_range_get_a_sentence(words, told, capsys):
+def test_values_out_of_range_get_a_sentence(words, message, capsys):
     assert cli.main(["render", "cornell", *words]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -78,13 +78,13 @@ def test_info_gives_no_advice_about_added_lights(capsys, tmp_path):
 
 def test_extra_words_and_mistyped_names_get_a_suggestion(capsys, tmp_path):
     write_obj(tmp_path / "kitchen.obj")
-    for words, told in (
+    for words, message in (
         (["bake", "room.glb"], "there is no command bake; there are render, bench"),
         (["render", "room.glb", "chair.glb"], "only one scene; write --mobile FILE to add a mobile"),
         (["cornell", "chair.glb"], "only one scene; write --mobile FILE to add a mobile"),
     ):
         assert cli.main(words) == 2
-        assert told in one_line(capsys.readouterr().err)
+        assert message in one_line(capsys.readouterr().err)
     assert cli.main(["info", str(tmp_path / "kichen.obj")]) == 3
     assert "there is no such scene file; did you mean kitchen.obj? shipped" in one_line(capsys.readouterr().err)
 

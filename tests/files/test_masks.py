@@ -69,11 +69,11 @@ def test_missing_mask_leaves_the_surface_opaque_and_adds_a_note(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("line", "told"), [("d 0.4", True), ("Tr 0.3", True), ("d 1", False), ("Tr 0", False), ("", False)]
+    ("line", "noted"), [("d 0.4", True), ("Tr 0.3", True), ("d 1", False), ("Tr 0", False), ("", False)]
 )
-def test_fully_dissolved_material_adds_a_note(tmp_path, line, told):
+def test_fully_dissolved_material_adds_a_note(tmp_path, line, noted):
     notes = card(tmp_path, f"Kd 0.2 0.2 0.2\n{line}\n").notes
-    assert any('taken as opaque: "leaf"' in note for note in notes) == told
+    assert any('taken as opaque: "leaf"' in note for note in notes) == noted
 
 
 def scene_of_a_card_with_holes() -> Scene:

@@ -31,7 +31,7 @@ def outcome(load) -> str:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         (PLACED, PLACED + "axis = [0, 1e-300, 0]\nangle = 30\n", 'mobile "cube": axis must be three numbers'),
         ('title = "test"', "up = [0, 0, 1e-300]", "up must be three numbers that are not all 0"),
@@ -46,7 +46,7 @@ def outcome(load) -> str:
         ('title = "test"', "[defaults]\nphotons = 1000000000000", "defaults: photons must be a whole number from 0 to"),
     ],
 )  # fmt: skip
-def test_odd_numbers_of_scene_files(tmp_path, old, new, told):
+def test_odd_numbers_of_scene_files(tmp_path, old, new, message):
     text = SCENE + LAMP
     assert old in text
     file = write_scene(tmp_path, text.replace(old, new))
@@ -57,7 +57,7 @@ def test_odd_numbers_of_scene_files(tmp_path, old, new, told):
         return scene
 
     said = outcome(load)
-    assert said.startswith(("test: ", "scene: ", str(file))) and told in said
+    assert said.startswith(("test: ", "scene: ", str(file))) and message in said
 
 
 @pytest.mark.parametrize("size", [5e-324, 1e-310, 1e-300, 1e-40, 1e-7, 1e10, 1e30, 3e38])

@@ -1,6 +1,6 @@
 """Every estimator against closed forms: z-tests that would see an error of 2 % in 99 of 100 cases.
 
-Setting -> answer. The expected value is the closed form averaged over what the estimator measures
+Setting -> answer. The expected value is the closed form averaged over the estimator's kernel
 (estimator_means.py derives it). A case is solved with several seeds; their scatter is the standard
 error, so correlations between crossings inside a run do not matter. Receivers are combined
 in groups: the mean of a group needs far fewer photons than each receiver would, and where the light

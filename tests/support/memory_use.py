@@ -38,8 +38,8 @@ def memory_use() -> MemoryUse:
     except AttributeError:
         return MemoryUse(resident(), float("nan"), float("nan"))
     call.restype = _Mallinfo2
-    told = call()
-    return MemoryUse(resident(), 1e-6 * (told.uordblks + told.hblkhd), 1e-6 * told.fordblks)
+    heap = call()
+    return MemoryUse(resident(), 1e-6 * (heap.uordblks + heap.hblkhd), 1e-6 * heap.fordblks)
 
 
 def trim() -> None:

@@ -275,7 +275,7 @@ class CountingSolver:
         return SimpleNamespace(move_all=self._time)
 
     def _time(self, poses, photons: int, paths: int | None) -> None:
-        """A frame of the twin: what is on show stays."""
+        """A frame of the twin: the picture stays."""
         assert not poses and photons in self.prefixes
         self.clock.now += self.move_seconds(photons)
         self._learn(photons)

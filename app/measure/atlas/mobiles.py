@@ -57,7 +57,7 @@ def sparks() -> Iterator[AtlasRow]:
             1.0,
             found,
             known=1e-3,  # photons within 1e-4 of the horizon, and unevenness of Sobol points
-            what="flux that arrives / half of that emitted",
+            quantity="flux that arrives / half of that emitted",
             view=View(ground, 5000, SETTING, None, "tangent_plane, the light 0.1 mm over the floor")
             if height == 1e-4
             else None,
@@ -78,7 +78,7 @@ def swallowed() -> AtlasRow:
         "0: each photon is cut on its way",
         0.0,
         Number(float(solver.irradiance[solver.surfaces.receiver_range(0)].max())),
-        what="largest E of the room [W/m2]",
+        quantity="largest E of the room [W/m2]",
         title="A light inside a mobile",
     )
 
@@ -99,7 +99,7 @@ def laid_over() -> Iterator[AtlasRow]:
             0.0,
             Number(float(solver.irradiance[below].mean() / free)),
             known=0.02,
-            what="E of the room / E without the plate",
+            quantity="E of the room / E without the plate",
             view=View(place, 100_000, SETTING, None, "tangent_plane, the plate 1 cm under the lamp")
             if height == 0.9899
             else None,
@@ -121,7 +121,7 @@ def under_a_box() -> AtlasRow:
         "0: no leak",
         0.0,
         Number(float(solver.irradiance[under].max())),
-        what="largest E [W/m2]",
+        quantity="largest E [W/m2]",
         view=View(place, 100_000, SETTING, None, "tangent_plane, the box stands exactly on the floor"),
         title="A mobile on the floor",
     )
@@ -144,7 +144,7 @@ def odd_places() -> Iterator[AtlasRow]:
             "0: the bits of a solution from scratch, all finite",
             0.0,
             Number(off((block(at=at), small))),
-            what="largest difference of E [W/m2]",
+            quantity="largest difference of E [W/m2]",
             title="Mobiles that touch, cross, swallow and leave",
         )
 

@@ -55,7 +55,7 @@ def textbook() -> Iterator[AtlasRow]:
             known=1e-6,
             aim_known=0.5 / k,  # Sobol photons are more even than random ones: k - 1 of them are too few
             cost="none",
-            what="E / E of the unbiased form",
+            quantity="E / E of the unbiased form",
             view=View(field, 200_000, {**map_, "textbook": True}, map_) if k == 5 else None,
             title="The k-th hit, counted",
         )
@@ -95,7 +95,7 @@ def small_faces() -> Iterator[AtlasRow]:
             "tangent_plane: the same disc for every triangle",
             None,
             known=0.12 * expected,
-            what="standard deviation of E / truth",
+            quantity="standard deviation of E / truth",
             view=View(field, photons, COUNT, {**CONTROL, "radius": 0.2}) if w == 0.2 else None,
             title="impact_count on small faces and slivers",
         )
@@ -135,7 +135,7 @@ def naive_sums() -> AtlasRow:
         Number(exact),
         aim=0.0,
         known=math.inf,
-        what="E / mean E without the plate",
+        quantity="E / mean E without the plate",
         view=View(
             place,
             20_000,
@@ -167,7 +167,7 @@ def bright_rooms() -> Iterator[AtlasRow]:
             "mean number of segments of a path: 1 / (1 - ρ), too",
             segments,
             aim=1 / (1 - rho),
-            what="flux that arrives / emitted; segments per path",
+            quantity="flux that arrives / emitted; segments per path",
             title="Closed rooms that reflect nearly all",
         )
 

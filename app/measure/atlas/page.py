@@ -44,7 +44,7 @@ def _group(rows: list[AtlasRow], pictures: Mapping[str, np.ndarray]) -> list[str
         with_it = [("", "") if r.remedied is None else (str(r.remedied), f"{r.aim:.4g}") for r in rows]
         columns = [[*line, *more] for line, more in zip(columns, with_it, strict=True)]
     shared = []
-    for name, field in (("Theory", "theory"), ("Remedy", "remedy"), ("Cost", "cost"), ("Numbers", "what")):
+    for name, field in (("Theory", "theory"), ("Remedy", "remedy"), ("Cost", "cost"), ("Numbers", "quantity")):
         texts = [getattr(row, field) for row in rows]
         if len(set(texts)) > 1:
             head.append(name.lower())

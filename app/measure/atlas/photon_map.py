@@ -167,7 +167,7 @@ def thin_wall() -> Iterator[AtlasRow]:
             helped[0],
             aim=0.0,
             view=view,
-            what="E / that of the lit side",
+            quantity="E / that of the lit side",
             title="Across a thin wall",
         )
         yield AtlasRow(

@@ -42,7 +42,7 @@ def drift() -> AtlasRow:
         "0 bits: each frame comes from the background alone",
         0.0,
         Number(float(np.abs(solver.irradiance - begun).max())),
-        what="largest change of E [W/m2]",
+        quantity="largest change of E [W/m2]",
         view=View(place, 100_000, SETTING, None, "tangent_plane, at the start and again at the end"),
         title="Many moves",
     )
@@ -67,7 +67,7 @@ def at_rest() -> Iterator[AtlasRow]:
             1.0 if step else 0.0,
             Number(changed),
             known=math.inf if step else 0.0,
-            what="flux that changes places / flux of all segments of cut photons",
+            quantity="flux that changes places / flux of all segments of cut photons",
             title="Flicker",
         )
 
@@ -137,7 +137,7 @@ def at_edges() -> Iterator[AtlasRow]:
             0.0,
             Number(float((face < 0).mean())),
             known=0.002,
-            what="share that hits nothing",
+            quantity="share that hits nothing",
             title="Rays through vertices and edges",
         )
 
@@ -147,7 +147,7 @@ def next_to_nothing() -> Iterator[AtlasRow]:
     common: dict[str, Any] = {"title": "Next to nothing"}
     dark = solved(lit_room(block()), 0, **SETTING)
     yield AtlasRow(
-        "none", "no photon", "0", 0.0, Number(float(dark.irradiance.max())), what="largest E [W/m2]", **common
+        "none", "no photon", "0", 0.0, Number(float(dark.irradiance.max())), quantity="largest E [W/m2]", **common
     )
     ground = scene(sheet((-1, -1, 0), (2, 0, 0), (0, 2, 0), (8, 8)), (BLACK,), (0, -1.6, 1.2), (0, 0, 0), (SUN,))
     map_: dict[str, Any] = {"estimator": "photon_map", "neighbours": 1000, "radius": 0.5}
@@ -157,5 +157,5 @@ def next_to_nothing() -> Iterator[AtlasRow]:
     )
     black = solved(furnace(4, reflectance=0.0), 2000, **COUNT)
     share = float(black.frame.fates["absorbed"][1] / black.frame.fates["emitted"][1])
-    what = "flux absorbed at the first hit / emitted"
-    yield AtlasRow("black", "a black room", "no failure: 1", 1.0, Number(share), what=what, **common)
+    quantity = "flux absorbed at the first hit / emitted"
+    yield AtlasRow("black", "a black room", "no failure: 1", 1.0, Number(share), quantity=quantity, **common)

@@ -39,7 +39,7 @@ class View(NamedTuple):
 
 
 class AtlasRow(NamedTuple):
-    """One failure. Numbers are irradiance over truth unless `what` says otherwise."""
+    """One failure. Numbers are irradiance over truth unless `quantity` says otherwise."""
 
     key: str  # of its picture
     where: str
@@ -53,7 +53,7 @@ class AtlasRow(NamedTuple):
     cost: str = ""
     aim_known: float = 0.0  # absolute uncertainty of the aim
     view: View | None = None
-    what: str = "E / truth"
+    quantity: str = "E / truth"
     title: str = ""  # of the section of this row and its neighbours; "": `where`
 
 

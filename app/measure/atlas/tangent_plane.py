@@ -174,7 +174,7 @@ def smaller_and_smaller() -> Iterator[AtlasRow]:
             "a larger radius, or more photons by its square",
             None,
             known=0.03 * expected,  # a photon crosses a disc more than once; Sobol photons lie a little more evenly
-            what="standard deviation of E / truth",
+            quantity="standard deviation of E / truth",
             view=View(room, photons, {**CONTROL, "radius": radius}, {**CONTROL, "radius": 0.1})
             if radius == 0.02
             else None,
@@ -203,7 +203,7 @@ def shadow_edge() -> Iterator[AtlasRow]:
             aim=1.0 if x > 0 else 0.0,
             cost="16 times the photons for the same noise",
             view=View(half, 200_000, coarse, fine) if x > 0 else None,
-            what="E / that of the lit side",
+            quantity="E / that of the lit side",
             title="The edge of a hard shadow",
         )
 

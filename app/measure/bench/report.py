@@ -120,8 +120,8 @@ def _crossovers(found: dict) -> list[str]:
                       ("tree 20000", "Tree, 20,000 photons, report between 0.02 and 0.03"),
                       ("second 20000", "Second tree, 20,000 photons, report between 0.05 and 0.10")):  # fmt: skip
         for which in ("every", "frame"):
-            what = "all segments" if which == "every" else "a frame"
-            out.append(f"- {name}, {what}: {crossover(found[key], which)}")
+            scope = "all segments" if which == "every" else "a frame"
+            out.append(f"- {name}, {scope}: {crossover(found[key], which)}")
     return out
 
 

@@ -25,7 +25,7 @@ def case(seed: int) -> tuple[str, Files, float]:
 
 
 def write(folder: Path, seed: int) -> Path:
-    """Write the files of one seed, and what odd names lead to; the file to open."""
+    """Write the files of one seed, and those that odd names lead to; return the file to open."""
     folder.mkdir()
     name, files, _ = case(seed)
     (folder / "folder").mkdir()

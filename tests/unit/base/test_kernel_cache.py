@@ -115,7 +115,7 @@ def test_foreign_files_are_not_loaded(run, folder, tmp_path, change):
 
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
 def test_damaged_files_are_compiled_again(run, folder, kind):
-    """Empty, truncated, or not what it should be: each kernel's files in another way."""
+    """Empty, junk or truncated: each kernel's files in another way."""
     for kernel, content in {"triple": b"", "double": b"junk", "same": 100}.items():
         files = list(folder.rglob(f"*{kernel}*.{kind}"))
         assert files

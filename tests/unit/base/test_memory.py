@@ -122,9 +122,9 @@ def test_command_ends_in_one_sentence(tmp_path):
     code = f"sys.exit(main({words!r}))"
     done = run_limited(code, 40 << 20, "app.__main__", "main", "(['info', 'furnace', '--photons', '100'])")
     assert done.returncode == 2, done.stderr
-    *told, line = done.stderr.strip().splitlines()
+    *warnings, line = done.stderr.strip().splitlines()
     assert line.startswith("gi-viewer: memory is full (")
-    assert all(text.startswith("gi-viewer: memory holds no more than") for text in told)
+    assert all(text.startswith("gi-viewer: memory holds no more than") for text in warnings)
 
 
 def test_a_failed_allocation_leaves_the_solver_whole(estimator, monkeypatch):

@@ -80,12 +80,12 @@ def read_out(resting, better, frame, new_flux, flux_per_cut) -> np.ndarray:
     """Return the irradiance of one receiver of area 1; sums are in thousandths."""
     sums, background = np.zeros((2, CHUNK, 3), np.int64)
     sums[0], background[0] = int(1000 * frame), int(1000 * resting)
-    area, told = np.ones(CHUNK), np.zeros(CHUNK, np.int64)
-    told[0] = NOT_ADDITIVE if new_flux == NOT_ADDITIVE else int(3000 * new_flux)
+    area, new = np.ones(CHUNK), np.zeros(CHUNK, np.int64)
+    new[0] = NOT_ADDITIVE if new_flux == NOT_ADDITIVE else int(3000 * new_flux)
     still, many = np.zeros((CHUNK, 3)), np.zeros((CHUNK, 3))
     still[0], many[0] = resting, better
     out = frame_irradiance(
-        Evaluated(sums, area, np.array([True]), told, 3000 * flux_per_cut), 1e-3, background, still, many, threads=1
+        Evaluated(sums, area, np.array([True]), new, 3000 * flux_per_cut), 1e-3, background, still, many, threads=1
     )
     assert not out[1:].any()
     return out[0]

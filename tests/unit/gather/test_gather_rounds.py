@@ -82,9 +82,9 @@ def test_standard_error_equals_the_scatter_of_seeds():
     scene = build.coloured_room()
     runs = [gathered(scene, 12, s, weights=UNEVEN) for s in range(40)]
     scatter = np.std([r.mean for r in runs], axis=0, ddof=1)
-    told = np.sqrt(np.mean([r.standard_error**2 for r in runs], axis=0))
-    assert scatter == pytest.approx(told, rel=0.45)
-    assert np.median(scatter / told) == pytest.approx(1, rel=0.15)
+    stated = np.sqrt(np.mean([r.standard_error**2 for r in runs], axis=0))
+    assert scatter == pytest.approx(stated, rel=0.45)
+    assert np.median(scatter / stated) == pytest.approx(1, rel=0.15)
 
 
 def test_sets_and_weights_lower_the_error():

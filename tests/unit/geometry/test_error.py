@@ -66,8 +66,8 @@ def test_noise_from_a_prefix_equals_that_of_independent_photons(prefix):
     rest = 1 + 20 * rng.normal(size=20_000) / math.sqrt(10_000 - prefix)
     both = (prefix * first + (10_000 - prefix) * rest) / 10_000
     w = np.ones(20_000)
-    told = noise_from_prefix(grey(*both), grey(*first), 10_000, prefix, w)
-    assert told == pytest.approx(0.2 * math.sqrt(2 / math.pi), rel=0.03)
+    noise = noise_from_prefix(grey(*both), grey(*first), 10_000, prefix, w)
+    assert noise == pytest.approx(0.2 * math.sqrt(2 / math.pi), rel=0.03)
 
 
 def test_noise_needs_a_prefix():

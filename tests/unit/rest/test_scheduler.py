@@ -105,8 +105,8 @@ def test_failed_job_ends_nothing_else(job, monkeypatch, capfd):
     rest(session)
     line = f"{job} has failed and stops until F5: out of luck"
     assert len(calls) == 1 and errors(session) == [line]
-    told = capfd.readouterr().err
-    assert told.startswith("Traceback") and told.endswith("RuntimeError: out of luck\n")
+    error_output = capfd.readouterr().err
+    assert error_output.startswith("Traceback") and error_output.endswith("RuntimeError: out of luck\n")
     work, results = session.light._work, session.light.snapshot.rest
     measured, report = work.live_error._measured, results.report
     done = {

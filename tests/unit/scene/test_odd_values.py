@@ -213,7 +213,7 @@ def test_parts_of_moves(name):
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "message"),
     [
         (lambda: solved(plane(up=(0, 0, 1e-300))), "plane: up must be three numbers that are not all 0,"),
         (lambda: solved(plane(probes=(Probe("p", (0, 0, 1), (1e-300,) * 3),))), 'probe "p": normal must be three'),
@@ -229,10 +229,10 @@ def test_parts_of_moves(name):
         (lambda: Solver(plane(), seed=LONG), "seed must be a whole number from 0 to"),
     ],
 )
-def test_the_sentence_names_place_rule_and_value(make, told):
+def test_the_sentence_names_place_rule_and_value(make, message):
     with pytest.raises(SceneError) as problem:
         make()
-    assert told in str(problem.value)
+    assert message in str(problem.value)
 
 
 def far(by):

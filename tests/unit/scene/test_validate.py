@@ -34,7 +34,7 @@ def with_light(light):
 
 
 @pytest.mark.parametrize(
-    ("scene", "told"),
+    ("scene", "message"),
     [
         (with_material(reflectance=(1.5, 0, 0)), "reflectance must be three numbers in [0, 1), got (1.5, 0, 0)"),
         (with_material(reflectance=(0.5, 0.5)), "reflectance must be three numbers"),
@@ -70,11 +70,11 @@ def with_light(light):
         (coloured_room((box_mobile(material=1),)), 'mobile "box": material "lamp" emits light'),
     ],
 )
-def test_refused_in_one_sentence(scene, told):
+def test_refused_in_one_sentence(scene, message):
     with pytest.raises(SceneError) as problem:
         Solver(scene, photons=10)
     assert str(problem.value).startswith("room: ")
-    assert told in str(problem.value)
+    assert message in str(problem.value)
     assert "\n" not in str(problem.value)
 
 

@@ -40,7 +40,7 @@ print(len(re.findall("<heap nr", open(sys.argv[2]).read())))
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="malloc_info is glibc's")
 def test_many_threads_share_few_arenas(tmp_path):
     def arenas(how):
-        ran = [sys.executable, "-c", IN_THREADS, how, tmp_path / "told"]
+        ran = [sys.executable, "-c", IN_THREADS, how, tmp_path / "arenas"]
         return int(subprocess.run(ran, cwd=ROOT, capture_output=True, text=True, check=True).stdout)
 
     assert arenas("limited") <= ARENAS < arenas("as it is")

@@ -152,9 +152,9 @@ def test_the_static_light_of_all_photons_helps_frames_of_few(monkeypatch):
 def test_tuned_choice_is_accepted_by_the_solver(solver, monkeypatch):
     monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 16_384)
     monkeypatch.setattr("gi_core.tuning.setting_trials.MOST_PATHS", 64)
-    told = []
-    found = tune(solver, 0.01, lambda *now: told.append(now), error=0.2)
-    shares = [share for _, share in told]
+    reports = []
+    found = tune(solver, 0.01, lambda *now: reports.append(now), error=0.2)
+    shares = [share for _, share in reports]
     assert shares == sorted(shares) and 0 <= shares[0] and shares[-1] < 1
     assert {model.setting.estimator for model in found.models} == {"tangent_plane", "photon_map", "impact_count"}
     other = Solver(SCENE, photons=0)
