@@ -62,11 +62,12 @@ class Hand:
         self._note(name, first, far / self.step, job)
 
     def back(self, name: str, act) -> None:
-        """Move all at once, by Esc or undo."""
+        """Move all at once, by Esc or undo; a picture of the drag that was under way does not count."""
         s, light = self.session, self.session.light
-        before, begun, job = s.light.snapshot.poses, time.perf_counter(), type(light._job).__name__
+        begun, job = time.perf_counter(), type(light._job).__name__
         act()
-        self.until(lambda: s.light.snapshot.poses != before)
+        there = s.poses
+        self.until(lambda: s.light.snapshot.poses == there)
         self._note(name, time.perf_counter() - begun, 0.0, job)
 
     def _note(self, name: str, seconds: float | None, far: float, job: str) -> None:
@@ -97,7 +98,7 @@ def main() -> None:
         hand.until(lambda: not session.refining and light.is_idle)
         hand.drag("at rest", (-1) ** k)
         session.end_drag()
-        hand.until(lambda: light.is_moving and light._job.settles)
+        hand.until(lambda: not session.refining or (light.is_moving and light._job.settles))  # it may be over soon
         hand.frame()
         hand.drag("0.03 s after a drag", (-1) ** (k + 1))
         hand.back("Esc", lambda: session.end_drag(keep=False))

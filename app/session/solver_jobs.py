@@ -61,7 +61,7 @@ class Move:
     hasty: bool  # as many photons as fit the budget
     begins: bool  # the first of a motion, which chooses the photons
     settles: bool  # the poses are those on show; the frame only has more photons
-    stop: Callable[[], bool]  # whether a frame that settles is to be broken off
+    stop: Callable[[], bool]  # whether to break off the frame, unless it begins a motion: undo repeats by itself
     clock: Callable[[], float]
     name: ClassVar[str] = "moving"
     busy: ClassVar[bool] = True
@@ -73,7 +73,7 @@ class Move:
         if self.hasty:
             size = solver.budget.choose(self.budget, solver.frame.prefixes, solver.paths_at_rest > 0)
         started = self.clock()
-        solver.move_all(self.poses, *size, stop=self.stop if self.settles else None)
+        solver.move_all(self.poses, *size, stop=None if self.begins else self.stop)
         seconds = self.clock() - started
         if self.hasty:
             solver.budget.moved(seconds)

@@ -55,6 +55,7 @@ class Solving:
         self.all_done = False  # the last call for a task at rest found none
         self._warned: set[str] = set()  # kinds of warnings that the log has had
         self._waits = threading.Event()  # set while moves wait: a frame that shows no move is then broken off
+        self._over = threading.Event()  # set while a new motion waits: a later frame of the old one is broken off
         self._solver, self._work, self._worker = solver, RestWork(solver, clock, self._waits.is_set), worker
         self._job: Job | None = None
         self._time_due = True  # frames of photon subsets must be timed
@@ -165,6 +166,8 @@ class Solving:
         try:
             result = self._call.result()
         except Interrupted:
+            if isinstance(job, Move) and job.hasty:
+                self._pending = {**job.poses, **self._pending}
             self._begin_refinement()
         except Exception as problem:
             self._fail(job, problem)
@@ -229,6 +232,8 @@ class Solving:
         """
         self._pending.update(poses)
         self._waits.set()
+        if self._begins:
+            self._over.set()
         self.move_pending(self.grace)
 
     def begin_motion(self) -> None:
@@ -248,6 +253,7 @@ class Solving:
                 return
             poses, self._pending = self._pending, {}
             self._waits.clear()
+            self._over.clear()
             self._begin_move(poses, hasty=True)
         if isinstance(self._job, Move):
             self._wait(deadline - self.clock())
@@ -255,7 +261,8 @@ class Solving:
     def _begin_move(self, poses: Mapping[str, Pose], hasty: bool, settles: bool = False) -> None:
         self.move_failed = False
         begins, self._begins = self._begins and hasty, self._begins and not hasty
-        self._begin(Move(poses, self.budget, hasty, begins, settles, self._waits.is_set, self.clock))
+        stop = self._waits if settles else self._over
+        self._begin(Move(poses, self.budget, hasty, begins, settles, stop.is_set, self.clock))
 
 
 def _steps(solver: Solver, stop: Callable[[], bool]) -> Iterator[Progress]:

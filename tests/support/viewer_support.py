@@ -259,9 +259,9 @@ class CountingSolver:
     def move_all(self, poses, photons: int | None = None, paths: int | None = None, stop=None) -> None:
         assert photons is None or photons in self.prefixes
         photons = self.at_rest if photons is None else photons
-        stages = STAGES if stop else 1
-        for _ in range(stages):
-            self.clock.now += self.move_seconds(photons) / stages
+        started = self.clock.now
+        for k in range(STAGES):
+            self.clock.now = started + self.move_seconds(photons) * ((k + 1) / STAGES)
             if stop and stop():
                 raise Interrupted
         self._learn(photons)

@@ -241,6 +241,55 @@ def test_a_drag_breaks_off_the_frame_of_all_photons():
     assert not [entry for entry in s.log.entries if entry.level == ERROR]
 
 
+def test_esc_breaks_off_the_frame_of_its_drag():
+    s = make(budget=50.0, photon_seconds=300e-6, step_seconds=0.05)
+    start, log = s.poses["block"], s.light._solver.log
+    s.begin_drag()
+    drag(s, 3)
+    assert s.light.is_moving
+    before = len(log)
+    s.end_drag(keep=False)
+    while s.pose_list != [start]:
+        frame(s)
+    assert [poses for name, poses in log[before:] if name == "move"] == [{"block": start}]
+    assert not [entry for entry in s.log.entries if entry.level == ERROR]
+
+
+def test_repeated_undo_shows_pictures():
+    """Each frame begins a motion; if the next undo broke it off, a held key would show nothing."""
+    s = make(budget=50.0, photon_seconds=300e-6, step_seconds=0.05)
+    log, poses = s.light._solver.log, [{"block": Pose((0.3 + 0.1 * k, 0.3, 0.5))} for k in range(3)]
+    before = len(log)
+    for at in poses:
+        s.move(at)
+    while s.light.is_moving:
+        frame(s)
+    moved = [at for name, at in log[before:] if name == "move"]
+    assert moved[0] == poses[0] and {"block": s.poses["block"]} == poses[-1]
+
+
+def test_a_new_motion_keeps_the_last_pose_of_the_old_one():
+    room = support.room(1)
+    (block,) = room.mobiles
+    solver = support.CountingSolver(
+        replace(room, mobiles=(block, block._replace(name="other"))), support.Clock(), 10, 300e-6
+    )
+    s = support.counting_session(solver, 0.05, 50.0)
+    while s.refining:
+        frame(s)
+    s.begin_drag()
+    drag(s, 3)
+    last = s.poses["block"]
+    s.end_drag()
+    assert s.light.is_moving and s.light.snapshot.poses["block"] != last
+    s.begin_drag()
+    s.move({"other": Pose((0.7, 0.3, 0.5))})
+    assert s.poses["block"] == last
+    while s.light.is_moving:
+        frame(s)
+    assert s.pose_list == [last, Pose((0.7, 0.3, 0.5))] == list(solver.poses.values())
+
+
 def test_failed_settling_is_logged_once_and_the_drag_continues():
     s = make()
     s.begin_drag()
