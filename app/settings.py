@@ -41,9 +41,11 @@ class Settings:
     scene: str = "cornell"  # a shipped name, a scene file (.toml) or a mesh file
     mobiles: tuple[str, ...] = ()  # mesh files that become mobiles
     poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
+    camera: tuple[float, ...] | None = None  # eye, target [m], vertical field of view [degrees]; None: the scene's
     max_edge: float | None = None  # edges longer than this are split [m]
     up: str | None = None  # "x", "y" or "z"
     allow_outside: bool = False  # the scene may name files outside its folder
+    document: str = ""  # the saved scene that these settings come from and are saved to; "": none
 
     # Light
     estimator: str | None = None  # a key of gi_core.estimators.ESTIMATORS
@@ -95,10 +97,13 @@ class Settings:
 def open_scene(settings: Settings) -> Scene:
     """Return the scene with its mobiles at the poses of the settings. Raises SceneError."""
     from gi_core.files.load import load_scene
+    from gi_core.scene import Camera
 
     options = {name: getattr(settings, name) for name in ("max_edge", "up") if getattr(settings, name) is not None}
     scene = load_scene(settings.scene, mobiles=settings.mobiles, allow_outside=settings.allow_outside, **options)
     poses = start_poses(settings, scene)
+    if (c := settings.camera) is not None:
+        scene = replace(scene, camera=Camera((c[0], c[1], c[2]), (c[3], c[4], c[5]), c[6]))
     return replace(scene, mobiles=tuple(m._replace(pose=poses.get(m.name, m.pose)) for m in scene.mobiles))
 
 

@@ -4,55 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 
-from app.cli import values
+from app.cli.option_tables import LIGHT, PICTURE, SCENE, WINDOW, flag_of
+from app.cli.saved_scene import opened
 from app.cli.version import version
-from app.settings import LIGHTS, SHOWS, TONE_MAPS, Settings, check_names
-
-SCENE = {
-    "mobiles": {"action": "append", "default": [], "metavar": "FILE", "help": "mesh file that becomes a mobile"},
-    "poses": {"action": "append", "default": [], "type": values.pose, "metavar": "NAME=x,y,z[,qw,qx,qy,qz]",
-              "help": "position of a mobile [m]; without a unit quaternion its rotation stays"},
-    "max_edge": {"type": values.positive, "metavar": "M", "help": "longest edge; longer ones are split [m]"},
-    "up": {"choices": ["x", "y", "z"], "help": "axis that points up, instead of the file's"},
-    "allow_outside": {"action": "store_true", "help": "the scene may name files outside its folder"},
-}  # fmt: skip
-LIGHT = {
-    "estimator": {"metavar": "NAME", "help": "estimator of irradiance; `gi-viewer info` lists them (tangent_plane)"},
-    "photons": {"type": values.positive_int, "metavar": "N",
-                "help": "photons to trace, 1e6 is allowed (the scene's, else chosen)"},
-    "radius": {"type": values.positive, "metavar": "M",
-               "help": "radius of discs, largest radius of photon_map [m] (the scene's, else chosen)"},
-    "neighbours": {"type": values.positive_int, "metavar": "K",
-                   "help": "hits per estimate of photon_map (the scene's, else chosen)"},
-    "control": {"action": "store_false",
-                "help": "tangent_plane without artifact control: faster; corners are dark, walls leak light"},
-    "border_correction": {"action": "store_false",
-                          "help": "photon_map without alpha / 2 pi at borders, which are then dark"},
-    "textbook": {"action": "store_true", "help": "photon_map counts the k-th hit too: k / (k - 1) times the light"},
-    "search": {"default": Settings.search, "metavar": "NAME",
-               "help": f"disc search of tangent_plane; pictures do not depend on it ({Settings.search})"},
-    "light": {"choices": LIGHTS,
-              "help": "best: gathered along paths, on mobiles per frame and on the static part at rest (render waits"
-                      " minutes for it); photons: the estimator alone, as in the report (photons with --estimator,"
-                      " else best without that wait)"},
-    "seed": {"type": values.seed, "default": 0, "metavar": "N", "help": "seed of the photons (0)"},
-}  # fmt: skip
-PICTURE = {
-    "size": {"type": values.size, "default": Settings.size, "metavar": "WxH",
-             "help": f"pixels ({Settings.size[0]}x{Settings.size[1]})"},
-    "exposure": {"type": values.exposure, "metavar": "EV",
-                 "help": "stops; +1 doubles the brightness (the scene's, else metered)"},
-    "white_balance": {"action": "store_false", "help": "draw coloured lamps coloured instead of neutral"},
-    "tone_map": {"choices": TONE_MAPS, "default": Settings.tone_map, "help": f"({Settings.tone_map})"},
-    "show": {"choices": SHOWS, "default": Settings.show,
-             "help": f"with reflectance, without, or false colours of irradiance with a legend ({Settings.show})"},
-    "illuminance_range": {"type": values.value_range, "metavar": "LOW,HIGH",
-                          "help": "ends of the false colours [lx or W/m2]; a logarithmic scale if HIGH is 30 LOW or"
-                                  " more (that of the view)"},
-    "cull": {"action": "store_false", "help": "draw the backs of one-sided faces too, dark grey"},
-}  # fmt: skip
-FLAGS = {"mobiles": "mobile", "poses": "pose"}  # options whose name differs from their field of Settings
+from app.settings import Settings, check_names
 
 
 def scene(parser: argparse.ArgumentParser) -> None:
@@ -80,20 +37,28 @@ def measuring(parser: argparse.ArgumentParser) -> Callable:
 
 def budget(add: Callable, off: str) -> None:
     """Add --budget; `off` explains the value 0."""
-    add("--budget", type=values.not_negative, default=Settings.budget, metavar="MS",
-        help=f"time for light per frame in motion, with the photons that fit{off} ({Settings.budget:g})")  # fmt: skip
+    given = {**WINDOW["budget"], "default": argparse.SUPPRESS}
+    given["help"] = f"time for light per frame in motion, with the photons that fit{off} ({Settings.budget:g})"
+    add("--budget", **given)
 
 
 def _add(add: Callable, table: dict, fields=()) -> None:
+    """Add options; without them the fields are absent, so that a saved scene may give them."""
     for field in fields or table:
-        no = "no-" if table[field].get("action") == "store_false" else ""
-        add(f"--{no}{FLAGS.get(field, field).replace('_', '-')}", dest=field, **table[field])
+        add(flag_of(field), dest=field, **{**table[field], "default": argparse.SUPPRESS})
 
 
 def settings_of(arguments: argparse.Namespace) -> Settings:
-    """Return the settings of parsed arguments. Raises UsageError for an unknown estimator or search."""
+    """Return the settings of parsed arguments, over those of a saved scene.
+
+    Raises UsageError for an unknown estimator or search, SceneError for a bad saved scene.
+    """
     given = {name: value for name, value in vars(arguments).items() if name in Settings.__dataclass_fields__}
-    settings = Settings(**given | {name: tuple(given[name]) for name in ("mobiles", "poses")})
+    given |= {name: tuple(given[name]) for name in ("mobiles", "poses") if name in given}
+    settings = opened(Settings(scene=given.pop("scene")), given.get("allow_outside", False))
+    if "poses" in given:
+        given["poses"] = (*settings.poses, *given["poses"])
+    settings = replace(settings, **given)
     check_names(settings)
     return settings
 

@@ -82,3 +82,13 @@ def pose(text: str) -> tuple[str, tuple[float, ...]]:
         values = ()
     _require(name and equals and len(values) in (3, 7), "NAME=x,y,z or NAME=x,y,z,qw,qx,qy,qz", text)
     return name, values
+
+
+def camera(text: str) -> tuple[float, ...]:
+    try:
+        eye_target_fov = tuple(finite(n) for n in text.split(","))
+    except argparse.ArgumentTypeError:
+        eye_target_fov = ()
+    fits = len(eye_target_fov) == 7 and eye_target_fov[:3] != eye_target_fov[3:6] and 0 < eye_target_fov[6] < 180
+    _require(fits, "x,y,z,tx,ty,tz,fov: eye, another point as target, 0 < fov < 180", text)
+    return eye_target_fov

@@ -126,6 +126,8 @@ class Turntable:
 
     def towards(self, other: Turntable, t: float) -> Turntable:
         """Return the blend with another camera at t in [0, 1], eased at both ends, by the shorter turn."""
+        if t >= 1:
+            return other  # exactly
         t = float(np.clip(t, 0, 1))
         s = t * t * (3 - 2 * t)
         turn = (other.yaw - self.yaw + np.pi) % (2 * np.pi) - np.pi

@@ -9,11 +9,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from app.cli import saved_scene
 from app.session.session import Session
 from app.settings import Settings
 
 # Settings that a new scene resets; display and estimator settings stay.
-OF_A_SCENE = ("max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "exposure")
+OF_A_SCENE = (
+    "document", "camera", "max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "exposure",
+)  # fmt: skip
 
 
 class Reload:
@@ -33,7 +36,12 @@ class Reload:
     def other(self, now: Session, files: Sequence[str]) -> None:
         """Open another scene: of several files the first .toml, else the first; the others become mobiles."""
         scene = next((f for f in files if Path(f).suffix.lower() == ".toml"), files[0])
-        self._begin(now, settings_for(now, scene, tuple(f for f in files if f != scene)), same=False)
+        try:
+            settings = settings_for(now, scene, tuple(f for f in files if f != scene))
+        except Exception as problem:  # of a saved scene
+            self.problem = f"{problem}"
+            raise
+        self._begin(now, settings, same=False)
 
     def _begin(self, now: Session, settings: Settings, same: bool) -> None:
         self.close()
@@ -94,6 +102,14 @@ def settings_again(now: Session) -> Settings:
 
 
 def settings_for(now: Session, scene: str, mobiles: tuple[str, ...]) -> Settings:
-    """Return settings for another scene; those of OF_A_SCENE become None."""
+    """Return settings for another scene; those of OF_A_SCENE become None. Raises SceneError for a bad saved scene.
+
+    A saved scene gives all its settings; others that were not changed then have their defaults again.
+    """
+    saved = saved_scene.opened(Settings(scene=scene))
+    if saved.document:
+        fields = ("document", "scene", "poses", "camera", *saved_scene.SAVED)
+        of_file = {name: getattr(saved, name) for name in fields}
+        return replace(now.settings, **of_file, mobiles=(*saved.mobiles, *mobiles))
     left_open = {name: getattr(Settings, name) for name in OF_A_SCENE}
     return replace(settings_again(now), **left_open, scene=scene, mobiles=mobiles)

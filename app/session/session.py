@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,6 +33,10 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
 BUDGET = 0.008  # s per frame for refinement
 STILL = 0.25  # s without motion in a drag, after which all photons are shown
 OF_COLOURS = "show", "reference", "compare", "error_range"  # settings that change uploaded colours
+# Settings that name the scene or belong to the window
+OF_SCENE = (
+    "document", "scene", "mobiles", "poses", "camera", "max_edge", "up", "allow_outside", "seed", "size", "fallback",
+)  # fmt: skip
 SETTLE = 0.15  # s without change after which the value of a held slider counts
 
 
@@ -138,6 +142,12 @@ class Session:
         if settings != self.settings:
             self.settings = settings
             self._changed_at = self.clock()
+
+    def reset_settings(self, exposure: float) -> None:
+        """Return to the settings of a scene opened without options; exposure: as metered [EV]."""
+        s = self.settings
+        kept: dict[str, Any] = {name: getattr(s, name) for name in OF_SCENE}
+        self.want(replace(Settings(), **(kept | {"exposure": exposure} | self.filled)))
 
     def choose_estimator(self, name: str) -> None:
         """Show an estimator in the light that it had last; at first its photons alone."""

@@ -11,10 +11,12 @@ from typing import Any, NamedTuple, Protocol
 from imgui_bundle import imgui
 
 from app.draw.renderer import Renderer
-from app.session.log import Log
+from app.session.log import WARNING, Log
 from app.session.reload import Reload
 from app.session.session import Session
-from app.window import screenshot
+from app.settings import UsageError
+from app.window import dialogs, screenshot
+from app.window.files import Files
 from app.window.viewport import Viewport
 
 K = imgui.Key
@@ -24,14 +26,22 @@ ESTIMATOR_KEYS = (K._1, K._2, K._3, K._4, K._5, K._6, K._7, K._8, K._9)
 class Window(Protocol):
     """The window's parts that actions use."""
 
+    files: Files
     params: Any  # of hello_imgui
     help_open: bool
+    metered: float
     log: Log
     session: Session
     reload: Reload
     viewport: Viewport
     renderer: Renderer | None
     estimators: dict[str, str]
+
+    def open_scene(self, scene: str) -> None:
+        """Open another scene."""
+
+    def leave(self, ask: bool = True) -> None:
+        """Close the window; `ask`: after the question about unsaved changes."""
 
 
 class Action(NamedTuple):
@@ -42,6 +52,7 @@ class Action(NamedTuple):
     keys: str = ""  # as the help shows them; "": not in the help
     help: str = ""
     needs_scene: bool = True
+    label: str = ""  # in menus
 
 
 def act(window: Window, name: str) -> None:
@@ -51,8 +62,38 @@ def act(window: Window, name: str) -> None:
         action.run(window)
 
 
-def _quit(window: Window) -> None:
-    window.params.app_shall_exit = True
+def _open(window: Window) -> None:
+    folder = str(Path(window.files.suggestion(window.session)).parent)
+    window.files.dialog.open("Open a scene", folder, dialogs.SCENES, window.open_scene)
+
+
+def _save(window: Window) -> None:
+    if document := window.session.settings.document:
+        _write(window, document)
+    else:
+        _save_as(window)
+
+
+def _save_as(window: Window) -> None:
+    suggestion = window.files.suggestion(window.session)
+    window.files.dialog.save("Save the scene", suggestion, dialogs.SAVED, partial(_write, window))
+
+
+def _write(window: Window, path: str) -> None:
+    try:
+        window.log(f"saved {window.files.save(window.session, window.viewport, path)}")
+    except (UsageError, OSError) as problem:
+        window.log(f"not saved: {getattr(problem, 'strerror', None) or problem}; {path}", WARNING)
+
+
+def _copy_command(window: Window) -> None:
+    command = window.files.command(window.session, window.viewport)
+    imgui.set_clipboard_text(command)
+    window.log("copied the command that opens this view")
+
+
+def _reset_settings(window: Window) -> None:
+    window.session.reset_settings(window.metered)
 
 
 def _toggle_help(window: Window) -> None:
@@ -100,13 +141,24 @@ def _meter(window: Window) -> None:
     window.log(f"metered: {exposure:+.1f} EV")
 
 
-def _save_picture(window: Window) -> None:
+def _save_picture(window: Window, path: Path) -> None:
     viewport, renderer = window.viewport, window.renderer
     metadata = viewport.picture.metadata(window.session.light.snapshot)
-    look, path = viewport.look(outlined=False), screenshot.next_free(Path.cwd())
-    screenshot.save(renderer, look, viewport.legend, metadata, path)
-    window.log(f"saved {path}")
+    look = viewport.look(outlined=False)
+    try:
+        screenshot.save(renderer, look, viewport.legend, metadata, path)
+        window.log(f"saved {path}")
+    except OSError as problem:
+        window.log(f"not saved: {problem.strerror or problem}; {path}", WARNING)
     viewport.redraw()
+
+
+def _save_picture_as(window: Window) -> None:
+    def save(path: str) -> None:
+        file = Path(path)
+        _save_picture(window, file if file.suffix.lower() == ".png" else file.with_name(file.name + ".png"))
+
+    window.files.dialog.save("Save the picture", str(screenshot.next_free(Path.cwd())), dialogs.PICTURES, save)
 
 
 def _choose_estimator(k: int, window: Window) -> None:
@@ -115,20 +167,37 @@ def _choose_estimator(k: int, window: Window) -> None:
 
 
 ACTIONS = {
+    "open": Action(_open, (K.mod_ctrl | K.o,), "Ctrl+O", "open a scene", False, "Open..."),
+    "reload": Action(lambda w: w.reload.again(w.session), (K.f5,), "F5", "reload the scene's files", label="Reload"),
+    "save": Action(_save, (K.mod_ctrl | K.s,), "Ctrl+S", "save the scene with its poses and settings", label="Save"),
+    "save as": Action(
+        _save_as, (K.mod_ctrl | K.mod_shift | K.s,), "Ctrl+Shift+S", "save it under another name", label="Save as..."
+    ),
+    "copy command": Action(
+        _copy_command, (K.mod_ctrl | K.c,), "Ctrl+C", "copy the command line of this view", label="Copy as command line"
+    ),
+    "save picture": Action(
+        lambda w: _save_picture(w, screenshot.next_free(Path.cwd())), (K.p, K.f12), "P, F12",
+        "save picture and parameters as PNG here", label="Save picture",
+    ),
+    "save picture as": Action(_save_picture_as, label="Save picture as..."),
     "play": Action(lambda w: w.session.toggle_play(), (K.space,), "Space", "play or pause the motion"),
-    "reset all": Action(_reset_all, (K.r,), "R", "reset mobiles and view"),
-    "reset poses": Action(_reset_poses),
-    "reset view": Action(lambda w: w.viewport.go_home(), (K.home,), "Home", "reset the view"),
+    "undo": Action(_undo, (K.mod_ctrl | K.z,), "Ctrl+Z", "undo the last move", label="Undo"),
+    "redo": Action(
+        _redo, (K.mod_ctrl | K.mod_shift | K.z, K.mod_ctrl | K.y), "Ctrl+Shift+Z, Ctrl+Y", "redo it", label="Redo"
+    ),
     "cancel": Action(_cancel, (K.escape,), "Esc", "cancel the drag", needs_scene=False),
-    "undo": Action(_undo, (K.mod_ctrl | K.z,), "Ctrl+Z", "undo the last move"),
-    "redo": Action(_redo, (K.mod_ctrl | K.mod_shift | K.z, K.mod_ctrl | K.y), "Ctrl+Shift+Z, Ctrl+Y", "redo it"),
-    "reference": Action(_toggle_reference, (K._0,), "0", "switch between estimate and reference"),
-    "meter": Action(_meter, (K.a,), "A", "meter the exposure from the view"),
-    "reload": Action(lambda w: w.reload.again(w.session), (K.f5,), "F5", "reload the scene's files"),
+    "reset all": Action(_reset_all, (K.r,), "R", "reset objects and view"),
+    "reset poses": Action(_reset_poses, label="Reset objects"),
+    "reset settings": Action(_reset_settings, label="Reset settings"),
+    "reset view": Action(lambda w: w.viewport.go_home(), (K.home,), "Home", "reset the view", label="Reset view"),
+    "reference": Action(
+        _toggle_reference, (K._0,), "0", "switch between estimate and reference", label="Estimate or reference"
+    ),
+    "meter": Action(_meter, (K.a,), "A", "meter the exposure from the view", label="Meter exposure"),
     "clear chart": Action(lambda w: w.session.points.clear()),
-    "toggle panel": Action(_toggle_panel, (K.tab,), "Tab", "hide or show the panel", needs_scene=False),
-    "save picture": Action(_save_picture, (K.p, K.f12), "P, F12", "save picture and parameters as PNG here"),
-    "help": Action(_toggle_help, (K.h,), "H", "hide or show this help", needs_scene=False),
-    "quit": Action(_quit, (K.mod_ctrl | K.q,), "Ctrl+Q", "quit", needs_scene=False),
+    "toggle panel": Action(_toggle_panel, (K.tab,), "Tab", "hide or show the panel", False, "Panel"),
+    "help": Action(_toggle_help, (K.h,), "H", "hide or show this help", False, "Keys and mouse"),
+    "quit": Action(lambda w: w.leave(), (K.mod_ctrl | K.q,), "Ctrl+Q", "quit", False, "Quit"),
     **{f"estimator {k}": Action(partial(_choose_estimator, k), (key,)) for k, key in enumerate(ESTIMATOR_KEYS)},
-}
+}  # fmt: skip

@@ -17,6 +17,8 @@ MOUSE = (
     ("Shift or middle drag", "pan"),
     ("Wheel", "move the camera nearer or farther"),
     ("Double-click", "make this point the orbit centre"),
+    ("Drag the wipe's line", "move the border between two pictures"),
+    ("Drop files", "open a scene; further files become objects"),
 )
 
 

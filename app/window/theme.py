@@ -73,6 +73,7 @@ def set_style() -> None:
         C.tab_selected: FRAME,
         C.tab_hovered: FRAME_HOVERED,
         C.docking_empty_bg: WINDOW,
+        C.modal_window_dim_bg: (0.0, 0.0, 0.0, 0.45),
         C.scrollbar_bg: clear,
         C.text_selected_bg: (*ACCENT, 0.35),
     }

@@ -30,6 +30,8 @@ from app.session.session import BUDGET, Session
 from app.settings import Settings, UsageError
 from app.window import keys, overlay, panel, view_content, window
 from app.window.actions import act
+from app.window.files import Files
+from app.window.menus import Menus
 from app.window.viewport import Viewport
 
 SAMPLES_PER_PIXEL = 4
@@ -55,7 +57,11 @@ class Viewer:
         self.viewport = Viewport(self.session)
         self.ctx: moderngl.Context | None = None  # of the window
         self.renderer: Renderer | None = None
-        self.params = window.runner_params(settings, self.draw_viewport, self.draw_panel, self.draw_status)
+        self.files = Files()
+        self.menus = Menus(self.files, self._do, self.open_scene)
+        drawn = self.draw_viewport, self.draw_panel, self.draw_status, self.draw_menus
+        self.params = window.runner_params(settings, *drawn)
+        self._may_leave = False  # without a question
         self.params.callbacks.show_gui = self._begin_frame
         self.params.callbacks.after_swap = self._end_frame
         self.folds = panel.Folds()
@@ -78,12 +84,14 @@ class Viewer:
         self.may_sleep = True  # between frames in which nothing changes
         self._software = False
         self._ready = False
+        self._leaves_when_saved = False
 
     # HelloImGui's callbacks -------------------------------------------------------------------------
 
     def _begin(self) -> None:
         implot.create_context()
         self.folds.load()
+        self.files.load_preferences()
         window.on_drop(self._dropped.extend)
 
     def _begin_frame(self) -> None:
@@ -96,20 +104,25 @@ class Viewer:
             self._software = window.is_software(self.ctx)
         self.frames += 1
         self.frame_seconds.add(self._seconds)
+        if self.params.app_shall_exit and not self._may_leave:  # the window's close button
+            self.params.app_shall_exit = False
+            window.refuse_to_close()
+            self.leave()
         for action in self.keyboard.pressed():
             self._do(action)
+        self._guard("files", self._draw_dialogs)
         if self.help_open:
             (x, y), (w, h) = self.viewport.origin, self.viewport.size
             self.help_open = keys.draw_help(list(self.estimators), (x, y, w, h), self.help_open)
         self._guard("opening", self._replace_session)
         if is_user_error(self.session.problem) and self.reload.coming is None:  # printed on the terminal, see `run`
-            self.params.app_shall_exit = True
+            self.leave(ask=False)
         if self._ready and self.frames_left is not None:
             self.frames_left -= 1
             if self.frames_left <= 0:
-                self.params.app_shall_exit = True
+                self.leave(ask=False)
         if self._ready and self.exit_when_refined and not self.session.refining and self._quiet > QUIET_FRAMES:
-            self.params.app_shall_exit = True
+            self.leave(ask=False)
 
     def _end_frame(self) -> None:
         if self._software:
@@ -133,7 +146,10 @@ class Viewer:
             resting = self._ready and not self.session.light.all_done
             if resting:
                 self._guard("light", lambda: self.session.tick(0.0, budget=LONGEST_WAIT))
-            if window.wait_for_input(0.0 if resting else PAUSE):
+            if window.wait_for_input(0.0 if resting else PAUSE) or self.files.dialog.is_open:
+                break
+            if self.files.changed_on_disk(time.monotonic()):
+                self._do("reload")
                 break
             done = self.session.version != self._uploaded or self.session.light.all_done
             if resting and (done or time.perf_counter() >= refresh):
@@ -181,8 +197,40 @@ class Viewer:
         scale, seconds = self.viewport.picture.scale, self.frame_seconds.value
         return panel.facts_of(self.session, self.reload, self.estimators, seconds, self.metered, scale)
 
+    def draw_menus(self) -> None:
+        self.menus.draw(self.ctx, self.session.ready)
+
+    def _draw_dialogs(self) -> None:
+        """Draw open dialogs and act on their answers; reload files that have changed."""
+        self.files.dialog.poll()
+        self.files.dialog.draw()
+        s = self.session.settings
+        answer = self.files.question.draw(Path(s.document or s.scene).name)
+        if answer == "save":
+            self._do("save")
+            self._leaves_when_saved = True
+        elif answer == "discard":
+            self.leave(ask=False)
+        if self._leaves_when_saved and not self.files.dialog.is_open:
+            self._leaves_when_saved = False
+            if not self.files.has_changed(self.session):  # else the dialog was cancelled, or saving has failed
+                self.leave(ask=False)
+        if self.files.changed_on_disk(time.monotonic()) and self.session.ready:
+            self._do("reload")
+
+    def open_scene(self, scene: str) -> None:
+        self.reload.other(self.session, [scene])
+
+    def leave(self, ask: bool = True) -> None:
+        if ask and self.files.has_changed(self.session) and not self.files.question.is_open:
+            self.files.question.ask()
+            return
+        self._may_leave = self.params.app_shall_exit = True
+
     def _close(self) -> None:
         self.folds.save()
+        self.files.save_preferences()
+        self.menus.release()
         implot.destroy_context()
         self.reload.close()
         self.session.close()
@@ -228,7 +276,7 @@ class Viewer:
         self.viewport.adopt(new, keep_view=old is not new and self.reload.same)
         if old is not new:
             old.close(0.0)
-            window.rename(new.settings.scene)
+            window.rename(new.settings.document or new.settings.scene)
         if self._software:
             new.light.grace = SOFTWARE_GRACE
         self.estimators = {key: kind.about for key, kind in ESTIMATORS.items()}
@@ -237,6 +285,7 @@ class Viewer:
             exposure = new.metered(self.viewport.camera) if given is None else given
             new.want(replace(new.settings, exposure=exposure))
         self.metered = new.settings.exposure
+        self.files.adopt(new, same=old is not new and self.reload.same)
 
     def _draw_scene(self) -> None:
         session = self.session
@@ -299,7 +348,7 @@ def interruptible(viewer: Viewer):
     """Close the window on Ctrl+C in the terminal, because no exception may cross the GUI's code."""
 
     def close(*_) -> None:
-        viewer.params.app_shall_exit = True
+        viewer.leave(ask=False)
 
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread may set a signal handler

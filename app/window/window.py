@@ -124,8 +124,9 @@ def runner_params(
     viewport: Callable[[], None],
     panel: Callable[[], None],
     status: Callable[[], None],
+    menus: Callable[[], None],
 ):
-    """Return HelloImGui's parameters: viewport, panel at its right, status line."""
+    """Return HelloImGui's parameters: menu bar, viewport, panel at its right, status line."""
     from imgui_bundle import hello_imgui, imgui
 
     from app.window import theme
@@ -155,7 +156,9 @@ def runner_params(
 
     gui = params.imgui_window_params
     gui.default_imgui_window_type = hello_imgui.DefaultImGuiWindowType.provide_full_screen_dock_space
-    gui.show_menu_bar, gui.show_status_bar, gui.show_status_fps = False, True, False
+    gui.show_menu_bar, gui.show_status_bar, gui.show_status_fps = True, True, False
+    gui.show_menu_app = gui.show_menu_view = False
+    params.callbacks.show_menus = menus
     gui.remember_status_bar_settings = gui.remember_theme = False
     gui.config_windows_move_from_title_bar_only = True  # else a drag in the viewport drags the window
     gui.background_color = (*theme.WINDOW, 1.0)
@@ -186,6 +189,14 @@ def on_drop(take: Callable[[list[str]], None]) -> None:
 
     if window := glfw.get_current_context():
         glfw.set_drop_callback(window, lambda _, files: take(list(files)))
+
+
+def refuse_to_close() -> None:
+    """Take back the user's wish to close the current window."""
+    import glfw
+
+    if window := glfw.get_current_context():
+        glfw.set_window_should_close(window, False)
 
 
 def rename(scene: str) -> None:

@@ -17,6 +17,7 @@ from gi_core.scene.types import KeyFrames, Pose
 # Smaller deviations are corrected: rounded numbers, products of many float32 matrices. Larger ones mean a scale, or
 # numbers of another meaning.
 LENGTH_TOLERANCE = 1e-3  # on |q| - 1: (0.707, 0, 0.707, 0) passes, (0.7, 0, 0.7, 0) does not
+ROUNDING = 1e-15  # a checked pose stays as it is: a saved one opens with the same bits
 RIGID_TOLERANCE = 1e-4  # on R^T R - 1
 
 
@@ -122,7 +123,7 @@ def as_pose(pose: Pose | np.ndarray, where: str = "pose") -> Pose:
                 f"{where}: the quaternion (w, x, y, z) of a pose must have length 1, got {length:.4g}; "
                 f"write [{instead}], and scale the mesh instead if that was meant"
             )
-        return Pose(three(pose.position), four(q / length))
+        return Pose(three(pose.position), four(q if abs(length - 1) < ROUNDING else q / length))
     if not is_array(pose, (4, 4)):
         raise SceneError(f"{where}: a pose is a Pose or a finite 4 x 4 matrix, got {shown(pose)}")
     M = np.asarray(pose, np.float64)

@@ -259,7 +259,7 @@ def test_the_panel_is_as_wide_on_a_screen_of_another_scale(monkeypatch, folder):
     for scale in (1.0, 1.5, 2.0):
         monkeypatch.setattr(glfw, "get_primary_monitor", lambda: "screen")
         monkeypatch.setattr(glfw, "get_monitor_content_scale", lambda _, s=scale: (s, s))
-        params = window.runner_params(support.SETTINGS, *[lambda: None] * 3)
+        params = window.runner_params(support.SETTINGS, *[lambda: None] * 4)
         names.add(os.path.basename(params.ini_filename))
         assert not params.ini_disable
     assert names == {"window.ini", "window-1.5x.ini", "window-2x.ini"}
@@ -274,7 +274,7 @@ def test_unwritable_config_folder_disables_window_settings(monkeypatch, folder):
     nowhere.write_text("")
     monkeypatch.setattr("platformdirs.user_config_dir", lambda *_, ensure_exists, **__: (nowhere / "x").mkdir())
     assert window.config_folder() is None
-    assert window.runner_params(support.SETTINGS, *[lambda: None] * 3).ini_disable
+    assert window.runner_params(support.SETTINGS, *[lambda: None] * 4).ini_disable
 
 
 def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):

@@ -172,6 +172,8 @@ def test_keys(play, folder):
         hand.press(K.a)
         assert "metered" in viewer.log.last.text
         hand.press(K.mod_ctrl | K.q)
+        assert viewer.files.question.is_open, "the block has moved"
+        hand.press(K.mod_ctrl | K.q)
 
     viewer = play(script, quits=True)
     assert errors(viewer) == []

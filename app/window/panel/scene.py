@@ -13,8 +13,8 @@ from app.window.panel.facts import Facts
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    imgui.text_wrapped(Path(s.scene).name)
-    ui.tip(s.scene)
+    imgui.text_wrapped(Path(s.document or s.scene).name)
+    ui.tip(s.document or s.scene)
     if facts.loading is not None:
         phase, fraction = facts.loading
         # A negative fraction makes ImGui's bar oscillate: work of unknown duration.
@@ -23,7 +23,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     elif imgui.button("Reload", (-1, 0)):
         actions.add("reload")
     ui.tip("Read the scene's files again; settings and poses stay. Key F5.\n"
-           "To open another scene, drop its file on the window.")  # fmt: skip
+           "To open another scene: menu File, or drop its file on the window.")  # fmt: skip
     if facts.load_problem:
         imgui.push_style_color(imgui.Col_.text, (*theme.ERROR, 1.0))
         imgui.text_wrapped(facts.load_problem)

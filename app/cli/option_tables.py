@@ -1,0 +1,66 @@
+"""Tables of the options that stand for fields of Settings: command line, saved scenes and copied commands read them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from app.cli import values
+from app.settings import LIGHTS, SHOWS, TONE_MAPS, Settings
+
+SCENE: dict[str, dict[str, Any]] = {
+    "mobiles": {"action": "append", "metavar": "FILE", "help": "mesh file that becomes a mobile"},
+    "poses": {"action": "append", "type": values.pose, "metavar": "NAME=x,y,z[,qw,qx,qy,qz]",
+              "help": "position of a mobile [m]; without a unit quaternion its rotation stays"},
+    "camera": {"type": values.camera, "metavar": "x,y,z,tx,ty,tz,fov",
+               "help": "eye and target [m], vertical field of view [degrees]"},
+    "max_edge": {"type": values.positive, "metavar": "M", "help": "longest edge; longer ones are split [m]"},
+    "up": {"choices": ["x", "y", "z"], "help": "axis that points up, instead of the file's"},
+    "allow_outside": {"action": "store_true", "help": "the scene may name files outside its folder"},
+}  # fmt: skip
+LIGHT: dict[str, dict[str, Any]] = {
+    "estimator": {"metavar": "NAME", "help": "estimator of irradiance; `gi-viewer info` lists them (tangent_plane)"},
+    "photons": {"type": values.positive_int, "metavar": "N",
+                "help": "photons to trace, 1e6 is allowed (the scene's, else chosen)"},
+    "radius": {"type": values.positive, "metavar": "M",
+               "help": "radius of discs, largest radius of photon_map [m] (the scene's, else chosen)"},
+    "neighbours": {"type": values.positive_int, "metavar": "K",
+                   "help": "hits per estimate of photon_map (the scene's, else chosen)"},
+    "control": {"action": "store_false",
+                "help": "tangent_plane without artifact control: faster; corners are dark, walls leak light"},
+    "border_correction": {"action": "store_false",
+                          "help": "photon_map without alpha / 2 pi at borders, which are then dark"},
+    "textbook": {"action": "store_true", "help": "photon_map counts the k-th hit too: k / (k - 1) times the light"},
+    "search": {"metavar": "NAME",
+               "help": f"disc search of tangent_plane; pictures do not depend on it ({Settings.search})"},
+    "light": {"choices": LIGHTS,
+              "help": "best: gathered along paths, on mobiles per frame and on the static part at rest (render waits"
+                      " minutes for it); photons: the estimator alone, as in the report (photons with --estimator,"
+                      " else best without that wait)"},
+    "seed": {"type": values.seed, "metavar": "N", "help": "seed of the photons (0)"},
+}  # fmt: skip
+PICTURE: dict[str, dict[str, Any]] = {
+    "size": {"type": values.size, "metavar": "WxH",
+             "help": f"pixels ({Settings.size[0]}x{Settings.size[1]})"},
+    "exposure": {"type": values.exposure, "metavar": "EV",
+                 "help": "stops; +1 doubles the brightness (the scene's, else metered)"},
+    "white_balance": {"action": "store_false", "help": "draw coloured lamps coloured instead of neutral"},
+    "tone_map": {"choices": TONE_MAPS, "help": f"({Settings.tone_map})"},
+    "show": {"choices": SHOWS, 
+             "help": f"with reflectance, without, or false colours of irradiance with a legend ({Settings.show})"},
+    "illuminance_range": {"type": values.value_range, "metavar": "LOW,HIGH",
+                          "help": "ends of the false colours [lx or W/m2]; a logarithmic scale if HIGH is 30 LOW or"
+                                  " more (that of the view)"},
+    "cull": {"action": "store_false", "help": "draw the backs of one-sided faces too, dark grey"},
+}  # fmt: skip
+WINDOW: dict[str, dict[str, Any]] = {
+    "budget": {"type": values.not_negative, "metavar": "MS",
+               "help": f"time for light per frame in motion ({Settings.budget:g})"},
+}  # fmt: skip
+ALL = SCENE | LIGHT | PICTURE | WINDOW
+FLAGS = {"mobiles": "mobile", "poses": "pose"}  # options whose name differs from their field of Settings
+
+
+def flag_of(field: str) -> str:
+    """Return the option of a field."""
+    no = "no-" if ALL[field].get("action") == "store_false" else ""
+    return f"--{no}{FLAGS.get(field, field).replace('_', '-')}"

@@ -1,0 +1,172 @@
+"""Saved scenes: a TOML file that names a scene and holds its poses, camera and settings; the same as a command line.
+
+A saved scene leaves the files of the scene as they are. Every field of Settings with an option is saved, if it differs
+from its default. Numbers keep all digits, so that a saved scene opens with the same bits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from app.cli.option_tables import ALL, flag_of
+from app.cli.writable import write_whole
+from app.settings import Settings
+
+if TYPE_CHECKING:
+    from gi_core.scene import Camera, Pose
+
+HEADER = "# A scene with its poses, camera and settings, saved by gi-viewer.\n"
+KEYS = ("scene", "mobiles", "poses", "camera", "settings")
+ELSEWHERE = ("mobiles", "poses", "camera")  # not under [settings]
+MOST_BYTES = 4_000_000
+NOT_SAVED = ("allow_outside", "size")
+SAVED = tuple(field for field in ALL if field not in (*ELSEWHERE, *NOT_SAVED))
+
+
+def with_view(settings: Settings, poses: Mapping[str, Pose], camera: Camera) -> Settings:
+    """Return settings that open a scene with mobiles at these poses and this camera."""
+    numbers = tuple((name, (*pose.position, *pose.quaternion)) for name, pose in poses.items())
+    return replace(settings, poses=numbers, camera=(*camera.position, *camera.target, camera.vertical_fov_degrees))
+
+
+def command_line(settings: Settings) -> str:
+    """Return the command that opens the scene with these settings."""
+    words = ["gi-viewer", settings.scene]
+    for field, option in ALL.items():
+        value = getattr(settings, field)
+        if value == getattr(Settings, field):
+            continue
+        if option.get("action") in ("store_true", "store_false"):
+            words.append(flag_of(field))
+        else:
+            words += [
+                f"{flag_of(field)}={_word(field, v)}" for v in (value if field in ("mobiles", "poses") else [value])
+            ]
+    return shlex.join(words)
+
+
+def _word(field: str, value: Any) -> str:
+    """Return a value as its option takes it."""
+    if field == "poses":
+        return f"{value[0]}={_word('', value[1])}"
+    if field == "size":
+        return f"{value[0]}x{value[1]}"
+    return ",".join(map(repr, value)) if isinstance(value, tuple) else str(value)
+
+
+# Files ------------------------------------------------------------------------------------------------
+
+
+def is_saved(path: str | Path) -> bool:
+    """Return whether a file is a saved scene, not a scene file."""
+    if Path(path).suffix.lower() != ".toml" or not os.path.isfile(path):
+        return False
+    try:
+        if os.path.getsize(path) > MOST_BYTES:
+            return False
+        return "scene" in tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False  # the loader gives the reason
+
+
+def opened(settings: Settings, allow_outside: bool = False) -> Settings:
+    """Return the settings of the saved scene that `settings` name, else `settings`. Raises SceneError."""
+    return read(settings.scene, allow_outside) if is_saved(settings.scene) else settings
+
+
+def read(path: str, allow_outside: bool = False) -> Settings:
+    """Return the settings of a saved scene. Raises SceneError: file, rule, value found."""
+    from gi_core.files.formats.boundary import Boundary
+    from gi_core.files.formats.toml_fields import Table, read_toml
+
+    file = Path(path)
+    boundary = Boundary(file.parent, allow_outside)
+    root = Table(read_toml(file, path, boundary), path, KEYS)
+    mobiles = root.texts("mobiles") if root.values.get("mobiles") else []
+    table = Table(root.values.get("settings", {}), f"{path}: [settings]", SAVED)
+    values = {field: _checked(field, value, table.where) for field, value in table.values.items()}
+    places = Table(root.values.get("poses", {}), f"{path}: [poses]", tuple(root.values.get("poses", ())))
+    poses = tuple((name, places.vector(name, 7)) for name in places.values)
+    camera = None
+    if "camera" in root:
+        c = Table(root.values["camera"], f"{path}: [camera]", ("position", "target", "fov"))
+        camera = (*c.vector("position"), *c.vector("target"), c.number("fov", above=0, below=180))
+        _checked("camera", camera, c.where)
+    scene, *others = (_found(name, file, boundary, path) for name in (root.text("scene"), *mobiles))
+    return Settings(document=path, scene=scene, mobiles=tuple(others), poses=poses, camera=camera, **values)
+
+
+def write(path: Path, settings: Settings) -> None:
+    """Save settings, as of with_view(). Raises UsageError if the file may not name the scene's files; OSError."""
+    import tomli_w
+
+    scene, *mobiles = (_relative(name, path, settings.allow_outside) for name in (settings.scene, *settings.mobiles))
+    saved = {field: getattr(settings, field) for field in SAVED}
+    changed = {field: v for field, v in saved.items() if v != getattr(Settings, field)}
+    document: dict[str, Any] = {"scene": scene, "mobiles": mobiles} if mobiles else {"scene": scene}
+    document["settings"] = {field: list(v) if isinstance(v, tuple) else v for field, v in changed.items()}
+    if settings.camera is not None:
+        eye = settings.camera
+        document["camera"] = {"position": list(eye[:3]), "target": list(eye[3:6]), "fov": eye[6]}
+    if settings.poses:
+        document["poses"] = {name: list(numbers) for name, numbers in settings.poses}
+    write_whole(path, HEADER + tomli_w.dumps(document))
+
+
+def _checked(field: str, value: Any, where: str) -> Any:
+    """Return a value of [settings] as its option gives it. Raises SceneError."""
+    from gi_core.scene.errors import SceneError, shown
+
+    option = ALL[field]
+    if option.get("action") in ("store_true", "store_false"):
+        if not isinstance(value, bool):
+            raise SceneError(f"{where}: {field} must be true or false, got {shown(value)}")
+        return value
+    if (choices := option.get("choices")) and value not in choices:
+        raise SceneError(f"{where}: {field} must be one of {', '.join(choices)}, got {shown(value)}")
+    if not (convert := option.get("type")):
+        if not isinstance(value, str):
+            raise SceneError(f"{where}: {field} must be a text in quotes, got {shown(value)}")
+        return value
+    parts = value if isinstance(value, list | tuple) else [value]
+    if not all(isinstance(part, int | float) and not isinstance(part, bool) for part in parts):
+        raise SceneError(f"{where}: {field} must be a number, or a list of them, got {shown(value)}")
+    try:
+        return convert(",".join(map(repr, parts)))
+    except (argparse.ArgumentTypeError, ValueError) as problem:
+        raise SceneError(f"{where}: {field} {problem}") from None
+
+
+def _found(name: str, file: Path, boundary, where: str) -> str:
+    """Return the path of a file that a saved scene names, or the name of a shipped scene."""
+    from gi_core.files.find import shipped_scenes
+    from gi_core.scene.errors import SceneError
+
+    path = file.parent / name
+    if not os.path.isfile(path) and name in shipped_scenes():
+        return name
+    if not boundary.holds(path):
+        raise SceneError(f"{where}: {name} lies outside the folder of the saved scene; give --allow-outside")
+    return os.path.normpath(path)
+
+
+def _relative(name: str, document: Path, allow_outside: bool) -> str:
+    """Return how a saved scene names a file: relative to its own folder."""
+    from app.settings import UsageError
+
+    if not os.path.isfile(name):
+        return name  # a shipped scene
+    folder, real = document.resolve().parent, Path(name).resolve()
+    if not (allow_outside or real.is_relative_to(folder)):
+        raise UsageError(f"{document.name} must be saved in {real.parent} or above, because it names {real.name} there")
+    try:
+        return Path(os.path.relpath(real, folder)).as_posix()
+    except ValueError:  # another drive
+        return str(real)

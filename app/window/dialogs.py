@@ -1,0 +1,127 @@
+"""Dialogs: the system's for files, or a field for a path where it has none; and the question about unsaved changes."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable, Sequence
+
+from imgui_bundle import imgui
+from imgui_bundle import portable_file_dialogs as native
+
+NATIVE_LINUX = ("zenity", "kdialog", "matedialog", "qarma")  # programs that portable-file-dialogs runs
+SCENES = ["Scenes", "*.toml *.glb *.gltf *.obj *.ply *.stl", "All files", "*"]
+SAVED = ["Saved scenes", "*.toml"]
+PICTURES = ["Pictures", "*.png"]
+FIELD_EM = 32
+UNSAVED = "Unsaved changes"
+
+
+def has_native() -> bool:
+    """Return whether the system has file dialogs."""
+    return not sys.platform.startswith("linux") or any(map(shutil.which, NATIVE_LINUX))
+
+
+class FileDialog:
+    """One dialog at a time: `open` or `save`; `poll` and `draw` once per frame."""
+
+    def __init__(self) -> None:
+        self._native: native.open_file | native.save_file | None = None
+        self._then: Callable[[str], None] | None = None
+        self._title, self._path, self._appears = "", "", False
+
+    @property
+    def is_open(self) -> bool:
+        return self._then is not None
+
+    def open(self, title: str, folder: str, filters: Sequence[str], then: Callable[[str], None]) -> None:
+        """Ask for a file that exists; `then` receives its path."""
+        self._begin(title, "", then)
+        if has_native():
+            self._native = native.open_file(title, folder, list(filters))
+
+    def save(self, title: str, path: str, filters: Sequence[str], then: Callable[[str], None]) -> None:
+        """Ask for a file to write; `then` receives its path."""
+        self._begin(title, path, then)
+        if has_native():
+            self._native = native.save_file(title, path, list(filters))
+
+    def _begin(self, title: str, path: str, then: Callable[[str], None]) -> None:
+        self._native, self._then, self._title, self._path, self._appears = None, then, title, path, True
+
+    def _end(self, path: str) -> None:
+        then, self._then, self._native = self._then, None, None
+        if path and then is not None:
+            then(path)
+
+    def poll(self) -> None:
+        """Take the system's answer, if there is one."""
+        if self._native is not None and self._native.ready(0):
+            answer = self._native.result()
+            self._end(answer if isinstance(answer, str) else answer[0] if answer else "")
+
+    def draw(self) -> None:
+        """Draw the field for a path, where the system has no dialog."""
+        if self._then is None or self._native is not None:
+            return
+        name = f"{self._title}###File"
+        if self._appears:
+            imgui.open_popup(name)
+        _centre()
+        shown, _ = imgui.begin_popup_modal(name, None, imgui.WindowFlags_.always_auto_resize)
+        if not shown:
+            if not self._appears:
+                self._end("")  # Esc
+            return
+        imgui.text_disabled("No file dialog is installed (zenity or kdialog): write a path.")
+        imgui.set_next_item_width(FIELD_EM * imgui.get_font_size())
+        if self._appears:
+            imgui.set_keyboard_focus_here()
+        self._appears = False
+        entered, self._path = imgui.input_text("##path", self._path, imgui.InputTextFlags_.enter_returns_true)
+        done = entered or imgui.button("OK")
+        imgui.same_line()
+        cancelled = imgui.button("Cancel")
+        if done or cancelled:
+            imgui.close_current_popup()
+        imgui.end_popup()
+        if done or cancelled:  # last, as it may raise
+            self._end(self._path.strip() if done else "")
+
+
+class Question:
+    """The question about unsaved changes: `ask`, then `draw` once per frame."""
+
+    def __init__(self) -> None:
+        self.is_open = False
+        self._appears = False
+
+    def ask(self) -> None:
+        self.is_open = self._appears = True
+
+    def draw(self, name: str) -> str:
+        """Draw the question about the scene `name`; return the answer: "save", "discard", "cancel", "": none yet."""
+        if not self.is_open:
+            return ""
+        if self._appears:
+            imgui.open_popup(UNSAVED)
+        _centre()
+        shown, _ = imgui.begin_popup_modal(UNSAVED, None, imgui.WindowFlags_.always_auto_resize)
+        answer = "" if shown or self._appears else "cancel"  # Esc
+        self._appears = False
+        if shown:
+            imgui.text(f"Objects or settings of {name} have changed.")
+            for word, label in (("save", "Save"), ("discard", "Quit without saving"), ("cancel", "Cancel")):
+                if imgui.button(label):
+                    answer = word
+                imgui.same_line()
+            if answer:
+                imgui.close_current_popup()
+            imgui.end_popup()
+        self.is_open = not answer
+        return answer
+
+
+def _centre() -> None:
+    """Put the next window in the middle of the screen."""
+    imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.appearing, (0.5, 0.5))

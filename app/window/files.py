@@ -1,0 +1,100 @@
+"""Files of the window: open, save, recent files, changes on disk, unsaved changes."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from imgui_bundle import hello_imgui
+
+from app.cli import saved_scene
+from app.session.session import Session
+from app.session.watch import Watch, files_of
+from app.window import dialogs
+from app.window.viewport import Viewport
+
+MOST_RECENT = 10
+RECENT, WATCHES = "recent", "reload when files change"  # preferences in the window's ini file
+# Ways of looking at a scene: keys change them all the time.
+LOOKS = ("show", "estimator", "light", "illuminance_range")
+COUNTED = tuple(field for field in saved_scene.SAVED if field not in LOOKS)
+
+
+class Files:
+    """`load` after the window opens, `adopt` with each scene, `save_preferences` before it closes."""
+
+    def __init__(self) -> None:
+        self.recent: list[str] = []
+        self.watches = True
+        self.dialog = dialogs.FileDialog()
+        self.question = dialogs.Question()
+        self._watch = Watch()
+        self._clean: tuple = ()
+
+    def load_preferences(self) -> None:
+        self.recent = [line for line in hello_imgui.load_user_pref(RECENT).splitlines() if line][:MOST_RECENT]
+        self.watches = hello_imgui.load_user_pref(WATCHES) != "no"
+
+    def save_preferences(self) -> None:
+        hello_imgui.save_user_pref(RECENT, "\n".join(self.recent))
+        hello_imgui.save_user_pref(WATCHES, "yes" if self.watches else "no")
+
+    def adopt(self, session: Session, same: bool) -> None:
+        """Follow the files of an opened scene; `same`: it was reloaded."""
+        s = session.settings
+        self._watch.follow(files_of(s))
+        if not same:
+            self._clean = _state(session)
+        if os.path.isfile(name := s.document or s.scene):
+            self.remember(name)
+
+    def remember(self, name: str) -> None:
+        """Put a file first among the recent ones."""
+        path = os.path.abspath(name)
+        self.recent = [path, *(other for other in self.recent if other != path)][:MOST_RECENT]
+
+    def has_changed(self, session: Session) -> bool:
+        """Return whether poses or settings differ from those opened or saved last."""
+        return session.ready and bool(self._clean) and _state(session) != self._clean
+
+    def changed_on_disk(self, now: float) -> bool:
+        """Return whether files of the scene have changed and are to be read again. now: [s]."""
+        return self.watches and self._watch.changed(now)
+
+    # Saving -----------------------------------------------------------------------------------------
+
+    def save(self, session: Session, viewport: Viewport, path: str) -> Path:
+        """Save the scene. Raises UsageError for a place that cannot be used, OSError."""
+        file = Path(path)
+        file = file if file.suffix.lower() == ".toml" else file.with_name(file.name + ".toml")
+        scene = session.settings.scene
+        if os.path.isfile(scene) and os.path.realpath(scene) == os.path.realpath(file):
+            from app.settings import UsageError
+
+            raise UsageError(f"{file.name} is the scene itself, which stays as it is; choose another name")
+        saved_scene.write(file, self.settings_now(session, viewport))
+        session.want(replace(session.settings, document=str(file)))
+        self._clean = _state(session)
+        self.remember(str(file))
+        return file
+
+    def suggestion(self, session: Session) -> str:
+        """Return a path for a scene to save."""
+        s = session.settings
+        if s.document:
+            return s.document
+        folder = Path(s.scene).parent if os.path.isfile(s.scene) else Path.cwd()
+        return str(folder / f"{Path(s.scene).stem}-saved.toml")
+
+    def settings_now(self, session: Session, viewport: Viewport) -> saved_scene.Settings:
+        """Return settings that open the scene as it is on show."""
+        return saved_scene.with_view(session.settings, session.moved, viewport.camera.as_camera())
+
+    def command(self, session: Session, viewport: Viewport) -> str:
+        """Return the command that opens the scene as it is on show."""
+        return saved_scene.command_line(self.settings_now(session, viewport))
+
+
+def _state(session: Session) -> tuple:
+    return session.poses, tuple(getattr(session.settings, field) for field in COUNTED)

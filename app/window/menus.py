@@ -1,0 +1,98 @@
+"""Menu bar, from the table of actions; pictures of the shipped scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+
+import moderngl
+import numpy as np
+from imgui_bundle import imgui
+from PIL import Image
+
+from app.window.actions import ACTIONS
+from app.window.files import Files
+
+SHIPPED, RECENT, WATCHES, LINE = "Shipped scenes", "Open recent", "Reload changed files", ""
+MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the four above
+    "File": (
+        "open", SHIPPED, RECENT, "reload", WATCHES, LINE, "save", "save as", "copy command", LINE,
+        "save picture", "save picture as", LINE, "quit",
+    ),
+    "Edit": ("undo", "redo", LINE, "reset poses", "reset settings"),
+    "View": ("reset view", "meter", "reference", LINE, "toggle panel"),
+    "Help": ("help",),
+}  # fmt: skip
+THUMBNAIL_EM = (6.5, 4.06)
+
+
+class Menus:
+    """`draw` once per frame; `release` before the window closes."""
+
+    def __init__(self, files: Files, do: Callable[[str], None], open_scene: Callable[[str], None]) -> None:
+        self._files, self._do, self._open = files, do, open_scene
+        self._thumbnails: dict[str, moderngl.Texture] = {}
+
+    def draw(self, ctx: moderngl.Context | None, ready: bool) -> None:
+        """Draw the menu bar; ready: there is a scene."""
+        for title, entries in MENUS.items():
+            if imgui.begin_menu(title):
+                for entry in entries:
+                    self._entry(entry, ctx, ready)
+                imgui.end_menu()
+
+    def _entry(self, entry: str, ctx: moderngl.Context | None, ready: bool) -> None:
+        if entry == LINE:
+            imgui.separator()
+        elif entry == SHIPPED:
+            if imgui.begin_menu(SHIPPED):
+                self._shipped(ctx)
+                imgui.end_menu()
+        elif entry == RECENT:
+            if imgui.begin_menu(RECENT, bool(self._files.recent)):
+                for k, path in enumerate(self._files.recent):
+                    if imgui.menu_item(f"{Path(path).name}##{k}", "", False)[0]:
+                        self._open(path)
+                    imgui.set_item_tooltip(path)
+                imgui.end_menu()
+        elif entry == WATCHES:
+            _, self._files.watches = imgui.menu_item(WATCHES, "", self._files.watches)
+        else:
+            action = ACTIONS[entry]
+            shortcut = action.keys.partition(",")[0]
+            if imgui.menu_item(action.label, shortcut, False, ready or not action.needs_scene)[0]:
+                self._do(entry)
+
+    def _shipped(self, ctx: moderngl.Context | None) -> None:
+        from gi_core.files.find import shipped_scenes
+
+        em = imgui.get_font_size()
+        width, height = (n * em for n in THUMBNAIL_EM)
+        for name in shipped_scenes():
+            gap = 0.4 * em
+            if imgui.selectable(f"##{name}", False, 0, (width + 9 * em, height + 2 * gap))[0]:
+                self._open(name)
+            drawing, corner = imgui.get_window_draw_list(), imgui.get_item_rect_min()
+            left, top = corner.x + gap, corner.y + gap
+            if (texture := self._thumbnail(ctx, name)) is not None:
+                drawing.add_image(imgui.ImTextureRef(texture.glo), (left, top), (left + width, top + height))
+            colour = imgui.get_color_u32(imgui.Col_.text)
+            drawing.add_text((left + width + em, top + height / 2 - em / 2), colour, name)
+
+    def _thumbnail(self, ctx: moderngl.Context | None, name: str) -> moderngl.Texture | None:
+        """Return the picture of a shipped scene, None without one."""
+        file = resources.files("scenes") / "thumbnails" / f"{name}.png"
+        if ctx is None or not file.is_file():
+            return None
+        if name not in self._thumbnails:
+            with file.open("rb") as stream:
+                pixels = np.asarray(Image.open(stream).convert("RGB"))
+            texture = ctx.texture((pixels.shape[1], pixels.shape[0]), 3, pixels.tobytes(), alignment=1)
+            self._thumbnails[name] = texture
+        return self._thumbnails[name]
+
+    def release(self) -> None:
+        for texture in self._thumbnails.values():
+            texture.release()
+        self._thumbnails.clear()

@@ -1,0 +1,131 @@
+"""Saved scenes and copied commands open with the same settings and the same light, bit for bit."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app import __main__ as cli
+from app.cli import saved_scene
+from app.cli.option_tables import ALL
+from app.cli.options import settings_of
+from app.settings import Settings, UsageError, make_solver, open_scene
+from gi_core.files.find import shipped_scenes
+from gi_core.scene import Camera, Pose, SceneError
+from gi_core.scene.pose import as_pose, axis_angle
+from tests.support.document_examples import bring
+
+TURNED = as_pose(Pose((0.21, 0.1, 0.13), axis_angle((0.3, 1.0, -0.2), 37.0)))
+CAMERA = Camera((1.1, 1.3, 0.123456789012345), (0.2, 0.1, 0.3), 41.7)
+SETTINGS = Settings(
+    photons=1_500, radius=0.0712345678901, exposure=-1.0 / 3, light="photons", control=False, seed=7, budget=33.0,
+    tone_map="clip", white_balance=False, show="illuminance", illuminance_range=(0.1, 1000 / 3), neighbours=31,
+)  # fmt: skip
+
+
+def parsed(*words: str) -> Settings:
+    return settings_of(cli.parse(list(words)))
+
+
+def light_of(settings: Settings) -> np.ndarray:
+    solver = make_solver(open_scene(settings), settings)
+    solver.solve()
+    return solver.irradiance
+
+
+@pytest.mark.parametrize("scene", shipped_scenes())
+def test_a_shipped_scene_opens_as_it_was_saved(scene, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    here = saved_scene.with_view(replace(SETTINGS, scene=scene), {"pawn": TURNED}, CAMERA)
+    saved_scene.write(tmp_path / "mine.toml", here)
+    assert parsed("mine.toml") == replace(here, document="mine.toml")
+    assert parsed(*shlex.split(saved_scene.command_line(here))[1:]) == here
+
+
+@pytest.mark.parametrize("scene", ["cornell", "furnace"])
+def test_the_light_of_a_saved_scene_has_the_same_bits(scene, tmp_path):
+    settings = replace(SETTINGS, scene=scene)
+    scene_before = open_scene(settings)
+    solver = make_solver(scene_before, settings)
+    solver.solve()
+    poses = {m.name: TURNED for m in scene_before.mobiles}
+    solver.move_all(poses)
+    saved_scene.write(tmp_path / "a.toml", saved_scene.with_view(settings, solver.poses, CAMERA))
+    again = parsed(str(tmp_path / "a.toml"))
+    assert np.array_equal(light_of(again), solver.irradiance)
+    assert open_scene(again).camera == CAMERA
+
+
+def test_a_strangers_files_open_with_the_same_bits_from_another_folder(tmp_path, monkeypatch):
+    """A bare mesh is completed and refined as before; its mobile keeps its pose. Paths are the saved file's."""
+    monkeypatch.chdir(tmp_path)
+    bring("room.glb"), bring("chair.glb")
+    settings = replace(SETTINGS, scene="room.glb", mobiles=("chair.glb",), radius=0.2, max_edge=0.4)
+    pose = open_scene(settings).mobiles[0].pose
+    moved = pose._replace(position=(pose.position[0] + 0.1, *pose.position[1:]))
+    here = saved_scene.with_view(settings, {"chair": moved}, CAMERA)
+    saved_scene.write(tmp_path / "a.toml", here)
+    light = light_of(here)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    again = parsed("../a.toml")
+    assert np.array_equal(light_of(again), light)
+    assert replace(again, scene=Path(again.scene).name, mobiles=("chair.glb",), document="") == here
+
+
+def test_options_override_a_saved_scene_even_with_a_default(tmp_path):
+    saved_scene.write(tmp_path / "a.toml", replace(SETTINGS, poses=(("pawn", (0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0)),)))
+    s = parsed("render", str(tmp_path / "a.toml"), "--tone-map", "aces", "--pose", "pawn=1,2,3", "--light", "best")
+    assert (s.tone_map, s.light, s.photons) == ("aces", "best", 1_500)
+    assert s.poses[-1] == ("pawn", (1.0, 2.0, 3.0)) and dict(s.poses)["pawn"] == (1.0, 2.0, 3.0)
+
+
+def test_every_option_is_saved_or_names_a_reason():
+    assert set(saved_scene.SAVED) | {*saved_scene.ELSEWHERE, *saved_scene.NOT_SAVED} == set(ALL)
+
+
+BAD = {
+    "scene = 3": "scene must be a text in quotes, got 3",
+    'scene = "cornell"\nscne = 1': "unknown key 'scne'",
+    'scene = "cornell"\n[settings]\nphotns = 5': "unknown key 'photns'",
+    'scene = "cornell"\n[settings]\nphotons = -5': "photons must be over 0, got -5",
+    'scene = "cornell"\n[settings]\ncontrol = 1': "control must be true or false, got 1",
+    'scene = "cornell"\n[settings]\nexposure = "bright"': "exposure must be a number, or a list of them, got 'bright'",
+    'scene = "cornell"\n[settings]\ntone_map = "grey"': "tone_map must be one of aces, reinhard, clip, got 'grey'",
+    'scene = "cornell"\n[settings]\nilluminance_range = [5, 1]': "illuminance_range must be LOW,HIGH",
+    'scene = "cornell"\n[poses]\npawn = [1, 2]': "pawn must be 7 finite numbers",
+    'scene = "cornell"\n[camera]\nposition = [0, 0, 0]\ntarget = [0, 0, 0]\nfov = 40': "camera must be x,y,z",
+    'scene = "/etc/passwd"': "lies outside the folder of the saved scene",
+    'scene = "../room.glb"': "lies outside the folder of the saved scene",
+    'scene = "cornell"\nmobiles = ["../x.glb"]': "lies outside the folder of the saved scene",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_a_bad_saved_scene_gets_one_sentence(text, tmp_path, capsys):
+    (tmp_path / "bad.toml").write_text(text)
+    with pytest.raises(SceneError) as caught:
+        saved_scene.read(str(tmp_path / "bad.toml"))
+    assert BAD[text] in str(caught.value) and "bad.toml" in str(caught.value) and "\n" not in str(caught.value)
+    assert cli.main(["info", str(tmp_path / "bad.toml")]) == 3
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_scene_may_not_be_saved_where_it_could_not_name_its_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    bring("room.glb")
+    (tmp_path / "below").mkdir()
+    with pytest.raises(UsageError, match="must be saved in .* or above, because it names room.glb there"):
+        saved_scene.write(tmp_path / "below" / "a.toml", Settings(scene="room.glb"))
+    assert not list((tmp_path / "below").iterdir())
+
+
+def test_a_checked_pose_is_checked_without_change():
+    rng = np.random.default_rng(1)
+    for q in rng.normal(size=(500, 4)):
+        pose = as_pose(Pose((0.1, 0.2, 0.3), tuple((q / np.linalg.norm(q)).tolist())))
+        assert as_pose(pose) == pose

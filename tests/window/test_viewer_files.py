@@ -1,0 +1,262 @@
+"""Files in the window: saving, opening, recent files, changes on disk, the question before it closes."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import stat
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from app import __main__ as cli
+from app.cli import saved_scene
+from app.cli.options import settings_of
+from app.session import watch
+from app.session.opening import Opening
+from app.settings import Settings
+from app.window import dialogs
+from gi_core.scene import Pose
+from tests.support import viewer_support as support
+from tests.support.viewer_hand import errors, keys
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+
+AWAY = Pose((0.7, 0.4, 0.6))
+
+
+@pytest.fixture(autouse=True)
+def typed_paths(monkeypatch):
+    monkeypatch.setattr(dialogs, "has_native", lambda: False)
+
+
+class Loader:
+    """Opens the small room for any settings, and lists them."""
+
+    def __init__(self) -> None:
+        self.asked: list[Settings] = []
+
+    def __call__(self, settings):
+        self.asked.append(settings)
+        return Opening(settings, load=lambda settings: support.room())
+
+
+def enter(hand, title: str, path) -> None:
+    """Write a path into the dialog and confirm it."""
+    hand.wait(lambda: hand.viewer.files.dialog.is_open)
+    hand.ctx.set_ref(f"//{title}###File")
+    hand.ctx.item_input_value("##path", str(path))
+    hand.wait(lambda: not hand.viewer.files.dialog.is_open)
+    hand.ctx.yield_(3)
+
+
+def close_by_button(hand) -> None:
+    import glfw
+
+    hand._jobs.append(lambda: glfw.set_window_should_close(glfw.get_current_context(), True))
+    hand.ctx.yield_(3)
+
+
+def test_changes_are_saved_and_asked_about_before_the_window_closes(play, folder):
+    K, seen = keys(), {}
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        session = viewer.session
+        assert not viewer.files.has_changed(session)
+        hand.press(K._2)
+        assert not viewer.files.has_changed(session), "another look at the scene is no change"
+        hand.press(K._1)
+        session.move({"block": AWAY})
+        hand.wait_for_light()
+        hand.press(K.mod_ctrl | K.q)
+        assert viewer.files.question.is_open and not viewer.params.app_shall_exit
+        hand.press(K.escape)
+        assert not viewer.files.question.is_open and not viewer.params.app_shall_exit
+
+        # The first save asks for a name, the next one does not.
+        hand.press(K.mod_ctrl | K.s)
+        enter(hand, "Save the scene", folder / "mine")
+        assert not viewer.files.has_changed(session) and session.settings.document == str(folder / "mine.toml")
+        session.want(replace(session.settings, exposure=1.25))
+        hand.wait_for_light()
+        assert viewer.files.has_changed(session)
+        hand.press(K.mod_ctrl | K.s)
+        saved = saved_scene.read(str(folder / "mine.toml"))
+        seen["saved"], seen["now"] = saved, viewer.files.settings_now(session, viewer.viewport)
+        assert not viewer.files.has_changed(session)
+
+        # The close button asks too.
+        session.move({"block": Pose((0.3, 0.4, 0.6))})
+        hand.wait_for_light()
+        close_by_button(hand)
+        assert viewer.files.question.is_open and not viewer.params.app_shall_exit
+        hand.ctx.set_ref(f"//{dialogs.UNSAVED}")
+        hand.ctx.item_click("Quit without saving")
+
+    viewer = play(script, quits=True)
+    assert errors(viewer) == [] and viewer.params.app_shall_exit
+    for field in (*saved_scene.SAVED, "poses", "camera"):
+        assert getattr(seen["saved"], field) == getattr(seen["now"], field), field
+    assert dict(seen["saved"].poses) == {"block": (*AWAY.position, *AWAY.quaternion)}
+    assert seen["saved"].exposure == 1.25 and viewer.files.recent == [str(folder / "mine.toml")]
+
+
+def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder):
+    K = keys()
+    here = replace(support.SETTINGS, tone_map="clip", exposure=-0.5, poses=(("block", (*AWAY.position, 1, 0, 0, 0)),))
+    here = replace(here, camera=(0.5, 0.6, 2.5, 0.5, 0.45, 0.5, 40.0))
+    saved_scene.write(folder / "mine.toml", here)
+    loader = Loader()
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        first = viewer.session
+        first.want(replace(first.settings, show="irradiance", white_balance=False))
+        hand.press(K.mod_ctrl | K.o)
+        enter(hand, "Open a scene", folder / "mine.toml")
+        hand.wait(lambda: viewer.session is not first)
+        hand.wait_for_light()
+        s = viewer.session.settings
+        assert (s.tone_map, s.exposure, s.show, s.white_balance) == ("clip", -0.5, "radiance", True)
+        assert (
+            s.document == str(folder / "mine.toml")
+            and Path(s.scene).name == "room"
+            and loader.asked[-1].poses == here.poses
+        )
+        assert loader.asked[-1].camera == here.camera
+        assert viewer.files.recent == [s.document] and not viewer.files.has_changed(viewer.session)
+
+        # A bad file: one sentence, and everything stays.
+        Path("bad.toml").write_text('scene = "room"\n[settings]\nphotons = -3\n')
+        now = viewer.session
+        hand.press(K.mod_ctrl | K.o)
+        enter(hand, "Open a scene", "bad.toml")
+        assert viewer.session is now and viewer.reload.coming is None
+        assert viewer.reload.problem == "bad.toml: [settings]: photons must be over 0, got -3"
+        hand.press(K.mod_ctrl | K.mod_shift | K.s)
+        enter(hand, "Save the scene", "not/there/a.toml")
+        assert viewer.log.last.text.startswith("not saved: No such file or directory")
+        assert viewer.session.settings.document == str(folder / "mine.toml")
+
+        # The menu: shipped and recent scenes.
+        opened = []
+        viewer.menus._open = opened.append
+        hand.ctx.set_ref("##MainMenuBar")
+        hand.ctx.menu_click("File/Shipped scenes/##tree")
+        hand.ctx.menu_click("File/Open recent/mine.toml##0")
+        assert opened == ["tree", str(folder / "mine.toml")] and set(viewer.menus._thumbnails) >= {"tree", "cornell"}
+
+    viewer = play(script, open_with=loader)
+    assert [e for e in errors(viewer) if "photons must be over 0" not in e] == []
+
+
+def test_the_copied_command_and_reset_settings(play, monkeypatch):
+    from imgui_bundle import imgui
+
+    copied = []
+    monkeypatch.setattr(imgui, "set_clipboard_text", copied.append)
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        session = viewer.session
+        start = session.settings
+        session.want(replace(start, photons=30_000, tone_map="clip", white_balance=False, budget=33.0, radius=0.05))
+        session.move({"block": AWAY})
+        hand.wait_for_light()
+        hand.press(keys().mod_ctrl | keys().c)
+        words = shlex.split(copied[-1])
+        assert words[:2] == ["gi-viewer", "room"]
+        now = viewer.files.settings_now(session, viewer.viewport)
+        assert settings_of(cli.parse(words[1:])) == replace(now, measure_errors=True)
+        viewer._do("reset settings")
+        hand.wait_for_light()
+        s = session.settings
+        assert (s.tone_map, s.white_balance, s.budget) == ("aces", True, Settings().budget)
+        assert session.poses == {"block": AWAY} and s.scene == "room"
+        assert (s.photons, s.radius, s.exposure) == (start.photons, start.radius, pytest.approx(viewer.metered))
+
+    settings = replace(support.SETTINGS, photons=None, radius=None, neighbours=None, light=None)
+    scene = support.room()
+    scene = replace(scene, defaults=scene.defaults._replace(photons=20_000, radius=0.06, neighbours=40))
+    assert errors(play(script, settings, support.opening(scene))) == []
+
+
+def test_changed_files_are_read_again(play, folder, monkeypatch):
+    monkeypatch.setattr(watch, "PERIOD", 0.0)
+    file, loader = folder / "room.glb", Loader()
+    file.write_bytes(b"one")
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        first = viewer.session
+        hand.ctx.yield_(5)
+        assert len(loader.asked) == 1
+        file.write_bytes(b"another")
+        hand.wait(lambda: viewer.session is not first)
+        hand.wait_for_light()
+        assert len(loader.asked) == 2 and viewer.log.last.text == f"reloaded: {file}"
+        viewer.files.watches = False
+        file.write_bytes(b"a third time")
+        hand.ctx.yield_(10)
+        assert len(loader.asked) == 2
+
+    assert errors(play(script, replace(support.SETTINGS, scene=str(file)), loader)) == []
+
+
+def test_a_file_counts_as_changed_once_it_rests(tmp_path):
+    a, seen = tmp_path / "a.glb", watch.Watch()
+    a.write_bytes(b"1")
+    seen.follow([str(a)])
+    assert not seen.changed(10.0)
+    a.write_bytes(b"22")
+    assert not seen.changed(10.5), "not yet time for another look"
+    assert not seen.changed(11.0), "it may still be written"
+    assert seen.changed(12.0) and not seen.changed(13.0)
+    a.unlink()
+    assert not any(seen.changed(float(t)) for t in range(14, 18)), "gone: nothing to read"
+    a.write_bytes(b"333")
+    assert [seen.changed(float(t)) for t in range(18, 21)] == [False, True, False]
+
+
+def test_a_scene_file_and_all_its_meshes_are_watched(tmp_path):
+    (tmp_path / "a.toml").write_text('static = { mesh = "a.obj" }\nmobile = [{ name = "m", mesh = "m.obj" }]\n')
+    for name in ("a.obj", "m.obj", "x.glb"):
+        (tmp_path / name).write_bytes(b"")
+    files = watch.files_of(Settings(scene=str(tmp_path / "a.toml"), mobiles=(str(tmp_path / "x.glb"),)))
+    assert sorted(os.path.basename(f) for f in files) == ["a.obj", "a.toml", "m.obj", "x.glb"]
+    (tmp_path / "a.toml").write_text("nonsense")
+    assert [os.path.basename(f) for f in watch.files_of(Settings(scene=str(tmp_path / "a.toml")))] == ["a.toml"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="a shell script stands for the system's dialog")
+def test_the_systems_dialog_is_used_where_there_is_one(tmp_path, monkeypatch):
+    program, got = tmp_path / "zenity", []
+    program.write_text(f'#!/bin/sh\necho "$@" >> {tmp_path}/arguments\necho {tmp_path}/chosen.glb\n')
+    program.chmod(program.stat().st_mode | stat.S_IEXEC)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.setattr(dialogs, "has_native", lambda: True)
+    dialog = dialogs.FileDialog()
+    limit = time.monotonic() + support.PATIENCE
+    for ask in (dialog.open, dialog.save):
+        ask("Title", str(tmp_path), dialogs.SCENES, got.append)
+        while dialog.is_open:
+            assert time.monotonic() < limit
+            dialog.poll()
+    assert got == [f"{tmp_path}/chosen.glb"] * 2
+    assert (tmp_path / "arguments").read_text().count("Title") == 2
+
+
+def test_every_shipped_scene_has_a_thumbnail():
+    from importlib import resources
+
+    from PIL import Image
+
+    from gi_core.files.find import shipped_scenes
+
+    for name in shipped_scenes():
+        with (resources.files("scenes") / "thumbnails" / f"{name}.png").open("rb") as stream:
+            assert Image.open(stream).size == (208, 130)
