@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import shlex
-import stat
-import time
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -233,20 +233,26 @@ def test_a_scene_file_and_all_its_meshes_are_watched(tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a shell script stands for the system's dialog")
-def test_the_systems_dialog_is_used_where_there_is_one(tmp_path, monkeypatch):
-    program, got = tmp_path / "zenity", []
+def test_the_systems_dialog_is_used_where_there_is_one(tmp_path):
+    """In a process of its own: the library looks for the system's dialogs once."""
+    program = tmp_path / "zenity"
     program.write_text(f'#!/bin/sh\necho "$@" >> {tmp_path}/arguments\necho {tmp_path}/chosen.glb\n')
-    program.chmod(program.stat().st_mode | stat.S_IEXEC)
-    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
-    monkeypatch.setattr(dialogs, "has_native", lambda: True)
-    dialog = dialogs.FileDialog()
-    limit = time.monotonic() + support.PATIENCE
-    for ask in (dialog.open, dialog.save):
-        ask("Title", str(tmp_path), dialogs.SCENES, got.append)
-        while dialog.is_open:
-            assert time.monotonic() < limit
-            dialog.poll()
-    assert got == [f"{tmp_path}/chosen.glb"] * 2
+    program.chmod(0o700)
+    code = """
+import time
+from app.window import dialogs
+assert dialogs.has_native()
+dialog = dialogs.FileDialog()
+for ask in (dialog.open, dialog.save):
+    ask("Title", ".", dialogs.SCENES, print)
+    while dialog.is_open:
+        time.sleep(0.01)
+        dialog.poll()
+"""
+    path = f"{tmp_path}:{os.environ['PATH']}"
+    command, given = [sys.executable, "-c", code], {"PATH": path, "PYTHONPATH": str(support.ROOT)}
+    ran = subprocess.run(command, env={**os.environ, **given}, text=True, capture_output=True, timeout=support.PATIENCE)
+    assert ran.stdout == f"{tmp_path}/chosen.glb\n" * 2, ran.stderr
     assert (tmp_path / "arguments").read_text().count("Title") == 2
 
 
