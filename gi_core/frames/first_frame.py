@@ -87,7 +87,12 @@ class FirstFrame:
             seconds = STEP_SECONDS
         b = self.background(setting, shown, wanted())
         yield from _build(b)
-        schedule = Schedule(b, shown.estimate.photons if shown not in (None, b) else 0, pictures)
+        returns = shown not in (None, b)
+        # Gathered light of less noise need not wait for as many photons.
+        replaced = shown.estimate.photons if returns and not self._source.compare(b) else 0
+        if pictures and returns and max(FIRST_PICTURE, replaced) <= b.added < wanted():
+            yield from self.show(b, wanted(), show)
+        schedule = Schedule(b, replaced, pictures)
         while b.added < (goal := self._affordable(wanted(), b)):
             had = b.added
             work = self._photons.bring_in(b, schedule.next_goal(had, goal), goal, seconds)

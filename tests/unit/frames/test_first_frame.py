@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.frames import first_frame
+from gi_core.gather import static
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, coloured_room
 
@@ -49,6 +50,31 @@ def test_an_abandoned_switch_loses_nothing():
     solver.configure(estimator="tangent_plane")
     solver.solve()
     assert solver.frame.background is first and np.array_equal(solver.irradiance, light)
+
+
+def test_gathered_light_returns_at_once_though_its_photons_were_few(monkeypatch):
+    """Keys 1, 2, 1 while photons of the first estimator were still being estimated."""
+    monkeypatch.setattr(static, "ENOUGH", 0.015)
+    solver = Solver(SCENE, photons=100_000, radius=0.06, light="best")
+    steps = solver.solve_steps()
+    until_picture(steps)
+    few = solver.frame.photons
+    for _ in solver.gather_steps():
+        pass
+    assert solver.light_source.is_gathered and few < 50_000
+    solver.configure(estimator="impact_count", light="photons")
+    solver.solve()
+    solver.configure(estimator="tangent_plane", light="best")
+    steps = solver.solve_steps()
+    until_picture(steps)
+    assert solver.frame.photons == few and solver.frame.gathered and solver.estimator == "tangent_plane"
+    for _ in steps:
+        pass
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+
+
+def until_picture(steps) -> None:
+    next(p for p in steps if p.picture)
 
 
 def test_no_more_than_the_recent_ones_stay_and_none_if_memory_is_short(monkeypatch):
