@@ -17,10 +17,15 @@ from app.session.session import Session
 from app.settings import UsageError
 from app.window import dialogs, screenshot
 from app.window.files import Files
+from app.window.panel.objects import Move, Select
 from app.window.viewport import Viewport
+from app.window.window import toggle_full_screen
 
 K = imgui.Key
 ESTIMATOR_KEYS = (K._1, K._2, K._3, K._4, K._5, K._6, K._7, K._8, K._9)
+
+
+Request = Select | Move
 
 
 class Window(Protocol):
@@ -55,11 +60,50 @@ class Action(NamedTuple):
     label: str = ""  # in menus
 
 
-def act(window: Window, name: str) -> None:
-    """Run an action; without a scene, only one that needs none."""
+def act(window: Window, name: str | Request) -> None:
+    """Run an action or a request of the panel; without a scene, only an action that needs none."""
+    match name:
+        case Select(selected):
+            window.viewport.selected = selected
+            return
+        case Move():
+            _move(window, name)
+            return
     action = ACTIONS[name]
     if window.session.ready or not action.needs_scene:
         action.run(window)
+
+
+def _move(window: Window, move: Move) -> None:
+    """Move an object by the panel's fields."""
+    session = window.session
+    if move.first and not session.dragging:
+        session.playing = False
+        session.begin_drag()
+    if move.pose != session.poses[move.name]:
+        session.move({move.name: move.pose})
+    if move.last and session.dragging:
+        session.end_drag()
+
+
+def _rest(window: Window) -> None:
+    from app.session.resting import resting_pose
+
+    session, name = window.session, window.viewport.selected
+    if name not in session.poses:
+        return
+    pose = resting_pose(session.model, session.poses, name)
+    if pose is None:
+        window.log(f"nothing lies below {name}", WARNING)
+        return
+    before = session.poses
+    session.move({name: pose})
+    session.history.push(before, {**before, name: pose})
+
+
+def _look_along(quarter_turns: int | None, window: Window) -> None:
+    viewport = window.viewport
+    viewport.fly_to(viewport.along(quarter_turns))
 
 
 def _open(window: Window) -> None:
@@ -191,6 +235,17 @@ ACTIONS = {
     "reset poses": Action(_reset_poses, label="Reset objects"),
     "reset settings": Action(_reset_settings, label="Reset settings"),
     "reset view": Action(lambda w: w.viewport.go_home(), (K.home,), "Home", "reset the view", label="Reset view"),
+    "rest": Action(_rest, label="Rest on floor"),
+    "frame": Action(
+        lambda w: w.viewport.fly_to(w.viewport.framed()), (K.f,), "F", "show the selected object, or everything",
+        label="Frame selected",
+    ),
+    "top": Action(partial(_look_along, None), label="Top"),
+    "front": Action(partial(_look_along, 0), label="Front"),
+    "side": Action(partial(_look_along, 1), label="Side"),
+    "full screen": Action(
+        lambda w: toggle_full_screen(), (K.f11,), "F11", "full screen, or a window again", False, "Full screen"
+    ),
     "reference": Action(
         _toggle_reference, (K._0,), "0", "switch between estimate and reference", label="Estimate or reference"
     ),

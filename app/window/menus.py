@@ -20,8 +20,10 @@ MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the four ab
         "open", SHIPPED, RECENT, "reload", WATCHES, LINE, "save", "save as", "copy command", LINE,
         "save picture", "save picture as", LINE, "quit",
     ),
-    "Edit": ("undo", "redo", LINE, "reset poses", "reset settings"),
-    "View": ("reset view", "meter", "reference", LINE, "toggle panel"),
+    "Edit": ("undo", "redo", LINE, "rest", "reset poses", "reset settings"),
+    "View": (
+        "reset view", "frame", "top", "front", "side", LINE, "meter", "reference", LINE, "toggle panel", "full screen",
+    ),
     "Help": ("help",),
 }  # fmt: skip
 THUMBNAIL_EM = (6.5, 4.06)

@@ -29,7 +29,7 @@ from app.session.reload import Reload
 from app.session.session import BUDGET, Session
 from app.settings import Settings, UsageError
 from app.window import keys, overlay, panel, view_content, window
-from app.window.actions import act
+from app.window.actions import Request, act
 from app.window.files import Files
 from app.window.menus import Menus
 from app.window.viewport import Viewport
@@ -194,8 +194,9 @@ class Viewer:
         overlay.draw_status(self.log, self.viewport.readout(), state, time.monotonic())
 
     def _facts(self) -> panel.Facts:
-        scale, seconds = self.viewport.picture.scale, self.frame_seconds.value
-        return panel.facts_of(self.session, self.reload, self.estimators, seconds, self.metered, scale)
+        v, seconds = self.viewport, self.frame_seconds.value
+        given = self.session, self.reload, self.estimators, seconds, self.metered
+        return panel.facts_of(*given, v.picture.scale, v.selected)
 
     def draw_menus(self) -> None:
         self.menus.draw(self.ctx, self.session.ready)
@@ -317,8 +318,9 @@ class Viewer:
 
     # Actions ----------------------------------------------------------------------------------------
 
-    def _do(self, action: str) -> None:
-        self._guard(action, lambda: act(self, action))
+    def _do(self, action: str | Request) -> None:
+        name = action if isinstance(action, str) else "objects"
+        self._guard(name, lambda: act(self, action))
 
 
 def run(settings: Settings, *, frames: int | None = None, screenshot: str | Path | None = None) -> int:

@@ -6,9 +6,12 @@ when the cursor leaves the viewport.
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 from imgui_bundle import imgui
 
-from app.draw.camera import Bounds, Turntable, from_camera, scene_bounds
+from app.draw.camera import MAX_PITCH, Bounds, Turntable, from_camera, scene_bounds
 from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.legend import Legend, of_scale
 from app.draw.picking import Hit
@@ -25,9 +28,11 @@ from app.window.legend import of_errors
 from app.window.view_content import Shown
 from app.window.wipe import Wipe
 from gi_core.display.dilation import Drawn
+from gi_core.scene.pose import three
 
 FLIGHT_SECONDS = 0.35  # of a camera animation
 THRESHOLD_PIXELS = 2.0  # shorter motions are a click
+MARGIN = 1.6  # of the distance at which an object just fits
 OUTLINE_PIXELS = 2.0  # at 96 dots per inch
 BUTTONS = {"left": 0, "right": 1, "middle": 2}
 
@@ -41,6 +46,7 @@ class Viewport:
         self.home: Turntable | None = None
         self.bounds: Bounds | None = None  # of everything
         self.room: Bounds | None = None  # limits of drags
+        self.selected = ""  # name of a mobile
         self.hover: Hit | None = None  # mobile under the cursor
         self.reading: Reading | None = None  # light under the cursor
         self.grab: drag.Grab | None = None
@@ -64,6 +70,8 @@ class Viewport:
             self._drawn
         ) = None
         self.bounds = scene_bounds(session.model, session.poses)
+        if self.selected not in session.poses:
+            self.selected = next(iter(session.poses)) if len(session.poses) == 1 else ""
         self.room = drag.room_for(self.bounds, session.scene.up)
         lit = Bounds(tuple(session.chosen.low), tuple(session.chosen.high))
         self.home = from_camera(session.scene.camera, session.scene.up, self.bounds, lit)
@@ -86,6 +94,26 @@ class Viewport:
 
     def fly_to(self, camera: Turntable) -> None:
         self._flight = (self.camera, camera, 0.0)
+
+    def framed(self) -> Turntable:
+        """Return a camera that shows the selected object, or everything, from the present direction."""
+        s = self.session
+        bounds = self.bounds
+        if self.selected in s.poses:
+            o = 1 + [m.name for m in s.scene.mobiles].index(self.selected)
+            points = s.model.vertices_at(o, s.poses)
+            bounds = Bounds(three(points.min(axis=0)), three(points.max(axis=0)))
+        distance = MARGIN * bounds.radius / math.sin(self.camera.fov / 2)
+        return replace(self.camera, pivot=three(bounds.centre), distance=distance)
+
+    def along(self, quarter_turns: int | None) -> Turntable:
+        """Return a camera that shows everything along an axis: None from above, else turned from the front."""
+        lit = Bounds(tuple(self.session.chosen.low), tuple(self.session.chosen.high))
+        quarter = math.pi / 2
+        yaw = quarter * (round(self.home.yaw / quarter) + (quarter_turns or 0))
+        distance = lit.radius / math.sin(self.camera.fov / 2)
+        pitch = float(MAX_PITCH) if quarter_turns is None else 0.0
+        return replace(self.camera, pivot=three(lit.centre), distance=distance, yaw=yaw, pitch=pitch)
 
     # Input ------------------------------------------------------------------------------------------
 
@@ -155,6 +183,7 @@ class Viewport:
         mobile = self.session.scene.mobiles[self.hover.object - 1].name
         u, v = self._uv(io.mouse_pos)
         self._flight = None
+        self.selected = mobile
         self.session.playing = False
         self.session.begin_drag()
         pose = self.session.poses[mobile]

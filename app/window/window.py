@@ -199,6 +199,24 @@ def refuse_to_close() -> None:
         glfw.set_window_should_close(window, False)
 
 
+def toggle_full_screen() -> None:
+    """Let the current window fill its screen, or give it its place back."""
+    import glfw
+
+    window, monitor = glfw.get_current_context(), glfw.get_primary_monitor()
+    if not window or not monitor:
+        return
+    if glfw.get_window_monitor(window):
+        glfw.set_window_monitor(window, None, *_place_before, 0)
+        return
+    _place_before[:] = [*glfw.get_window_pos(window), *glfw.get_window_size(window)]
+    mode = glfw.get_video_mode(monitor)
+    glfw.set_window_monitor(window, monitor, 0, 0, mode.size.width, mode.size.height, mode.refresh_rate)
+
+
+_place_before = [0, 0, 1280, 800]  # of a full-screen window: x, y, width, height
+
+
 def rename(scene: str) -> None:
     """Set the current window's title for a scene."""
     import glfw

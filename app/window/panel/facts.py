@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from app.session.reload import Reload
     from app.session.session import Session
     from gi_core.discs.contact.stale_receivers import ControlFacts
+    from gi_core.scene import Pose
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,8 @@ class Facts:
     triangles: int
     receivers: int
     mobiles: tuple[str, ...]  # names
+    poses: Mapping[str, Pose]
+    selected: str  # name of an object; "": none
     playing: bool
     moving: bool  # objects are in motion, or their light is
     all_done: bool  # no work is left at rest
@@ -63,6 +66,7 @@ def facts_of(
     frame_seconds: float,
     metered: float,
     scale: Scale | None = None,
+    selected: str = "",
 ) -> Facts:
     """Return the facts of a ready session."""
     snapshot = session.light.snapshot
@@ -86,6 +90,8 @@ def facts_of(
         triangles=sum(len(mesh.triangles) for mesh in session.meshes),
         receivers=len(snapshot.irradiance),
         mobiles=tuple(m.name for m in session.scene.mobiles),
+        poses=session.poses,
+        selected=selected if selected in session.poses else "",
         playing=session.playing,
         moving=session.playing or session.dragging or session.light.is_moving or session.light.partial,
         all_done=session.light.all_done and not session.refining,

@@ -1,20 +1,64 @@
-"""The movable objects: list, playback, resets."""
+"""The movable objects: list, pose of the selected one in numbers, playback, resets."""
 
 from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
 
 from imgui_bundle import imgui
 
 from app.settings import Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
+from gi_core.scene import Pose
+from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation
+
+AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+SPEED = 1e-3  # of the scene size per pixel of a drag
+LARGEST = 1e6  # of a number typed
+ROWS = 5  # of the list; more objects scroll
 
 
-def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
-    for name in facts.mobiles:
-        imgui.text(name)
-    if not facts.mobiles:
-        imgui.text_disabled("No movable object: add one with --mobile FILE.")
+class Select(NamedTuple):
+    """Request to select an object."""
+
+    name: str
+
+
+class Move(NamedTuple):
+    """Request to move an object; one drag from `first` to `last` is one step of undo."""
+
+    name: str
+    pose: Pose
+    first: bool
+    last: bool
+
+
+def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
+    _list(facts, actions)
+    selected = facts.selected
+    imgui.begin_disabled(selected not in facts.poses)
+    pose = facts.poses.get(selected, Pose())
+    for name, values, about in (
+        ("Position", pose.position, "Position [m]: x, y, z."),
+        ("Rotation", angles_of(pose), "Rotation [degrees] about x, then y, then z."),
+    ):
+        numbers, edited, first, last = _three(name, values, SPEED * facts.scene_size if name == "Position" else 0.5)
+        ui.tip(f"{about} Drag, or double-click to type.")
+        if edited or first or last:
+            moved = pose
+            if edited:
+                moved = pose._replace(position=numbers) if name == "Position" else turned(pose, numbers)
+            actions.add(Move(selected, moved, first, last))
     half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
+    if imgui.button("Rest on floor", (half, 0)):
+        actions.add("rest")
+    ui.tip("Lower the object until it stands on what lies below it.")
+    imgui.same_line()
+    if imgui.button("Frame", (half, 0)):
+        actions.add("frame")
+    ui.tip("Let the camera show the object. Key F.")
+    imgui.end_disabled()
     imgui.begin_disabled(not facts.mobiles)
     if imgui.button(("Pause" if facts.playing else "Play") + "###Play", (half, 0)):
         actions.add("play")
@@ -25,3 +69,52 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     ui.tip("Return every object to its start pose. Key R resets the view too.")
     imgui.end_disabled()
     return s
+
+
+def angles_of(pose: Pose) -> tuple[float, float, float]:
+    """Return the angles [degrees] about x, then y, then z whose product is the rotation of a pose."""
+    R = rotation(pose)
+    y = math.asin(min(max(-float(R[2, 0]), -1.0), 1.0)) + 0.0  # never -0.0
+    x, z = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
+    return math.degrees(x), math.degrees(y), math.degrees(z)
+
+
+def turned(pose: Pose, angles: tuple[float, float, float]) -> Pose:
+    """Return a pose with the rotation of angles [degrees] about x, then y, then z."""
+    x, y, z = (axis_angle(axis, angle) for axis, angle in zip(AXES, angles, strict=True))
+    return pose._replace(quaternion=multiply_quaternions(z, multiply_quaternions(y, x)))
+
+
+def _list(facts: Facts, actions: set[Any]) -> None:
+    if not facts.mobiles:
+        imgui.text_disabled("No movable object: add one with --mobile FILE.")
+        return
+    rows = min(len(facts.mobiles), ROWS)
+    imgui.begin_child("##objects", (-1, rows * imgui.get_text_line_height_with_spacing()))
+    for name in facts.mobiles:
+        if imgui.selectable(name, name == facts.selected)[0]:
+            actions.add(Select(name))
+    imgui.end_child()
+
+
+def _three(
+    name: str, values: tuple[float, float, float], speed: float
+) -> tuple[tuple[float, float, float], bool, bool, bool]:
+    """Draw three number fields; return the numbers, whether they changed, and whether editing begins or ends."""
+    ui.label(name)
+    imgui.begin_group()
+    gap = imgui.get_style().item_inner_spacing.x
+    width = (imgui.get_content_region_avail().x - 2 * gap) / 3
+    numbers, edited, first, last = list(values), False, False, False
+    for k, axis in enumerate("xyz"):
+        if k:
+            imgui.same_line(0, gap)
+        imgui.set_next_item_width(width)
+        digits = "%.3f" if name == "Position" else "%.1f"
+        changed, value = imgui.drag_float(f"##{name} {axis}", values[k], speed, 0, 0, digits)
+        if changed and abs(value) < LARGEST:
+            numbers[k], edited = float(f"{value:.6g}"), True  # the field has float32
+        first |= imgui.is_item_activated()
+        last |= imgui.is_item_deactivated()
+    imgui.end_group()
+    return (numbers[0], numbers[1], numbers[2]), edited, first, last
