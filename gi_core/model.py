@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -15,6 +16,7 @@ from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.sides import NONE
 from gi_core.geometry.surfaces import Surfaces, flatten
 from gi_core.lights.emission import build_emitters
+from gi_core.lights.light_sampling import Lights, lights_of
 from gi_core.photons.paths import END_EXTENSION
 from gi_core.rays.accelerator import Accelerator, Transforms, bounding_spheres, transforms
 from gi_core.rays.two_level import build_world, enclosing_sphere
@@ -105,6 +107,21 @@ class Model:
             positions[rows] = to_world(poses[name], positions[rows] + self.origins[o])
             normals[rows] = to_world_directions(poses[name], normals[rows])
         return Receivers(positions, normals, self.object_receivers.areas)
+
+    def with_shares(self, shares: np.ndarray) -> Model:
+        """Return this model with other shares (G,) of its lamps in the photons."""
+        other = copy.copy(self)
+        other.emitters = self.emitters.shared(shares)
+        return other
+
+    @cached_property
+    def lights(self) -> Lights:
+        """Lights for path tracing, apart by lamp."""
+        return lights_of(self.scene, self.surfaces, self.emitters.lamps)
+
+    def lights_at(self, levels: np.ndarray) -> Lights:
+        """Return the lights as one lamp, at levels (G, 3) of the lamps."""
+        return lights_of(self.scene, self.surfaces, self.emitters.lamps, levels)
 
     @cached_property
     def receiver_sides(self) -> np.ndarray:

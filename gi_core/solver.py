@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -22,6 +22,7 @@ from gi_core.frames.progress import Progress
 from gi_core.gather.reference import ReferenceState
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
+from gi_core.lights.lamps import Lamps
 from gi_core.model import Model
 from gi_core.retrace.broad_phase import ScanBuffers
 from gi_core.scene.errors import shown
@@ -51,7 +52,8 @@ class Solver:
         self.setting = Setting(DEFAULT, self.chosen.radius, self.chosen.neighbours)
         self.light_source, self._buffers = LightSource(self.model, self.seed), ScanBuffers()
         store, black = Photons(self.model, self.seed), np.zeros((len(self.model.object_receivers.areas), 3))
-        self.frame, self.budget = Frame(self.model.start_poses(), black, store), FrameBudget()
+        self.frame = Frame(self.model.start_poses(), black, self.light_source.levels, store)
+        self.budget = FrameBudget()
         self._first_frame = FirstFrame(store, self.light_source, self.scene_size)
         self.configure(estimator=estimator, light=light, **others)
 
@@ -71,6 +73,36 @@ class Solver:
     @property
     def light(self) -> str:
         return self.light_source.light
+
+    @property
+    def lamps(self) -> Lamps:
+        """Lamps of the scene, in the order of `levels`."""
+        return self.model.emitters.lamps
+
+    @property
+    def levels(self) -> np.ndarray:
+        """Levels (G, 3) of the lamps: factors of red, green and blue, 1 as in the scene file."""
+        return self.light_source.levels
+
+    @property
+    def effective_photons(self) -> int:
+        """Number of equally bright photons that bring as little noise as those of the last frame."""
+        return round(self.frame.photons * self.frame.store.model.emitters.effective(self.frame.levels))
+
+    def set_lamps(self, levels: Mapping[str, float | Sequence[float]], stop: Callable[[], bool] | None = None) -> None:
+        """Change levels of lamps by name: a factor >= 0, or three for red, green and blue; update irradiance.
+
+        Nothing is traced again, except rays to mobiles; solve_steps() traces photons again where the present ones leave
+        less than a quarter effective. stop: as in move_all(). Raises SceneError for a name that no
+        lamp has, and for a bad level.
+        """
+        before = self.levels
+        self.light_source.dim(self.lamps.changed(before, levels, self.scene.name))
+        try:
+            self._update(stop=stop)
+        except BaseException:
+            self.light_source.dim(before)
+            raise
 
     @property
     def estimator(self) -> str:
@@ -95,6 +127,7 @@ class Solver:
         May be abandoned between steps and restarted; traced photons are reused. stop: as in move_all().
         """
         f, show = self._first_frame, partial(self._update, stop=stop)
+        f.share(self.model)
         yield from f.steps(self.setting, lambda: self.frame, lambda: self._goal, pictures, show)
         yield Progress("done", 1.0, False)
 
@@ -176,15 +209,16 @@ class Solver:
 
         `frame` and `budget` change at the end, or not at all if an exception is raised.
         """
-        shown, poses = self.frame.background, self.poses if poses is None else poses
-        b = background or shown
+        shown, again = self.frame.background, self.frame if poses is None else None
+        b, poses = background or shown, self.poses if poses is None else poses
         if b is None:
-            self.frame = self.frame._replace(poses=poses)
+            self.frame = self.frame._replace(poses=poses, levels=self.light_source.levels)
             return  # nothing traced yet
         size = self.light_source.size(b.estimate.photons if photons is None else photons, paths)
-        frame = next_frame(self.frame.store, b, self.light_source, poses, size, self._buffers, stop)
+        frame = next_frame(b, self.light_source, poses, size, self._buffers, stop, again)
         budget = self.budget if b is shown else FrameBudget()
-        budget.record(size, frame.timings, self.light_source.rays_traced)
+        if frame.evaluated is not self.frame.evaluated:
+            budget.record(size, frame.timings, self.light_source.rays_traced)
         self.frame, self.budget = frame, budget
 
     def twin(self, fresh: bool = False) -> Solver:
@@ -196,7 +230,7 @@ class Solver:
         other.budget, other._buffers, other.light_source = FrameBudget(), ScanBuffers(), light
         other._first_frame = FirstFrame(self.frame.store, other.light_source, self.scene_size)
         if fresh:
-            other.frame = Frame(self.poses, self.irradiance, self.frame.store)
+            other.frame = Frame(self.poses, self.irradiance, self.frame.levels, self.frame.store)
         return other
 
     def from_scratch(self, poses: Mapping[str, Pose] | None = None) -> np.ndarray:

@@ -35,7 +35,8 @@ def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
         sums = sums._replace(new_flux=np.full_like(sums.new_flux, NOT_ADDITIVE))
     resting, better = (solver.frame.background.resting(n) for n in (photons, PHOTONS))
     flux_unit = solver.model.emitters.unit_flux / photons
-    return frame_irradiance(sums, flux_unit, estimate.background(photons)[0], resting, better, 1)[: len(better)]
+    given = sums, flux_unit, estimate.background(photons)[0], resting, better, solver.levels, 1
+    return frame_irradiance(*given)[: len(better)]
 
 
 def report(name: str) -> None:

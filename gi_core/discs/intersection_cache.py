@@ -118,12 +118,13 @@ def _subtract(first, receiver, distance, removed, a, b, sums):
     total = 0
     for j in range(a, b):
         v, end = removed.vertex[j], removed.paths.offsets[removed.photon[j] + 1] - 1
+        first_channel = 3 * removed.paths.lamp[removed.photon[j]]
         for k in range(v, end):
             for e in range(first[k], first[k + 1]):
                 if k > v or distance[e] >= removed.low[j]:
                     i = receiver[e]
                     sums.touched[(sums.first + i) >> CHUNK_BITS] = True
                     for c in range(3):
-                        sums.flux[i, c] -= removed.paths.flux[k, c]
+                        sums.flux[i, first_channel + c] -= removed.paths.flux[k, c]
                     total += 1
     return total

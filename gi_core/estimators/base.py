@@ -1,8 +1,9 @@
 """The contract of an estimator: irradiance at receivers from the paths of photons.
 
 Order of use: `build()` once; `add_background()` with the next photons and `prepare()`, again and again;
-`wanted()` and `evaluate()` per frame. Sums are fixed-point flux units; irradiance [W/m2] is
-sums x flux unit / (photons x area). R: all receivers, n: those of the static part, which come first.
+`wanted()` and `evaluate()` per frame. Sums are fixed-point flux units, per lamp: 3 G columns for G lamps
+(`gi_core.lights.lamps`), and a segment adds to those of its own. Irradiance [W/m2] is sums x flux unit /
+(photons x area). R: all receivers, n: those of the static part, which come first.
 """
 
 from __future__ import annotations
@@ -71,9 +72,9 @@ class Estimator(Protocol):
         """
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (n, 3) int64 and area (n,) float64 [m2] of static receivers, without mobiles, of a photon subset.
+        """Return sums (n, 3 G) int64 and area (n,) float64 [m2] of static receivers, of a photon subset.
 
-        Neither is changed later. An area of 0 means that the receiver can see no light.
+        They are those without mobiles. Neither is changed later. An area of 0 means that the receiver can see no light.
         """
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
@@ -83,7 +84,7 @@ class Estimator(Protocol):
         """
 
     def evaluate(self, frame: PoseChange) -> Evaluated:
-        """Return sums (R, 3), areas (R,) and changes at the frame's poses, from the photon subset `frame.photons`.
+        """Return sums (R, 3 G), areas (R,) and changes at the frame's poses, from the photon subset `frame.photons`.
 
         Valid until the next call. A call that raises has no effect on the next one.
         """

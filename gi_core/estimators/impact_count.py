@@ -10,38 +10,43 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from gi_core.base.jit import kernel
+from gi_core.base.jit import inlined, kernel
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.discs.search import Search
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
-from gi_core.photons.flux_sums import CHUNK_BITS, Evaluated, FrameSums, Sums, ThreadSums, mean_flux
+from gi_core.photons.flux_sums import CHUNK_BITS, CutFlux, Evaluated, FrameSums, Sums, ThreadSums
 from gi_core.photons.paths import Segments
 from gi_core.photons.prefixes import SubsetStore
 from gi_core.rays.accelerator import Transforms
-from gi_core.retrace.cuts import CutFlux, PoseChange, Wanted
+from gi_core.retrace.cuts import PoseChange, Wanted, split_at_cuts
+
+
+@inlined
+def _add(side, flux, first_channel, front, back, sign, sums, touched):
+    """Add the flux (3,) of a hit to the receivers of its face."""
+    if side >= 0:
+        corners = front if side & 1 == 0 else back
+        for v in range(3):
+            r = corners[side >> 1, v]
+            if r >= 0:
+                touched[r >> CHUNK_BITS] = True
+                for c in range(3):
+                    sums[r, first_channel + c] += sign * flux[c]
 
 
 @kernel
-def _deposit(side, flux, front, back, sign, sums, touched):
+def _deposit(side, flux, lamp, front, back, sign, sums, touched):
     for k in range(len(side)):
-        if side[k] >= 0:
-            corners = front if side[k] & 1 == 0 else back
-            f = side[k] >> 1
-            for v in range(3):
-                r = corners[f, v]
-                if r >= 0:
-                    touched[r >> CHUNK_BITS] = True
-                    for c in range(3):
-                        sums[r, c] += sign * flux[k, c]
+        _add(side[k], flux[k], 3 * lamp[k], front, back, sign, sums, touched)
 
 
 @kernel
-def _take_out(side, flux, offsets, photon, vertex, front, back, sums, touched):
+def _take_out(side, flux, lamp, offsets, photon, vertex, front, back, sums, touched):
     """Subtract the hits of background paths behind the given vertices."""
     for j in range(len(photon)):
-        v, end = vertex[j], offsets[photon[j] + 1]
-        _deposit(side[v + 1 : end], flux[v : end - 1], front, back, -1, sums, touched)
+        for k in range(vertex[j], offsets[photon[j] + 1] - 1):
+            _add(side[k + 1], flux[k], 3 * lamp[photon[j]], front, back, -1, sums, touched)
 
 
 class ImpactCount:
@@ -61,9 +66,9 @@ class ImpactCount:
         self.prefixes = SubsetStore()  # sums of the background
         self.control_facts = ControlFacts(0.0, 0, 0)
         self.searches: list[Search] = []
-        self._background = np.zeros((len(self.area), 3), np.int64)
-        self._added = ThreadSums(len(self.area), model.threads)
-        self._frame = FrameSums(len(self.area), model.surfaces.receiver_range(0).stop, 1)
+        shape = len(self.area), model.emitters.lamps.channels
+        self._background, self._added = np.zeros(shape, np.int64), ThreadSums(*shape, model.threads)
+        self._frame = FrameSums(*shape, model.surfaces.receiver_range(0).stop, 1)
 
     @staticmethod
     def summary(setting: Setting) -> str:
@@ -85,7 +90,7 @@ class ImpactCount:
         return iter(())
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
+        """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
         rows = self.model.surfaces.receiver_range(0)
         return self.prefixes[photons][rows], self.area[rows]
 
@@ -96,24 +101,29 @@ class ImpactCount:
     def evaluate(self, frame: PoseChange) -> Evaluated:
         """Return the frame's sums and areas, valid until the next call."""
         added, new_suffixes = self._frame.added[0], self._frame.new_suffixes[0]
-        corners, paths, t = self._corners, frame.removed_suffixes.paths, frame.removed_suffixes
+        t = frame.removed_suffixes
+        paths, removed = t.paths, (t.photon, t.vertex, *self._corners)
         try:
-            _take_out(paths.side, paths.flux, paths.offsets, t.photon, t.vertex, *corners, added.flux, added.touched)
+            _take_out(paths.side, paths.flux, paths.lamp, paths.offsets, *removed, added.flux, added.touched)
             self._deposit(frame.kept_prefixes, 1, added)
             self._deposit(frame.new_suffixes, 1, new_suffixes)
-            return self._frame.collect(self.background(frame.photons)[0], self.area, frame.kept_prefixes.flux)
+            return self._frame.collect(self.background(frame.photons)[0], self.area, frame.kept_prefixes)
         except BaseException:
             self._frame.clear()  # the next frame must not start with half of this one
             raise
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
         """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""
-        sums, new_suffixes, kept_prefixes = Sums.zeros(len(self.area)), Sums.zeros(len(self.area)), CutFlux()
+        lamps = self.model.emitters.lamps
+        sums, new_suffixes = (Sums.zeros(len(self.area), lamps.channels) for _ in range(2))
+        cut = CutFlux.none(lamps.count)
         for segments in parts:
+            kept_prefixes, behind = split_at_cuts(segments)
             self._deposit(segments, 1, sums)
-            self._deposit(kept_prefixes.split_off(segments), 1, new_suffixes)
-        flux_per_cut = mean_flux(kept_prefixes.flux, kept_prefixes.count)
-        return Evaluated.of_all(sums.flux, self.area, new_suffixes.flux.sum(axis=1), flux_per_cut)
+            self._deposit(behind, 1, new_suffixes)
+            cut = cut.plus(kept_prefixes)
+        new_flux = new_suffixes.flux.reshape(len(self.area), lamps.count, 3).sum(axis=2)
+        return Evaluated.of_all(sums.flux, self.area, new_flux, cut)
 
     def _deposit(self, segments: Segments, sign: int, sums: Sums) -> None:
-        _deposit(segments.hit_side, segments.flux, *self._corners, sign, sums.flux, sums.touched)
+        _deposit(segments.hit_side, segments.flux, segments.lamp, *self._corners, sign, sums.flux, sums.touched)

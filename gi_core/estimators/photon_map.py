@@ -30,7 +30,7 @@ from gi_core.discs.search import Search
 from gi_core.estimators.setting import Setting
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
-from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, Evaluated, chunks_of
+from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE, CutFlux, Evaluated, chunks_of
 from gi_core.photons.hit_grid import HitGrid, Hits, Nearest, build, build_steps, cell_of, gather, hits_of
 from gi_core.photons.paths import Segments
 from gi_core.photons.prefixes import SubsetStore
@@ -47,7 +47,7 @@ QUERY_STEP = 1024  # receivers per step of prepare(): some 5 ms
 class _Prepared(NamedTuple):
     """The estimate of the background from the hits of some photons."""
 
-    sums: np.ndarray  # (R, 3) int64 of static receivers
+    sums: np.ndarray  # (R, 3 G) int64 of static receivers
     area: np.ndarray  # (R,) float64 [m2]
     reach2: np.ndarray  # (R,) float32 [m2], squared distance within which a changed hit makes a receiver stale
     grid: HitGrid
@@ -64,6 +64,7 @@ class PhotonMap:
     bytes_per_hit = 96  # each hit is stored twice: as added, and sorted
 
     def __init__(self, model: Model, setting: Setting):
+        self._channels = model.emitters.lamps.channels
         self.model, self.radius, self.k, self.textbook = model, setting.radius, setting.neighbours, setting.textbook
         # The share of a disc that the surface covers; where it is below 1, the side on which hits count.
         self._share, self._side = np.ones(len(model.object_receivers.areas)), None
@@ -111,7 +112,7 @@ class PhotonMap:
         self.photons = photons
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
+        """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
         return self.prefixes[photons].sums, self.prefixes[photons].area
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
@@ -132,7 +133,7 @@ class PhotonMap:
         rows = np.flatnonzero(stale)
         self.stale = len(rows)
 
-        sums = np.zeros((len(self.model.object_receivers.areas), 3), np.int64)
+        sums = np.zeros((len(self.model.object_receivers.areas), self._channels), np.int64)
         area = np.zeros(len(sums))
         sums[self._static], area[self._static] = background.sums, background.area
         if frame.near_mobiles:
@@ -148,7 +149,7 @@ class PhotonMap:
         changed = np.zeros(chunks_of(len(sums)), bool)
         changed[rows >> CHUNK_BITS] = True
         changed[self._static.stop >> CHUNK_BITS :] = len(sums) > self._static.stop
-        return Evaluated(sums, area, changed, self._not_additive, 0.0)
+        return Evaluated(sums, area, changed, *self._not_additive())
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
         """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""
@@ -158,12 +159,11 @@ class PhotonMap:
         points, normals = self._receivers(at, slice(None))
         nothing = build(_joined([]), self.radius)
         sums, area, _ = self._query(slice(None), points, normals, (grid, nothing), uncut)
-        return Evaluated.of_all(sums, area, self._not_additive, 0.0)
+        return Evaluated.of_all(sums, area, *self._not_additive())
 
-    @property
-    def _not_additive(self) -> np.ndarray:
-        """NOT_ADDITIVE for all receivers, (R,) int64: sums of the k nearest hits are not additive."""
-        return np.full(len(self.model.object_receivers.areas), NOT_ADDITIVE)
+    def _not_additive(self) -> tuple[np.ndarray, CutFlux]:
+        """Return marks of all receivers: sums of the k nearest hits are not additive. Flux at cuts is not read."""
+        return np.full((len(self._share), 1), NOT_ADDITIVE), CutFlux.none(self._channels // 3)
 
     def _hits(self, segments: Segments, at: Transforms) -> Hits:
         return hits_of(segments, self.model.world, self.model.surfaces.patch, at)
@@ -179,9 +179,9 @@ class PhotonMap:
         return points.astype(np.float32), normals.astype(np.float32)
 
     def _query(self, rows, points, normals, grids, cut_bounce):
-        """Return sums (n, 3) int64, area (n,), and the squared reach (n,) float32 of each estimate."""
+        """Return sums (n, 3 G) int64, area (n,), and the squared reach (n,) float32 of each estimate."""
         n = len(points)
-        sums, area, reach2 = np.zeros((n, 3), np.int64), np.empty(n), np.empty(n, np.float32)
+        sums, area, reach2 = np.zeros((n, self._channels), np.int64), np.empty(n), np.empty(n, np.float32)
         side, share = self._side[rows], self._share[rows]
         radius, counted = np.float32(self.radius), self.k if self.textbook else self.k - 1
 
@@ -197,21 +197,26 @@ class PhotonMap:
 def _joined(parts: list[Hits]) -> Hits:
     if not parts:
         empty = np.empty((0, 3), np.float32)
-        return Hits(empty, empty, np.empty((0, 3), np.int32), np.empty(0, np.int64), *(np.empty(0, np.int32),) * 2)
+        return Hits(empty, empty, np.empty((0, 3), np.int32), np.empty(0, np.int64), *_no_numbers(0))
     return Hits(*(np.concatenate(a) for a in zip(*parts, strict=True)))
 
 
 def _as_hits(points: np.ndarray, normals: np.ndarray) -> Hits:
     """Return receivers as hits, for indexing; `photon` is the receiver's index."""
     n = len(points)
-    return Hits(points, normals, np.zeros((n, 3), np.int32), np.arange(n), *(np.zeros(n, np.int32),) * 2)
+    return Hits(points, normals, np.zeros((n, 3), np.int32), np.arange(n), *_no_numbers(n))
+
+
+def _no_numbers(n: int) -> tuple[np.ndarray, ...]:
+    """Return the bounce, side and lamp of n hits of no photon."""
+    return np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n, np.uint8)
 
 
 @kernel
 def _estimate(points, normals, side, share, radius, counted, background, added, cut_bounce, first, last, heap, out):
     """Write sums, area and squared reach of receivers first .. last - 1 to `out`; a heap of k serves each in turn."""
     sums, area, reach2 = out
-    k, flux, more = len(heap.d2), background[0][2], added[0][2]
+    k, flux, more, lamps, more_lamps = len(heap.d2), background[0][2], added[0][2], background[0][6], added[0][6]
     for r in range(first, last):
         n = gather(points[r], normals[r], side[r], radius, background, 0, cut_bounce, heap, 0)
         n = gather(points[r], normals[r], side[r], radius, added, 1, cut_bounce, heap, n)
@@ -221,14 +226,15 @@ def _estimate(points, normals, side, share, radius, counted, background, added, 
         # The root of the heap is the k-th hit.
         for h in range(1 if full and counted < k else 0, n):
             index = heap.hit[h] >> 1
+            first_channel = 3 * (more_lamps[index] if heap.hit[h] & 1 else lamps[index])
             for c in range(3):
-                sums[r, c] += more[index, c] if heap.hit[h] & 1 else flux[index, c]
+                sums[r, first_channel + c] += more[index, c] if heap.hit[h] & 1 else flux[index, c]
 
 
 @kernel
 def _mark(position, receivers, reach2, radius, stale):
     """Mark receivers with one of the positions within their radius as stale."""
-    (points, _, _, index, _, _), low, cell, shape, first = receivers
+    (points, _, _, index, _, _, _), low, cell, shape, first = receivers
     for k in range(len(position)):
         x, y, z = position[k, 0], position[k, 1], position[k, 2]
         x0, x1 = cell_of(x - radius, low[0], cell), cell_of(x + radius, low[0], cell)

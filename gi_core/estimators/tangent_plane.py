@@ -26,17 +26,17 @@ from gi_core.model import Model
 from gi_core.photons.flux_sums import (
     CHUNK_BITS,
     NOT_ADDITIVE,
+    CutFlux,
     Evaluated,
     FrameSums,
     IntersectionLog,
     Sums,
     ThreadSums,
-    mean_flux,
 )
 from gi_core.photons.paths import Segments
 from gi_core.photons.prefixes import SubsetStore
 from gi_core.rays.accelerator import Transforms
-from gi_core.retrace.cuts import CutFlux, PoseChange, Wanted
+from gi_core.retrace.cuts import PoseChange, Wanted, split_at_cuts
 from gi_core.retrace.removed_suffixes import RemovedSuffixes
 
 LINE_GRAIN = 1024  # segments per thread
@@ -67,13 +67,14 @@ class TangentPlane:
         self.photons = 0
         self.prefixes = SubsetStore()  # sums of the background
         self.searches: list[Search] = []
-        self._background = np.zeros((model.surfaces.receiver_range(0).stop, 3), np.int64)
+        self._channels = model.emitters.lamps.channels
+        self._background = np.zeros((model.surfaces.receiver_range(0).stop, self._channels), np.int64)
         self._intersections = IntersectionCache()  # of background segments with static discs
         self._contact: ContactDiscs | None = None
         self._areas = self.area.copy()  # (R,) [m2] of the last frame ...
         self._differ = np.empty(0, np.int64)  # ... and where they are not `area`
-        self._added = ThreadSums(len(self._background), model.threads)
-        self._frame = FrameSums(len(self.area), len(self._background), model.threads)
+        self._added = ThreadSums(*self._background.shape, model.threads)
+        self._frame = FrameSums(len(self.area), self._channels, len(self._background), model.threads)
 
     @staticmethod
     def summary(setting: Setting) -> str:
@@ -122,7 +123,7 @@ class TangentPlane:
         return iter(())
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums (n, 3) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
+        """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""
         return self.prefixes[photons], self.area[: len(self._background)]
 
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
@@ -145,7 +146,7 @@ class TangentPlane:
                 self._accumulate(batches, frame.at, removed_suffixes)
             rows, stale = self._contact.static_sums([frame.near_boxes], frame.at, contacts)
             added[0].touched[rows >> CHUNK_BITS] = True
-            out = self._frame.collect(self.prefixes[frame.photons], self._areas_of(contacts), frame.kept_prefixes.flux)
+            out = self._frame.collect(self.prefixes[frame.photons], self._areas_of(contacts), frame.kept_prefixes)
         except BaseException:
             self._frame.clear()  # the next frame must not start with half of this one
             raise
@@ -162,21 +163,25 @@ class TangentPlane:
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:
         """Return sums and areas from all current segments (an iterable of Segments, whole photons each)."""
-        added, new_suffixes = (ThreadSums(len(self.area), self.model.threads) for _ in range(2))
-        sums, new_flux = np.zeros((2, len(self.area), 3), np.int64)
-        kept_prefixes, stale, contacts = CutFlux(), 0, self._contact.contacts_at(at, mobiles=True)
+        shape = len(self.area), self._channels
+        added, new_suffixes = (ThreadSums(*shape, self.model.threads) for _ in range(2))
+        sums, behind_cuts = np.zeros((2, *shape), np.int64)
+        cut, stale, contacts = CutFlux.none(self._channels // 3), 0, self._contact.contacts_at(at, mobiles=True)
         for segments in parts:
+            kept_prefixes, behind = split_at_cuts(segments)
+            cut = cut.plus(kept_prefixes)
             with self._contact.regions_of(contacts):
                 batches = [SegmentBatch(o, segments, 1, added) for o in range(self.model.surfaces.objects)]
-                self._accumulate([*batches, SegmentBatch(0, kept_prefixes.split_off(segments), 1, new_suffixes)], at)
+                self._accumulate([*batches, SegmentBatch(0, behind, 1, new_suffixes)], at)
             stale = stale + self._contact.static_sums([segments], at, contacts)[1]
         added.move_to(sums)
-        new_suffixes.move_to(new_flux)
+        new_suffixes.move_to(behind_cuts)
+        new_flux = behind_cuts.reshape(len(sums), self._channels // 3, 3).sum(axis=2)
         areas, (rows, areas_there) = self.area.copy(), self._contact.areas_of(contacts)
         areas[rows] = areas_there
-        new_flux, rows = new_flux.sum(axis=1), contacts.regions[0].rows
+        rows = contacts.regions[0].rows
         sums[rows], new_flux[rows] = stale, NOT_ADDITIVE
-        return Evaluated.of_all(sums, areas, new_flux, mean_flux(kept_prefixes.flux, kept_prefixes.count))
+        return Evaluated.of_all(sums, areas, new_flux, cut)
 
     def _accumulate(
         self, batches: list[SegmentBatch], at: Transforms, removed_suffixes: RemovedSuffixes | None = None

@@ -17,7 +17,9 @@ from gi_core.base.threads import run_ranges
 from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.estimators.setting import Setting
 from gi_core.geometry.radiosity import irradiance
+from gi_core.lights.mix import mix
 from gi_core.model import Model
+from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.paths import PathStore, PathVertices, segments_of
 from gi_core.photons.prefixes import SubsetStore
 from gi_core.photons.trace import Fates, no_flux, trace_background
@@ -40,15 +42,16 @@ class StepKind(enum.Enum):
 
 
 class Background:
-    """An estimate of the background under one setting."""
+    """An estimate of photons under one setting."""
 
-    def __init__(self, model: Model, setting: Setting):
-        self.setting, self.model = setting, model
-        self.estimate: Estimator = ESTIMATORS[setting.estimator](model, setting)
+    def __init__(self, store: Photons, setting: Setting):
+        self.setting, self.store, self.model = setting, store, store.model
+        self.estimate: Estimator = ESTIMATORS[setting.estimator](store.model, setting)
         self.added = 0  # photons
         self.built = False
         self.pace = Pace()
-        self._resting = SubsetStore()
+        self.evaluated: Evaluated | None = None  # sums of the last frame; the next one overwrites them
+        self._resting = SubsetStore()  # of levels and irradiance
 
     def build(self) -> Iterator[None]:
         """Build the parts that do not depend on photons, once, in steps."""
@@ -61,12 +64,23 @@ class Background:
         """Areas (n,) [m2] of static receivers."""
         return self.model.object_receivers.areas[self.model.surfaces.receiver_range(0)]
 
-    def resting(self, photons: int) -> np.ndarray:
-        """Return irradiance (n, 3) of static receivers without mobiles, of a photon subset; cached."""
-        if photons not in self._resting:
+    def resting(self, photons: int, levels: np.ndarray | None = None) -> np.ndarray:
+        """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, of a photon subset; cached.
+
+        levels (G, 3): of the lamps; None: those of the scene file.
+        """
+        levels = self.model.emitters.lamps.full() if levels is None else levels
+        if photons not in self._resting or not np.array_equal(self._resting[photons][0], levels):
             sums, area = self.estimate.background(photons)
-            self._resting[photons] = irradiance(sums, self.model.emitters.unit_flux / photons, area)
-        return self._resting[photons]
+            light = mix(sums, self.store.weights(levels), self.model.threads)
+            self._resting[photons] = levels, irradiance(light, self.model.emitters.unit_flux / photons, area)
+        return self._resting[photons][1]
+
+    def resting_per_lamp(self, photons: int) -> np.ndarray:
+        """Return irradiance (n, 3 G) [W/m2] of static receivers by lamp, as resting()."""
+        sums, area = self.estimate.background(photons)
+        light = irradiance(sums, self.model.emitters.unit_flux / photons, area)
+        return light * np.repeat(self.model.emitters.scale, 3)
 
 
 class Photons:
@@ -74,7 +88,7 @@ class Photons:
 
     def __init__(self, model: Model, seed: int):
         self.model, self.seed = model, seed
-        self.fates = no_flux()
+        self.fates = no_flux(model.emitters.lamps.count)
         self.memory_full = False  # memory holds fewer photons than wanted
         self._pace = Pace()
         self._store = PathStore()
@@ -83,6 +97,10 @@ class Photons:
     @property
     def count(self) -> int:
         return self._store.photons
+
+    def weights(self, levels: np.ndarray) -> np.ndarray:
+        """Return the weights (G, 3) of sums per lamp for light at levels (G, 3)."""
+        return levels * self.model.emitters.scale[:, None]
 
     def prefix(self, photons: int) -> tuple[PathVertices, Coarse]:
         """Return views of the paths of the first photons, whole and quantised."""

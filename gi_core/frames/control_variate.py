@@ -28,6 +28,7 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
+from gi_core.lights.mix import mixed
 from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Evaluated
 
 
@@ -49,17 +50,23 @@ def _shrinkage(taken, new_flux, before, flux_per_cut):
 
 
 @inlined
-def _certain(sums, background, new_flux, flux_per_cut, r):
-    """Return the factor of receiver r's change."""
-    if new_flux[r] == NOT_ADDITIVE:
+def _certain(sums, background, new_flux, levels, flux_per_cut, r):
+    """Return the factor of receiver r's change; levels (G,): means over channels."""
+    if new_flux[r, 0] == NOT_ADDITIVE:
         return 1.0
-    before = background[r, 0] + background[r, 1] + background[r, 2]
-    now = sums[r, 0] + sums[r, 1] + sums[r, 2]
-    return _shrinkage(float(before + new_flux[r] - now), float(new_flux[r]), float(before), flux_per_cut)
+    before = now = new = 0.0
+    for g in range(len(levels)):
+        before += levels[g] * (background[r, 3 * g] + background[r, 3 * g + 1] + background[r, 3 * g + 2])
+        now += levels[g] * (sums[r, 3 * g] + sums[r, 3 * g + 1] + sums[r, 3 * g + 2])
+        new += levels[g] * new_flux[r, g]
+    return _shrinkage(before + new - now, new, before, flux_per_cut)
 
 
 @kernel
-def _read_out(changed, background, resting, better, same, sums, new_flux, flux_per_cut, scale, area, first, last, out):
+def _read_out(
+    changed, background, resting, better, same, sums, new_flux, levels, mean_levels, flux_per_cut, scale, area, first,
+    last, out,
+):  # fmt: skip
     """Write irradiance of the changed chunks among first .. last - 1."""
     static = len(resting)
     for chunk in range(first, last):
@@ -69,13 +76,13 @@ def _read_out(changed, background, resting, better, same, sums, new_flux, flux_p
         for r in range(start, stop):
             # Area 0: no light can reach the receiver, or it has no face.
             factor = scale / area[r] if area[r] > 0.0 else 0.0
+            x, y, z = mixed(sums, r, levels)
             if same or r >= static:
-                for c in range(3):
-                    out[r, c] = sums[r, c] * factor
+                out[r, 0], out[r, 1], out[r, 2] = x * factor, y * factor, z * factor
                 continue
-            kept = _certain(sums, background, new_flux, flux_per_cut, r)
-            for c in range(3):
-                E, at_rest = _combined(sums[r, c] * factor, resting[r, c], better[r, c]), better[r, c]
+            kept = _certain(sums, background, new_flux, mean_levels, flux_per_cut, r)
+            for c, flux in enumerate((x, y, z)):
+                E, at_rest = _combined(flux * factor, resting[r, c], better[r, c]), better[r, c]
                 out[r, c] = at_rest + kept * (E - at_rest) if kept < 1.0 else E
 
 
@@ -85,22 +92,25 @@ def frame_irradiance(
     background: np.ndarray,
     resting: np.ndarray,
     better: np.ndarray,
+    levels: np.ndarray,
     threads: int,
 ) -> np.ndarray:
-    """Return E (R, 3) [W/m2] of a frame; flux_unit [W] of its sums.
+    """Return E (R, 3) [W/m2] of a frame at levels (G, 3) of its lamps; flux_unit [W] of its sums.
 
-    background: sums (n, 3) int64 of static receivers without mobiles, of the frame's photons. resting, better:
+    background: sums (n, 3 G) int64 of static receivers without mobiles, of the frame's photons. resting, better:
     irradiance (n, 3) [W/m2] without mobiles, of the frame's photons and of the better source. The same array for both
     gives the frame's own light unchanged.
     """
     same, out = better is resting, np.empty((len(frame.sums), 3))
+    mean_levels = levels.mean(axis=1)
+    flux_per_cut = frame.cut.per_photon(mean_levels)
 
     def work(_, first, last):
         rows = slice(first << CHUNK_BITS, min(last << CHUNK_BITS, len(better)))
         out[rows] = better[rows]  # receivers of unchanged chunks keep their light at rest
         _read_out(
-            frame.changed, background, resting, better, same, frame.sums, frame.new_flux, frame.flux_per_cut,
-            flux_unit, frame.area, first, last, out,
+            frame.changed, background, resting, better, same, frame.sums, frame.new_flux, levels, mean_levels,
+            flux_per_cut, flux_unit, frame.area, first, last, out,
         )  # fmt: skip
 
     run_ranges(work, len(frame.changed), threads, CHUNK_GRAIN)

@@ -11,6 +11,7 @@ from gi_core.frames.background import Background, Photons
 from gi_core.frames.frame import Frame
 from gi_core.frames.light_source import LightSource
 from gi_core.frames.progress import Progress
+from gi_core.model import Model
 from gi_core.photons.prefixes import is_level, next_level
 
 STEP_SECONDS = 0.02  # aim per step; of 6 ms, a third would be overhead
@@ -20,6 +21,8 @@ FIRST_PICTURE = 16_384  # photons: a tenth of a second; fewer are too noisy
 MANY_RECEIVERS = 30_000  # measuring their regions takes half a second and more
 MORE, LATE_MORE = 1.41, 1.19  # growth of photons per picture if sums are additive: a picture costs one frame,
 LATE = 1 << 18  # little compared with so many photons
+FEW = 0.25  # share of photons that count, below which they are traced again
+SPARE = 0.1  # share of photons that stays shared by flux, so that lamps that are off keep some
 RECENT = 3  # backgrounds kept: one per shipped estimator
 MUCH_MORE = 2.0  # the same where each picture estimates everything again
 
@@ -59,11 +62,24 @@ class FirstFrame:
         self._photons, self._source, self._scene_size = photons, source, scene_size
         self._recent: list[Background] = []  # newest last
 
+    def share(self, model: Model) -> None:
+        """Begin with new photons where lamps are dimmed so that few of the present ones count.
+
+        model: whose lamps share photons by flux.
+        """
+        levels, by_flux = self._source.levels, model.emitters
+        if self._photons.model.emitters.effective(levels) >= FEW:
+            return
+        if by_flux.effective(levels) < FEW:
+            at = by_flux.shares_of_flux * levels.max(axis=1)
+            model = model.with_shares((1 - SPARE) * at / at.sum() + SPARE * by_flux.shares_of_flux)
+        self._photons, self._recent = Photons(model, self._photons.seed), []
+
     def background(self, setting: Setting, shown: Background | None, wanted: int) -> Background:
         """Return the background to continue: the one on show, or a recent one, if it fits the setting."""
         known = [b for b in (shown, *self._recent) if b is not None]
-        fitting = [b for b in known if b.setting == setting and b.added <= wanted]
-        chosen = max(fitting, key=lambda b: b.added, default=None) or Background(self._photons.model, setting)
+        fitting = [b for b in known if b.store is self._photons and b.setting == setting and b.added <= wanted]
+        chosen = max(fitting, key=lambda b: b.added, default=None) or Background(self._photons, setting)
         newest = [b for b in (shown, chosen) if b is not None]
         self._recent = [*(b for b in self._recent if b not in newest), *dict.fromkeys(newest)][-RECENT:]
         return chosen
@@ -142,7 +158,7 @@ class FirstFrame:
 
     def _uncontrolled(self, setting: Setting, wanted: int, show: Callable) -> Generator[Progress, None, Background]:
         """Show the first photons without artifact control, as regions may take seconds; return the background."""
-        b = Background(self._photons.model, setting._replace(control=False))
+        b = Background(self._photons, setting._replace(control=False))
         yield from _build(b)
         first = min(FIRST_PICTURE, wanted)
         while b.added < first:

@@ -20,6 +20,7 @@ from gi_core.frames.control_variate import frame_irradiance
 from gi_core.frames.light_source import FrameSize, LightSource
 from gi_core.frames.progress import Interrupted
 from gi_core.geometry.radiosity import irradiance
+from gi_core.lights.mix import mix
 from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.trace import Fates
 from gi_core.retrace.broad_phase import ScanBuffers
@@ -42,9 +43,11 @@ class Frame(NamedTuple):
 
     poses: dict[str, Pose]
     irradiance: np.ndarray  # (R, 3) [W/m2]
+    levels: np.ndarray  # (G, 3), of the lamps
     store: Photons  # all photons traced
     background: Background | None = None  # None before the first solve
     change: PoseChange | None = None  # by the mobiles, until the next frame; None before the first
+    evaluated: Evaluated | None = None  # sums of all lamps, until the next frame
     size: FrameSize = FrameSize(0, 0)
     gathered: bool = False  # the static part's light is gathered
     control_facts: ControlFacts = ControlFacts(0.0, 0, 0)  # receivers under artifact control, in general and now
@@ -77,6 +80,11 @@ class Frame(NamedTuple):
             return Changes(0, 0, 0)
         return Changes(c.kept_prefixes.size, c.removed_suffixes.size, c.kept_prefixes.size + c.new_suffixes.size)
 
+    def has_sums(self, b: Background, size: FrameSize) -> bool:
+        """Return whether this frame still holds the sums of a background for frames of this size at its poses."""
+        alike = self.size.photons == size.photons and bool(self.size.paths) == bool(size.paths)
+        return alike and self.background is b and self.evaluated is not None and self.evaluated is b.evaluated
+
     @property
     def segments(self) -> int:
         """Number of background segments of the photons."""
@@ -91,8 +99,9 @@ class Frame(NamedTuple):
         total = self.store.fates
         if self.change is not None and self.change.photons == self.store.count:
             total = add_fates(total, self.change.fates)
-        scale = self.store.model.emitters.unit_flux / max(self.store.count, 1)
-        return {name: value * scale for name, value in zip(Fates._fields, total, strict=True)}
+        scale = self.store.weights(self.levels) * (self.store.model.emitters.unit_flux / max(self.store.count, 1))
+        lit = ((value.reshape(-1, 3) * scale).sum(axis=0) for value in total)
+        return dict(zip(Fates._fields, lit, strict=True))
 
     @property
     def probe_irradiance(self) -> dict[str, np.ndarray]:
@@ -127,41 +136,48 @@ class StageTimer:
 
 
 def next_frame(
-    store: Photons,
     b: Background,
     source: LightSource,
     poses: dict[str, Pose],
     size: FrameSize,
     room: ScanBuffers,
     stop: Callable[[], bool] | None = None,
+    shown: Frame | None = None,
 ) -> Frame:
     """Return the frame of a background at poses, from `size.photons` of its photons.
 
-    room: buffers that the frame's path changes stay in, until the next frame overwrites them; stop: called after each
-    stage. Raises Interrupted where `stop` returns True.
+    shown: a frame at the same poses, whose sums are used again if they still exist. room: buffers that the frame's path
+    changes stay in, until the next frame overwrites them; stop: called after each stage. Raises Interrupted where
+    `stop` returns True.
     """
-    model, estimate, clock = store.model, b.estimate, StageTimer(stop)
+    model, store, estimate, clock = b.model, b.store, b.estimate, StageTimer(stop)
     at = model.transforms(poses)
-    paths, coarse = store.prefix(size.photons)
-    wanted = estimate.wanted(at, mobiles=not size.paths)
-    clock("contact")
-    changed = change(model, paths, coarse, at, store.seed, wanted, room, clock)
-    evaluated = estimate.evaluate(changed)
-    clock("estimate")
-    E = _controlled(b, source, evaluated, size.photons) if size.photons else np.zeros(evaluated.sums.shape)
+    if shown is not None and shown.has_sums(b, size):
+        changed, evaluated = shown.change, shown.evaluated
+    else:
+        b.evaluated = None
+        paths, coarse = store.prefix(size.photons)
+        wanted = estimate.wanted(at, mobiles=not size.paths)
+        clock("contact")
+        changed = change(model, paths, coarse, at, store.seed, wanted, room, clock)
+        evaluated = b.evaluated = estimate.evaluate(changed)
+        clock("estimate")
+    E = _controlled(b, source, evaluated, size.photons) if size.photons else np.zeros((len(evaluated.area), 3))
     clock("read out")
     if size.paths:
-        source.light_mobiles(E, at, size.paths, source.bounce_reflectance(store, b))
+        source.light_mobiles(E, at, size.paths, source.bounce_reflectance(b))
         clock("gather")
     source.settle(E, at)
-    return Frame(poses, E, store, b, changed, size, source.is_gathered, estimate.control_facts, clock.seconds)
+    facts = estimate.control_facts
+    return Frame(poses, E, source.levels, store, b, changed, evaluated, size, source.is_gathered, facts, clock.seconds)
 
 
 def _controlled(b: Background, source: LightSource, sums: Evaluated, photons: int) -> np.ndarray:
     """Return irradiance (R, 3) [W/m2] of a frame's sums, with its static light as control variate."""
     model, better = b.model, source.static_irradiance(b, photons)
     scale, background = model.emitters.unit_flux / photons, b.estimate.background(photons)[0]
-    return frame_irradiance(sums, scale, background, b.resting(photons), better, model.threads)
+    resting = b.resting(photons, source.levels)
+    return frame_irradiance(sums, scale, background, resting, better, b.store.weights(source.levels), model.threads)
 
 
 def light_from_scratch(shown: Frame, b: Background, source: LightSource, poses: dict[str, Pose]) -> np.ndarray:
@@ -171,17 +187,15 @@ def light_from_scratch(shown: Frame, b: Background, source: LightSource, poses: 
     static light, and only where it is on show.
     """
     model, at, n = b.model, b.model.transforms(poses), b.estimate.photons
-    chunk = max(1, n * SCRATCH_SEGMENTS // max(shown.store.segments(n), 1))  # paths in white rooms are long
-    parts = (
-        current_segments(model, at, shown.store.seed, first, min(chunk, n - first))[0] for first in range(0, n, chunk)
-    )
+    chunk = max(1, n * SCRATCH_SEGMENTS // max(b.store.segments(n), 1))  # paths in white rooms are long
+    parts = (current_segments(model, at, b.store.seed, first, min(chunk, n - first))[0] for first in range(0, n, chunk))
     every = b.estimate.from_scratch(parts, at)
     if not n:
-        return np.zeros(every.sums.shape)
+        return np.zeros((len(every.area), 3))
     if shown.background is None:
-        return irradiance(every.sums, model.emitters.unit_flux / n, every.area)
+        return irradiance(mix(every.sums, b.store.weights(source.levels)), model.emitters.unit_flux / n, every.area)
     E = _controlled(b, source, every, n)
     if shown.paths:
-        source.light_mobiles(E, at, shown.paths, source.bounce_reflectance(shown.store, b), fresh=True)
+        source.light_mobiles(E, at, shown.paths, source.bounce_reflectance(b), fresh=True)
     source.settle(E, at)
     return E

@@ -11,14 +11,16 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.display.dilation import NONE_UNREACHED, Dilation, Drawn, dilated
-from gi_core.frames.background import Background, Photons
+from gi_core.frames.background import Background
 from gi_core.frames.progress import Progress
 from gi_core.gather import coarse_faces
+from gi_core.gather.coarse_faces import CoarseFaces
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.pose_gather import PoseGather, PoseGathers, Static
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import noise_from_prefix, prefix_to_compare
+from gi_core.lights.mix import mix, sum_of_lamps
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
 from gi_core.scene.rules import FLAG, one_of
@@ -46,14 +48,17 @@ class LightSource:
     """
 
     def __init__(self, model: Model, seed: int):
-        self.light, self.prefix_only = "photons", False
+        self.light, self.prefix_only, self.levels = "photons", False, model.emitters.lamps.full()
         self.gathered: StaticGather | None = None
         self.unreached = NONE_UNREACHED  # unreached static receivers, by the light of the last search
         self.dilation: Dilation | None = None
         self._model, self._seed = model, seed
         self._less_noise = False  # gathered light has less noise than all photons
+        self._lights = model.lights_at(self.levels)
         self._mobile: MobileGather | None = None
+        self._mixed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # light per lamp, levels, and their light
         self._at_poses = PoseGathers(model, seed)
+        self._coarse: tuple[Background, int, CoarseFaces] | None = None  # of the photons of a background
         self._reflectance: tuple[np.ndarray, np.ndarray] | None = None  # for static light, see `coarse_faces`
         self._poses: dict[int, bytes] = {}  # by number of paths, of its last frame
         self.rays_traced = False  # in the last frame: mobiles had moved
@@ -95,7 +100,7 @@ class LightSource:
 
         def photons() -> np.ndarray | None:
             b = shown()
-            return b.resting(b.estimate.photons) if b is not None and b.estimate.photons else None
+            return b.resting_per_lamp(b.estimate.photons) if b is not None and b.estimate.photons else None
 
         for new in itertools.chain((True,), g.steps(photons)):
             if used := bool(new) and self.compare(shown()):
@@ -119,15 +124,29 @@ class LightSource:
     def static_irradiance(self, shown: Background, photons: int) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, for a frame of `photons` photons."""
         if self.is_gathered:
-            return self.gathered.mean
-        return shown.resting(photons if self.prefix_only else shown.estimate.photons)
+            return self._gathered_at(self.levels)
+        return shown.resting(photons if self.prefix_only else shown.estimate.photons, self.levels)
+
+    def _gathered_at(self, levels: np.ndarray) -> np.ndarray:
+        """Return gathered irradiance (n, 3) [W/m2] at levels (G, 3) of the lamps; the same array for the same light."""
+        light = self.gathered.per_lamp
+        if self._mixed is None or self._mixed[0] is not light or not np.array_equal(self._mixed[1], levels):
+            self._mixed = light, levels, mix(light, levels, self._model.threads)
+        return self._mixed[2]
+
+    def dim(self, levels: np.ndarray) -> None:
+        """Set the levels (G, 3) of the lamps, from the next frame on."""
+        self.levels, self._reflectance = levels, None
+        self._lights = self._model.lights_at(levels)
 
     def find_unreached(self, size: float, shown: Background) -> Generator[None]:
         """Find unreached static receivers by this light, in steps; `size` [m] as in `dilation.py`."""
         if self.dilation is None:
             self.dilation = Dilation(self._model, size)
             yield
-        self.unreached = yield from self.dilation.find_static(self.static_irradiance(shown, shown.estimate.photons))
+        # By the light of all lamps: without one of them, its places are dark, not unreached.
+        light = self.gathered.mean if self.is_gathered else shown.resting_per_lamp(shown.estimate.photons)
+        self.unreached = yield from self.dilation.find_static(sum_of_lamps(light))
         self._reflectance = None
 
     def dilated(self, irradiance: np.ndarray, at: Transforms) -> Drawn:
@@ -153,13 +172,15 @@ class LightSource:
         """Return the size of a frame; paths as for `paths()`. Without photons there are none."""
         return FrameSize(photons, self.paths(paths) if photons else 0)
 
-    def bounce_reflectance(self, store: Photons, b: Background) -> np.ndarray:
-        """Return reflectance (F, 3) for light_mobiles(), where a background of these photons is on show."""
-        light = self.static_irradiance(b, b.estimate.photons)
+    def bounce_reflectance(self, b: Background) -> np.ndarray:
+        """Return reflectance (F, 3) for light_mobiles(), where a background is on show."""
+        light, photons = self.static_irradiance(b, b.estimate.photons), b.estimate.photons
+        if self._coarse is None or self._coarse[:2] != (b, photons):
+            some, _ = b.store.prefix(min(photons, coarse_faces.PHOTONS))
+            self._coarse = b, photons, CoarseFaces.of(b.model, some, math.pi * b.setting.radius**2)
         if self._reflectance is None or self._reflectance[0] is not light:
-            some, _ = store.prefix(min(b.estimate.photons, coarse_faces.PHOTONS))
-            filled, disc = dilated(light, self.unreached).irradiance, math.pi * b.setting.radius**2
-            self._reflectance = light, coarse_faces.conserving_reflectance(self._model, some, disc, filled)
+            filled = dilated(light, self.unreached).irradiance
+            self._reflectance = light, self._coarse[2].reflectance(self._model, filled, self.levels)
         return self._reflectance[1]
 
     def light_mobiles(
@@ -169,20 +190,21 @@ class LightSource:
 
         paths: one of PATHS; reflectance (F, 3): see `coarse_faces`; fresh: without caches of earlier frames.
         """
-        if fresh:
+        gather = self._mobile
+        if fresh or gather is None:
             gather = MobileGather(self._model, self._seed)
-        else:
-            gather = self._mobile = self._mobile or MobileGather(self._model, self._seed)
+        if not fresh:
+            self._mobile = gather
             poses = at.rotation.tobytes() + at.position.tobytes()
             self.rays_traced, self._poses[paths] = self._poses.get(paths) != poses, poses
         static = irradiance[: gather.first]
-        irradiance[gather.first :] = gather.irradiance(at, static, paths.bit_length() - 1, reflectance)
+        irradiance[gather.first :] = gather.irradiance(at, static, paths.bit_length() - 1, reflectance, self._lights)
 
     # -- resting poses ----------------------------------------------------------------------------
 
     def pose_gather(self, at: Transforms) -> PoseGather | None:
         """Return the light gathered at poses, None if there is none or frames take none."""
-        return self._at_poses.find(at) if self.light == "best" and not self.prefix_only else None
+        return self._at_poses.find(at, self.levels) if self.light == "best" and not self.prefix_only else None
 
     def pose_steps(
         self, shown: Background | None, photons: int, irradiance: np.ndarray, at: Transforms,
@@ -196,10 +218,11 @@ class LightSource:
             return
         if self.light == "photons" or self.prefix_only:
             return
-        begun = self._at_poses.begin(at, photons, irradiance, self.static_irradiance(shown, photons))
+        levels = self.levels
+        begun = self._at_poses.begin(at, self.levels, photons, irradiance, self.static_irradiance(shown, photons))
 
         def static() -> Static | None:
-            return (self.gathered.mean, self.gathered.deviation) if self.is_gathered else None
+            return (self._gathered_at(levels), self.gathered.deviation_at(levels)) if self.is_gathered else None
 
         for changed in begun.steps(static):
             if changed:
@@ -210,7 +233,7 @@ class LightSource:
         """Return the standard error (R,) of the luminance of gathered light at poses [W/m2]; 0: not gathered."""
         out = np.zeros(len(self._model.object_receivers.areas))
         if self.is_gathered:
-            out[: len(self.gathered.deviation)] = self.gathered.deviation
+            out[: len(self.gathered.deviation)] = self.gathered.deviation_at(self.levels)
         if (found := self.pose_gather(at)) is not None and found.used.any():
             out[found.rows[found.used]] = found.deviation[found.used]
         return out

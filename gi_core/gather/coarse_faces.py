@@ -7,8 +7,11 @@ is known. Its reflectance is scaled such that interpolated light reflects that f
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from gi_core.lights.mix import mix
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices
 
@@ -16,28 +19,48 @@ PHOTONS = 1 << 16  # at most: some 5 ms
 LEAST_HITS = 100  # of a face: noise of a tenth
 
 
-def conserving_reflectance(model: Model, paths: PathVertices, disc_area: float, light: np.ndarray) -> np.ndarray:
-    """Return reflectance (F, 3) float64 of all faces, scaled on static faces larger than disc_area [m2].
+class CoarseFaces(NamedTuple):
+    """Static faces larger than a disc, and the flux that photons bring to them."""
 
-    paths: of the first photons; light (n, 3) [W/m2]: irradiance of the static receivers without mobiles.
-    """
-    s = model.surfaces
-    coarse = np.flatnonzero(s.areas[s.face_range(0)] > disc_area)
-    if not len(coarse):
-        return s.reflectance
-    photons, faces = len(paths.offsets) - 1, s.face_range(0).stop
-    arrived = paths.side >= 0
-    arrived[paths.offsets[:-1]] = False  # the first vertex of a path is on the light
-    arrived[arrived] = np.isin(paths.side[arrived] >> 1, coarse)
-    rows = np.flatnonzero(arrived)
-    face, back = paths.side[rows] >> 1, paths.side[rows] & 1 > 0
-    rows, face = (a[~back | s.two_sided[face]] for a in (rows, face))  # the back of a one-sided face is black
-    flux = np.stack([np.bincount(face, paths.flux[rows - 1, c], faces) for c in range(3)], axis=1)
-    flux *= model.emitters.unit_flux / photons
-    known = light[s.corner_front[coarse]].mean(axis=1)
-    known += np.where(s.two_sided[coarse, None], light[s.corner_back[coarse]].mean(axis=1), 0.0)
-    known *= s.areas[coarse, None]
-    sure = (np.bincount(face, minlength=faces)[coarse] >= LEAST_HITS)[:, None] & (known > 0)
-    out = s.reflectance.copy()
-    out[coarse] *= np.divide(flux[coarse], known, out=np.ones(known.shape), where=sure)
-    return out
+    faces: np.ndarray  # (k,) int64
+    flux: np.ndarray  # (k, 3 G) float64 [W], per lamp
+    sure: np.ndarray  # (k,) bool, enough photons arrive
+
+    @classmethod
+    def of(cls, model: Model, paths: PathVertices, disc_area: float) -> CoarseFaces:
+        """Count the paths of the first photons; disc_area [m2]."""
+        s, lamps = model.surfaces, model.emitters.lamps
+        coarse = np.flatnonzero(s.areas[s.face_range(0)] > disc_area)
+        if not len(coarse):
+            return cls(coarse, np.zeros((0, lamps.channels)), np.zeros(0, bool))
+        photons, place = len(paths.offsets) - 1, np.full(s.face_range(0).stop, -1)
+        place[coarse] = np.arange(len(coarse))
+        arrived = paths.side >= 0
+        arrived[paths.offsets[:-1]] = False  # the first vertex of a path is on the light
+        arrived[arrived] = place[paths.side[arrived] >> 1] >= 0
+        rows = np.flatnonzero(arrived)
+        face, back = paths.side[rows] >> 1, paths.side[rows] & 1 > 0
+        black = back & ~s.two_sided[face]  # the back of a one-sided face
+        rows, at = rows[~black], place[face[~black]]
+        lamp = paths.lamp[np.searchsorted(paths.offsets, rows, side="right") - 1] if lamps.count > 1 else 0
+        cell, cells = at * lamps.count + lamp, len(coarse) * lamps.count
+        flux = np.stack([np.bincount(cell, paths.flux[rows - 1, c], cells) for c in range(3)], axis=1)
+        flux = flux.reshape(len(coarse), lamps.channels) * (model.emitters.unit_flux / photons)
+        flux *= np.repeat(model.emitters.scale, 3)
+        return cls(coarse, flux, np.bincount(at, minlength=len(coarse)) >= LEAST_HITS)
+
+    def reflectance(self, model: Model, light: np.ndarray, levels: np.ndarray) -> np.ndarray:
+        """Return reflectance (F, 3) float64 of all faces, scaled on these such that interpolated light conserves flux.
+
+        light (n, 3) [W/m2]: irradiance of the static receivers without mobiles, at levels (G, 3) of the lamps.
+        """
+        s, coarse = model.surfaces, self.faces
+        if not len(coarse):
+            return s.reflectance
+        flux = mix(self.flux, levels)
+        known = light[s.corner_front[coarse]].mean(axis=1)
+        known += np.where(s.two_sided[coarse, None], light[s.corner_back[coarse]].mean(axis=1), 0.0)
+        known *= s.areas[coarse, None]
+        out, where = s.reflectance.copy(), self.sure[:, None] & (known > 0)
+        out[coarse] *= np.divide(flux, known, out=np.ones(known.shape), where=where)
+        return out

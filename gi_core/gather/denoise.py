@@ -32,16 +32,18 @@ GRAIN = 4096  # receivers per thread
 class Denoised(NamedTuple):
     """Denoised irradiance."""
 
-    irradiance: np.ndarray  # (n, 3) float64 [W/m2]
+    irradiance: np.ndarray  # (n, 3) float64 [W/m2], or more channels
     share: float  # of the error (l2, by area) that remains, 0 .. 1
 
 
 def denoise(
-    mean: np.ndarray, standard_error: np.ndarray, weights: np.ndarray, near: Neighbours, seed: int, threads: int
-) -> Generator[None, None, Denoised]:
+    mean: np.ndarray, standard_error: np.ndarray, weights: np.ndarray, near: Neighbours, seed: int, threads: int,
+    per_lamp: np.ndarray | None = None,
+) -> Generator[None, None, Denoised]:  # fmt: skip
     """Denoise irradiance `mean` (n, 3) with its standard error (n, 3), in steps; weights (n,) are areas.
 
-    Black receivers stay black and have no weight for neighbours. The generator returns the result.
+    per_lamp: light (n, 3 G) whose sum over lamps is `mean`; the result then is the same average of it. Black receivers
+    stay black and have no weight for neighbours. The generator returns the result.
     """
     lit, sigma = (mean > 0).any(axis=1), luminance(standard_error)
     squares = (standard_error**2).sum(axis=1)
@@ -49,7 +51,7 @@ def denoise(
     chance = np.random.default_rng(seed).standard_normal(len(mean))
     more = mean + LITTLE * chance[:, None] * standard_error
     noise = float((weights * sigma**2).sum())
-    best, least = mean, noise
+    best, least, reached = mean, noise, 0.0
     yield
     for reach in REACHES:
         E = _filtered(mean, variance, reach, near, lit, threads)
@@ -58,8 +60,14 @@ def denoise(
         moved = luminance(E - mean)
         risk = float((weights * (moved**2 + 2 * sigma * chance * answer)).sum()) - noise
         if risk < min(least, CLEAR * noise):
-            best, least = E, risk
+            best, least, reached = E, risk, reach
         yield
+    if per_lamp is not None:
+        best = per_lamp
+        if reached:
+            joined = np.concatenate([mean, per_lamp], axis=1)
+            best = _filtered(joined, variance, reached, near, lit, threads)[:, 3:]
+            yield
     return Denoised(best, float(np.sqrt(max(least, 0.0) / noise)) if noise > 0 else 1.0)
 
 
@@ -83,7 +91,7 @@ def _average(first, of, values, lit, start, stop, out):
 
 
 def _filtered(E: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, lit, threads: int) -> np.ndarray:
-    """Return E (n, 3) after all passes; variance (n,) is summed over channels."""
+    """Return E (n, 3 or more) after all passes; the first three channels decide. variance (n,): their sum."""
     for _ in range(PASSES):
         given, out, left = (E, variance), E.copy(), variance.copy()
 
@@ -100,7 +108,7 @@ def _pass(first, of, E, variance, lit, reach, start, stop, out, left):
     for i in range(start, stop):
         if not lit[i]:
             continue
-        total, x, y, z, v = 1.0, E[i, 0], E[i, 1], E[i, 2], variance[i]
+        total, v = 1.0, variance[i]
         for k in range(first[i], first[i + 1]):
             j = of[k]
             change = difference(E[i], E[j])
@@ -109,5 +117,9 @@ def _pass(first, of, E, variance, lit, reach, start, stop, out, left):
             if lit[j] and d < farthest:
                 w = (1.0 - d / farthest) * (1.0 - d / farthest)
                 total += w
-                x, y, z, v = x + w * E[j, 0], y + w * E[j, 1], z + w * E[j, 2], v + w * w * variance[j]
-        out[i, 0], out[i, 1], out[i, 2], left[i] = x / total, y / total, z / total, v / (total * total)
+                v += w * w * variance[j]
+                for c in range(E.shape[1]):
+                    out[i, c] += w * E[j, c]
+        for c in range(E.shape[1]):
+            out[i, c] /= total
+        left[i] = v / (total * total)

@@ -18,7 +18,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.gather.one_bounce import Bounces, Exchange, Field, meet
 from gi_core.gather.path_tracer import BLOCK, PathEnds, join_lights, scatter
 from gi_core.geometry.error import noise_of_truth, small_sample_bias
-from gi_core.lights.light_sampling import Lights, area_lights, delta_lights, sky_of
+from gi_core.lights.mix import sum_of_lamps
 from gi_core.lights.next_event import room_for_shadows
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, nearest_in_world
@@ -39,16 +39,27 @@ class FinalGather:
         self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self._positions, self._normals = positions + ORIGIN_LIFT * model.world.size * normals, normals
         self._weights, self._lit = weights, np.flatnonzero((normals * normals).sum(axis=1) > 0)
-        self._lights = Lights(area_lights(model.surfaces), delta_lights(model.scene), sky_of(model.scene))
-        self._variance = np.zeros(positions.shape)
+        self._lights = model.lights
+        shape = len(positions), self._lights.channels
+        self._variance, self._lamp_variance = np.zeros(positions.shape), np.zeros(shape)
         self._pairs = 0  # of sets
         self.paths = 0  # per receiver in `mean`; 0: no result yet
-        self.mean = self.last = np.zeros(positions.shape)  # (n, 3) float64 [W/m2]; `last`: of the last pair alone
+        self.per_lamp = self.last = np.zeros(shape)  # (n, 3 G) float64 [W/m2]; `last`: of the last pair alone
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Irradiance (n, 3) [W/m2] of all lamps."""
+        return sum_of_lamps(self.per_lamp)
 
     @property
     def standard_error(self) -> np.ndarray:
         """Standard error of the mean, (n, 3) [W/m2]; rough per receiver, as it comes from few differences."""
         return np.sqrt(self._variance)
+
+    @property
+    def lamp_error(self) -> np.ndarray:
+        """Standard error of the light of each lamp, (n, 3 G) [W/m2]."""
+        return np.sqrt(self._lamp_variance)
 
     @property
     def noise(self) -> float:
@@ -61,12 +72,12 @@ class FinalGather:
         """Gather without end, in steps of some 20 ms; yields True where `mean` is new.
 
         The generator may be dropped and restarted: an unfinished pair is then gathered again. field() returns the
-        current irradiance (n, 3) [W/m2] of these receivers; it is called once per pair.
+        current irradiance per lamp (n, 3 G) [W/m2] of these receivers; it is called once per pair.
         """
         while True:
             pair, light = self._pairs, field()
             m = min(SMALLEST + pair, LARGEST)
-            halves = np.zeros((2, *self.mean.shape))
+            halves = np.zeros((2, *self.last.shape))
             for half in range(2):
                 at_once = max(1, PATHS_PER_STEP >> m)
                 for first in range(0, len(self._lit), at_once):
@@ -80,8 +91,10 @@ class FinalGather:
         self._pairs += 1
         a, b = before / self.paths, paths / self.paths
         self.last = 0.5 * (halves[0] + halves[1])
-        self.mean = a * self.mean + b * self.last
-        self._variance = a * a * self._variance + b * b * 0.25 * (halves[0] - halves[1]) ** 2
+        self.per_lamp = a * self.per_lamp + b * self.last
+        apart = halves[0] - halves[1]
+        self._lamp_variance = a * a * self._lamp_variance + b * b * 0.25 * apart**2
+        self._variance = a * a * self._variance + b * b * 0.25 * sum_of_lamps(apart) ** 2
 
     def _gather(self, rows: np.ndarray, number: int, m: int, field: np.ndarray, out: np.ndarray) -> None:
         """Write the estimates of set `number` of 2^m paths at receivers."""
@@ -101,7 +114,7 @@ class FinalGather:
         path = ((number * SET + rows[:, None] << m) + np.arange(1 << m)).reshape(-1)
         start = np.repeat(positions, 1 << m, axis=0), np.repeat(normals, 1 << m, axis=0)
         ends = PathEnds(path, np.repeat(np.arange(n), 1 << m), *start, np.ones((count, 3)))
-        total, rays = np.zeros((n, 3)), room_for_shadows(count)
+        total, rays = np.zeros((n, lights.channels)), room_for_shadows(count)
         join_lights(model, at, lights, self._seed, m, 0, ends, rays, total)
         scatter(self._seed, m, 0, ends, rays.origin, rays.direction)
         far = np.full(count, FAR * world.size, np.float32)

@@ -58,6 +58,10 @@ class ShadowRays:
         self._model, self._own, self._pose = model, own, b""
         self._free: Shadows
 
+    def forget(self) -> None:
+        """Drop the cached rays."""
+        self._pose = b""
+
     def occluded(self, at: Transforms, make) -> tuple[Shadows, np.ndarray]:
         """Return rays and (n,) bool: another mobile blocks the ray. make() returns all rays at the poses."""
         accelerator = self._model.accelerator

@@ -14,6 +14,7 @@ The result is a function of poses and static light alone, bit for bit: cached hi
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from gi_core.gather.one_bounce import Bounces, Exchange, Field
 from gi_core.gather.path_tracer import SHADOW_GAP, PathEnds
 from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.evaluation_points import evaluation_points
-from gi_core.lights.light_sampling import Lights, aimed, area_lights, delta_lights, sky_of, steady
+from gi_core.lights.light_sampling import Lights, aimed, steady
 from gi_core.lights.next_event import (
     LightSamples,
     Shadows,
@@ -75,7 +76,7 @@ class MobileGather:
         self.first = model.surfaces.receiver_range(0).stop  # the first receiver on a mobile
         positions, self._normals = (a[self.first :] for a in evaluation_points(model.surfaces, model.object_receivers))
         self._positions = positions + ORIGIN_LIFT * model.world.size * self._normals
-        self._lights = Lights(area_lights(model.surfaces), delta_lights(model.scene), sky_of(model.scene))
+        self._lights = model.lights_at(model.emitters.lamps.full())
         self._aimed: dict[int, tuple[bytes, Lights]] = {}  # by mobile: cell of its position, and lights
         s = model.surfaces
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
@@ -85,13 +86,17 @@ class MobileGather:
         self._batches: dict[int, list[ReceiverBatch | None]] = {}  # by log2 of paths
 
     def irradiance(
-        self, at: Transforms, static: np.ndarray, log2_paths: int, reflectance: np.ndarray | None = None
-    ) -> np.ndarray:
+        self, at: Transforms, static: np.ndarray, log2_paths: int, reflectance: np.ndarray | None = None,
+        lights: Lights | None = None,
+    ) -> np.ndarray:  # fmt: skip
         """Return irradiance (m, 3) float64 [W/m2] of the receivers on mobiles, from `first` on.
 
         static (>= first, 3) float64 [W/m2]: irradiance of the static receivers at these poses. 2^log2_paths paths per
-        receiver, 0 <= log2_paths <= strata.LARGEST. reflectance (F, 3) float64 of all faces, None: their own.
+        receiver, 0 <= log2_paths <= strata.LARGEST. reflectance (F, 3) float64 of all faces, None: their own. lights:
+        of one lamp; None: those of the last call, at first those of the scene file.
         """
+        if lights is not None and lights is not self._lights:
+            self._light_by(lights)
         m, n, world = log2_paths, len(self._positions), self._model.world
         if reflectance is not None:
             world = world._replace(reflectance=reflectance)
@@ -122,6 +127,14 @@ class MobileGather:
         direct = light.direct / (1 << m)
         bounced = _exchanged(direct, light.bounced / (1 << m), exchange, 1 << m)
         return direct + average_neighbours(self._near, light.close, 1 << m, bounced, threads)
+
+    def _light_by(self, lights: Lights) -> None:
+        """Use these lights from now on."""
+        self._lights = lights
+        self._aimed.clear()
+        for batch in itertools.chain.from_iterable(self._batches.values()):
+            if batch is not None:
+                batch.shadow.forget()
 
     def _lights_of(self, o: int, at: Transforms) -> Lights:
         """Return the lights with area lights sampled by importance for mobile o at its pose."""
@@ -178,7 +191,7 @@ class MobileGather:
             return Shadows(*(a[:count] for a in rays))
 
         rays, blocked = batch.shadow.occluded(at, shadows)
-        add_lit(rays.row, rays.value, blocked, light.direct)
+        add_lit(rays.row, rays.value, rays.lamp, blocked, light.direct)
         distance, face = batch.bounce.nearest(at)
         closeness(1 << m, distance, light.close)
         count = len(face)

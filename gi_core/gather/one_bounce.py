@@ -30,7 +30,7 @@ class Field(NamedTuple):
     points: np.ndarray  # (R, 3) float64, of all receivers, in object space [m]
     corner_front: np.ndarray  # (F, 3) int32, receivers at the corners of a face, on its front
     corner_back: np.ndarray  # (F, 3) int32, on its back
-    irradiance: np.ndarray  # (>= receivers of the static part, 3) float64 [W/m2]
+    irradiance: np.ndarray  # (>= receivers of the static part, 3 G) float64 [W/m2], per lamp
 
 
 class Exchange(NamedTuple):
@@ -44,7 +44,7 @@ class Exchange(NamedTuple):
 
 @kernel
 def meet(world, at, lights, sky, field, rays, first, base, total, out):
-    """Add to `total` (n, 3) the light of rays that hit lamps, the sky and the static part.
+    """Add to `total` (n, 3 G) the light of rays that hit lamps, the sky and the static part.
 
     With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho E. Hits on mobiles
     are written to `out`, an Exchange: its corners are counted from receiver `first`, its rows from `base`. Returns
@@ -57,17 +57,17 @@ def meet(world, at, lights, sky, field, rays, first, base, total, out):
         if f < 0:
             if dot(d, sky.up) > 0.0:
                 for c in range(3):
-                    total[row, c] += math.pi * sky.radiance[c]
+                    total[row, 3 * sky.lamp + c] += math.pi * sky.radiance[c]
             continue
         o = world.face_object[f]
         R, p, t = at.rotation[o], at.position[o], rays.distance[k]
         facing = -dot(d, rotate(R, world.normals[f]))
         if facing > 0.0:
-            e = lights.lamp[f]
+            e = lights.of_face[f]
             if e >= 0:
                 share = share_of_bounce(d, rays.normals[row], facing, t, lights.density[e])
                 for c in range(3):
-                    total[row, c] += math.pi * lights.radiance[e, c] * share
+                    total[row, 3 * lights.lamp[e] + c] += math.pi * lights.radiance[e, c] * share
         elif not world.two_sided[f]:
             continue  # the back of a one-sided face is black
         corners = field.corner_front[f] if facing > 0.0 else field.corner_back[f]
@@ -75,9 +75,10 @@ def meet(world, at, lights, sky, field, rays, first, base, total, out):
         there = rotate_back(R, (start[0] + t * d[0] - p[0], start[1] + t * d[1] - p[1], start[2] + t * d[2] - p[2]))
         u, v, w = barycentric(field.points[corners[0]], field.points[corners[1]], field.points[corners[2]], there)
         if o == 0:
-            for c in range(3):
-                E = u * known[corners[0], c] + v * known[corners[1], c] + w * known[corners[2], c]
-                total[row, c] += world.reflectance[f, c] * E
+            for g in range(0, known.shape[1], 3):
+                for c in range(3):
+                    E = u * known[corners[0], g + c] + v * known[corners[1], g + c] + w * known[corners[2], g + c]
+                    total[row, g + c] += world.reflectance[f, c] * E
             continue
         out.row[n] = base + row
         out.share[n, 0], out.share[n, 1], out.share[n, 2] = u, v, w

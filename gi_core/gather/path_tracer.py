@@ -47,13 +47,13 @@ class PathEnds(NamedTuple):
 
 
 def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, position, normal, light_sampling=True, m=0):
-    """Trace paths to their ends; return the estimate of each, (n, 3) float64 [W/m2].
+    """Trace paths to their ends; return the estimate of each, (n, 3 G) float64 [W/m2] for `lights` of G lamps.
 
     path (n,) int64: path numbers, in sets of 2^m (see strata); position [m] and normal (n, 3) float64 of the starts,
     lifted off the surface. `light_sampling` False finds emissive faces by hits only. An estimate depends on its own
     path alone.
     """
-    total = np.zeros((len(path), 3))
+    total = np.zeros((len(path), lights.channels))
     if not light_sampling:
         none = np.zeros(0)
         lights = lights._replace(area=lights.area._replace(cdf=none, density=np.zeros_like(lights.area.density)))
@@ -89,7 +89,7 @@ def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnd
 
 
 def join_lights(model: Model, at: Transforms, lights: Lights, seed, m, vertex, ends, rays, total) -> None:
-    """Add next-event estimates of path vertices to `total` (rows, 3): one area light and one delta light each.
+    """Add next-event estimates of path vertices to `total` (rows, 3 G): one area light and one delta light each.
 
     `rays` is a buffer with a row per end, overwritten.
     """
@@ -105,7 +105,7 @@ def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
     """Add the values of the first n rays that are not blocked."""
     if n:
         blocked = occluded_in_world(model.accelerator, at, rays.origin[:n], rays.direction[:n], rays.limit[:n])
-        add_lit(rays.row, rays.value, blocked, total)
+        add_lit(rays.row, rays.value, rays.lamp, blocked, total)
 
 
 @kernel
@@ -135,16 +135,17 @@ def _arrive(world, at, lights, sky, seed, m, vertex, ends, direction, distance, 
         if f < 0:
             if dot(d, sky.up) > 0.0:
                 for c in range(3):
-                    total[row, c] += ends.throughput[k, c] * math.pi * sky.radiance[c]
+                    total[row, 3 * sky.lamp + c] += ends.throughput[k, c] * math.pi * sky.radiance[c]
             continue
         normal = rotate(at.rotation[world.face_object[f]], world.normals[f])
         facing = -dot(d, normal)
         if facing > 0.0:  # emission leaves the front
-            e = lights.lamp[f]
+            e = lights.of_face[f]
             if e >= 0:
                 share = share_of_bounce(d, ends.normal[k], facing, distance[k], lights.density[e])
+                first = 3 * lights.lamp[e]
                 for c in range(3):
-                    total[row, c] += ends.throughput[k, c] * math.pi * lights.radiance[e, c] * share
+                    total[row, first + c] += ends.throughput[k, c] * math.pi * lights.radiance[e, c] * share
         elif not world.two_sided[f]:
             continue  # the back of a one-sided face is black
         rho = world.reflectance[f]

@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.gather.path_tracer import gather
-from gi_core.lights.light_sampling import Lights, area_lights, delta_lights, sky_of
 from gi_core.model import Model
 from gi_core.rays.accelerator import ORIGIN_LIFT
 from gi_core.scene.errors import SceneError
@@ -26,13 +25,17 @@ class Gatherer:
     """Points of a scene, prepared for path tracing."""
 
     def __init__(
-        self, scene: Scene, positions, normals, seed: int, poses=None, light_sampling=True, model=None, mobiles=True
-    ):
+        self, scene: Scene, positions, normals, seed: int, poses=None, light_sampling=True, model=None, mobiles=True,
+        levels=None, per_lamp=False,
+    ):  # fmt: skip
         """Arguments and errors are those of ReferenceRounds."""
         positions, normals = _checked(positions, normals)
         self.model = model or Model(scene)
         self._at = self.model.transforms(_poses(self.model, poses)) if mobiles else self.model.static
-        self._lights = Lights(area_lights(self.model.surfaces), delta_lights(self.model.scene), sky_of(scene))
+        lamps = self.model.emitters.lamps
+        self.per_lamp = per_lamp and lamps.count > 1
+        levels = lamps.full() if levels is None else levels
+        self._lights = self.model.lights if self.per_lamp else self.model.lights_at(levels)
         self._seed = (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self._light_sampling = light_sampling
         length = np.sqrt((normals * normals).sum(axis=1))
@@ -43,13 +46,17 @@ class Gatherer:
     def paths(self, rows: np.ndarray, first: int, count: int, m: int = 0, stream: int = 0) -> np.ndarray:
         """Return the estimates of paths first .. first + count - 1 of points `rows`, (rows, count, 3) float64 [W/m2].
 
+        per_lamp: light per lamp follows, in 3 G more columns.
         Paths come in sets of 2^m, see strata.py; `stream` selects independent paths of the same numbers.
         """
         path = (rows[:, None] * PATHS_PER_POINT + first + np.arange(count)).reshape(-1)
         start = (np.repeat(a[rows], count, axis=0) for a in (self.positions, self._normals))
         seed = self._seed ^ (stream << 24)
         values = gather(self.model, self._at, self._lights, seed, path, *start, self._light_sampling, m)
-        values = values.reshape(len(rows), count, 3)
+        values = values.reshape(len(rows), count, self._lights.channels)
+        if self.per_lamp:
+            all_lamps = values.reshape(len(rows), count, self._lights.lamps, 3).sum(axis=2)
+            values = np.concatenate([all_lamps, values], axis=2)
         if len(self.lit) < len(self.positions):
             values[~np.isin(rows, self.lit)] = 0.0
         return values

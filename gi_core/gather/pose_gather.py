@@ -28,7 +28,7 @@ from gi_core.geometry.error import DARK, luminance, noise_of_truth, relative_err
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
 from gi_core.geometry.receiver_classes import AFFECTED
-from gi_core.lights.light_sampling import Lights, area_lights, delta_lights, sky_of
+from gi_core.lights.light_sampling import Lights
 from gi_core.model import Model
 from gi_core.rays.accelerator import ORIGIN_LIFT, Transforms
 from gi_core.scene.pose import to_world_at
@@ -52,11 +52,13 @@ class PoseGather:
     l1 noise of static receivers or of mobiles, whichever is higher.
     """
 
-    def __init__(self, points: ReceiverPoints, at: Transforms, irradiance: np.ndarray, static: np.ndarray):
-        """irradiance (R, 3) [W/m2] of the frame at these poses, static (n, 3) [W/m2] without mobiles."""
+    def __init__(
+        self, points: ReceiverPoints, at: Transforms, lights: Lights, irradiance: np.ndarray, static: np.ndarray
+    ):
+        """lights: of one lamp; irradiance (R, 3) [W/m2] of the frame at these poses, static (n, 3) without mobiles."""
         self._points, self.rows = points, points.changed(irradiance, static)
         self._own = irradiance[self.rows]
-        self._paths = PosePaths(points, at, self.rows)
+        self._paths = PosePaths(points, at, lights, self.rows)
         mobile = self._paths.mobile
         self._classes = [of for of in (mobile, ~mobile) if of.any()]
         areas = points.model.object_receivers.areas[self.rows]
@@ -117,9 +119,9 @@ class PoseGather:
 class PosePaths:
     """Paths from some receivers at one set of poses. No part of a reference cycle, as it holds the scene."""
 
-    def __init__(self, points: ReceiverPoints, at: Transforms, rows: np.ndarray):
-        """rows (n,): receivers."""
-        self._points, self._at, self._rows = points, at, rows
+    def __init__(self, points: ReceiverPoints, at: Transforms, lights: Lights, rows: np.ndarray):
+        """lights: of one lamp; rows (n,): receivers."""
+        self._points, self._at, self._lights, self._rows = points, at, lights, rows
         self.mobile, self.near = rows >= points.static, points.near_rows(rows)
 
     def traced(self, rows: np.ndarray, first: int, count: int, m: int, stream: int) -> np.ndarray:
@@ -130,7 +132,7 @@ class PosePaths:
         out = np.zeros((len(rows), count, 6))
         for of, at in ((slice(None), self._at), (~self.mobile[rows], p.model.static)):
             start = (np.repeat(a[of], count, axis=0) for a in (positions, normals))
-            E = gather(p.model, at, p.lights, p.seed ^ (stream << 24), path[of].reshape(-1), *start, m=m)
+            E = gather(p.model, at, self._lights, p.seed ^ (stream << 24), path[of].reshape(-1), *start, m=m)
             E = E.reshape(-1, count, 3)
             if at is self._at:
                 out[..., :3] = E
@@ -183,7 +185,6 @@ class ReceiverPoints:
     def __init__(self, model: Model, seed: int):
         self.model, self.seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self.static = model.surfaces.receiver_range(0).stop
-        self.lights = Lights(area_lights(model.surfaces), delta_lights(model.scene), sky_of(model.scene))
 
     @cached_property
     def _starts(self) -> tuple[np.ndarray, np.ndarray]:
@@ -224,27 +225,31 @@ class ReceiverPoints:
 
 
 class PoseGathers:
-    """Light of the last KEPT poses."""
+    """Light of the last KEPT poses, each at some levels of the lamps."""
 
     def __init__(self, model: Model, seed: int):
         self._points = ReceiverPoints(model, seed)
         self._kept: dict[bytes, tuple[int, PoseGather]] = {}  # by poses: photons of the frame it began from, and light
 
-    def find(self, at: Transforms) -> PoseGather | None:
-        """Return the light at poses, None if it has not been begun."""
-        return self._kept.get(_key(at), (0, None))[1]
+    def find(self, at: Transforms, levels: np.ndarray) -> PoseGather | None:
+        """Return the light at poses and levels (G, 3), None if it has not been begun."""
+        return self._kept.get(_key(at, levels), (0, None))[1]
 
-    def begin(self, at: Transforms, photons: int, irradiance: np.ndarray, static: np.ndarray) -> PoseGather:
-        """Return the light at poses, begun now if necessary; arguments as for PoseGather, `photons` of the frame.
+    def begin(
+        self, at: Transforms, levels: np.ndarray, photons: int, irradiance: np.ndarray, static: np.ndarray
+    ) -> PoseGather:
+        """Return the light at poses and levels, begun now if necessary; arguments as for PoseGather.
 
-        Light that is not yet used begins again with the frame of another number of photons.
+        photons: of the frame. Light that is not yet used begins again with the frame of another number of photons.
         """
-        had, gather = self._kept.pop(_key(at), (0, None))
+        key = _key(at, levels)
+        had, gather = self._kept.pop(key, (0, None))
         if gather is None or not (gather.used.any() or had == photons):
-            had, gather = photons, PoseGather(self._points, at, irradiance, static)
-        self._kept = dict([*self._kept.items(), (_key(at), (had, gather))][-KEPT:])
+            lights = self._points.model.lights_at(levels)
+            had, gather = photons, PoseGather(self._points, at, lights, irradiance, static)
+        self._kept = dict([*self._kept.items(), (key, (had, gather))][-KEPT:])
         return gather
 
 
-def _key(at: Transforms) -> bytes:
-    return at.rotation.tobytes() + at.position.tobytes()
+def _key(at: Transforms, levels: np.ndarray) -> bytes:
+    return at.rotation.tobytes() + at.position.tobytes() + levels.tobytes()

@@ -66,7 +66,8 @@ class ReferenceState(NamedTuple):
         """Return the relative l1 noise, as error.noise_of_truth(): inf before two rounds, nan without points."""
         if len(self.sets) and self.rounds < 2:
             return float("inf")
-        return noise_of_truth(self.standard_error / small_sample_bias(self.sets[:, None]), self.mean, weights, rows)
+        error = self.standard_error[:, :3] / small_sample_bias(self.sets[:, None])
+        return noise_of_truth(error, self.mean[:, :3], weights, rows)
 
 
 def reference_irradiance(
@@ -78,18 +79,19 @@ def reference_irradiance(
     poses: Mapping[str, Pose | np.ndarray] | None = None,
     light_sampling: bool = True,
     model: Model | None = None,
+    levels: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return irradiance at points and its standard error, both (n, 3) float64 [W/m2], by independent paths.
 
     positions (n, 3) [m] and normals (n, 3) in the world; `paths` >= 1 per point; `poses`: of mobiles by name, where
     they differ from the scene's. `light_sampling` False finds emissive faces by hits only: the same expectation with
-    more noise. `model` is reused if given. The result depends on seed and arguments alone. Points without a normal get
-    0. The standard error of one path is inf.
-    Raises SceneError for a bad pose, ValueError for bad points or paths.
+    more noise. `model` is reused if given. levels (G, 3): of the lamps, None: those of the scene file. The result
+    depends on seed and arguments alone. Points without a normal get 0. The standard error of one path is inf. Raises
+    SceneError for a bad pose, ValueError for bad points or paths.
     """
     if not 1 <= int(paths) < PATHS_PER_POINT:
         raise ValueError(f"paths must be a whole number >= 1, got {paths}")
-    gathered = ReferenceRounds(scene, positions, normals, seed, None, poses, light_sampling, model)
+    gathered = ReferenceRounds(scene, positions, normals, seed, None, poses, light_sampling, model, levels=levels)
     gathered.state.log2_set[:] = 0
     while len(gathered.state.sets) and gathered.state.rounds < paths:
         gathered.step(PATHS_PER_STEP, int(paths))
@@ -154,15 +156,18 @@ class ReferenceRounds(Rounds):
         state: ReferenceState | None = None,
         mobiles: bool = True,
         rounds: int = ROUNDS,
+        levels: np.ndarray | None = None,
+        per_lamp: bool = False,
     ):
         """Points, poses and options are those of reference_irradiance(); without `mobiles`, of the static part alone.
 
         weights (n,) >= 0, usually areas: paths are distributed to minimise the weighted l1 error; None: uniformly.
         state: continue from a copy of it, with the same bits as without a break. rounds: rounds of independent paths
-        until AIM; more rounds give earlier results, fewer are better stratified. Raises SceneError for a bad pose,
+        until AIM; more rounds give earlier results, fewer are better stratified. per_lamp: light of G > 1 lamps follows
+        that of all, in 3 G more channels, at the levels of the scene file. Raises SceneError for a bad pose,
         ValueError for bad points, weights, or a state of other points.
         """
-        gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles)
+        gatherer = Gatherer(scene, positions, normals, seed, poses, light_sampling, model, mobiles, levels, per_lamp)
         n = len(gatherer.positions)
         if weights is not None:
             weights = np.asarray(weights, np.float64)
@@ -170,8 +175,16 @@ class ReferenceRounds(Rounds):
                 raise ValueError(f"weights must be {n} finite numbers >= 0, one per point")
         if state is not None and len(state.sets) != n:
             raise ValueError(f"the state has {len(state.sets)} points, but there are {n}")
-        state = ReferenceState.empty(n) if state is None else ReferenceState(*(a.copy() for a in state))
-        super().__init__(gatherer.paths, luminance, weights, state, rounds)
+        channels = 3 + gatherer.model.emitters.lamps.channels * gatherer.per_lamp
+        if state is not None and state.mean.shape[1] != channels:
+            raise ValueError(f"the state has {state.mean.shape[1]} channels, but there are {channels}")
+        state = ReferenceState.empty(n, channels) if state is None else ReferenceState(*(a.copy() for a in state))
+        super().__init__(gatherer.paths, _luminance_of_all, weights, state, rounds)
+
+
+def _luminance_of_all(values: np.ndarray) -> np.ndarray:
+    """Return the luminance (n, count) of estimates (n, count, channels) of all lamps together."""
+    return luminance(values[..., :3])
 
 
 def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> np.ndarray:

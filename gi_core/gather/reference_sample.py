@@ -90,9 +90,13 @@ def gather_sample(
     seed: int,
     noise: float,
     most_paths: float = math.inf,
+    levels: np.ndarray | None = None,
 ) -> Iterator[ReferenceSample]:
-    """Gather the reference at some receivers at all mobiles' poses, as gather_until() does; the last is the answer."""
+    """Gather the reference at some receivers at all mobiles' poses, as gather_until() does; the last is the answer.
+
+    levels (G, 3): of the lamps; None: those of the scene file.
+    """
     points, normals = (a[rows] for a in evaluation_points(model.surfaces, model.receivers_at(poses)))
-    rounds = ReferenceRounds(model.scene, points, normals, seed, weights, poses, model=model)
+    rounds = ReferenceRounds(model.scene, points, normals, seed, weights, poses, model=model, levels=levels)
     for reached in gather_until(rounds, weights, noise, most_paths):
         yield ReferenceSample(rows, weights, reached.state.mean, reached.noise, reached.fraction)

@@ -22,6 +22,7 @@ from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gathe
 from gi_core.geometry.error import luminance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
+from gi_core.lights.mix import sum_of_lamps
 from gi_core.model import Model
 
 ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation the error is within a percent
@@ -52,11 +53,12 @@ def _unbiased(E: np.ndarray, noise: float) -> Generator[bool, None, float]:
 
 
 class StaticGather:
-    """Irradiance of the static part's receivers without mobiles.
+    """Irradiance of the static part's receivers without mobiles, by lamp.
 
-    mean (n, 3) float64 [W/m2]: denoised irradiance. noise, left: its relative l1 noise before and after denoising, inf
-    before the first result. error: relative l1 error of `mean`, bias included. deviation (n,) [W/m2]: standard error of
-    its luminance. state: the whole paths, or None.
+    per_lamp (n, 3 G) float64 [W/m2]: denoised irradiance; mean (n, 3): of all lamps. noise, left: its relative l1 noise
+    before and after denoising, inf before the first result. error: relative l1 error of `mean`, bias included.
+    deviation (n,) [W/m2]: standard error of its luminance. state: the whole paths, or None. All errors are those at the
+    levels of the scene file.
     """
 
     def __init__(self, model: Model, seed: int, state: ReferenceState | None = None):
@@ -69,16 +71,32 @@ class StaticGather:
         self._paid = self.weights.copy()
         # Probes have no area but need light: they get the mean weight.
         self._paid[model.first_probe :] = self._paid.mean() if len(self._paid) else 0.0
-        self._model, self._seed = model, seed
+        self._model, self._seed, self._channels = model, seed, model.emitters.lamps.channels
         self._points = points[rows], normals[rows]
         self._final = FinalGather(model, seed, *self._points, self._paid)
         self._sample: ErrorSample | None = None
         self._near = neighbours(model.corners(0), rows.stop)
         self.state = state
-        self.mean, self.noise, self.deviation = np.zeros((0, 3)), float("inf"), np.zeros(0)
+        self.per_lamp, self.noise, self.deviation = np.zeros((0, 3)), float("inf"), np.zeros(0)
+        self._lamp_deviation = np.zeros((0, 1))  # (n, G) [W/m2], standard error of the luminance of each lamp's light
         self.left = self.error = float("inf")
         lit = len(self.weights) and len(model.emitters.kind)
         self._left = float("inf" if lit else "nan")  # noise of whole paths at the last complete round
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Irradiance (n, 3) [W/m2] at the levels of the scene file."""
+        return sum_of_lamps(self.per_lamp)
+
+    def deviation_at(self, levels: np.ndarray) -> np.ndarray:
+        """Return the standard error (n,) [W/m2] of the luminance at levels (G, 3) of the lamps.
+
+        It is `deviation`, scaled as if the errors of lamps were independent.
+        """
+        share = luminance(levels)
+        own, at = ((self._lamp_deviation * s) ** 2 for s in (1.0, share))
+        scale = np.divide(at.sum(axis=1), own.sum(axis=1), out=np.zeros(len(own)), where=own.sum(axis=1) > 0)
+        return self.deviation * np.sqrt(scale)
 
     @property
     def enough(self) -> bool:
@@ -93,8 +111,8 @@ class StaticGather:
     def steps(self, photons: Callable[[], np.ndarray | None]) -> Iterator[bool | None]:
         """Gather until it is enough, in steps of some 30 ms; yields True where `mean` is new.
 
-        photons() returns the current photon irradiance (n, 3) [W/m2] of these receivers, or None. The generator may be
-        dropped and restarted, with the same result.
+        photons() returns the current photon irradiance per lamp (n, 3 G) [W/m2] of these receivers, or None. The
+        generator may be dropped and restarted, with the same result.
         """
         if not self.enough:
             yield from self._single_bounces(photons)
@@ -108,7 +126,8 @@ class StaticGather:
         for new in f.steps(lambda: self._known(photons())):
             yield False
             if new and f.noise < self.noise:
-                yield from self._take_over(f.mean, f.standard_error, f.noise, self._measure)
+                found = f.per_lamp, f.standard_error, f.lamp_error, f.noise
+                yield from self._take_over(*found, self._measure)
             measured = new and self._sample is not None  # else the light before has less noise
             if not f.noise > LOW * ENOUGH or (
                 measured and self._sample.reference.error(f.mean) > math.sqrt(2) * f.noise
@@ -131,13 +150,15 @@ class StaticGather:
 
     def _whole_paths(self) -> Iterator[bool | None]:
         given = self._model.scene, *self._points, self._seed, self._paid
-        rounds = ReferenceRounds(*given, model=self._model, state=self.state, mobiles=False, rounds=ROUNDS)
+        more = {"model": self._model, "state": self.state, "mobiles": False, "rounds": ROUNDS, "per_lamp": True}
+        rounds = ReferenceRounds(*given, **more)
         looked_at = 1
         while not self.enough:
             if self.state is not None and (done := self.state.rounds) > looked_at:
                 looked_at, noise = done, self.state.noise(self.weights)
                 if noise < max(self.error, LOW * ENOUGH):
-                    yield from self._take_over(self.state.mean, self.state.standard_error, noise)
+                    mean, error = self.state.mean, self.state.standard_error
+                    yield from self._take_over(mean[:, -self._channels :], error[:, :3], error[:, 3:], noise)
                 self._left = noise
             else:
                 rounds.step()
@@ -145,29 +166,35 @@ class StaticGather:
                 yield False
 
     def _known(self, photons: np.ndarray) -> np.ndarray:
-        """Return the irradiance (n, 3) [W/m2] at the ends of single bounces: of the last pair, else of photons.
+        """Return the irradiance per lamp (n, 3 G) [W/m2] at the ends of single bounces: of the last pair, or photons.
 
         A black receiver lies inside another object, at a corner of faces that reach out of it; there photons still
         give the light nearby. The total is scaled to the photons', which is unbiased: interpolation between vertices
         loses light at every reflection.
         """
         last = self._final.last
-        out = np.where(luminance(last)[:, None] > 0, last, photons)
+        out = np.where((last > 0).any(axis=1)[:, None], last, photons)
         mine, theirs = self.weights @ out, self.weights @ photons
-        return out * np.divide(theirs, mine, out=np.ones(3), where=mine > 0)
+        return out * np.divide(theirs, mine, out=np.ones(len(mine)), where=mine > 0)
 
     def _take_over(
-        self, mean: np.ndarray, standard_error: np.ndarray, noise: float, error: Callable = _unbiased
-    ) -> Iterator[bool | None]:
-        """Denoise this light and store it as `mean`, in steps; the arrays must not change meanwhile.
+        self, per_lamp: np.ndarray, standard_error: np.ndarray, lamp_error: np.ndarray, noise: float,
+        error: Callable = _unbiased,
+    ) -> Iterator[bool | None]:  # fmt: skip
+        """Denoise this light and store it, in steps; the arrays must not change meanwhile.
 
-        error(E, noise): generator that returns the error of denoised light (n, 3) with so much noise left.
+        per_lamp (n, 3 G); standard_error (n, 3) of its sum; lamp_error (n, 3 G), or empty for one lamp. error(E,
+        noise): generator that returns the error of denoised light (n, 3) with so much noise left.
         """
-        found = yield from denoise(mean, standard_error, self.weights, self._near, self._seed, self._model.threads)
+        several = per_lamp if per_lamp.shape[1] > 3 else None
+        given = sum_of_lamps(per_lamp), standard_error, self.weights, self._near, self._seed, self._model.threads
+        found = yield from denoise(*given, several)
         denoised = found.irradiance.copy()
         left = found.share * noise
-        self.error = yield from error(denoised, left)
+        self.error = yield from error(sum_of_lamps(denoised), left)
         # Less noise is smoothed less, and bias is traded for noise: the noise left may rise while the error falls.
-        self.mean, self.noise, self.left = denoised, noise, min(self.left, left)
+        self.per_lamp, self.noise, self.left = denoised, noise, min(self.left, left)
         self.deviation = found.share * luminance(standard_error)
+        lamp_error = standard_error if several is None else lamp_error
+        self._lamp_deviation = found.share * luminance(lamp_error.reshape(len(denoised), self._channels // 3, 3))
         yield True

@@ -17,12 +17,12 @@ def _read_out(sums, scale, area, out):
     for r in range(len(area)):
         # Area 0: no light can reach the receiver, or it has no face.
         factor = scale / area[r] if area[r] > 0.0 else 0.0
-        for c in range(3):
+        for c in range(sums.shape[1]):
             out[r, c] = sums[r, c] * factor
 
 
 def irradiance(sums: np.ndarray, flux_unit: float, area: np.ndarray) -> np.ndarray:
-    """Return E (R, 3) [W/m2] of sums (R, 3) int64 of flux units [W] over areas (R,) [m2]; 0 where the area is 0."""
+    """Return E (R, n) [W/m2] of sums (R, n) of flux units [W] over areas (R,) [m2]; 0 where the area is 0."""
     out = np.empty(sums.shape)
     _read_out(sums, flux_unit, area, out)
     return out

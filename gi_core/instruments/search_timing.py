@@ -53,5 +53,5 @@ def _ready(solver: Solver, segments: Segments, radius: float) -> Lines:
 
 def search_run(search: Search, over: Lines) -> Callable[[], int]:
     """Return a call that adds the lines to scratch sums on one thread; it returns the number of intersections."""
-    sums = Sums.zeros(len(search.discs.positions))
+    sums = Sums.zeros(len(search.discs.positions), 3 + 3 * int(over.lamp.max(initial=0)))
     return lambda: search.accumulate(over, 1, sums)

@@ -15,6 +15,7 @@ from gi_core.base import random_numbers
 from gi_core.base.fixed_point import UNITS
 from gi_core.base.jit import kernel
 from gi_core.geometry.surfaces import Surfaces
+from gi_core.lights.lamps import Lamps, lamps_of, sky_name
 from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
 
 AREA, POINT, SPOT, DIRECTIONAL, SKY = range(5)
@@ -33,13 +34,41 @@ class Emitters(NamedTuple):
     parameters: np.ndarray  # (E, 12) float64
     face: np.ndarray  # (E,) int64, global face of an area emitter, else NO_FACE
     flux: np.ndarray  # (E, 3) float64 [W]
-    cdf: np.ndarray  # (E,) float64, running share of the largest channel of flux, ends at 1
+    cdf: np.ndarray  # (E,) float64, running share of the photons, ends at 1
     units: np.ndarray  # (E, 3) int64, flux of one photon of this emitter in fixed-point units
-    unit_flux: float  # watts per fixed-point unit, times the number of photons
+    unit_flux: float  # watts per fixed-point unit, times the number of photons, of a lamp of scale 1
+    scale: np.ndarray  # (G,) float64, of the unit of each lamp's photons; 1 where photons are shared by flux
+    lamp: np.ndarray  # (E,) int64, lamp of each emitter
+    lamps: Lamps
 
     @property
     def total_flux(self) -> np.ndarray:
         return self.flux.sum(axis=0)
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Share of each lamp of the photons, (G,)."""
+        return np.bincount(self.lamp, np.diff(self.cdf, prepend=0.0), self.lamps.count)
+
+    @property
+    def shares_of_flux(self) -> np.ndarray:
+        """Share of each lamp of the flux, (G,), by its largest channel."""
+        largest = self.flux.max(axis=1)
+        return np.bincount(self.lamp, largest, self.lamps.count) / largest.sum()
+
+    def shared(self, shares: np.ndarray) -> Emitters:
+        """Return emitters whose lamps emit these shares (G,) > 0 of the photons; they sum to 1. Fluxes stay."""
+        largest = self.flux.max(axis=1)
+        of_lamp = np.bincount(self.lamp, largest, self.lamps.count)
+        cdf = np.cumsum(shares[self.lamp] * (largest / of_lamp[self.lamp]))
+        cdf[-1] = 1.0
+        return self._replace(cdf=cdf, scale=self.shares_of_flux / shares)
+
+    def effective(self, levels: np.ndarray) -> float:
+        """Return the share of photons that count at levels (G, 3): 1 where each carries the same flux (Kish 1965)."""
+        shares, carried = self.shares, self.scale * levels.max(axis=1)
+        squares = float((shares * carried**2).sum())
+        return float((shares * carried).sum()) ** 2 / squares if squares > 0 else 1.0
 
 
 def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius: float) -> Emitters:
@@ -47,10 +76,11 @@ def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius:
 
     centre (3,) and radius [m]: the sphere that directional and sky light must cover; it starts on a disc of that size.
     """
-    kinds, parameters, faces, flux = [], [], [], []
+    kinds, parameters, faces, flux, names = [], [], [], [], []
 
-    def add(kind, values, emitted, face=NO_FACE):
+    def add(kind, values, emitted, name, face=NO_FACE):
         kinds.append(kind)
+        names.append(name)
         parameters.append(np.concatenate([values, np.zeros(12 - len(values))]))
         faces.append(face)
         flux.append(emitted)
@@ -61,32 +91,36 @@ def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius:
             corners = surfaces.vertices[0][surfaces.faces[0][f]].reshape(9)
             # A diffuse emitter sends pi Le per area: Le times the cosine, integrated over the hemisphere.
             emitted = math.pi * surfaces.areas[f] * surfaces.emission[f]
-            add(AREA, np.concatenate([corners, surfaces.normals[f]]), emitted, f)
+            material = scene.materials[scene.static.face_material[f]].name
+            add(AREA, np.concatenate([corners, surfaces.normals[f]]), emitted, material, f)
     for light in scene.lights:
         match light:
             case PointLight():
-                add(POINT, np.array(light.position, float), np.array(light.flux, float))
+                add(POINT, np.array(light.position, float), np.array(light.flux, float), light.name)
             case SpotLight():
                 ci, co = (math.cos(math.radians(a)) for a in (light.inner_degrees, light.outer_degrees))
                 values = np.concatenate([light.position, unit(light.direction), [ci, co]])
-                add(SPOT, values, np.array(light.intensity, float) * spot_solid_angle(ci, co))
+                add(SPOT, values, np.array(light.intensity, float) * spot_solid_angle(ci, co), light.name)
             case DirectionalLight():
                 d = unit(light.direction)
                 values = np.concatenate([d, centre - d * radius, [radius]])
-                add(DIRECTIONAL, values, np.array(light.irradiance, float) * math.pi * radius * radius)
+                add(DIRECTIONAL, values, np.array(light.irradiance, float) * math.pi * radius * radius, light.name)
             case SkyLight():
                 values = np.concatenate([unit(scene.up), centre, [radius]])
-                add(SKY, values, np.array(light.radiance, float) * 2 * math.pi * math.pi * radius * radius)
+                emitted = np.array(light.radiance, float) * 2 * math.pi * math.pi * radius * radius
+                add(SKY, values, emitted, sky_name(scene))
             case _:
                 assert_never(light)
-    return _distribution(kinds, parameters, faces, flux)
+    return _distribution(kinds, parameters, faces, flux, names)
 
 
-def _distribution(kinds, parameters, faces, flux) -> Emitters:
+def _distribution(kinds, parameters, faces, flux, names) -> Emitters:
     flux = np.array(flux, np.float64).reshape(-1, 3)
     largest = flux.max(axis=1, initial=0)
     lit = largest > 0
     flux, largest = flux[lit], largest[lit]
+    names = [name for name, is_lit in zip(names, lit, strict=True) if is_lit]
+    lamps = lamps_of(names, flux)
     total = float(largest.sum())
     cdf = np.cumsum(largest) / total if total > 0 else np.zeros(0)
     if len(cdf):
@@ -101,6 +135,9 @@ def _distribution(kinds, parameters, faces, flux) -> Emitters:
         cdf=cdf,
         units=units,
         unit_flux=total / UNITS,
+        scale=np.ones(lamps.count),
+        lamp=np.array([lamps.sources[name] for name in names], np.int64),
+        lamps=lamps,
     )
 
 
@@ -115,7 +152,7 @@ def spot_solid_angle(cos_inner: float, cos_outer: float) -> float:
 
 
 @kernel
-def _emit(seed, i, kind, parameters, face, cdf, units, origin, direction, flux, start, k):
+def _emit(seed, i, kind, parameters, face, cdf, units, lamps, origin, direction, flux, start, lamp, k):
     """Write photon i into row k."""
     u, v = random_numbers.position_numbers(seed, i)
     s, t = random_numbers.direction_numbers(seed, i)
@@ -164,25 +201,28 @@ def _emit(seed, i, kind, parameters, face, cdf, units, origin, direction, flux, 
     for c in range(3):
         flux[k, c] = units[e, c]
     start[k] = face[e] * 2 if face[e] >= 0 else NO_FACE
+    lamp[k] = lamps[e]
 
 
 @kernel
-def _emit_range(seed, first, kind, parameters, face, cdf, units, origin, direction, flux, start):
+def _emit_range(seed, first, kind, parameters, face, cdf, units, lamps, origin, direction, flux, start, lamp):
     for k in range(len(start)):
-        _emit(seed, first + k, kind, parameters, face, cdf, units, origin, direction, flux, start, k)
+        _emit(seed, first + k, kind, parameters, face, cdf, units, lamps, origin, direction, flux, start, lamp, k)
 
 
 def emit(emitters: Emitters, seed: int, first: int, count: int):
     """Emit photons first .. first + count - 1.
 
     Returns origin (n, 3) float32 [m], direction (n, 3) float32 unit, flux (n, 3) int32 in fixed-point
-    units, start (n,) int32 the side they leave (2 face + side, NO_FACE in free space).
+    units, start (n,) int32 the side they leave (2 face + side, NO_FACE in free space), lamp (n,) uint8.
     """
     origin = np.empty((count, 3), np.float32)
     direction = np.empty((count, 3), np.float32)
     flux = np.empty((count, 3), np.int32)
     start = np.empty(count, np.int32)
+    lamp = np.empty(count, np.uint8)
     if count:
         e = emitters
-        _emit_range(seed, first, e.kind, e.parameters, e.face, e.cdf, e.units, origin, direction, flux, start)
-    return origin, direction, flux, start
+        emitted = origin, direction, flux, start, lamp
+        _emit_range(seed, first, e.kind, e.parameters, e.face, e.cdf, e.units, e.lamp, *emitted)
+    return origin, direction, flux, start, lamp

@@ -20,6 +20,7 @@ from gi_core.base.hilbert_curve import hilbert_order
 from gi_core.base.jit import kernel
 from gi_core.base.vec import cross, difference, dot
 from gi_core.geometry.surfaces import Surfaces
+from gi_core.lights.lamps import Lamps, sky_name
 from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
 
 POINT, SPOT, DIRECTIONAL = range(3)
@@ -34,7 +35,8 @@ class AreaLights(NamedTuple):
     radiance: np.ndarray  # (A, 3) float64 Le [W/m2/sr]
     cdf: np.ndarray  # (A,) float64, cumulative probability of each face, ends at 1
     density: np.ndarray  # (A,) float64 [1/m2], probability density of a point on the face
-    lamp: np.ndarray  # (F,) int32, index of a global face among the area lights, -1: none
+    of_face: np.ndarray  # (F,) int32, index of a global face among the area lights, -1: none
+    lamp: np.ndarray  # (A,) int64
 
 
 class DeltaLights(NamedTuple):
@@ -43,6 +45,7 @@ class DeltaLights(NamedTuple):
     kind: np.ndarray  # (D,) int64
     parameters: np.ndarray  # (D, 8) float64: position (3), unit emission direction (3), cos inner, cos outer
     value: np.ndarray  # (D, 3) float64: intensity [W/sr], or irradiance on a facing plane [W/m2]
+    lamp: np.ndarray  # (D,) int64
 
 
 class Sky(NamedTuple):
@@ -50,18 +53,41 @@ class Sky(NamedTuple):
 
     up: np.ndarray  # (3,) float64 unit
     radiance: np.ndarray  # (3,) float64 [W/m2/sr]
+    lamp: int
 
 
 class Lights(NamedTuple):
-    """All lights of a scene, by sampling method."""
+    """All lights of a scene, by sampling method. Estimates have 3 channels per lamp."""
 
     area: AreaLights
     delta: DeltaLights
     sky: Sky
+    lamps: int
+
+    @property
+    def channels(self) -> int:
+        """Columns of estimates."""
+        return 3 * self.lamps
 
 
-def area_lights(surfaces: Surfaces) -> AreaLights:
-    """Collect the emissive faces in Hilbert-curve order, chosen in proportion to flux.
+def lights_of(scene: Scene, surfaces: Surfaces, lamps: Lamps, levels: np.ndarray | None = None) -> Lights:
+    """Collect the lights of a scene, apart by lamp; with levels (G, 3), all as one lamp at these levels."""
+    of_material = np.array([lamps.sources.get(m.name, 0) for m in scene.materials], np.int64)
+    of_face = of_material[scene.static.face_material]
+    of_light = np.array([lamps.sources.get(light.name, 0) for light in scene.lights], np.int64)
+    of_sky = lamps.sources.get(sky_name(scene), 0)
+    if levels is None:
+        return Lights(area_lights(surfaces, of_face), delta_lights(scene, of_light), sky_of(scene, of_sky), lamps.count)
+    emission = surfaces.emission.copy()
+    emission[surfaces.face_range(0)] *= levels[of_face]
+    delta, sky = delta_lights(scene, of_light), sky_of(scene)
+    delta = delta._replace(value=delta.value * levels[delta.lamp], lamp=np.zeros_like(delta.lamp))
+    sky = sky._replace(radiance=sky.radiance * levels[of_sky])
+    return Lights(area_lights(surfaces._replace(emission=emission)), delta, sky, 1)
+
+
+def area_lights(surfaces: Surfaces, lamp: np.ndarray | None = None) -> AreaLights:
+    """Collect the emissive faces in Hilbert-curve order, chosen in proportion to flux; lamp: of each static face.
 
     Samples are stratified over the cumulative probability. In this order each stratum is a compact patch of a lamp.
     """
@@ -73,18 +99,20 @@ def area_lights(surfaces: Surfaces) -> AreaLights:
     corners = surfaces.vertices[0][surfaces.faces[0][faces]]
     order = hilbert_order(corners.mean(axis=1))
     faces, corners = faces[order], corners[order].reshape(-1, 9)
-    lamp = np.full(len(power), -1, np.int32)
-    lamp[faces] = np.arange(len(faces))
+    of_face = np.full(len(power), -1, np.int32)
+    of_face[faces] = np.arange(len(faces))
+    lamp = np.zeros(len(faces), np.int64) if lamp is None else lamp[faces]
     share = power[faces] / power.sum() if len(faces) else np.zeros(0)
     cdf = np.cumsum(share)
     cdf[-1:] = 1.0
-    return AreaLights(corners, surfaces.normals[faces], emitted[faces], cdf, share / surfaces.areas[faces], lamp)
+    density = share / surfaces.areas[faces]
+    return AreaLights(corners, surfaces.normals[faces], emitted[faces], cdf, density, of_face, lamp)
 
 
-def delta_lights(scene: Scene) -> DeltaLights:
-    """Collect the delta lights of a scene."""
-    kind, parameters, value = [], [], []
-    for light in scene.lights:
+def delta_lights(scene: Scene, lamp: np.ndarray | None = None) -> DeltaLights:
+    """Collect the delta lights of a scene; lamp: of each of its lights."""
+    kind, parameters, value, lamps = [], [], [], []
+    for i, light in enumerate(scene.lights):
         row = np.zeros(8)
         match light:
             case PointLight():
@@ -105,17 +133,19 @@ def delta_lights(scene: Scene) -> DeltaLights:
             case _:
                 assert_never(light)
         parameters.append(row)
+        lamps.append(0 if lamp is None else lamp[i])
     return DeltaLights(
         np.array(kind, np.int64),
         np.array(parameters, np.float64).reshape(-1, 8),
         np.array(value, np.float64).reshape(-1, 3),
+        np.array(lamps, np.int64),
     )
 
 
-def sky_of(scene: Scene) -> Sky:
+def sky_of(scene: Scene, lamp: int = 0) -> Sky:
     """Return the sum of the sky lights of a scene; radiance 0 without any."""
     radiance = sum((np.array(s.radiance, float) for s in scene.lights if isinstance(s, SkyLight)), np.zeros(3))
-    return Sky(_unit(scene.up), radiance)
+    return Sky(_unit(scene.up), radiance, lamp)
 
 
 def _unit(v) -> np.ndarray:

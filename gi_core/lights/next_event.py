@@ -23,7 +23,7 @@ LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each
 class LightSamples(NamedTuple):
     """Light samples of P paths per start; s = n starts, or s = 1 where all starts share the same samples."""
 
-    lamp: np.ndarray  # (s, P) int64, emissive face; (s, 0) without area lights
+    face: np.ndarray  # (s, P) int64, emissive face; (s, 0) without area lights
     point: np.ndarray  # (s, P, 3) float64 [m], on the face
     density: np.ndarray  # (s, P) float64 [1/m2], probability density of the point
     pick: np.ndarray  # (s, P) float64 in [0, 1), picks a delta light; (s, 0) where every delta light is sampled
@@ -37,6 +37,7 @@ class Shadows(NamedTuple):
     direction: np.ndarray  # (n, 3) float32 unit
     limit: np.ndarray  # (n,) float32 [m], a little short of the light
     value: np.ndarray  # (n, 3) float64 irradiance where the path starts [W/m2]
+    lamp: np.ndarray  # (n,) int64
 
 
 def room_for_shadows(n: int) -> Shadows:
@@ -47,16 +48,17 @@ def room_for_shadows(n: int) -> Shadows:
         np.empty((n, 3), np.float32),
         np.empty(n, np.float32),
         np.empty((n, 3)),
+        np.empty(n, np.int64),
     )
 
 
 def light_samples(seed: int, m: int, vertex: int, path: np.ndarray, lights: Lights) -> LightSamples:
     """Sample points on lights at vertex `vertex` of paths (s, P) int64, stratified in sets of 2^m (see strata)."""
     s, paths = path.shape
-    lamps = paths if len(lights.area.cdf) else 0
+    faces = paths if len(lights.area.cdf) else 0
     picks = paths if len(lights.delta.kind) > paths else 0
     out = LightSamples(
-        np.empty((s, lamps), np.int64), np.empty((s, lamps, 3)), np.empty((s, lamps)), np.empty((s, picks))
+        np.empty((s, faces), np.int64), np.empty((s, faces, 3)), np.empty((s, faces)), np.empty((s, picks))
     )
     _sample(seed, m, vertex, path, lights.area, out)
     return out
@@ -65,10 +67,10 @@ def light_samples(seed: int, m: int, vertex: int, path: np.ndarray, lights: Ligh
 @kernel
 def _sample(seed, m, vertex, path, lights, out):
     for k in range(path.shape[0]):
-        for j in range(out.lamp.shape[1]):
+        for j in range(out.face.shape[1]):
             u = strata.uniform(seed, path[k, j], vertex, LIGHT_U, m)
             v = strata.uniform(seed, path[k, j], vertex, LIGHT_V, m)
-            out.lamp[k, j], out.density[k, j], point = _point_on_lamp(lights, u, v)
+            out.face[k, j], out.density[k, j], point = _point_on_lamp(lights, u, v)
             out.point[k, j, 0], out.point[k, j, 1], out.point[k, j, 2] = point
         for j in range(out.pick.shape[1]):
             out.pick[k, j] = strata.uniform(seed, path[k, j], vertex, SMALL_PICK, m)
@@ -81,16 +83,17 @@ def join_area(samples, ends, lights, gap, out):
     Ends that face away get no ray. Values [W/m2] of a start sum to P times its irradiance. Rays end `gap` [m] before
     the lamp.
     """
-    count, own = 0, len(samples.lamp) > 1
+    count, own = 0, len(samples.face) > 1
     for k in range(len(ends.row)):
         position, normal, s = ends.position[k], ends.normal[k], k if own else 0
-        for j in range(samples.lamp.shape[1]):
-            e, p = samples.lamp[s, j], samples.point[s, j]
+        for j in range(samples.face.shape[1]):
+            e, p = samples.face[s, j], samples.point[s, j]
             geometry, way, d = _arriving(difference(p, position), normal, lights.normal[e], samples.density[s, j])
             if geometry <= 0.0:
                 continue
             for c in range(3):
                 out.value[count, c] = ends.throughput[k, c] * lights.radiance[e, c] * geometry
+            out.lamp[count] = lights.lamp[e]
             _aim_ray(ends.row[k], position, way, max(d - gap, 0.0), out, count)
             count += 1
     return count
@@ -120,6 +123,7 @@ def join_delta(samples, paths, ends, lights, far, gap, first, out):
             for e in range(lamps):
                 if weight[e] > 0.0:
                     strength = paths * reached[e, 0]
+                    out.lamp[count] = lights.lamp[e]
                     _reach(row, position, throughput, reached[e], strength, lights.value[e], gap, out, count)
                     count += 1
             continue
@@ -132,6 +136,7 @@ def join_delta(samples, paths, ends, lights, far, gap, first, out):
                     if left < 0.0:
                         break
             strength = reached[chosen, 0] * (total / weight[chosen])
+            out.lamp[count] = lights.lamp[chosen]
             _reach(row, position, throughput, reached[chosen], strength, lights.value[chosen], gap, out, count)
             count += 1
     return count
@@ -145,12 +150,12 @@ def _reach(row, position, throughput, reached, strength, value, gap, out, count)
 
 
 @kernel
-def add_lit(row, value, blocked, total):
-    """Add the values of unblocked rays to their rows of `total` (n, 3)."""
+def add_lit(row, value, lamp, blocked, total):
+    """Add the values of unblocked rays to their rows of `total` (n, 3 G), each to the channels of its lamp."""
     for j in range(len(blocked)):
         if not blocked[j]:
             for c in range(3):
-                total[row[j], c] += value[j, c]
+                total[row[j], 3 * lamp[j] + c] += value[j, c]
 
 
 @inlined

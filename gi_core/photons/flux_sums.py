@@ -1,5 +1,6 @@
 """Integer flux sums of receivers: per thread, and of a frame (the background's plus the frame's changes).
 
+Sums are kept per lamp: red, green and blue of lamp g are columns 3 g .. 3 g + 2 of 3 G.
 Each thread adds to its own array and marks the chunks of receivers that it touches. A frame of few photons touches few
 chunks; only those are summed, cleared and read out.
 """
@@ -12,11 +13,12 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
+from gi_core.photons.paths import Segments
 
 CHUNK_BITS = 3  # a chunk is 8 receivers: 192 bytes of sums
 CHUNK = 1 << CHUNK_BITS
 CHUNK_GRAIN = 2048  # chunks per thread
-NOWHERE = np.empty(0, np.int64)
+NOWHERE = np.empty((0, 0), np.int64)
 NOT_ADDITIVE = -1  # the receiver's sums are not background - removed suffixes + new suffixes
 
 
@@ -42,54 +44,75 @@ class IntersectionLog(NamedTuple):
 class Sums(NamedTuple):
     """Flux sums of a range of receivers, the target of kernels."""
 
-    flux: np.ndarray  # (n, 3) int64, fixed-point units
+    flux: np.ndarray  # (n, 3 G) int64, fixed-point units
     touched: np.ndarray  # (chunks,) bool, of all receivers
     first: int  # the receiver of row 0 of `flux`
     log: IntersectionLog
 
     @classmethod
-    def zeros(cls, receivers: int) -> Sums:
-        return cls(np.zeros((receivers, 3), np.int64), np.zeros(chunks_of(receivers), bool), 0, IntersectionLog.of(0))
+    def zeros(cls, receivers: int, channels: int = 3) -> Sums:
+        return cls(
+            np.zeros((receivers, channels), np.int64), np.zeros(chunks_of(receivers), bool), 0, IntersectionLog.of(0)
+        )
 
     def of(self, rows: slice) -> Sums:
         """Return a view of the receivers in `rows`."""
         return self._replace(flux=self.flux[rows], first=self.first + rows.start)
 
 
+class CutFlux(NamedTuple):
+    """Flux of the cut photons at their cuts."""
+
+    flux: np.ndarray  # (G,) int64, fixed-point units, summed over channels
+    photons: np.ndarray  # (G,) int64
+
+    @classmethod
+    def none(cls, lamps: int) -> CutFlux:
+        """Return the flux of no photon."""
+        return cls(np.zeros(lamps, np.int64), np.zeros(lamps, np.int64))
+
+    def plus(self, kept_prefixes: Segments) -> CutFlux:
+        """Return this and the flux of more cut segments."""
+        flux, lamp = kept_prefixes.flux, kept_prefixes.lamp
+        more = [flux[lamp == g].sum(dtype=np.int64) for g in range(len(self.photons))]
+        return CutFlux(self.flux + more, self.photons + np.bincount(lamp, minlength=len(self.photons)))
+
+    def per_photon(self, levels: np.ndarray) -> float:
+        """Return the mean flux of a cut photon at levels (G,), summed over channels; each lamp counts by its flux."""
+        flux = self.flux * levels
+        total = max(flux.sum(), 1.0)
+        return float((flux / total * (flux / np.maximum(self.photons, 1))).sum())
+
+
 class Evaluated(NamedTuple):
     """Sums and areas of a frame (irradiance = sums / area), valid in the chunks that differ from the background."""
 
-    sums: np.ndarray  # (R, 3) int64, fixed-point units
+    sums: np.ndarray  # (R, 3 G) int64, fixed-point units
     area: np.ndarray  # (R,) float64 [m2]
     changed: np.ndarray  # (chunks,) bool
-    new_flux: np.ndarray  # (R,) int64, flux of new suffixes, summed over channels; or NOT_ADDITIVE
-    flux_per_cut: float  # mean flux units per cut photon, summed over channels
+    new_flux: np.ndarray  # (R, G) int64, of new suffixes, summed over channels; or NOT_ADDITIVE in the first column
+    cut: CutFlux
 
     @classmethod
-    def of_all(cls, sums: np.ndarray, area: np.ndarray, new_flux: np.ndarray, flux_per_cut: float) -> Evaluated:
+    def of_all(cls, sums: np.ndarray, area: np.ndarray, new_flux: np.ndarray, cut: CutFlux) -> Evaluated:
         """Return sums in which all chunks count as changed."""
-        return cls(sums, area, np.ones(chunks_of(len(area)), bool), new_flux, flux_per_cut)
-
-
-def mean_flux(flux: int, photons: int) -> float:
-    """Return `Evaluated.flux_per_cut` of `photons` cut photons with `flux` units in total."""
-    return flux / max(photons, 1)
+        return cls(sums, area, np.ones(chunks_of(len(area)), bool), new_flux, cut)
 
 
 class ThreadSums:
     """Zeroed sums, one per thread, allocated at first use."""
 
-    def __init__(self, receivers: int, threads: int):
-        self._receivers = receivers
+    def __init__(self, receivers: int, channels: int, threads: int):
+        self._shape = receivers, channels
         self._parts: list[Sums | None] = [None] * threads
 
     def __getitem__(self, thread: int) -> Sums:
         if self._parts[thread] is None:
-            self._parts[thread] = Sums.zeros(self._receivers)
+            self._parts[thread] = Sums.zeros(*self._shape)
         return self._parts[thread]
 
     def move_to(self, total: np.ndarray) -> None:
-        """Add all sums to `total` (R, 3) int64 and clear them. Integers: the order does not matter."""
+        """Add all sums to `total` (R, 3 G) int64 and clear them. Integers: the order does not matter."""
         for part in self._parts:
             if part is not None:
                 _move(part.touched, part.flux, total, NOWHERE, 0, len(part.touched))
@@ -102,29 +125,30 @@ def _move(touched, flux, total, new_flux, first, last):
         if touched[chunk]:
             touched[chunk] = False
             for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(flux))):
-                if len(new_flux):
-                    new_flux[r] += flux[r, 0] + flux[r, 1] + flux[r, 2]
-                for c in range(3):
-                    total[r, c] += flux[r, c]
-                    flux[r, c] = 0
+                for g in range(flux.shape[1] // 3):
+                    if len(new_flux):
+                        new_flux[r, g] += flux[r, 3 * g] + flux[r, 3 * g + 1] + flux[r, 3 * g + 2]
+                    for c in range(3 * g, 3 * g + 3):
+                        total[r, c] += flux[r, c]
+                        flux[r, c] = 0
 
 
 class FrameSums:
     """Sums of a frame: `added` to the background's sums per thread, and those of `new_suffixes`."""
 
-    def __init__(self, receivers: int, static: int, threads: int):
-        self._sums, self._static, self._threads = np.zeros((receivers, 3), np.int64), static, threads
-        self._new_flux = np.zeros(receivers, np.int64)
+    def __init__(self, receivers: int, channels: int, static: int, threads: int):
+        self._sums, self._new_flux = (np.zeros((receivers, n), np.int64) for n in (channels, channels // 3))
+        self._static, self._threads = static, threads
         self.clear()
 
     def clear(self) -> None:
         """Clear all that was added."""
-        self.added, self.new_suffixes = (ThreadSums(len(self._sums), self._threads) for _ in range(2))
+        self.added, self.new_suffixes = (ThreadSums(*self._sums.shape, self._threads) for _ in range(2))
 
-    def collect(self, background: np.ndarray, area: np.ndarray, kept_prefixes: np.ndarray) -> Evaluated:
-        """Return background sums (static receivers, 3) int64 plus all that was added, and clear the latter.
+    def collect(self, background: np.ndarray, area: np.ndarray, kept_prefixes: Segments) -> Evaluated:
+        """Return background sums (static receivers, 3 G) int64 plus all that was added, and clear the latter.
 
-        kept_prefixes: flux (n, 3) int32 of photons at their cuts. The sums are valid until the next call. Receivers
+        kept_prefixes: the cut segments. The sums are valid until the next call. Receivers
         on mobiles always count as changed.
         """
         changed = np.zeros(chunks_of(len(self._sums)), bool)
@@ -141,8 +165,8 @@ class FrameSums:
                 _move(part.touched, part.flux, self._sums, self._new_flux, first, last)
 
         run_ranges(work, len(changed), self._threads, CHUNK_GRAIN)
-        flux_per_cut = mean_flux(int(kept_prefixes.sum(dtype=np.int64)), len(kept_prefixes))
-        return Evaluated(self._sums, area, changed, self._new_flux, flux_per_cut)
+        cut = CutFlux.none(self._sums.shape[1] // 3).plus(kept_prefixes)
+        return Evaluated(self._sums, area, changed, self._new_flux, cut)
 
 
 @kernel
@@ -150,6 +174,7 @@ def _start(changed, background, sums, new_flux, first, last):
     for chunk in range(first, last):
         if changed[chunk]:
             for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(sums))):
-                new_flux[r] = 0
-                for c in range(3):
-                    sums[r, c] = background[r, c] if r < len(background) else 0
+                for g in range(new_flux.shape[1]):
+                    new_flux[r, g] = 0
+                    for c in range(3 * g, 3 * g + 3):
+                        sums[r, c] = background[r, c] if r < len(background) else 0

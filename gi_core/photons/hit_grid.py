@@ -32,6 +32,7 @@ class Hits(NamedTuple):
     photon: np.ndarray  # (n,) int64
     bounce: np.ndarray  # (n,) int32
     own: np.ndarray  # (n,) int32, 2 patch + side of the hit
+    lamp: np.ndarray  # (n,) uint8, lamp of the photon
 
 
 class Nearest(NamedTuple):
@@ -64,7 +65,7 @@ def hits_of(segments: Segments, world: World, patch: np.ndarray, at: Transforms)
     own = 2 * patch[s.hit_side >> 1] + (s.hit_side & 1)
     normal = np.empty((s.size, 3), np.float32)
     _side_normals(s.hit_side, world.normals, at.rotation, world.face_object, normal)
-    return Hits(s.hit, normal, s.flux, s.photon, s.bounce, own.astype(np.int32))
+    return Hits(s.hit, normal, s.flux, s.photon, s.bounce, own.astype(np.int32), s.lamp)
 
 
 @kernel
@@ -102,6 +103,7 @@ def build_steps(parts: list[Hits], cell: float):
         np.empty(n, np.int64),
         np.empty(n, np.int32),
         np.empty(n, np.int32),
+        np.empty(n, np.uint8),
     )
     cursor = first.copy()
     for p in parts:
@@ -142,13 +144,13 @@ def _count(position, low, cell, shape, first):
 
 @kernel
 def _scatter(part, low, cell, shape, cursor, out):
-    position, normal, flux, photon, bounce, own = part
-    position2, normal2, flux2, photon2, bounce2, own2 = out
+    position, normal, flux, photon, bounce, own, lamp = part
+    position2, normal2, flux2, photon2, bounce2, own2, lamp2 = out
     for k in range(len(photon)):
         c = _key(position[k, 0], position[k, 1], position[k, 2], low, cell, shape)
         h = cursor[c]
         cursor[c] += 1
-        photon2[h], bounce2[h], own2[h] = photon[k], bounce[k], own[k]
+        photon2[h], bounce2[h], own2[h], lamp2[h] = photon[k], bounce[k], own[k], lamp[k]
         for a in range(3):
             position2[h, a], normal2[h, a], flux2[h, a] = position[k, a], normal[k, a], flux[k, a]
 
@@ -214,7 +216,7 @@ def gather(point, facing, mine, radius, grid, tag, cut_bounce, heap, n):
     visited outwards until they lie behind the k-th hit. Hits of photon i from bounce cut_bounce[i] on are removed. A
     hit is stored as 2 index + tag.
     """
-    (position, normal, _, photon, bounce, own), low, cell, shape, first = grid
+    (position, normal, _, photon, bounce, own, _), low, cell, shape, first = grid
     if len(photon) == 0:
         return n
     cx, cy, cz = cell_of(point[0], low[0], cell), cell_of(point[1], low[1], cell), cell_of(point[2], low[2], cell)

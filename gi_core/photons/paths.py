@@ -27,6 +27,7 @@ class PathVertices(NamedTuple):
     position: np.ndarray  # (n, 3) float32 [m]
     side: np.ndarray  # (n,) int32, 2 face + (1 on the back), NONE in free space
     flux: np.ndarray  # (n, 3) int32, of the segment that leaves this vertex; 0 at the last vertex of a path
+    lamp: np.ndarray  # (N,) uint8, lamp of each photon
 
 
 class Segments(NamedTuple):
@@ -46,6 +47,7 @@ class Segments(NamedTuple):
     hit: np.ndarray  # (S, 3) float32 [m], where the part ends
     photon: np.ndarray  # (S,) int64
     bounce: np.ndarray  # (S,) int32, 0 for the segment that leaves the light
+    lamp: np.ndarray  # (S,) uint8, lamp of the photon
 
     @property
     def size(self) -> int:
@@ -66,6 +68,7 @@ class PathStore:
         self._position = np.empty((0, 3), np.float32)
         self._side = np.empty(0, np.int32)
         self._flux = np.empty((0, 3), np.int32)
+        self._lamp = np.empty(0, np.uint8)
         self.photons = 0
 
     def append(self, parts: Sequence[PathVertices], threads: int) -> None:
@@ -73,6 +76,7 @@ class PathStore:
         photons = np.cumsum([self.photons, *(len(p.offsets) - 1 for p in parts)])
         starts = np.cumsum([int(self._offsets[self.photons]), *(len(p.side) for p in parts)])
         self._offsets = grown(self._offsets, int(photons[-1]) + 1)
+        self._lamp = grown(self._lamp, int(photons[-1]))
         self._position, self._side, self._flux = (
             grown(a, int(starts[-1])) for a in (self._position, self._side, self._flux)
         )
@@ -80,8 +84,9 @@ class PathStore:
         def work(_, first, last):
             for k in range(first, last):
                 self._offsets[photons[k] + 1 : photons[k + 1] + 1] = parts[k].offsets[1:] + starts[k]
+                self._lamp[photons[k] : photons[k + 1]] = parts[k].lamp
                 rows = slice(starts[k], starts[k + 1])
-                self._position[rows], self._side[rows], self._flux[rows] = parts[k][1:]
+                self._position[rows], self._side[rows], self._flux[rows] = parts[k][1:4]
 
         run_ranges(work, len(parts), threads, 1)
         self.photons = int(photons[-1])
@@ -91,12 +96,14 @@ class PathStore:
         if self.photons and photons >= len(self._offsets):
             n = int(1.05 * photons * int(self._offsets[self.photons]) / self.photons)
             self._offsets = grown(self._offsets, photons + 1)
+            self._lamp = grown(self._lamp, photons)
             self._position, self._side, self._flux = (grown(a, n) for a in (self._position, self._side, self._flux))
 
     def prefix(self, photons: int) -> PathVertices:
         """Return views of the paths of the first `photons` photons."""
         n = int(self._offsets[photons])
-        return PathVertices(self._offsets[: photons + 1], self._position[:n], self._side[:n], self._flux[:n])
+        vertices = self._position[:n], self._side[:n], self._flux[:n]
+        return PathVertices(self._offsets[: photons + 1], *vertices, self._lamp[:photons])
 
     @property
     def room(self) -> int:
@@ -127,6 +134,7 @@ def empty_segments(n: int) -> Segments:
         hit=np.empty((n, 3), np.float32),
         photon=np.empty(n, np.int64),
         bounce=np.empty(n, np.int32),
+        lamp=np.empty(n, np.uint8),
     )
 
 
@@ -154,9 +162,9 @@ def interval(length, hits, eps):
 
 
 @kernel
-def _write(offsets, position, side, flux, eps, base, photon, k, row, out):
+def _write(offsets, position, side, flux, lamp, eps, base, photon, k, row, out):
     """Write the whole background segment that leaves vertex k of a photon to a row."""
-    origin, end, low, high, q, start_side, end_side, cut_side, hit, photons, bounce = out
+    origin, end, low, high, q, start_side, end_side, cut_side, hit, photons, bounce, lamps = out
     for c in range(3):
         origin[row, c] = position[k, c]
         end[row, c] = position[k + 1, c]
@@ -171,21 +179,22 @@ def _write(offsets, position, side, flux, eps, base, photon, k, row, out):
     cut_side[row] = NONE
     photons[row] = base + photon
     bounce[row] = k - offsets[photon]
+    lamps[row] = lamp[photon]
 
 
 @kernel
-def _write_photons(offsets, position, side, flux, eps, base, first, last, out):
+def _write_photons(offsets, position, side, flux, lamp, eps, base, first, last, out):
     row = 0
     for i in range(first, last):
         for k in range(offsets[i], offsets[i + 1] - 1):
-            _write(offsets, position, side, flux, eps, base, i, k, row, out)
+            _write(offsets, position, side, flux, lamp, eps, base, i, k, row, out)
             row += 1
 
 
 @kernel
-def _write_rows(offsets, position, side, flux, eps, photons, rows, first, last, out):
+def _write_rows(offsets, position, side, flux, lamp, eps, photons, rows, first, last, out):
     for j in range(first, last):
-        _write(offsets, position, side, flux, eps, 0, photons[j], rows[j], j, out)
+        _write(offsets, position, side, flux, lamp, eps, 0, photons[j], rows[j], j, out)
 
 
 def segments_of(paths: PathVertices, eps: np.float32, first: int, last: int, base: int = 0) -> Segments:

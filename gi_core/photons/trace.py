@@ -25,7 +25,10 @@ USUAL = 4  # segments per path in the first allocation
 
 
 class Fates(NamedTuple):
-    """Flux by fate, each (3,) int64 in fixed-point units; emitted = absorbed + escaped + truncated, exactly."""
+    """Flux by fate, each (3 G,) int64 in fixed-point units, red, green and blue of each of G lamps.
+
+    emitted = absorbed + escaped + truncated, exactly.
+    """
 
     emitted: np.ndarray
     absorbed: np.ndarray
@@ -36,12 +39,12 @@ class Fates(NamedTuple):
 _ABSORBED, _ESCAPED, _TRUNCATED = range(3)  # rows of the kernels' sums
 
 
-def no_flux() -> Fates:
-    return Fates(*(np.zeros(3, np.int64) for _ in range(4)))
+def no_flux(lamps: int) -> Fates:
+    return Fates(*(np.zeros(3 * lamps, np.int64) for _ in range(4)))
 
 
 def add_to(fates: Fates, sums: np.ndarray, sign: int = 1) -> None:
-    """Add `sign` times a kernel's sums (3, 3) int64 of flux absorbed, escaped and truncated to `fates`."""
+    """Add `sign` times a kernel's sums (3, 3 G) int64 of flux absorbed, escaped and truncated to `fates`."""
     for total, part in zip((fates.absorbed, fates.escaped, fates.truncated), sums, strict=True):
         total += sign * part
 
@@ -55,13 +58,14 @@ class PhotonRays(NamedTuple):
     direction: np.ndarray  # (n, 3) float32
     side: np.ndarray  # (n,) int32, side that the ray leaves, NONE in free space
     flux: np.ndarray  # (n, 3) int32
+    lamp: np.ndarray  # (n,) uint8
 
 
 @inlined
-def _scatter(seed, world, at, photon, vertex, side, flux, fates):
+def _scatter(seed, world, at, photon, vertex, side, flux, lamp, fates):
     """Scatter a photon at a side: return whether it survives, and its new direction.
 
-    `flux` (three int32) is updated; `fates` (3, 3) gets the absorbed rest. The survival probability is the largest
+    `flux` (three int32) is updated; `fates` (3, 3 G) gets the absorbed rest. The survival probability is the largest
     channel of rho, so no channel grows.
     """
     goes_on, dx, dy, dz = False, np.float32(0.0), np.float32(0.0), np.float32(0.0)
@@ -86,9 +90,9 @@ def _scatter(seed, world, at, photon, vertex, side, flux, fates):
             s = 1.0 if side & 1 == 0 else -1.0
             x, y, z = random_numbers.from_frame(x, y, z, s * nx, s * ny, s * nz)
             dx, dy, dz = np.float32(x), np.float32(y), np.float32(z)
-    fates[fate, 0] += flux[0] - a
-    fates[fate, 1] += flux[1] - b
-    fates[fate, 2] += flux[2] - c
+    fates[fate, 3 * lamp] += flux[0] - a
+    fates[fate, 3 * lamp + 1] += flux[1] - b
+    fates[fate, 3 * lamp + 2] += flux[2] - c
     return goes_on, dx, dy, dz, (a, b, c)
 
 
@@ -106,24 +110,24 @@ def _wait(rays, k, bounce, origin, direction, side, flux):
 
 def emitted_rays(emitters: Emitters, seed: int, first: int, count: int, fates: Fates) -> PhotonRays:
     """Return the emitted rays of photons first .. first + count - 1; adds their flux to `fates`."""
-    origin, direction, flux, side = emit(emitters, seed, first, count)
-    for c in range(3):
-        fates.emitted[c] += int(flux[:, c].astype(np.int64).sum())
+    origin, direction, flux, side, lamp = emit(emitters, seed, first, count)
+    for g in range(emitters.lamps.count):
+        fates.emitted[3 * g : 3 * g + 3] += flux[lamp == g].sum(axis=0, dtype=np.int64)
     photon = np.arange(first, first + count, dtype=np.int64)
-    return PhotonRays(photon, np.zeros(count, np.int32), origin, direction, side, flux)
+    return PhotonRays(photon, np.zeros(count, np.int32), origin, direction, side, flux, lamp)
 
 
 def trace_background(
     accelerator: Accelerator, world: World, static: Transforms, emitters: Emitters, seed: int, first: int, count: int
 ) -> tuple[PathVertices, Fates]:
     """Trace photons first .. first + count - 1 through the static part, in this thread."""
-    fates, offsets = no_flux(), np.zeros(count + 1, np.int64)
+    fates, offsets = no_flux(emitters.lamps.count), np.zeros(count + 1, np.int64)
     room = USUAL * count
     vertices = np.empty((room, 3), np.float32), np.empty(room, np.int32), np.empty((room, 3), np.int32)
     if not len(emitters.kind):
-        return PathVertices(offsets, *(a[:0] for a in vertices)), fates
+        return PathVertices(offsets, *(a[:0] for a in vertices), np.zeros(count, np.uint8)), fates
     rays, done, row = emitted_rays(emitters, seed, first, count, fates), 0, 0
-    ray, sums = new_ray(), np.zeros((3, 3), np.int64)
+    ray, sums = new_ray(), np.zeros((3, len(fates.emitted)), np.int64)
     while done < count:
         done, row = _trace_paths(
             accelerator.scenes, ray, world, static, seed, rays, done, row, offsets, *vertices, sums
@@ -131,7 +135,7 @@ def trace_background(
         if done < count:
             vertices = tuple(grown(a, 2 * len(a)) for a in vertices)
     add_to(fates, sums)
-    return PathVertices(offsets, *(a[: offsets[count]] for a in vertices)), fates
+    return PathVertices(offsets, *(a[: offsets[count]] for a in vertices), rays.lamp), fates
 
 
 @kernel
@@ -158,7 +162,7 @@ def _trace_paths(scenes, ray, world, at, seed, rays, done, row, offsets, positio
                 break
             x, y, z, own = static_end(scenes, ray, world, at, x, y, z, dx, dy, dz, own)
             vertex += 1
-            goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, own, q, fates)
+            goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, own, q, rays.lamp[k], fates)
         offsets[k + 1] = row
     return len(rays.photon), row
 
@@ -173,11 +177,11 @@ def reflected(
 
     Returns the positions (n, 3) float32 of the cuts and the rays of the surviving photons, in order.
     """
-    n, sums = kept_prefixes.size, np.zeros((3, 3), np.int64)
+    n, sums = kept_prefixes.size, np.zeros((3, len(fates.emitted)), np.int64)
     hit = np.empty((n, 3), np.float32)
     on = PhotonRays(
         np.empty(n, np.int64), np.empty(n, np.int32), *np.empty((2, n, 3), np.float32), np.empty(n, np.int32),
-        np.empty((n, 3), np.int32),
+        np.empty((n, 3), np.int32), np.empty(n, np.uint8),
     )  # fmt: skip
     count = _reflect(world, at, seed, kept_prefixes, cut, hit, on, sums)
     add_to(fates, sums)
@@ -194,8 +198,10 @@ def _reflect(world, at, seed, kept_prefixes, cut, hit, on, fates):
         hit[k, 0], hit[k, 1], hit[k, 2] = x, y, z
         q = kept_prefixes.flux[k, 0], kept_prefixes.flux[k, 1], kept_prefixes.flux[k, 2]
         vertex, side = np.int64(kept_prefixes.bounce[k] + 1), kept_prefixes.cut_side[k]
-        goes_on, dx, dy, dz, q = _scatter(seed, world, at, kept_prefixes.photon[k], vertex, side, q, fates)
+        lamp = kept_prefixes.lamp[k]
+        goes_on, dx, dy, dz, q = _scatter(seed, world, at, kept_prefixes.photon[k], vertex, side, q, lamp, fates)
         if goes_on:
+            on.lamp[n] = lamp
             on.photon[n], on.bounce[n], on.side[n] = kept_prefixes.photon[k], vertex, side
             on.origin[n, 0], on.origin[n, 1], on.origin[n, 2] = x, y, z
             on.direction[n, 0], on.direction[n, 1], on.direction[n, 2] = dx, dy, dz
@@ -211,7 +217,8 @@ def follow(
 
     Returns their segments, photon-major; each ends eps behind its hit.
     """
-    ray, sums, out = new_ray(), np.zeros((3, 3), np.int64), empty_segments(USUAL * len(rays.photon))
+    ray, sums = new_ray(), np.zeros((3, len(fates.emitted)), np.int64)
+    out = empty_segments(USUAL * len(rays.photon))
     done = row = 0
     while done < len(rays.photon):
         done, row = _follow(accelerator.scenes, ray, world, at, seed, eps, rays, done, out, row, sums)
@@ -236,7 +243,7 @@ def _follow(scenes, ray, world, at, seed, eps, rays, done, out, row, fates):
                 return k, row
             x, y, z, end_side = static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side)
             cut, cut_side = mobile_cut(scenes, ray, world, at, ox, oy, oz, x, y, z, side)
-            out.photon[row], out.bounce[row] = photon, vertex
+            out.photon[row], out.bounce[row], out.lamp[row] = photon, vertex, rays.lamp[k]
             out.origin[row, 0], out.origin[row, 1], out.origin[row, 2] = ox, oy, oz
             out.end[row, 0], out.end[row, 1], out.end[row, 2] = x, y, z
             out.flux[row, 0], out.flux[row, 1], out.flux[row, 2] = q[0], q[1], q[2]
@@ -253,5 +260,5 @@ def _follow(scenes, ray, world, at, seed, eps, rays, done, out, row, fates):
             row += 1
             vertex += 1
             ox, oy, oz = x, y, z
-            goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, side, q, fates)
+            goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, side, q, rays.lamp[k], fates)
     return len(rays.photon), row

@@ -77,7 +77,8 @@ def change(
             no_removed_suffixes(paths, model.eps),
             (nothing,) * (len(at.position) - 1) * wanted.mobiles,
         )
-        return PoseChange(at, photons, nothing, removed_suffixes, nothing, near, nothing, no_flux())
+        unchanged = no_flux(model.emitters.lamps.count)
+        return PoseChange(at, photons, nothing, removed_suffixes, nothing, near, nothing, unchanged)
 
     # Find the first segment of each photon that any mobile cuts.
     rows = candidate_segments(model, coarse, at, wanted, room)
@@ -161,7 +162,7 @@ def _new_suffixes(
     """
 
     def work(_, first, last):
-        part, fates = slice(first, last), no_flux()
+        part, fates = slice(first, last), no_flux(model.emitters.lamps.count)
         ended = Segments(*(a[part] for a in kept_prefixes))
         hit, rays = reflected(model.world, at, seed, ended, cut[part], fates)
         new_suffixes = follow(model.accelerator, model.world, at, seed, model.eps, rays, fates)
@@ -183,7 +184,7 @@ def current_segments(model: Model, at: Transforms, seed: int, first: int, count:
     """
 
     def work(_, a, b):
-        fates = no_flux()
+        fates = no_flux(model.emitters.lamps.count)
         rays = emitted_rays(model.emitters, seed, first + a, b - a, fates)
         return follow(model.accelerator, model.world, at, seed, model.eps, rays, fates), fates
 
@@ -191,37 +192,30 @@ def current_segments(model: Model, at: Transforms, seed: int, first: int, count:
     return concatenate(list(segments)), _together(fates)
 
 
-class CutFlux:
-    """Sum of the flux of photons at their cuts, from current segments traced from scratch."""
-
-    def __init__(self):
-        self.flux = self.count = 0
-
-    def split_off(self, segments: Segments) -> Segments:
-        """Add the flux at the cuts; return the segments behind cuts. segments: all current ones of some photons."""
-        cut = np.flatnonzero(segments.cut_side != NONE)
-        photon = segments.photon - segments.photon.min(initial=0)
-        first = np.full(photon.max(initial=-1) + 1, MAX_PATH, np.int64)
-        np.minimum.at(first, photon[cut], segments.bounce[cut])
-        kept_prefixes = cut[segments.bounce[cut] == first[photon[cut]]]
-        self.flux += int(segments.flux[kept_prefixes].sum(dtype=np.int64))
-        self.count += len(kept_prefixes)
-        return take(segments, segments.bounce > first[photon])
+def split_at_cuts(segments: Segments) -> tuple[Segments, Segments]:
+    """Return the cut segments, and those behind cuts; segments: all current ones of some photons."""
+    cut = np.flatnonzero(segments.cut_side != NONE)
+    photon = segments.photon - segments.photon.min(initial=0)
+    first = np.full(photon.max(initial=-1) + 1, MAX_PATH, np.int64)
+    np.minimum.at(first, photon[cut], segments.bounce[cut])
+    kept_prefixes = cut[segments.bounce[cut] == first[photon[cut]]]
+    return take(segments, kept_prefixes), take(segments, segments.bounce > first[photon])
 
 
 def _subtract_background_fates(removed_suffixes: RemovedSuffixes, fates: Fates) -> None:
     """Subtract the fates of the removed suffixes' flux from `fates`."""
-    sums, paths = np.zeros((3, 3), np.int64), removed_suffixes.paths
-    _fates_behind(paths.offsets, paths.side, paths.flux, removed_suffixes.photon, removed_suffixes.vertex, sums)
+    sums, paths = np.zeros((3, len(fates.emitted)), np.int64), removed_suffixes.paths
+    given = paths.offsets, paths.side, paths.flux, paths.lamp
+    _fates_behind(*given, removed_suffixes.photon, removed_suffixes.vertex, sums)
     add_to(fates, sums, -1)
 
 
 @kernel
-def _fates_behind(offsets, side, flux, photons, vertices, sums):
+def _fates_behind(offsets, side, flux, lamp, photons, vertices, sums):
     """Add the fates of background flux behind the given vertices to `sums`: flux lost per bounce, and at the end."""
     for j in range(len(photons)):
         end = offsets[photons[j] + 1] - 1
         fate = 1 if side[end] < 0 else (2 if end - offsets[photons[j]] >= MAX_PATH else 0)
         for c in range(3):
-            sums[0, c] += flux[vertices[j], c] - flux[end - 1, c]
-            sums[fate, c] += flux[end - 1, c]
+            sums[0, 3 * lamp[photons[j]] + c] += flux[vertices[j], c] - flux[end - 1, c]
+            sums[fate, 3 * lamp[photons[j]] + c] += flux[end - 1, c]

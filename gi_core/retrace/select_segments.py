@@ -63,11 +63,11 @@ def copy_selected(parts: list[tuple[Segments, np.ndarray]], threads: int) -> Seg
 
 @kernel
 def _copy(segments, rows, first, last, out):
-    origin, end, low, high, flux, start_side, end_side, cut_side, hit, photon, bounce = segments
-    origin_, end_, low_, high_, flux_, start_side_, end_side_, cut_side_, hit_, photon_, bounce_ = out
+    origin, end, low, high, flux, start_side, end_side, cut_side, hit, photon, bounce, lamp = segments
+    origin_, end_, low_, high_, flux_, start_side_, end_side_, cut_side_, hit_, photon_, bounce_, lamp_ = out
     for j in range(first, last):
         k = rows[j]
         for c in range(3):
             origin_[j, c], end_[j, c], hit_[j, c], flux_[j, c] = origin[k, c], end[k, c], hit[k, c], flux[k, c]
-        low_[j], high_[j], photon_[j], bounce_[j] = low[k], high[k], photon[k], bounce[k]
+        low_[j], high_[j], photon_[j], bounce_[j], lamp_[j] = low[k], high[k], photon[k], bounce[k], lamp[k]
         start_side_[j], end_side_[j], cut_side_[j] = start_side[k], end_side[k], cut_side[k]

@@ -46,7 +46,7 @@ class Twin:
     def _path(self, i: int, at):
         """Follow photon i until it ends."""
         m, world = self.model, self.model.world
-        origin, direction, flux, side = emit(m.emitters, self.seed, i, 1)
+        origin, direction, flux, side, _ = emit(m.emitters, self.seed, i, 1)
         q = [int(c) for c in flux[0]]
         for bounce in range(MAX_PATH):
             end, end_side = _static_end(m, at, origin, direction, side)
@@ -143,7 +143,7 @@ class Twin:
                 low_stop_high = (np.array([t], F32) for t in (s["low"], stop, high))
                 origin_and_way, flux = np.array([[points[0]], [d]], F32), np.zeros((1, 3), np.int32)
                 patches, touches = np.array([patches], np.int32), np.array([points], F32)
-                line = Lines(*origin_and_way, *low_stop_high, flux, patches, touches)
+                line = Lines(*origin_and_way, *low_stop_high, flux, np.zeros(1, np.uint8), patches, touches)
                 for j in near:
                     if not d[0] * n[j, 0] + d[1] * n[j, 1] + d[2] * n[j, 2] < 0:
                         continue

@@ -64,7 +64,7 @@ class ContactSearch:
             self._normals.append(np.ascontiguousarray(normals))
             yield
         n = len(self._origins[0])
-        nothing = np.zeros((n, 3), np.int32), np.arange(n), *(np.zeros(n, np.int32) for _ in range(2))
+        nothing = np.zeros((n, 3), np.int32), np.arange(n), *np.zeros((2, n), np.int32), np.zeros(n, np.uint8)
         self._grid: HitGrid = build(Hits(self._origins[0], self._origins[0], *nothing), 2 * self._radius)
         yield
         self._cells = yield from surface_cells(s.vertices[0], s.faces[0], 1.001 * self._radius)

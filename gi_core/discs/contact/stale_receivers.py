@@ -130,14 +130,14 @@ class ContactDiscs:
         return Discs(d.positions[rows], d.normals[rows], d.own[rows], alone, d.radius, region)
 
     def static_sums(self, parts, at: Transforms, contacts: PoseContacts) -> tuple[np.ndarray, np.ndarray]:
-        """Return stale receivers (n,) int64 and their sums (n, 3) int64 over parts (an iterable of Segments)."""
+        """Return stale receivers (n,) int64 and their sums (n, 3 G) int64 over parts (an iterable of Segments)."""
         rows = contacts.regions[0].rows
-        n = len(rows)
+        n, channels = len(rows), self.model.emitters.lamps.channels
         if not n:
-            return rows, np.zeros((0, 3), np.int64)
+            return rows, np.zeros((0, channels), np.int64)
         discs = self.static_discs(contacts)
         search = BruteForce(discs) if n <= FEW else DiscGrid(discs, np.flatnonzero(to_list(discs)))
-        sums = [Sums.zeros(n) for _ in range(self.model.threads)]
+        sums = [Sums.zeros(n, channels) for _ in range(self.model.threads)]
         for segments in parts:
 
             def work(thread, first, last, segments=segments):

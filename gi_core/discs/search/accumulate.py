@@ -30,7 +30,7 @@ def add_accepted(n, candidates, blocks, discs, lines, sign, sums):
         if i >= 0 and accepts(discs, i, centre, normal, lines, k):
             total += 1
             for c in range(3):
-                sums.flux[i, c] += sign * lines.flux[k, c]
+                sums.flux[i, 3 * lines.lamp[k] + c] += sign * lines.flux[k, c]
             sums.touched[(sums.first + i) >> CHUNK_BITS] = True
             if room > 0:
                 record(sums.log, k, i, centre, normal, lines)

@@ -58,6 +58,7 @@ class Lines(NamedTuple):
     stop: np.ndarray  # (S,) float32, where the segment ends ...
     high: np.ndarray  # (S,) float32, ... and where its extension behind the hit ends
     flux: np.ndarray  # (S, 3) int32
+    lamp: np.ndarray  # (S,) uint8, lamp of the photon
     patches: np.ndarray  # (S, 3) int32, 2 patch + side at start, static end, cut; NONE
     touches: np.ndarray  # (S, 3, 3) float32, those three points
 
@@ -112,6 +113,7 @@ def lines(segments: Segments, rotation, position, model: Model, radius: float) -
         s.high,
         np.empty(n, np.float32),
         s.flux,
+        s.lamp,
         np.empty((n, 3), np.int32),
         np.empty((n, 3, 3), np.float32),
     )

@@ -21,6 +21,7 @@ from gi_core.model import BEHIND
 from gi_core.photons.flux_sums import Sums
 
 COUNT = 600  # discs, and lines
+LAMPS = 3
 RADII = (0.003, 0.05, 0.4, 3.0)  # in a unit cube
 
 
@@ -71,12 +72,14 @@ def case(radius: float) -> SearchCase:
     high = stop + np.where(np.arange(COUNT) % 2, np.float32(2 * radius), np.float32(0))
     flux = rng.integers(1, 1 << 20, (COUNT, 3)).astype(np.int32)
     patches = rng.integers(-1, 8, (COUNT, 3)).astype(np.int32)
-    lines = Lines(a, d, np.full(COUNT, 1e-4, np.float32), stop, high, flux, patches, np.stack([a, b, b], axis=1))
+    lamp = rng.integers(0, LAMPS, COUNT).astype(np.uint8)
+    low, touches = np.full(COUNT, 1e-4, np.float32), np.stack([a, b, b], axis=1)
+    lines = Lines(a, d, low, stop, high, flux, lamp, patches, touches)
     return SearchCase(discs, lines)
 
 
 def found(search, c: SearchCase, parts: int = 1, sign: int = 1) -> tuple[int, np.ndarray, np.ndarray]:
-    sums = Sums.zeros(COUNT)
+    sums = Sums.zeros(COUNT, 3 * LAMPS)
     count = sum(search.accumulate(c.lines, sign, sums, part, parts) for part in range(parts))
     return count, sums.flux, sums.touched
 
@@ -111,7 +114,7 @@ def test_no_lines_and_no_discs(name):
     nothing = c._replace(lines=Lines(*(a[:0] for a in c.lines)))
     assert found(SEARCHES[name](c.discs), nothing)[0] == 0
     none = Discs(*(a[:0] for a in c.discs[:4]), c.discs.radius, Regions(*(a[:0] for a in c.discs.regions)))
-    assert SEARCHES[name](none).accumulate(c.lines, 1, Sums.zeros(COUNT)) == 0
+    assert SEARCHES[name](none).accumulate(c.lines, 1, Sums.zeros(COUNT, 3 * LAMPS)) == 0
 
 
 def test_batches_of_lines_are_the_whole():

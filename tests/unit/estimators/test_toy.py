@@ -19,7 +19,7 @@ from gi_core.discs.search import Search
 from gi_core.estimators import CHEAPEST, ESTIMATORS, Estimator
 from gi_core.estimators.setting import Setting
 from gi_core.model import Model
-from gi_core.photons.flux_sums import NOT_ADDITIVE, Evaluated
+from gi_core.photons.flux_sums import NOT_ADDITIVE, CutFlux, Evaluated
 from gi_core.photons.paths import Segments
 from gi_core.photons.prefixes import SubsetStore
 from gi_core.rays.accelerator import Transforms
@@ -78,17 +78,21 @@ class Toy:
         return self._read(self._sums_of(*parts))
 
     def _read(self, sums: np.ndarray) -> Evaluated:
-        return Evaluated.of_all(sums, self.area, np.full(len(sums), NOT_ADDITIVE), 0.0)
+        return Evaluated.of_all(
+            sums, self.area, np.full((len(sums), 1), NOT_ADDITIVE), CutFlux.none(self.model.emitters.lamps.count)
+        )
 
     def _sums_of(self, *parts: Segments) -> np.ndarray:
-        sums, s = np.zeros((len(self.area), 3), np.int64), self.model.surfaces
+        s, lamps = self.model.surfaces, self.model.emitters.lamps.count
+        sums = np.zeros((len(self.area), lamps, 3), np.int64)
         for segments in parts:
             hit = np.flatnonzero(segments.hit_side >= 0)
             face, back = segments.hit_side[hit] >> 1, segments.hit_side[hit] & 1 == 1
             corners = np.where(back[:, None], s.corner_back[face], s.corner_front[face])
             segment, corner = np.nonzero(corners >= 0)
-            np.add.at(sums, corners[segment, corner], segments.flux[hit[segment]])
-        return sums
+            at = corners[segment, corner], segments.lamp[hit[segment]]
+            np.add.at(sums, at, segments.flux[hit[segment]])
+        return sums.reshape(len(sums), 3 * lamps)
 
 
 @pytest.fixture(autouse=True)

@@ -7,7 +7,7 @@ import pytest
 
 from gi_core.frames.control_variate import frame_irradiance
 from gi_core.geometry.error import relative_error
-from gi_core.photons.flux_sums import CHUNK, NOT_ADDITIVE, Evaluated
+from gi_core.photons.flux_sums import CHUNK, NOT_ADDITIVE, CutFlux, Evaluated
 from gi_core.photons.prefixes import LOWEST
 from gi_core.scene import Pose, SceneError
 from gi_core.solver import Solver
@@ -80,13 +80,13 @@ def read_out(resting, better, frame, new_flux, flux_per_cut) -> np.ndarray:
     """Return the irradiance of one receiver of area 1; sums are in thousandths."""
     sums, background = np.zeros((2, CHUNK, 3), np.int64)
     sums[0], background[0] = int(1000 * frame), int(1000 * resting)
-    area, new = np.ones(CHUNK), np.zeros(CHUNK, np.int64)
+    area, new = np.ones(CHUNK), np.zeros((CHUNK, 1), np.int64)
     new[0] = NOT_ADDITIVE if new_flux == NOT_ADDITIVE else int(3000 * new_flux)
+    cut = CutFlux(np.array([int(3000 * flux_per_cut)]), np.array([1]))
     still, many = np.zeros((CHUNK, 3)), np.zeros((CHUNK, 3))
     still[0], many[0] = resting, better
-    out = frame_irradiance(
-        Evaluated(sums, area, np.array([True]), new, 3000 * flux_per_cut), 1e-3, background, still, many, threads=1
-    )
+    frame_sums, full = Evaluated(sums, area, np.array([True]), new, cut), np.ones((1, 3))
+    out = frame_irradiance(frame_sums, 1e-3, background, still, many, full, threads=1)
     assert not out[1:].any()
     return out[0]
 

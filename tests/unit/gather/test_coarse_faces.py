@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gi_core.gather.coarse_faces import conserving_reflectance
+from gi_core.gather.coarse_faces import CoarseFaces
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.scene.types import Mobile, PointLight, Pose, Scene
@@ -45,13 +45,16 @@ def test_reflectance_changes_only_on_coarse_faces_with_enough_photons():
     solver.solve()
     model, (paths, _) = solver.model, solver.frame.store.prefix(20_000)
     own, light = model.surfaces.reflectance, solver.irradiance
-    assert conserving_reflectance(model, paths, 1.0, light) is own
+    full = solver.levels
+    assert CoarseFaces.of(model, paths, 1.0).reflectance(model, light, full) is own
     # Impact counts conserve flux on average over neighbours: the scale is near 1, and inverse to the light given.
-    found = conserving_reflectance(model, paths, 0.1, light)
+    coarse = CoarseFaces.of(model, paths, 0.1)
+    found = coarse.reflectance(model, light, full)
     assert found == pytest.approx(own, rel=0.2)
-    assert conserving_reflectance(model, paths, 0.1, 2 * light) == pytest.approx(found / 2)
+    assert coarse.reflectance(model, 2 * light, full) == pytest.approx(found / 2)
+    assert coarse.reflectance(model, light, 0.5 * full) == pytest.approx(found / 2)
     few, _ = solver.frame.store.prefix(100)
-    assert np.array_equal(conserving_reflectance(model, few, 0.1, light), own)
+    assert np.array_equal(CoarseFaces.of(model, few, 0.1).reflectance(model, light, full), own)
 
 
 def test_two_sided_faces_share_one_scale():
@@ -62,6 +65,7 @@ def test_two_sided_faces_share_one_scale():
     solver = Solver(scene, photons=50_000, radius=0.5, estimator="impact_count")
     solver.solve()
     light = solver.irradiance[: solver.surfaces.receiver_range(0).stop]
-    found = conserving_reflectance(solver.model, solver.frame.store.prefix(50_000)[0], 1.0, light)
+    coarse = CoarseFaces.of(solver.model, solver.frame.store.prefix(50_000)[0], 1.0)
+    found = coarse.reflectance(solver.model, light, solver.levels)
     two_sided = np.flatnonzero(solver.surfaces.two_sided)
     assert len(two_sided) == 2 and found[two_sided].mean() == pytest.approx(0.5, rel=0.1)

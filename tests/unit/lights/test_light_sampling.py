@@ -40,11 +40,11 @@ def areas(lights) -> np.ndarray:
 def test_emissive_faces_lie_along_a_curve():
     model = room(downward(0.1, 0.1, 0.9, 0.4, 1, 16), downward(0.6, 0.6, 0.8, 0.2, 2, 4))
     lights, emission = area_lights(model.surfaces), model.surfaces.emission
-    lit = np.flatnonzero(lights.lamp >= 0)
+    lit = np.flatnonzero(lights.of_face >= 0)
     assert np.array_equal(lit, np.flatnonzero(emission.max(axis=1) > 0))
-    assert np.array_equal(lights.radiance[lights.lamp[lit]], emission[lit])
+    assert np.array_equal(lights.radiance[lights.of_face[lit]], emission[lit])
     faces = model.surfaces.vertices[0][model.surfaces.faces[0][lit]].reshape(-1, 9)
-    assert np.array_equal(lights.corners[lights.lamp[lit]], faces)
+    assert np.array_equal(lights.corners[lights.of_face[lit]], faces)
     assert np.allclose(np.diff(lights.cdf, prepend=0), areas(lights) * lights.density, rtol=1e-9)
     assert lights.cdf[-1] == 1.0
     # Of 512 faces of one lamp, 32 consecutive ones form a square, not a band from side to side.
@@ -65,9 +65,9 @@ def test_choice_is_a_density_and_prefers_lamps_facing_the_mobile():
     total = [share[plain.radiance[:, 0] == Le].sum() for Le in (1, 2, 3)]
     assert total[1] == pytest.approx(BY_FLUX * 2 / 6) and total[2] == pytest.approx(BY_FLUX * 3 / 6, rel=0.2)
     assert sum(total) == pytest.approx(1.0)
-    every = Lights(lights, delta_lights(model.scene), sky_of(model.scene))
+    every = Lights(lights, delta_lights(model.scene), sky_of(model.scene), 1)
     samples = light_samples(0, 10, 0, np.arange(1024)[None], every)
-    counted = np.bincount(samples.lamp[0], minlength=len(share)) / 1024
+    counted = np.bincount(samples.face[0], minlength=len(share)) / 1024
     assert np.allclose(counted, share, atol=2 / 1024)
 
 

@@ -1,0 +1,91 @@
+"""Lamps: the lights of a scene in groups by name. Light is linear in their levels: E = sum over lamps of c_g E_g.
+
+A lamp is a light of the scene file, or all faces of the static part with one emissive material. Lights that share a
+name are one lamp. All sky lights are one lamp, since a path that leaves the scene meets them together. A scene of more
+than MOST lamps keeps those of the largest flux; the others form one more.
+
+Arrays of light per lamp have 3 G columns: red, green and blue of each lamp in turn. So an array of one lamp has the
+shape of plain light.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.scene.errors import SceneError, shown
+from gi_core.scene.types import Scene, SkyLight
+
+MOST = 16
+OTHERS = "other lamps"
+BRIGHTEST = 1000.0  # times the flux of the scene file
+
+
+class Lamps(NamedTuple):
+    """Lamps of a scene."""
+
+    names: tuple[str, ...]  # (G,), at least one
+    sources: Mapping[str, int]  # lamp by name of light or emissive material
+
+    @property
+    def count(self) -> int:
+        """Number of lamps, G."""
+        return len(self.names)
+
+    @property
+    def channels(self) -> int:
+        """Columns of light per lamp, 3 G."""
+        return 3 * len(self.names)
+
+    def full(self) -> np.ndarray:
+        """Return the levels (G, 3) of the scene file: 1 everywhere."""
+        return np.ones((len(self.names), 3))
+
+    def changed(self, levels: np.ndarray, changes: Mapping[str, float | Sequence[float]], where: str) -> np.ndarray:
+        """Return levels (G, 3) with some lamps changed: name -> a factor >= 0, or three for RGB.
+
+        Raises SceneError, with `where` in front, for a name that no lamp has, and for a bad factor.
+        """
+        out = levels.copy()
+        for name, level in changes.items():
+            if name not in self.names:
+                raise SceneError(f"{where}: no lamp is called {shown(name)}; there is {_listed(self.names)}")
+            out[self.names.index(name)] = _checked(level, f"{where}: lamp {shown(name)}")
+        return out
+
+
+def _checked(level, where: str) -> np.ndarray:
+    try:
+        values = np.asarray(level, np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    good = values.shape in ((), (3,)) and np.isfinite(values).all() and (values >= 0).all()
+    if not (good and (values <= BRIGHTEST).all()):
+        rule = f"a level is a number from 0 to {BRIGHTEST:g}, or three of them for red, green and blue"
+        raise SceneError(f"{where}: {rule}, got {shown(level)}")
+    return values
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return ", ".join(f'"{name}"' for name in names) or "none"
+
+
+def sky_name(scene: Scene) -> str:
+    """Return the name that all sky lights share: that of the first."""
+    return next((light.name for light in scene.lights if isinstance(light, SkyLight)), "sky")
+
+
+def lamps_of(names: Sequence[str], flux: np.ndarray) -> Lamps:
+    """Return the lamps of emitters with these names and fluxes (E, 3) [W], in order of appearance."""
+    total: dict[str, float] = {}
+    for name, emitted in zip(names, flux, strict=True):
+        total[name] = total.get(name, 0.0) + float(emitted.max())
+    kept = sorted(total, key=lambda name: -total[name])[:MOST]
+    if len(total) == MOST + 1:
+        kept = list(total)  # one more lamp either way
+    order = [name for name in total if name in kept]
+    sources = {name: order.index(name) if name in kept else len(order) for name in total}
+    others = (OTHERS,) if len(order) < len(total) else ()
+    return Lamps((*order, *others) or ("no lamp",), sources)

@@ -1,0 +1,201 @@
+"""Lamps: light is linear in their levels, and dimming equals a scene built with dimmed lamps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gi_core.estimators import ESTIMATORS
+from gi_core.frames.background import Photons
+from gi_core.scene.errors import SceneError
+from gi_core.scene.pose import axis_angle
+from gi_core.scene.types import Material, Mobile, PointLight, Pose, Scene, SkyLight
+from gi_core.solver import Solver
+from tests.support.scene_builders import box, merge, quad, sphere
+
+pytestmark = pytest.mark.usefixtures("small_pilot")
+
+GIVEN = {"photons": 4000, "radius": 0.2, "neighbours": 12, "seed": 5}
+MOVED = {"box": Pose((0.35, 0.6, 0.0), axis_angle((0, 0, 1), 30.0)), "ball": Pose((0.5, 0.5, 0.3))}
+LAMPS = ("bulb", "firmament", "lamp", "strip")
+
+
+def room(levels=None, names=LAMPS) -> Scene:
+    """A room open to the sky with two area lamps, a bulb and two mobiles; levels: by lamp; names: of the lamps."""
+    level = dict.fromkeys(LAMPS, 1.0) | (levels or {})
+    bulb, sky, lamp, strip = names
+
+    def lit(colour, name):
+        return tuple(float(c) for c in np.multiply(colour, level[name]))
+
+    materials = (
+        Material("wall", (0.7, 0.6, 0.5)),
+        Material(lamp, (0.5, 0.5, 0.5), lit((3.0, 2.0, 1.0), "lamp")),
+        Material(strip, (0.2, 0.2, 0.2), lit((1.0, 2.0, 4.0), "strip")),
+    )
+    static = merge(
+        box((0, 0, 0), (1, 1, 1), 3, 0, inward=True),
+        quad((0.3, 0.3, 0.99), (0, 0.2, 0), (0.2, 0, 0), (1, 1), 1),
+        quad((0.01, 0.2, 0.6), (0, 0.5, 0), (0, 0, 0.1), (1, 1), 2),
+    )
+    mobiles = (
+        Mobile("box", box((-0.12, -0.12, 0), (0.12, 0.12, 0.24), 1, 0), Pose((0.6, 0.4, 0.0))),
+        Mobile("ball", sphere((0, 0, 0), 0.15, 1, 0), Pose((0.3, 0.7, 0.4))),
+    )
+    lights = (
+        PointLight(bulb, (0.8, 0.8, 0.7), lit((0.5, 0.5, 2.0), "bulb")),
+        SkyLight(sky, lit((0.3, 0.4, 0.5), "firmament")),
+    )
+    return Scene(static, materials, mobiles, lights, up=(0, 0, 1), name="room")
+
+
+def solved(scene: Scene, **more) -> Solver:
+    solver = Solver(scene, **GIVEN | more)
+    solver.solve()
+    return solver
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+def test_sums_of_lamps_equal_the_sums_without_lamps_integer_for_integer(estimator):
+    apart, together = solved(room(), estimator=estimator), solved(room(names=("light",) * 4), estimator=estimator)
+    assert apart.lamps.names == ("lamp", "strip", "bulb", "firmament") and together.lamps.names == ("light",)
+    for poses in ({}, MOVED):
+        found = []
+        for solver in (apart, together):
+            solver.move_all(poses)
+            estimate = solver.frame.background.estimate
+            sums = (estimate.evaluate(solver.frame.change).sums, estimate.background(GIVEN["photons"])[0])
+            found.append([s.reshape(len(s), -1, 3).sum(axis=1) for s in sums])
+        for a, b in zip(*found, strict=True):
+            np.testing.assert_array_equal(a, b)
+        assert np.array_equal(apart.irradiance, together.irradiance)
+    lit = [s.frame.fates["absorbed"] for s in (apart, together)]
+    assert lit[0] == pytest.approx(lit[1], rel=1e-12)
+
+
+def built(levels: dict[str, float], shares: np.ndarray, **more) -> Solver:
+    """Return a solver of the room with dimmed lamps, whose photons are shared as given."""
+    solver = Solver(room(levels), **GIVEN | more)
+    solver._first_frame._photons = Photons(solver.model.with_shares(shares), GIVEN["seed"])
+    solver.solve()
+    return solver
+
+
+@pytest.mark.parametrize("light", ["photons", "best"])
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+def test_dimming_equals_a_solver_built_with_those_fluxes(estimator, light):
+    levels = {"bulb": 0.25, "lamp": 2.0, "strip": 0.7, "firmament": 1.3}
+    shares = np.array([0.3, 0.2, 0.3, 0.2])
+    dimmed, fresh = built({}, shares, estimator=estimator), built(levels, shares, estimator=estimator)
+    dimmed.set_lamps(levels)
+    for solver in (dimmed, fresh):
+        solver.configure(light=light)
+        solver.solve()
+    for poses in ({}, MOVED):
+        for solver in (dimmed, fresh):
+            solver.move_all(poses)
+        assert dimmed.irradiance == pytest.approx(fresh.irradiance, rel=1e-11, abs=1e-14)
+        assert np.array_equal(dimmed.irradiance, dimmed.from_scratch())
+        assert not np.allclose(dimmed.irradiance, built({}, shares).irradiance, rtol=1e-2)
+
+
+def test_halving_all_lamps_halves_light_bit_for_bit():
+    solver, half = solved(room()), solved(room(dict.fromkeys(LAMPS, 0.5)))
+    solver.move_all(MOVED)
+    half.move_all(MOVED)
+    full = solver.irradiance.copy()
+    solver.set_lamps(dict.fromkeys(LAMPS, 0.5))
+    assert np.array_equal(solver.irradiance, 0.5 * full) and np.array_equal(half.irradiance, 0.5 * full)
+
+
+level = st.sampled_from([0.0, 0.25, 1.0, 2.0, (1.0, 0.5, 0.25), 0.3])
+dims = st.dictionaries(st.sampled_from(LAMPS), level, min_size=1, max_size=4)
+moves = st.sampled_from([{}, MOVED, {"box": MOVED["box"]}, {"ball": Pose((0.9, 0.9, 0.2))}])
+
+
+@settings(max_examples=12)
+@given(
+    st.lists(
+        st.tuples(st.one_of(dims, moves), st.sampled_from(list(ESTIMATORS)), st.sampled_from(["best", "photons"])),
+        min_size=1,
+        max_size=5,
+    )
+)
+def test_any_history_of_lamps_and_moves_equals_from_scratch(history):
+    solver = Solver(room(), **GIVEN | {"photons": 300})
+    solver.solve()
+    for change, estimator, light in history:
+        solver.configure(estimator=estimator, light=light)
+        solver.solve()
+        if set(change) <= set(MOVED):
+            solver.move_all(change)
+        else:
+            solver.set_lamps(change)
+        assert np.array_equal(solver.irradiance, solver.from_scratch())
+        assert (solver.irradiance >= 0).all() and np.isfinite(solver.irradiance).all()
+
+
+def test_light_of_lamps_adds_up_at_rest_and_in_frames():
+    solver = solved(room())
+    solver.move_all(MOVED)
+    whole, alone = solver.irradiance.copy(), np.zeros_like(solver.irradiance)
+    for name in LAMPS:
+        solver.set_lamps({other: float(other == name) for other in LAMPS})
+        alone += solver.irradiance
+    assert alone == pytest.approx(whole, rel=1e-12)
+    solver.set_lamps(dict.fromkeys(LAMPS, 0.0))
+    assert not solver.irradiance.any()
+
+
+def test_a_lamp_alone_is_traced_again_with_more_photons_and_less_noise():
+    def noise(solver: Solver) -> float:
+        E, near = solver.irradiance, truth.irradiance
+        return float(np.abs(E - near).sum() / near.sum())
+
+    dim = dict.fromkeys(LAMPS, 0.0) | {"bulb": 1.0}
+    truth = solved(room({n: 0.0 for n in LAMPS if n != "bulb"}), photons=200_000)
+    weak = room({"bulb": 0.05})
+    truth.set_lamps({"bulb": 0.05})
+    solver = solved(weak, photons=8000)
+    solver.set_lamps(dim)
+    before, few, picture = noise(solver), solver.effective_photons, solver.irradiance.copy()
+    assert few < 0.25 * 8000
+    shown = [solver.irradiance.copy() for p in solver.solve_steps() if not p.picture]
+    assert np.array_equal(shown[0], picture), "the picture stays until the new light is there"
+    assert solver.effective_photons > 0.8 * 8000
+    assert noise(solver) < 0.75 * before
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+    solver.set_lamps(dict.fromkeys(LAMPS, 1.0))
+    solver.solve()
+    assert np.array_equal(solver.irradiance, solved(weak, photons=8000).irradiance), "shared by flux again"
+
+
+@pytest.mark.parametrize(
+    "levels, rule",
+    [
+        ({"bulbs": 1.0}, 'no lamp is called \'bulbs\'; there is "lamp", "strip", "bulb", "firmament"'),
+        ({"bulb": -1.0}, "a level is a number from 0 to 1000"),
+        ({"bulb": float("nan")}, "a level is a number"),
+        ({"bulb": (1.0, 2.0)}, "three of them"),
+        ({"bulb": "on"}, "a level is a number"),
+    ],
+)
+def test_bad_levels_are_refused_and_change_nothing(levels, rule):
+    solver = Solver(room(), **GIVEN | {"photons": 300})
+    solver.solve()
+    before = solver.irradiance
+    with pytest.raises(SceneError, match=rule.replace("(", r"\(")):
+        solver.set_lamps(levels)
+    assert solver.irradiance is before and (solver.levels == 1).all()
+
+
+def test_a_scene_of_many_lamps_keeps_the_brightest_apart():
+    bulbs = tuple(PointLight(f"bulb {i}", (0.1 + 0.04 * i, 0.5, 0.9), (1.0 + i,) * 3) for i in range(20))
+    solver = Solver(replace(room(), lights=bulbs), **GIVEN | {"photons": 300})
+    names = solver.lamps.names
+    assert len(names) == 17 and names[-1] == "other lamps" and "bulb 19" in names and "bulb 0" not in names
+    assert solver.model.emitters.shares.sum() == pytest.approx(1.0)
