@@ -5,9 +5,9 @@ Only the standard library is imported at the top, so that `--help` and `--versio
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from gi_core.scene import Pose, Scene
@@ -27,6 +27,15 @@ ERRORS = "error"  # one more in the window: needs the reference, see app/rest/li
 SIZE = (1280, 800)
 BUDGET = 16.0  # [ms]: 60 frames per second
 STEP = 0.015  # of the scene size: motion of a mobile per timed frame, as in the report
+
+
+class LampSetting(NamedTuple):
+    """Level of a lamp: its light is that of the scene file times `dim` and `colour`."""
+
+    name: str
+    dim: float = 1.0
+    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    on: bool = True
 
 
 class UsageError(ValueError):
@@ -58,6 +67,8 @@ class Settings:
     search: str = "disc_index"  # a key of gi_core.discs.search.SEARCHES; pictures do not depend on it
     light: str | None = None  # one of LIGHTS; None: see `light_chosen`
     seed: int = 0
+    lamps: tuple[LampSetting, ...] = ()  # those that differ from the scene file
+    solo: str = ""  # the only lamp that is on; "": all that are on
 
     # Picture
     size: tuple[int, int] = SIZE  # pixels
@@ -81,6 +92,23 @@ class Settings:
         """Settings of the solver. While two estimators are compared, each shows the light of its own photons."""
         values = {name: getattr(self, name) for name in SOLVER_SETTINGS}
         return values | {"light": "photons" if self.compare not in ("", REFERENCE) else self.light_chosen}
+
+    def without_solo(self, names: Iterable[str]) -> Settings:
+        """Return settings of the same levels of these lamps, in which none is alone."""
+        if not self.solo:
+            return self
+        given = {name: LampSetting(name) for name in names} | {lamp.name: lamp for lamp in self.lamps}
+        lit = (lamp._replace(on=lamp.on and name == self.solo) for name, lamp in given.items())
+        return replace(self, lamps=tuple(lit), solo="")
+
+    def levels(self, names: Iterable[str]) -> dict[str, tuple[float, float, float]]:
+        """Return the level per channel of each of these lamps, and of those that are set."""
+        given = {name: LampSetting(name) for name in names} | {lamp.name: lamp for lamp in self.lamps}
+        lit = {name: lamp.on and self.solo in ("", name) for name, lamp in given.items()}
+        return {
+            name: tuple(lamp.dim * c * lit[name] for c in lamp.colour)  # type: ignore[misc]
+            for name, lamp in given.items()
+        }
 
     @property
     def light_chosen(self) -> str:
@@ -174,4 +202,5 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         border_correction=settings.border_correction,
         textbook=settings.textbook,
         light=settings.light_chosen,
+        lamps=settings.levels(()),
     )

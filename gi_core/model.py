@@ -115,6 +115,15 @@ class Model:
         return other
 
     @cached_property
+    def lamp_of_face(self) -> np.ndarray:
+        """Lamp of each emissive face, (F,) int32; 0 for all others."""
+        lamps, materials = self.emitters.lamps, self.scene.materials
+        out = np.zeros(len(self.surfaces.areas), np.int32)
+        of_material = np.array([lamps.sources.get(m.name, 0) for m in materials], np.int32)
+        out[self.surfaces.face_range(0)] = of_material[self.scene.static.face_material]
+        return out * (self.surfaces.emission.max(axis=1) > 0)
+
+    @cached_property
     def lights(self) -> Lights:
         """Lights for path tracing, apart by lamp."""
         return lights_of(self.scene, self.surfaces, self.emitters.lamps)

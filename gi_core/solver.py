@@ -37,13 +37,15 @@ class Solver:
 
     def __init__(
         self, scene: Scene, estimator: str = DEFAULT, photons: int | None = None, radius: float | None = None,
-        neighbours: int | None = None, seed: int = 0, threads: int | None = None, light: str = "photons", **others,
+        neighbours: int | None = None, seed: int = 0, threads: int | None = None, light: str = "photons",
+        lamps: Mapping[str, float | Sequence[float]] | None = None, **others,
     ):  # fmt: skip
         """Prepare a scene; nothing is traced except a small pilot trace for the defaults.
 
         photons: to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map; None: the scene file's value,
-        else by `gi_core.defaults.choose`; light: "photons" or "best", see `gi_core.frames.light_source`; others: fields
-        of `gi_core.estimators.setting.Setting` that differ from their defaults. Raises SceneError.
+        else by `gi_core.defaults.choose`; light: "photons" or "best", see `gi_core.frames.light_source`; lamps: levels
+        that differ from 1, see set_lamps(); others: fields of `gi_core.estimators.setting.Setting` that differ from
+        their defaults. Raises SceneError.
         """
         self.scene, self.seed = scene, checked("seed", seed, 0)
         self.model = Model(scene, checked("threads", threads))
@@ -56,6 +58,7 @@ class Solver:
         self.budget = FrameBudget()
         self._first_frame = FirstFrame(store, self.light_source, self.scene_size)
         self.configure(estimator=estimator, light=light, **others)
+        self.set_lamps(lamps or {})
 
     def configure(
         self, photons: int | None = None, light: str | None = None, prefix_only: bool | None = None, **changes
@@ -83,11 +86,6 @@ class Solver:
     def levels(self) -> np.ndarray:
         """Levels (G, 3) of the lamps: factors of red, green and blue, 1 as in the scene file."""
         return self.light_source.levels
-
-    @property
-    def effective_photons(self) -> int:
-        """Number of equally bright photons that bring as little noise as those of the last frame."""
-        return round(self.frame.photons * self.frame.store.model.emitters.effective(self.frame.levels))
 
     def set_lamps(self, levels: Mapping[str, float | Sequence[float]], stop: Callable[[], bool] | None = None) -> None:
         """Change levels of lamps by name: a factor >= 0, or three for red, green and blue; update irradiance.

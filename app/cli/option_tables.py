@@ -36,6 +36,8 @@ LIGHT: dict[str, dict[str, Any]] = {
               "help": "best: gathered along paths, on mobiles per frame and on the static part at rest (render waits"
                       " minutes for it); photons: the estimator alone, as in the report (photons with --estimator,"
                       " else best without that wait)"},
+    "lamps": {"action": "append", "type": values.lamp, "metavar": "NAME=LEVEL",
+              "help": "level of a lamp: 0.5, or r,g,b; `gi-viewer info` lists lamps"},
     "seed": {"type": values.seed, "metavar": "N", "help": "seed of the photons (0)"},
 }  # fmt: skip
 PICTURE: dict[str, dict[str, Any]] = {
@@ -57,7 +59,7 @@ WINDOW: dict[str, dict[str, Any]] = {
                "help": f"time for light per frame in motion ({Settings.budget:g})"},
 }  # fmt: skip
 ALL = SCENE | LIGHT | PICTURE | WINDOW
-FLAGS = {"mobiles": "mobile", "poses": "pose"}  # options whose name differs from their field of Settings
+FLAGS = {"mobiles": "mobile", "poses": "pose", "lamps": "lamp"}  # options named unlike their field of Settings
 
 
 def flag_of(field: str) -> str:

@@ -54,10 +54,11 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     Raises UsageError for an unknown estimator or search, SceneError for a bad saved scene.
     """
     given = {name: value for name, value in vars(arguments).items() if name in Settings.__dataclass_fields__}
-    given |= {name: tuple(given[name]) for name in ("mobiles", "poses") if name in given}
+    given |= {name: tuple(given[name]) for name in ("mobiles", "poses", "lamps") if name in given}
     settings = opened(Settings(scene=given.pop("scene")), given.get("allow_outside", False))
-    if "poses" in given:
-        given["poses"] = (*settings.poses, *given["poses"])
+    for name in ("poses", "lamps"):
+        if name in given:
+            given[name] = (*getattr(settings, name), *given[name])
     settings = replace(settings, **given)
     check_names(settings)
     return settings

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any
 
 from app.cli.option_tables import ALL, flag_of
 from app.cli.writable import write_whole
-from app.settings import Settings
+from app.settings import LampSetting, Settings
 
 if TYPE_CHECKING:
     from gi_core.scene import Camera, Pose
 
 HEADER = "# A scene with its poses, camera and settings, saved by gi-viewer.\n"
-KEYS = ("scene", "mobiles", "poses", "camera", "settings")
-ELSEWHERE = ("mobiles", "poses", "camera")  # not under [settings]
+KEYS = ("scene", "mobiles", "poses", "camera", "lamps", "settings")
+ELSEWHERE = ("mobiles", "poses", "camera", "lamps")  # not under [settings]
 MOST_BYTES = 4_000_000
 NOT_SAVED = ("allow_outside", "size")
 SAVED = tuple(field for field in ALL if field not in (*ELSEWHERE, *NOT_SAVED))
@@ -46,15 +46,15 @@ def command_line(settings: Settings) -> str:
         if option.get("action") in ("store_true", "store_false"):
             words.append(flag_of(field))
         else:
-            words += [
-                f"{flag_of(field)}={_word(field, v)}" for v in (value if field in ("mobiles", "poses") else [value])
-            ]
+            several = value if field in ("mobiles", "poses") else [value]
+            several = settings.levels(()).items() if field == "lamps" else several
+            words += [f"{flag_of(field)}={_word(field, v)}" for v in several]
     return shlex.join(words)
 
 
 def _word(field: str, value: Any) -> str:
     """Return a value as its option takes it."""
-    if field == "poses":
+    if field in ("poses", "lamps"):
         return f"{value[0]}={_word('', value[1])}"
     if field == "size":
         return f"{value[0]}x{value[1]}"
@@ -94,13 +94,17 @@ def read(path: str, allow_outside: bool = False) -> Settings:
     values = {field: _checked(field, value, table.where) for field, value in table.values.items()}
     places = Table(root.values.get("poses", {}), f"{path}: [poses]", tuple(root.values.get("poses", ())))
     poses = tuple((name, places.vector(name, 7)) for name in places.values)
+    levels = Table(root.values.get("lamps", {}), f"{path}: [lamps]", tuple(root.values.get("lamps", ())))
+    lamps = tuple(_lamp(levels, name) for name in levels.values)
     camera = None
     if "camera" in root:
         c = Table(root.values["camera"], f"{path}: [camera]", ("position", "target", "fov"))
         camera = (*c.vector("position"), *c.vector("target"), c.number("fov", above=0, below=180))
         _checked("camera", camera, c.where)
     scene, *others = (_found(name, file, boundary, path) for name in (root.text("scene"), *mobiles))
-    return Settings(document=path, scene=scene, mobiles=tuple(others), poses=poses, camera=camera, **values)
+    return Settings(
+        document=path, scene=scene, mobiles=tuple(others), poses=poses, camera=camera, lamps=lamps, **values
+    )
 
 
 def write(path: Path, settings: Settings) -> None:
@@ -117,7 +121,16 @@ def write(path: Path, settings: Settings) -> None:
         document["camera"] = {"position": list(eye[:3]), "target": list(eye[3:6]), "fov": eye[6]}
     if settings.poses:
         document["poses"] = {name: list(numbers) for name, numbers in settings.poses}
+    if lit := settings.levels(()):
+        document["lamps"] = {name: list(level) for name, level in lit.items()}
     write_whole(path, HEADER + tomli_w.dumps(document))
+
+
+def _lamp(levels, name: str) -> LampSetting:
+    """Return the level of a lamp: a number, or three for red, green and blue. Raises SceneError."""
+    several = isinstance(levels.values[name], list | tuple)
+    r, g, b = levels.vector(name, least=0) if several else (levels.number(name, least=0),) * 3
+    return LampSetting(name, r) if r == g == b else LampSetting(name, 1.0, (r, g, b))
 
 
 def _checked(field: str, value: Any, where: str) -> Any:

@@ -6,6 +6,8 @@ import argparse
 import math
 from pathlib import Path
 
+from app.settings import LampSetting
+
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
 LEAST_EXPOSURE, MOST_EXPOSURE = -64.0, 64.0  # EV; beyond, every picture is black or white
 
@@ -72,6 +74,16 @@ def value_range(text: str) -> tuple[float, float]:
     values = (finite(low), finite(high)) if comma else (0.0, 0.0)
     _require(0 <= values[0] < values[1], "LOW,HIGH with 0 <= LOW < HIGH", text)
     return values
+
+
+def lamp(text: str) -> LampSetting:
+    name, equals, numbers = text.rpartition("=")
+    try:
+        values = tuple(not_negative(n) for n in numbers.split(","))
+    except argparse.ArgumentTypeError:
+        values = ()
+    _require(name and equals and len(values) in (1, 3), "NAME=LEVEL or NAME=r,g,b, numbers 0 or more", text)
+    return LampSetting(name, values[0]) if len(values) == 1 else LampSetting(name, 1.0, values)  # type: ignore[arg-type]
 
 
 def pose(text: str) -> tuple[str, tuple[float, ...]]:

@@ -21,6 +21,7 @@ class DrawCall(NamedTuple):
     indices: int
     one_sided: bool
     texture: Texture | None
+    vertex: int  # one of its draw vertices
     emission: tuple[float, float, float]
 
 
@@ -84,6 +85,10 @@ class DrawnObject:
             self._owned += [thing for thing in self._layers[k] if thing is not None]
         return self._layers[k]
 
+    def dim(self, emission: np.ndarray) -> None:
+        """Set the emission (D, 3) [W/m2/sr] under textures."""
+        self._calls = [call._replace(emission=tuple(emission[call.vertex])) for call in self._calls]
+
     def upload(self, front: np.ndarray, back: np.ndarray, layer: int = 0, weights: np.ndarray | None = None) -> None:
         self._colours[:, :3] = front
         self._colours[:, 4:7] = back
@@ -139,11 +144,13 @@ class DrawnObject:
 
 
 def _draw_calls(mesh: DrawMesh) -> tuple[np.ndarray, list[DrawCall]]:
-    """Return an order of the triangles (F,) and its draw calls, by side, texture and emission."""
+    """Return an order of the triangles (F,) and its draw calls, by side, texture, emission and lamp."""
     corner = mesh.triangles[:, 0]
     kind = (mesh.back[corner] >= 0).astype(np.int64)
     if mesh.texture is not None:
-        under = np.where((mesh.texture >= 0)[:, None], mesh.emission, 0.0)[corner]
+        lamp = np.zeros(len(mesh.positions)) if mesh.lamp is None else mesh.lamp
+        glows = (mesh.texture >= 0) & mesh.emission.any(axis=1)
+        under = np.where(glows[:, None], np.column_stack([mesh.emission, lamp]), 0.0)[corner]
         glow = np.unique(under, axis=0, return_inverse=True)[1].reshape(-1) if under.any() else 0
         textures = len(mesh.textures) + 1
         kind = (kind * textures + mesh.texture[corner] + 1) * (np.max(glow) + 1) + glow
@@ -152,6 +159,6 @@ def _draw_calls(mesh: DrawMesh) -> tuple[np.ndarray, list[DrawCall]]:
     for one, count in zip(ones, counts, strict=True):
         v = corner[one]
         texture = None if mesh.texture is None or mesh.texture[v] < 0 else mesh.textures[mesh.texture[v]]
-        calls.append(DrawCall(first, 3 * int(count), bool(mesh.back[v] < 0), texture, tuple(mesh.emission[v])))
+        calls.append(DrawCall(first, 3 * int(count), bool(mesh.back[v] < 0), texture, int(v), tuple(mesh.emission[v])))
         first += 3 * int(count)
     return np.argsort(kind, kind="stable"), calls

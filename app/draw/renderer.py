@@ -99,6 +99,11 @@ class Renderer:
         """
         self._objects[o].upload(front, back, layer, weights)
 
+    def dim(self, meshes: tuple[DrawMesh, ...]) -> None:
+        """Set the emission of all objects to that of these meshes, which differ from set_scene()'s in nothing else."""
+        for mesh, drawn in zip(meshes, self._objects, strict=True):
+            drawn.dim(mesh.emission)
+
     def resize(self, width: int, height: int, samples: int | None = None) -> None:
         """Set the picture's size in pixels and release the old one, because moderngl frees nothing by itself."""
         samples = min(self.samples if samples is None else samples, self.ctx.max_samples)

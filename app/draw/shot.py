@@ -12,7 +12,7 @@ from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.legend import of_scale, with_legend
 from app.draw.metering import metered
 from app.draw.units import units_of
-from app.draw.vertex_colours import colours, draw_meshes, weights
+from app.draw.vertex_colours import DrawMesh, colours, dimmed, draw_meshes, weights
 from app.draw.white_balance import NEUTRAL, gains_for
 from app.settings import ILLUMINANCE, Settings
 
@@ -25,7 +25,7 @@ class Shot:
 
     def __init__(self, solver: Solver, settings: Settings) -> None:
         self.solver, self.settings = solver, settings
-        self.meshes = draw_meshes(solver.surfaces)
+        self._meshes = draw_meshes(solver.surfaces, solver.model.lamp_of_face)
         self.camera = home_camera(solver)
         flux = solver.model.emitters.total_flux
         self.gains = gains_for(flux) if settings.white_balance else NEUTRAL
@@ -33,6 +33,11 @@ class Shot:
         self.exposure = settings.exposure
         if self.exposure is None:
             self.exposure = solver.scene.defaults.exposure
+
+    @property
+    def meshes(self) -> tuple[DrawMesh, ...]:
+        """Draw meshes, the static part first; lamps emit at the solver's levels."""
+        return dimmed(self._meshes, self.solver.levels)
 
     def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
         """Return linear radiance of front and back (D, 3) of object o."""

@@ -30,23 +30,31 @@ class DrawMesh(NamedTuple):
     texture: np.ndarray | None = None  # (D,) int32 into textures, -1: none; a triangle's vertices agree
     uv: np.ndarray | None = None  # (D, 2) float32
     texel: np.ndarray | None = None  # (D, 3) float64, mean of the texture around the vertex, 1 without texture
+    lamp: np.ndarray | None = None  # (D,) int32, of emissive vertices; None: all are the first lamp
 
 
-def draw_meshes(surfaces: Surfaces) -> tuple[DrawMesh, ...]:
-    """Return one DrawMesh per object: the static part, then the mobiles in order."""
-    return tuple(_draw_mesh(surfaces, o) for o in range(len(surfaces.vertices)))
+def draw_meshes(surfaces: Surfaces, lamp: np.ndarray | None = None) -> tuple[DrawMesh, ...]:
+    """Return one DrawMesh per object: the static part, then the mobiles in order; lamp (F,): of emissive faces."""
+    lamp = np.zeros(len(surfaces.areas), np.int32) if lamp is None else lamp
+    return tuple(_draw_mesh(surfaces, lamp, o) for o in range(len(surfaces.vertices)))
+
+
+def dimmed(meshes: tuple[DrawMesh, ...], levels: np.ndarray) -> tuple[DrawMesh, ...]:
+    """Return the meshes with emission at levels (G, 3) of the lamps."""
+    lit = (m.emission * levels[0 if m.lamp is None else m.lamp] for m in meshes)
+    return tuple(m._replace(emission=emission) for m, emission in zip(meshes, lit, strict=True))
 
 
 def part_of(mesh: DrawMesh, faces: np.ndarray) -> DrawMesh:
     """Return the mesh of some faces (n,) in their order, each with its own vertices."""
     rows = mesh.triangles[faces].reshape(-1)
-    per_vertex = ("positions", "front", "back", "reflectance", "emission", "texture", "uv", "texel")
+    per_vertex = ("positions", "front", "back", "reflectance", "emission", "lamp", "texture", "uv", "texel")
     values = {name: getattr(mesh, name) for name in per_vertex}
     values = {name: None if a is None else a[rows] for name, a in values.items()}
     return mesh._replace(triangles=np.arange(len(rows), dtype=np.int32).reshape(-1, 3), **values)
 
 
-def _draw_mesh(surfaces: Surfaces, o: int) -> DrawMesh:
+def _draw_mesh(surfaces: Surfaces, lamp: np.ndarray, o: int) -> DrawMesh:
     faces = surfaces.faces[o]
     of = slice(int(surfaces.first_face[o]), int(surfaces.first_face[o + 1]))
     front, back = surfaces.corner_front[of].reshape(-1), surfaces.corner_back[of].reshape(-1)
@@ -55,12 +63,12 @@ def _draw_mesh(surfaces: Surfaces, o: int) -> DrawMesh:
         none = np.zeros(0, np.int32)
         return DrawMesh(np.zeros((0, 3), np.float32), faces, none, none, np.zeros((0, 3)), np.zeros((0, 3)))
 
-    paint, emission = surfaces.paint[o], surfaces.emission[of]
+    paint, emission, lamp = surfaces.paint[o], surfaces.emission[of], lamp[of]
     if paint is None:
-        plain = np.concatenate([surfaces.reflectance[of], emission], axis=1)
+        plain = np.concatenate([surfaces.reflectance[of], emission, lamp[:, None]], axis=1)
         kind = np.repeat(_alike(plain), 3)
     else:
-        kind = _painted_kind(paint, _alike(emission))
+        kind = _painted_kind(paint, _alike(np.concatenate([emission, lamp[:, None]], axis=1)))
     # In pairs: four numbers together exceed 64 bits.
     draw = group_of((group_of((corner, front)), group_of((back, kind))))
     first = np.empty(int(draw.max()) + 1, np.int64)
@@ -73,6 +81,7 @@ def _draw_mesh(surfaces: Surfaces, o: int) -> DrawMesh:
         back=back[first].astype(np.int32),
         reflectance=reflectance[first // 3] if paint is None else _tints(paint)[first],
         emission=emission[first // 3],
+        lamp=lamp[first // 3],
     )
     if paint is None or not (paint.face_texture >= 0).any():
         return mesh

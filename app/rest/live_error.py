@@ -117,7 +117,7 @@ class LiveError:
             reference.keep()
 
     def _key(self, poses: Mapping[str, Pose], everywhere: bool) -> tuple:
-        return tuple(sorted(poses.items())), everywhere or self._few
+        return tuple(sorted(poses.items())), everywhere or self._few, self._solver.levels.tobytes()
 
     def _measure(self) -> None:
         """Time a frame of all photons TIMED_FRAMES times, then compute one of a subset, one frame per call."""

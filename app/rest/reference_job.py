@@ -27,8 +27,8 @@ class ReferenceJob:
 
         self.rows, self.weights = rows, weights  # (n,) receivers and their weights: area, or number of draws
         self.picture: ReferencePicture | None = None  # None before the first step
-        self._store = ReferenceStore(solver.model, poses, rows, weights=weights)
-        self._is_kept = dict(poses) == solver.model.start_poses()
+        self._store = ReferenceStore(solver.model, poses, rows, weights=weights, levels=solver.levels)
+        self._is_kept = dict(poses) == solver.model.start_poses() and bool((solver.levels == 1).all())
         self._gathered = self._store.rounds(even, self._is_kept)
         self._saved = self.rounds
         self.noise = self._gathered.state.noise(weights)  # relative, l1

@@ -40,9 +40,9 @@ def reference_folder() -> Path:
 class StateFile:
     """The state of a run at some points, in a file."""
 
-    def __init__(self, key: str, points: int, folder: Path | None) -> None:
+    def __init__(self, key: str, points: int, folder: Path | None, channels: int = 3) -> None:
         self.path = (reference_folder() if folder is None else folder) / f"{key}.npz"
-        self._points = points
+        self._shape = points, channels
 
     def load(self) -> ReferenceState | None:
         """Return the stored state; None without a readable file."""
@@ -53,7 +53,7 @@ class StateFile:
             return None
         except (zipfile.BadZipFile, zlib.error):
             return None
-        empty = ReferenceState.empty(self._points)
+        empty = ReferenceState.empty(*self._shape)
         fits = all((a.shape, a.dtype) == (b.shape, b.dtype) for a, b in zip(state, empty, strict=True))
         return state if fits else None
 
@@ -82,9 +82,14 @@ class StaticStore(StateFile):
     def __init__(self, model: Model, seed: int, folder: Path | None = None) -> None:
         s, rows, faces = model.surfaces, model.surfaces.receiver_range(0), model.surfaces.face_range(0)
         r = model.object_receivers
+        arrays: tuple[np.ndarray, ...]
         arrays = s.vertices[0], s.faces[0], s.reflectance[faces], s.emission[faces], s.two_sided[faces]
+        lamps = model.emitters.lamps
+        if lamps.count > 1:  # light per lamp follows the sum
+            arrays = *arrays, np.array([lamps.sources.get(light.name, 0) for light in model.scene.lights])
+            arrays = *arrays, model.lamp_of_face[faces]
         key = _digest(model, seed, "static", *arrays, r.positions[rows], r.normals[rows], r.areas[rows])
-        super().__init__(key, rows.stop, folder)
+        super().__init__(key, rows.stop, folder, 3 + lamps.channels * (lamps.count > 1))
 
 
 class ReferenceStore(StateFile):
@@ -98,11 +103,14 @@ class ReferenceStore(StateFile):
         seed: int = REFERENCE_SEED,
         folder: Path | None = None,
         weights: np.ndarray | None = None,
+        levels: np.ndarray | None = None,
     ) -> None:
         """`poses`: poses that differ from the scene's; `rows` (n,): receivers, default all.
 
-        `weights` (n,): weight of each receiver, default its area; the number of paths follows the weight.
+        `weights` (n,): weight of each receiver, default its area; the number of paths follows the weight. `levels`
+        (G, 3): of the lamps, default those of the scene file.
         """
+        self.levels = model.emitters.lamps.full() if levels is None else levels
         self.model, self.seed = model, int(seed)
         self.poses = model.start_poses() | dict(poses or {})
         receivers = model.receivers_at(self.poses)
@@ -116,7 +124,17 @@ class ReferenceStore(StateFile):
         """Return the hash of all inputs."""
         s = self.model.surfaces
         poses = np.array([[*self.poses[name].position, *self.poses[name].quaternion] for name in self.model.names])
-        arrays = (*s.vertices, *s.faces, s.reflectance, s.emission, s.two_sided, self.positions, self.normals)
+        arrays: tuple[np.ndarray, ...] = (
+            *s.vertices,
+            *s.faces,
+            s.reflectance,
+            s.emission,
+            s.two_sided,
+            self.positions,
+            self.normals,
+        )
+        if (self.levels != 1).any():
+            arrays = *arrays, self.levels, self.model.lights_at(self.levels).area.radiance
         return _digest(self.model, self.seed, "at poses", poses, *arrays, self.weights)
 
     def rounds(self, even: bool = False, load: bool = True) -> ReferenceRounds:
@@ -124,7 +142,7 @@ class ReferenceStore(StateFile):
         state = self.load() if load else None
         weights = None if even and state is None else self.weights
         given = self.model.scene, self.positions, self.normals, self.seed, weights, self.poses
-        return ReferenceRounds(*given, model=self.model, state=state)
+        return ReferenceRounds(*given, model=self.model, state=state, levels=self.levels)
 
     def gather(self, error: float) -> Iterator[Reached]:
         """Gather until the noise is at most `error` (0.01: 1 %), as gather_until() does.

@@ -112,7 +112,8 @@ class Opening:
         scene = self._load(self.settings)
         self._stop_if_cancelled()
         solver = make_solver(scene, self.settings)
-        meshes, picker = draw_meshes(solver.surfaces), Picker(solver.surfaces, solver.model.origins)
+        meshes = draw_meshes(solver.surfaces, solver.model.lamp_of_face)
+        picker = Picker(solver.surfaces, solver.model.origins)
         for _ in load(solver) if solver.light == "best" else ():
             self._stop_if_cancelled()
         self.phase, self.detail = TRACING, ""

@@ -63,8 +63,11 @@ class Picture(NamedTuple):
             "camera": f"position {_numbers(view.position)} target {_numbers(view.target)} "
             f"vertical_fov_degrees {view.vertical_fov_degrees:.6g}",
         }
+        lamps = {f"lamp {name}": _numbers(level) for name, level in s.levels(()).items()}
+        if s.solo:
+            lamps["solo"] = s.solo
         poses = {f"pose {name}": _numbers((*p.position, *p.quaternion)) for name, p in snapshot.poses.items()}
-        return {key: str(value) for key, value in (entries | poses).items()}
+        return {key: str(value) for key, value in (entries | poses | lamps).items()}
 
 
 def metadata_of(shot: Shot) -> dict[str, str]:

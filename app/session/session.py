@@ -26,6 +26,7 @@ from gi_core.scene.pose import pose_at
 
 if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
     from app.draw.picking import Picker
+    from app.draw.vertex_colours import DrawMesh
     from gi_core.defaults.choose import Chosen
     from gi_core.model import Model
     from gi_core.scene import Scene
@@ -60,7 +61,9 @@ class Session:
         self.model: Model
         self.chosen: Chosen
         self.gains: Gains = NEUTRAL  # of the white balance
-        self.meshes: tuple = ()
+        self._meshes: tuple[DrawMesh, ...] = ()
+        self._dimmed = settings.lamps, settings.solo  # in the light on show, or asked for
+        self._lit: tuple[np.ndarray | None, tuple[DrawMesh, ...]] = None, ()  # levels, and the meshes at these
         self.picker: Picker | None = None
         self.dragging = False
         self.before_drag: dict[str, Pose] = {}  # poses when the drag, or playing, began
@@ -77,6 +80,16 @@ class Session:
         self._moved_at = 0.0
         self._path_time = 0.0
         self._paths: dict = {}
+
+    @property
+    def meshes(self) -> tuple[DrawMesh, ...]:
+        """Draw meshes, the static part first; lamps emit at the levels of the light on show."""
+        from app.draw.vertex_colours import dimmed
+
+        levels = self.light.snapshot.levels
+        if self._lit[0] is not levels:
+            self._lit = levels, dimmed(self._meshes, levels)
+        return self._lit[1]
 
     @property
     def ready(self) -> bool:
@@ -124,6 +137,9 @@ class Session:
             return
         self.light.budget = 1e-3 * self.settings.budget
         self.light.move_pending(0.0)
+        if (self.settings.lamps, self.settings.solo) != self._dimmed:
+            self._dimmed = self.settings.lamps, self.settings.solo
+            self.light.dim(self.settings.levels(self.model.emitters.lamps.names))
         if self._to_apply and not self.dragging and (not editing or self.clock() - self._changed_at >= SETTLE):
             self._apply()
         self.playing &= not self.light.move_failed
@@ -176,12 +192,13 @@ class Session:
         filled = {k: v for k, v in vars(opened.settings).items() if getattr(self.settings, k) is None}
         self.filled = {name: value for name, value in filled.items() if value is not None}
         self.settings = self._applied = replace(self.settings, **filled)
-        self.meshes, self.picker = opened.meshes, opened.picker
+        self._meshes, self.picker = opened.meshes, opened.picker
         # These records never change; the solver's thread alone touches the rest.
         solver = opened.solver
         self.scene, self.model, self.chosen = solver.scene, solver.model, solver.chosen
         self.gains = gains_for(solver.model.emitters.total_flux)
         self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
+        self._dimmed = opened.settings.lamps, opened.settings.solo
         self.light = Solving(solver, self.log, self.clock, self._worker)
         self._start = self.light.snapshot.poses
         for note in self.scene.notes:
@@ -189,7 +206,7 @@ class Session:
 
     @property
     def _to_apply(self) -> bool:
-        return self.settings != self._applied
+        return replace(self.settings, lamps=(), solo="") != replace(self._applied, lamps=(), solo="")
 
     def _apply(self) -> None:
         """Apply the requested settings; only the work that depends on a change is repeated."""

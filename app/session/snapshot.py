@@ -31,6 +31,8 @@ class Snapshot(NamedTuple):
     setting: Setting
     timings: Mapping[str, float]  # stage -> seconds, of the last move
     changes: Changes
+    levels: np.ndarray  # (G, 3), of the lamps
+    effective_photons: int
     probes: dict[str, np.ndarray]  # name -> irradiance (3,)
     segments: int
     control: ControlFacts
@@ -57,6 +59,8 @@ def snapshot_of(s: Solver, work: RestWork) -> Snapshot:
         setting=s.setting,
         timings=s.frame.timings,
         changes=s.frame.changes,
+        levels=s.frame.levels,
+        effective_photons=s.frame.effective_photons,
         probes=s.frame.probe_irradiance,
         segments=s.frame.segments,
         control=s.frame.control_facts,

@@ -1,4 +1,4 @@
-"""Jobs of the solver's thread: refine, move, time, rest.
+"""Jobs of the solver's thread: refine, move, dim, time, rest.
 
 `run` is called on the solver's thread; the window's thread receives its result (`solver_thread.py`).
 """
@@ -46,7 +46,7 @@ class Refine:
 
 
 class Moved(NamedTuple):
-    """Result of `Move`."""
+    """Result of `Move` and of `Dim`."""
 
     seconds: float
     snapshot: Snapshot
@@ -78,6 +78,21 @@ class Move:
         if self.hasty:
             solver.budget.moved(seconds)
         return Moved(seconds, snapshot_of(solver, work))
+
+
+@dataclass(frozen=True)
+class Dim:
+    """Set the levels of lamps, in the light of all photons."""
+
+    levels: Mapping[str, tuple[float, float, float]]
+    clock: Callable[[], float]
+    name: ClassVar[str] = "dimming"
+    busy: ClassVar[bool] = True
+
+    def run(self, solver: Solver, work: RestWork) -> Moved:
+        started = self.clock()
+        solver.set_lamps(self.levels)
+        return Moved(self.clock() - started, snapshot_of(solver, work))
 
 
 @dataclass(frozen=True)
@@ -125,4 +140,4 @@ class Rest:
         return Rested(task.name, work.results(), snapshot_of(solver, work) if changed else None)
 
 
-Job = Refine | Move | Time | Rest
+Job = Refine | Move | Dim | Time | Rest

@@ -17,7 +17,7 @@ from app.rest.scheduler import RestWork
 from app.session.log import WARNING, Log
 from app.session.moving_median import MovingMedian
 from app.session.snapshot import Snapshot, snapshot_of
-from app.session.solver_jobs import Job, Move, Moved, Refine, Rest, Rested, Step, Time
+from app.session.solver_jobs import Dim, Job, Move, Moved, Refine, Rest, Rested, Step, Time
 from app.worker import PATIENCE, Worker
 from gi_core.frames.progress import Interrupted
 
@@ -61,6 +61,7 @@ class Solving:
         self._time_due = True  # frames of photon subsets must be timed
         self._timings: Iterator[bool] | None = None
         self._pending: dict[str, Pose] = {}  # poses that wait for their turn
+        self._levels: dict[str, tuple[float, float, float]] | None = None  # of lamps, that wait for their turn
         self._begins = False  # the next move begins a motion
         self._begin_refinement()
         self._show(worker.submit(functools.partial(snapshot_of, solver, self._work)).result())
@@ -70,7 +71,12 @@ class Solving:
     @property
     def busy(self) -> bool:
         job = self._job is not None and self._job.busy
-        return self._stage is Stage.REFINING or job or bool(self._pending) or self.partial
+        return self._stage is Stage.REFINING or job or self._is_asked or self.partial
+
+    @property
+    def _is_asked(self) -> bool:
+        """Whether a move or levels of lamps wait for their turn."""
+        return bool(self._pending) or self._levels is not None
 
     @property
     def is_idle(self) -> bool:
@@ -134,6 +140,8 @@ class Solving:
                 self._stage, self.progress = Stage.REFINED, None
             case Move():
                 self.move_failed = True
+            case Dim():
+                pass
             case Time():
                 self._time_due = False
             case Rest():
@@ -172,7 +180,7 @@ class Solving:
         except Exception as problem:
             self._fail(job, problem)
         else:
-            self._take(result, isinstance(job, Move) and job.settles)
+            self._take(result, isinstance(job, Dim) or (isinstance(job, Move) and job.settles))
         return True
 
     def configure(self, changes: Mapping[str, Any], patience: float) -> bool:
@@ -198,14 +206,14 @@ class Solving:
         rest: settings for work at rest; None while anything moves in the window.
         """
         deadline = self.clock() + budget
-        while self._stage is Stage.REFINING and not self._pending:
+        while self._stage is Stage.REFINING and not self._is_asked:
             self.settle()  # at once: the refinement step that estimates all photons lasts twice as long
             if self.is_idle:
                 self._begin(Refine(self._steps))
                 self.steps_begun += 1
             if not self._wait(deadline - self.clock()):
                 return
-        if self._pending or not self._wait(deadline - self.clock()):
+        if self._is_asked or not self._wait(deadline - self.clock()):
             return
         if self.partial or self._stage is Stage.REFINING:
             return
@@ -236,26 +244,36 @@ class Solving:
             self._over.set()
         self.move_pending(self.grace)
 
+    def dim(self, levels: Mapping[str, tuple[float, float, float]]) -> None:
+        """Set levels of lamps; fast light is drawn in this frame."""
+        self._levels = dict(levels)
+        self._waits.set()
+        self.move_pending(self.grace)
+
     def begin_motion(self) -> None:
         """Let the next move choose its photons."""
         self._begins = True
 
     def settle(self) -> None:
         """Begin the frame of all photons at the poses on show, if the picture has fewer."""
-        if self.partial and self.is_idle and not self._pending:
+        if self.partial and self.is_idle and not self._is_asked:
             self._begin_move(self.snapshot.poses, hasty=False, settles=True)
 
     def move_pending(self, patience: float) -> None:
-        """Begin the waiting moves; wait for them for at most `patience` [s]."""
+        """Begin the waiting moves, and the waiting levels; wait for them for at most `patience` [s]."""
         deadline = self.clock() + patience
-        while self._pending:
+        while self._is_asked:
             if not self._wait(deadline - self.clock()):
                 return
-            poses, self._pending = self._pending, {}
             self._waits.clear()
             self._over.clear()
-            self._begin_move(poses, hasty=True)
-        if isinstance(self._job, Move):
+            if self._pending:
+                poses, self._pending = self._pending, {}
+                self._begin_move(poses, hasty=True)
+            else:
+                levels, self._levels = self._levels, None
+                self._begin(Dim(levels or {}, self.clock))
+        if isinstance(self._job, Move | Dim):
             self._wait(deadline - self.clock())
 
     def _begin_move(self, poses: Mapping[str, Pose], hasty: bool, settles: bool = False) -> None:

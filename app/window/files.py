@@ -89,7 +89,8 @@ class Files:
 
     def settings_now(self, session: Session, viewport: Viewport) -> saved_scene.Settings:
         """Return settings that open the scene as it is on show."""
-        return saved_scene.with_view(session.settings, session.moved, viewport.camera.as_camera())
+        settings = session.settings.without_solo(session.model.emitters.lamps.names)
+        return saved_scene.with_view(settings, session.moved, viewport.camera.as_camera())
 
     def command(self, session: Session, viewport: Viewport) -> str:
         """Return the command that opens the scene as it is on show."""

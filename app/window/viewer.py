@@ -304,6 +304,7 @@ class Viewer:
         """Upload the colours, one layer per side of a wipe."""
         session = self.session
         self.viewport.shown = shown = view_content.shown(session)
+        self.renderer.dim(session.meshes)
         for layer, side in enumerate(shown.sides):
             for o, mesh in enumerate(session.meshes):
                 painted = view_content.paint(mesh, side, shown.errors, session.settings.show == "radiance")

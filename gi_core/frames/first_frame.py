@@ -75,6 +75,12 @@ class FirstFrame:
             model = model.with_shares((1 - SPARE) * at / at.sum() + SPARE * by_flux.shares_of_flux)
         self._photons, self._recent = Photons(model, self._photons.seed), []
 
+    def _worth(self, shown: Background) -> int:
+        """Return the number of new photons that bring as little noise as those of a background."""
+        levels = self._source.levels
+        new, old = (store.model.emitters.effective(levels) for store in (self._photons, shown.store))
+        return round(shown.estimate.photons * (old / new))
+
     def background(self, setting: Setting, shown: Background | None, wanted: int) -> Background:
         """Return the background to continue: the one on show, or a recent one, if it fits the setting."""
         known = [b for b in (shown, *self._recent) if b is not None]
@@ -105,7 +111,7 @@ class FirstFrame:
         yield from _build(b)
         returns = shown not in (None, b)
         # Gathered light of less noise need not wait for as many photons.
-        replaced = shown.estimate.photons if returns and not self._source.compare(b) else 0
+        replaced = self._worth(shown) if returns and not self._source.compare(b) else 0
         if pictures and returns and max(FIRST_PICTURE, replaced) <= b.added < wanted():
             yield from self.show(b, wanted(), show)
         schedule = Schedule(b, replaced, pictures)

@@ -69,6 +69,11 @@ class Frame(NamedTuple):
         return self.background.estimate.photons if self.background is not None else 0
 
     @property
+    def effective_photons(self) -> int:
+        """Number of photons of equal flux that would have as little noise; fewer where lamps are dimmed unequally."""
+        return round(self.photons * self.store.model.emitters.effective(self.levels))
+
+    @property
     def prefixes(self) -> tuple[int, ...]:
         """Numbers of photons that a frame can be computed from, ascending; the last is all."""
         return tuple(sorted(self.background.estimate.prefixes)) if self.background is not None else ()

@@ -46,6 +46,13 @@ class Emitters(NamedTuple):
         return self.flux.sum(axis=0)
 
     @property
+    def flux_of_lamps(self) -> np.ndarray:
+        """Flux of each lamp, (G, 3) [W]."""
+        out = np.zeros((self.lamps.count, 3))
+        np.add.at(out, self.lamp, self.flux)
+        return out
+
+    @property
     def shares(self) -> np.ndarray:
         """Share of each lamp of the photons, (G,)."""
         return np.bincount(self.lamp, np.diff(self.cdf, prepend=0.0), self.lamps.count)

@@ -11,7 +11,7 @@ import pytest
 
 from app import __main__ as cli
 from app.cli.options import settings_of
-from app.settings import Settings
+from app.settings import LampSetting, Settings
 from tests.support.cli_support import FAST, one_line
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,14 +69,15 @@ def test_help_names_every_command():
 # Arguments ------------------------------------------------------------------------------------------
 
 
+LAMPS = LampSetting("lamp", 0.5), LampSetting("red=lamp", 1.0, (1.0, 0.5, 0.0))
 LIGHT = ("estimator", "photons", "radius", "neighbours", "control", "search", "seed")
 PICTURE = ("size", "exposure", "white_balance", "tone_map", "show", "cull")
 OPTIONS = {  # per command: the fields of Settings that it reads besides the scene's
-    "": {*LIGHT, "border_correction", "textbook", "light", "budget", *PICTURE},
-    "render": {*LIGHT, "border_correction", "textbook", "light", *PICTURE},
-    "bench": {*LIGHT, "border_correction", "textbook", "light"},
+    "": {*LIGHT, "lamps", "border_correction", "textbook", "light", "budget", *PICTURE},
+    "render": {*LIGHT, "lamps", "border_correction", "textbook", "light", *PICTURE},
+    "bench": {*LIGHT, "lamps", "border_correction", "textbook", "light"},
     "chart": {*LIGHT, "exposure"},
-    "info": {*LIGHT, "exposure"},
+    "info": {*LIGHT, "lamps", "exposure"},
     "tune": {"photons", "radius", "control", "search", "light", "seed", "budget"},
     "reference": {"seed"},
 }
@@ -90,6 +91,7 @@ WORDS = {
     "textbook": ("--textbook", True),
     "search": ("--search brute_force", "brute_force"),
     "light": ("--light best", "best"),
+    "lamps": ("--lamp lamp=0.5 --lamp red=lamp=1,0.5,0", LAMPS),
     "seed": ("--seed 7", 7),
     "size": ("--size 64x48", (64, 48)),
     "exposure": ("--exposure -1.5", -1.5),
@@ -144,6 +146,10 @@ def test_defaults_leave_the_choice_to_scene_and_program():
         "--neighbours 0",
         "--seed -1",
         "--exposure nan",
+        "--lamp x",
+        "--lamp x=-1",
+        "--lamp x=1,2",
+        "--lamp =1",
         "--pose x=1,2",
         "--pose 1,2,3",
         "--pose x=1,2,nan",
@@ -220,6 +226,11 @@ def test_errors_print_no_traceback(tmp_path):
     for scene in ("bad.toml", "missing.toml"):
         ran = run("render", scene, cwd=tmp_path)
         assert ran.returncode == 3 and scene in one_line(ran.stderr)
+
+
+def test_unknown_lamp_exits_with_3(capsys):
+    assert cli.main(["info", *FAST, "--lamp", "sun=0.5"]) == 3
+    assert "no lamp is called 'sun'; there is \"lamp\"" in capsys.readouterr().err
 
 
 def test_unknown_mobile_and_non_rigid_pose_exit_with_3(capsys):

@@ -13,7 +13,7 @@ from app import __main__ as cli
 from app.cli import saved_scene
 from app.cli.option_tables import ALL
 from app.cli.options import settings_of
-from app.settings import Settings, UsageError, make_solver, open_scene
+from app.settings import LampSetting, Settings, UsageError, make_solver, open_scene
 from gi_core.files.find import shipped_scenes
 from gi_core.scene import Camera, Pose, SceneError
 from gi_core.scene.pose import as_pose, axis_angle
@@ -58,6 +58,17 @@ def test_the_light_of_a_saved_scene_has_the_same_bits(scene, tmp_path):
     again = parsed(str(tmp_path / "a.toml"))
     assert np.array_equal(light_of(again), solver.irradiance)
     assert open_scene(again).camera == CAMERA
+
+
+def test_levels_of_lamps_are_saved(tmp_path):
+    lamps = LampSetting("lamp", 0.7, (1.0, 0.9, 1 / 3)), LampSetting("sun", 0.3), LampSetting("sky", on=False)
+    here = saved_scene.with_view(replace(SETTINGS, lamps=lamps, solo="sun"), {}, CAMERA)
+    alone = here.without_solo(("lamp", "sun", "sky", "bulb"))
+    assert alone.levels(()) == {"lamp": (0, 0, 0), "sun": (0.3,) * 3, "sky": (0, 0, 0), "bulb": (0, 0, 0)}
+    for settings in (replace(here, solo=""), alone):
+        saved_scene.write(tmp_path / "a.toml", settings)
+        assert parsed(str(tmp_path / "a.toml")).levels(()) == settings.levels(())
+        assert parsed(*shlex.split(saved_scene.command_line(settings))[1:]).levels(()) == settings.levels(())
 
 
 def test_a_strangers_files_open_with_the_same_bits_from_another_folder(tmp_path, monkeypatch):

@@ -162,11 +162,11 @@ def test_a_lamp_alone_is_traced_again_with_more_photons_and_less_noise():
     truth.set_lamps({"bulb": 0.05})
     solver = solved(weak, photons=8000)
     solver.set_lamps(dim)
-    before, few, picture = noise(solver), solver.effective_photons, solver.irradiance.copy()
+    before, few, picture = noise(solver), solver.frame.effective_photons, solver.irradiance.copy()
     assert few < 0.25 * 8000
     shown = [solver.irradiance.copy() for p in solver.solve_steps() if not p.picture]
     assert np.array_equal(shown[0], picture), "the picture stays until the new light is there"
-    assert solver.effective_photons > 0.8 * 8000
+    assert solver.frame.effective_photons > 0.8 * 8000
     assert noise(solver) < 0.75 * before
     assert np.array_equal(solver.irradiance, solver.from_scratch())
     solver.set_lamps(dict.fromkeys(LAMPS, 1.0))

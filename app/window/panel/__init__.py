@@ -21,6 +21,7 @@ from app.window.panel import (
     artifacts,
     chart,
     error,
+    lamps,
     method,
     motion,
     notes,
@@ -56,6 +57,7 @@ class Section(NamedTuple):
 SECTIONS = (
     Section("Scene", scene.draw),
     Section("Objects", objects.draw),
+    Section("Lamps", lamps.draw, visible=lambda facts: bool(facts.lamp_flux)),
     Section("Picture", picture.draw),
     Section("Read-outs", readouts.draw),
     Section("Quality", quality.draw),

@@ -47,6 +47,10 @@ class Facts:
     moving: bool  # objects are in motion, or their light is
     all_done: bool  # no work is left at rest
     metered: float  # EV at load
+    lamps: tuple[str, ...]  # names
+    lamp_flux: tuple[float, ...]  # of each at full level, luminance [W], or [lm] in photometric scenes
+    lamp_colours: tuple[tuple[float, float, float], ...]  # of each in the scene file, of luminance 1
+    effective: int  # photons of equal flux that would have as little noise
     probes: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> irradiance (3,)
     notes: tuple[str, ...] = ()
     report: Report | None = None  # of errors; None until measured
@@ -69,7 +73,10 @@ def facts_of(
     selected: str = "",
 ) -> Facts:
     """Return the facts of a ready session."""
-    snapshot = session.light.snapshot
+    from app.draw.kelvin import of_luminance_one
+    from gi_core.geometry.error import luminance
+
+    snapshot, emitters = session.light.snapshot, session.model.emitters
     return Facts(
         estimators=estimators,
         scene_size=session.chosen.scene_size,
@@ -96,6 +103,10 @@ def facts_of(
         moving=session.playing or session.dragging or session.light.is_moving or session.light.partial,
         all_done=session.light.all_done and not session.refining,
         metered=metered,
+        lamps=emitters.lamps.names,
+        lamp_flux=tuple(float(f) for f in luminance(emitters.flux_of_lamps)),
+        lamp_colours=tuple(of_luminance_one(flux) for flux in emitters.flux_of_lamps),
+        effective=snapshot.effective_photons,
         probes=snapshot.probes,
         notes=session.scene.notes,
         report=snapshot.rest.report,

@@ -1,0 +1,114 @@
+"""Lamps: level, colour, on and solo of each; light scenes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+from imgui_bundle import imgui
+
+from app.draw.kelvin import COOLEST, HOTTEST, factor, kelvin_of
+from app.settings import LampSetting, Settings
+from app.window.panel import widgets as ui
+from app.window.panel.facts import Facts
+
+BRIGHTEST = 4.0  # times the level of the scene file
+
+
+def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+    given = {lamp.name: lamp for lamp in s.lamps}
+    solo = s.solo
+    for k, name in enumerate(facts.lamps):
+        imgui.push_id(name)
+        lamp = given.get(name, LampSetting(name))
+        changed, lamp, solo = _row(lamp, solo, k, facts)
+        if changed:
+            given[name] = lamp
+        imgui.pop_id()
+    s = replace(s, lamps=tuple(lamp for lamp in given.values() if lamp != LampSetting(lamp.name)), solo=solo)
+    flux = sum(_flux(given.get(name, LampSetting(name)), solo, k, facts) for k, name in enumerate(facts.lamps))
+    ui.number("Together", _shown(flux, facts), "Flux of all lamps at their levels.")
+    if facts.effective < facts.photons_traced:
+        share = f"{100 * facts.effective / max(facts.photons_traced, 1):.0f} %"
+        about = "Lamps share the photons. Under 25 %, they are traced again, shared by the new levels."
+        ui.number("Photons that count", share, about)
+    imgui.begin_disabled(not s.lamps and not s.solo)
+    if imgui.button("Reset lamps", (-1, 0)):
+        s = replace(s, lamps=(), solo="")
+    ui.tip("Return all lamps to the levels of the scene file.")
+    imgui.end_disabled()
+    return s
+
+
+def _row(lamp: LampSetting, solo: str, k: int, facts: Facts) -> tuple[bool, LampSetting, str]:
+    """Draw a lamp's row; return whether it changed, the lamp, and the name of the lamp that is alone."""
+    em, before = imgui.get_font_size(), lamp
+    right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
+    lit = lamp.on and solo in ("", lamp.name)
+    _, on = imgui.checkbox("##on", lamp.on)
+    lamp = lamp._replace(on=on)
+    ui.tip("On or off.")
+    imgui.same_line()
+    imgui.begin_disabled(not lit)
+    imgui.text(lamp.name)
+    imgui.end_disabled()
+    imgui.same_line(right - 5.2 * em)
+    if imgui.button("Solo" if solo != lamp.name else "All", (3.2 * em, 0)):
+        solo = "" if solo == lamp.name else lamp.name
+    ui.tip("This lamp alone; press again for all that are on.")
+    imgui.same_line(right - 1.5 * em)
+    lamp = _colour(lamp, facts.lamp_colours[k])
+    flux = _shown(_flux(lamp, solo, k, facts), facts)
+    imgui.begin_disabled(not lit)
+    changed, dim = ui.float_slider(f"{100 * lamp.dim:.0f} %", lamp.dim, 0.0, BRIGHTEST, flux)
+    imgui.end_disabled()
+    if changed:
+        lamp = lamp._replace(dim=dim)
+    ui.tip("Level of the lamp, 100 % as in the scene file. Ctrl-click to type one.")
+    return lamp != before, lamp, solo
+
+
+def _colour(lamp: LampSetting, base: tuple[float, float, float]) -> LampSetting:
+    """Draw the lamp's colour; a click opens temperature and RGB."""
+    shown = [c * b for c, b in zip(lamp.colour, base, strict=True)]
+    most = max(*shown, 1e-9)
+    drawn = imgui.ImVec4(*((c / most) ** (1 / 2.2) for c in shown), 1.0)
+    if imgui.color_button("##colour", drawn, imgui.ColorEditFlags_.no_tooltip):
+        imgui.open_popup("colour")
+    ui.tip("Colour of the lamp's light. Click for temperature and RGB.")
+    if imgui.begin_popup("colour"):
+        imgui.push_item_width(14 * imgui.get_font_size())
+        now = _nearest(tuple(shown))
+        changed, kelvin = imgui.slider_float("K", now, COOLEST, HOTTEST, "%.0f", imgui.SliderFlags_.logarithmic)
+        if changed:
+            lamp = lamp._replace(colour=factor(kelvin, base))
+        changed, rgb = imgui.color_edit3(
+            "factor", list(lamp.colour), imgui.ColorEditFlags_.float.value | imgui.ColorEditFlags_.hdr.value
+        )
+        if changed:
+            r, g, b = (max(float(c), 0.0) for c in rgb)
+            lamp = lamp._replace(colour=(r, g, b))
+        if imgui.button("As in the scene file"):
+            lamp = lamp._replace(colour=(1.0, 1.0, 1.0))
+        imgui.pop_item_width()
+        imgui.end_popup()
+    return lamp
+
+
+@lru_cache(maxsize=64)
+def _nearest(rgb: tuple[float, ...]) -> float:
+    return kelvin_of(rgb)
+
+
+def _flux(lamp: LampSetting, solo: str, k: int, facts: Facts) -> float:
+    """Return the luminance of the lamp's flux at its level."""
+    from app.draw.kelvin import REC709
+
+    if not lamp.on or solo not in ("", lamp.name):
+        return 0.0
+    lit = [c * b for c, b in zip(lamp.colour, facts.lamp_colours[k], strict=True)]
+    return facts.lamp_flux[k] * lamp.dim * float(REC709 @ lit)
+
+
+def _shown(flux: float, facts: Facts) -> str:
+    return f"{flux:.4g} {'lm' if facts.photometric else 'W'}"

@@ -1,0 +1,97 @@
+"""Lamps in the window: levels, on, solo, colour, all drawn at once and equal to light from scratch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.draw.kelvin import REC709, colour_of, factor, kelvin_of
+from app.settings import LampSetting
+from gi_core.scene import PointLight
+from tests.support import viewer_support as support
+from tests.support.viewer_hand import BLOCK_FRONT, errors
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+
+
+def two_lamps():
+    return replace(support.room(), lights=(PointLight("bulb", (0.8, 0.2, 0.8), (4.0, 4.0, 8.0)),))
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_panel_dims_lamps(play):
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        full, picture = session.irradiance.copy(), hand.pixels()
+        names = session.model.emitters.lamps.names
+        assert names == ("lamp", "bulb")
+
+        def lit(level: dict) -> np.ndarray:
+            hand.wait_for_light()
+            assert np.array_equal(session.light.snapshot.levels, [level.get(n, (1.0,) * 3) for n in names])
+            assert hand.light_is_that_from_scratch()
+            return session.irradiance
+
+        section = f"**/{session.model.emitters.lamps.names[1]}"
+        ctx.item_input_value(f"{section}/##100 %", 2.0)
+        brighter = lit({"bulb": (2.0,) * 3})
+        assert (brighter >= full - 1e-12).all() and brighter.sum() > 1.05 * full.sum()
+        ctx.item_uncheck(f"{section}/##on")
+        without = lit({"bulb": (0.0,) * 3})
+        assert without + (brighter - full) == pytest.approx(full, rel=1e-9, abs=1e-12)
+        ctx.item_check(f"{section}/##on")
+        ctx.item_click(f"{section}/Solo")
+        alone = lit({"lamp": (0.0,) * 3, "bulb": (2.0,) * 3})
+        assert alone == pytest.approx(2 * (full - without), rel=1e-9, abs=1e-12)
+        mesh = session.meshes[0]
+        assert not mesh.emission.any(), "the face of a lamp that is off is dark"
+        assert (hand.pixels() != picture).any()
+        ctx.item_click(f"{section}/All")
+        lit({"bulb": (2.0,) * 3})
+        ctx.item_click("**/Reset lamps")
+        assert np.array_equal(lit({}), full)
+        assert session.meshes[0].emission.any() and session.settings.lamps == ()
+        assert not errors(viewer)
+
+    play(script, replace(support.SETTINGS, light="photons"), support.opening(two_lamps()))
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_a_lamp_is_dimmed_while_an_object_is_dragged(play):
+    def script(hand, viewer):
+        session = viewer.session
+        hand.wait_for_light()
+        session.want(replace(session.settings, lamps=(LampSetting("bulb", 0.25),)))
+        hand.drag(hand.at(BLOCK_FRONT), [c + 40 for c in hand.at(BLOCK_FRONT)])
+        assert session.moved
+        hand.wait_for_light()
+        assert session.light.snapshot.levels[1].tolist() == [0.25] * 3
+        assert hand.light_is_that_from_scratch() and not errors(viewer)
+
+    play(script, support.SETTINGS, support.opening(two_lamps()))
+
+
+@pytest.mark.parametrize(
+    "kelvin, x, y", [(2856.0, 0.44757, 0.40745), (4000.0, 0.38052, 0.37677), (6500.0, 0.31352, 0.32363)]
+)
+def test_colours_lie_on_the_planckian_locus(kelvin, x, y):
+    """Chromaticities of the locus: CIE 15, table T.2 (2856 K is illuminant A)."""
+    rgb = np.array(colour_of(kelvin))
+    assert rgb @ REC709 == pytest.approx(1.0)
+    to_xyz = np.array([(0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0.9505)])
+    X, Y, Z = to_xyz @ rgb
+    assert (X / (X + Y + Z), Y / (X + Y + Z)) == pytest.approx((x, y), abs=1.5e-3)
+    assert kelvin_of(rgb) == pytest.approx(kelvin, rel=0.02)
+
+
+def test_a_temperature_keeps_luminance_and_dark_channels():
+    base = (1.2, 1.0, 0.4111)
+    made = np.multiply(factor(3000.0, base), base)
+    assert made @ REC709 == pytest.approx(np.dot(base, REC709))
+    assert made / made[1] == pytest.approx(np.array(colour_of(3000.0)) / colour_of(3000.0)[1])
+    assert factor(3000.0, (1.0, 0.0, 0.0))[1:] == (0.0, 0.0)
