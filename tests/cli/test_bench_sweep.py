@@ -13,7 +13,7 @@ from app.measure.bench import sweep as bench_sweep
 from app.measure.bench.row import Failed, measure_row, run_apart, vary
 from app.measure.bench.rows import photons_key, rows, triangles_key
 from app.measure.bench.tables import markdown
-from app.settings import Settings, UsageError, make_solver, open_scene
+from app.settings import Settings, UsageError, make_solver
 from gi_core.files.load import load_scene
 from gi_core.geometry.surfaces import face_normals
 
@@ -172,10 +172,11 @@ def test_sides_and_radius_of_a_row(tree):
     one, _ = vary(tree, settings, {"two_sided": False})
     receivers = [len(make_solver(s, settings).irradiance) for s in (one, two)]
     assert receivers[1] == 2 * receivers[0]
-    own = open_scene(settings).defaults.radius
-    _, fixed = vary(tree, settings, {"triangles": 150_000, "radius": "fixed"})
-    finer, scaled = vary(tree, settings, {"triangles": 150_000, "radius": "scaled"})
+    room, settings = load_scene("cornell"), replace(settings, scene="cornell")
+    own, more = make_solver(room, settings).radius, 2 * len(room.static.faces)
+    _, fixed = vary(room, settings, {"triangles": more, "radius": "fixed"})
+    finer, scaled = vary(room, settings, {"triangles": more, "radius": "scaled"})
     assert fixed.radius == own
-    counts = [make_solver(x, settings).surfaces.receiver_range(0).stop for x in (tree, finer)]
+    counts = [make_solver(x, settings).surfaces.receiver_range(0).stop for x in (room, finer)]
     assert counts[1] > 1.2 * counts[0]
     assert counts[0] * own**2 == pytest.approx(counts[1] * scaled.radius**2), "as many discs on a line"

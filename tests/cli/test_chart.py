@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import shutil
 import sys
 from dataclasses import replace
 
@@ -11,32 +12,41 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.measure.chart import measure, pictures, tuned
+from app.measure.chart import measure, tuned
 from app.measure.chart import run as chart_run
-from app.measure.chart import settings as chart_settings
 from app.measure.chart.figure import draw, front, styles
 from app.measure.chart.measure import Walk, errors, flicker, make_walk
 from app.measure.chart.report import REPORT, beside, choice_like
 from app.measure.chart.results import KEY, Results
 from app.measure.chart.run import rival_choices
-from app.measure.chart.settings import FULL, QUICK, TUNED, Choice, choices
+from app.measure.chart.settings import FULL, TUNED, Choice, choices
 from app.measure.chart.truth import PoseTruth, choose, steady_and_moved
 from app.measure.chart.tuned import nearness
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.receiver_classes import CLASSES
+from tests.support.small_charts import small_charts
 
 SMALL = Settings("cornell", max_edge=0.2, photons=8192)
 UNDER = dict(zip(KEY, ("room", "abc", "cpu", 0, 3, 40), strict=True))
 
 
-@pytest.fixture
-def small(monkeypatch, tmp_path):
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
     """Make every part small, and keep truths out of the user's cache."""
-    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "reference"))
-    less = QUICK._replace(photons=(4096, 8192), limit_photons=32_768, truth=0.1, picture_truth=0.3)
-    monkeypatch.setattr(chart_settings, "QUICK", less)
-    monkeypatch.setattr(pictures, "SIZE", (60, 40))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path_factory.mktemp("reference")))
+        small_charts(patch)
+        yield
+
+
+@pytest.fixture(scope="module")
+def measured(small, tmp_path_factory):
+    """Return the folder and the rows of a quick run."""
+    out = tmp_path_factory.mktemp("measured")
+    run = run_of(out)
+    run.measure()
+    return out, run.results.rows
 
 
 def command(out, *more) -> int:
@@ -79,12 +89,9 @@ def test_a_run_is_measured_once_resumed_and_drawn(small, tmp_path, capsys, monke
     assert len(measured) == 1 and len(table(out)) == len(first)
 
 
-def test_more_photons_and_paths_are_nearer_the_truth(small, tmp_path):
-    out = tmp_path / "chart"
-    out.mkdir()
-    run = run_of(out)
-    run.measure()
-    by = {(r["curve"], r["photons"]): r for r in run.results.rows}  # of two numbers of paths the larger
+def test_more_photons_and_paths_are_nearer_the_truth(measured):
+    _, rows = measured
+    by = {(r["curve"], r["photons"]): r for r in rows}  # of two numbers of paths the larger
     for curve, few, many in (("impact_count", 4096, 8192), ("path gather", 1, 4)):
         assert by[curve, many]["total all"] < by[curve, few]["total all"]
     gathered, rested = "tangent_plane, gathered light", "tangent_plane, at rest"
@@ -98,13 +105,11 @@ def test_more_photons_and_paths_are_nearer_the_truth(small, tmp_path):
 
 
 @pytest.mark.slow
-def test_tuned_choice_is_plotted_beside_the_best_others(small, tmp_path, monkeypatch):
+def test_tuned_choice_is_plotted_beside_the_best_others(measured, tmp_path, monkeypatch):
     """Measured once, as the other rows are; drawn as a star."""
     monkeypatch.setattr("app.measure.tuning.TRIAL_RADII", (1.0,))
-    out = tmp_path / "chart"
-    out.mkdir()
+    out = shutil.copytree(measured[0], tmp_path / "chart")
     run = run_of(out)
-    run.measure()
     assert not nearness(run.results.rows), "not by a quick run"
     walk = run._walk()
     run.quick = False

@@ -126,8 +126,8 @@ def test_names_with_spaces_and_letters_of_any_alphabet(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "Zimmer №1 – größer" in said and 'mobile "чайник 壶"' in said
     picture = folder / "Bild ä.png"
-    moved = ["--pose", "чайник 壶=0.5,0.2,0.5"]
-    assert cli.main(["render", str(room), "--mobile", str(pot), *moved, *small, "--out", str(picture)]) == 0
+    small += ["--pose", "чайник 壶=0.5,0.2,0.5", "--size", "320x200"]
+    assert cli.main(["render", str(room), "--mobile", str(pot), *small, "--out", str(picture)]) == 0
     assert picture.stat().st_size > 1000
 
 

@@ -18,6 +18,7 @@ from app import __main__ as cli
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
+from tests.support.small_charts import small_charts
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOM = ROOT / "docs" / "your-own-room.md"
@@ -63,6 +64,7 @@ def work_through(document: str, monkeypatch, folder: Path) -> int:
     monkeypatch.chdir(folder)
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(folder / "reference"))
     monkeypatch.setattr(window, "why_no_window", lambda: "tests have no window")
+    small_charts(monkeypatch)
     names: dict = {"__name__": document}
     done = 0
     for block in blocks(ROOT / document):

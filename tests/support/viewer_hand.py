@@ -8,6 +8,7 @@ import numpy as np
 
 from tests.support.viewer_support import PATIENCE
 
+PAUSE = 0.01  # s between frames that wait: drawing them would take the processor from the light
 BLOCK_FRONT = (0.5, 0.3, 0.62)  # a point on the mobile that the camera sees
 
 
@@ -28,6 +29,7 @@ class Hand:
         limit = time.monotonic() + PATIENCE
         while not what():
             assert time.monotonic() < limit, "waited too long"
+            time.sleep(PAUSE)
             self.ctx.yield_()
 
     def wait_for_light(self) -> None:
