@@ -1,4 +1,4 @@
-"""living_room, gallery and second_tree agree with their comments: light, paths of mobiles, images."""
+"""living_room, gallery, office and second_tree agree with their comments: light, paths of mobiles, images."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from gi_core.files.load import load_scene
+from gi_core.geometry.error import luminance
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import mean_colours
 from gi_core.model import Model
 from gi_core.photons.trace import trace_background
 from gi_core.scene.pose import pose_at, to_world
 from gi_core.scene.types import PointLight, SpotLight
-from scenes import make_gallery, make_living_room, make_second_tree
+from scenes import make_gallery, make_living_room, make_office, make_second_tree
+from scenes import office_furniture as furniture
 
 FLUX = {
     "living_room": {
@@ -29,6 +31,7 @@ FLUX = {
         "ring": make_gallery.RING_FLUX,
         "bulb": make_gallery.BULB_FLUX,
     },
+    "office": make_office.lamp_flux(),
     "second_tree": {"sky": make_second_tree.SKY_FLUX, "lamp": make_second_tree.LAMP_FLUX},
 }
 
@@ -68,8 +71,12 @@ def test_walls_of_the_rooms_face_inwards():
         assert scene.camera.position[2] > middle[:, 2].max() + 1
 
 
+GALLERY = ("gallery.glb", "stone.glb")
+OFFICE = ("office.glb", "office_chair.glb", "office_screen.glb", "office_cabinet.glb")
+
+
 def test_images_are_small_and_used():
-    for name in ("living_room.glb", "cat.glb", "living_chair.glb", "gallery.glb", "stone.glb"):
+    for name in ("living_room.glb", "cat.glb", "living_chair.glb", *GALLERY, *OFFICE):
         data = (resources.files("scenes") / name).read_bytes()
         assert len(data) < 1.5e6
         said = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
@@ -150,6 +157,61 @@ def test_stone_stays_in_the_hall_and_touches_nothing():
         assert v[:, 0].max() < make_gallery.RIGHT - 0.3 and v[:, 2].min() > make_gallery.BACK + 0.6
         assert (v[v[:, 2] > front][:, 0] > end).all()
         assert np.hypot(v[:, 0] - 3.35, v[:, 2] + 2.35).min() > 0.4  # the plinth on the right
+
+
+@pytest.fixture(scope="module")
+def office():
+    return load_scene("office")
+
+
+def test_office_has_twelve_lamps_by_name(office):
+    """Nine materials and three spots, each spot at the mouth of its lamp and of the name of its diffuser."""
+    assert office.units == "photometric"
+    glowing = {m.name for m in office.materials if any(m.emission)}
+    spots = {light.name: light for light in office.lights}
+    assert len(glowing | set(spots)) == 12 and set(spots) <= glowing
+    names = [m.name for m in office.materials]
+    for (name, spot), mouth in zip(spots.items(), make_office.mouths(), strict=True):
+        assert isinstance(spot, SpotLight) and luminance(spot.intensity) == pytest.approx(150, abs=0.2)
+        np.testing.assert_allclose(spot.position, mouth, atol=1e-9)
+        disc = office.static.vertices[office.static.faces[office.static.face_material == names.index(name)]]
+        np.testing.assert_allclose(disc.reshape(-1, 3).mean(axis=0), mouth + [0, 0.002, 0], atol=0.003)
+    for name, lumens in (("panel door back", 5500), ("pendant", 3000), ("wall washer", 2500), ("window sky", 12_000)):
+        assert luminance(make_office.lamp_flux()[name]) == pytest.approx(lumens)
+
+
+def test_office_probes_lie_on_desks(office):
+    """One centimetre above a top."""
+    assert len(office.probes) == 7
+    oak = office.static.face_material == [m.name for m in office.materials].index("oak")
+    p = office.static.vertices[office.static.faces[oak]]
+    for probe in office.probes:
+        x, y, z = probe.position
+        low, high = p.min(axis=1), p.max(axis=1)
+        below = (low[:, 0] <= x) & (x <= high[:, 0]) & (low[:, 2] <= z) & (z <= high[:, 2]) & (high[:, 1] > 0.7)
+        assert p[below][:, :, 1].max() == pytest.approx(furniture.TOP) and y == furniture.TOP + 0.01
+
+
+def test_office_mobiles_rest_on_the_floor_and_the_chair_touches_nothing(office):
+    screen, cabinet, chair = office.mobiles
+    assert [m.name for m in office.mobiles] == ["screen", "cabinet", "chair"]
+    static = office.static.vertices
+    for mobile in office.mobiles:
+        v = mobile.mesh.vertices
+        assert v[:, 1].min() == pytest.approx(0, abs=1e-5) and mobile.pose.position[1] == 0
+        axes = to_world(mobile.pose, np.eye(3)) - mobile.pose.position
+        local = (static - mobile.pose.position) @ axes.T
+        assert not ((local > v.min(axis=0)) & (local < v.max(axis=0))).all(axis=1).any(), mobile.name
+    solid = static[(static[:, 1] > 0.02) & (static[:, 1] < 1.1)]
+    others = np.concatenate([to_world(m.pose, m.mesh.vertices) for m in (screen, cabinet)])
+    obstacles = np.concatenate([solid, others])[:, [0, 2]]
+    for t in np.linspace(0, chair.path.times[-1], 40):
+        x, _, z = pose_at(chair.path, t).position
+        assert np.hypot(*(obstacles - [x, z]).T).min() > np.hypot(*chair.mesh.vertices[:, [0, 2]].T).max()
+
+
+def test_office_is_light_enough_for_a_drag(office):
+    assert len(Model(office).object_receivers.areas) <= 35_000
 
 
 def test_second_tree_has_a_tenth_of_the_triangles():
