@@ -66,6 +66,7 @@ class Settings:
     textbook: bool = False  # photon_map counts the k-th hit too
     search: str = "disc_index"  # a key of gi_core.discs.search.SEARCHES; pictures do not depend on it
     light: str | None = None  # one of LIGHTS; None: see `light_chosen`
+    rays: str | None = None  # a key of gi_core.rays.structures.STRUCTURES; None: embree, else bvh
     seed: int = 0
     lamps: tuple[LampSetting, ...] = ()  # those that differ from the scene file
     solo: str = ""  # the only lamp that is on; "": all that are on
@@ -165,14 +166,15 @@ def start_poses(settings: Settings, scene: Scene) -> dict[str, Pose]:
 
 
 def check_names(settings: Settings) -> None:
-    """Raise UsageError for an unknown estimator or search. Default names need no import."""
-    given = [(name, getattr(settings, name)) for name in ("estimator", "search")]
+    """Raise UsageError for an unknown estimator, search or structure of rays. Default names need no import."""
+    given = [(name, getattr(settings, name)) for name in ("estimator", "search", "rays")]
     if all(value in (None, getattr(Settings, name)) for name, value in given):
         return
     from gi_core.discs.search import SEARCHES
     from gi_core.estimators import ESTIMATORS
+    from gi_core.rays.structures import STRUCTURES
 
-    known_names: tuple[Mapping[str, object], ...] = ESTIMATORS, SEARCHES
+    known_names: tuple[Mapping[str, object], ...] = ESTIMATORS, SEARCHES, STRUCTURES
     for (name, value), known in zip(given, known_names, strict=True):
         if value is not None and value not in known:
             raise UsageError(f'--{name} must be one of {", ".join(known)}, got "{value}"')
@@ -203,4 +205,5 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         textbook=settings.textbook,
         light=settings.light_chosen,
         lamps=settings.levels(()),
+        rays=settings.rays,
     )

@@ -19,6 +19,7 @@ from gi_core.lights.emission import build_emitters
 from gi_core.lights.light_sampling import Lights, lights_of
 from gi_core.photons.paths import END_EXTENSION
 from gi_core.rays.accelerator import Accelerator, Transforms, bounding_spheres, transforms
+from gi_core.rays.structures import checked
 from gi_core.rays.two_level import build_world, enclosing_sphere
 from gi_core.scene.errors import SceneError
 from gi_core.scene.origin import origin_of, translated
@@ -36,11 +37,13 @@ class Model:
 
     origins (objects, 3) float64 [m]: of each object's geometry in the given coordinates, zeros unless it lies far from
     their origin. `scene`, surfaces, receivers and transforms are relative to them; poses are in the given coordinates.
-    Raises SceneError for an invalid scene.
+    rays: a key of `gi_core.rays.structures.STRUCTURES`; None: Embree, or bvh where Embree is missing.
+    Raises SceneError for an invalid scene, and for any other name of rays.
     """
 
-    def __init__(self, scene: Scene, threads: int | None = None):
+    def __init__(self, scene: Scene, threads: int | None = None, rays: str | None = None):
         check_scene(scene)
+        rays = checked(rays)
         self.origins = np.array([origin_of(mesh) for mesh in (scene.static, *(m.mesh for m in scene.mobiles))])
         self.names = [m.name for m in scene.mobiles]
         if len(set(self.names)) != len(self.names):
@@ -48,7 +51,7 @@ class Model:
         self.scene = scene = self._shifted(scene)
         self.threads = available_cores() if threads is None else threads
         self.surfaces, self.object_receivers = flatten(scene)
-        self.accelerator = Accelerator(self.surfaces, self.threads)
+        self.accelerator = Accelerator(self.surfaces, self.threads, rays)
         centres, radii = bounding_spheres(self.surfaces)
         start = self.transforms(self.start_poses()).position[1:]
         mobiles = [p + s * (radii[o] + np.abs(centres[o])) for o, p in enumerate(start, 1) for s in (-1, 1)]

@@ -38,17 +38,18 @@ class Solver:
     def __init__(
         self, scene: Scene, estimator: str = DEFAULT, photons: int | None = None, radius: float | None = None,
         neighbours: int | None = None, seed: int = 0, threads: int | None = None, light: str = "photons",
-        lamps: Mapping[str, float | Sequence[float]] | None = None, **others,
+        lamps: Mapping[str, float | Sequence[float]] | None = None, rays: str | None = None,
+        **others,
     ):  # fmt: skip
         """Prepare a scene; nothing is traced except a small pilot trace for the defaults.
 
         photons: to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map; None: the scene file's value,
         else by `gi_core.defaults.choose`; light: "photons" or "best", see `gi_core.frames.light_source`; lamps: levels
-        that differ from 1, see set_lamps(); others: fields of `gi_core.estimators.setting.Setting` that differ from
-        their defaults. Raises SceneError.
+        that differ from 1, see set_lamps(); rays: the structure that traces them, as for `gi_core.model.Model`; others:
+        fields of `gi_core.estimators.setting.Setting` that differ from their defaults. Raises SceneError.
         """
         self.scene, self.seed = scene, checked("seed", seed, 0)
-        self.model = Model(scene, checked("threads", threads))
+        self.model = Model(scene, checked("threads", threads), rays)
         self.chosen = choose(self.model, photons, radius, neighbours)
         self.scene_size, self.photons = self.chosen.scene_size, self.chosen.photons
         self.setting = Setting(DEFAULT, self.chosen.radius, self.chosen.neighbours)

@@ -38,6 +38,8 @@ LIGHT: dict[str, dict[str, Any]] = {
                       " else best without that wait)"},
     "lamps": {"action": "append", "type": values.lamp, "metavar": "NAME=LEVEL",
               "help": "level of a lamp: 0.5, or r,g,b; `gi-viewer info` lists lamps"},
+    "rays": {"metavar": "NAME",
+             "help": "structure that traces rays; `gi-viewer info` lists them (embree, or bvh where it is missing)"},
     "seed": {"type": values.seed, "metavar": "N", "help": "seed of the photons (0)"},
 }  # fmt: skip
 PICTURE: dict[str, dict[str, Any]] = {

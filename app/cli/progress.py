@@ -63,13 +63,13 @@ def time_left(seconds: float | None) -> str:
     return f", {seconds:.0f} s left" if seconds < 90 else f", {seconds / 60:.0f} min left"
 
 
-def compile_kernels(bar: Bar) -> None:
+def compile_kernels(bar: Bar, rays: str | None = None) -> None:
     """Compile kernels that this machine has not compiled yet, showing progress: about a minute, once."""
     from gi_core.base.kernel_cache import problems
     from gi_core.instruments import compile_ahead
 
-    if not compile_ahead.is_warm():
-        for step in compile_ahead.compile_kernels():
+    if not compile_ahead.is_warm(rays):
+        for step in compile_ahead.compile_kernels(rays):
             bar(f"compiling {step.name}", step.done / step.total)
     for problem in problems:
         bar.say(f"gi-viewer: {problem}")
@@ -81,7 +81,7 @@ def opened(settings: Settings, open_scene: Callable[[Settings], Scene]) -> Itera
     with Bar() as bar:
         bar("loading", 0.0)
         scene = open_scene(settings)
-        compile_kernels(bar)
+        compile_kernels(bar, settings.rays)
         yield bar, scene
 
 

@@ -21,7 +21,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help=f"distance of a mobile per frame [%% of the scene size] ({100 * STEP:g})")  # fmt: skip
     add("--json", type=Path, metavar="FILE", help="write every number to a JSON file too")
     add("--sweep", action="store_true", help="measure a table of settings into --out; resumes one that was stopped")
-    add("--tables", action="store_true", help="the report's tables 2.1 to 2.5 with our times, into --out; minutes")
+    add(
+        "--tables",
+        action="store_true",
+        help="the report's tables 2.1 to 2.5 and its space partitionings, into --out; minutes",
+    )
     add("--out", type=Path, metavar="DIR", help="where --sweep writes sweep.json and sweep.md, --tables tables.md")
 
 

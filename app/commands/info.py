@@ -12,7 +12,7 @@ from app.cli.terminal import say
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     options.scene(parser)
-    options.light(parser, "estimator", "photons", "radius", "neighbours", "control", "search", "lamps", "seed")
+    options.light(parser, "estimator", "photons", "radius", "neighbours", "control", "search", "rays", "lamps", "seed")
     options.picture(parser, "exposure")
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     options.scene(parser)
-    options.light(parser, "seed")
+    options.light(parser, "rays", "seed")
     add = options.measuring(parser)
     add("--error", type=values.positive, default=1.0, metavar="PCT",
         help="stop at this noise, relative to the light [%%] (1)")  # fmt: skip
@@ -44,7 +44,7 @@ def reference(settings: Settings, error: float) -> dict:
 
     check_folder(FOLDER_VARIABLE, reference_folder())
     with opened(settings, open_scene) as (bar, scene):
-        store = ReferenceStore(Model(scene), seed=settings.seed)
+        store = ReferenceStore(Model(scene, rays=settings.rays), seed=settings.seed)
         started, first = time.monotonic(), None
         try:
             for reached in store.gather(error):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     options.scene(parser)
-    options.light(parser, "photons", "radius", "control", "search", "light", "seed")
+    options.light(parser, "photons", "radius", "control", "search", "light", "rays", "seed")
     add = options.measuring(parser)
     options.budget(add, "")
     add("--error", type=values.positive, metavar="PCT", help="choose the fastest settings with this error at rest [%%]")

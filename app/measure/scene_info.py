@@ -39,7 +39,7 @@ def info(settings: Settings) -> list[str]:
         solver.solve()
         estimator = settings.estimator or scene.defaults.estimator or DEFAULT
         rows = [*_contents(scene, solver), *_lights(scene, solver), *_choices(settings, chosen, estimator, solver)]
-        rows += [control, ("disc search", _search(solver))]
+        rows += [control, ("disc search", _search(solver)), ("rays", _rays(solver))]
     notes = _notes(scene, solver)
     materials = material_lines(scene, solver.surfaces)
     return [*_aligned(rows), "", *materials, "", *notes, *[""] * bool(notes), *_aligned(_machine(solver))]
@@ -69,6 +69,14 @@ def _search(solver: Solver) -> str:
     solver.solve()
     there = ", ".join(name for name in SEARCHES if name != solver.setting.search)
     return f"{solver.frame.search_summary}; there are also {there}"
+
+
+def _rays(solver: Solver) -> str:
+    from gi_core.rays.structures import STRUCTURES
+
+    used = solver.model.accelerator.rays
+    there = ", ".join(name for name in STRUCTURES if name != used)
+    return f"traced by {used}; there are also {there}"
 
 
 def _contents(scene, solver: Solver) -> list[tuple[str, str]]:

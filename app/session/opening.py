@@ -79,12 +79,13 @@ class Opening:
         import gi_core
         from gi_core.instruments import compile_ahead
 
-        if compile_ahead.is_warm():
+        if compile_ahead.is_warm(self.settings.rays):
             return
         self.phase, self.fraction = COMPILING, 0.0
+        rays = [compile_ahead.RAYS, self.settings.rays] if self.settings.rays else []
         with tempfile.TemporaryFile("w+") as errors:
             self._compiler = subprocess.Popen(
-                [sys.executable, "-m", "gi_core.instruments.compile_ahead"],
+                [sys.executable, "-m", "gi_core.instruments.compile_ahead", *rays],
                 cwd=Path(gi_core.__file__).parent.parent,  # for `-m` to find gi_core, installed or not
                 stdout=subprocess.PIPE,
                 stderr=errors,

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from numba.core.caching import FunctionCache
 
-problems: list[str] = []  # sentences: why kernels are not cached, at most one per cause
+problems: list[str] = []  # sentences: why the program is slower than it could be, at most one per cause
 
 
 class KernelCache(FunctionCache):

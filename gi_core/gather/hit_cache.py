@@ -14,7 +14,7 @@ from gi_core.base.vec import rotate, rotate_back
 from gi_core.lights.next_event import Shadows
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, Transforms, passes_box, rays_to_object
-from gi_core.rays.embree import any_hit, nearest_hit, new_ray
+from gi_core.rays.structures import any_hit, nearest_hit, new_ray
 from gi_core.rays.two_level import CUT_PAD
 
 
@@ -102,12 +102,12 @@ def _to_mobile(world, at, o, origin, direction, limit):
 def _nearer(scenes, ray, world, at, own, origins, directions, distance, face):
     """Replace distance and face of rays that meet a mobile, other than `own`, before; ties stay."""
     for k in range(len(origins)):
-        for o in range(1, len(scenes)):
+        for o in range(1, len(world.first_face) - 1):
             if o == own:
                 continue
             passes, ox, oy, oz, dx, dy, dz = _to_mobile(world, at, o, origins[k], directions[k], distance[k])
             if passes:
-                t, f = nearest_hit(scenes[o], ray, ox, oy, oz, dx, dy, dz, distance[k])
+                t, f = nearest_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, distance[k])
                 if f >= 0 and t < distance[k]:
                     distance[k], face[k] = t, world.first_face[o] + f
 
@@ -116,11 +116,11 @@ def _nearer(scenes, ray, world, at, own, origins, directions, distance, face):
 def _block(scenes, ray, world, at, own, rays, blocked):
     """Mark rays that a mobile other than `own` blocks."""
     for k in range(len(blocked)):
-        for o in range(1, len(scenes)):
+        for o in range(1, len(world.first_face) - 1):
             if o == own or blocked[k]:
                 continue
             passes, ox, oy, oz, dx, dy, dz = _to_mobile(world, at, o, rays.origin[k], rays.direction[k], rays.limit[k])
-            blocked[k] = passes and any_hit(scenes[o], ray, ox, oy, oz, dx, dy, dz, rays.limit[k])
+            blocked[k] = passes and any_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, rays.limit[k])
 
 
 @kernel

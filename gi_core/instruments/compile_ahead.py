@@ -1,8 +1,8 @@
 """Compiling every kernel before it is needed, so that nothing compiles while a user waits.
 
-`python -m gi_core.instruments.compile_ahead` compiles in a separate process and prints a line "done/total name" per
-step. The window stays responsive and finds the kernels in the disk cache. A stamp in the cache folder marks these
-sources as compiled.
+`python -m gi_core.instruments.compile_ahead [--rays NAME]` compiles in a separate process and prints a line
+"done/total name" per step, for one structure of rays. The window stays responsive and finds the kernels in the disk
+cache. A stamp in the cache folder marks these sources as compiled.
 
 With a second core, another process takes the steps in reverse order. Each kernel is compiled by the process that
 reaches it first; the other reads it from the cache.
@@ -38,10 +38,11 @@ from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.geometry.texture_filter import lookup
 from gi_core.geometry.texture_footprint import footprints
 from gi_core.model import Model
+from gi_core.rays.structures import checked
 from gi_core.scene.types import Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
 from gi_core.solver import Solver
 
-FROM_BEHIND = "--from-behind"
+FROM_BEHIND, RAYS = "--from-behind", "--rays"
 STAMP = "complete"
 # Seconds of one core per step, for an even progress bar; 1 for other steps. Estimators name their own.
 COSTS = {"photon tracing": 13, "ray_cache": 8, "reference": 6}
@@ -57,23 +58,27 @@ class CompileStep(NamedTuple):
     name: str
 
 
-def is_warm() -> bool:
-    """Return whether all kernels of these sources are in the disk cache."""
-    return (cache_folder() / STAMP).is_file()
+def _stamp(rays: str | None) -> Path:
+    return cache_folder() / f"{STAMP}-{checked(rays)}"
 
 
-def compile_kernels() -> Iterator[CompileStep]:
+def is_warm(rays: str | None = None) -> bool:
+    """Return whether all kernels of these sources for one structure of rays are in the disk cache."""
+    return _stamp(rays).is_file()
+
+
+def compile_kernels(rays: str | None = None) -> Iterator[CompileStep]:
     """Run a tiny scene through every kernel; yield before each step and once at the end."""
-    parts = _parts()
+    parts = _parts(rays)
     total, done = sum(_cost(name) for name, _ in parts), 0
-    with _from_behind():
+    with _from_behind(rays):
         for name, run in parts:
             yield CompileStep(done, total, name.replace("_", " "))
             run()
             done += _cost(name)
     with suppress(OSError):
         if not KernelCache.ended:
-            (cache_folder() / STAMP).touch()
+            _stamp(rays).touch()
     yield CompileStep(total, total, "ready")
 
 
@@ -81,23 +86,23 @@ def _cost(name: str) -> int:
     return ESTIMATORS[name].compile_seconds if name in ESTIMATORS else COSTS.get(name, 1)
 
 
-def _parts() -> list[tuple[str, Callable[[], None]]]:
+def _parts(rays: str | None) -> list[tuple[str, Callable[[], None]]]:
     """Return name and function of each step, in any order."""
-    tiny = functools.cache(_trace)  # a solver compiles as soon as it is made
+    tiny = functools.cache(functools.partial(_trace, rays))  # a solver compiles as soon as it is made
     parts: list[tuple[str, Callable[[], None]]] = [("photon tracing", tiny)]
     parts += [(name, lambda name=name: _estimate(tiny(), name)) for name in ESTIMATORS]
     parts += [(name, lambda name=name: _search(tiny(), name)) for name in SEARCHES]
-    return [*parts, ("loading", _prepare), ("reference", _gather)]
+    return [*parts, ("loading", _prepare), ("reference", functools.partial(_gather, rays))]
 
 
 @contextmanager
-def _from_behind() -> Iterator[None]:
+def _from_behind(rays: str | None) -> Iterator[None]:
     """Run the steps in reverse order in another process meanwhile, if there is a second core."""
     if available_cores() == 1:
         yield
         return
     process = subprocess.Popen(
-        [sys.executable, "-m", "gi_core.instruments.compile_ahead", FROM_BEHIND],
+        [sys.executable, "-m", "gi_core.instruments.compile_ahead", FROM_BEHIND, RAYS, checked(rays)],
         cwd=Path(__file__).parents[2],  # gi_core is importable there, installed or not
         stdin=subprocess.PIPE,  # closes when this process ends for any reason
         stdout=subprocess.DEVNULL,
@@ -112,15 +117,15 @@ def _from_behind() -> Iterator[None]:
         process.stdin.close()
 
 
-def _compile_backwards() -> None:
+def _compile_backwards(rays: str | None) -> None:
     """Run the steps in reverse order until standard input ends."""
     threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
-    for _, run in reversed(_parts()):
+    for _, run in reversed(_parts(rays)):
         run()
 
 
-def _trace() -> Solver:
-    solver = Solver(_tiny_scene(), CHEAPEST, photons=64, radius=0.1, neighbours=4)
+def _trace(rays: str | None = None) -> Solver:
+    solver = Solver(_tiny_scene(), CHEAPEST, photons=64, radius=0.1, neighbours=4, rays=rays)
     solver.solve()
     _see_texture()
     return solver
@@ -168,13 +173,14 @@ def _tiny_scene() -> Scene:
     return Scene(static, materials, (mobile,), (PointLight("bulb", (0.0, 0.0, 0.9), (1.0, 1.0, 1.0)),), up=(0, 0, 1))
 
 
-def _gather() -> None:
+def _gather(rays: str | None = None) -> None:
     """Compile the kernels of path gathering and denoising."""
     up = np.array([[0.0, 0.0, 1.0]])
-    ReferenceRounds(_tiny_scene(), 0.1 * up, up, 0).step()
     scene = _tiny_scene()
+    ReferenceRounds(scene, 0.1 * up, up, 0, model=Model(scene, rays=rays)).step()
     (mobile,) = scene.mobiles
-    model = Model(replace(scene, mobiles=(mobile, mobile._replace(name="above it", pose=Pose((0.0, 0.0, 0.7))))))
+    mobiles = mobile, mobile._replace(name="above it", pose=Pose((0.0, 0.0, 0.7)))
+    model = Model(replace(scene, mobiles=mobiles), rays=rays)
     MobileGather(model, 0).irradiance(model.transforms(model.start_poses()), np.zeros((model.first_probe, 3)), 1)
     # Smooth three receivers of one face.
     for _ in denoise(*np.ones((2, 3, 3)), np.ones(3), neighbours(np.array([[0, 1, 2]]), 3), 0, 1):
@@ -189,8 +195,9 @@ def _see_texture() -> None:
     lookup(Texture(np.full((3, 3, 3), 128, np.uint8)), *seen)
 
 
-if __name__ == "__main__" and FROM_BEHIND in sys.argv:
-    _compile_backwards()
-elif __name__ == "__main__":
-    for step in compile_kernels():
+if __name__ == "__main__":
+    chosen = sys.argv[sys.argv.index(RAYS) + 1] if RAYS in sys.argv else None
+    if FROM_BEHIND in sys.argv:
+        _compile_backwards(chosen)
+    for step in compile_kernels(chosen):
         print(f"{step.done}/{step.total} {step.name}", flush=True)

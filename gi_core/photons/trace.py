@@ -18,7 +18,7 @@ from gi_core.lights.bsdf import lambertian
 from gi_core.lights.emission import Emitters, emit
 from gi_core.photons.paths import PathVertices, Segments, empty_segments, grown, interval
 from gi_core.rays.accelerator import Accelerator, Transforms, line, point_on_line
-from gi_core.rays.embree import new_ray
+from gi_core.rays.structures import new_ray
 from gi_core.rays.two_level import World, mobile_cut, static_end, turned_normal
 
 USUAL = 4  # segments per path in the first allocation

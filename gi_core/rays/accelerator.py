@@ -14,7 +14,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.base.vec import rotate_back
 from gi_core.base.vectors import box, dot
 from gi_core.geometry.surfaces import Surfaces
-from gi_core.rays.embree import EmbreeMesh, any_hit, nearest_hit, new_ray
+from gi_core.rays.structures import DEFAULT, STRUCTURES, any_hit, nearest_hit, new_ray
 from gi_core.scene.pose import rotation
 from gi_core.scene.types import Pose
 
@@ -41,14 +41,11 @@ def transforms(poses: list[Pose]) -> Transforms:
 class Accelerator:
     """Nearest-hit and any-hit queries against the objects of a scene."""
 
-    def __init__(self, surfaces: Surfaces, threads: int = 1):
+    def __init__(self, surfaces: Surfaces, threads: int = 1, rays: str = DEFAULT):
         self.first_face = surfaces.first_face
-        self.threads = threads
-        meshes = zip(surfaces.vertices, surfaces.faces, strict=True)
-        self._structures = [EmbreeMesh(v, f) if len(f) else None for v, f in meshes]
-        self.scenes = np.array(
-            [s.address if s else 0 for s in self._structures], np.int64
-        )  # for kernels: one per object
+        self.threads, self.rays = threads, rays
+        meshes = list(zip(surfaces.vertices, surfaces.faces, strict=True))
+        self.scenes = STRUCTURES[rays].build(meshes)  # for kernels: all objects
         self.face_object = np.repeat(np.arange(surfaces.objects), np.diff(surfaces.first_face)).astype(np.int16)
 
     def nearest(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray):
@@ -56,23 +53,24 @@ class Accelerator:
 
         origins, directions: (n, 3) float32, directions unit; limits: (n,) float32, not changed.
         """
-        n, scene, first = len(origins), self.scenes[o], self.first_face[o]
+        n, first = len(origins), self.first_face[o]
         origins, directions, limits = _as_rays(origins, directions, limits)
         distances, faces = np.empty(n, np.float32), np.empty(n, np.int32)
 
         def work(_, a, b):
-            _nearest(scene, first, new_ray(), origins[a:b], directions[a:b], limits[a:b], distances[a:b], faces[a:b])
+            part = origins[a:b], directions[a:b], limits[a:b], distances[a:b], faces[a:b]
+            _nearest(self.scenes, o, first, new_ray(), *part)
 
         run_ranges(work, n, self.threads, RAY_GRAIN)
         return distances, faces
 
     def occluded(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
         """Return (n,) bool: object o blocks the ray within its limit; arguments as nearest()."""
-        blocked, scene = np.empty(len(origins), bool), self.scenes[o]
+        blocked = np.empty(len(origins), bool)
         origins, directions, limits = _as_rays(origins, directions, limits)
 
         def work(_, a, b):
-            _occluded(scene, new_ray(), origins[a:b], directions[a:b], limits[a:b], blocked[a:b])
+            _occluded(self.scenes, o, new_ray(), origins[a:b], directions[a:b], limits[a:b], blocked[a:b])
 
         run_ranges(work, len(origins), self.threads, RAY_GRAIN)
         return blocked
@@ -84,20 +82,20 @@ def _as_rays(*arrays: np.ndarray) -> list[np.ndarray]:
 
 
 @kernel
-def _nearest(scene, first_face, ray, origins, directions, limits, distances, faces):
+def _nearest(scenes, o, first_face, ray, origins, directions, limits, distances, faces):
     for k in range(len(origins)):
         ox, oy, oz = origins[k, 0], origins[k, 1], origins[k, 2]
         dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
-        distances[k], face = nearest_hit(scene, ray, ox, oy, oz, dx, dy, dz, limits[k])
+        distances[k], face = nearest_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, limits[k])
         faces[k] = face + first_face if face >= 0 else -1
 
 
 @kernel
-def _occluded(scene, ray, origins, directions, limits, blocked):
+def _occluded(scenes, o, ray, origins, directions, limits, blocked):
     for k in range(len(origins)):
         ox, oy, oz = origins[k, 0], origins[k, 1], origins[k, 2]
         dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
-        blocked[k] = any_hit(scene, ray, ox, oy, oz, dx, dy, dz, limits[k])
+        blocked[k] = any_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, limits[k])
 
 
 def nearest_in_world(accelerator: Accelerator, at: Transforms, origins, directions, limits):

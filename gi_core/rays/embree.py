@@ -16,9 +16,11 @@ from embreex import rtcore_scene
 from numba import types
 
 from gi_core.base.jit import inlined
+from gi_core.rays.triangles import Meshes
 
 _ROBUST = 1 << 2  # scene flag: no ray slips through between two triangles
 _TRIANGLES, _INDEX, _VERTEX, _UINT3, _FLOAT3 = 0, 0, 1, 0x5003, 0x9003
+LEAF = 0  # has no meaning here
 _MAJOR = 4  # of the library: earlier versions take other arguments
 _QUERIES = ("rtcIntersect1", "rtcOccluded1")
 
@@ -94,17 +96,19 @@ class EmbreeMesh:
             raise MemoryError(f"Embree could not build the acceleration structure of {len(faces):,} triangles")
 
 
-# The layout of RTCRayHit, in words of 4 bytes.
-_TNEAR, _TIME, _TFAR, _MASK, _ID, _FLAGS, _PRIMITIVE, _GEOMETRY, _INSTANCE, _WORDS = 3, 7, 8, 9, 10, 11, 17, 18, 19, 24
+def build(meshes: Meshes, leaf: int = LEAF) -> np.ndarray:
+    """Return the addresses (objects,) int64 of the Embree scenes of meshes, 0 for an empty one.
+
+    They live as long as the array. leaf: Embree chooses its own.
+    """
+    made = [EmbreeMesh(v, f) if len(f) else None for v, f in meshes]
+    scenes = np.array([m.address if m else 0 for m in made], np.int64)
+    weakref.finalize(scenes, made.clear).atexit = False
+    return scenes
 
 
-def new_ray() -> np.ndarray:
-    """Return a buffer (24,) float32 for one ray (RTCRayHit), reused by one thread."""
-    room = np.zeros(_WORDS + 3, np.float32)
-    first = -(room.ctypes.data // 4) % 4  # Embree needs 16-byte alignment
-    ray = room[first : first + _WORDS]
-    ray.view(np.int32)[_MASK] = -1
-    return ray
+# The layout of RTCRayHit, in words of 4 bytes; its last one is 23.
+_TNEAR, _TIME, _TFAR, _MASK, _ID, _FLAGS, _PRIMITIVE, _GEOMETRY, _INSTANCE = 3, 7, 8, 9, 10, 11, 17, 18, 19
 
 
 @inlined
@@ -118,7 +122,7 @@ def _aim(ray, ox, oy, oz, dx, dy, dz, limit):
 def nearest_hit(scene, ray, ox, oy, oz, dx, dy, dz, limit):
     """Return distance (limit for none) and triangle (-1 for none) of the nearest hit of a ray of unit direction.
 
-    scene: address of an EmbreeMesh, 0 for none; ray: new_ray().
+    scene: address of an EmbreeMesh, 0 for none; ray: a buffer (24 or more,) float32, 16-byte aligned.
     """
     _aim(ray, ox, oy, oz, dx, dy, dz, limit)
     numbers = ray.view(np.int32)

@@ -26,7 +26,7 @@ from gi_core.rays.accelerator import (
     passes_box,
     point_on_line,
 )
-from gi_core.rays.embree import nearest_hit
+from gi_core.rays.structures import nearest_hit
 
 CUT_PAD = 1e-5  # of the world's size: growth of bounding boxes, so that culling loses no hit
 
@@ -65,7 +65,7 @@ def static_end(scenes, ray, world, at, ox, oy, oz, dx, dy, dz, side):
         x, y, z = turned_normal(world, at, f)
         lx, ly, lz = np.float32(ox + lift * x), np.float32(oy + lift * y), np.float32(oz + lift * z)
     far = np.float32(FAR * world.size)
-    distance, face = nearest_hit(scenes[0], ray, lx, ly, lz, dx, dy, dz, far)
+    distance, face = nearest_hit(scenes, 0, ray, lx, ly, lz, dx, dy, dz, far)
     if face < 0:
         x, y, z = point_on_line(ox, oy, oz, dx, dy, dz, far)
         end_side = NONE
@@ -85,7 +85,7 @@ def mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side):
     lifted off its face for that mobile.
     """
     cut, cut_side = np.float32(np.inf), np.int32(NONE)
-    for o in range(1, len(scenes)):
+    for o in range(1, len(world.first_face) - 1):
         R, px, py, pz = at.rotation[o], at.position[o, 0], at.position[o, 1], at.position[o, 2]
         lx, ly, lz = rotate_back(R, (ox - px, oy - py, oz - pz))
         mx, my, mz = rotate_back(R, (ex - px, ey - py, ez - pz))
@@ -101,7 +101,7 @@ def mobile_cut(scenes, ray, world, at, ox, oy, oz, ex, ey, ez, side):
                 np.float32(ly + lift * n[f, 1]),
                 np.float32(lz + lift * n[f, 2]),
             )
-        distance, face = nearest_hit(scenes[o], ray, fx, fy, fz, dx, dy, dz, length)
+        distance, face = nearest_hit(scenes, o, ray, fx, fy, fz, dx, dy, dz, length)
         if face >= 0 and distance < length and distance < cut:
             f = world.first_face[o] + face
             towards = dx * world.normals[f, 0] + dy * world.normals[f, 1] + dz * world.normals[f, 2]

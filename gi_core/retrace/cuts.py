@@ -19,7 +19,7 @@ from gi_core.model import Model
 from gi_core.photons.paths import PathVertices, Segments, concatenate, empty_segments, segments_at, take
 from gi_core.photons.trace import Fates, add_to, emitted_rays, follow, no_flux, reflected
 from gi_core.rays.accelerator import Transforms
-from gi_core.rays.embree import new_ray
+from gi_core.rays.structures import new_ray
 from gi_core.rays.two_level import nearest_mobile
 from gi_core.retrace.broad_phase import Coarse, ScanBuffers, find_near
 from gi_core.retrace.removed_suffixes import RemovedSuffixes, no_removed_suffixes

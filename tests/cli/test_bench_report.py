@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.measure.bench import report
+from app.measure.bench import ray_tables, report
 from app.measure.bench.report import Times, crossover, markdown
 from gi_core.discs.search import PRETESTS, SEARCHES
+from gi_core.instruments.ray_timing import KINDS, Cost, Structure, built, costs, rays_of
 from gi_core.instruments.search_timing import photon_lines, search_run, static_discs
-from gi_core.scene.types import Material, PointLight, Scene
+from gi_core.model import Model
+from gi_core.scene.types import Camera, Material, PointLight, Scene
 from gi_core.solver import Solver
 from tests.support.scene_builders import floor, grey, merge, quad
 
@@ -74,3 +76,25 @@ def test_every_number_of_the_report_is_beside_ours():
 def test_tables_need_a_folder(arguments, capsys):
     assert cli.main(["bench", *arguments]) == cli.USAGE
     assert "--tables and --out" in capsys.readouterr().err
+
+
+def test_structures_of_rays_have_a_table_at_their_best_leaf_sizes():
+    cost = {name: dict.fromkeys(KINDS, Cost(us * 1e-6, 10.0, 5.0)) for name, us in (("a", 4.0), ("b", 2.0), ("e", 1.0))}
+    rows = [(Structure("embree", 0, None, 0.1, 0), cost["e"])]
+    rows += [(Structure("bvh", leaf, None, 0.02, 3_000_000), cost[k]) for leaf, k in ((1, "a"), (4, "b"))]
+    text = ray_tables.section({"cornell": rows})
+    assert "| bvh | 4 | 20 | 3 | 2 | 2 | 2 | 2.00 | 10.0 | 5.0 |" in text
+    assert "bvh, us per random ray over leaf sizes: 4 at 1, 2 at 4" in text and text.count("embree") == 1
+
+
+def test_rays_of_a_table_come_from_the_picture_and_end_at_lamps():
+    model = Model(two_parts(), threads=1)
+    camera = Camera((0.0, -2.0, 0.6), (0.0, 0.0, 0.4), 30.0)
+    found = rays_of(model, camera, 400)
+    assert set(found) == set(KINDS)
+    shadow = found["shadow"]
+    ends = shadow.origin + shadow.limit[:, None] * shadow.direction
+    assert np.abs(ends - [0, 0, 1]).max() < 1e-3 and len(ends) > 50
+    made = [built(name, [(model.surfaces.vertices[0], model.surfaces.faces[0])]) for name in ("bvh", "none")]
+    tree, every = costs(made, found, repeats=1)
+    assert every["random"].tests == len(model.surfaces.faces[0]) > tree["random"].tests > 0

@@ -70,7 +70,7 @@ def test_help_names_every_command():
 
 
 LAMPS = LampSetting("lamp", 0.5), LampSetting("red=lamp", 1.0, (1.0, 0.5, 0.0))
-LIGHT = ("estimator", "photons", "radius", "neighbours", "control", "search", "seed")
+LIGHT = ("estimator", "photons", "radius", "neighbours", "control", "search", "rays", "seed")
 PICTURE = ("size", "exposure", "white_balance", "tone_map", "show", "cull")
 OPTIONS = {  # per command: the fields of Settings that it reads besides the scene's
     "": {*LIGHT, "lamps", "border_correction", "textbook", "light", "budget", *PICTURE},
@@ -78,8 +78,8 @@ OPTIONS = {  # per command: the fields of Settings that it reads besides the sce
     "bench": {*LIGHT, "lamps", "border_correction", "textbook", "light"},
     "chart": {*LIGHT, "exposure"},
     "info": {*LIGHT, "lamps", "exposure"},
-    "tune": {"photons", "radius", "control", "search", "light", "seed", "budget"},
-    "reference": {"seed"},
+    "tune": {"photons", "radius", "control", "search", "light", "rays", "seed", "budget"},
+    "reference": {"rays", "seed"},
 }
 WORDS = {
     "estimator": ("--estimator impact_count", "impact_count"),
@@ -92,6 +92,7 @@ WORDS = {
     "search": ("--search brute_force", "brute_force"),
     "light": ("--light best", "best"),
     "lamps": ("--lamp lamp=0.5 --lamp red=lamp=1,0.5,0", LAMPS),
+    "rays": ("--rays bvh", "bvh"),
     "seed": ("--seed 7", 7),
     "size": ("--size 64x48", (64, 48)),
     "exposure": ("--exposure -1.5", -1.5),
@@ -307,7 +308,7 @@ def test_light_is_gathered_without_an_estimator_option(words, light):
     assert settings_of(cli.parse(words)).light_chosen == light
 
 
-@pytest.mark.parametrize("name", ["estimator", "search"])
+@pytest.mark.parametrize("name", ["estimator", "search", "rays"])
 @pytest.mark.parametrize("command", [[], ["render"], ["chart"], ["info"]])
 def test_unknown_names_are_refused_before_any_work(monkeypatch, capsys, command, name):
     from app.window import viewer, window

@@ -123,3 +123,16 @@ def test_nothing_of_this_machine_is_written_down():
             text = path.read_text(encoding="utf-8")
             assert not re.search(r"/(?:work|opt|home|root)/", text), path
     assert PROJECT["project"]["requires-python"] == ">=3.11"
+
+
+def test_embreex_is_required_only_where_it_has_wheels():
+    """Wheels of embreex 4.4: x86-64 of all three systems, and Apple silicon."""
+    from packaging.requirements import Requirement
+
+    (marker,) = [r.marker for r in map(Requirement, PROJECT["project"]["dependencies"]) if r.name == "embreex"]
+    platforms = {
+        ("linux", "x86_64"): True, ("win32", "AMD64"): True, ("darwin", "arm64"): True, ("darwin", "x86_64"): True,
+        ("linux", "aarch64"): False, ("win32", "ARM64"): False,
+    }  # fmt: skip
+    for (system, machine), there in platforms.items():
+        assert marker.evaluate({"sys_platform": system, "platform_machine": machine}) == there

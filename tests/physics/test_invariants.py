@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import gi_core.frames.frame
 from gi_core.discs.search import SEARCHES
-from gi_core.estimators import ESTIMATORS
+from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.photons.paths import take
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Material, Mobile, PointLight, Pose, Scene
@@ -95,6 +95,21 @@ def test_any_history_equals_from_scratch_and_the_naive_twin(history):
         np.testing.assert_array_equal(solver.irradiance, twin)
         assert (solver.irradiance >= 0).all() and np.isfinite(solver.irradiance).all()
         assert twin.max() > 0
+
+
+@pytest.mark.parametrize("rays", ["bvh", "octree"])  # all of them: `studies.ray_agreement`
+@settings(max_examples=4)
+@given(history=st.lists(moves, min_size=1, max_size=3))
+@example(history=[("ball", Pose((0.55, 0.45, 0.2)))])
+def test_any_history_equals_from_scratch_with_each_structure_of_rays(rays, history):
+    solver = solved(rays=rays)
+    for name, pose in history:
+        solver.move(name, pose)
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
+    assert np.array_equal(solver.irradiance, solved(solver.poses, rays=rays).irradiance)
+    if len(history) == 1 and history[0][1] is not AWAY:
+        twin = Twin(SCENE, PHOTONS, RADIUS, NEIGHBOURS, SEED, rays)
+        np.testing.assert_array_equal(solver.irradiance, twin.irradiance(DEFAULT, solver.poses))
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)

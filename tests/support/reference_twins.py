@@ -20,7 +20,7 @@ from gi_core.lights.bsdf import lambertian
 from gi_core.lights.emission import emit
 from gi_core.model import Model
 from gi_core.photons.hit_grid import OTHER_SIDE
-from gi_core.rays.embree import new_ray
+from gi_core.rays.structures import new_ray
 from gi_core.rays.two_level import nearest_mobile, nearest_static
 from gi_core.scene.pose import rotation
 from tests.support.contact_twin import regions_in_company
@@ -31,8 +31,8 @@ F32 = np.float32
 class Twin:
     """Irradiance at given poses, from the scene alone."""
 
-    def __init__(self, scene, photons: int, radius: float, neighbours: int, seed: int):
-        self.model = Model(scene, threads=1)
+    def __init__(self, scene, photons: int, radius: float, neighbours: int, seed: int, rays: str | None = None):
+        self.model = Model(scene, threads=1, rays=rays)
         self.photons, self.radius, self.neighbours, self.seed = photons, radius, neighbours, seed
         self._traced: tuple[dict | None, list[dict]] = None, []
 

@@ -41,6 +41,7 @@ def table(n: dict) -> list[str]:
         ("light", f"{n['photons']:,} photons, {n['segments']:,} segments, seed {n['seed']}"),
         ("estimator", f"{n['estimator']}, radius {n['radius']:.4g} m, k {n['neighbours']}, {control} artifact control"),
         ("machine", f"{n['processor']}, {n['threads']} threads, commit {n['commit'] or 'unknown'}"),
+        ("rays", f"traced by {n['rays']}"),
         *_busy(n),
         ("GI frame", f"median {f['median']:.2f} ms, p95 {f['p95']:.2f}, min {f['min']:.2f}, max {f['max']:.2f}"),
         ("  CPU", f"{f['cpu']:.2f} ms, all threads together"),

@@ -61,6 +61,7 @@ def measure(scene, settings: Settings, frames: int, bar: Bar, step: float = STEP
         "neighbours": solver.neighbours,
         "seed": solver.seed,
         "threads": solver.model.threads,
+        "rays": solver.model.accelerator.rays,
         "processor": processor(),
         "commit": commit(),
         "load": busy,

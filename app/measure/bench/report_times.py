@@ -16,11 +16,13 @@ from app.cli.progress import Bar, compile_kernels, solve
 from app.cli.version import commit
 from app.cli.writable import write_whole
 from app.draw import motion
+from app.measure.bench import ray_tables
 from app.measure.bench.report import DISC_INDEX, ESTIMATORS, RAY_CACHE, SECOND_RADII, TREE_RADII, Times, markdown
 from app.measure.machine import processor
 from app.settings import STEP, Settings, UsageError, make_solver, open_scene
 from gi_core.discs.search.disc_index import DiscIndex
 from gi_core.estimators import CHEAPEST, DEFAULT
+from gi_core.model import Model
 from gi_core.solver import Solver
 
 GROUND, TREE = ("ground", "skirt"), ("bark", "leaf")  # materials of the scene `tree`
@@ -36,7 +38,7 @@ def tables(settings: Settings, out: Path) -> str:
     if out.exists() and not out.is_dir():
         raise UsageError(f"--out must name a folder, got {out}")
     with Bar() as bar:
-        compile_kernels(bar)
+        compile_kernels(bar, settings.rays)
         tree, second = _solver("tree", settings, bar), _solver("second_tree", settings, bar)
         found = {
             "tree 10000": _times(tree, 10_000, TREE_RADII + MORE_RADII, {"whole": None}, bar)
@@ -45,19 +47,23 @@ def tables(settings: Settings, out: Path) -> str:
             "second 20000": _times(second, 20_000, SECOND_RADII, {"whole": None}, bar),
         }
         pretests, estimators = _pretests(tree, bar), _estimators(tree, bar)
+        rays = {name: ray_tables.measured(Model(open_scene(Settings(scene=name))), bar) for name in ray_tables.SCENES}
     facts = {
         "machine": f"{processor()}, one thread, commit {commit() or 'unknown'}",
         "tree": f"{_static(tree):,} static triangles and a mobile of 500",
         "second": f"{_static(second):,} static triangles and a mobile of {len(second.scene.mobiles[0].mesh.faces)}",
     }
-    text = markdown(facts, found, pretests, estimators)
+    text = markdown(facts, found, pretests, estimators) + "\n" + ray_tables.section(rays) + "\n"
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / "tables.md", text)
+    ray_tables.draw(rays, out / "rays.svg")
     return text
 
 
 def _solver(scene: str, settings: Settings, bar: Bar):
-    asked = Settings(scene=scene, photons=20_000, estimator=CHEAPEST, seed=settings.seed, control=False)
+    asked = Settings(
+        scene=scene, photons=20_000, estimator=CHEAPEST, seed=settings.seed, control=False, rays=settings.rays
+    )
     solver = make_solver(open_scene(asked), asked)
     solve(solver, bar)
     return solver

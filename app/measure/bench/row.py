@@ -58,7 +58,7 @@ def measure_row(spec: dict) -> dict:
     settings = Settings(**{name: _tuples(value) for name, value in spec["settings"].items()})
     scene, settings = vary(open_moving_scene(settings), settings, spec["variant"])
     with Bar() as bar:
-        compile_kernels(bar)
+        compile_kernels(bar, settings.rays)
         warm_up(scene, settings)
         return measure(scene, settings, spec["frames"], bar, spec["variant"].get("step", STEP))
 

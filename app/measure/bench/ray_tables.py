@@ -1,0 +1,103 @@
+"""The report's space partitionings (section 3.4.1) beside bvh and Embree: a table per scene, and a plot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from app.cli.progress import Bar
+from app.draw.camera import from_camera, scene_bounds
+from app.measure.bench.tables import table
+from app.measure.chart.figure import need_matplotlib
+
+if TYPE_CHECKING:
+    from gi_core.instruments.ray_timing import Cost, Structure
+    from gi_core.model import Model
+
+SCENES = ("cornell", "living_room", "tree")
+RAYS = 20_000  # of each kind
+HEAD = ["structure", "leaf", "build ms", "MB", "primary", "random", "shadow", "random / Embree", "cells", "triangles"]
+NOTE = (
+    "Times per ray are us of one thread, the least of 5 runs in turn. Primary rays go through pixels of the scene's "
+    "camera, random ones on from their hits, shadow rays from there to points on lamps. Cells and triangles are those "
+    "of a random ray. Each structure has its best leaf size for random rays; of `grid3d` it is triangles per cell."
+)
+
+
+def measured(model: Model, bar: Bar, rays: int = RAYS) -> list[tuple[Structure, dict[str, Cost]]]:
+    """Return every structure at every leaf size over a model's static part, with its costs by kind of ray."""
+    from gi_core.instruments.ray_timing import LEAVES, built, costs, rays_of
+    from gi_core.rays.structures import STRUCTURES
+
+    poses = model.start_poses()
+    camera = from_camera(model.scene.camera, model.scene.up, scene_bounds(model, poses)).as_camera()
+    casts = rays_of(model, camera, rays)
+    meshes = [(model.surfaces.vertices[0], model.surfaces.faces[0])]
+    tried: list[Structure] = []
+    for name in STRUCTURES:
+        for leaf in LEAVES.get(name, (None,)):
+            bar(f"{model.scene.name}: {name}", len(tried) / 30)
+            tried.append(built(name, meshes, leaf))
+    return list(zip(tried, costs(tried, casts), strict=True))
+
+
+def best(found: list[tuple[Structure, dict[str, Cost]]]) -> list[tuple[Structure, dict[str, Cost]]]:
+    """Return each structure at the leaf size of the fastest random rays."""
+    names = dict.fromkeys(s.name for s, _ in found)
+    return [min((f for f in found if f[0].name == n), key=lambda f: f[1]["random"].seconds) for n in names]
+
+
+def section(found: dict[str, list[tuple[Structure, dict[str, Cost]]]]) -> str:
+    """Return the Markdown section; found: measurements by the title of a scene."""
+    parts = ["## Space partitionings (3.4.1)", NOTE]
+    for title, rows in found.items():
+        chosen = best(rows)
+        embree = next((c["random"].seconds for s, c in chosen if s.name == "embree"), None)
+        lines = [_line(s, c, embree) for s, c in chosen]
+        parts += [f"### {title}", table(HEAD, lines), _over_leaves(rows)]
+    return "\n\n".join(p for p in parts if p)
+
+
+def _line(s: Structure, cost: dict[str, Cost], embree: float | None) -> list[str]:
+    random = cost["random"]
+    return [
+        s.name, f"{s.leaf:g}" if s.bytes and s.name != "none" else "", f"{1e3 * s.build_seconds:.3g}",
+        f"{s.bytes / 1e6:.3g}" if s.bytes else "", *(f"{1e6 * cost[k].seconds:.3g}" for k in cost),
+        f"{random.seconds / embree:.2f}" if embree else "",
+        f"{random.cells:.1f}" if random.cells else "", f"{random.tests:.1f}" if random.tests else "",
+    ]  # fmt: skip
+
+
+def _over_leaves(rows) -> str:
+    lines = []
+    for name in dict.fromkeys(s.name for s, _ in rows):
+        own = [(s, c) for s, c in rows if s.name == name]
+        if len(own) > 1:
+            lines.append(f"- {name}, us per random ray over leaf sizes: " + ", ".join(
+                f"{1e6 * c['random'].seconds:.3g} at {s.leaf:g}" for s, c in own
+            ))  # fmt: skip
+    return "\n".join(lines)
+
+
+def draw(found: dict[str, list[tuple[Structure, dict[str, Cost]]]], out: Path) -> None:
+    """Draw time per random ray over the leaf size, one panel per scene, into rays.svg. Raises UsageError, OSError."""
+    need_matplotlib()
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(1, len(found), figsize=(4 * len(found) + 2, 4), sharey=True, layout="constrained")
+    for axis, (title, rows) in zip([axes] if len(found) == 1 else axes, found.items(), strict=True):
+        for k, name in enumerate(dict.fromkeys(s.name for s, _ in rows)):
+            own = [(s.leaf, 1e6 * c["random"].seconds) for s, c in rows if s.name == name]
+            if len(own) > 1:
+                axis.plot(*zip(*own, strict=True), "o-", color=f"C{k}", label=name)
+            elif name != "none":
+                axis.axhline(own[0][1], color=f"C{k}", linestyle="--", label=name)
+        axis.set(xscale="log", yscale="log", title=title, xlabel="triangles per leaf or cell")
+        axis.grid(linewidth=0.4, which="both")
+    figure.axes[0].set_ylabel("us per random ray")
+    figure.axes[-1].legend(fontsize=8)
+    figure.savefig(out, metadata={"Date": None})
+    pyplot.close(figure)

@@ -1,0 +1,124 @@
+"""Timing of ray structures outside of frames: the same rays against the static part of a scene, in one thread."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.files.completion.camera_view import picture_rays, unit
+from gi_core.lights.emission import emit
+from gi_core.model import Model
+from gi_core.rays.accelerator import _nearest, _occluded
+from gi_core.rays.structures import STRUCTURES, new_ray
+from gi_core.rays.triangles import CELLS, TESTS, Meshes
+from gi_core.scene.types import Camera
+
+KINDS = ("primary", "random", "shadow")
+# Leaf sizes to try, the best one of each structure among them; () where it has no meaning.
+LEAVES = {
+    "bvh": (1, 2, 4, 8, 15), "octree": (2, 4, 8, 16, 32), "binary_tree": (1, 2, 4, 8, 16), "bsp": (1, 2, 4, 8, 16),
+    "grid3d": (0.0625, 0.125, 0.25, 0.5, 1, 2),
+}  # fmt: skip
+SLOW = 100  # times fewer rays for `none`
+REPEATS = 5  # of a measurement; the least time counts
+
+
+class Rays(NamedTuple):
+    """Rays of one kind."""
+
+    origin: np.ndarray  # (n, 3) float32
+    direction: np.ndarray  # (n, 3) float32, unit
+    limit: np.ndarray  # (n,) float32
+    any_hit: bool  # whether a hit of any triangle will do
+
+
+class Structure(NamedTuple):
+    """A structure built over the static part of a scene, with its cost."""
+
+    name: str
+    leaf: float
+    scenes: object
+    build_seconds: float
+    bytes: int  # 0 for Embree, which does not say
+
+
+class Cost(NamedTuple):
+    """Cost per ray. Cells and triangles are 0 for Embree, which does not count them."""
+
+    seconds: float
+    cells: float
+    tests: float
+
+
+def rays_of(model: Model, camera: Camera, n: int, seed: int = 0) -> dict[str, Rays]:
+    """Return rays by kind: through the pixels of a picture, on from their hits, and from there to points on lamps."""
+    rng, far = np.random.default_rng(seed), np.float32(4 * model.world.size)
+    columns = math.isqrt(n)
+    d = picture_rays([camera], model.scene.up, columns, columns)[0].astype(np.float32)
+    o = np.broadcast_to(np.asarray(camera.position, np.float64) - model.origins[0], d.shape).astype(np.float32)
+    limits = np.full(len(d), far)
+    distance, face = model.accelerator.nearest(0, o, d, limits)
+    hit = face >= 0
+    normal = model.surfaces.normals[face[hit]]
+    toward = np.sign((normal * d[hit]).sum(axis=1))[:, None]
+    start = (o[hit] + distance[hit, None] * d[hit] - 1e-5 * model.world.size * toward * normal).astype(np.float32)
+    on = unit(rng.normal(size=start.shape))
+    on *= -np.sign((on * toward * normal).sum(axis=1))[:, None]
+    lamp = emit(model.emitters, seed, 0, len(start))[0].astype(np.float64) - start
+    length = np.sqrt((lamp * lamp).sum(axis=1))
+    return {
+        "primary": Rays(o, d, limits, False),
+        "random": Rays(start, on.astype(np.float32), limits[: len(start)], False),
+        "shadow": Rays(start, unit(lamp).astype(np.float32), (length * (1 - 1e-4)).astype(np.float32), True),
+    }
+
+
+def built(name: str, meshes: Meshes, leaf: float | None = None) -> Structure:
+    """Return a structure of static meshes, built twice: the first time compiles."""
+    module = STRUCTURES[name]
+    leaf = module.LEAF if leaf is None else leaf
+    for _ in range(2):
+        before = time.thread_time()
+        scenes = module.build(meshes, leaf)
+        seconds = time.thread_time() - before
+    return Structure(name, leaf, scenes, seconds, 0 if isinstance(scenes, np.ndarray) else _bytes(scenes))
+
+
+def _bytes(record) -> int:
+    return record.nbytes if isinstance(record, np.ndarray) else sum(map(_bytes, record))
+
+
+def run_of(structure: Structure, rays: Rays, all_rays: bool = False) -> Callable[[], Cost]:
+    """Return a function that casts rays of a kind, for `none` one in SLOW or `all_rays`, and returns their cost."""
+    n = max(1, len(rays.origin) // (SLOW if structure.name == "none" and not all_rays else 1))
+    o, d, limit = (a[:n] for a in rays[:3])
+    ray, distance, face, blocked = new_ray(), np.empty(n, np.float32), np.empty(n, np.int32), np.empty(n, bool)
+
+    def run() -> Cost:
+        ray.view(np.int32)[[CELLS, TESTS]] = 0
+        before = time.thread_time()
+        if rays.any_hit:
+            _occluded(structure.scenes, 0, ray, o, d, limit, blocked)
+        else:
+            _nearest(structure.scenes, 0, 0, ray, o, d, limit, distance, face)
+        seconds = (time.thread_time() - before) / n
+        cells, tests = ray.view(np.int32)[[CELLS, TESTS]] / n if structure.bytes else (0.0, 0.0)
+        return Cost(seconds, float(cells), float(tests))
+
+    return run
+
+
+def costs(structures: list[Structure], rays: dict[str, Rays], repeats: int = REPEATS) -> list[dict[str, Cost]]:
+    """Return the cost by kind of ray of each structure: the least of `repeats`, taken in turn."""
+    runs = [{kind: run_of(s, r) for kind, r in rays.items()} for s in structures]
+    out = [{kind: run() for kind, run in own.items()} for own in runs]  # compiles
+    for turn in range(repeats):
+        for k, own in enumerate(runs):
+            for kind, run in own.items():
+                cost = run()
+                out[k][kind] = cost if turn == 0 else min(out[k][kind], cost)
+    return out

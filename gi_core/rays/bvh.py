@@ -1,0 +1,287 @@
+"""Bounding volume hierarchy of four children per node, built by the binned surface area heuristic (Wald 2007).
+
+The program's own structure where Embree cannot be had. Boxes are float32; their intervals are widened by the bound of
+Ize 2013 ("Robust BVH ray traversal"), so that none is missed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import llvmlite.ir as ir
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+
+from gi_core.base.jit import inlined, kernel
+from gi_core.rays.triangles import (
+    CELLS,
+    STACK,
+    TESTS,
+    Meshes,
+    Triangles,
+    inverse,
+    nearer,
+    test_ray,
+    triangles_of,
+)
+
+LEAF = 4  # triangles that may share a leaf
+MOST = 15  # triangles of a leaf: its word has 4 bits for them
+BINS = 16
+DEEPEST = 40  # nodes below this depth are halved by count: 24 levels more hold 16 million leaves
+STEP_COST = 1.0  # of entering a node, in triangle tests
+WIDER = np.float32(1 + 1e-6)  # twice the bound of 3 float32 roundings, 3.6e-7
+CHILD = 24  # int32 words of a node from here on: its children
+
+
+class Bvh(NamedTuple):
+    """Nodes of all objects; triangles in the order of leaves.
+
+    A node has the low x of its four children, then their low y, low z, high x, high y, high z, then int32 words: the
+    row of a child, or ~(16 first triangle + triangles) of a leaf.
+    """
+
+    triangles: Triangles
+    face: np.ndarray  # (T,) int32, of the object
+    nodes: np.ndarray  # (n, 28) float32
+    root: np.ndarray  # (objects,) int64
+
+
+def build(meshes: Meshes, leaf: int = LEAF) -> Bvh:
+    """Return the structure of all objects, with at most `leaf` (1 to 15) triangles per leaf."""
+    triangles = triangles_of(meshes)
+    order, nodes, root, rows = np.empty(len(triangles.corners), np.int64), [], [], 0
+    for o, (a, b) in enumerate(zip(triangles.first[:-1], triangles.first[1:], strict=True)):
+        corners, pad = triangles.corners[a:b].reshape(-1, 3, 3), np.float32(triangles.padding[o])
+        boxes = np.concatenate([corners.min(axis=1) - pad, corners.max(axis=1) + pad], axis=1)
+        order[a:b] = np.arange(b - a)
+        own, work = np.empty((b - a + 1, CHILD + 4), np.float32), np.empty((3 * (DEEPEST + 32), 5), np.int64)
+        parts, bins, right = np.empty((4, 4), np.int64), *np.empty((2, BINS, 7), np.float32)
+        count = _build(boxes, order[a:b], a, own, own.view(np.int32), rows, leaf, work, parts, bins, right)
+        nodes.append(own[:count])
+        root.append(rows)
+        rows += count
+    corners = triangles.corners[order + np.repeat(triangles.first[:-1], np.diff(triangles.first))]
+    return Bvh(triangles._replace(corners=corners), order.astype(np.int32), np.concatenate(nodes), np.array(root))
+
+
+@inlined
+def _empty(box):
+    box[0] = box[1] = box[2] = np.float32(np.inf)
+    box[3] = box[4] = box[5] = np.float32(-np.inf)
+
+
+@inlined
+def _grow(box, other):
+    for k in range(3):
+        box[k], box[3 + k] = min(box[k], other[k]), max(box[3 + k], other[3 + k])
+
+
+@inlined
+def _half_area(box):
+    x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
+    return x * y + y * z + z * x if x >= 0.0 else np.float32(0.0)
+
+
+@kernel
+def _build(boxes, order, first, nodes, words, rows, leaf, work, parts, bins, right):
+    """Fill the nodes of one object, whose triangles begin at `first` and nodes at `rows`; return their number.
+
+    Sorts `order`. work: stack of (begin, end, depth, parent, child); parts: ranges of a node's children.
+    """
+    work[0, 0], work[0, 1], work[0, 2], work[0, 3] = 0, len(order), 0, -1
+    top, count = 1, 0
+    while top:
+        top -= 1
+        if work[top, 3] >= 0:
+            words[work[top, 3], CHILD + work[top, 4]] = rows + count
+        parts[0, 0], parts[0, 1], parts[0, 2], parts[0, 3] = work[top, 0], work[top, 1], work[top, 2], 0
+        n = 1
+        while n < 4:  # split the largest part that can be split
+            p = -1
+            for k in range(n):
+                if parts[k, 3] == 0 and (p < 0 or parts[k, 1] - parts[k, 0] > parts[p, 1] - parts[p, 0]):
+                    p = k
+            if p < 0:
+                break
+            middle = _split(boxes, order, parts[p, 0], parts[p, 1], parts[p, 2], leaf, bins, right)
+            parts[p, 3] = middle < 0
+            if middle >= 0:
+                parts[p, 2] += 1
+                parts[n, 0], parts[n, 1], parts[n, 2], parts[n, 3] = middle, parts[p, 1], parts[p, 2], 0
+                parts[p, 1] = middle
+                n += 1
+        for k in range(4):
+            box = bins[0]
+            _empty(box)
+            words[count, CHILD + k] = -1
+            if k < n:
+                a, b = parts[k, 0], parts[k, 1]
+                for i in range(a, b):
+                    _grow(box, boxes[order[i]])
+                if parts[k, 3] or b - a <= 1:
+                    words[count, CHILD + k] = ~(16 * (first + a) + b - a)
+                else:
+                    work[top, 0], work[top, 1], work[top, 2], work[top, 3], work[top, 4] = a, b, parts[k, 2], count, k
+                    top += 1
+            for i in range(6):
+                nodes[count, 4 * i + k] = box[i]
+        count += 1
+    return count
+
+
+@inlined
+def _centre(box, axis):
+    return np.float32(0.5) * (box[axis] + box[axis + 3])
+
+
+@kernel
+def _split(boxes, order, a, b, depth, leaf, bins, right):
+    """Sort order[a:b] into two parts and return where the second begins; -1: a leaf. bins, right: (BINS, 7)."""
+    if b - a <= 1:
+        return -1
+    centres = right[0]
+    _empty(centres)
+    for k in range(a, b):
+        for i in range(3):
+            c = _centre(boxes[order[k]], i)
+            centres[i], centres[3 + i] = min(centres[i], c), max(centres[3 + i], c)
+    axis = 0
+    for i in range(1, 3):
+        if centres[3 + i] - centres[i] > centres[3 + axis] - centres[axis]:
+            axis = i
+    low, extent = centres[axis], centres[3 + axis] - centres[axis]
+    if not extent > 0.0 or depth >= DEEPEST:
+        return -1 if b - a <= leaf else a + (b - a) // 2
+    scale = np.float32(BINS * (1 - 1e-6)) / extent
+    for i in range(BINS):
+        _empty(bins[i])
+        bins[i, 6] = 0
+    for k in range(a, b):
+        box = boxes[order[k]]
+        i = min(np.int64((_centre(box, axis) - low) * scale), BINS - 1)
+        _grow(bins[i], box)
+        bins[i, 6] += np.float32(1)
+    for i in range(BINS - 1, 0, -1):  # right[i]: all bins from i on
+        _empty(right[i])
+        _grow(right[i], bins[i])
+        right[i, 6] = bins[i, 6]
+        if i < BINS - 1:
+            _grow(right[i], right[i + 1])
+            right[i, 6] += right[i + 1, 6]
+    best, cut, left = np.float32(np.inf), -1, bins[0]
+    for i in range(1, BINS):
+        if left[6] > 0 and right[i, 6] > 0:
+            cost = left[6] * _half_area(left) + right[i, 6] * _half_area(right[i])
+            if cost < best:
+                best, cut = cost, i
+        _grow(left, bins[i])
+        left[6] += bins[i, 6]
+    if b - a <= leaf and (b - a - STEP_COST) * _half_area(left) <= best:
+        return -1
+    i, j = a, b - 1
+    while i <= j:
+        if min(np.int64((_centre(boxes[order[i]], axis) - low) * scale), BINS - 1) < cut:
+            i += 1
+        else:
+            order[i], order[j] = order[j], order[i]
+            j -= 1
+    return i
+
+
+@intrinsic
+def _entries(typingctx, nodes, row, near, origin, inverse_, far, ray):
+    """Write the distances where a ray enters the four boxes of a node, and return the bits of those that it does.
+
+    near: first words of the near planes; origin, inverse_: three float32 each; far: float32; ray: of the ray,
+    4 float32 at STACK - 4.
+    """
+    signature = types.int32(nodes, row, near, origin, inverse_, far, ray)
+
+    def generate(context, builder, sig, args):
+        word, four = ir.FloatType(), ir.VectorType(ir.FloatType(), 4)
+
+        def every(value):
+            vector = builder.insert_element(ir.Constant(four, ir.Undefined), value, ir.IntType(32)(0))
+            return builder.shuffle_vector(vector, vector, ir.Constant(ir.VectorType(ir.IntType(32), 4), [0] * 4))
+
+        def number(value):
+            return every(ir.Constant(word, float(np.float32(value))))
+
+        def choose(relation, a, b):
+            return builder.select(builder.fcmp_ordered(relation, a, b), a, b)
+
+        data = context.make_array(sig.args[0])(context, builder, args[0]).data
+        base = builder.mul(args[1], ir.IntType(64)(CHILD + 4))
+        enter, leave = number(0.0), every(args[5])
+        for axis in range(3):
+            first = builder.extract_value(args[2], axis)
+            o, i = (every(builder.extract_value(args[k], axis)) for k in (3, 4))
+            ends = []
+            for offset in (first, builder.sub(ir.IntType(64)(12 + 8 * axis), first)):
+                at = builder.bitcast(builder.gep(data, [builder.add(base, offset)]), four.as_pointer())
+                planes = builder.load(at, align=4)
+                ends.append(builder.fmul(builder.fsub(planes, o), i))
+            enter = choose(">", ends[0], enter)
+            leave = choose("<", builder.fmul(ends[1], number(WIDER)), leave)
+        out = context.make_array(sig.args[6])(context, builder, args[6]).data
+        out = builder.bitcast(builder.gep(out, [ir.IntType(64)(STACK - 4)]), four.as_pointer())
+        builder.store(enter, out, align=4)
+        hit = builder.fcmp_ordered("<=", enter, leave)
+        return builder.zext(builder.bitcast(hit, ir.IntType(4)), ir.IntType(32))
+
+    return signature, generate
+
+
+@kernel
+def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
+    """Return distance float32 and face of the nearest hit, or of any; limit and -1 for none."""
+    nodes, corners, face = s.nodes, s.triangles.corners, s.face
+    words, stack = nodes.view(np.int32), ray.view(np.int32)
+    r, origin = test_ray(s.triangles, o, ox, oy, oz, dx, dy, dz), (np.float32(ox), np.float32(oy), np.float32(oz))
+    ix, iy, iz = np.float32(inverse(r.dx)), np.float32(inverse(r.dy)), np.float32(inverse(r.dz))
+    near = (0 if ix > 0 else 12, 4 if iy > 0 else 16, 8 if iz > 0 else 20)
+    best, found, node = np.float64(limit), -1, s.root[o]
+    far = np.float32(limit) * WIDER
+    bottom = STACK // 2
+    top = bottom
+    entered = tested = 0
+    while True:
+        if node >= 0:
+            entered += 1
+            hits = _entries(nodes, node, near, origin, (ix, iy, iz), far, ray)
+            begin = top
+            k = 0
+            while hits:
+                if hits & 1:
+                    t, child = ray[STACK - 4 + k], words[node, CHILD + k]
+                    if any_hit:
+                        t = np.float32(0.0) if child < 0 else -t
+                    j = top
+                    while j > begin and ray[2 * j - 1] < t:
+                        ray[2 * j + 1] = ray[2 * j - 1]
+                        stack[2 * j] = stack[2 * j - 2]
+                        j -= 1
+                    ray[2 * j + 1], stack[2 * j] = t, child
+                    top += 1
+                hits >>= 1
+                k += 1
+        else:
+            first = ~node >> 4
+            for k in range(first, first + (~node & 15)):
+                tested += 1
+                best, found = nearer(corners, k, face[k], r, best, found)
+            far = np.float32(best) * WIDER
+            if any_hit and found >= 0:
+                break
+        while top > bottom:
+            top -= 1
+            if ray[2 * top + 1] <= far:
+                break
+        else:
+            break
+        node = np.int64(stack[2 * top])
+    stack[CELLS] += entered
+    stack[TESTS] += tested
+    return np.float32(best), np.int32(found)

@@ -1,0 +1,158 @@
+"""Structures of rays: their table over scenes, their growth with triangles, and their agreement over many rays.
+
+    python -m studies.ray_structures cornell tree room.glb --out out/rays    # rays.md and rays.svg
+    python -m studies.ray_structures --growth 20000 1000000 --out out/rays   # growth.md and growth.svg: a terrain
+    python -m studies.ray_structures --agreement 1000000                     # exit code 1 if a bit differs
+
+`--agreement` compares each structure with all triangles on every case of `tests/support/ray_cases.py`, and with Embree
+on random rays, where 1e-5 of the faces may differ. It then moves objects with each structure and compares the light
+with a solution from scratch.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from app.cli.progress import Bar
+from app.cli.writable import write_whole
+from app.measure.bench.ray_tables import draw, measured, section
+from app.measure.bench.tables import table
+from app.measure.chart.figure import need_matplotlib
+from app.settings import Settings, open_scene
+from gi_core.geometry.surfaces import flatten
+from gi_core.instruments.ray_timing import Rays, built, costs
+from gi_core.model import Model
+from gi_core.rays.accelerator import Accelerator
+from gi_core.rays.structures import STRUCTURES
+from gi_core.scene.types import Material, Mesh, Pose, Scene
+from gi_core.solver import Solver
+from tests.support.ray_cases import CASES, directions
+from tests.support.scene_builders import box_mobile, coloured_room
+
+STRAYS = 1e-5  # share of random rays whose face may differ from Embree's
+MEDIUM = 20_000  # rays per kind
+
+
+def terrain(triangles: int, seed: int = 0) -> Mesh:
+    """Return a rough height field over the unit square, of about that number of triangles."""
+    n = max(1, math.isqrt(triangles // 2))
+    x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
+    rng, z = np.random.default_rng(seed), np.zeros_like(x)
+    for octave in range(1, 8):
+        a, b, c = rng.normal(size=(3, 2))
+        z += 0.15 / octave**1.5 * np.sin(2**octave * (a[0] * x + b[0] * y) + c[0]) * np.cos(2**octave * b[1] * y + c[1])
+    k = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).reshape(-1)
+    faces = np.concatenate([np.stack([k, k + 1, k + n + 2], 1), np.stack([k, k + n + 2, k + n + 1], 1)])
+    return Mesh(np.stack([x, y, z], -1).reshape(-1, 3), faces.astype(np.int32), np.zeros(len(faces), np.int32))
+
+
+def rays_over(mesh: Mesh, n: int) -> Rays:
+    """Return rays from points up to 0.3 above the terrain, in all directions."""
+    rng = np.random.default_rng(1)
+    origin = mesh.vertices[rng.integers(0, len(mesh.vertices), n)] + [0, 0, 1] * rng.uniform(1e-3, 0.3, (n, 1))
+    return Rays(origin.astype(np.float32), directions(rng, n), np.full(n, 10, np.float32), False)
+
+
+def growth(low: int, high: int, out: Path) -> str:
+    """Measure each structure from `low` to `high` triangles; write growth.md and growth.svg, return the table."""
+    need_matplotlib()
+    counts = [round(x) for x in np.geomspace(low, high, 5)]
+    found: dict[str, list] = {name: [] for name in STRUCTURES}
+    with Bar() as bar:
+        for k, count in enumerate(counts):
+            mesh = terrain(count)
+            names = [name for name in STRUCTURES if name != "none" or count == low]
+            bar(f"{len(mesh.faces):,} triangles", k / len(counts))
+            made = [built(name, [(mesh.vertices, mesh.faces)]) for name in names]
+            for s, cost in zip(made, costs(made, {"random": rays_over(mesh, MEDIUM)}), strict=True):
+                found[s.name].append((len(mesh.faces), s, cost["random"]))
+    lines = [
+        [name, *(f"{1e6 * c.seconds:.3g}, {c.cells:.3g}, {1e3 * s.build_seconds:.0f}" for _, s, c in rows)]
+        for name, rows in found.items()
+    ]
+    head = ["us per ray, cells per ray, build ms", *(f"{2 * math.isqrt(c // 2) ** 2:,}" for c in counts)]
+    lines = [line + [""] * (len(head) - len(line)) for line in lines]
+    _draw(found, out / "growth.svg")
+    write_whole(out / "growth.md", text := table(head, lines) + "\n")
+    return text
+
+
+def _draw(found: dict[str, list], out: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(10, 4), layout="constrained")
+    for name, rows in found.items():
+        if len(rows) > 1:
+            left.plot([n for n, *_ in rows], [1e6 * c.seconds for *_, c in rows], "o-", label=name)
+            right.plot([n for n, *_ in rows], [c.cells or np.nan for *_, c in rows], "o-", label=name)
+    left.set(xscale="log", yscale="log", xlabel="triangles", ylabel="us per ray", title="Time")
+    right.set(xscale="log", yscale="log", xlabel="triangles", ylabel="cells per ray", title="Cells entered")
+    for axis in (left, right):
+        axis.grid(linewidth=0.4, which="both")
+    left.legend(fontsize=8)
+    figure.savefig(out, metadata={"Date": None})
+    pyplot.close(figure)
+
+
+def agreement(rays: int) -> bool:
+    """Print one line per case and structure; return whether all of them hold."""
+    holds = True
+    for case, make in CASES.items():
+        mesh, (o, d) = make(rays)
+        surfaces = flatten(Scene(mesh, (Material("grey"),)), with_receivers=False)[0]
+        far = np.full(len(o), 1e4, np.float32)
+        answers = {}
+        for name in STRUCTURES:
+            tracer = Accelerator(surfaces, 2, name)
+            answers[name] = *tracer.nearest(0, o, d, far), tracer.occluded(0, o, d, far)
+        truth = answers["none"]
+        for name, answer in answers.items():
+            differ = max(int((a != b).sum()) for a, b in zip(truth[1:], answer[1:], strict=True))
+            bits = differ == 0 and np.array_equal(truth[0], answer[0])
+            random = case in ("random", "room", "scale 1e-3", "scale 1e3")
+            good = bits if name != "embree" else not random or differ <= STRAYS * len(o)
+            holds &= good
+            print(f"{case}: {name}: {differ:,} of {len(o):,} rays differ{'' if good else ': TOO MANY'}", flush=True)
+    for name in STRUCTURES:
+        solver = Solver(coloured_room((box_mobile(size=0.1),)), photons=5000, radius=0.1, rays=name)
+        solver.solve()
+        rng, same = np.random.default_rng(0), True
+        for _ in range(10):
+            solver.move("box", Pose(tuple(rng.uniform(0.1, 0.8, 3))))
+            same &= np.array_equal(solver.irradiance, solver.from_scratch())
+        holds &= same
+        print(f"{name}: ten moves {'equal' if same else 'DIFFER FROM'} solutions from scratch", flush=True)
+    return holds
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("scenes", nargs="*")
+    parser.add_argument("--growth", nargs=2, type=int, metavar=("LOW", "HIGH"))
+    parser.add_argument("--agreement", type=int, metavar="RAYS")
+    parser.add_argument("--out", type=Path, default=Path("out/rays"), metavar="DIR")
+    asked = parser.parse_args()
+    if asked.agreement:
+        return 0 if agreement(asked.agreement) else 1
+    asked.out.mkdir(parents=True, exist_ok=True)
+    if asked.growth:
+        print(growth(*asked.growth, asked.out))
+    if asked.scenes:
+        with Bar() as bar:
+            found = {Path(n).stem: measured(Model(open_scene(Settings(scene=n))), bar, MEDIUM) for n in asked.scenes}
+        write_whole(asked.out / "rays.md", text := section(found) + "\n")
+        draw(found, asked.out / "rays.svg")
+        print(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
