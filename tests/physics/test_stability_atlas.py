@@ -12,7 +12,7 @@ import math
 import numpy as np
 import pytest
 
-from app.measure.atlas import command, mobiles, others, photon_map, programs, tangent_plane
+from app.measure.atlas import command, mobiles, others, photon_map, programs, ray_structures, tangent_plane
 from app.measure.atlas import page as atlas_page
 from app.measure.atlas.row import AtlasRow, Number, View, near, over_seeds, solved
 from app.measure.atlas.shapes import BLACK, ball, beyond, box, fan, scene, sheet
@@ -100,6 +100,7 @@ ROWS = [
     pytest.param(programs.drift, marks=pytest.mark.slow),
     pytest.param(programs.soup, marks=pytest.mark.slow),
     mobiles.rows,
+    ray_structures.rows,
 ]
 
 
