@@ -85,6 +85,7 @@ class Settings:
     reference: bool = False  # show the reference instead of the estimate
     compare: str = ""  # right side of the wipe: an estimator, REFERENCE, or nothing
     measure_errors: bool = True  # measure errors at rest
+    cells: bool = False  # draw leaf cells of the structure of rays
     budget: float = BUDGET  # [ms] for light per frame in motion; 0: always all photons
     fallback: bool = True  # without a window, render to a file instead of failing
 

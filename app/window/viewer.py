@@ -32,6 +32,7 @@ from app.window import keys, overlay, panel, view_content, window
 from app.window.actions import Request, act
 from app.window.files import Files
 from app.window.menus import Menus
+from app.window.ray_cells import RayCells
 from app.window.viewport import Viewport
 
 SAMPLES_PER_PIXEL = 4
@@ -55,6 +56,7 @@ class Viewer:
         self.reload = Reload(open_with or Opening)
         self._dropped: list[str] = []  # files dropped on the window
         self.viewport = Viewport(self.session)
+        self.ray_cells = RayCells()
         self.ctx: moderngl.Context | None = None  # of the window
         self.renderer: Renderer | None = None
         self.files = Files()
@@ -174,6 +176,8 @@ class Viewer:
         if self._ready:
             self._guard("drawing", self._draw_scene)
         overlay.draw(self.viewport, self.session, self.reload, self._ready)
+        if self._ready and self.session.settings.cells:
+            self.ray_cells.draw(self.viewport)
         imgui.end()
 
     def draw_panel(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from dataclasses import replace
 
@@ -122,6 +123,37 @@ def test_all_searches_show_the_same_light(play):
             assert session.light._solver.setting.search == session.settings.search == search
             assert session.light._solver.frame.search_summary.startswith(search)
             assert np.array_equal(session.irradiance, lit)
+
+    assert errors(play(script)) == []
+
+
+def test_another_structure_of_rays_opens_the_scene_again(play, monkeypatch):
+    """The section "Rays": poses and settings stay, and the light is the same but for stray rays."""
+    from gi_core.instruments import compile_ahead
+
+    monkeypatch.setattr(compile_ahead, "is_warm", lambda rays: True)  # compiles only the kernels that run
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        first, lit = viewer.session, viewer.session.irradiance
+        hand.open_research()
+        hand.ctx.item_open("Rays")
+        hand.ctx.combo_click("##Structure/Bvh")
+        hand.wait(lambda: viewer.session is not first)
+        hand.wait_for_light()
+        assert viewer.session.settings == replace(first.settings, rays="bvh")
+        assert viewer.session.light._solver.model.accelerator.rays == "bvh"
+        np.testing.assert_allclose(viewer.session.irradiance.mean(), lit.mean(), rtol=1e-3)
+
+        # Cells over the picture: of this structure, and the ray under the cursor visits some.
+        assert not viewer.ray_cells.text
+        hand.ctx.item_check("Show cells")
+        viewport = viewer.viewport
+        middle = tuple(o + s / 2 for o, s in zip(viewport.origin, viewport.size, strict=True))
+        viewer.ray_cells.update(viewport, middle)
+        hand.ctx.yield_(2)
+        found = re.search(r"bvh: ([\d,]+) cells of .* the ray visits (\d+) cells", viewer.ray_cells.text)
+        assert found and int(found[2]) > 0
 
     assert errors(play(script)) == []
 

@@ -28,6 +28,7 @@ from app.window.panel import (
     objects,
     picture,
     quality,
+    rays,
     readouts,
     scene,
     search,
@@ -70,6 +71,7 @@ RESEARCH = (
     Section("Error against time", chart.draw, unfolded=False),
     Section("Bias correction", artifacts.draw, unfolded=False),
     Section("Disc search", search.draw, unfolded=False, visible=lambda facts: bool(facts.search_summary)),
+    Section("Rays", rays.draw, unfolded=False),
     Section("Timings", timings.draw, unfolded=False),
     Section("Statistics", statistics.draw, unfolded=False),
 )

@@ -1,0 +1,28 @@
+"""The structure that traces rays: choice, and its cells over the picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from imgui_bundle import imgui
+
+from app.settings import Settings
+from app.window.panel import widgets as ui
+from app.window.panel.facts import Facts
+
+
+def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+    from gi_core.rays.structures import DEFAULT, STRUCTURES  # already loaded here
+
+    shown = replace(s, rays=s.rays or DEFAULT)
+    chosen = ui.choice(shown, "Structure", "rays", {key: ui.title(key) for key in STRUCTURES},
+                       "Space partitioning that traces rays. A change opens the scene again;\n"
+                       "the first time, kernels are compiled for half a minute.\n"
+                       "It changes the time, not the light.")  # fmt: skip
+    if chosen.rays != shown.rays:
+        actions.add("reload")
+        s = chosen
+    changed, cells = imgui.checkbox("Show cells", s.cells)
+    ui.tip("Draw leaf cells of the structure over the picture: grey near the point under the cursor,\n"
+           "yellow where its ray passes. Embree does not show its own.")  # fmt: skip
+    return replace(s, cells=cells) if changed else s
