@@ -80,7 +80,8 @@ def test_reference_in_a_furnace():
 @pytest.mark.slow
 def test_standard_error_equals_the_scatter_of_seeds():
     scene = build.coloured_room()
-    runs = [gathered(scene, 12, s, weights=UNEVEN) for s in range(40)]
+    model = Model(scene)
+    runs = [gathered(scene, 12, s, weights=UNEVEN, model=model) for s in range(40)]
     scatter = np.std([r.mean for r in runs], axis=0, ddof=1)
     stated = np.sqrt(np.mean([r.standard_error**2 for r in runs], axis=0))
     assert scatter == pytest.approx(stated, rel=0.45)

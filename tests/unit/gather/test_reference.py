@@ -12,6 +12,7 @@ from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.surfaces import flatten
 from gi_core.lights.light_sampling import delta_lights
 from gi_core.lights.next_event import delta_light_at
+from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import DirectionalLight, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
@@ -143,13 +144,15 @@ def test_light_sampling_changes_the_noise_only():
 
 @pytest.mark.slow
 def test_standard_error_equals_the_scatter_of_seeds():
-    runs = np.array([reference_irradiance(build.coloured_room(), *build.ROOM_POINTS, 100, s)[0] for s in range(60)])
-    _, error = reference_irradiance(build.coloured_room(), *build.ROOM_POINTS, 6000, 99)
+    scene = build.coloured_room()
+    model = Model(scene)
+    runs = np.array([reference_irradiance(scene, *build.ROOM_POINTS, 100, s, model=model)[0] for s in range(60)])
+    _, error = reference_irradiance(scene, *build.ROOM_POINTS, 6000, 99, model=model)
     scatter = runs.std(axis=0, ddof=1)
     assert scatter == pytest.approx(error * math.sqrt(60), rel=0.4)
     seeds_test(
         runs,
-        reference_irradiance(build.coloured_room(), *build.ROOM_POINTS, 100_000, 98)[0],
+        reference_irradiance(scene, *build.ROOM_POINTS, 100_000, 98, model=model)[0],
         "short runs against a long",
     )
 
