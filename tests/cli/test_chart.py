@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 import shutil
 import sys
 from dataclasses import replace
@@ -119,8 +118,8 @@ def test_tuned_choice_is_plotted_beside_the_best_others(measured, tmp_path, monk
     rows = run.results.rows
     [row] = [r for r in rows if r["curve"] == TUNED]
     assert row["light"] == "best" and row["paths"] >= 4 and row["photons"] <= row["traced"]
-    near = nearness(rows)  # by measured frame times: on a busy machine any number
-    assert set(near) == {"all", "affected", "mobile"} and all(0 < ratio < math.inf for ratio in near.values())
+    near = nearness([{**r, "frame_ms": 1.0} for r in rows])  # measured times depend on the machine's load
+    assert set(near) == {"all", "affected", "mobile"} and all(0.2 < ratio < 20 for ratio in near.values()), near
     run.measure()
     assert len(run.results.rows) == len(rows), "it is there"
     pytest.importorskip("matplotlib")

@@ -91,7 +91,10 @@ def test_a_frame_at_rest_is_broken_off_for_a_move_and_done_later(solver, light, 
 
 
 def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
-    """Measured by smoothing it again, for its own receivers; detail lost by smoothing is bias."""
+    """Measured by smoothing it again, for its own receivers; detail lost by smoothing is bias.
+
+    At 4 % noise the two ratios below are 0.80 and 0.89; at 3 % they are 0.89 and 0.99, for 3 s of CPU time more.
+    """
     monkeypatch.setattr("gi_core.gather.static.ENOUGH", 0.04)
     s = Solver(replace(support.room(), mobiles=()), photons=20_000, radius=0.06)
     s.configure(light="best")

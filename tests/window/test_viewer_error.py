@@ -42,14 +42,18 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         hand.wait(lambda: shown(viewer).errors is not None and not shown(viewer).coming)
         live_error = viewer.session.light._work.live_error
         next_task, live_error.next_task = live_error.next_task, lambda *_: None  # or the map would keep improving
+        hand.wait(lambda: viewer.session.light.all_done)  # also the task under way, which may improve it
         picture = hand.pixels()
         assert words and words[-1][0] == "Error of irradiance" and (picture != light).any()
-        # A vertex has a colour of the map at any exposure; colours between vertices are interpolated.
+        # Vertices have colours of the map at any exposure. A pixel is up to half a pixel off its vertex, and colours
+        # between vertices are interpolated: 0 or 1 of 255 at most vertices, 8 at the worst of 49.
         palette = np.round(255 * signed_colours(np.linspace(-1, 1, 2001))).astype(int)
-        wall = hand.at((0.25, 0.75, 0.0))
-        x, y = (int(c - o) for c, o in zip(wall, viewer.viewport.origin, strict=True))
-        nearest = np.abs(palette - picture[y, x].astype(int)).max(axis=1).min()
-        assert nearest <= 6, picture[y, x]
+        wall = [hand.at((i / 8, j / 8, 0.0)) for i in range(1, 8) for j in range(1, 8)]
+        seen = np.array(
+            [picture[int(y - viewer.viewport.origin[1]), int(x - viewer.viewport.origin[0])] for x, y in wall]
+        )
+        off = np.abs(palette - seen[:, None].astype(int)).max(axis=2).min(axis=1)
+        assert np.median(off) <= 2 and off.max() <= 12, off
         hand.ctx.item_input_value("##Exposure", viewer.session.settings.exposure - 3)
         assert (np.abs(hand.pixels().astype(int) - picture).max(axis=2) > 8).mean() < 0.01, (
             "but at edges, by its samples"
