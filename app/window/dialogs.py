@@ -94,10 +94,14 @@ class Question:
 
     def __init__(self) -> None:
         self.is_open = False
+        self.then: Callable[[], None] = lambda: None  # what the changes are in the way of
+        self._otherwise = ""
         self._appears = False
 
-    def ask(self) -> None:
+    def ask(self, otherwise: str, then: Callable[[], None]) -> None:
+        """Ask before `then`; otherwise: the words for doing it without saving."""
         self.is_open = self._appears = True
+        self._otherwise, self.then = otherwise, then
 
     def draw(self, name: str) -> str:
         """Draw the question about the scene `name`; return the answer: "save", "discard", "cancel", "": none yet."""
@@ -111,7 +115,7 @@ class Question:
         self._appears = False
         if shown:
             imgui.text(f"Objects or settings of {name} have changed.")
-            for word, label in (("save", "Save"), ("discard", "Quit without saving"), ("cancel", "Cancel")):
+            for word, label in (("save", "Save"), ("discard", self._otherwise), ("cancel", "Cancel")):
                 if imgui.button(label):
                     answer = word
                 imgui.same_line()

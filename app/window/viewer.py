@@ -86,7 +86,7 @@ class Viewer:
         self.may_sleep = True  # between frames in which nothing changes
         self._software = False
         self._ready = False
-        self._leaves_when_saved = False
+        self._waits_for_save = False
 
     # HelloImGui's callbacks -------------------------------------------------------------------------
 
@@ -213,22 +213,33 @@ class Viewer:
         answer = self.files.question.draw(Path(s.document or s.scene).name)
         if answer == "save":
             self._do("save")
-            self._leaves_when_saved = True
+            self._waits_for_save = True
         elif answer == "discard":
-            self.leave(ask=False)
-        if self._leaves_when_saved and not self.files.dialog.is_open:
-            self._leaves_when_saved = False
+            self.files.question.then()
+        if self._waits_for_save and not self.files.dialog.is_open:
+            self._waits_for_save = False
             if not self.files.has_changed(self.session):  # else the dialog was cancelled, or saving has failed
-                self.leave(ask=False)
+                self.files.question.then()
         if self.files.changed_on_disk(time.monotonic()) and self.session.ready:
             self._do("reload")
 
     def open_scene(self, scene: str) -> None:
-        self.reload.other(self.session, [scene])
+        self._open([scene])
+
+    def _open(self, files: list[str]) -> None:
+        """Open a scene, after the question about unsaved changes."""
+
+        def other() -> None:
+            self.reload.other(self.session, files)
+
+        if self.files.has_changed(self.session):
+            self.files.question.ask("Open without saving", other)
+        else:
+            other()
 
     def leave(self, ask: bool = True) -> None:
         if ask and self.files.has_changed(self.session) and not self.files.question.is_open:
-            self.files.question.ask()
+            self.files.question.ask("Quit without saving", lambda: self.leave(ask=False))
             return
         self._may_leave = self.params.app_shall_exit = True
 
@@ -257,7 +268,7 @@ class Viewer:
         """Open dropped files; show a newly opened scene once it is ready."""
         if self._dropped:
             files, self._dropped[:] = list(self._dropped), []
-            self.reload.other(self.session, files)
+            self._open(files)
         new = self.reload.tick(self.session)
         if new is None:
             return

@@ -118,6 +118,9 @@ def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder):
         first.want(replace(first.settings, show="irradiance", white_balance=False))
         hand.press(K.mod_ctrl | K.o)
         enter(hand, "Open a scene", folder / "mine.toml")
+        assert viewer.files.question.is_open and viewer.reload.coming is None
+        hand.ctx.set_ref(f"//{dialogs.UNSAVED}")
+        hand.ctx.item_click("Open without saving")
         hand.wait(lambda: viewer.session is not first)
         hand.wait_for_light()
         s = viewer.session.settings

@@ -272,6 +272,9 @@ def test_a_file_dropped_on_the_window_is_opened(play, drop):
         hand.wait_for_light()
         viewer.viewport.camera = viewer.viewport.camera.dolly(2.0)
         drop(hand, "/somewhere/hall.glb", "/somewhere/chair.obj")
+        assert viewer.files.question.is_open and viewer.reload.coming is None, "the settings have changed"
+        hand.ctx.set_ref("//Unsaved changes")
+        hand.ctx.item_click("Open without saving")
         hand.wait(lambda: viewer.session is not session)
         hand.wait_for_light()
         asked, now = files.read[-1], viewer.session.settings

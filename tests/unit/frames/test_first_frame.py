@@ -54,8 +54,8 @@ def test_an_abandoned_switch_loses_nothing():
 
 def test_gathered_light_returns_at_once_though_its_photons_were_few(monkeypatch):
     """Keys 1, 2, 1 while photons of the first estimator were still being estimated."""
-    monkeypatch.setattr(static, "ENOUGH", 0.015)
-    solver = Solver(SCENE, photons=100_000, radius=0.06, light="best")
+    monkeypatch.setattr(static, "ENOUGH", 0.03)
+    solver = Solver(SCENE, photons=50_000, radius=0.06, light="best")
     steps = solver.solve_steps()
     until_picture(steps)
     few = solver.frame.photons
