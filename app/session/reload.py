@@ -16,6 +16,7 @@ from app.settings import Settings
 # Settings that a new scene resets; display and estimator settings stay.
 OF_A_SCENE = (
     "document", "camera", "max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "exposure",
+    "lamps", "solo",
 )  # fmt: skip
 
 
@@ -108,8 +109,8 @@ def settings_for(now: Session, scene: str, mobiles: tuple[str, ...]) -> Settings
     """
     saved = saved_scene.opened(Settings(scene=scene))
     if saved.document:
-        fields = ("document", "scene", "poses", "camera", *saved_scene.SAVED)
+        fields = ("document", "scene", *saved_scene.ELSEWHERE, *saved_scene.SAVED)
         of_file = {name: getattr(saved, name) for name in fields}
-        return replace(now.settings, **of_file, mobiles=(*saved.mobiles, *mobiles))
+        return replace(now.settings, **(of_file | {"mobiles": (*saved.mobiles, *mobiles), "solo": ""}))
     left_open = {name: getattr(Settings, name) for name in OF_A_SCENE}
     return replace(settings_again(now), **left_open, scene=scene, mobiles=mobiles)

@@ -98,4 +98,4 @@ class Files:
 
 
 def _state(session: Session) -> tuple:
-    return session.poses, tuple(getattr(session.settings, field) for field in COUNTED)
+    return session.poses, session.settings.lamps, tuple(getattr(session.settings, field) for field in COUNTED)
