@@ -73,8 +73,7 @@ class Viewport:
         if self.selected not in session.poses:
             self.selected = next(iter(session.poses)) if len(session.poses) == 1 else ""
         self.room = drag.room_for(self.bounds, session.scene.up)
-        lit = Bounds(tuple(session.chosen.low), tuple(session.chosen.high))
-        self.home = from_camera(session.scene.camera, session.scene.up, self.bounds, lit)
+        self.home = from_camera(session.scene.camera, session.scene.up, self.bounds, self._lit)
         self.camera = self.camera if stays else self.home
 
     @property
@@ -97,18 +96,22 @@ class Viewport:
 
     def framed(self) -> Turntable:
         """Return a camera that shows the selected object, or everything, from the present direction."""
-        s = self.session
-        bounds = self.bounds
+        s, bounds, margin = self.session, self._lit, 1.0
         if self.selected in s.poses:
             o = 1 + [m.name for m in s.scene.mobiles].index(self.selected)
             points = s.model.vertices_at(o, s.poses)
-            bounds = Bounds(three(points.min(axis=0)), three(points.max(axis=0)))
-        distance = MARGIN * bounds.radius / math.sin(self.camera.fov / 2)
+            bounds, margin = Bounds(three(points.min(axis=0)), three(points.max(axis=0))), MARGIN
+        distance = margin * bounds.radius / math.sin(self.camera.fov / 2)
         return replace(self.camera, pivot=three(bounds.centre), distance=distance)
+
+    @property
+    def _lit(self) -> Bounds:
+        """The box that light reaches; a ground slab may be far larger."""
+        return Bounds(tuple(self.session.chosen.low), tuple(self.session.chosen.high))
 
     def along(self, quarter_turns: int | None) -> Turntable:
         """Return a camera that shows everything along an axis: None from above, else turned from the front."""
-        lit = Bounds(tuple(self.session.chosen.low), tuple(self.session.chosen.high))
+        lit = self._lit
         quarter = math.pi / 2
         yaw = quarter * (round(self.home.yaw / quarter) + (quarter_turns or 0))
         distance = lit.radius / math.sin(self.camera.fov / 2)
