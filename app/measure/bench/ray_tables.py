@@ -19,8 +19,8 @@ RAYS = 20_000  # of each kind
 HEAD = ["structure", "leaf", "build ms", "MB", "primary", "random", "shadow", "random / Embree", "cells", "triangles"]
 NOTE = (
     "Times per ray are us of one thread, the least of 5 runs in turn. Primary rays go through pixels of the scene's "
-    "camera, random ones on from their hits, shadow rays from there to points on lamps. Cells and triangles are those "
-    "of a random ray. Each structure has its best leaf size for random rays; of `grid3d` it is triangles per cell."
+    "camera, random ones on from hits of photons, shadow rays from there to points on lamps. Cells and triangles are "
+    "those of a random ray. Each structure has its best leaf size for random rays; that of `grid3d` is per cell."
 )
 
 
