@@ -16,7 +16,7 @@ from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.sides import NONE
 from gi_core.geometry.surfaces import Surfaces, flatten
 from gi_core.lights.emission import build_emitters
-from gi_core.lights.light_sampling import Lights, lights_of
+from gi_core.lights.light_sampling import Lights, at_levels, lights_of
 from gi_core.photons.paths import END_EXTENSION
 from gi_core.rays.accelerator import Accelerator, Transforms, bounding_spheres, transforms
 from gi_core.rays.structures import checked
@@ -133,7 +133,7 @@ class Model:
 
     def lights_at(self, levels: np.ndarray) -> Lights:
         """Return the lights as one lamp, at levels (G, 3) of the lamps."""
-        return lights_of(self.scene, self.surfaces, self.emitters.lamps, levels)
+        return at_levels(self.lights, levels)
 
     @cached_property
     def receiver_sides(self) -> np.ndarray:

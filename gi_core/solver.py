@@ -88,17 +88,17 @@ class Solver:
         """Levels (G, 3) of the lamps: factors of red, green and blue, 1 as in the scene file."""
         return self.light_source.levels
 
-    def set_lamps(self, levels: Mapping[str, float | Sequence[float]], stop: Callable[[], bool] | None = None) -> None:
+    def set_lamps(self, levels: Mapping[str, float | Sequence[float]], paths: int | None = None) -> None:
         """Change levels of lamps by name: a factor >= 0, or three for red, green and blue; update irradiance.
 
         Nothing is traced again, except rays to mobiles; solve_steps() traces photons again where the present ones leave
-        less than a quarter effective. stop: as in move_all(). Raises SceneError for a name that no
-        lamp has, and for a bad level.
+        less than a quarter effective. paths: as for move_all(). Raises SceneError for a name that no
+        lamp has, and for a bad level. A change that any exception breaks off has not been made.
         """
         before = self.levels
         self.light_source.dim(self.lamps.changed(before, levels, self.scene.name))
         try:
-            self._update(stop=stop)
+            self._update(paths=paths)
         except BaseException:
             self.light_source.dim(before)
             raise

@@ -138,7 +138,7 @@ class Session:
         self.light.budget = 1e-3 * self.settings.budget
         self.light.move_pending(0.0)
         if (self.settings.lamps, self.settings.solo) != self._dimmed:
-            self._dimmed = self.settings.lamps, self.settings.solo
+            self._dimmed, self._moved_at = (self.settings.lamps, self.settings.solo), self.clock()
             self.light.dim(self.settings.levels(self.model.emitters.lamps.names))
         if self._to_apply and not self.dragging and (not editing or self.clock() - self._changed_at >= SETTLE):
             self._apply()
@@ -146,7 +146,7 @@ class Session:
         if self.playing and not self.dragging:
             self._play(seconds)
             self.playing &= not self.light.move_failed
-        elif not self.dragging:
+        elif not self.dragging and not (editing and self.clock() - self._moved_at < STILL):
             self.light.settle()
             self.light.refine(budget, self.settings if still and not editing else None)
             self.points.add(self.light.snapshot.rest.point)

@@ -82,16 +82,17 @@ class Move:
 
 @dataclass(frozen=True)
 class Dim:
-    """Set the levels of lamps, in the light of all photons."""
+    """Set the levels of lamps, in the light of all photons, and of as many paths to mobiles as fit the budget."""
 
     levels: Mapping[str, tuple[float, float, float]]
+    budget: float  # [s]; 0: all paths
     clock: Callable[[], float]
     name: ClassVar[str] = "dimming"
     busy: ClassVar[bool] = True
 
     def run(self, solver: Solver, work: RestWork) -> Moved:
         started = self.clock()
-        solver.set_lamps(self.levels)
+        solver.set_lamps(self.levels, solver.size_within(self.budget)[1] if self.budget > 0 else None)
         return Moved(self.clock() - started, snapshot_of(solver, work))
 
 

@@ -272,7 +272,7 @@ class Solving:
                 self._begin_move(poses, hasty=True)
             else:
                 levels, self._levels = self._levels, None
-                self._begin(Dim(levels or {}, self.clock))
+                self._begin(Dim(levels or {}, self.budget, self.clock))
         if isinstance(self._job, Move | Dim):
             self._wait(deadline - self.clock())
 

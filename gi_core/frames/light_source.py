@@ -20,6 +20,7 @@ from gi_core.gather.pose_gather import PoseGather, PoseGathers, Static
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import noise_from_prefix, prefix_to_compare
+from gi_core.lights.light_sampling import Lights
 from gi_core.lights.mix import mix, sum_of_lamps
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
@@ -54,7 +55,7 @@ class LightSource:
         self.dilation: Dilation | None = None
         self._model, self._seed = model, seed
         self._less_noise = False  # gathered light has less noise than all photons
-        self._lights = model.lights_at(self.levels)
+        self._lights: Lights | None = None  # of one lamp, at these levels
         self._mobile: MobileGather | None = None
         self._mixed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # light per lamp, levels, and their light
         self._at_poses = PoseGathers(model, seed)
@@ -137,7 +138,7 @@ class LightSource:
     def dim(self, levels: np.ndarray) -> None:
         """Set the levels (G, 3) of the lamps, from the next frame on."""
         self.levels, self._reflectance = levels, None
-        self._lights = self._model.lights_at(levels)
+        self._lights = None
 
     def find_unreached(self, size: float, shown: Background) -> Generator[None]:
         """Find unreached static receivers by this light, in steps; `size` [m] as in `dilation.py`."""
@@ -190,7 +191,7 @@ class LightSource:
 
         paths: one of PATHS; reflectance (F, 3): see `coarse_faces`; fresh: without caches of earlier frames.
         """
-        gather = self._mobile
+        gather, self._lights = self._mobile, self._lights or self._model.lights_at(self.levels)
         if fresh or gather is None:
             gather = MobileGather(self._model, self._seed)
         if not fresh:

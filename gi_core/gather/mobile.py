@@ -76,7 +76,7 @@ class MobileGather:
         self.first = model.surfaces.receiver_range(0).stop  # the first receiver on a mobile
         positions, self._normals = (a[self.first :] for a in evaluation_points(model.surfaces, model.object_receivers))
         self._positions = positions + ORIGIN_LIFT * model.world.size * self._normals
-        self._lights = model.lights_at(model.emitters.lamps.full())
+        self._lights: Lights | None = None
         self._aimed: dict[int, tuple[bytes, Lights]] = {}  # by mobile: cell of its position, and lights
         s = model.surfaces
         corners = np.concatenate([c[(c >= self.first).all(axis=1)] for c in (s.corner_front, s.corner_back)])
@@ -95,8 +95,8 @@ class MobileGather:
         receiver, 0 <= log2_paths <= strata.LARGEST. reflectance (F, 3) float64 of all faces, None: their own. lights:
         of one lamp; None: those of the last call, at first those of the scene file.
         """
-        if lights is not None and lights is not self._lights:
-            self._light_by(lights)
+        if self._lights is None or (lights is not None and lights is not self._lights):
+            self._light_by(self._model.lights_at(self._model.emitters.lamps.full()) if lights is None else lights)
         m, n, world = log2_paths, len(self._positions), self._model.world
         if reflectance is not None:
             world = world._replace(reflectance=reflectance)

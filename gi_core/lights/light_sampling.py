@@ -70,20 +70,36 @@ class Lights(NamedTuple):
         return 3 * self.lamps
 
 
-def lights_of(scene: Scene, surfaces: Surfaces, lamps: Lamps, levels: np.ndarray | None = None) -> Lights:
-    """Collect the lights of a scene, apart by lamp; with levels (G, 3), all as one lamp at these levels."""
+def lights_of(scene: Scene, surfaces: Surfaces, lamps: Lamps) -> Lights:
+    """Collect the lights of a scene, apart by lamp."""
     of_material = np.array([lamps.sources.get(m.name, 0) for m in scene.materials], np.int64)
-    of_face = of_material[scene.static.face_material]
     of_light = np.array([lamps.sources.get(light.name, 0) for light in scene.lights], np.int64)
-    of_sky = lamps.sources.get(sky_name(scene), 0)
-    if levels is None:
-        return Lights(area_lights(surfaces, of_face), delta_lights(scene, of_light), sky_of(scene, of_sky), lamps.count)
-    emission = surfaces.emission.copy()
-    emission[surfaces.face_range(0)] *= levels[of_face]
-    delta, sky = delta_lights(scene, of_light), sky_of(scene)
+    area = area_lights(surfaces, of_material[scene.static.face_material])
+    sky = sky_of(scene, lamps.sources.get(sky_name(scene), 0))
+    return Lights(area, delta_lights(scene, of_light), sky, lamps.count)
+
+
+def at_levels(lights: Lights, levels: np.ndarray) -> Lights:
+    """Return all lights as one lamp, at levels (G, 3) of the lamps; faces are chosen in proportion to flux again."""
+    if lights.lamps == 1 and (levels == 1).all():
+        return lights
+    area, delta, sky = lights.area, lights.delta, lights.sky
+    radiance = area.radiance * levels[area.lamp]
+    largest = radiance.max(axis=1, initial=0)
+    lit = np.flatnonzero(largest > 0)
+    size = np.diff(area.cdf, prepend=0.0)[lit] / area.density[lit]
+    power = size * largest[lit]
+    share = power / power.sum() if len(lit) else power
+    cdf = np.cumsum(share)
+    cdf[-1:] = 1.0
+    place = np.full(len(area.cdf) + 1, -1, np.int32)  # of_face is -1 where a face emits nothing
+    place[lit] = np.arange(len(lit))
+    one = AreaLights(
+        area.corners[lit], area.normal[lit], radiance[lit], cdf, share / size, place[area.of_face],
+        np.zeros(len(lit), np.int64),
+    )  # fmt: skip
     delta = delta._replace(value=delta.value * levels[delta.lamp], lamp=np.zeros_like(delta.lamp))
-    sky = sky._replace(radiance=sky.radiance * levels[of_sky])
-    return Lights(area_lights(surfaces._replace(emission=emission)), delta, sky, 1)
+    return Lights(one, delta, sky._replace(radiance=sky.radiance * levels[sky.lamp], lamp=0), 1)
 
 
 def area_lights(surfaces: Surfaces, lamp: np.ndarray | None = None) -> AreaLights:
