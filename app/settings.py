@@ -70,6 +70,7 @@ class Settings:
     seed: int = 0
     lamps: tuple[LampSetting, ...] = ()  # those that differ from the scene file
     solo: str = ""  # the only lamp that is on; "": all that are on
+    light_scenes: tuple[tuple[str, tuple[LampSetting, ...]], ...] = ()  # by name, besides the scene file's
 
     # Picture
     size: tuple[int, int] = SIZE  # pixels
@@ -95,6 +96,10 @@ class Settings:
         values = {name: getattr(self, name) for name in SOLVER_SETTINGS}
         return values | {"light": "photons" if self.compare not in ("", REFERENCE) else self.light_chosen}
 
+    def in_light_scene(self, lamps: tuple[LampSetting, ...]) -> Settings:
+        """Return settings of these lamps; all others are as in the scene file."""
+        return replace(self, lamps=tuple(lamp for lamp in lamps if lamp != LampSetting(lamp.name)), solo="")
+
     def without_solo(self, names: Iterable[str]) -> Settings:
         """Return settings of the same levels of these lamps, in which none is alone."""
         if not self.solo:
@@ -102,6 +107,11 @@ class Settings:
         given = {name: LampSetting(name) for name in names} | {lamp.name: lamp for lamp in self.lamps}
         lit = (lamp._replace(on=lamp.on and name == self.solo) for name, lamp in given.items())
         return replace(self, lamps=tuple(lit), solo="")
+
+    def with_light_scene(self, name: str, names: Iterable[str]) -> Settings:
+        """Return settings that keep the present levels of these lamps as a light scene."""
+        now = self.without_solo(names).lamps
+        return replace(self, light_scenes=tuple({**dict(self.light_scenes), name: now}.items()))
 
     def levels(self, names: Iterable[str]) -> dict[str, tuple[float, float, float]]:
         """Return the level per channel of each of these lamps, and of those that are set."""

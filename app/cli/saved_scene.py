@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gi_core.scene import Camera, Pose
 
 HEADER = "# A scene with its poses, camera and settings, saved by gi-viewer.\n"
-KEYS = ("scene", "mobiles", "poses", "camera", "lamps", "settings")
+KEYS = ("scene", "mobiles", "poses", "camera", "lamps", "light_scenes", "settings")
 ELSEWHERE = ("mobiles", "poses", "camera", "lamps")  # not under [settings]
 MOST_BYTES = 4_000_000
 NOT_SAVED = ("allow_outside", "size")
@@ -85,6 +85,7 @@ def read(path: str, allow_outside: bool = False) -> Settings:
     """Return the settings of a saved scene. Raises SceneError: file, rule, value found."""
     from gi_core.files.formats.boundary import Boundary
     from gi_core.files.formats.toml_fields import Table, read_toml
+    from gi_core.files.formats.toml_file import level, read_light_scenes
 
     file = Path(path)
     boundary = Boundary(file.parent, allow_outside)
@@ -95,7 +96,8 @@ def read(path: str, allow_outside: bool = False) -> Settings:
     places = Table(root.values.get("poses", {}), f"{path}: [poses]", tuple(root.values.get("poses", ())))
     poses = tuple((name, places.vector(name, 7)) for name in places.values)
     levels = Table(root.values.get("lamps", {}), f"{path}: [lamps]", tuple(root.values.get("lamps", ())))
-    lamps = tuple(_lamp(levels, name) for name in levels.values)
+    lamps = tuple(lamp_at(name, level(levels, name)) for name in levels.values)
+    scenes = tuple((name, tuple(lamp_at(*row) for row in levels)) for name, levels in read_light_scenes(root))
     camera = None
     if "camera" in root:
         c = Table(root.values["camera"], f"{path}: [camera]", ("position", "target", "fov"))
@@ -103,7 +105,14 @@ def read(path: str, allow_outside: bool = False) -> Settings:
         _checked("camera", camera, c.where)
     scene, *others = (_found(name, file, boundary, path) for name in (root.text("scene"), *mobiles))
     return Settings(
-        document=path, scene=scene, mobiles=tuple(others), poses=poses, camera=camera, lamps=lamps, **values
+        document=path,
+        scene=scene,
+        mobiles=tuple(others),
+        poses=poses,
+        camera=camera,
+        lamps=lamps,
+        light_scenes=scenes,
+        **values,
     )
 
 
@@ -123,13 +132,15 @@ def write(path: Path, settings: Settings) -> None:
         document["poses"] = {name: list(numbers) for name, numbers in settings.poses}
     if lit := settings.levels(()):
         document["lamps"] = {name: list(level) for name, level in lit.items()}
+    if settings.light_scenes:
+        kept = ((name, Settings(lamps=lamps).levels(())) for name, lamps in settings.light_scenes)
+        document["light_scenes"] = {name: {lamp: list(v) for lamp, v in lit.items()} for name, lit in kept}
     write_whole(path, HEADER + tomli_w.dumps(document))
 
 
-def _lamp(levels, name: str) -> LampSetting:
-    """Return the level of a lamp: a number, or three for red, green and blue. Raises SceneError."""
-    several = isinstance(levels.values[name], list | tuple)
-    r, g, b = levels.vector(name, least=0) if several else (levels.number(name, least=0),) * 3
+def lamp_at(name: str, level: tuple[float, float, float]) -> LampSetting:
+    """Return the setting of a lamp at a level per channel."""
+    r, g, b = level
     return LampSetting(name, r) if r == g == b else LampSetting(name, 1.0, (r, g, b))
 
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from gi_core.scene import Scene
 
 BUDGET = 0.008  # s per frame for refinement
+FADE = 1.0  # s of a cross-fade between light scenes
 STILL = 0.25  # s without motion in a drag, after which all photons are shown
 OF_COLOURS = "show", "reference", "compare", "error_range"  # settings that change uploaded colours
 # Settings that name the scene or belong to the window
@@ -62,6 +63,7 @@ class Session:
         self.chosen: Chosen
         self.gains: Gains = NEUTRAL  # of the white balance
         self._meshes: tuple[DrawMesh, ...] = ()
+        self._fade: tuple[dict, float] | None = None  # levels at the start of a cross-fade, and its time
         self._dimmed = settings.lamps, settings.solo  # in the light on show, or asked for
         self._lit: tuple[np.ndarray | None, tuple[DrawMesh, ...]] = None, ()  # levels, and the meshes at these
         self.picker: Picker | None = None
@@ -137,9 +139,7 @@ class Session:
             return
         self.light.budget = 1e-3 * self.settings.budget
         self.light.move_pending(0.0)
-        if (self.settings.lamps, self.settings.solo) != self._dimmed:
-            self._dimmed, self._moved_at = (self.settings.lamps, self.settings.solo), self.clock()
-            self.light.dim(self.settings.levels(self.model.emitters.lamps.names))
+        self._dim()
         if self._to_apply and not self.dragging and (not editing or self.clock() - self._changed_at >= SETTLE):
             self._apply()
         self.playing &= not self.light.move_failed
@@ -152,6 +152,25 @@ class Session:
             self.points.add(self.light.snapshot.rest.point)
         elif self.clock() - self._moved_at >= STILL:
             self.light.settle()
+
+    def _dim(self) -> None:
+        """Follow the settings of the lamps, at once or in a cross-fade."""
+        names, asked = self.model.emitters.lamps.names, (self.settings.lamps, self.settings.solo)
+        if self._fade is None and asked == self._dimmed:
+            return
+        levels = self.settings.levels(names)
+        self._dimmed, self._moved_at = asked, self.clock()
+        if self._fade is not None:
+            start, since = self._fade
+            t = min((self.clock() - since) / FADE, 1.0)
+            levels = {n: tuple((1 - t) * a + t * b for a, b in zip(start[n], levels[n], strict=True)) for n in names}
+            self._fade = self._fade if t < 1 else None
+        self.light.dim(levels)
+
+    def fade(self) -> None:
+        """Change to the levels asked for within FADE, from those on show."""
+        shown = self.light.snapshot.levels.tolist()
+        self._fade = dict(zip(self.model.emitters.lamps.names, shown, strict=True)), self.clock()
 
     def want(self, settings: Settings) -> None:
         """Request settings; they apply once they rest."""

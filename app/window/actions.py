@@ -212,6 +212,7 @@ def _choose_estimator(k: int, window: Window) -> None:
 
 ACTIONS = {
     "open": Action(_open, (K.mod_ctrl | K.o,), "Ctrl+O", "open a scene", False, "Open..."),
+    "fade": Action(lambda w: w.session.fade(), (), "", "cross-fade to a light scene", False),
     "reload": Action(lambda w: w.reload.again(w.session), (K.f5,), "F5", "reload the scene's files", label="Reload"),
     "save": Action(_save, (K.mod_ctrl | K.s,), "Ctrl+S", "save the scene with its poses and settings", label="Save"),
     "save as": Action(

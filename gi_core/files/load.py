@@ -62,7 +62,7 @@ def load_scene(
         described = read_scene_file(file, where, boundary)
     elif suffix in SUFFIXES:
         entry = StaticEntry([file], 1.0, None)
-        described = SceneFile(file.stem, None, "radiometric", entry, [], [], {}, None, [], Defaults())
+        described = SceneFile(file.stem, None, "radiometric", entry, [], [], {}, None, [], Defaults(), [])
     else:
         raise SceneError(
             f"{where}: a scene is a .toml file or one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}"
@@ -111,6 +111,7 @@ class _Builder:
             self.file.title if not self.bare else self.name,
             self.file.defaults,
             tuple(self.notes),
+            tuple(self.file.light_scenes),
         )
         # Completion casts float32 rays: it works near the origin.
         origin = origin_of(static)

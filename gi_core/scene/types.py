@@ -112,6 +112,13 @@ class SkyLight(NamedTuple):
 Light = PointLight | SpotLight | DirectionalLight | SkyLight
 
 
+class LightScene(NamedTuple):
+    """A named set of levels of lamps, see `gi_core.lights.lamps`; lamps that it does not name are at level 1."""
+
+    name: str
+    levels: tuple[tuple[str, tuple[float, float, float]], ...]  # lamp, and factors of red, green and blue
+
+
 class Probe(NamedTuple):
     """A named point with a normal whose irradiance is measured."""
 
@@ -154,3 +161,4 @@ class Scene:
     name: str = "scene"
     defaults: Defaults = Defaults()
     notes: tuple[str, ...] = field(default=())  # one line per change or assumption of loading
+    light_scenes: tuple[LightScene, ...] = ()

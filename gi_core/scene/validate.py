@@ -66,6 +66,14 @@ def check_scene(scene: Scene) -> None:
     if scene.camera is not None:
         _check_fields(f"{title}: camera", scene.camera)
     _check_fields(f"{title}: defaults", scene.defaults)
+    lamps = {light.name for light in scene.lights} | {m.name for m in scene.materials if max(m.emission) > 0}
+    for light_scene in scene.light_scenes:
+        where = _named(title, "light scene", light_scene)
+        for lamp, level in light_scene.levels:
+            if lamp not in lamps:
+                there = ", ".join(sorted(f'"{name}"' for name in lamps)) or "none"
+                raise SceneError(f"{where}: no lamp is called {shown(lamp)}; there is {there}")
+            STRENGTH.check(f"{where}: lamp {shown(lamp)}", level)
     _check_mesh(f"{title}: the static part", scene.static, len(scene.materials))
     for mobile in scene.mobiles:
         where = _named(title, "mobile", mobile)

@@ -65,9 +65,13 @@ def test_levels_of_lamps_are_saved(tmp_path):
     here = saved_scene.with_view(replace(SETTINGS, lamps=lamps, solo="sun"), {}, CAMERA)
     alone = here.without_solo(("lamp", "sun", "sky", "bulb"))
     assert alone.levels(()) == {"lamp": (0, 0, 0), "sun": (0.3,) * 3, "sky": (0, 0, 0), "bulb": (0, 0, 0)}
+    here = here.with_light_scene("evening", ("lamp", "sun", "sky"))
     for settings in (replace(here, solo=""), alone):
         saved_scene.write(tmp_path / "a.toml", settings)
-        assert parsed(str(tmp_path / "a.toml")).levels(()) == settings.levels(())
+        again = parsed(str(tmp_path / "a.toml"))
+        assert again.levels(()) == settings.levels(())
+        found, kept = ([Settings(lamps=s).levels(()) for _, s in x.light_scenes] for x in (again, settings))
+        assert found == kept
         assert parsed(*shlex.split(saved_scene.command_line(settings))[1:]).levels(()) == settings.levels(())
 
 

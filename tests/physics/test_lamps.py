@@ -13,7 +13,7 @@ from gi_core.estimators import ESTIMATORS
 from gi_core.frames.background import Photons
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import Material, Mobile, PointLight, Pose, Scene, SkyLight
+from gi_core.scene.types import LightScene, Material, Mobile, PointLight, Pose, Scene, SkyLight
 from gi_core.solver import Solver
 from tests.support.scene_builders import box, merge, quad, sphere
 
@@ -199,3 +199,12 @@ def test_a_scene_of_many_lamps_keeps_the_brightest_apart():
     names = solver.lamps.names
     assert len(names) == 17 and names[-1] == "other lamps" and "bulb 19" in names and "bulb 0" not in names
     assert solver.model.emitters.shares.sum() == pytest.approx(1.0)
+
+
+def test_light_scenes_name_lamps_of_the_scene():
+    def named(*lamps: str) -> Scene:
+        return replace(room(), light_scenes=(LightScene("evening", tuple((n, (0.5, 0.4, 0.2)) for n in lamps)),))
+
+    Solver(named("bulb", "strip"), **GIVEN | {"photons": 0})
+    with pytest.raises(SceneError, match='light scene "evening": no lamp is called \'lmp\'; there is "bulb"'):
+        Solver(named("lmp"), **GIVEN | {"photons": 0})

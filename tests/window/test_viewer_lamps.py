@@ -55,6 +55,17 @@ def test_panel_dims_lamps(play):
         ctx.item_click("**/Reset lamps")
         assert np.array_equal(lit({}), full)
         assert session.meshes[0].emission.any() and session.settings.lamps == ()
+
+        # A light scene, kept and chosen again.
+        ctx.item_input_value(f"{section}/##100 %", 0.5)
+        lit({"bulb": (0.5,) * 3})
+        ctx.item_input_value("**/##Keep as", "evening")
+        ctx.item_click("**/Keep")
+        ctx.item_click("**/Reset lamps")
+        lit({})
+        ctx.combo_click("**/##Light scene/evening")
+        hand.wait(lambda: session.light.snapshot.levels[1][0] == 0.5)
+        lit({"bulb": (0.5,) * 3})
         assert not errors(viewer)
 
     play(script, replace(support.SETTINGS, light="photons"), support.opening(two_lamps()))

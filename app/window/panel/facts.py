@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from app.rest.results import GatherProgress, Report
     from app.session.reload import Reload
     from app.session.session import Session
+    from app.settings import LampSetting
     from gi_core.discs.contact.stale_receivers import ControlFacts
     from gi_core.scene import Pose
 
@@ -48,6 +49,7 @@ class Facts:
     all_done: bool  # no work is left at rest
     metered: float  # EV at load
     lamps: tuple[str, ...]  # names
+    light_scenes: Mapping[str, tuple[LampSetting, ...]]  # by name, the scene file's and those kept
     lamp_flux: tuple[float, ...]  # of each at full level, luminance [W], or [lm] in photometric scenes
     lamp_colours: tuple[tuple[float, float, float], ...]  # of each in the scene file, of luminance 1
     effective: int  # photons of equal flux that would have as little noise
@@ -73,6 +75,7 @@ def facts_of(
     selected: str = "",
 ) -> Facts:
     """Return the facts of a ready session."""
+    from app.cli.saved_scene import lamp_at
     from app.draw.kelvin import of_luminance_one
     from gi_core.geometry.error import luminance
 
@@ -104,6 +107,10 @@ def facts_of(
         all_done=session.light.all_done and not session.refining,
         metered=metered,
         lamps=emitters.lamps.names,
+        light_scenes={
+            **{s.name: tuple(lamp_at(*level) for level in s.levels) for s in session.scene.light_scenes},
+            **dict(session.settings.light_scenes),
+        },
         lamp_flux=tuple(float(f) for f in luminance(emitters.flux_of_lamps)),
         lamp_colours=tuple(of_luminance_one(flux) for flux in emitters.flux_of_lamps),
         effective=snapshot.effective_photons,

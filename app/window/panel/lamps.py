@@ -15,7 +15,11 @@ from app.window.panel.facts import Facts
 BRIGHTEST = 4.0  # times the level of the scene file
 
 
+_typed = [""]  # name of the light scene to keep
+
+
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+    s = _light_scenes(s, facts, actions)
     given = {lamp.name: lamp for lamp in s.lamps}
     solo = s.solo
     for k, name in enumerate(facts.lamps):
@@ -36,6 +40,31 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     if imgui.button("Reset lamps", (-1, 0)):
         s = replace(s, lamps=(), solo="")
     ui.tip("Return all lamps to the levels of the scene file.")
+    imgui.end_disabled()
+    return s
+
+
+def _light_scenes(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+    """Draw the choice of light scenes, and a field that keeps the present levels as one."""
+    names, asked = list(facts.light_scenes), s.levels(facts.lamps)
+    levels = [s.in_light_scene(lamps).levels(facts.lamps) for lamps in facts.light_scenes.values()]
+    if names:
+        ui.label("Light scene")
+        now = levels.index(asked) + 1 if asked in levels else 0
+        changed, k = imgui.combo("##Light scene", now, ["-", *names])
+        ui.tip("Levels of all lamps, kept under a name. The light cross-fades within a second.")
+        if changed and k:
+            s = s.in_light_scene(facts.light_scenes[names[k - 1]])
+            actions.add("fade")
+    ui.label("Keep as")
+    em = imgui.get_font_size()
+    imgui.set_next_item_width(imgui.get_content_region_avail().x - 3.6 * em)
+    _, _typed[0] = imgui.input_text("##Keep as", _typed[0])
+    ui.tip("Name of a light scene: the levels of all lamps. File > Save scene stores it.")
+    imgui.same_line()
+    imgui.begin_disabled(not _typed[0].strip())
+    if imgui.button("Keep", (-1, 0)):
+        s, _typed[0] = s.with_light_scene(_typed[0].strip(), facts.lamps), ""
     imgui.end_disabled()
     return s
 

@@ -20,13 +20,14 @@ _DEEP = re.compile(rf"(?:\.[ \t]*[\w-]+[ \t]*){{{DEEPEST}}}")
 class Table:
     """One table of a scene file; an unknown key is an error."""
 
-    def __init__(self, values, where: str, known: tuple[str, ...]):
+    def __init__(self, values, where: str, known: tuple[str, ...] | None):
+        """known: the keys that may occur; None: any."""
         self.where = where
         if not isinstance(values, dict):
             raise SceneError(f"{where} must be a table of keys, got {shown(values)}")
         self.values = values
         for key in values:
-            if key not in known:
+            if known is not None and key not in known:
                 raise SceneError(f"{where}: unknown key {key!r}; {nearest(key, known)}")
 
     def __contains__(self, key: str) -> bool:

@@ -22,6 +22,7 @@ from gi_core.scene.types import (
     DirectionalLight,
     KeyFrames,
     Light,
+    LightScene,
     PointLight,
     Pose,
     Probe,
@@ -41,6 +42,7 @@ ROOT = (
     "camera",
     "probe",
     "defaults",
+    "light_scenes",
 )
 LIGHTS = {
     "point": ("position", "flux"),
@@ -81,6 +83,7 @@ class SceneFile(NamedTuple):
     camera: Camera | None
     probes: list[Probe]
     defaults: Defaults
+    light_scenes: list[LightScene]
 
 
 def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) -> SceneFile:
@@ -120,7 +123,25 @@ def read_scene_file(path: Path, where: str, boundary: Boundary | None = None) ->
         _camera(root, where),
         probes,
         _defaults(root, where),
+        read_light_scenes(root),
     )
+
+
+def read_light_scenes(root: Table) -> list[LightScene]:
+    """Return the tables [light_scenes.NAME]; a level is a number >= 0, or three for red, green and blue."""
+    out = []
+    tables = Table(root.values.get("light_scenes", {}), f"{root.where}: [light_scenes]", None)
+    for name, values in tables.values.items():
+        table = Table(values, f'{root.where}: light scene "{name}"', None)
+        out.append(LightScene(name, tuple((lamp, level(table, lamp)) for lamp in table.values)))
+    return out
+
+
+def level(table: Table, lamp: str) -> tuple[float, float, float]:
+    """Return the level of a lamp: a number >= 0 for all channels, or three. Raises SceneError."""
+    if isinstance(table.values[lamp], list):
+        return table.vector(lamp, least=0)
+    return (table.number(lamp, least=0),) * 3
 
 
 def read_up(root: Table) -> tuple[float, float, float] | None:
