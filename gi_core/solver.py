@@ -29,6 +29,8 @@ from gi_core.scene.errors import shown
 from gi_core.scene.rules import one_of
 from gi_core.scene.types import Pose, Scene
 
+Stop = Callable[[], bool] | None
+Posed = Pose | np.ndarray
 CHOICES: dict[str, Mapping] = {"estimator": ESTIMATORS, "search": SEARCHES}
 
 
@@ -95,32 +97,15 @@ class Solver:
         less than a quarter effective. paths: as for move_all(). Raises SceneError for a name that no
         lamp has, and for a bad level. A change that any exception breaks off has not been made.
         """
-        before = self.levels
-        self.light_source.dim(self.lamps.changed(before, levels, self.scene.name))
-        try:
+        with self.light_source.dimmed_to(self.lamps.changed(self.levels, levels, self.scene.name)):
             self._update(paths=paths)
-        except BaseException:
-            self.light_source.dim(before)
-            raise
-
-    @property
-    def estimator(self) -> str:
-        return self.setting.estimator
-
-    @property
-    def radius(self) -> float:
-        return self.setting.radius
-
-    @property
-    def neighbours(self) -> int:
-        return self.setting.neighbours
 
     def solve(self) -> None:
         """Trace and estimate all photons wanted."""
         for _ in self.solve_steps(pictures=False):
             pass
 
-    def solve_steps(self, pictures: bool = True, stop: Callable[[], bool] | None = None) -> Iterator[Progress]:
+    def solve_steps(self, pictures: bool = True, stop: Stop = None) -> Iterator[Progress]:
         """Trace and estimate in steps of some 20 ms; with `pictures`, refresh irradiance as photons grow.
 
         May be abandoned between steps and restarted; traced photons are reused. stop: as in move_all().
@@ -134,25 +119,21 @@ class Solver:
     def _goal(self) -> int:
         return self.photons if len(self.model.emitters.kind) else 0
 
-    def gather_steps(
-        self, state: ReferenceState | None = None, stop: Callable[[], bool] | None = None
-    ) -> Iterator[Progress]:
-        """Gather the static part's light in steps of some 30 ms to 0.7 % noise (`gi_core.gather.static`).
+    def gather_steps(self, state: ReferenceState | None = None, stop: Stop = None) -> Iterator[Progress]:
+        """Gather the static part's light, used where `light` is "best", in steps of some 30 ms to 0.7 % noise.
 
-        Used by frames where `light` is "best". May be abandoned between steps and begun again;
-        state: an earlier run's `gathered.state`, for the same scene and seed; stop: as in move_all(). Raises ValueError
-        for another state.
+        May be abandoned between steps and begun again. state: an earlier run's `gathered.state`, for the same scene and
+        seed, else ValueError is raised; stop: as in move_all().
         """
         show = partial(self._update, stop=stop)
         refresh = partial(self._first_frame.refresh, lambda: self.frame.background, lambda: self._goal, show)
         yield from self.light_source.gather_steps(state, lambda: self.frame.background, refresh)
         yield Progress("done", 1.0, False)
 
-    def gather_pose_steps(self, stop: Callable[[], bool] | None = None) -> Iterator[Progress]:
-        """Gather light with mobiles in place at the current poses, in steps of some 30 ms (see `gi_core.gather`).
+    def gather_pose_steps(self, stop: Stop = None) -> Iterator[Progress]:
+        """Gather light with mobiles in place at the current poses, in steps of some 30 ms, for frames at these poses.
 
-        Used by frames at the same poses where `light` is "best" and its noise is lower; kept for the last poses. To be
-        abandoned at the next move; begun again, it continues. stop: as in move_all().
+        To be abandoned at the next move; begun again, it continues. stop: as in move_all().
         """
         f, refresh = self.frame, partial(self._update, stop=stop)
         at = self.model.transforms(f.poses)
@@ -168,23 +149,19 @@ class Solver:
         """Irradiance (R, 3) [W/m2] of the last frame."""
         return self.frame.irradiance
 
-    def move(self, name: str, pose: Pose | np.ndarray) -> None:
-        """Put one mobile at a pose (a Pose or a rigid (4, 4) matrix) and update irradiance.
-
-        Raises SceneError for a name that no mobile has and for a pose that is not rigid.
-        """
+    def move(self, name: str, pose: Posed) -> None:
+        """Put one mobile at a pose (a Pose or a rigid (4, 4) matrix) and update irradiance; errors as move_all()."""
         self.move_all({name if isinstance(name, str) else shown(name): pose})
 
     def move_all(
-        self, poses: Mapping[str, Pose | np.ndarray], photons: int | None = None, paths: int | None = None,
-        stop: Callable[[], bool] | None = None,
-    ) -> None:  # fmt: skip
+        self, poses: Mapping[str, Posed], photons: int | None = None, paths: int | None = None, stop: Stop = None
+    ) -> None:
         """Put several mobiles at new poses and update irradiance once.
 
         photons: one of `prefixes`, None: all; paths: per receiver of a mobile, where its light is gathered, one of
         `gi_core.frames.light_source.PATHS`, None: 64; stop: called after each stage; where it is True, Interrupted
-        (`gi_core.frames.progress`) breaks off the move. Raises SceneError as move() does, and for any other number of
-        photons or paths. A move that any exception breaks off has not been made.
+        (`gi_core.frames.progress`) breaks off the move. Raises SceneError for a name that no mobile has, a pose that is
+        not rigid, and any other number of photons or paths. A move that any exception breaks off has not been made.
         """
         if photons is not None:
             one_of(self.frame.prefixes).check(f"{self.scene.name}: the photons of a frame", photons)
@@ -202,12 +179,9 @@ class Solver:
 
     def _update(
         self, background: Background | None = None, poses: dict[str, Pose] | None = None, photons: int | None = None,
-        paths: int | None = None, stop: Callable[[], bool] | None = None,
+        paths: int | None = None, stop: Stop = None,
     ) -> None:  # fmt: skip
-        """Compute the next frame, from the background on show and at the last poses where none are given.
-
-        `frame` and `budget` change at the end, or not at all if an exception is raised.
-        """
+        """Compute the next frame, from the background on show and at the last poses where none are given, or raise."""
         shown, again = self.frame.background, self.frame if poses is None else None
         b, poses = background or shown, self.poses if poses is None else poses
         if b is None:
@@ -221,9 +195,9 @@ class Solver:
         self.frame, self.budget = frame, budget
 
     def twin(self, fresh: bool = False) -> Solver:
-        """Return a solver with separate settings and poses that shares scene and photons; nothing is traced twice.
+        """Return a solver of the same photons with separate settings and poses; only one of the two may work at a time.
 
-        It starts as this one is or, `fresh`, with nothing estimated yet. Only one of the two may work at a time.
+        It starts as this one is or, `fresh`, with nothing estimated yet.
         """
         other, light = copy.copy(self), self.light_source.twin(fresh)
         other.budget, other._buffers, other.light_source = FrameBudget(), ScanBuffers(), light
@@ -233,19 +207,14 @@ class Solver:
         return other
 
     def from_scratch(self, poses: Mapping[str, Pose] | None = None) -> np.ndarray:
-        """Return irradiance (R, 3) at poses from all photons, traced again through static part and mobiles.
-
-        Each frame must equal this bit for bit. Accelerators are reused; the background is not.
-        """
+        """Return irradiance (R, 3) at poses from all photons, traced again; each frame must equal this bit for bit."""
         b = self.frame.background or self._first_frame.background(self.setting, None, self._goal)
         return light_from_scratch(self.frame, b, self.light_source, {**self.poses, **(poses or {})})
 
     @property
     def resting_irradiance(self) -> np.ndarray:
         """Irradiance (n, 3) [W/m2] of static receivers without mobiles; zeros before the first solve."""
-        if not (photons := self.frame.photons_at_rest):
-            return np.zeros((self.surfaces.receiver_range(0).stop, 3))
-        return self.light_source.static_irradiance(self.frame.background, photons)
+        return self.light_source.resting_irradiance(self.frame.background)
 
     def drawn(self, irradiance: np.ndarray, poses: Mapping[str, Pose] | None = None) -> Drawn:
         """Return irradiance (R, 3) as it is to be drawn: unreached receivers are filled from lit ones beside them.

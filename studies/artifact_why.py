@@ -35,7 +35,7 @@ LEAST = 0.5  # of the radius: least extent of a symmetric region
 
 def reaches(solver: Solver, rows: np.ndarray) -> np.ndarray:
     """Return how far the regions of static receivers reach (n, RAYS) [m] in the solver's frame."""
-    estimate, r = solver.frame.background.estimate, solver.radius
+    estimate, r = solver.frame.background.estimate, solver.setting.radius
     contact = estimate._contact.contacts_at(solver.frame.change.at, mobiles=False).regions[0]
     alone = estimate.searches[0].discs.regions
     out = np.full((len(rows), RAYS), r)

@@ -124,7 +124,7 @@ def measure(
                 s.move_all({}, photons)
             found, by_chance = errors(solver.irradiance, of), scatter(solver.irradiance, other.irradiance, of)
             name = f"{estimator}, {photons:,} photons"
-            name += f", {solver.radius:.3g} m" if estimator == "tangent_plane" else ""
+            name += f", {solver.setting.radius:.3g} m" if estimator == "tangent_plane" else ""
             lines.append(_line(name, found, by_chance, bias_left(found[0], by_chance)))
     counts = [np.count_nonzero(w) for w in of.weights]
     lines.append("| receivers | " + " | ".join(f"{n:,}" for n in counts) + " | | |")

@@ -178,7 +178,7 @@ def work_of_frame(solver: Solver, poses) -> list[Work]:
         ("read out", (2 * SUM_BYTES + 8) * receivers),
     ]
     if isinstance(estimate, PhotonMap):  # a query of k nearest hits reads k hits at the least
-        moved.append(("estimate", (estimate.stale + _on_mobiles(solver)) * solver.neighbours * HIT_BYTES))
+        moved.append(("estimate", (estimate.stale + _on_mobiles(solver)) * solver.setting.neighbours * HIT_BYTES))
     work = [w for w in _rays(solver) if w.count]
     work += [copied(stage, size, threads) for stage, size in moved if size]
     if searches := _searches(solver):
@@ -198,7 +198,7 @@ def estimate_of(solver: Solver) -> Estimator:
 
 def full_estimate(solver: Solver) -> Callable[[], None]:
     """Return a call that estimates all static receivers from the background, as the first frame does."""
-    twin = ESTIMATORS[solver.estimator](solver.model, solver.setting)
+    twin = ESTIMATORS[solver.setting.estimator](solver.model, solver.setting)
     for _ in twin.build():
         pass
     photons = solver.frame.photons
@@ -223,7 +223,7 @@ def _searches(solver: Solver) -> list[tuple[Discs, Lines, int]]:
     out = []
     segments_of_objects = change.new_suffixes, *change.near_mobiles  # mobiles that gather are not searched
     for o, (search, segments) in enumerate(zip(estimate_of(solver).searches, segments_of_objects, strict=False)):
-        over = lines(segments, change.at.rotation[o], change.at.position[o], model, solver.radius)
+        over = lines(segments, change.at.rotation[o], change.at.position[o], model, solver.setting.radius)
         out.append((search.discs, over, search_run(search, over)()))
     return out
 
@@ -231,7 +231,7 @@ def _searches(solver: Solver) -> list[tuple[Discs, Lines, int]]:
 def _looked_up(solver: Solver) -> int:
     """Return the number of disc intersections of removed suffixes, which frames look up in a cache."""
     model, removed = solver.model, solver.frame.change.removed_suffixes.segments(solver.model.threads)
-    over = lines(removed, model.static.rotation[0], model.static.position[0], model, solver.radius)
+    over = lines(removed, model.static.rotation[0], model.static.position[0], model, solver.setting.radius)
     return search_run(estimate_of(solver).searches[0], over)()
 
 

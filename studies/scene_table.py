@@ -100,7 +100,7 @@ def measure(what: str, picture: Path, launched: float, photons: int | None, size
     row |= {
         "drawn": int(s.first_face[-1]),
         "receivers": len(solver.irradiance),
-        "radius": solver.radius,
+        "radius": solver.setting.radius,
         "scene_size": solver.scene_size,
         "black": round(float((solver.irradiance.max(axis=1) <= 0).mean()), 4),
         "nan": bool(np.isnan(solver.irradiance).any()),

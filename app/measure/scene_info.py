@@ -32,7 +32,9 @@ def info(settings: Settings) -> list[str]:
 
     with opened(settings, open_scene) as (bar, scene):
         solver = make_solver(scene, settings)
-        chosen = replace(settings, photons=solver.photons, radius=solver.radius, neighbours=solver.neighbours)
+        chosen = replace(
+            settings, photons=solver.photons, radius=solver.setting.radius, neighbours=solver.setting.neighbours
+        )
         bar("tracing", 0.5)
         control = _control(solver, settings)
         solver.configure(estimator=CHEAPEST, photons=min(PILOT, chosen.photons))

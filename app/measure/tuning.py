@@ -51,7 +51,7 @@ def tune(solver: Solver, budget: float, bar: Callable[[str, float], None], error
 
 def candidates(solver: Solver) -> list[dict]:
     """Return the settings to try, as fields of Setting."""
-    radii = [r * solver.radius for r in TRIAL_RADII]
+    radii = [r * solver.setting.radius for r in TRIAL_RADII]
     tried: dict[str | None, list] = {"radius": radii, "neighbours": [TRIAL_NEIGHBOURS], None: [None]}
     return [
         {"estimator": name} | ({kind.smoothing: value} if kind.smoothing else {})

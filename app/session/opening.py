@@ -128,10 +128,10 @@ class Opening:
             solver.move_all(solver.poses)  # loads the kernels of a drag's frames
         settings = replace(
             self.settings,
-            estimator=solver.estimator,
+            estimator=solver.setting.estimator,
             photons=solver.photons,
-            radius=solver.radius,
-            neighbours=solver.neighbours,
+            radius=solver.setting.radius,
+            neighbours=solver.setting.neighbours,
             light=solver.light,
         )
         self.warnings += problems

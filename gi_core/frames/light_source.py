@@ -6,6 +6,7 @@ import copy
 import itertools
 import math
 from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
@@ -128,6 +129,12 @@ class LightSource:
             return self._gathered_at(self.levels)
         return shown.resting(photons if self.prefix_only else shown.estimate.photons, self.levels)
 
+    def resting_irradiance(self, shown: Background | None) -> np.ndarray:
+        """Return static_irradiance() for all photons of the background on show; zeros without photons."""
+        if shown is None or not (photons := shown.estimate.photons):
+            return np.zeros((self._model.surfaces.receiver_range(0).stop, 3))
+        return self.static_irradiance(shown, photons)
+
     def _gathered_at(self, levels: np.ndarray) -> np.ndarray:
         """Return gathered irradiance (n, 3) [W/m2] at levels (G, 3) of the lamps; the same array for the same light."""
         light = self.gathered.per_lamp
@@ -135,10 +142,16 @@ class LightSource:
             self._mixed = light, levels, mix(light, levels, self._model.threads)
         return self._mixed[2]
 
-    def dim(self, levels: np.ndarray) -> None:
-        """Set the levels (G, 3) of the lamps, from the next frame on."""
-        self.levels, self._reflectance = levels, None
-        self._lights = None
+    @contextmanager
+    def dimmed_to(self, levels: np.ndarray) -> Iterator[None]:
+        """Set the levels (G, 3) of the lamps, from the next frame on; an exception takes them back."""
+        before = self.levels, self._reflectance, self._lights
+        self.levels, self._reflectance, self._lights = levels, None, None
+        try:
+            yield
+        except BaseException:
+            self.levels, self._reflectance, self._lights = before
+            raise
 
     def find_unreached(self, size: float, shown: Background) -> Generator[None]:
         """Find unreached static receivers by this light, in steps; `size` [m] as in `dilation.py`."""

@@ -26,7 +26,7 @@ def tangent_plane(solver: Solver, field) -> np.ndarray:
     receivers = solver.receivers
     out = np.empty(len(receivers.areas))
     for r, (p, n) in enumerate(zip(receivers.positions, receivers.normals, strict=True)):
-        points, weights = closed_form.disc_nodes(p, n, solver.radius)
+        points, weights = closed_form.disc_nodes(p, n, solver.setting.radius)
         out[r] = weights @ field(points, np.broadcast_to(n, points.shape))
     return out
 
@@ -55,8 +55,8 @@ def photon_map(solver: Solver, field) -> np.ndarray:
     positions = solver.receivers.positions
     at_receiver = field(positions, solver.receivers.normals)
     a_photon = solver.model.emitters.total_flux[0] / solver.photons
-    r2 = (solver.neighbours - 1) * a_photon / (math.pi * np.maximum(at_receiver, 1e-30))
-    r = np.sqrt(np.minimum(r2, solver.radius**2))
+    r2 = (solver.setting.neighbours - 1) * a_photon / (math.pi * np.maximum(at_receiver, 1e-30))
+    r = np.sqrt(np.minimum(r2, solver.setting.radius**2))
     out = np.zeros(len(positions))
     for corners, _, n, receivers in _faces(solver):
         for k, i in enumerate(receivers):
@@ -77,7 +77,7 @@ def half_a_hit(solver: Solver) -> float:
     the estimate (k - 1) / (k - 1/2) = 1 - 1 / 2k of the truth. Measured
     under a sun: -0.84, -0.25, -0.16 % for k = 50, 150, 400; in a furnace: -0.07, -0.14 % for k = 50, 150.
     """
-    return 0.5 / solver.neighbours
+    return 0.5 / solver.setting.neighbours
 
 
 MEANS = {"tangent_plane": tangent_plane, "impact_count": impact_count, "photon_map": photon_map}

@@ -18,7 +18,7 @@ def test_twin_shares_photons_but_not_settings():
     twin.solve()
     twin.move("block", pose._replace(position=(0.6, 0.3, 0.5)))
     assert np.array_equal(twin.irradiance, twin.from_scratch())
-    assert solver.estimator == "tangent_plane" and solver.poses["block"] == pose and solver.irradiance is before
+    assert solver.setting.estimator == "tangent_plane" and solver.poses["block"] == pose and solver.irradiance is before
     alone = Solver(support.room(), "photon_map", photons=8192, radius=0.06, neighbours=20)
     alone.solve()
     twin.move("block", pose)

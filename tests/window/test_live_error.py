@@ -158,7 +158,7 @@ def test_comparison_equals_a_solver_of_that_estimator(solver):
     finish(live_error, other)
     assert live_error.comparison.is_done("photon_map") and not live_error.comparison.is_done("impact_count")
     assert np.array_equal(live_error.comparison.result.irradiance, alone.irradiance)
-    assert solver.irradiance is before and solver.estimator == "tangent_plane"
+    assert solver.irradiance is before and solver.setting.estimator == "tangent_plane"
     pose = solver.poses["block"]
     moved = pose._replace(position=(0.6, 0.3, 0.5))
     solver.move("block", moved)

@@ -65,7 +65,7 @@ def test_dragged_slider_runs_at_most_one_frame_of_steps(session):
     asked, spent = frame(session, editing=False)  # let go
     assert asked.count("configure") == 1
     assert spent <= 2 * BUDGET, "it waits for the step under way, then for one of the new ones"
-    assert session.light._solver.radius == pytest.approx(0.05 + 1e-4 * 119)
+    assert session.light._solver.setting.radius == pytest.approx(0.05 + 1e-4 * 119)
 
 
 def test_resting_held_slider_is_applied_once(session):
@@ -254,7 +254,7 @@ def test_opening_fills_in_open_settings():
     s.settings = replace(s.settings, tone_map="clip")  # changed in the panel meanwhile
     s.adopt(opened)
     assert s.settings.tone_map == "clip"
-    assert s.settings.photons == opened.solver.photons and s.settings.radius == opened.solver.radius
+    assert s.settings.photons == opened.solver.photons and s.settings.radius == opened.solver.setting.radius
     assert opened.solver.irradiance.any(), "opened with a first picture"
     assert s.log.last.text == "made for the tests"
     front, back = s.colours(0)

@@ -33,20 +33,20 @@ def test_panel_controls(play):
         hand.open_research()
         ctx.combo_click(f"##Estimator/{names[-1].replace('_', ' ').capitalize()}")
         hand.wait_for_light()
-        assert session.light._solver.estimator == session.settings.estimator == names[-1]
+        assert session.light._solver.setting.estimator == session.settings.estimator == names[-1]
         assert (hand.pixels() != before).any()
         for k, name in enumerate(names[:3]):
             hand.press((K._1, K._2, K._3)[k])
             hand.wait_for_light()
-            assert session.light._solver.estimator == name
+            assert session.light._solver.setting.estimator == name
 
         # Values typed in.
         ctx.item_input_value("##Radius", 0.1)
         ctx.item_input_value("##Neighbours k", 12)
         ctx.item_input_value("##Photons", 30_000)
         hand.wait_for_light()
-        assert session.light._solver.radius == pytest.approx(0.1)
-        assert session.light._solver.neighbours == 12
+        assert session.light._solver.setting.radius == pytest.approx(0.1)
+        assert session.light._solver.setting.neighbours == 12
         assert session.light._solver.frame.photons == 30_000
 
         # Artifact control: the corners of the room are darker without.
@@ -200,7 +200,7 @@ def test_slider_drag_never_delays_a_frame(play, monkeypatch):
         ctx.yield_(3)
         hand.wait(lambda: not session.refining)
         assert len(configured) == 1 and list(configured[0]) == ["radius"]
-        assert session.light._solver.radius == session.settings.radius != support.SETTINGS.radius
+        assert session.light._solver.setting.radius == session.settings.radius != support.SETTINGS.radius
         assert threads and not threads & windows_thread
 
     assert errors(play(script)) == []

@@ -80,10 +80,10 @@ def vary(scene, settings: Settings, variant: dict):
     if "triangles" in variant:
         own = make_solver(scene, settings)
         scene = replace(scene, static=_cut(scene.static, variant["triangles"]))
-        settings = replace(settings, radius=own.radius)
+        settings = replace(settings, radius=own.setting.radius)
         if variant["radius"] == "scaled":
             share = _static_receivers(own) / _static_receivers(make_solver(scene, settings))
-            settings = replace(settings, radius=own.radius * math.sqrt(share))
+            settings = replace(settings, radius=own.setting.radius * math.sqrt(share))
     return scene, settings
 
 

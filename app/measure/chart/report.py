@@ -51,7 +51,7 @@ def choices_like_the_report(scene: str, solver: Solver) -> list[Choice]:
     """Return the settings like the report's rows, none for scenes other than its tree."""
     if scene not in SCENES:
         return []
-    return [choice_like(then, solver.scene_size, solver.neighbours) for then in REPORT]
+    return [choice_like(then, solver.scene_size, solver.setting.neighbours) for then in REPORT]
 
 
 def beside(rows: list[dict], scene_size: float) -> list[tuple[ReportRow, dict | None]]:

@@ -101,7 +101,9 @@ class Run:
     def measure_tuned(self, walk: Walk) -> None:
         """Measure the choice of `tune` on this scene and machine."""
         most = max(c.traced for c in self.choices)
-        plain = Choice(DEFAULT, most, most, self.base.radius, self.base.neighbours, True, "best", paths=64)
+        plain = Choice(
+            DEFAULT, most, most, self.base.setting.radius, self.base.setting.neighbours, True, "best", paths=64
+        )
         solver, _ = self.solved(plain)
         self.results.add(self._row(tuned_choice(solver, most, self.bar), None, walk))
 
@@ -152,7 +154,7 @@ class Run:
             self.bar("tracing", 0.0)
             self._trace(n)
         self.bar("the light of many photons", 0.0)
-        s = self.base
+        s = self.base.setting
         finest = self._limit(Choice(DEFAULT, 0, 0, s.radius, s.neighbours, self.settings.control, "photons"))
         seed = self.settings.seed
         found = truth.cases(finest, self.lap, self.truth_frames, self.points, self.effort.truth, seed, self.bar)

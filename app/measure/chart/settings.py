@@ -126,11 +126,11 @@ def choices(settings: Settings, solver: Solver, effort: Effort) -> list[Choice]:
     counts = (settings.photons,) if settings.photons else effort.photons
     radii = (1.0,) if settings.radius else effort.radii
     ks = (
-        (settings.neighbours or solver.neighbours,)
+        (settings.neighbours or solver.setting.neighbours,)
         if settings.neighbours
-        else effort.neighbours or (solver.neighbours,)
+        else effort.neighbours or (solver.setting.neighbours,)
     )
-    most, r, k = counts[-1], solver.radius, solver.neighbours
+    most, r, k = counts[-1], solver.setting.radius, solver.setting.neighbours
     out = []
 
     def add(estimator: str, radius: float = r, neighbours: int = k, control: bool = False) -> None:

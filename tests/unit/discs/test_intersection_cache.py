@@ -50,9 +50,9 @@ def test_a_walk_through_poses_prefixes_and_estimators_equals_from_scratch(contro
         photons = solver.frame.prefixes[(k * 2) % 3]
         solver.move_all({"box": pose}, photons=photons)
         cut, stale = max(cut, solver.frame.changes.photons_cut), max(stale, solver.frame.control_facts.stale)
-        key = photons, solver.estimator
+        key = photons, solver.setting.estimator
         if key not in known:
-            known[key] = solver_of(photons, control=control, estimator=solver.estimator)
+            known[key] = solver_of(photons, control=control, estimator=solver.setting.estimator)
             known[key].solve()
         # The other solver has never been at a pose before, and knows no more photons than these.
         assert np.array_equal(solver.irradiance, known[key].from_scratch({"box": pose})), k

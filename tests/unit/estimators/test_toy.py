@@ -155,12 +155,12 @@ def test_window_lists_a_new_estimator(play):
         hand.ctx.set_ref("Panel")
         hand.ctx.combo_click("##Estimator/Toy")
         hand.wait_for_light()
-        assert session.light._solver.estimator == session.settings.estimator == "toy"
+        assert session.light._solver.setting.estimator == session.settings.estimator == "toy"
         hand.press(keys()._1)
         hand.wait_for_light()
-        assert session.light._solver.estimator == list(ESTIMATORS)[0]
+        assert session.light._solver.setting.estimator == list(ESTIMATORS)[0]
         hand.press((keys()._1, keys()._2, keys()._3, keys()._4)[number])
         hand.wait_for_light()
-        assert session.light._solver.estimator == "toy" and session.irradiance.any()
+        assert session.light._solver.setting.estimator == "toy" and session.irradiance.any()
 
     assert errors(play(script)) == []

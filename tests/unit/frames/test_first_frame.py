@@ -67,7 +67,7 @@ def test_gathered_light_returns_at_once_though_its_photons_were_few(monkeypatch)
     solver.configure(estimator="tangent_plane", light="best")
     steps = solver.solve_steps()
     until_picture(steps)
-    assert solver.frame.photons == few and solver.frame.gathered and solver.estimator == "tangent_plane"
+    assert solver.frame.photons == few and solver.frame.gathered and solver.setting.estimator == "tangent_plane"
     for _ in steps:
         pass
     assert np.array_equal(solver.irradiance, solver.from_scratch())

@@ -89,7 +89,7 @@ def test_a_refused_setting_changes_nothing():
     solver = Solver(ROOM, photons=10, radius=0.1)
     with pytest.raises(SceneError, match="radius must be a finite number > 0, .*, got -1"):
         solver.configure(photons=20, radius=-1)
-    assert (solver.photons, solver.radius) == (10, 0.1)
+    assert (solver.photons, solver.setting.radius) == (10, 0.1)
 
 
 @pytest.mark.parametrize(
