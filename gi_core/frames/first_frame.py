@@ -60,6 +60,7 @@ class FirstFrame:
 
     def __init__(self, photons: Photons, source: LightSource, scene_size: float):
         self._photons, self._source, self._scene_size = photons, source, scene_size
+        self._by_flux = photons  # the first ones
         self._recent: list[Background] = []  # newest last
 
     def share(self, model: Model) -> None:
@@ -68,12 +69,14 @@ class FirstFrame:
         model: whose lamps share photons by flux.
         """
         levels, by_flux = self._source.levels, model.emitters
+        if by_flux.effective(levels) > self._photons.model.emitters.effective(levels):
+            self._photons = self._by_flux  # still traced, and perhaps estimated
         if self._photons.model.emitters.effective(levels) >= FEW:
             return
-        if by_flux.effective(levels) < FEW:
-            at = by_flux.shares_of_flux * levels.max(axis=1)
-            model = model.with_shares((1 - SPARE) * at / at.sum() + SPARE * by_flux.shares_of_flux)
-        self._photons, self._recent = Photons(model, self._photons.seed), []
+        at = by_flux.shares_of_flux * levels.max(axis=1)
+        model = model.with_shares((1 - SPARE) * at / at.sum() + SPARE * by_flux.shares_of_flux)
+        self._photons = Photons(model, self._photons.seed)
+        self._recent = [b for b in self._recent if b.store is self._by_flux]
 
     def _worth(self, shown: Background) -> int:
         """Return the number of new photons that bring as little noise as those of a background."""

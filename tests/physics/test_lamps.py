@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from gi_core.estimators import ESTIMATORS
 from gi_core.frames.background import Photons
+from gi_core.frames.first_frame import FirstFrame
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import LightScene, Material, Mobile, PointLight, Pose, Scene, SkyLight
@@ -80,7 +81,8 @@ def test_sums_of_lamps_equal_the_sums_without_lamps_integer_for_integer(estimato
 def built(levels: dict[str, float], shares: np.ndarray, **more) -> Solver:
     """Return a solver of the room with dimmed lamps, whose photons are shared as given."""
     solver = Solver(room(levels), **GIVEN | more)
-    solver._first_frame._photons = Photons(solver.model.with_shares(shares), GIVEN["seed"])
+    photons = Photons(solver.model.with_shares(shares), GIVEN["seed"])
+    solver._first_frame = FirstFrame(photons, solver.light_source, solver.scene_size)
     solver.solve()
     return solver
 
@@ -170,7 +172,7 @@ def test_a_lamp_alone_is_traced_again_with_more_photons_and_less_noise():
     assert noise(solver) < 0.75 * before
     assert np.array_equal(solver.irradiance, solver.from_scratch())
     solver.set_lamps(dict.fromkeys(LAMPS, 1.0))
-    solver.solve()
+    assert not any(p.stage == "tracing" for p in solver.solve_steps()), "photons shared by flux are still there"
     assert np.array_equal(solver.irradiance, solved(weak, photons=8000).irradiance), "shared by flux again"
 
 

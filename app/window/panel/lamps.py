@@ -140,4 +140,5 @@ def _flux(lamp: LampSetting, solo: str, k: int, facts: Facts) -> float:
 
 
 def _shown(flux: float, facts: Facts) -> str:
-    return f"{flux:.4g} {'lm' if facts.photometric else 'W'}"
+    number = f"{flux:.4g}" if flux < 1e4 else ui.thousands(round(flux))
+    return f"{number} {'lm' if facts.photometric else 'W'}"
