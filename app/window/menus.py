@@ -89,7 +89,7 @@ class Menus:
             return None
         if name not in self._thumbnails:
             with file.open("rb") as stream:
-                pixels = np.asarray(Image.open(stream).convert("RGB"))
+                pixels = np.asarray(Image.open(stream, formats=("PNG",)).convert("RGB"))
             texture = ctx.texture((pixels.shape[1], pixels.shape[0]), 3, pixels.tobytes(), alignment=1)
             self._thumbnails[name] = texture
         return self._thumbnails[name]

@@ -173,7 +173,7 @@ def test_sides_and_radius_of_a_row(tree):
     receivers = [len(make_solver(s, settings).irradiance) for s in (one, two)]
     assert receivers[1] == 2 * receivers[0]
     room, settings = load_scene("cornell"), replace(settings, scene="cornell")
-    own, more = make_solver(room, settings).radius, 2 * len(room.static.faces)
+    own, more = make_solver(room, settings).setting.radius, 2 * len(room.static.faces)
     _, fixed = vary(room, settings, {"triangles": more, "radius": "fixed"})
     finer, scaled = vary(room, settings, {"triangles": more, "radius": "scaled"})
     assert fixed.radius == own

@@ -17,6 +17,7 @@ from gi_core.base import vectors
 from gi_core.display.dilation import Drawn
 from gi_core.frames.light_source import FrameSize
 from gi_core.frames.progress import Interrupted
+from gi_core.lights.lamps import Lamps
 from gi_core.scene import Camera, KeyFrames, Material, Mesh, Mobile, Pose, Probe, Scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -200,7 +201,7 @@ class CountingSolver:
         self.model = SimpleNamespace(
             scene=scene,
             surfaces=self.surfaces,
-            emitters=SimpleNamespace(total_flux=np.ones(3)),
+            emitters=SimpleNamespace(total_flux=np.ones(3), lamps=Lamps(("lamp",), {"lamp": 0})),
             object_receivers=self.receivers,
             receivers_at=lambda poses: self.receivers,
         )
@@ -212,8 +213,9 @@ class CountingSolver:
         self.frame = SimpleNamespace(
             photons=0, paths=0, segments=0, prefixes=(), timings={}, probe_irradiance={}, search_summary="",
             changes=Changes(0, 0, 0), control_facts=ControlFacts(0.0, 0, 0), store=SimpleNamespace(memory_full=False),
-            fates={"emitted": np.zeros(3), "truncated": np.zeros(3)},
+            fates={"emitted": np.zeros(3), "truncated": np.zeros(3)}, levels=np.ones((1, 3)), effective_photons=0,
         )  # fmt: skip
+        self.levels = self.frame.levels
         self.light, self.light_source = "photons", SimpleNamespace(gathered=None, is_gathered=False)
         self.paths_at_rest = 0
         self.at_rest = 0  # photons of the last picture

@@ -12,6 +12,7 @@ from app.measure.atlas.photon_map import SUN
 from app.measure.atlas.row import SEEDS, AtlasRow, Number, View, near, over_seeds, ratios, solved
 from app.measure.atlas.shapes import BLACK, beyond, box, fan, furnace, joined, scene, sheet
 from app.measure.atlas.tangent_plane import BARE, CONTROL
+from gi_core.lights.mix import sum_of_lamps
 from gi_core.scene import Material, Mobile, Pose, SkyLight, SpotLight
 
 COUNT: dict[str, Any] = {"estimator": "impact_count"}
@@ -118,7 +119,7 @@ def naive_sums() -> AtlasRow:
     static = solver.surfaces.receiver_range(0)
 
     def read(sums, area):
-        return (sums * scale / area[:, None])[static]
+        return sum_of_lamps(sums * scale / area[:, None])[static]
 
     parts = [estimate.from_scratch([s], frame.at) for s in (frame.removed_suffixes.segments(), frame.new_suffixes)]
     lost, gained = (read(e.sums, e.area) for e in parts)
