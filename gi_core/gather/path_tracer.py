@@ -14,7 +14,7 @@ from gi_core.base import random_numbers, strata
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import dot, rotate
-from gi_core.lights.bsdf import lambertian
+from gi_core.bsdf import lambertian
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import (
     Shadows,

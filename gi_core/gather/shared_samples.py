@@ -9,8 +9,8 @@ import numpy as np
 from gi_core.base import random_numbers
 from gi_core.base.jit import kernel
 from gi_core.base.vec import weighted
+from gi_core.bsdf import lambertian
 from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V
-from gi_core.lights.bsdf import lambertian
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of a full turn, between successive directions
 

@@ -14,7 +14,7 @@ import numpy as np
 from gi_core.base import random_numbers, strata
 from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.vec import difference, dot, weighted
-from gi_core.lights.bsdf import lambertian
+from gi_core.bsdf import lambertian
 from gi_core.lights.light_sampling import DIRECTIONAL, SPOT, Lights, triangle_area
 
 LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each path vertex

@@ -13,8 +13,8 @@ import numpy as np
 from gi_core.base import random_numbers
 from gi_core.base.fixed_point import MAX_PATH, attenuate
 from gi_core.base.jit import inlined, kernel
+from gi_core.bsdf import lambertian
 from gi_core.geometry.sides import NONE
-from gi_core.lights.bsdf import lambertian
 from gi_core.lights.emission import Emitters, emit
 from gi_core.photons.paths import PathVertices, Segments, empty_segments, grown, interval
 from gi_core.rays.accelerator import Accelerator, Transforms, line, point_on_line

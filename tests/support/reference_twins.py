@@ -14,9 +14,9 @@ import numpy as np
 from gi_core.base import random_numbers
 from gi_core.base.fixed_point import MAX_PATH, attenuate
 from gi_core.base.steps import finish
+from gi_core.bsdf import lambertian
 from gi_core.discs.region import regions
 from gi_core.discs.search.predicate import LANES, Discs, Lines, accepts, blocks, discs_crossed
-from gi_core.lights.bsdf import lambertian
 from gi_core.lights.emission import emit
 from gi_core.model import Model
 from gi_core.photons.hit_grid import OTHER_SIDE

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gi_core.lights.bsdf import BSDFS
+from gi_core.bsdf import BSDFS
 
 CELLS = 20
 MIDDLES = (np.arange(2000) + 0.5) / 2000  # of cosines
