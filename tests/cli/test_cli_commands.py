@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import types
 
 from PIL import Image
 
@@ -131,10 +132,21 @@ def test_names_with_spaces_and_letters_of_any_alphabet(tmp_path, capsys):
     assert picture.stat().st_size > 1000
 
 
-def test_atlas_is_written_to_out(capsys, tmp_path, monkeypatch):
-    from app.measure.atlas import command
+def test_atlas_is_written_to_out_with_the_rays_asked_for(capsys, tmp_path, monkeypatch):
+    from app.measure.atlas import command, row
 
-    asked = []
-    monkeypatch.setattr(command, "atlas", lambda out: asked.append(out) or out / "index.html")
-    assert cli.main(["atlas", "--out", str(tmp_path)]) == 0
-    assert asked == [tmp_path] and str(tmp_path / "index.html") in capsys.readouterr().out
+    used = []
+    monkeypatch.setattr(row, "Solver", lambda scene, rays, **_: used.append(rays) or types.SimpleNamespace(solve=list))
+
+    def rows():
+        row.solved(None, 10)
+        yield row.AtlasRow("a", "a", "0", 0.0, row.Number(0.0))
+
+    monkeypatch.setattr(command.atlas, "__defaults__", ({"Chapter": rows}, None))
+    monkeypatch.setattr(command, "compile_kernels", lambda bar, rays: used.append(rays))
+    for words in ([], ["--rays", "octree"]):
+        assert cli.main(["atlas", "--out", str(tmp_path), *words]) == 0
+        assert str(tmp_path / "index.html") in capsys.readouterr().out
+    assert used == [None, None, "octree", "octree"]
+    assert cli.main(["atlas", "--out", str(tmp_path), "--rays", "guess"]) == 2
+    assert "--rays must be one of" in one_line(capsys.readouterr().err)

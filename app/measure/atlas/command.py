@@ -15,7 +15,7 @@ from app.cli.writable import write_whole
 from app.draw.shot import Shot
 from app.measure.atlas import mobiles, others, photon_map, programs, ray_structures, tangent_plane
 from app.measure.atlas.page import page
-from app.measure.atlas.row import AtlasRow, View, solved
+from app.measure.atlas.row import RAYS, AtlasRow, View, solved
 from app.settings import Settings
 
 CHAPTERS = {
@@ -31,14 +31,28 @@ SIZE = (420, 280)  # pixels of one side of a picture
 GAP = 6
 
 
-def atlas(out: Path, chapters: dict[str, Callable[[], Iterator[AtlasRow]]] = CHAPTERS) -> Path:
-    """Measure every row and write index.html into a folder; return its path. Raises OSError."""
+def atlas(out: Path, chapters: dict[str, Callable[[], Iterator[AtlasRow]]] = CHAPTERS, rays: str | None = None) -> Path:
+    """Measure every row and write index.html into a folder; return its path. Raises OSError.
+
+    rays: the structure of all rows that name none, as for Solver.
+    """
     out.mkdir(parents=True, exist_ok=True)
+    before = RAYS.set(rays)
+    try:
+        file = out / "index.html"
+        write_whole(file, page(*_measured(chapters, rays)))
+        return file
+    finally:
+        RAYS.reset(before)
+
+
+def _measured(chapters: dict[str, Callable[[], Iterator[AtlasRow]]], rays: str | None):
+    """Return the rows by chapter, and the pictures by key."""
     measured: dict[str, list[AtlasRow]] = {}
     pictures: dict[str, np.ndarray] = {}
     done = 0
     with Bar() as bar:
-        compile_kernels(bar)
+        compile_kernels(bar, rays)
         for title, rows in chapters.items():
             measured[title] = []
             for row in rows():
@@ -47,9 +61,7 @@ def atlas(out: Path, chapters: dict[str, Callable[[], Iterator[AtlasRow]]] = CHA
                 bar(f"measuring: {row.key}", min(done / ROWS, 1.0))
                 if row.view is not None:
                     pictures[row.key] = picture(row.view)
-    file = out / "index.html"
-    write_whole(file, page(measured, pictures))
-    return file
+    return measured, pictures
 
 
 def picture(view: View) -> np.ndarray:

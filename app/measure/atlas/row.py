@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextvars import ContextVar
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from gi_core.scene import Scene
 from gi_core.solver import Solver
 
 SEEDS = 8  # runs per standard error
+RAYS: ContextVar[str | None] = ContextVar("rays", default=None)  # structure of rays of all rows
 
 
 class Number(NamedTuple):
@@ -59,7 +61,9 @@ class AtlasRow(NamedTuple):
 
 def solved(scene: Scene, photons: int, seed: int = 0, poses=None, **setting) -> Solver:
     """Return a solver that has traced its photons, with mobiles at poses."""
-    solver = Solver(scene, photons=photons, seed=seed, **{"neighbours": 50, "radius": 0.1, **setting})
+    solver = Solver(
+        scene, photons=photons, seed=seed, **{"neighbours": 50, "radius": 0.1, "rays": RAYS.get(), **setting}
+    )
     solver.solve()
     if poses:
         solver.move_all(poses)
