@@ -56,11 +56,11 @@ class CoarseFaces(NamedTuple):
         """
         s, coarse = model.surfaces, self.faces
         if not len(coarse):
-            return s.reflectance
+            return model.world.bsdfs.albedo
         flux = mix(self.flux, levels)
         known = light[s.corner_front[coarse]].mean(axis=1)
         known += np.where(s.two_sided[coarse, None], light[s.corner_back[coarse]].mean(axis=1), 0.0)
         known *= s.areas[coarse, None]
-        out, where = s.reflectance.copy(), self.sure[:, None] & (known > 0)
+        out, where = model.world.bsdfs.albedo.copy(), self.sure[:, None] & (known > 0)
         out[coarse] *= np.divide(flux, known, out=np.ones(known.shape), where=where)
         return out

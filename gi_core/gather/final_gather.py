@@ -16,7 +16,7 @@ import numpy as np
 
 from gi_core.base.threads import run_ranges
 from gi_core.gather.one_bounce import Bounces, Exchange, Field, meet
-from gi_core.gather.path_tracer import BLOCK, PathEnds, join_lights, scatter
+from gi_core.gather.path_tracer import BLOCK, join_lights, scatter, starts
 from gi_core.geometry.error import noise_of_truth, small_sample_bias
 from gi_core.lights.mix import sum_of_lamps
 from gi_core.lights.next_event import room_for_shadows
@@ -113,10 +113,10 @@ class FinalGather:
         positions, normals = self._positions[rows], self._normals[rows]
         path = ((number * SET + rows[:, None] << m) + np.arange(1 << m)).reshape(-1)
         start = np.repeat(positions, 1 << m, axis=0), np.repeat(normals, 1 << m, axis=0)
-        ends = PathEnds(path, np.repeat(np.arange(n), 1 << m), *start, np.ones((count, 3)))
+        ends = starts(path, np.repeat(np.arange(n), 1 << m), *start)
         total, rays = np.zeros((n, lights.channels)), room_for_shadows(count)
         join_lights(model, at, lights, self._seed, m, 0, ends, rays, total)
-        scatter(self._seed, m, 0, ends, rays.origin, rays.direction)
+        scatter(world.bsdfs, self._seed, m, 0, ends, rays.origin, rays.direction)
         far = np.full(count, FAR * world.size, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, rays.origin, rays.direction, far)
         none = Exchange(np.empty(0, np.int64), np.empty((0, 3), np.int64), *np.empty((2, 0, 3)))  # no mobile is met

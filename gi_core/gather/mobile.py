@@ -25,7 +25,7 @@ from gi_core.gather import one_bounce
 from gi_core.gather.hit_cache import BounceRays, ShadowRays
 from gi_core.gather.interleaved_mean import KINDS, average_neighbours, closeness, kinds, near_receivers
 from gi_core.gather.one_bounce import Bounces, Exchange, Field
-from gi_core.gather.path_tracer import SHADOW_GAP, PathEnds
+from gi_core.gather.path_tracer import SHADOW_GAP, starts
 from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.lights.light_sampling import Lights, aimed, steady
@@ -92,14 +92,14 @@ class MobileGather:
         """Return irradiance (m, 3) float64 [W/m2] of the receivers on mobiles, from `first` on.
 
         static (>= first, 3) float64 [W/m2]: irradiance of the static receivers at these poses. 2^log2_paths paths per
-        receiver, 0 <= log2_paths <= strata.LARGEST. reflectance (F, 3) float64 of all faces, None: their own. lights:
-        of one lamp; None: those of the last call, at first those of the scene file.
+        receiver, 0 <= log2_paths <= strata.LARGEST. reflectance (F, 3) float64 of all faces, None: their albedo.
+        lights: of one lamp; None: those of the last call, at first those of the scene file.
         """
         if self._lights is None or (lights is not None and lights is not self._lights):
             self._light_by(self._model.lights_at(self._model.emitters.lamps.full()) if lights is None else lights)
         m, n, world = log2_paths, len(self._positions), self._model.world
         if reflectance is not None:
-            world = world._replace(reflectance=reflectance)
+            world = world._replace(bsdfs=world.bsdfs._replace(albedo=reflectance))
         light = PathSums(*np.zeros((2, n, 3)), np.empty(n))
         if n == 0:
             return light.direct
@@ -185,9 +185,9 @@ class MobileGather:
         def shadows() -> Shadows:
             deltas, rows = min(len(lights.delta.kind), 1 << m), np.arange(n)
             rays = room_for_shadows((n << m) + n * deltas)
-            ends = PathEnds(rows, rows, positions, normals, np.ones((n, 3)))
-            count = join_area(samples, ends, area, gap, rays)
-            count = join_delta(samples, 1 << m, ends, lights.delta, far, gap, count, rays)
+            ends = starts(rows, rows, positions, normals)
+            count = join_area(world.bsdfs, samples, ends, area, gap, rays)
+            count = join_delta(world.bsdfs, samples, 1 << m, ends, lights.delta, far, gap, count, rays)
             return Shadows(*(a[:count] for a in rays))
 
         rays, blocked = batch.shadow.occluded(at, shadows)

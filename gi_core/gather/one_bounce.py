@@ -1,4 +1,7 @@
-"""Hits of single bounces (final gathering, Reichert 1992; Jensen 2001): rho E, interpolated, on diffuse surfaces."""
+"""Hits of single bounces (final gathering, Reichert 1992; Jensen 2001): rho E, interpolated.
+
+Glossy surfaces reflect here as diffuse ones of the same hemispherical albedo.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.vec import barycentric, dot, rotate, rotate_back
+from gi_core.bsdf import lambertian
 from gi_core.lights.next_event import share_of_bounce
 
 
@@ -65,7 +69,8 @@ def meet(world, at, lights, sky, field, rays, first, base, total, out):
         if facing > 0.0:
             e = lights.of_face[f]
             if e >= 0:
-                share = share_of_bounce(d, rays.normals[row], facing, t, lights.density[e])
+                p_bounce = lambertian.pdf(max(dot(d, rays.normals[row]), 0.0))
+                share = share_of_bounce(p_bounce, facing, t, lights.density[e])
                 for c in range(3):
                     total[row, 3 * lights.lamp[e] + c] += math.pi * lights.radiance[e, c] * share
         elif not world.two_sided[f]:
@@ -78,12 +83,12 @@ def meet(world, at, lights, sky, field, rays, first, base, total, out):
             for g in range(0, known.shape[1], 3):
                 for c in range(3):
                     E = u * known[corners[0], g + c] + v * known[corners[1], g + c] + w * known[corners[2], g + c]
-                    total[row, g + c] += world.reflectance[f, c] * E
+                    total[row, g + c] += world.bsdfs.albedo[f, c] * E
             continue
         out.row[n] = base + row
         out.share[n, 0], out.share[n, 1], out.share[n, 2] = u, v, w
         for c in range(3):
             out.corners[n, c] = corners[c] - first
-            out.reflectance[n, c] = world.reflectance[f, c]
+            out.reflectance[n, c] = world.bsdfs.albedo[f, c]
         n += 1
     return n

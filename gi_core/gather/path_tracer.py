@@ -13,8 +13,9 @@ import numpy as np
 from gi_core.base import random_numbers, strata
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
-from gi_core.base.vec import dot, rotate
-from gi_core.bsdf import lambertian
+from gi_core.base.vec import dot, rotate, row
+from gi_core.bsdf import lambertian, surface
+from gi_core.bsdf.surface import DIFFUSE
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import (
     Shadows,
@@ -33,7 +34,8 @@ SHADOW_GAP = 4 * ORIGIN_LIFT  # of the world's size: gap between the end of a sh
 ROULETTE_FROM = 2  # first bounce with Russian roulette: the first two carry most of the light
 MOST_SURVIVAL = 0.9999  # bounds paths in a white room without bias; variance is finite up to its square root
 
-SURVIVAL, SCATTER_U, SCATTER_V = 4, 6, 7  # dimensions after those of next_event.py; scattering needs a pair
+# Dimensions after those of next_event.py; scattering needs a pair.
+SURVIVAL, PART, SCATTER_U, SCATTER_V = 4, 5, 6, 7
 
 
 class PathEnds(NamedTuple):
@@ -43,7 +45,17 @@ class PathEnds(NamedTuple):
     row: np.ndarray  # (n,) int64, row of its sum
     position: np.ndarray  # (n, 3) float64 [m], lifted off the surface
     normal: np.ndarray  # (n, 3) float64, of the side of the vertex
-    throughput: np.ndarray  # (n, 3) float64, factor of irradiance at this vertex
+    throughput: np.ndarray  # (n, 3) float64, factor of irradiance at this vertex; of pi L on a glossy face
+    face: np.ndarray  # (n,) int32, glossy face of the vertex; -1: start, or a diffuse face
+    arrival: np.ndarray  # (n, 3) float64 unit, to the vertex before, of glossy vertices
+    density: np.ndarray  # (n,) float64 [1/sr], of the direction sampled at a glossy vertex; < 0: a mirror's
+
+
+def starts(path, row, position, normal) -> PathEnds:
+    """Return the starts of n paths that estimate irradiance, with views of the arrays given."""
+    n = len(path)
+    one = np.ones((n, 3)), np.full(n, -1, np.int32), np.zeros((n, 3)), np.zeros(n)
+    return PathEnds(path, row, position, normal, *one)
 
 
 def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, position, normal, light_sampling=True, m=0):
@@ -61,10 +73,7 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
     def work(_, a, b):
         for first in range(a, b, BLOCK):
             s = slice(first, min(first + BLOCK, b))
-            ends = PathEnds(
-                path[s].copy(), np.arange(s.stop - first), position[s].copy(), normal[s].copy(),
-                np.ones((s.stop - first, 3)),
-            )  # fmt: skip
+            ends = starts(path[s].copy(), np.arange(s.stop - first), position[s].copy(), normal[s].copy())
             _follow(model, at, lights, seed, m, ends, total[s])
 
     run_ranges(work, len(path), model.threads, BLOCK // 2)
@@ -80,7 +89,7 @@ def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnd
     while n:
         join_lights(model, at, lights, seed, m, vertex, ends, rays, total)
         origin, direction = rays.origin[:n], rays.direction[:n]
-        scatter(seed, m, vertex, ends, origin, direction)
+        scatter(world.bsdfs, seed, m, vertex, ends, origin, direction)
         limits = np.full(n, far, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
         n = _arrive(world, at, lights.area, lights.sky, seed, m, vertex, ends, direction, distance, face, total)
@@ -93,12 +102,12 @@ def join_lights(model: Model, at: Transforms, lights: Lights, seed, m, vertex, e
 
     `rays` is a buffer with a row per end, overwritten.
     """
-    size = model.world.size
+    size, bsdfs = model.world.size, model.world.bsdfs
     far, gap = float(np.float32(FAR * size)), SHADOW_GAP * size
     samples = light_samples(seed, m, vertex, ends.path[:, None], lights)
     if len(lights.delta.kind):
-        _join(model, at, rays, join_delta(samples, 1, ends, lights.delta, far, gap, 0, rays), total)
-    _join(model, at, rays, join_area(samples, ends, lights.area, gap, rays), total)
+        _join(model, at, rays, join_delta(bsdfs, samples, 1, ends, lights.delta, far, gap, 0, rays), total)
+    _join(model, at, rays, join_area(bsdfs, samples, ends, lights.area, gap, rays), total)
 
 
 def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
@@ -109,13 +118,22 @@ def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
 
 
 @kernel
-def scatter(seed, m, vertex, ends, origin, direction):
-    """Write origin [m] and cosine-distributed direction (n, 3) of the next ray of each path."""
+def scatter(bsdfs, seed, m, vertex, ends, origin, direction):
+    """Write origin [m] and direction (n, 3) of the next ray of each path; update throughput and density."""
     for k in range(len(ends.path)):
         u = strata.uniform(seed, ends.path[k], vertex, SCATTER_U, m)
         v = strata.uniform(seed, ends.path[k], vertex, SCATTER_V, m)
-        x, y, z = lambertian.sample(u, v)
-        x, y, z = random_numbers.from_frame(x, y, z, ends.normal[k, 0], ends.normal[k, 1], ends.normal[k, 2])
+        f = ends.face[k]
+        if f < 0:
+            x, y, z = lambertian.sample(u, v)
+            x, y, z = random_numbers.from_frame(x, y, z, ends.normal[k, 0], ends.normal[k, 1], ends.normal[k, 2])
+        else:
+            part = strata.uniform(seed, ends.path[k], vertex, PART, m)
+            (x, y, z), weight, p = surface.sampled(bsdfs, f, row(ends.arrival, k), row(ends.normal, k), u, v, part)
+            ends.density[k] = p
+            ends.throughput[k, 0] *= weight[0]
+            ends.throughput[k, 1] *= weight[1]
+            ends.throughput[k, 2] *= weight[2]
         direction[k, 0], direction[k, 1], direction[k, 2] = x, y, z
         for c in range(3):
             origin[k, c] = ends.position[k, c]
@@ -126,39 +144,45 @@ def _arrive(world, at, lights, sky, seed, m, vertex, ends, direction, distance, 
     """Add emission and sky at the hits; move surviving paths to the front, return their number.
 
     With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho times
-    the irradiance there. Throughput is therefore multiplied by rho alone.
+    the irradiance there. Throughput is therefore multiplied by rho alone; by f cos / pdf when a glossy vertex scatters.
     """
     n = 0
     for k in range(len(face)):
-        path, row = ends.path[k], ends.row[k]
-        d, f = direction[k], face[k]
+        path, at_row = ends.path[k], ends.row[k]
+        d, f, of = direction[k], face[k], ends.face[k]
+        if of >= 0 and ends.density[k] == 0.0:
+            continue  # below the surface
         if f < 0:
             if dot(d, sky.up) > 0.0:
                 for c in range(3):
-                    total[row, 3 * sky.lamp + c] += ends.throughput[k, c] * math.pi * sky.radiance[c]
+                    total[at_row, 3 * sky.lamp + c] += ends.throughput[k, c] * math.pi * sky.radiance[c]
             continue
         normal = rotate(at.rotation[world.face_object[f]], world.normals[f])
         facing = -dot(d, normal)
         if facing > 0.0:  # emission leaves the front
             e = lights.of_face[f]
             if e >= 0:
-                share = share_of_bounce(d, ends.normal[k], facing, distance[k], lights.density[e])
+                p_bounce = ends.density[k] if of >= 0 else lambertian.pdf(max(dot(d, ends.normal[k]), 0.0))
+                share = share_of_bounce(p_bounce, facing, distance[k], lights.density[e])
                 first = 3 * lights.lamp[e]
                 for c in range(3):
-                    total[row, first + c] += ends.throughput[k, c] * math.pi * lights.radiance[e, c] * share
+                    total[at_row, first + c] += ends.throughput[k, c] * math.pi * lights.radiance[e, c] * share
         elif not world.two_sided[f]:
             continue  # the back of a one-sided face is black
-        rho = world.reflectance[f]
+        rho, glossy = world.bsdfs.albedo[f], world.bsdfs.kind[f] != DIFFUSE
         largest = max(rho[0], max(rho[1], rho[2]))
         survival = 1.0 if vertex < ROULETTE_FROM and largest > 0.0 else min(largest, MOST_SURVIVAL)
         if survival < 1.0 and not (strata.uniform(seed, path, vertex, SURVIVAL, m) < survival):
             continue
         s = 1.0 if facing > 0.0 else -1.0
         t = float(distance[k])
-        ends.path[n], ends.row[n] = path, row  # n <= k: overwritten rows have been read
+        ends.path[n], ends.row[n] = path, at_row  # n <= k: overwritten rows have been read
         ends.normal[n, 0], ends.normal[n, 1], ends.normal[n, 2] = s * normal[0], s * normal[1], s * normal[2]
+        ends.face[n] = f if glossy else -1
         for c in range(3):
             ends.position[n, c] = ends.position[k, c] + t * d[c] + ORIGIN_LIFT * world.size * ends.normal[n, c]
-            ends.throughput[n, c] = ends.throughput[k, c] * (lambertian.weight(rho[c]) / survival)
+            ends.arrival[n, c] = -d[c]
+            weight = 1.0 if glossy else lambertian.weight(rho[c])
+            ends.throughput[n, c] = ends.throughput[k, c] * (weight / survival)
         n += 1
     return n

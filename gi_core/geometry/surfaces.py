@@ -5,14 +5,16 @@ Object 0 is the static part, object i + 1 is `scene.mobiles[i]`. Geometry stays 
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.vectors import cross, length
+from gi_core.bsdf.ggx import MOST_BASE, under_gloss
 from gi_core.geometry.receivers import Receivers, build_receivers, no_receivers
 from gi_core.geometry.texture_filter import mean_colours
-from gi_core.scene.types import Mesh, Paint, Scene
+from gi_core.scene.types import Gloss, Mesh, Paint, Scene
 
 
 class Surfaces(NamedTuple):
@@ -23,7 +25,7 @@ class Surfaces(NamedTuple):
     first_face: np.ndarray  # (objects + 1,) int64
     normals: np.ndarray  # (F, 3) float64 unit, object space
     areas: np.ndarray  # (F,) float64 [m2]
-    reflectance: np.ndarray  # (F, 3) float64
+    reflectance: np.ndarray  # (F, 3) float64, hemispherical albedo of the diffuse part
     emission: np.ndarray  # (F, 3) float64 Le [W/m2/sr]
     two_sided: np.ndarray  # (F,) bool
     corner_front: np.ndarray  # (F, 3) int32, receiver of each corner on the front
@@ -31,6 +33,7 @@ class Surfaces(NamedTuple):
     patch: np.ndarray  # (F,) int32, connected smooth patch
     first_receiver: np.ndarray  # (objects + 1,) int64
     paint: tuple[Paint | None, ...]  # per object: paint, of which `reflectance` is the mean; None: unpainted
+    lobe: np.ndarray  # (F, 5) float64: F0 red, green, blue, F90, alpha of gloss; nan: diffuse
 
     @property
     def objects(self) -> int:
@@ -49,7 +52,8 @@ def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receiv
     rho = np.array([m.reflectance for m in scene.materials], np.float64).reshape(-1, 3)
     Le = np.array([m.emission for m in scene.materials], np.float64).reshape(-1, 3)
     sided = np.array([m.two_sided for m in scene.materials], bool)
-    parts, receivers = [], []
+    lobes = np.array([lobe_of(m.gloss) for m in scene.materials], np.float64).reshape(-1, 5)
+    parts, receivers, paints = [], [], []
     receiver_count = patch_count = 0
     for mesh in meshes:
         two_sided = sided[mesh.face_material]
@@ -60,14 +64,21 @@ def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receiv
         reflectance = mesh.face_reflectance
         if reflectance is None:
             reflectance = rho[mesh.face_material] if mesh.paint is None else mean_colours(mesh.paint)
-        parts.append(
-            (normals, areas, reflectance, Le[mesh.face_material], two_sided, front, back, built.patch + patch_count)
-        )
+        lobe, reflectance, paint = lobes[mesh.face_material], np.asarray(reflectance, np.float64), mesh.paint
+        if not np.isnan(lobe).all():
+            share = under_gloss(lobe)[:, None]
+            reflectance = np.minimum(reflectance, np.where(share < 1, MOST_BASE, 1)) * share
+            if paint is not None:
+                colour = paint.corner_colour * share[:, None].astype(np.float32)
+                paint = paint._replace(corner_colour=colour)
+        paints.append(paint)
+        sides = two_sided, front, back, built.patch + patch_count
+        parts.append((normals, areas, reflectance, Le[mesh.face_material], *sides, lobe))
         # Probes are receivers too, without faces: the last ones of the static part.
         receivers.append(_with_probes(built.receivers, scene) if mesh is scene.static else built.receivers)
         receiver_count += len(receivers[-1].positions)
         patch_count += int(built.patch.max(initial=-1)) + 1
-    normals, areas, reflectance, emission, two_sided, front, back, patch = (
+    normals, areas, reflectance, emission, two_sided, front, back, patch, lobe = (
         np.concatenate(c) for c in zip(*parts, strict=True)
     )
     surfaces = Surfaces(
@@ -83,9 +94,15 @@ def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receiv
         corner_back=back.astype(np.int32),
         patch=patch.astype(np.int32),
         first_receiver=_offsets([len(r.positions) for r in receivers]),
-        paint=tuple(m.paint for m in meshes),
+        paint=tuple(paints),
+        lobe=np.ascontiguousarray(lobe, np.float64),
     )
     return surfaces, Receivers(*(np.concatenate(c) for c in zip(*receivers, strict=True)))
+
+
+def lobe_of(gloss: Gloss | None) -> tuple[float, ...]:
+    """Return F0 red, green, blue, F90 and alpha of gloss; nan without."""
+    return (math.nan,) * 5 if gloss is None else (*gloss.f0, gloss.f90, gloss.alpha)
 
 
 def _with_probes(receivers: Receivers, scene: Scene) -> Receivers:

@@ -13,8 +13,8 @@ import numpy as np
 
 from gi_core.base import random_numbers, strata
 from gi_core.base.jit import allocating, inlined, kernel
-from gi_core.base.vec import difference, dot, weighted
-from gi_core.bsdf import lambertian
+from gi_core.base.vec import difference, dot, row, weighted
+from gi_core.bsdf import lambertian, surface
 from gi_core.lights.light_sampling import DIRECTIONAL, SPOT, Lights, triangle_area
 
 LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each path vertex
@@ -77,22 +77,29 @@ def _sample(seed, m, vertex, path, lights, out):
 
 
 @kernel
-def join_area(samples, ends, lights, gap, out):
+def join_area(bsdfs, samples, ends, lights, gap, out):
     """Write shadow rays from n path ends to points on area lights; return their number.
 
     Ends that face away get no ray. Values [W/m2] of a start sum to P times its irradiance. Rays end `gap` [m] before
     the lamp.
+
+    Weighted by the balance heuristic against bounces: E = Le cos cos' / d^2 / (p_light + p_bounce), both densities per
+    area. A plain E / p_light has no finite variance where a lamp meets a wall: 1 / d^2 has no bound there.
     """
     count, own = 0, len(samples.face) > 1
     for k in range(len(ends.row)):
         position, normal, s = ends.position[k], ends.normal[k], k if own else 0
         for j in range(samples.face.shape[1]):
             e, p = samples.face[s, j], samples.point[s, j]
-            geometry, way, d = _arriving(difference(p, position), normal, lights.normal[e], samples.density[s, j])
-            if geometry <= 0.0:
+            cosine, at_light, way, d2 = _arriving(difference(p, position), normal, lights.normal[e])
+            if not (cosine > 0.0 and at_light > 0.0):
                 continue
-            for c in range(3):
-                out.value[count, c] = ends.throughput[k, c] * lights.radiance[e, c] * geometry
+            d, T, p_bounce = math.sqrt(d2), _reflected(bsdfs, ends, k, way), _density(bsdfs, ends, k, way, cosine)
+            geometry = cosine * at_light / d2 / (samples.density[s, j] + p_bounce * at_light / d2)
+            radiance = lights.radiance[e]
+            out.value[count, 0] = T[0] * radiance[0] * geometry
+            out.value[count, 1] = T[1] * radiance[1] * geometry
+            out.value[count, 2] = T[2] * radiance[2] * geometry
             out.lamp[count] = lights.lamp[e]
             _aim_ray(ends.row[k], position, way, max(d - gap, 0.0), out, count)
             count += 1
@@ -100,7 +107,7 @@ def join_area(samples, ends, lights, gap, out):
 
 
 @allocating
-def join_delta(samples, paths, ends, lights, far, gap, first, out):
+def join_delta(bsdfs, samples, paths, ends, lights, far, gap, first, out):
     """Write shadow rays from n path ends to delta lights, from row `first` on; return the next free row.
 
     With no more delta lights than paths, each end samples all of them, so unoccluded light is exact. Otherwise each
@@ -109,7 +116,7 @@ def join_delta(samples, paths, ends, lights, far, gap, first, out):
     lamps, count, own = len(lights.kind), first, len(samples.pick) > 1
     reached, weight = np.empty((lamps, 5)), np.empty(lamps)
     for k in range(len(ends.row)):
-        row, position, normal, throughput = ends.row[k], ends.position[k], ends.normal[k], ends.throughput[k]
+        row, position, normal = ends.row[k], ends.position[k], ends.normal[k]
         total = 0.0
         for e in range(lamps):
             reached[e, 0], reached[e, 1], reached[e, 2], reached[e, 3], reached[e, 4] = delta_light_at(
@@ -122,9 +129,9 @@ def join_delta(samples, paths, ends, lights, far, gap, first, out):
         if lamps <= paths:
             for e in range(lamps):
                 if weight[e] > 0.0:
-                    strength = paths * reached[e, 0]
+                    strength, T = paths * reached[e, 0], _reflected(bsdfs, ends, k, reached[e, 1:4])
                     out.lamp[count] = lights.lamp[e]
-                    _reach(row, position, throughput, reached[e], strength, lights.value[e], gap, out, count)
+                    _reach(row, position, T, reached[e], strength, lights.value[e], gap, out, count)
                     count += 1
             continue
         for j in range(paths):
@@ -135,17 +142,21 @@ def join_delta(samples, paths, ends, lights, far, gap, first, out):
                     left -= weight[e]
                     if left < 0.0:
                         break
-            strength = reached[chosen, 0] * (total / weight[chosen])
+            strength, T = (
+                reached[chosen, 0] * (total / weight[chosen]),
+                _reflected(bsdfs, ends, k, reached[chosen, 1:4]),
+            )
             out.lamp[count] = lights.lamp[chosen]
-            _reach(row, position, throughput, reached[chosen], strength, lights.value[chosen], gap, out, count)
+            _reach(row, position, T, reached[chosen], strength, lights.value[chosen], gap, out, count)
             count += 1
     return count
 
 
 @kernel
 def _reach(row, position, throughput, reached, strength, value, gap, out, count):
-    for c in range(3):
-        out.value[count, c] = throughput[c] * value[c] * strength
+    out.value[count, 0] = throughput[0] * value[0] * strength
+    out.value[count, 1] = throughput[1] * value[1] * strength
+    out.value[count, 2] = throughput[2] * value[2] * strength
     _aim_ray(row, position, reached[1:4], max(reached[4] - gap, 0.0), out, count)
 
 
@@ -171,38 +182,48 @@ def _point_on_lamp(lights, u, v):
 
 
 @inlined
-def _arriving(way, normal, light_normal, p_light):
-    """Return E / Le of a lamp point at the offset `way` [m], the unit direction to it and its distance [m].
-
-    E is 0 where the point or the receiver faces away.
-
-    Weighted by the balance heuristic against cosine-sampled bounces: E = Le cos cos' / d^2 / (p_light + p_bounce),
-    both densities per area. A plain E / p_light has no finite variance where a lamp meets a wall: 1 / d^2 has no
-    bound there.
-    """
+def _arriving(way, normal, light_normal):
+    """Return both cosines of a lamp point at the offset `way` [m], the unit direction and its squared distance."""
     d2 = dot(way, way)
     d = math.sqrt(d2)
-    geometry = 0.0
+    cosine, at_light = 0.0, 0.0
     if d2 > 0.0:
         way = way[0] / d, way[1] / d, way[2] / d
         cosine, at_light = dot(way, normal), -dot(way, light_normal)
-        if cosine > 0.0 and at_light > 0.0:
-            geometry = cosine * at_light / d2 / (p_light + _bounce_density(cosine, at_light, d2))
-    return geometry, way, d
+    return cosine, at_light, way, d2
 
 
 @inlined
-def share_of_bounce(d, normal, facing, distance, density):
-    """Return the balance weight of a bounce along d that hits a lamp: p_bounce / (p_light + p_bounce)."""
-    cosine = dot(d, normal)
-    p_bounce = _bounce_density(max(cosine, 0.0), facing, max(distance * distance, 1e-30))
-    return p_bounce / (p_bounce + density) if p_bounce > 0.0 else 0.0
+def _reflected(bsdfs, ends, k, way):
+    """Return the throughput of path end k for light from the unit direction `way`: red, green, blue."""
+    T, f = ends.throughput[k], ends.face[k]
+    if f < 0:
+        r, g, b = T[0], T[1], T[2]
+    else:
+        r, g, b = surface.value(bsdfs, f, row(ends.arrival, k), way, row(ends.normal, k))
+        r, g, b = math.pi * r * T[0], math.pi * g * T[1], math.pi * b * T[2]
+    return r, g, b
 
 
-@kernel
-def _bounce_density(cosine, at_light, d2):
-    """Return the density per area [1/m2] with which a cosine-sampled bounce reaches a point."""
-    return lambertian.pdf(cosine) * at_light / d2
+@inlined
+def _density(bsdfs, ends, k, way, cosine):
+    """Return the density [1/sr] with which a bounce from path end k takes the unit direction `way`."""
+    f = ends.face[k]
+    if f < 0:
+        p = lambertian.pdf(cosine)
+    else:
+        p = surface.pdf(bsdfs, f, row(ends.arrival, k), way, row(ends.normal, k))
+    return p
+
+
+@inlined
+def share_of_bounce(p, facing, distance, density):
+    """Return the balance weight of a bounce of density p [1/sr] that hits a lamp: p_bounce / (p_light + p_bounce).
+
+    p < 0: a mirror's direction, which light sampling never finds.
+    """
+    p_bounce = p * facing / max(distance * distance, 1e-30)
+    return 1.0 if p < 0.0 else (p_bounce / (p_bounce + density) if p_bounce > 0.0 else 0.0)
 
 
 @kernel

@@ -13,7 +13,9 @@ import numpy as np
 from gi_core.base import random_numbers
 from gi_core.base.fixed_point import MAX_PATH, attenuate
 from gi_core.base.jit import inlined, kernel
-from gi_core.bsdf import lambertian
+from gi_core.base.vec import row as row_of
+from gi_core.bsdf import lambertian, surface
+from gi_core.bsdf.surface import DIFFUSE
 from gi_core.geometry.sides import NONE
 from gi_core.lights.emission import Emitters, emit
 from gi_core.photons.paths import PathVertices, Segments, empty_segments, grown, interval
@@ -62,11 +64,11 @@ class PhotonRays(NamedTuple):
 
 
 @inlined
-def _scatter(seed, world, at, photon, vertex, side, flux, lamp, fates):
-    """Scatter a photon at a side: return whether it survives, and its new direction.
+def _scatter(seed, world, at, photon, vertex, start, end, side, flux, lamp, fates):
+    """Scatter a photon at a side: return whether it survives, its new direction and flux (three int32).
 
-    `flux` (three int32) is updated; `fates` (3, 3 G) gets the absorbed rest. The survival probability is the largest
-    channel of rho, so no channel grows.
+    It arrives along the line from `start` to its static end `end`. `fates` (3, 3 G) gets the absorbed rest. The
+    survival probability at a diffuse face is the largest channel of rho, so no channel grows.
     """
     goes_on, dx, dy, dz = False, np.float32(0.0), np.float32(0.0), np.float32(0.0)
     fate, a, b, c = _ABSORBED, np.int32(0), np.int32(0), np.int32(0)
@@ -74,8 +76,10 @@ def _scatter(seed, world, at, photon, vertex, side, flux, lamp, fates):
         fate = _ESCAPED
     elif vertex >= MAX_PATH:
         fate = _TRUNCATED
+    elif world.bsdfs.kind[side >> 1] != DIFFUSE:
+        goes_on, dx, dy, dz, a, b, c = _scatter_glossy(seed, world, at, photon, vertex, start, end, side, flux)
     else:
-        f, rho = side >> 1, world.reflectance
+        f, rho = side >> 1, world.bsdfs.reflectance
         survival = max(rho[f, 0], max(rho[f, 1], rho[f, 2]))
         u, v = random_numbers.bounce_numbers(seed, photon, vertex)
         # The back of a one-sided face absorbs. The comparison is strict: rho = 0 never survives.
@@ -94,6 +98,25 @@ def _scatter(seed, world, at, photon, vertex, side, flux, lamp, fates):
     fates[fate, 3 * lamp + 1] += flux[1] - b
     fates[fate, 3 * lamp + 2] += flux[2] - c
     return goes_on, dx, dy, dz, (a, b, c)
+
+
+@kernel
+def _scatter_glossy(seed, world, at, photon, vertex, start, end, side, flux):
+    """Scatter a photon at a glossy side: return whether it survives, its direction (x, y, z) and flux (three int32)."""
+    f = side >> 1
+    if side & 1 and not world.two_sided[f]:
+        return False, np.float32(0.0), np.float32(0.0), np.float32(0.0), np.int32(0), np.int32(0), np.int32(0)
+    # The line, not the sampled ray: a path from scratch and a cut one then scatter alike.
+    dx, dy, dz, _ = line(start[0], start[1], start[2], end[0], end[1], end[2])
+    nx, ny, nz = turned_normal(world, at, f)
+    s = 1.0 if side & 1 == 0 else -1.0
+    u, v = random_numbers.bounce_numbers(seed, photon, vertex)
+    p, q = random_numbers.independent(seed, photon, vertex, 2), random_numbers.independent(seed, photon, vertex, 3)
+    i, n = (-float(dx), -float(dy), -float(dz)), (s * nx, s * ny, s * nz)
+    o, factor = surface.scattered(world.bsdfs, f, i, n, u, v, p, q)
+    a, b, c = attenuate(flux[0], factor[0], 1.0), attenuate(flux[1], factor[1], 1.0), attenuate(flux[2], factor[2], 1.0)
+    x, y, z = np.float32(o[0]), np.float32(o[1]), np.float32(o[2])
+    return a + b + c > 0, x, y, z, np.int32(a), np.int32(b), np.int32(c)
 
 
 @inlined
@@ -160,9 +183,12 @@ def _trace_paths(scenes, ray, world, at, seed, rays, done, row, offsets, positio
             row += 1
             if not goes_on:
                 break
+            start = x, y, z
             x, y, z, own = static_end(scenes, ray, world, at, x, y, z, dx, dy, dz, own)
             vertex += 1
-            goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, own, q, rays.lamp[k], fates)
+            goes_on, dx, dy, dz, q = _scatter(
+                seed, world, at, photon, vertex, start, (x, y, z), own, q, rays.lamp[k], fates
+            )
         offsets[k + 1] = row
     return len(rays.photon), row
 
@@ -192,14 +218,16 @@ def reflected(
 def _reflect(world, at, seed, kept_prefixes, cut, hit, on, fates):
     n = 0
     for k in range(len(cut)):
-        x, y, z = kept_prefixes.origin[k, 0], kept_prefixes.origin[k, 1], kept_prefixes.origin[k, 2]
-        dx, dy, dz, _ = line(x, y, z, kept_prefixes.end[k, 0], kept_prefixes.end[k, 1], kept_prefixes.end[k, 2])
+        start, end = row_of(kept_prefixes.origin, k), row_of(kept_prefixes.end, k)
+        x, y, z = start
+        dx, dy, dz, _ = line(x, y, z, end[0], end[1], end[2])
         x, y, z = point_on_line(x, y, z, dx, dy, dz, cut[k])
         hit[k, 0], hit[k, 1], hit[k, 2] = x, y, z
         q = kept_prefixes.flux[k, 0], kept_prefixes.flux[k, 1], kept_prefixes.flux[k, 2]
         vertex, side = np.int64(kept_prefixes.bounce[k] + 1), kept_prefixes.cut_side[k]
         lamp = kept_prefixes.lamp[k]
-        goes_on, dx, dy, dz, q = _scatter(seed, world, at, kept_prefixes.photon[k], vertex, side, q, lamp, fates)
+        photon = kept_prefixes.photon[k]
+        goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, start, end, side, q, lamp, fates)
         if goes_on:
             on.lamp[n] = lamp
             on.photon[n], on.bounce[n], on.side[n] = kept_prefixes.photon[k], vertex, side
@@ -248,6 +276,7 @@ def _follow(scenes, ray, world, at, seed, eps, rays, done, out, row, fates):
             out.end[row, 0], out.end[row, 1], out.end[row, 2] = x, y, z
             out.flux[row, 0], out.flux[row, 1], out.flux[row, 2] = q[0], q[1], q[2]
             out.start_side[row], out.end_side[row], out.cut_side[row] = side, end_side, cut_side
+            start, end = (ox, oy, oz), (x, y, z)
             dx, dy, dz, length = line(ox, oy, oz, x, y, z)
             low, high = interval(length, end_side != NONE, eps)
             side = end_side
@@ -260,5 +289,5 @@ def _follow(scenes, ray, world, at, seed, eps, rays, done, out, row, fates):
             row += 1
             vertex += 1
             ox, oy, oz = x, y, z
-            goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, side, q, rays.lamp[k], fates)
+            goes_on, dx, dy, dz, q = _scatter(seed, world, at, photon, vertex, start, end, side, q, rays.lamp[k], fates)
     return len(rays.photon), row

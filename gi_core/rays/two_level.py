@@ -14,6 +14,7 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import rotate, rotate_back
+from gi_core.bsdf.surface import Bsdfs, build_bsdfs
 from gi_core.geometry.sides import NONE
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.rays.accelerator import (
@@ -35,7 +36,7 @@ class World(NamedTuple):
     """Arrays of the scene that every kernel reads; F faces, object 0 is the static part."""
 
     normals: np.ndarray  # (F, 3) float64, object space
-    reflectance: np.ndarray  # (F, 3) float64
+    bsdfs: Bsdfs
     two_sided: np.ndarray  # (F,) bool
     face_object: np.ndarray  # (F,) int16
     first_face: np.ndarray  # (objects + 1,) int64
@@ -139,7 +140,7 @@ def build_world(surfaces: Surfaces, accelerator: Accelerator, lights: np.ndarray
     """
     return World(
         surfaces.normals,
-        surfaces.reflectance,
+        build_bsdfs(surfaces.reflectance, surfaces.lobe),
         surfaces.two_sided,
         accelerator.face_object,
         surfaces.first_face,

@@ -71,4 +71,6 @@ LENGTH = Rule(f"a finite number > 0, from {LEAST:g} to {LARGEST:g}", lambda valu
 PLACE = Rule(f"three finite numbers of at most {LARGEST:g}", lambda value: is_array(value, (3,)))
 DIRECTION = Rule(f"three numbers that are not all 0, the largest {LEAST:g} to {LARGEST:g}", is_direction)
 STRENGTH = Rule(f"three numbers >= 0 and <= {LARGEST:g}", lambda value: is_array(value, (3,), 0))
+SHARE = Rule("a number from 0 to 1", lambda value: is_number(value, 0, 1), float)
+SHARES = Rule("three numbers from 0 to 1", lambda value: is_array(value, (3,), 0, 1))
 REFLECTANCE = Rule("three numbers in [0, 1)", lambda value: is_array(value, (3,), 0, BELOW_ONE))

@@ -12,13 +12,22 @@ from typing import NamedTuple
 import numpy as np
 
 
+class Gloss(NamedTuple):
+    """GGX microfacets over a diffuse base, see `gi_core.bsdf.ggx`."""
+
+    f0: tuple[float, float, float] = (0.04, 0.04, 0.04)  # reflected share of light along the normal, each in [0, 1]
+    alpha: float = 0.25  # roughness in [0, 1]; below 0.001 a mirror
+    f90: float = 1.0  # reflected share of grazing light, in [0, 1]
+
+
 class Material(NamedTuple):
-    """A diffuse surface. Emission leaves the front only."""
+    """A surface: a diffuse base, with or without gloss. Emission leaves the front only."""
 
     name: str
-    reflectance: tuple[float, float, float] = (0.7, 0.7, 0.7)  # rho, each in [0, 1)
+    reflectance: tuple[float, float, float] = (0.7, 0.7, 0.7)  # rho of the diffuse base, each in [0, 1)
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # Le, radiance [W/m2/sr], each >= 0
     two_sided: bool = False  # the back reflects and receives too
+    gloss: Gloss | None = None  # None: diffuse
 
 
 @dataclass(frozen=True, eq=False)

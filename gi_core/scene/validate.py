@@ -15,6 +15,8 @@ from gi_core.scene.rules import (
     NUMBER,
     PLACE,
     REFLECTANCE,
+    SHARE,
+    SHARES,
     STRENGTH,
     TEXT,
     Rule,
@@ -26,6 +28,7 @@ from gi_core.scene.types import (
     Camera,
     Defaults,
     DirectionalLight,
+    Gloss,
     KeyFrames,
     Material,
     Mesh,
@@ -41,6 +44,7 @@ UNIT = 1.001  # of a component of a unit vector, with rounding
 SIZES = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
 DEGREES = Rule("a number of degrees from 0 to 90", lambda value: is_number(value, 0, 90), float)
 FIELDS: dict[type, dict[str, Rule]] = {
+    Gloss: {"f0": SHARES, "alpha": SHARE, "f90": SHARE},
     Material: {"reflectance": REFLECTANCE, "emission": STRENGTH, "two_sided": FLAG},
     PointLight: {"position": PLACE, "flux": STRENGTH},
     SpotLight: {
@@ -60,6 +64,9 @@ def check_scene(scene: Scene) -> None:
     """Raise SceneError, one sentence, for the first broken rule."""
     title = TEXT.check("the name of a scene", scene.name)
     _check_fields(title, scene)
+    for material in scene.materials:
+        if material.gloss is not None:
+            _check_fields(f"{_named(title, 'material', material)}: gloss", material.gloss)
     for kind, records in (("material", scene.materials), ("light", scene.lights), ("probe", scene.probes)):
         for record in records:
             _check_fields(_named(title, kind, record), record)

@@ -14,7 +14,8 @@ import numpy as np
 from gi_core.base import random_numbers
 from gi_core.base.fixed_point import MAX_PATH, attenuate
 from gi_core.base.steps import finish
-from gi_core.bsdf import lambertian
+from gi_core.bsdf import lambertian, surface
+from gi_core.bsdf.surface import DIFFUSE
 from gi_core.discs.region import regions
 from gi_core.discs.search.predicate import LANES, Discs, Lines, accepts, blocks, discs_crossed
 from gi_core.lights.emission import emit
@@ -67,9 +68,20 @@ class Twin:
             if side[0] < 0 or bounce + 1 == MAX_PATH:
                 return
             face, back = side[0] >> 1, side[0] & 1
-            rho = world.reflectance[face]
+            rho = world.bsdfs.reflectance[face]
             survival = max(rho)
             u, v = random_numbers.bounce_numbers(self.seed, i, bounce + 1)
+            if world.bsdfs.kind[face] != DIFFUSE:
+                if back and not world.two_sided[face]:
+                    return
+                more = [random_numbers.independent(self.seed, i, bounce + 1, k) for k in (2, 3)]
+                arrival, n = tuple(-d.astype(float)), tuple(self._side_normal(side[0], at))
+                direction, factor = surface.scattered(world.bsdfs, face, arrival, n, u, v, *more)
+                q = [attenuate(c, w, 1.0) for c, w in zip(q, factor, strict=True)]
+                if not any(q):
+                    return
+                origin, direction = segment["hit"][None], np.array([direction], F32)
+                continue
             if (back and not world.two_sided[face]) or u >= survival:
                 return
             q = [attenuate(c, r, survival) for c, r in zip(q, rho, strict=True)]

@@ -1,0 +1,138 @@
+"""Gloss: flux is conserved, photons and paths see the same surfaces, and frames stay functions of the poses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from gi_core.estimators import ESTIMATORS
+from gi_core.gather.reference import reference_irradiance
+from gi_core.model import Model
+from gi_core.photons.trace import trace_background
+from gi_core.scene.pose import axis_angle
+from gi_core.scene.types import Gloss, Material, Mobile, PointLight, Pose, Scene
+from gi_core.solver import Solver
+from tests.support.reference_twins import Twin
+from tests.support.scene_builders import box, merge, quad, sphere
+
+pytestmark = pytest.mark.usefixtures("small_pilot")
+
+GIVEN = {"photons": 4000, "radius": 0.2, "neighbours": 12, "seed": 5}
+SURFACES = {
+    "varnish": ((0.6, 0.3, 0.2), Gloss(alpha=0.1)),
+    "satin": ((0.5, 0.5, 0.7), Gloss(alpha=0.6)),
+    "gold": ((0.0, 0.0, 0.0), Gloss((0.9, 0.7, 0.3), 0.2)),
+    "half metal": ((0.3, 0.3, 0.3), Gloss((0.5, 0.2, 0.1), 0.4)),
+    "mirror": ((0.0, 0.0, 0.0), Gloss((0.9, 0.9, 0.9), 0.0, 0.9)),
+    "lacquer": ((0.7, 0.1, 0.1), Gloss(alpha=0.0)),
+}
+
+
+def room() -> Scene:
+    """A room with a satin floor, a mirror on the wall, a golden two-sided ball and a varnished box."""
+    colour = {name: Material(name, rho, gloss=gloss) for name, (rho, gloss) in SURFACES.items()}
+    materials = (
+        Material("wall", (0.7, 0.6, 0.5)),
+        Material("lamp", (0.5, 0.5, 0.5), (3.0, 2.0, 1.0)),
+        colour["satin"],
+        colour["mirror"],
+        colour["gold"]._replace(two_sided=True),
+        colour["varnish"],
+    )
+    static = merge(
+        box((0, 0, 0), (1, 1, 1), 3, 0, inward=True),
+        quad((0.3, 0.3, 0.99), (0, 0.2, 0), (0.2, 0, 0), (1, 1), 1),
+        quad((0.02, 0.02, 0.01), (0.96, 0, 0), (0, 0.96, 0), (3, 3), 2),
+        quad((0.01, 0.2, 0.2), (0, 0.5, 0), (0, 0, 0.5), (1, 1), 3),
+    )
+    mobiles = (
+        Mobile("box", box((-0.12, -0.12, 0), (0.12, 0.12, 0.24), 1, 5), Pose((0.6, 0.4, 0.02))),
+        Mobile("ball", sphere((0, 0, 0), 0.15, 1, 4), Pose((0.3, 0.7, 0.4))),
+    )
+    lights = (PointLight("bulb", (0.8, 0.8, 0.7), (0.5, 0.5, 2.0)),)
+    return Scene(static, materials, mobiles, lights, up=(0, 0, 1), name="glossy room")
+
+
+ROOM = room()
+coordinate = st.floats(0.0, 1.0)
+poses = st.builds(
+    lambda x, y, z, turn: Pose((x, y, z), axis_angle((0, 1, 1), turn)), coordinate, coordinate, coordinate,
+    st.sampled_from([0.0, 20.0, 90.0]),
+)  # fmt: skip
+steps = st.lists(
+    st.tuples(
+        st.sampled_from(["box", "ball"]), poses, st.sampled_from(list(ESTIMATORS)), st.sampled_from(["photons", "best"])
+    ),
+    min_size=1,
+    max_size=4,
+)
+
+
+@settings(max_examples=10)
+@given(steps)
+@example([("ball", Pose((0.3, 0.5, 0.3)), "tangent_plane", "best")])
+def test_any_history_equals_from_scratch(history):
+    solver = Solver(ROOM, **GIVEN)
+    for name, pose, estimator, light in history:
+        solver.configure(estimator=estimator, light=light)
+        solver.solve()
+        solver.move(name, pose)
+        assert np.array_equal(solver.irradiance, solver.from_scratch())
+    other = Solver(ROOM, **GIVEN | {"estimator": estimator, "light": light})
+    other.solve()
+    other.move_all(solver.poses)
+    assert np.array_equal(solver.irradiance, other.irradiance)
+    total = [
+        getattr(solver.frame.store.fates, k) + getattr(solver.frame.change.fates, k)
+        for k in ("emitted", "absorbed", "escaped", "truncated")
+    ]
+    assert np.array_equal(total[0], total[1] + total[2] + total[3])
+
+
+def test_a_frame_equals_the_naive_twin(estimator):
+    twin = Twin(ROOM, 300, 0.2, 6, 11)
+    solver = Solver(ROOM, estimator, 300, 0.2, 6, 11)
+    solver.solve()
+    for pose in (Pose((0.5, 0.5, 0.3)), Pose((0.4, 0.6, 0.5), axis_angle((0, 1, 1), 20.0))):
+        solver.move("ball", pose)
+        assert solver.frame.changes.photons_cut > 0
+        np.testing.assert_array_equal(solver.irradiance, twin.irradiance(estimator, solver.poses))
+
+
+def box_room(rho, gloss) -> Scene:
+    """A room with one glossy wall; its other walls are dark, so the lamp's light reaches the sensor by gloss first."""
+    materials = (
+        Material("dark", (0.1, 0.1, 0.1)),
+        Material("glossy", rho, gloss=gloss),
+        Material("sensor", (0.0, 0.0, 0.0)),
+        Material("lamp", (0.0, 0.0, 0.0), (30.0, 30.0, 30.0)),
+    )
+    static = merge(
+        box((0, 0, 0), (1, 1, 1), 1, 0, inward=True),
+        quad((0.01, 0.01, 0.01), (0.98, 0, 0), (0, 0.98, 0), (1, 1), 1),
+        quad((0.6, 0.6, 0.02), (0.3, 0, 0), (0, 0, 0.5), (1, 1), 2),
+        quad((0.2, 0.1, 0.9), (0, 0.2, 0), (0.2, 0, 0), (1, 1), 3),
+    )
+    return Scene(static, materials, up=(0, 0, 1), name="box", lights=(PointLight("bulb", (0.3, 0.2, 0.5), (2.0,) * 3),))
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_photons_bring_as_much_light_to_a_sensor_as_paths_find(name):
+    """Photons go one way, paths the other: both agree only if draws, densities and values of a model fit together."""
+    scene = box_room(*SURFACES[name])
+    model = Model(scene, threads=1)
+    sensor = np.flatnonzero(scene.static.face_material == 2)
+    photons = 1 << 17
+    paths, _ = trace_background(model.accelerator, model.world, model.static, model.emitters, 3, 0, photons)
+    arrived = np.flatnonzero(np.isin(paths.side, 2 * sensor))
+    area = model.surfaces.areas[sensor].sum()
+    flux = paths.flux[arrived - 1].sum(axis=0) * (model.emitters.unit_flux / photons) / area
+    rng, n = np.random.default_rng(1), 1 << 13
+    points = np.array([0.6, 0.6, 0.02]) + rng.random((n, 2)) @ np.array([[0.3, 0, 0], [0, 0, 0.5]])
+    normals = np.broadcast_to(model.surfaces.normals[sensor[0]], (n, 3))
+    E, _ = reference_irradiance(scene, points, normals, 4, 7, model=model)
+    error = E.std(axis=0) / np.sqrt(n) + flux / np.sqrt(len(arrived))
+    assert (flux > 0).all() and (error < 0.06 * flux).all()
+    np.testing.assert_array_less(np.abs(flux - E.mean(axis=0)), 4 * error)
