@@ -38,6 +38,24 @@ class LampSetting(NamedTuple):
     on: bool = True
 
 
+class Pin(NamedTuple):
+    """A read-out pinned to a point of a surface."""
+
+    name: str
+    position: tuple[float, float, float]  # [m], in the scene, or in the space of `object`
+    normal: tuple[float, float, float]  # of the side that is read
+    object: str = ""  # a mobile; "": the static part
+
+
+class MeasuringPlane(NamedTuple):
+    """A horizontal grid of points; see `app.rest.measuring_plane`."""
+
+    low: tuple[float, float]  # [m] along the two horizontal axes
+    high: tuple[float, float]
+    height: float  # [m] above the floor
+    points: tuple[int, int] | None = None  # along the two axes; None: by EN 12464-1
+
+
 class UsageError(ValueError):
     """A wrong value on the command line that only the loaded program can detect (exit code 2)."""
 
@@ -87,6 +105,8 @@ class Settings:
     compare: str = ""  # right side of the wipe: an estimator, REFERENCE, or nothing
     measure_errors: bool = True  # measure errors at rest
     cells: bool = False  # draw leaf cells of the structure of rays
+    pins: tuple[Pin, ...] = ()  # read-outs
+    plane: MeasuringPlane | None = None  # None: nothing is measured
     budget: float = BUDGET  # [ms] for light per frame in motion; 0: always all photons
     fallback: bool = True  # without a window, render to a file instead of failing
 

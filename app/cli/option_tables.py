@@ -60,7 +60,12 @@ WINDOW: dict[str, dict[str, Any]] = {
     "budget": {"type": values.not_negative, "metavar": "MS",
                "help": f"time for light per frame in motion ({Settings.budget:g})"},
 }  # fmt: skip
-ALL = SCENE | LIGHT | PICTURE | WINDOW
+MEASURE: dict[str, dict[str, Any]] = {
+    "plane": {"type": values.plane, "metavar": "A0,B0,A1,B1,H[,M,N]",
+              "help": "measuring plane: extent along the two horizontal axes, height above the floor [m], points"
+                      " (by EN 12464-1)"},
+}  # fmt: skip
+ALL = SCENE | LIGHT | PICTURE | WINDOW | MEASURE
 FLAGS = {"mobiles": "mobile", "poses": "pose", "lamps": "lamp"}  # options named unlike their field of Settings
 
 

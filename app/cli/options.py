@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import replace
 
-from app.cli.option_tables import LIGHT, PICTURE, SCENE, WINDOW, flag_of
+from app.cli.option_tables import LIGHT, MEASURE, PICTURE, SCENE, WINDOW, flag_of
 from app.cli.saved_scene import opened
 from app.cli.version import version
 from app.settings import Settings, check_names
@@ -28,6 +28,11 @@ def light(parser: argparse.ArgumentParser, *fields: str) -> None:
 def picture(parser: argparse.ArgumentParser, *fields: str) -> None:
     """Add the options of these fields of Settings; all that change pictures without any."""
     _add(parser.add_argument_group("picture").add_argument, PICTURE, fields)
+
+
+def plane(add: Callable) -> None:
+    """Add --plane."""
+    _add(add, MEASURE)
 
 
 def measuring(parser: argparse.ArgumentParser) -> Callable:

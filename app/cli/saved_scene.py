@@ -17,14 +17,16 @@ from typing import TYPE_CHECKING, Any
 
 from app.cli.option_tables import ALL, flag_of
 from app.cli.writable import write_whole
-from app.settings import LampSetting, Settings
+from app.settings import LampSetting, MeasuringPlane, Pin, Settings
 
 if TYPE_CHECKING:
+    from gi_core.files.formats.toml_fields import Table
     from gi_core.scene import Camera, Pose
 
 HEADER = "# A scene with its poses, camera and settings, saved by gi-viewer.\n"
-KEYS = ("scene", "mobiles", "poses", "camera", "lamps", "light_scenes", "settings")
-ELSEWHERE = ("mobiles", "poses", "camera", "lamps")  # not under [settings]
+KEYS = ("scene", "mobiles", "poses", "camera", "lamps", "light_scenes", "pins", "measuring_plane", "settings")
+ELSEWHERE = ("mobiles", "poses", "camera", "lamps", "plane")  # not under [settings]
+WITHOUT_OPTION = ("light_scenes", "pins")
 MOST_BYTES = 4_000_000
 NOT_SAVED = ("allow_outside", "size")
 SAVED = tuple(field for field in ALL if field not in (*ELSEWHERE, *NOT_SAVED))
@@ -56,6 +58,8 @@ def _word(field: str, value: Any) -> str:
     """Return a value as its option takes it."""
     if field in ("poses", "lamps"):
         return f"{value[0]}={_word('', value[1])}"
+    if field == "plane":
+        return ",".join(map(repr, (*value.low, *value.high, value.height, *(value.points or ()))))
     if field == "size":
         return f"{value[0]}x{value[1]}"
     return ",".join(map(repr, value)) if isinstance(value, tuple) else str(value)
@@ -112,8 +116,30 @@ def read(path: str, allow_outside: bool = False) -> Settings:
         camera=camera,
         lamps=lamps,
         light_scenes=scenes,
+        pins=_pins(root),
+        plane=_plane(root),
         **values,
     )
+
+
+def _pins(root: Table) -> tuple[Pin, ...]:
+    from gi_core.files.formats.toml_fields import Table
+
+    pins = []
+    for k, values in enumerate(root.tables("pins", "read-out"), 1):
+        t = Table(values, f"{root.where}: [[pins]] {k}", Pin._fields)
+        pins.append(Pin(t.text("name"), t.vector("position"), t.direction("normal"), t.text("object", "")))
+    return tuple(pins)
+
+
+def _plane(root: Table) -> MeasuringPlane | None:
+    from gi_core.files.formats.toml_fields import Table
+
+    if "measuring_plane" not in root:
+        return None
+    t = Table(root.values["measuring_plane"], f"{root.where}: [measuring_plane]", MeasuringPlane._fields)
+    numbers = (*t.vector("low", 2), *t.vector("high", 2), t.number("height"), *t.vector("points", 2, ()))
+    return _checked("plane", numbers, t.where)
 
 
 def write(path: Path, settings: Settings) -> None:
@@ -135,6 +161,10 @@ def write(path: Path, settings: Settings) -> None:
     if settings.light_scenes:
         kept = ((name, Settings(lamps=lamps).levels(())) for name, lamps in settings.light_scenes)
         document["light_scenes"] = {name: {lamp: list(v) for lamp, v in lit.items()} for name, lit in kept}
+    if settings.pins:
+        document["pins"] = [{key: v for key, v in pin._asdict().items() if v != ""} for pin in settings.pins]
+    if (plane := settings.plane) is not None:
+        document["measuring_plane"] = {key: v for key, v in plane._asdict().items() if v is not None}
     write_whole(path, HEADER + tomli_w.dumps(document))
 
 

@@ -6,9 +6,10 @@ import argparse
 import math
 from pathlib import Path
 
-from app.settings import LampSetting
+from app.settings import LampSetting, MeasuringPlane
 
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
+MOST_GRID_POINTS = 100  # along an axis of a measuring plane
 LEAST_EXPOSURE, MOST_EXPOSURE = -64.0, 64.0  # EV; beyond, every picture is black or white
 
 
@@ -94,6 +95,23 @@ def pose(text: str) -> tuple[str, tuple[float, ...]]:
         values = ()
     _require(name and equals and len(values) in (3, 7), "NAME=x,y,z or NAME=x,y,z,qw,qx,qy,qz", text)
     return name, values
+
+
+def plane(text: str) -> MeasuringPlane:
+    """Return a measuring plane of five numbers, or seven with the points of its grid."""
+    try:
+        n = [finite(part) for part in text.split(",")]
+    except argparse.ArgumentTypeError:
+        n = []
+    fits = len(n) in (5, 7) and n[0] < n[2] and n[1] < n[3] and all(is_grid_number(x) for x in n[5:])
+    rule = f"A0,B0,A1,B1,HEIGHT[,M,N]: A0 < A1, B0 < B1, whole numbers M, N in 1 .. {MOST_GRID_POINTS}"
+    _require(fits, rule, text)
+    return MeasuringPlane((n[0], n[1]), (n[2], n[3]), n[4], (int(n[5]), int(n[6])) if len(n) > 5 else None)
+
+
+def is_grid_number(n: float) -> bool:
+    """Return whether a measuring plane may have so many points along an axis."""
+    return n == int(n) and 1 <= n <= MOST_GRID_POINTS
 
 
 def camera(text: str) -> tuple[float, ...]:

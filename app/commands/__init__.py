@@ -27,6 +27,10 @@ COMMANDS = {
         "app.commands.tune", "try settings on this scene and machine; print the best for a frame time or an error"
     ),
     "info": Command("app.commands.info", "print the contents of a scene, its default settings and their reasons"),
+    "measure": Command(
+        "app.commands.measure",
+        "illuminance on a measuring plane and at probes: mean, minimum, uniformity",
+    ),
     "reference": Command(
         "app.commands.reference",
         "path trace the unbiased light of a scene and keep it; resumes a run that was stopped",

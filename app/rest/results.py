@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from app.rest.measured_points import MeasuredPoint
+    from app.rest.measuring_plane import PlaneLight
     from gi_core.display.dilation import Drawn
 
 
@@ -60,6 +61,7 @@ class RestResults(NamedTuple):
     point: MeasuredPoint | None = None  # of the error chart
     reference: ReferencePicture | None = None  # None: unknown or not wanted
     comparison: Comparison | None = None
+    plane: PlaneLight | None = None  # None: not wanted, or not yet known
 
     def looks_like(self, other: RestResults) -> bool:
         """Return whether both change a picture in the same way."""

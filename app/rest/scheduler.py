@@ -7,16 +7,18 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from app.rest.live_error import LiveError, Wants
+from app.rest.plane_job import PlaneJob
 from app.rest.pose_job import PoseGathering
 from app.rest.results import GatherProgress, RestResults
 from app.rest.static_job import Gathering
-from app.settings import REFERENCE, Settings
+from app.settings import REFERENCE, MeasuringPlane, Settings
 from app.worker import Task
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
 
 GATHERING, AT_POSES = "gathering the static light", "gathering the light at these poses"
+PLANE = "measuring the plane"
 FIRST_TURNS = 3  # of gathering static light per turn of measuring errors, until it has a first result
 
 
@@ -27,12 +29,13 @@ class RestWork:
         """stop: whether to break off a frame, as for Solver.move_all()."""
         self.gathering, self.live_error = Gathering(solver, clock, stop), LiveError(solver, clock, stop)
         self.at_poses = PoseGathering(solver, stop)
+        self.plane = PlaneJob(solver)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._wants = Wants()
         self._turn = 0
 
     def next_task(self, settings: Settings) -> Task | None:
-        """Return a task of a kind not given up, None at the end: gathering and error measurement take turns.
+        """Return a task of a kind not given up, None at the end: gathering and measurements take turns.
 
         Until gathering has a first result it has most turns: a better picture matters more than its error.
         """
@@ -40,7 +43,7 @@ class RestWork:
         self._wants = Wants(settings.measure_errors, REFERENCE in settings.beside_estimate, other)
         unknown = math.isinf(self.gathering.progress.error) and GATHERING not in self.given_up
         gathering = (self._gather,) * FIRST_TURNS if unknown else (self._gather, self._gather_at_poses)
-        jobs = (*gathering, self._measure_errors)
+        jobs = (*gathering, lambda: self._measure_plane(settings.plane), self._measure_errors)
         self._turn += 1
         turn = self._turn % len(jobs)
         return next((task for job in (*jobs[turn:], *jobs[:turn]) if (task := job()) is not None), None)
@@ -52,7 +55,8 @@ class RestWork:
         reference = e.picture if self._wants.picture else None
         light = self.at_poses.light
         at_poses = None if light is None else GatherProgress(light.fraction, light.left, bool(light.used.any()))
-        return RestResults(self.gathering.progress, at_poses, e.report, e.point, reference, e.comparison.result)
+        return RestResults(self.gathering.progress, at_poses, e.report, e.point, reference, e.comparison.result,
+                           self.plane.light)  # fmt: skip
 
     def keep(self) -> None:
         """Save the static light and the references as far as they are."""
@@ -66,6 +70,10 @@ class RestWork:
     def _gather_at_poses(self) -> Task | None:
         run = None if AT_POSES in self.given_up else self.at_poses.next_work()
         return run and Task(AT_POSES, run)
+
+    def _measure_plane(self, plane: MeasuringPlane | None) -> Task | None:
+        run = self.plane.next_work(plane)
+        return None if run is None or PLANE in self.given_up else Task(PLANE, run)
 
     def _measure_errors(self) -> Task | None:
         return self.live_error.next_task(self._wants, self.given_up)

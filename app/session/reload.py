@@ -16,7 +16,7 @@ from app.settings import Settings
 # Settings that a new scene resets; display and estimator settings stay.
 OF_A_SCENE = (
     "document", "camera", "max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "exposure",
-    "lamps", "solo",
+    "lamps", "solo", "light_scenes", "pins", "plane",
 )  # fmt: skip
 
 
@@ -109,7 +109,7 @@ def settings_for(now: Session, scene: str, mobiles: tuple[str, ...]) -> Settings
     """
     saved = saved_scene.opened(Settings(scene=scene))
     if saved.document:
-        fields = ("document", "scene", *saved_scene.ELSEWHERE, *saved_scene.SAVED)
+        fields = ("document", "scene", *saved_scene.ELSEWHERE, *saved_scene.WITHOUT_OPTION, *saved_scene.SAVED)
         of_file = {name: getattr(saved, name) for name in fields}
         return replace(now.settings, **(of_file | {"mobiles": (*saved.mobiles, *mobiles), "solo": ""}))
     left_open = {name: getattr(Settings, name) for name in OF_A_SCENE}

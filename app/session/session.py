@@ -18,7 +18,7 @@ from app.rest.measured_points import MeasuredPoints
 from app.session.log import WARNING, Log
 from app.session.opening import Opened, Opening
 from app.session.solver_thread import Solving
-from app.session.undo import History
+from app.session.undo import Field, History
 from app.settings import Settings
 from app.worker import PATIENCE, Worker
 from gi_core.scene import Pose
@@ -38,6 +38,7 @@ OF_COLOURS = "show", "reference", "compare", "error_range"  # settings that chan
 # Settings that name the scene or belong to the window
 OF_SCENE = (
     "document", "scene", "mobiles", "poses", "camera", "max_edge", "up", "allow_outside", "seed", "size", "fallback",
+    "pins", "plane",
 )  # fmt: skip
 SETTLE = 0.15  # s without change after which the value of a held slider counts
 
@@ -71,6 +72,7 @@ class Session:
         self.before_drag: dict[str, Pose] = {}  # poses when the drag, or playing, began
         self.playing = False
         self.history = History()
+        self._before_edit: dict[Field, Any] = {}  # fields when an edit began
         self.light: Solving | None = None
         self.points = MeasuredPoints()  # of the error chart
         self.lights: dict[str | None, str | None] = {}  # by estimator, as they were left
@@ -273,12 +275,25 @@ class Session:
     def redo(self) -> None:
         self._go_back(self.history.redo(), "nothing to redo")
 
-    def _go_back(self, poses: Mapping[str, Pose], otherwise: str) -> None:
+    def _go_back(self, step: Mapping[Any, Any], otherwise: str) -> None:
         self.playing = False
-        if poses:
-            self.move(poses)
-        else:
+        if not step:
             self.log(otherwise)
+        fields = {key.name: value for key, value in step.items() if isinstance(key, Field)}
+        if fields:
+            self.want(replace(self.settings, **fields))
+        if poses := {key: value for key, value in step.items() if not isinstance(key, Field)}:
+            self.move(poses)
+
+    def edit(self, first: bool = True, last: bool = True, **fields: Any) -> None:
+        """Change fields of the settings; the changes from a `first` to a `last` are one step of undo."""
+        if first:
+            self._before_edit = {}
+        for name in fields:
+            self._before_edit.setdefault(Field(name), getattr(self.settings, name))
+        self.want(replace(self.settings, **fields))
+        if last:
+            self.history.push(self._before_edit, {key: getattr(self.settings, key.name) for key in self._before_edit})
 
     def reset_poses(self) -> None:
         self.playing = False

@@ -1,35 +1,42 @@
-"""Undo and redo of poses."""
+"""Undo and redo of poses and of settings."""
 
 from __future__ import annotations
 
-from gi_core.scene import Pose
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 DEPTH = 200
 
 
+class Field(NamedTuple):
+    """The key of a field of Settings in a step; the key of a pose is the name of its mobile."""
+
+    name: str
+
+
 class History:
-    """Steps of ({name: pose before}, {name: pose after})."""
+    """Steps of ({key: value before}, {key: value after}); a key is the name of a mobile, or a Field."""
 
     def __init__(self) -> None:
-        self._done: list[tuple[dict[str, Pose], dict[str, Pose]]] = []
-        self._undone: list[tuple[dict[str, Pose], dict[str, Pose]]] = []
+        self._done: list[tuple[dict[Any, Any], dict[Any, Any]]] = []
+        self._undone: list[tuple[dict[Any, Any], dict[Any, Any]]] = []
 
-    def push(self, before: dict[str, Pose], after: dict[str, Pose]) -> None:
+    def push(self, before: Mapping[Any, Any], after: Mapping[Any, Any]) -> None:
         """Record a change; undone steps can then no longer be redone."""
-        before = {name: pose for name, pose in before.items() if after.get(name, pose) != pose}
+        before = {key: value for key, value in before.items() if after.get(key, value) != value}
         if not before:
             return
-        self._done = [*self._done[-DEPTH + 1 :], (before, {name: after[name] for name in before})]
+        self._done = [*self._done[-DEPTH + 1 :], (before, {key: after[key] for key in before})]
         self._undone.clear()
 
-    def undo(self) -> dict[str, Pose]:
-        """Return the poses before the last step; empty without one."""
+    def undo(self) -> dict[Any, Any]:
+        """Return the values before the last step; empty without one."""
         if not self._done:
             return {}
         self._undone.append(self._done.pop())
         return self._undone[-1][0]
 
-    def redo(self) -> dict[str, Pose]:
+    def redo(self) -> dict[Any, Any]:
         if not self._undone:
             return {}
         self._done.append(self._undone.pop())

@@ -18,6 +18,7 @@ MOST_RECENT = 10
 RECENT, WATCHES = "recent", "reload when files change"  # preferences in the window's ini file
 # Ways of looking at a scene: keys change them all the time.
 LOOKS = ("show", "estimator", "light", "illuminance_range")
+NAMED = ("lamps", "light_scenes", "pins", "plane")  # in tables of their own, as poses
 COUNTED = tuple(field for field in saved_scene.SAVED if field not in LOOKS)
 
 
@@ -98,4 +99,4 @@ class Files:
 
 
 def _state(session: Session) -> tuple:
-    return session.poses, session.settings.lamps, tuple(getattr(session.settings, field) for field in COUNTED)
+    return session.poses, tuple(getattr(session.settings, field) for field in (*NAMED, *COUNTED))

@@ -22,6 +22,48 @@ def test_render_prints_the_full_path(capsys, tmp_path, monkeypatch):
     assert Image.open(tmp_path / "a.png").text["pose pawn"].startswith("0.3,0.05,0.2,")
 
 
+def test_measure_prints_the_measuring_plane_and_writes_it(capsys, tmp_path, monkeypatch):
+    """The furnace: E = pi Le / (1 - rho) = 3.696 W/m2 in luminance, everywhere."""
+    monkeypatch.chdir(tmp_path)
+    plane = ["--plane", "0.2,0.2,0.8,0.8,0.5,2,3"]
+    assert cli.main(["measure", "furnace", *plane, "--error", "2", "--csv", "a.csv", "--lamp", "furnace=0.5"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "measuring plane    0.6 x 0.6 m, 0.5 m above the floor, 2 x 3 points"
+    mean, _, error, unit = lines[1].split()[1:]
+    assert abs(float(mean) - 3.696 / 2) < 0.02 and 0 < float(error) < 0.02 and unit == "W/m²"
+    assert [line.split()[0] for line in lines[2:6]] == ["minimum", "maximum", "uniformity", "diversity"]
+    assert lines[7:9] == ["Irradiance [W/m²]", "  z \\ x [m]     0.35     0.65"]
+    assert [line for line in lines if line.startswith("probe")][0].startswith('probe "floor"')
+    table = (tmp_path / "a.csv").read_text().splitlines()
+    assert sum(row.startswith("plane point,") for row in table) == 6
+    assert sum(row.startswith("probe,") for row in table) == 2
+
+
+def test_measure_reads_the_pins_and_the_plane_of_a_saved_scene(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plane = "[measuring_plane]\nlow = [0.4, 0.4]\nhigh = [0.6, 0.6]\nheight = 0.5\npoints = [1, 1]\n"
+    pin = '[[pins]]\nname = "lid"\nobject = "cube"\nposition = [0, 0.1, 0]\nnormal = [0, 1, 0]\n'
+    (tmp_path / "a.toml").write_text(f'scene = "furnace"\n{plane}{pin}')
+    assert cli.main(["measure", "a.toml", "--error", "5"]) == 0
+    out = capsys.readouterr().out
+    assert "0.5 m above the floor, 1 x 1 points" in out and 'pin "lid"' in out
+    (tmp_path / "a.toml").write_text(f'scene = "furnace"\n{plane}{pin.replace("cube", "chair")}')
+    assert cli.main(["measure", "a.toml"]) == 2
+    assert (
+        one_line(capsys.readouterr().err)
+        == 'gi-viewer: the pin "lid" lies on "chair", which this scene does not have\n'
+    )
+
+
+def test_measure_refuses_a_bad_table_before_the_work(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for file, reason in (("a.txt", "--csv must name a .csv file, got a.txt"), ("b/a.csv", "a folder that exists")):
+        assert cli.main(["measure", "cornell", "--csv", file]) == 2
+        assert reason in one_line(capsys.readouterr().err)
+    assert cli.main(["measure", "cornell", "--plane", "0,0,1"]) == 2
+    assert "must be A0,B0,A1,B1,HEIGHT[,M,N]" in capsys.readouterr().err
+
+
 def test_info_lists_contents_and_reasons(capsys, estimator):
     assert cli.main(["info", *FAST, "--radius", "0.02"]) == 0
     text = capsys.readouterr().out

@@ -13,7 +13,7 @@ from app import __main__ as cli
 from app.cli import saved_scene
 from app.cli.option_tables import ALL
 from app.cli.options import settings_of
-from app.settings import LampSetting, Settings, UsageError, make_solver, open_scene
+from app.settings import LampSetting, MeasuringPlane, Pin, Settings, UsageError, make_solver, open_scene
 from gi_core.files.find import shipped_scenes
 from gi_core.scene import Camera, Pose, SceneError
 from gi_core.scene.pose import as_pose, axis_angle
@@ -73,6 +73,64 @@ def test_levels_of_lamps_are_saved(tmp_path):
         found, kept = ([Settings(lamps=s).levels(()) for _, s in x.light_scenes] for x in (again, settings))
         assert found == kept
         assert parsed(*shlex.split(saved_scene.command_line(settings))[1:]).levels(()) == settings.levels(())
+
+
+def test_read_outs_are_saved(tmp_path):
+    pins = Pin("desk", (0.1, 0.2, 1 / 3), (0.0, 1.0, 0.0)), Pin('a "seat"', (0.0, 0.4, 0.0), (0.0, 0.0, -1.0), "pawn")
+    for points in (None, (7, 3)):
+        plane = MeasuringPlane((0.1, -0.2), (1 / 3, 0.5), 0.75, points)
+        here = saved_scene.with_view(replace(SETTINGS, pins=pins, plane=plane), {}, CAMERA)
+        saved_scene.write(tmp_path / "a.toml", here)
+        assert parsed(str(tmp_path / "a.toml")) == replace(here, document=str(tmp_path / "a.toml"))
+        assert parsed(*shlex.split(saved_scene.command_line(here))[1:]) == replace(here, pins=())
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        (
+            "[measuring_plane]\nlow = [0, 0]\nhigh = [1, 0]\nheight = 0.75",
+            "[measuring_plane]: plane must be A0,B0",
+        ),
+        ("[measuring_plane]\nlow = [0, 0]\nhigh = [1, 1]", "[measuring_plane]: height is missing; write height = ..."),
+        (
+            "[measuring_plane]\nlow = [0, 0]\nhigh = [1, 1]\nheight = 1\npoints = [0, 2.5]",
+            "whole numbers M, N in 1 .. 100, got 0.0,0.0,1.0,1.0,1.0,0.0,2.5",
+        ),
+        ('[[pins]]\nname = "a"\nposition = [0, 0]\nnormal = [0, 1, 0]', "[[pins]] 1: position must be three finite"),
+        ('[[pins]]\nname = "a"\nposition = [0, 0, 0]\nnormal = [0, 0, 0]', "normal must be three numbers that are not"),
+        ('[[pins]]\nname = "a"\nplace = 1', "[[pins]] 1: unknown key 'place'"),
+    ],
+)
+def test_bad_read_outs_are_refused_in_one_sentence(text, message, tmp_path):
+    (tmp_path / "a.toml").write_text(f'scene = "cornell"\n{text}\n')
+    with pytest.raises(SceneError) as refused:
+        saved_scene.read(str(tmp_path / "a.toml"))
+    assert message in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_another_scene_keeps_nothing_of_the_last_one():
+    """Light scenes, pins and the measuring plane belong to a scene."""
+    from types import SimpleNamespace
+
+    from app.session.reload import settings_for
+
+    kept = (("evening", (LampSetting("lamp", 0.5),)),)
+    plane, pin = MeasuringPlane((0, 0), (1, 1), 0.75), Pin("a", (0, 0, 0), (0, 1, 0))
+    now = SimpleNamespace(settings=replace(SETTINGS, light_scenes=kept, pins=(pin,), plane=plane), filled={})
+    other = settings_for(now, "tree", ())
+    assert (other.light_scenes, other.pins, other.plane) == ((), (), None)
+
+
+def test_a_saved_scene_brings_its_own_light_scenes(tmp_path):
+    from types import SimpleNamespace
+
+    from app.session.reload import settings_for
+
+    kept = (("evening", (LampSetting("lamp", 0.5),)),)
+    saved_scene.write(tmp_path / "a.toml", replace(SETTINGS, light_scenes=kept))
+    now = SimpleNamespace(settings=SETTINGS, filled={})
+    assert settings_for(now, str(tmp_path / "a.toml"), ()).light_scenes == kept
 
 
 def test_a_strangers_files_open_with_the_same_bits_from_another_folder(tmp_path, monkeypatch):
