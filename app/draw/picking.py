@@ -66,6 +66,15 @@ class Picker:
                 nearest = Hit(o, face, t, np.asarray(origin) + t * np.asarray(direction))
         return nearest
 
+    def on(self, o: int, point, normal, reach: float) -> int:
+        """Return the face of object o below a point of its space (3,), along -normal (3,) from `reach` above it [m].
+
+        -1 if none is there within twice that distance.
+        """
+        d = -np.asarray(normal, np.float64)
+        t, face = _nearest(self._objects[o], np.asarray(point, np.float64) - self._origins[o] - reach * d, d, False)
+        return face if t <= 2 * reach else -1
+
 
 def _blocks(corners: np.ndarray, two_sided: np.ndarray, paint: Paint | None) -> _FaceBlocks:
     if paint is not None and all(t.cover is None for t in paint.textures):

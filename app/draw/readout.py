@@ -7,15 +7,22 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from app.draw.camera import Bounds, from_camera
+from app.draw.picking import Hit
 from app.draw.raycast import barycentrics, pixel_steps, place, seen_radiance, weighted
 from app.draw.units import Units, units_of
 from app.draw.vertex_colours import colours, part_of, weights
+from app.settings import Pin
 from gi_core.geometry.error import luminance
 from gi_core.rays.accelerator import Transforms
+from gi_core.scene import Camera
+from gi_core.scene.pose import rotation, three, to_world, to_world_directions
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from app.draw.camera import Turntable
-    from app.draw.picking import Hit
+    from app.draw.picking import Picker
     from app.draw.vertex_colours import DrawMesh
     from gi_core.display.dilation import Drawn
     from gi_core.model import Model
@@ -23,6 +30,11 @@ if TYPE_CHECKING:
 
 STATIC = "static part"
 UNLIT = "back of a one-sided surface: no light is computed"
+
+
+EYE = 0.05  # of the scene's size: distance from which a pin is read
+PIXELS = 1 << 20  # per picture height there: the texture is read at a point
+REACH = 1e-3  # of the scene's size: a pin may lie so far off its face
 
 
 class Reading(NamedTuple):
@@ -44,6 +56,53 @@ class Reading(NamedTuple):
         if math.isnan(self.irradiance):
             return f"{u.on_surface} not yet known  ·  {place}"
         return f"{u.on_surface} {E} {u.per_area}  ·  {u.from_surface} {L} {u.per_solid_angle}  ·  {place}"
+
+
+class Pinned(NamedTuple):
+    """A pin and its light on show."""
+
+    pin: Pin
+    position: np.ndarray  # (3,) float64 [m], in the world; that of the scene if its object is missing
+    reading: Reading | None  # None: the surface or the object is no longer there
+
+
+def new_pin(name: str, hit: Hit, direction: np.ndarray, scene: Scene, model: Model, poses: dict[str, Pose]) -> Pin:
+    """Return a pin at the hit of a ray in `direction` (3,), on the side that the ray meets."""
+    o, s = hit.object, model.surfaces
+    a, b, c = s.vertices[o][s.faces[o][hit.face]]
+    normal, point, along = np.cross(b - a, c - a), hit.point, np.asarray(direction, np.float64)
+    if o:
+        pose = poses[model.names[o - 1]]
+        R = rotation(pose)
+        point, along = R.T @ (point - np.array(pose.position)), R.T @ along
+    normal /= np.sqrt((normal * normal).sum())
+    side = normal if normal @ along < 0 else -normal
+    return Pin(name, three(point), three(side), model.names[o - 1] if o else "")
+
+
+def read_pin(
+    pin: Pin, picker: Picker, scene: Scene, model: Model, poses: dict[str, Pose], meshes: Sequence[DrawMesh],
+    drawn: Drawn,
+) -> Pinned:  # fmt: skip
+    """Return the light at a pin; drawn: as for read()."""
+    position, normal = np.array(pin.position), np.array(pin.normal)
+    normal = normal / np.sqrt((normal * normal).sum())
+    if pin.object and pin.object not in poses:
+        return Pinned(pin, position, None)
+    o = 1 + model.names.index(pin.object) if pin.object else 0
+    size = model.world.size
+    face = picker.on(o, position, normal, REACH * size)
+    if o:
+        position, normal = (f(poses[pin.object], v[None])[0]
+                            for f, v in ((to_world, position), (to_world_directions, normal)))  # fmt: skip
+    if face < 0:
+        return Pinned(pin, position, None)
+    eye = Camera(three(position + EYE * size * normal), three(position), 1.0)
+    camera = from_camera(eye, scene.up, Bounds(three(position), three(position)))
+    direction = position - camera.eye()
+    hit = Hit(o, face, EYE * size, position)
+    direction /= np.sqrt((direction * direction).sum())
+    return Pinned(pin, position, read(hit, direction, camera, PIXELS, scene, model, poses, meshes[o], drawn))
 
 
 def read(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from gi_core.scene.pose import pose_at
 if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
     from app.draw.picking import Picker
     from app.draw.vertex_colours import DrawMesh
+    from app.rest.measuring_plane import Level
     from gi_core.defaults.choose import Chosen
     from gi_core.model import Model
     from gi_core.scene import Scene
@@ -94,6 +96,13 @@ class Session:
         if self._lit[0] is not levels:
             self._lit = levels, dimmed(self._meshes, levels)
         return self._lit[1]
+
+    @cached_property
+    def level(self) -> Level:
+        """The lit box along the axes of the scene, for measuring planes."""
+        from app.rest.measuring_plane import level_of
+
+        return level_of(self.chosen.low, self.chosen.high, self.scene.up)
 
     @property
     def ready(self) -> bool:

@@ -10,14 +10,16 @@ from typing import Any, NamedTuple, Protocol
 
 from imgui_bundle import imgui
 
+from app.cli.writable import write_whole
 from app.draw.renderer import Renderer
 from app.session.log import WARNING, Log
 from app.session.reload import Reload
 from app.session.session import Session
 from app.settings import UsageError
-from app.window import dialogs, screenshot
+from app.window import dialogs, screenshot, view_content
 from app.window.files import Files
 from app.window.panel.objects import Move, Select
+from app.window.panel.readouts import Edit
 from app.window.viewport import Viewport
 from app.window.window import toggle_full_screen
 
@@ -25,7 +27,7 @@ K = imgui.Key
 ESTIMATOR_KEYS = (K._1, K._2, K._3, K._4, K._5, K._6, K._7, K._8, K._9)
 
 
-Request = Select | Move
+Request = Select | Move | Edit
 
 
 class Window(Protocol):
@@ -68,6 +70,9 @@ def act(window: Window, name: str | Request) -> None:
             return
         case Move():
             _move(window, name)
+            return
+        case Edit(field, value, first, last):
+            window.session.edit(first, last, **{field: value})
             return
     action = ACTIONS[name]
     if window.session.ready or not action.needs_scene:
@@ -134,6 +139,20 @@ def _copy_command(window: Window) -> None:
     command = window.files.command(window.session, window.viewport)
     imgui.set_clipboard_text(command)
     window.log("copied the command that opens this view")
+
+
+def _export(window: Window) -> None:
+    def save(path: str) -> None:
+        file = Path(path)
+        file = file if file.suffix.lower() == ".csv" else file.with_name(file.name + ".csv")
+        try:
+            write_whole(file, view_content.readouts_csv(window.session, window.viewport.pinned))
+            window.log(f"saved {file}")
+        except OSError as problem:
+            window.log(f"not saved: {problem.strerror or problem}; {file}", WARNING)
+
+    suggestion = str(Path(window.files.suggestion(window.session)).with_suffix(".csv"))
+    window.files.dialog.save("Export the read-outs", suggestion, dialogs.TABLES, save)
 
 
 def _reset_settings(window: Window) -> None:
@@ -232,6 +251,12 @@ ACTIONS = {
         _redo, (K.mod_ctrl | K.mod_shift | K.z, K.mod_ctrl | K.y), "Ctrl+Shift+Z, Ctrl+Y", "redo it", label="Redo"
     ),
     "cancel": Action(_cancel, (K.escape,), "Esc", "cancel the drag", needs_scene=False),
+    "pin": Action(lambda w: w.viewport.pin(), (K.i,), "I", "pin a read-out under the cursor", label="Pin a read-out"),
+    "unpin": Action(
+        lambda w: w.viewport.unpin(), (K.delete,), "Del", "remove the read-out under the cursor, or the last one",
+        label="Remove read-out",
+    ),
+    "export": Action(_export, label="Export read-outs..."),
     "reset all": Action(_reset_all, (K.r,), "R", "reset objects and view"),
     "reset poses": Action(_reset_poses, label="Reset objects"),
     "reset settings": Action(_reset_settings, label="Reset settings"),

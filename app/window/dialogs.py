@@ -12,6 +12,7 @@ from imgui_bundle import portable_file_dialogs as native
 NATIVE_LINUX = ("zenity", "kdialog", "matedialog", "qarma")  # programs that portable-file-dialogs runs
 SCENES = ["Scenes", "*.toml *.glb *.gltf *.obj *.ply *.stl", "All files", "*"]
 SAVED = ["Saved scenes", "*.toml"]
+TABLES = ["Tables", "*.csv"]
 PICTURES = ["Pictures", "*.png"]
 FIELD_EM = 32
 UNSAVED = "Unsaved changes"

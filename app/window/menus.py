@@ -18,9 +18,9 @@ SHIPPED, RECENT, WATCHES, LINE = "Shipped scenes", "Open recent", "Reload change
 MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the four above
     "File": (
         "open", SHIPPED, RECENT, "reload", WATCHES, LINE, "save", "save as", "copy command", LINE,
-        "save picture", "save picture as", LINE, "quit",
+        "save picture", "save picture as", "export", LINE, "quit",
     ),
-    "Edit": ("undo", "redo", LINE, "rest", "reset poses", "reset settings"),
+    "Edit": ("undo", "redo", LINE, "pin", "unpin", LINE, "rest", "reset poses", "reset settings"),
     "View": (
         "reset view", "frame", "top", "front", "side", LINE, "meter", "reference", LINE, "toggle panel", "full screen",
     ),

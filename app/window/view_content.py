@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from app.draw.colour_map import UNKNOWN, round_scale, signed_colours
 from app.settings import ERRORS, REFERENCE
-from gi_core.geometry.error import signed_error
+from gi_core.geometry.error import luminance, signed_error
+from gi_core.scene.pose import three
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from app.draw.readout import Pinned
     from app.draw.vertex_colours import DrawMesh
     from app.rest.results import ReferencePicture
     from app.session.session import Session
@@ -69,6 +74,23 @@ def _coming(s: Settings, right: Side | None, reference: ReferencePicture | None)
     if REFERENCE in s.beside_estimate and (reference is None or reference.seen < 1):
         names.append(REFERENCE if reference is None else f"{REFERENCE} ({100 * reference.seen:.0f} % of receivers)")
     return f"{' and '.join(names)}: computed at rest" if names else ""
+
+
+def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:
+    """Return all read-outs on show as CSV."""
+    from app.draw.units import units_of
+    from app.session.readouts import Row, csv_text
+
+    snapshot = session.light.snapshot
+    places = {p.name: p.position for p in session.scene.probes}
+    rows = [Row("probe", name, places[name], float(luminance(E))) for name, E in snapshot.probes.items()]
+    for pin, position, reading in pinned:
+        if reading is not None:
+            light = three(position), reading.irradiance, math.nan, reading.radiance
+            rows.append(Row("pin", pin.name, *light, reading.object, reading.material))
+    plane = snapshot.rest.plane
+    current = plane if plane is not None and plane.is_current and session.settings.plane is not None else None
+    return csv_text(rows, current, units_of(session.scene.units))
 
 
 def paint(mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: bool) -> tuple[np.ndarray, np.ndarray]:

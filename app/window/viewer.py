@@ -28,7 +28,7 @@ from app.session.opening import Opening
 from app.session.reload import Reload
 from app.session.session import BUDGET, Session
 from app.settings import Settings, UsageError
-from app.window import keys, overlay, panel, view_content, window
+from app.window import keys, overlay, panel, readout_marks, view_content, window
 from app.window.actions import Request, act
 from app.window.files import Files
 from app.window.menus import Menus
@@ -176,6 +176,8 @@ class Viewer:
         if self._ready:
             self._guard("drawing", self._draw_scene)
         overlay.draw(self.viewport, self.session, self.reload, self._ready)
+        if self._ready:
+            readout_marks.draw(self.viewport)
         if self._ready and self.session.settings.cells:
             self.ray_cells.draw(self.viewport)
         imgui.end()
@@ -200,7 +202,7 @@ class Viewer:
     def _facts(self) -> panel.Facts:
         v, seconds = self.viewport, self.frame_seconds.value
         given = self.session, self.reload, self.estimators, seconds, self.metered
-        return panel.facts_of(*given, v.picture.scale, v.selected)
+        return panel.facts_of(*given, v.picture.scale, v.selected, v.pinned)
 
     def draw_menus(self) -> None:
         self.menus.draw(self.ctx, self.session.ready)
@@ -312,6 +314,7 @@ class Viewer:
             self._upload()
             self._uploaded = session.version
         self.viewport.rescale(at_rest=not busy)
+        self.viewport.read_pins()
         samples = 1 if self._software and self._quiet < QUIET_FRAMES else SAMPLES_PER_PIXEL
         self.viewport.draw(self.renderer, samples)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.camera import MAX_PITCH, Bounds, Turntable, from_camera, scene_bounds
@@ -16,11 +17,12 @@ from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.legend import Legend, of_scale
 from app.draw.picking import Hit
 from app.draw.raycast import visible_irradiance
-from app.draw.readout import Reading, read
+from app.draw.readout import Pinned, Reading, new_pin, read, read_pin
 from app.draw.renderer import Look, Renderer
 from app.draw.units import units_of
 from app.draw.white_balance import NEUTRAL
 from app.session.picture import Picture
+from app.session.readouts import free_name
 from app.session.session import Session
 from app.settings import ILLUMINANCE
 from app.window import drag
@@ -48,7 +50,11 @@ class Viewport:
         self.room: Bounds | None = None  # limits of drags
         self.selected = ""  # name of a mobile
         self.hover: Hit | None = None  # mobile under the cursor
-        self.reading: Reading | None = None  # light under the cursor
+        self.pointed: Hit | None = None  # surface under the cursor
+        self.reading: Reading | None = None  # light there
+        self.pinning = False  # the next click pins a read-out
+        self.pinned: tuple[Pinned, ...] = ()  # light at the pins
+        self._pins_read: tuple | None = None  # arguments of these
         self.grab: drag.Grab | None = None
         self.wipe = Wipe()
         self.shown: Shown | None = None  # content of the colour buffers
@@ -66,9 +72,9 @@ class Viewport:
         """Show a ready session through the scene's camera; `keep_view`: through the user's, if it was moved."""
         stays = keep_view and self.camera != self.home
         self.session = session
-        self.hover = self.reading = self.grab = self._steering = self._flight = self.shown = self._asked = (
-            self._drawn
-        ) = None
+        self.hover = self.pointed = self.reading = self.grab = self._steering = self._flight = None
+        self.shown = self._asked = self._drawn = self._pins_read = None
+        self.pinning, self.pinned = False, ()
         self.bounds = scene_bounds(session.model, session.poses)
         if self.selected not in session.poses:
             self.selected = next(iter(session.poses)) if len(session.poses) == 1 else ""
@@ -152,7 +158,10 @@ class Viewport:
         return two and self.grab is None and self._steering is None
 
     def cancel_drag(self) -> bool:
-        """Restore the dragged mobile's pose; return False without a drag."""
+        """Restore the dragged mobile's pose, or pin nothing; return False without a drag."""
+        if self.pinning:
+            self.pinning = False
+            return True
         if self.grab is None:
             return False
         self.grab = None
@@ -167,7 +176,9 @@ class Viewport:
             return
         shift, alt, ctrl = io.key_shift, io.key_alt, io.key_ctrl
         if imgui.is_mouse_clicked(BUTTONS["left"]):
-            if self.hover is not None:
+            if self.pinning:
+                self.pin()
+            elif self.hover is not None:
                 self._begin_drag(drag.mode_of(shift, alt, ctrl), io)
             else:
                 self._steering = ("pan" if shift else "orbit", BUTTONS["left"])
@@ -232,7 +243,7 @@ class Viewport:
             return
         self._asked = asked
         hit = self._pick(io)
-        self.hover = hit if hit is not None and hit.object > 0 else None
+        self.pointed, self.hover = hit, hit if hit is not None and hit.object > 0 else None
         self.reading = None if hit is None or self.shown is None else self._read(hit, io)
 
     def _read(self, hit: Hit, io) -> Reading:
@@ -246,7 +257,62 @@ class Viewport:
 
     def _leave(self) -> None:
         """Forget the point under the cursor."""
-        self.hover = self.reading = self._asked = None
+        self.hover = self.pointed = self.reading = self._asked = None
+
+    # Pins -------------------------------------------------------------------------------------------
+
+    def pin(self) -> None:
+        """Pin a read-out to the surface under the cursor; without one, the next click does."""
+        s = self.session
+        if self.pointed is None:
+            self.pinning = not self.pinning
+            return
+        self.pinning = False
+        pins = s.settings.pins
+        direction = self.pointed.point - self.camera.eye()
+        name = free_name(pin.name for pin in pins)
+        s.edit(pins=(*pins, new_pin(name, self.pointed, direction, s.scene, s.model, s.light.snapshot.poses)))
+
+    def unpin(self) -> None:
+        """Remove the pin under the cursor, else the last one."""
+        pins = self.session.settings.pins
+        if pins:
+            k = len(pins) - 1 if self._pin_under_cursor is None else self._pin_under_cursor
+            self.session.edit(pins=pins[:k] + pins[k + 1 :])
+
+    @property
+    def _pin_under_cursor(self) -> int | None:
+        mouse, em = imgui.get_io().mouse_pos, imgui.get_font_size()
+        places = self.on_screen(np.array([p.position for p in self.pinned]).reshape(-1, 3))
+        for k, at in enumerate(places):
+            if at is not None and math.hypot(at[0] - mouse.x, at[1] - mouse.y) < em:
+                return k
+        return None
+
+    def read_pins(self) -> None:
+        """Read the light at the pins, when it or they have changed."""
+        s, shown = self.session, self.shown
+        asked = s.settings.pins, s.version, shown is None
+        if asked == self._pins_read:
+            return
+        self._pins_read = asked
+        side = None if shown is None else shown.sides[0]
+        if side is None:
+            self.pinned = ()
+            return
+        drawn, poses = Drawn(side.irradiance, side.weights), s.light.snapshot.poses
+        self.pinned = tuple(
+            read_pin(pin, s.picker, s.scene, s.model, poses, s.meshes, drawn) for pin in s.settings.pins
+        )
+
+    def on_screen(self, points: np.ndarray) -> list[tuple[float, float] | None]:
+        """Return where points (n, 3) [m] are in the window; None behind the eye."""
+        matrix = self.camera.projection(self.aspect) @ self.camera.view()
+        x, y, _, w = matrix @ np.c_[points, np.ones(len(points))].T
+        (left, top), (width, height) = self.origin, self.size
+        with np.errstate(divide="ignore", invalid="ignore"):
+            across, down = left + width * (x / w + 1) / 2, top + height * (1 - y / w) / 2
+        return [(a, b) if near > 0 else None for a, b, near in zip(across.tolist(), down.tolist(), w, strict=True)]
 
     def _pick(self, io) -> Hit | None:
         origin, direction = self.camera.ray(*self._uv(io.mouse_pos), self.aspect)
@@ -349,6 +415,8 @@ class Viewport:
     def hint(self) -> str:
         """Return one line about the current drag, or a drag of the hovered mobile; "" for neither."""
         io = imgui.get_io()
+        if self.pinning:
+            return "Click a surface to pin a read-out  ·  Esc cancels"
         if self.grab is not None:
             return f"{self.grab.mobile} {drag.MODES[self.grab.mode]}  ·  Esc cancels"
         if self.hover is not None:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+import threading
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from app.cli import saved_scene
+from app.settings import MeasuringPlane
+from app.window import view_content
 from gi_core.scene import Camera, Material, Mobile, PointLight, Pose, Scene
 from tests.support import closed_form
 from tests.support import viewer_support as support
@@ -169,4 +173,113 @@ def test_nothing_is_measured_again_while_false_colours_rest(play, monkeypatch):
 
     monkeypatch.setattr("app.window.viewer.LINGER", 0.0)
     settings = replace(support.SETTINGS, show="illuminance")
+    assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
+
+
+def test_pins_read_the_light_of_the_picture_and_are_undone_saved_and_removed(play, tmp_path):
+    def script(hand, viewer):
+        viewport, session = viewer.viewport, viewer.session
+        hand.wait_for_light()
+        hand.wait(lambda: session.light.all_done)
+        place = (0.33, -0.21, 0.0)
+        hand.move(hand.at(place))
+        light = viewport.reading.irradiance
+        hand.press(keys().i)
+        (pinned,) = viewport.pinned
+        assert pinned.pin.name == "pin 1" and pinned.pin.normal == (0.0, 0.0, 1.0)
+        assert np.abs(pinned.position - place).max() < 0.01  # the cursor stands on whole pixels
+        E = closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(*place[:2]))
+        assert pinned.reading.irradiance == pytest.approx(light, rel=1e-4) == pytest.approx(E, rel=0.02)
+        assert pinned.reading.radiance == pytest.approx(0.5 * E / math.pi, rel=0.02)
+        assert pinned.reading.material == "oak"
+
+        hand.ctx.item_click("//Panel/**/Pin a read-out")  # the button: then a click in the picture
+        assert viewport.pinning and "Click a surface" in viewport.hint()
+        tile, camera = hand.at((1.4, 1.2, 0.01)), viewport.camera
+        hand.move(tile)
+        hand.ctx.mouse_click(0)
+        hand.ctx.yield_(3)
+        assert len(viewport.pinned) == 2 and viewport.pinned[1].pin.object == "tile"
+        assert viewport.camera == camera and not session.moved, "the click moves nothing"
+        before = viewport.pinned[1].position
+        pose = session.poses["tile"]
+        session.move({"tile": pose._replace(position=(1.0, 1.2, 0.01))})
+        hand.wait_for_light()
+        assert viewport.pinned[1].position == pytest.approx(before - (0.4, 0, 0)), "it follows its object"
+        E = closed_form.point_over_plane(INTENSITY, HEIGHT - 0.01, math.hypot(*viewport.pinned[1].position[:2]))
+        assert viewport.pinned[1].reading.irradiance == pytest.approx(E, rel=0.05)
+
+        viewer._do("undo")  # the second pin; the move above was no step
+        hand.ctx.yield_(3)
+        assert [p.pin.name for p in viewport.pinned] == ["pin 1"]
+        viewer._do("redo")
+        hand.ctx.yield_(3)
+        assert [p.pin.name for p in viewport.pinned] == ["pin 1", "pin 2"]
+
+        hand.ctx.item_input_value("//Panel/**/pin 0/##name", "desk")
+        hand.ctx.yield_(3)
+        assert [p.pin.name for p in viewport.pinned] == ["desk", "pin 2"]
+        table = view_content.readouts_csv(session, viewport.pinned).splitlines()
+        assert table[1].startswith("pin,desk,0.3") and table[1].endswith("static part,oak")
+
+        assert viewer.files.has_changed(session)
+        viewer.files.save(session, viewport, str(tmp_path / "a.toml"))
+        assert saved_scene.read(str(tmp_path / "a.toml")).pins == session.settings.pins
+
+        hand.move(hand.at(viewport.pinned[0].position))
+        hand.press(keys().delete)
+        assert [p.pin.name for p in viewport.pinned] == ["pin 2"], "the one under the cursor"
+        hand.ctx.item_click("//Panel/**/pin 0/x")
+        hand.ctx.yield_(3)
+        assert viewport.pinned == () and session.settings.pins == ()
+
+    scene = tmp_path / "lamp.glb"
+    scene.touch()
+    settings = replace(support.SETTINGS, light="best", scene=str(scene))
+    assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
+
+
+def test_the_measuring_plane_is_measured_at_rest_and_again_after_a_move(play, monkeypatch):
+    """The window's thread traces none of its paths."""
+    from app.rest.plane_job import PlaneJob
+
+    threads, step = set(), PlaneJob._step
+    monkeypatch.setattr(PlaneJob, "_step", lambda job: (threads.add(threading.current_thread().name), step(job))[1])
+
+    def script(hand, viewer):
+        session = viewer.session
+        hand.wait_for_light()
+        hand.ctx.set_ref("Panel")
+        hand.ctx.item_check("Measuring plane")
+        session.edit(plane=MeasuringPlane((-1.0, -0.5), (1.0, 0.5), 0.75, (5, 3)))
+
+        def light():
+            return session.light.snapshot.rest.plane
+
+        hand.wait(lambda: light() is not None and light().plane.points and light().fraction == 1)
+        points = light().grid.positions
+        E = closed_form.point_over_plane(INTENSITY, HEIGHT - 0.75, np.hypot(*points[:, :2].T))
+        assert light().values == pytest.approx(E, rel=0.02)
+        assert light().numbers.U0 == pytest.approx(E.min() / E.mean(), rel=0.02)
+        hand.ctx.yield_(2)
+        rest = f"{light().numbers.points}"
+        assert rest == "15"
+        table = view_content.readouts_csv(session, ()).splitlines()
+        assert sum(line.startswith("plane point,") for line in table) == 15
+
+        pose = session.poses["tile"]
+        below = pose._replace(position=(0.0, 0.0, 1.5), quaternion=(0.0, 1.0, 0.0, 0.0))  # its front faces the plane
+        session.move({"tile": below})
+        hand.wait(lambda: light().is_current and light().fraction == 1 and light().values.min() < 1)
+        middle = light().values.reshape(5, 3)[2, 1]
+        assert middle < 0.2 * E.max() and light().values.reshape(5, 3)[0] == pytest.approx(E.reshape(5, 3)[0], rel=0.1)
+        assert "plane point" not in view_content.readouts_csv(session, ()) or light().is_current
+
+        hand.ctx.item_uncheck("Measuring plane")
+        hand.wait(lambda: light() is None)
+        hand.press(keys().mod_ctrl | keys().z)
+        assert session.settings.plane is not None
+        assert threads == {"solver"}
+
+    settings = replace(support.SETTINGS, light="photons")
     assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []

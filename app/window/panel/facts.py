@@ -10,7 +10,9 @@ if TYPE_CHECKING:
     import numpy as np
 
     from app.draw.false_colour import Scale
+    from app.draw.readout import Pinned
     from app.rest.measured_points import MeasuredPoint
+    from app.rest.measuring_plane import Level, PlaneLight
     from app.rest.results import GatherProgress, Report
     from app.session.reload import Reload
     from app.session.session import Session
@@ -54,6 +56,9 @@ class Facts:
     lamp_colours: tuple[tuple[float, float, float], ...]  # of each in the scene file, of luminance 1
     effective: int  # photons of equal flux that would have as little noise
     probes: Mapping[str, np.ndarray] = field(default_factory=dict)  # name -> irradiance (3,)
+    pinned: tuple[Pinned, ...] = ()  # light at the pins
+    level: Level | None = None  # for measuring planes
+    plane: PlaneLight | None = None  # None: not yet known
     notes: tuple[str, ...] = ()
     report: Report | None = None  # of errors; None until measured
     points: tuple[MeasuredPoint, ...] = ()  # of the error chart
@@ -73,6 +78,7 @@ def facts_of(
     metered: float,
     scale: Scale | None = None,
     selected: str = "",
+    pinned: tuple[Pinned, ...] = (),
 ) -> Facts:
     """Return the facts of a ready session."""
     from app.cli.saved_scene import lamp_at
@@ -115,6 +121,9 @@ def facts_of(
         lamp_colours=tuple(of_luminance_one(flux) for flux in emitters.flux_of_lamps),
         effective=snapshot.effective_photons,
         probes=snapshot.probes,
+        pinned=pinned,
+        level=session.level,
+        plane=snapshot.rest.plane,
         notes=session.scene.notes,
         report=snapshot.rest.report,
         points=session.points.all,

@@ -11,11 +11,10 @@ from app.settings import Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 from gi_core.scene import Pose
-from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation
+from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation, three
 
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 SPEED = 1e-3  # of the scene size per pixel of a drag
-LARGEST = 1e6  # of a number typed
 ROWS = 5  # of the list; more objects scroll
 
 
@@ -43,12 +42,13 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
         ("Position", pose.position, "Position [m]: x, y, z."),
         ("Rotation", angles_of(pose), "Rotation [degrees] about x, then y, then z."),
     ):
-        numbers, edited, first, last = _three(name, values, SPEED * facts.scene_size if name == "Position" else 0.5)
+        speed, digits = (SPEED * facts.scene_size, "%.3f") if name == "Position" else (0.5, "%.1f")
+        numbers, edited, first, last = ui.fields(name, values, speed, digits)
         ui.tip(f"{about} Drag, or double-click to type.")
         if edited or first or last:
             moved = pose
             if edited:
-                moved = pose._replace(position=numbers) if name == "Position" else turned(pose, numbers)
+                moved = pose._replace(position=three(numbers)) if name == "Position" else turned(pose, three(numbers))
             actions.add(Move(selected, moved, first, last))
     half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
     if imgui.button("Rest on floor", (half, 0)):
@@ -95,26 +95,3 @@ def _list(facts: Facts, actions: set[Any]) -> None:
         if imgui.selectable(name, name == facts.selected)[0]:
             actions.add(Select(name))
     imgui.end_child()
-
-
-def _three(
-    name: str, values: tuple[float, float, float], speed: float
-) -> tuple[tuple[float, float, float], bool, bool, bool]:
-    """Draw three number fields; return the numbers, whether they changed, and whether editing begins or ends."""
-    ui.label(name)
-    imgui.begin_group()
-    gap = imgui.get_style().item_inner_spacing.x
-    width = (imgui.get_content_region_avail().x - 2 * gap) / 3
-    numbers, edited, first, last = list(values), False, False, False
-    for k, axis in enumerate("xyz"):
-        if k:
-            imgui.same_line(0, gap)
-        imgui.set_next_item_width(width)
-        digits = "%.3f" if name == "Position" else "%.1f"
-        changed, value = imgui.drag_float(f"##{name} {axis}", values[k], speed, 0, 0, digits)
-        if changed and abs(value) < LARGEST:
-            numbers[k], edited = float(f"{value:.6g}"), True  # the field has float32
-        first |= imgui.is_item_activated()
-        last |= imgui.is_item_deactivated()
-    imgui.end_group()
-    return (numbers[0], numbers[1], numbers[2]), edited, first, last

@@ -1,22 +1,149 @@
-"""Read-outs: irradiance at the probes of the scene file."""
+"""Read-outs: light at the probes of the scene file, at pins, and on the measuring plane."""
 
 from __future__ import annotations
 
+import math
+from typing import Any, NamedTuple
+
 from imgui_bundle import imgui
 
-from app.settings import Settings
+from app.cli.values import MOST_GRID_POINTS
+from app.settings import MeasuringPlane, Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 from gi_core.geometry.error import luminance
 
+SPEED = 0.01  # [m] per pixel of a drag
+LEAST_SIDE = 1e-3  # [m] of a plane
 
-def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
+
+class Edit(NamedTuple):
+    """Request to change a field of the settings; one drag from `first` to `last` is one step of undo."""
+
+    field: str
+    value: Any
+    first: bool = True
+    last: bool = True
+
+
+def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     unit = "lx" if facts.photometric else "W/m²"
     for name, E in facts.probes.items():
         red, green, blue = (f"{float(c):.4g}" for c in E)
         tip = f"Irradiance at the probe: red {red}, green {green}, blue {blue}."
         ui.number(name, f"{float(luminance(E)):.4g} {unit}", tip)
+    _pins(s, facts, actions)
+    if imgui.button("Pin a read-out", (-1, 0)):
+        actions.add("pin")
+    ui.tip("Then click a surface in the picture. Key I pins at once what is under the cursor; Del removes it.")
+    _plane(s, facts, actions)
+    imgui.begin_disabled(not (facts.probes or s.pins or s.plane))
+    if imgui.button("Export as CSV...", (-1, 0)):
+        actions.add("export")
+    ui.tip("Write probes, pins, and all points of the measuring plane into a table.")
+    imgui.end_disabled()
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
     imgui.text_wrapped("Point at a surface: the status line shows its light.")
     imgui.pop_style_color()
     return s
+
+
+def _pins(s: Settings, facts: Facts, actions: set[Any]) -> None:
+    """Draw a row per pin: name, light, remove."""
+    readings = {pinned.pin: pinned.reading for pinned in facts.pinned}
+    em = imgui.get_font_size()
+    for k, pin in enumerate(s.pins):
+        imgui.push_id(f"pin {k}")
+        right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
+        reading = readings.get(pin)
+        known = reading is not None and math.isfinite(reading.irradiance)
+        value = f"{reading.irradiance:.4g} {reading.units.per_area}" if known else ui.DASH
+        width = imgui.calc_text_size(value).x
+        imgui.set_next_item_width(imgui.get_content_region_avail().x - width - 3 * em)
+        entered, name = imgui.input_text("##name", pin.name, imgui.InputTextFlags_.enter_returns_true)
+        name = name.strip()
+        if (entered or imgui.is_item_deactivated_after_edit()) and name and name != pin.name:
+            actions.add(Edit("pins", (*s.pins[:k], pin._replace(name=name), *s.pins[k + 1 :])))
+        ui.tip(reading.text() if reading is not None else "The surface of this pin is no longer there.")
+        imgui.same_line(right - width - 2.2 * em)
+        imgui.align_text_to_frame_padding()
+        imgui.text(value)
+        imgui.same_line(right - 1.6 * em)
+        if imgui.button("x", (1.6 * em, 0)):
+            actions.add(Edit("pins", s.pins[:k] + s.pins[k + 1 :]))
+        ui.tip("Remove this read-out.")
+        imgui.pop_id()
+
+
+def _plane(s: Settings, facts: Facts, actions: set[Any]) -> None:
+    from app.rest.measuring_plane import default_plane, grid_of
+
+    changed, on = imgui.checkbox("Measuring plane", s.plane is not None)
+    ui.tip(
+        "Mean, minimum and uniformity of illuminance on a horizontal plane: by default 0.75 m above the floor, "
+        "without 0.5 m along the walls, with the grid of EN 12464-1. Path traced at rest, without bias."
+    )
+    if changed:
+        actions.add(Edit("plane", default_plane(facts.level) if on else None))
+    if (plane := s.plane) is None:
+        return
+    (height,), *done = ui.fields("   height", (plane.height,), SPEED, "%.3f m", ("h",))
+    _edited(plane._replace(height=height), done, actions)
+    ui.tip("Height above the floor [m].")
+    for k, axis in enumerate(facts.level.axes.names):
+        ends, *done = ui.fields(f"   {axis}", (plane.low[k], plane.high[k]), SPEED, "%.3f", ("from", "to"))
+        ui.tip(f"Extent along {axis} [m], from and to.")
+        low, high = list(plane.low), list(plane.high)
+        low[k], high[k] = ends
+        if high[k] - low[k] >= LEAST_SIDE:
+            _edited(plane._replace(low=(low[0], low[1]), high=(high[0], high[1])), done, actions)
+    _points(plane, grid_of(plane, facts.level).shape, actions)
+    _numbers(facts)
+
+
+def _edited(plane: MeasuringPlane, done: list[bool], actions: set[Any]) -> None:
+    edited, first, last = done
+    if edited or first or last:
+        actions.add(Edit("plane", plane, first, last))
+
+
+def _points(plane: MeasuringPlane, shape: tuple[int, int], actions: set[Any]) -> None:
+    """Draw the number of points along the axes."""
+    ui.label("   points")
+    em = imgui.get_font_size()
+    imgui.set_next_item_width(imgui.get_content_region_avail().x - 4.6 * em)
+    changed, (a, b) = imgui.input_int2("##points", list(shape), imgui.InputTextFlags_.enter_returns_true)
+    ui.tip("Points along the two axes.")
+    if changed and all(1 <= n <= MOST_GRID_POINTS for n in (a, b)):
+        actions.add(Edit("plane", plane._replace(points=(a, b))))
+    imgui.same_line()
+    changed, norm = imgui.checkbox("norm", plane.points is None)
+    ui.tip("The grid of EN 12464-1: cells of 0.2 · 5^log10(d) m for a side of d m.")
+    if changed:
+        actions.add(Edit("plane", plane._replace(points=None if norm else shape)))
+
+
+def _numbers(facts: Facts) -> None:
+    from app.session.readouts import shown
+
+    light, unit = facts.plane, "lx" if facts.photometric else "W/m²"
+    if light is None:
+        imgui.text_disabled("   measured at rest")
+        return
+    n = light.numbers
+    imgui.begin_disabled(not light.is_current)
+    for name, value, error, of, about in (
+        ("mean", n.mean, n.mean_error, unit, "Arithmetic mean of all points."),
+        ("minimum", n.least, n.least_error, unit, "Least of all points. Noise makes it too small, by about its error."),
+        ("maximum", n.most, n.most_error, unit, "Largest of all points."),
+        ("uniformity U0", n.U0, n.U0_error, "", "Minimum / mean (EN 12665)."),
+        ("diversity Ud", n.Ud, n.Ud_error, "", "Minimum / maximum."),
+    ):
+        ui.number(f"   {name}", shown(value, error, of), f"{about} ± is one standard error.")
+    imgui.end_disabled()
+    state = (
+        "measured at rest" if not light.is_current else "" if light.fraction >= 1 else f"{100 * light.fraction:.0f} %"
+    )
+    inside = f"{n.left_out} inside objects" if n.left_out else ""
+    ui.number("   points", ", ".join(part for part in (str(n.points), inside, state) if part),
+              "Points that count, those that do not, and how far measuring is.")  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from app.settings import Settings
 from app.window import theme
 
 LABEL_EM, VALUE_EM = 6.6, 5.4  # width of the columns of labels and of numbers beside sliders
+LARGEST = 1e6  # of a number typed
 DASH = "\N{EM DASH}"  # an unknown number
 
 
@@ -61,6 +62,31 @@ def _beside(name: str, shown: str) -> None:
     imgui.same_line()
     imgui.set_cursor_pos(start)
     imgui.set_next_item_width(max(right - VALUE_EM * em, 3 * em))
+
+
+def fields(
+    name: str, values: Sequence[float], speed: float, digits: str, labels: Sequence[str] = "xyz"
+) -> tuple[tuple[float, ...], bool, bool, bool]:
+    """Draw number fields beside a label; return the numbers, whether they changed, and whether editing begins or ends.
+
+    labels: of the fields, for identity.
+    """
+    label(name)
+    imgui.begin_group()
+    gap = imgui.get_style().item_inner_spacing.x
+    width = (imgui.get_content_region_avail().x - (len(values) - 1) * gap) / len(values)
+    numbers, edited, first, last = list(values), False, False, False
+    for k, axis in enumerate(labels):
+        if k:
+            imgui.same_line(0, gap)
+        imgui.set_next_item_width(width)
+        changed, value = imgui.drag_float(f"##{name} {axis}", values[k], speed, 0, 0, digits)
+        if changed and abs(value) < LARGEST:
+            numbers[k], edited = float(f"{value:.6g}"), True  # the field has float32
+        first |= imgui.is_item_activated()
+        last |= imgui.is_item_deactivated()
+    imgui.end_group()
+    return tuple(numbers), edited, first, last
 
 
 def write_over(text: str) -> None:
