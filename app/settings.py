@@ -25,7 +25,9 @@ SHOWS = ("radiance", "irradiance", ILLUMINANCE)
 ERROR_RANGES = (0.1, 0.3, 1.0)
 ERRORS = "error"  # one more in the window: needs the reference, see app/rest/live_error.py
 SIZE = (1280, 800)
+MOST_PIXELS = 16384  # per side of a picture
 BUDGET = 16.0  # [ms]: 60 frames per second
+SECONDS = 20.0  # for gathering light before a picture without a window
 STEP = 0.015  # of the scene size: motion of a mobile per timed frame, as in the report
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-FLOAT, UNSIGNED = 5126, 5125
+from gi_core.files.formats.glb_writer import GlbWriter
 
 
 class Part(NamedTuple):
@@ -48,53 +46,27 @@ def material(
 def glb_bytes(parts: list[Part], materials: list[dict], images: Sequence[bytes] = ()) -> bytes:
     """Return a GLB with one mesh, a primitive a part, float32 positions, and PNG images, each of them a texture."""
     index = {m["name"]: i for i, m in enumerate(materials)}
-    binary, views, accessors, primitives = b"", [], [], []
-
-    def store(array, component, kind, **extra) -> int:
-        nonlocal binary
-        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": array.nbytes})
-        accessors.append(
-            {"bufferView": len(views) - 1, "componentType": component, "count": len(array), "type": kind, **extra}
-        )
-        binary += array.tobytes()
-        return len(accessors) - 1
-
+    file, primitives = GlbWriter(), []
     for part in parts:
-        p = np.ascontiguousarray(part.vertices, "<f4")
-        bounds = {"min": [float(x) for x in p.min(axis=0)], "max": [float(x) for x in p.max(axis=0)]}
-        attributes = {"POSITION": store(p, FLOAT, "VEC3", **bounds)}
+        attributes = {"POSITION": file.accessor(part.vertices.astype("<f4"), bounds=True)}
         if part.normals is not None:
-            attributes["NORMAL"] = store(np.ascontiguousarray(part.normals, "<f4"), FLOAT, "VEC3")
+            attributes["NORMAL"] = file.accessor(part.normals.astype("<f4"))
         if part.uv is not None:
-            attributes["TEXCOORD_0"] = store(np.ascontiguousarray(part.uv, "<f4"), FLOAT, "VEC2")
-        indices = store(np.ascontiguousarray(part.faces, "<u4").reshape(-1), UNSIGNED, "SCALAR")
+            attributes["TEXCOORD_0"] = file.accessor(part.uv.astype("<f4"))
+        indices = file.accessor(part.faces.astype("<u4").reshape(-1))
         primitives.append({"attributes": attributes, "indices": indices, "material": index[part.material]})
-    image_views = []
-    for image in images:
-        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(image)})
-        image_views.append(len(views) - 1)
-        binary += image + bytes(-len(image) % 4)
     document = {
-        "asset": {"version": "2.0"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": primitives}],
         "materials": materials,
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": len(binary)}],
     }
     if images:
-        document["images"] = [{"bufferView": v, "mimeType": "image/png"} for v in image_views]
-        document["textures"] = [{"source": i} for i in range(len(images))]
+        document["textures"] = [{"source": file.image(image)} for image in images]
     if any("extensions" in m for m in materials):
         document["extensionsUsed"] = ["KHR_materials_emissive_strength"]
-    text = json.dumps(document, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    total = 12 + 8 + len(text) + 8 + len(binary)
-    head = struct.pack("<4sII", b"glTF", 2, total) + struct.pack("<I4s", len(text), b"JSON")
-    return head + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    return file.bytes(document)
 
 
 def write(folder: Path, files: dict[str, bytes]) -> None:

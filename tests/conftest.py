@@ -42,6 +42,12 @@ def numpy_raises():
         yield
 
 
+@pytest.fixture(autouse=True)
+def pictures_do_not_wait(monkeypatch):
+    """Pictures without a window gather no light unless a test asks for it."""
+    monkeypatch.setattr("app.settings.SECONDS", 0.0)
+
+
 @pytest.fixture(params=ESTIMATORS)
 def estimator(request) -> str:
     return request.param

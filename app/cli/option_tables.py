@@ -33,9 +33,8 @@ LIGHT: dict[str, dict[str, Any]] = {
     "search": {"metavar": "NAME",
                "help": f"disc search of tangent_plane; pictures do not depend on it ({Settings.search})"},
     "light": {"choices": LIGHTS,
-              "help": "best: gathered along paths, on mobiles per frame and on the static part at rest (render waits"
-                      " minutes for it); photons: the estimator alone, as in the report (photons with --estimator,"
-                      " else best without that wait)"},
+              "help": "best: gathered along paths, on mobiles per frame and on the static part at rest; photons: the"
+                      " estimator alone, as in the report (photons with --estimator, else best)"},
     "lamps": {"action": "append", "type": values.lamp, "metavar": "NAME=LEVEL",
               "help": "level of a lamp: 0.5, or r,g,b; `gi-viewer info` lists lamps"},
     "rays": {"metavar": "NAME",

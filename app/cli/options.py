@@ -6,10 +6,11 @@ import argparse
 from collections.abc import Callable
 from dataclasses import replace
 
+from app.cli import values
 from app.cli.option_tables import LIGHT, MEASURE, PICTURE, SCENE, WINDOW, flag_of
 from app.cli.saved_scene import opened
 from app.cli.version import version
-from app.settings import Settings, check_names
+from app.settings import SECONDS, Settings, check_names
 
 
 def scene(parser: argparse.ArgumentParser) -> None:
@@ -45,6 +46,12 @@ def budget(add: Callable, off: str) -> None:
     given = {**WINDOW["budget"], "default": argparse.SUPPRESS}
     given["help"] = f"time for light per frame in motion, with the photons that fit{off} ({Settings.budget:g})"
     add("--budget", **given)
+
+
+def seconds(add: Callable) -> None:
+    """Add --seconds."""
+    text = f"time for gathering light, as the window does at rest; 0: none, and always the same bytes ({SECONDS:g})"
+    add("--seconds", type=values.not_negative, metavar="S", help=text)
 
 
 def _add(add: Callable, table: dict, fields=()) -> None:

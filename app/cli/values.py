@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from app.settings import LampSetting, MeasuringPlane
+from app.settings import MOST_PIXELS, LampSetting, MeasuringPlane
 
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_GRID_POINTS = 100  # along an axis of a measuring plane
@@ -65,8 +65,8 @@ def png(text: str) -> Path:
 
 def size(text: str) -> tuple[int, int]:
     width, cross, height = text.lower().partition("x")
-    fits = cross and width.isdecimal() and height.isdecimal() and 0 < int(width) <= 16384 >= int(height) > 0
-    _require(fits, "WIDTHxHEIGHT in pixels, each 1 .. 16384", text)
+    fits = cross and width.isdecimal() and height.isdecimal() and 0 < int(width) <= MOST_PIXELS >= int(height) > 0
+    _require(fits, f"WIDTHxHEIGHT in pixels, each 1 .. {MOST_PIXELS}", text)
     return int(width), int(height)
 
 

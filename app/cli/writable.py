@@ -1,4 +1,4 @@
-"""Checks that files and folders can be written, before the work; text files written whole or not at all."""
+"""Checks that files and folders can be written, before the work; files written whole or not at all."""
 
 from __future__ import annotations
 
@@ -41,8 +41,12 @@ def _try(file: Path) -> None:
     file.unlink()
 
 
-def write_whole(file: Path, text: str) -> None:
-    """Replace a text file at once: readers and interrupts find the old file or the new one. Raises OSError."""
-    part = file.with_name(file.name + ".part")
-    part.write_text(text, encoding="utf-8", newline="")
-    os.replace(part, file)
+def write_whole(file: Path, content: str | bytes) -> None:
+    """Replace a file at once: readers and interrupts find the old file or the new one. Raises OSError."""
+    part = file.with_name(f"{file.name}.{os.getpid()}.part")  # not a tempfile, which only its owner could read
+    try:
+        part.write_bytes(content.encode() if isinstance(content, str) else content)
+        os.replace(part, file)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise

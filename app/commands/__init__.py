@@ -22,6 +22,7 @@ VIEW = Command(
 )
 COMMANDS = {
     "render": Command("app.commands.render", "draw one picture, or --frames along the mobile's path, without a window"),
+    "bake": Command("app.commands.bake", "write a GLB file with light in its vertices, for other programs"),
     "bench": Command("app.commands.bench", "move the mobile along its path and time every frame"),
     "tune": Command(
         "app.commands.tune", "try settings on this scene and machine; print the best for a frame time or an error"

@@ -1,20 +1,29 @@
-"""`gi-viewer render`: pictures without a window, one, or many along the path."""
+"""`gi-viewer render`: pictures and films without a window."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from app.cli import options, values
 from app.cli.exit_codes import OK
+from app.cli.extras import need
 from app.cli.options import settings_of
-from app.cli.progress import opened, solve
+from app.cli.progress import Bar, opened, solve, time_left
 from app.cli.writable import check_writable
-from app.rest.static_job import gather
-from app.settings import Settings, UsageError, make_solver, open_scene
+from app.settings import MOST_PIXELS, Settings, UsageError, make_solver, open_scene
+
+if TYPE_CHECKING:
+    from app.session.film import Still
 
 FALLBACK_PICTURE = "gi-viewer.png"
+STILLS, FILMS = (".png", ".exr"), (".mp4", ".gif", ".webp")
+RATE = 25  # pictures per second
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -22,48 +31,68 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.light(parser)
     options.picture(parser)
     add = parser.add_argument_group("files").add_argument
-    add("--out", type=Path, metavar="FILE.png", help=f"the picture ({FALLBACK_PICTURE})")
+    add("--out", type=Path, metavar="FILE",
+        help=f"a .png or linear .exr; of --frames also a film: {', '.join(FILMS)} ({FALLBACK_PICTURE})")  # fmt: skip
+    add("--scale", type=values.positive_int, default=1, metavar="N", help="times the pixels of --size per side (1)")
+    options.seconds(add)
     add("--frames", type=values.positive_int, metavar="N", help="N pictures along the path: FILE.0001.png and so on")
+    add("--rate", type=values.positive_int, default=RATE, metavar="N", help=f"pictures per second of a film ({RATE})")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    out = arguments.out or Path(FALLBACK_PICTURE)
-    replaced = arguments.out is None and arguments.frames is None and out.exists()
-    for path in render(settings_of(arguments), out, arguments.frames):
+    a = arguments
+    out = a.out or Path(FALLBACK_PICTURE)
+    replaced = a.out is None and a.frames is None and out.exists()
+    settings = settings_of(a)
+    settings = replace(settings, size=(a.scale * settings.size[0], a.scale * settings.size[1]))
+    for path in render(settings, out, a.frames, a.seconds, a.rate):
         print(path)
     if replaced:
         print(f"gi-viewer: the {out} that was there is replaced; --out FILE.png names another", file=sys.stderr)
     return OK
 
 
-def render(settings: Settings, out: Path, frames: int | None = None) -> list[Path]:
-    """Write one picture, or `frames` pictures along the mobiles' paths; return their full paths.
+def render(
+    settings: Settings, out: Path, frames: int | None = None, seconds: float | None = None, rate: int = RATE
+) -> list[Path]:
+    """Write one picture, or `frames` pictures along the mobiles' paths, or these as a film; return their full paths.
 
-    Raises SceneError, UsageError, OSError.
+    seconds: for gathering light before, see `gather`; rate: pictures per second of a film. Raises SceneError,
+    UsageError, OSError.
     """
     from app.draw import motion
-    from app.draw.png import write_png
     from app.draw.shot import Shot
-    from app.session.picture import metadata_of
+    from app.rest.within import gather
+    from app.session.film import along, still
 
-    _check(out, frames)
+    linear = out.suffix.lower() == ".exr"
+    _check(settings, out, frames)
     with opened(settings, open_scene) as (bar, scene):
         solver = make_solver(scene, settings)
         solve(solver, bar)
-        if settings.light == "best":  # by option only; by default a picture does not wait
-            gather(solver, bar)
-            for progress in solver.gather_pose_steps() if frames is None else ():
-                bar(progress.stage, progress.fraction)
+        gather(solver, seconds, bar, at_poses=frames is None)
         shot = Shot(solver, settings)
         if frames is None:
-            return [write_png(out, shot.take(lambda f: bar("drawing", f)), metadata_of(shot))]
-        written = []
-        for k, poses in enumerate(motion.spread(motion.paths_of(solver), frames)):
-            bar("drawing", k / frames)
-            if poses:
-                solver.move_all(poses)
-            written.append(write_png(numbered(out, k + 1), shot.take(), metadata_of(shot)))
-        return written
+            return [still(shot, linear, lambda f: bar("drawing", f)).write(out)]
+        stills = along(shot, motion.spread(motion.paths_of(solver), frames), linear)
+        return _written(_counted(stills, frames, bar), out, rate)
+
+
+def _written(stills: Iterator[Still], out: Path, rate: int) -> list[Path]:
+    """Write pictures as they come, to numbered files or a film."""
+    from app.draw.video import write_video
+
+    if out.suffix.lower() in FILMS:
+        return [write_video(out, (s.picture for s in stills), rate)]  # type: ignore[misc]
+    return [s.write(numbered(out, k)) for k, s in enumerate(stills, 1)]
+
+
+def _counted(stills: Iterator[Still], frames: int, bar: Bar) -> Iterator[Still]:
+    """Yield the pictures, showing progress."""
+    began = time.monotonic()
+    for k, drawn in enumerate(stills, 1):
+        yield drawn
+        bar(f"drawing{time_left((frames - k) * (time.monotonic() - began) / k)}", k / frames)
 
 
 def numbered(out: Path, k: int) -> Path:
@@ -71,8 +100,19 @@ def numbered(out: Path, k: int) -> Path:
     return out.with_name(f"{out.stem}.{k:04d}{out.suffix}")
 
 
-def _check(out: Path, frames: int | None) -> None:
+def _check(settings: Settings, out: Path, frames: int | None) -> None:
     """Refuse before the work, not after it."""
-    if out.suffix.lower() != ".png":
-        raise UsageError(f"--out must name a .png file, got {out}")
-    check_writable("--out", out if frames is None else numbered(out, 1))
+    suffix = out.suffix.lower()
+    if suffix not in STILLS + FILMS:
+        raise UsageError(f"--out must name a file of {', '.join(STILLS + FILMS)}, got {out}")
+    if suffix in FILMS and frames is None:
+        raise UsageError(f"--out {out} is a film: give --frames N, or name a .png file")
+    if max(settings.size) > MOST_PIXELS:
+        raise UsageError(
+            f"a picture has at most {MOST_PIXELS} pixels per side, got {max(settings.size)}; lower --scale"
+        )
+    if suffix == ".exr":
+        need("OpenEXR", "writes .exr files")
+    if suffix == ".mp4":
+        need("av", "writes .mp4 files")
+    check_writable("--out", out if frames is None or suffix in FILMS else numbered(out, 1))

@@ -11,6 +11,8 @@ import numpy as np
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from app.cli.writable import write_whole
+
 KEYWORD_CHARACTERS = 79  # limit of the PNG standard
 
 
@@ -25,14 +27,7 @@ def write_png(path: str | os.PathLike, picture: np.ndarray, parameters: Mapping[
         info.add_text(_latin(key)[:KEYWORD_CHARACTERS], _latin(value))
     data = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(picture)).save(data, "PNG", pnginfo=info)
-    # Not a tempfile, which only its owner could read.
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        part.write_bytes(data.getvalue())
-        os.replace(part, path)
-    except OSError:
-        part.unlink(missing_ok=True)
-        raise
+    write_whole(path, data.getvalue())
     return path
 
 

@@ -7,7 +7,7 @@ renderer, so the two pictures differ only along edges.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -47,6 +47,26 @@ class PictureScene(NamedTuple):
     texture: np.ndarray  # (F,) int64 into textures, -1: none; or (0,): none at all
     uv: np.ndarray  # (F, 3, 2) float32, or (0, 3, 2)
     emission: np.ndarray  # (F, 3) float64 that a texture does not colour, or (0, 3)
+
+
+class Strip(NamedTuple):
+    """The rays of some rows of a picture, and the faces that they see."""
+
+    rows: slice  # of the picture
+    eye: np.ndarray  # (3,) float32
+    directions: np.ndarray  # (n, 3) float32, by row, column, sample
+    face: np.ndarray  # (n,) int32, -1: none
+    u: np.ndarray  # (n,) float32, barycentric weight of corner 1
+    v: np.ndarray  # (n,) float32, of corner 2
+
+    def seen(self, hit: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return faces, weights and directions of some rays."""
+        return self.face[hit], self.u[hit], self.v[hit], self.directions[hit]
+
+    def resolved(self, values: np.ndarray) -> np.ndarray:
+        """Return the means (rows, width, channels) float32 over the samples of each pixel of values (n, channels)."""
+        shape = self.rows.stop - self.rows.start, -1, len(PIXEL_OFFSETS), values.shape[-1]
+        return values.reshape(shape).mean(axis=2, dtype=np.float32)
 
 
 Placed = Callable[[np.ndarray], tuple[PictureScene, np.ndarray]]
@@ -117,24 +137,44 @@ def picture(
     width, height = size
     world = place(meshes, at)
     weights = [None] * len(meshes) if weights is None else weights
-    front, back = (
-        np.concatenate([weighted(c[side], w, side) for c, w in zip(colours, weights, strict=True)]) for side in (0, 1)
-    )
+    front, back = both_sides(colours, weights)
     out = np.empty((height, width, 3), np.uint8)
-    rows = max(1, RAYS_PER_BATCH // (width * len(PIXEL_OFFSETS)))
     steps = pixel_steps(camera, width, height) if textured and world.textures else None
+    for strip in strips(accelerator, at, world, camera, size, cull, progress):
+        # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
+        display = _shade(world, front, back, strip, exposure, tone_map, steps, scale, gains)
+        out[strip.rows] = np.round(strip.resolved(display))
+    return out
+
+
+def strips(
+    accelerator: Accelerator,
+    at: Transforms,
+    world: PictureScene,
+    camera: Turntable,
+    size: tuple[int, int],
+    cull: bool = True,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> Iterator[Strip]:
+    """Cast the rays of a picture of `size` (width, height) pixels, strip by strip."""
+    width, height = size
+    rows = max(1, RAYS_PER_BATCH // (width * len(PIXEL_OFFSETS)))
     for top in range(0, height, rows):
         progress(top / height)
         bottom = min(top + rows, height)
         origins, directions = _rays(camera, width, height, top, bottom)
-        face, u, v = _visible_faces(accelerator, at, lambda hit: (world, hit), origins, directions, cull)
-        display = _shade(
-            world, front, back, face, u, v, directions, exposure, tone_map, steps, origins[0], scale, gains
-        )
-        # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
-        mean = display.reshape(bottom - top, width, len(PIXEL_OFFSETS), 3).mean(axis=2, dtype=np.float32)
-        out[top:bottom] = np.round(mean)
-    return out
+        seen = _visible_faces(accelerator, at, lambda hit: (world, hit), origins, directions, cull)
+        yield Strip(slice(top, bottom), origins[0], directions, *seen)
+
+
+def both_sides(
+    colours: Sequence[tuple[np.ndarray, np.ndarray]], weights: Sequence[np.ndarray | None]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the weighted colours (D, 4) of front and back of all objects."""
+    front, back = (
+        np.concatenate([weighted(c[side], w, side) for c, w in zip(colours, weights, strict=True)]) for side in (0, 1)
+    )
+    return front, back
 
 
 def visible_irradiance(
@@ -161,8 +201,8 @@ def visible_irradiance(
     hit = np.flatnonzero(face >= 0)
     some, rows = _parts(meshes, face[hit])
     world = place(some, at)
-    pairs = [(colours(mesh, drawn.irradiance, False), weights(mesh, drawn.weights)) for mesh in some]
-    front, back = (np.concatenate([weighted(c[side], w, side) for c, w in pairs]) for side in (0, 1))
+    pairs = [colours(mesh, drawn.irradiance, False) for mesh in some]
+    front, back = both_sides(pairs, [weights(mesh, drawn.weights) for mesh in some])
     radiance, facing = seen_radiance(world, front, back, rows, u[hit], v[hit], directions[hit], None, origins[0])
     return math.pi * luminance(radiance[facing | ~world.one_sided[rows]])
 
@@ -250,19 +290,16 @@ def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.
     return u, np.clip((d * q).sum(axis=1) * inverse, 0, 1 - u)
 
 
-def _shade(
-    world: PictureScene, front, back, face, u, v, directions, exposure, tone_map, steps, eye, scale, gains
-) -> np.ndarray:
+def _shade(world: PictureScene, front, back, strip: Strip, exposure, tone_map, steps, scale, gains) -> np.ndarray:
     """Return display values (n, 3) uint8."""
-    out = np.empty((len(face), 3), np.uint8)
+    out = np.empty((len(strip.face), 3), np.uint8)
     out[:] = np.round(np.array(BACKGROUND) * 255)
-    hit = np.flatnonzero(face >= 0)
+    hit = np.flatnonzero(strip.face >= 0)
     if not len(hit):
         return out
-    rays = world, front, back, face[hit], u[hit], v[hit], directions[hit], steps, eye
-    radiance, facing = seen_radiance(*rays)
+    radiance, facing = seen_radiance(world, front, back, *strip.seen(hit), steps, strip.eye)
     out[hit] = to_display(radiance, exposure, tone_map, gains) if scale is None else false_colours(radiance, scale)
-    out[hit[~facing & world.one_sided[face[hit]]]] = np.round(np.array(UNLIT) * 255)
+    out[hit[~facing & world.one_sided[strip.face[hit]]]] = np.round(np.array(UNLIT) * 255)
     return out
 
 

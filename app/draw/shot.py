@@ -50,8 +50,7 @@ class Shot:
 
     def take(self, progress=lambda fraction: None) -> np.ndarray:
         """Return the picture (h, w, 3) uint8; the first one fixes the settings left open."""
-        if self.exposure is None:
-            self.exposure = self.metered()
+        self.expose()
         if self.scale is None:
             self.scale = self.fitted_scale()
         model, s = self.solver.model, self.settings
@@ -76,6 +75,11 @@ class Shot:
             if self.scale is None
             else with_legend(picture, of_scale(self.scale, units_of(self.solver.scene.units)))
         )
+
+    def expose(self) -> None:
+        """Meter the exposure unless it is known."""
+        if self.exposure is None:
+            self.exposure = self.metered()
 
     def fitted_scale(self) -> Scale | None:
         """Return the scale of false colours that the settings give or that suits the picture; None: other pictures."""

@@ -42,7 +42,7 @@ class RestWork:
         other = "" if settings.compare == REFERENCE else settings.compare
         self._wants = Wants(settings.measure_errors, REFERENCE in settings.beside_estimate, other)
         unknown = math.isinf(self.gathering.progress.error) and GATHERING not in self.given_up
-        gathering = (self._gather,) * FIRST_TURNS if unknown else (self._gather, self._gather_at_poses)
+        gathering = (self.next_static,) * FIRST_TURNS if unknown else (self.next_static, self._gather_at_poses)
         jobs = (*gathering, lambda: self._measure_plane(settings.plane), self._measure_errors)
         self._turn += 1
         turn = self._turn % len(jobs)
@@ -63,7 +63,8 @@ class RestWork:
         self.gathering.keep()
         self.live_error.keep()
 
-    def _gather(self) -> Task | None:
+    def next_static(self) -> Task | None:
+        """Return a task that gathers the static part's light, None at the end."""
         run = None if GATHERING in self.given_up else self.gathering.next_work()
         return run and Task(GATHERING, run)
 

@@ -67,16 +67,3 @@ def load(solver: Solver) -> Iterator[Progress]:
             if solver.light_source.gathered.state is not state:
                 return  # this step has traced new paths
             yield progress
-
-
-def gather(solver: Solver, bar) -> None:
-    """Gather all static light, showing progress; save it at the end or after an exception."""
-    from app.rest.reference_store import StaticStore
-
-    store = StaticStore(solver.model, solver.seed)
-    try:
-        for progress in solver.gather_steps(store.load()):
-            bar(progress.stage, progress.fraction)
-    finally:
-        if solver.light_source.gathered is not None and solver.light_source.gathered.state is not None:
-            store.keep(solver.light_source.gathered.state)

@@ -75,6 +75,7 @@ PICTURE = ("size", "exposure", "white_balance", "tone_map", "show", "cull")
 OPTIONS = {  # per command: the fields of Settings that it reads besides the scene's
     "": {*LIGHT, "lamps", "border_correction", "textbook", "light", "budget", *PICTURE},
     "render": {*LIGHT, "lamps", "border_correction", "textbook", "light", *PICTURE},
+    "bake": {*LIGHT, "lamps", "border_correction", "textbook", "light", "exposure", "white_balance"},
     "bench": {*LIGHT, "lamps", "border_correction", "textbook", "light"},
     "chart": {*LIGHT, "exposure"},
     "info": {*LIGHT, "lamps", "exposure"},

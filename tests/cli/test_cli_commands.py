@@ -122,7 +122,7 @@ def test_info_gives_no_advice_about_added_lights(capsys, tmp_path):
 def test_extra_words_and_mistyped_names_get_a_suggestion(capsys, tmp_path):
     write_obj(tmp_path / "kitchen.obj")
     for words, message in (
-        (["bake", "room.glb"], "there is no command bake; there are render, bench"),
+        (["boil", "room.glb"], "there is no command boil; there are render, bake, bench"),
         (["render", "room.glb", "chair.glb"], "only one scene; write --mobile FILE to add a mobile"),
         (["cornell", "chair.glb"], "only one scene; write --mobile FILE to add a mobile"),
     ):

@@ -15,7 +15,14 @@ from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
 from tests.support.document_examples import ROOT, blocks, bring, work_through
 
-DOCUMENTS = ["docs/your-own-room.md", "docs/scene-format.md", "docs/api.md", "docs/chart.md", "README.md"]
+DOCUMENTS = [
+    "docs/your-own-room.md",
+    "docs/scene-format.md",
+    "docs/api.md",
+    "docs/chart.md",
+    "docs/export.md",
+    "README.md",
+]
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)

@@ -75,7 +75,7 @@ import app, gi_core, scenes, shaders
 from app.__main__ import main
 for package in app, gi_core, scenes, shaders:
     assert list(package.__path__)[0].startswith(site), package
-sys.exit(main("render cornell --photons 2000 --size 64x48 --out a.png".split()))
+sys.exit(main("render cornell --photons 2000 --size 64x48 --seconds 0 --out a.png".split()))
 """
 
 

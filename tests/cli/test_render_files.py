@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from app import __main__ as cli
 from app.commands import render
 from app.commands.render import numbered
 from app.draw import motion
 from app.draw.png import write_png
+from app.draw.tonemap import to_display
+from app.rest.within import gather
 from app.settings import Settings, make_solver
 from gi_core.scene import KeyFrames
+from tests.cli.test_render import checkered_room
+from tests.support.cli_support import one_line
 from tests.support.viewer_support import room
 
 SMALL = Settings(photons=4000, radius=0.06, size=(96, 72))
@@ -49,6 +57,140 @@ def test_the_same_command_gives_the_same_bytes(tmp_path, room_instead_of_a_file)
     (a,) = render.render(SMALL, tmp_path / "a.png")
     (b,) = render.render(SMALL, tmp_path / "b.png")
     assert a.read_bytes() == b.read_bytes()
+
+
+def linear_of(path) -> tuple[dict[str, np.ndarray], dict]:
+    import OpenEXR
+
+    with OpenEXR.File(str(path)) as file:
+        return {name: channel.pixels for name, channel in file.channels().items()}, dict(file.header())
+
+
+def test_exr_has_linear_layers_of_the_picture(tmp_path, room_instead_of_a_file):
+    """Tone-mapped, its colour is the PNG but for edges; away from lamps it is albedo times irradiance over pi."""
+    settings = replace(SMALL, white_balance=False, tone_map="clip", exposure=0.5)
+    (exr,), (png,) = (render.render(settings, tmp_path / f"a{suffix}") for suffix in (".exr", ".png"))
+    layers, header = linear_of(exr)
+    assert sorted(layers) == ["RGBA", "albedo", "irradiance"] and layers["albedo"].dtype == np.float32
+    picture, colour, seen = np.array(Image.open(png)).astype(int), layers["RGBA"][..., :3], layers["RGBA"][..., 3]
+    assert (np.abs(to_display(colour, 0.5, "clip") - picture)[seen == 1].max(axis=1) > 8).mean() < 0.05
+    rho, E = layers["albedo"], layers["irradiance"]
+    materials = [m.reflectance for m in room().materials[:3]]  # pixels of one material alone
+    inside = (seen == 1) & np.any([np.isclose(rho, m, atol=1e-6).all(axis=2) for m in materials], axis=0)
+    np.testing.assert_allclose(colour[inside], (rho * E)[inside] / np.pi, rtol=1e-4)
+    assert inside.mean() > 0.3 and len(np.unique(rho[inside][:, 0].round(3))) == 3
+    entries = Image.open(png).text
+    assert {key: header[f"gi-viewer {key}"] for key in entries} == entries
+
+
+def test_exr_shows_textures_in_colour_and_albedo_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(render, "open_scene", lambda settings: checkered_room(2.0))
+    layers, _ = linear_of(*render.render(replace(SMALL, white_balance=False), tmp_path / "a.exr"))
+    rho, E, colour = layers["albedo"], layers["irradiance"], layers["RGBA"][..., :3]
+    known = (rho.min(axis=2) > 0.02) & (layers["RGBA"][..., 3] == 1)
+    ratio = np.pi * colour[known] / (rho * E)[known]
+    assert np.median(np.abs(ratio - 1)) < 0.01 and known.mean() > 0.2 and len(np.unique(rho[..., 0])) > 500
+
+
+def test_frames_as_exr_files(tmp_path, room_instead_of_a_file):
+    paths = render.render(SMALL, tmp_path / "a.exr", frames=2)
+    a, b = (linear_of(path)[0]["irradiance"] for path in paths)
+    assert [p.name for p in paths] == ["a.0001.exr", "a.0002.exr"] and not np.array_equal(a, b)
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".webp", ".mp4"])
+def test_films_have_every_frame_at_the_rate(suffix, tmp_path, room_instead_of_a_file):
+    """Frames are those of numbered pictures, but for the losses of the format; odd sizes are padded in MP4."""
+    settings = replace(SMALL, size=(95, 71))
+    (path,) = render.render(settings, tmp_path / f"a{suffix}", frames=4, rate=20)
+    pictures = [np.array(Image.open(p)) for p in render.render(settings, tmp_path / "a.png", frames=4)]
+    assert path.name == f"a{suffix}" and not list(tmp_path.glob("*.part"))
+    if suffix == ".mp4":
+        import av
+
+        with av.open(str(path)) as file:
+            stream = file.streams.video[0]
+            assert stream.average_rate == 20 and (stream.width, stream.height) == (96, 72)
+            seen = [frame.to_ndarray(format="rgb24")[:71, :95] for frame in file.decode(stream)]
+    else:
+        film = Image.open(path)
+        assert film.n_frames == 4
+        seen = []
+        for k in range(4):
+            film.seek(k)
+            seen.append(np.array(film.convert("RGB")))
+            assert film.info["duration"] == 50 and film.info["loop"] == 0
+    assert len(seen) == 4
+    apart = [[np.abs(s.astype(int) - p).mean() for p in pictures] for s in seen]
+    assert np.argmin(apart, axis=1).tolist() == [0, 1, 2, 3] and np.diag(apart).max() < 6
+
+
+def test_a_stopped_film_leaves_no_file(tmp_path, room_instead_of_a_file, monkeypatch):
+    def stop(self, *_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("app.draw.motion.spread", lambda paths, frames: [{}, {"block": None}])
+    monkeypatch.setattr("gi_core.solver.Solver.move_all", stop)
+    for suffix in (".mp4", ".gif"):
+        with pytest.raises(KeyboardInterrupt):
+            render.render(SMALL, tmp_path / f"a{suffix}", frames=2)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--out a.mp4", "--out a.mp4 is a film: give --frames N, or name a .png file"),
+        ("--out a.jpg", "--out must name a file of .png, .exr, .mp4, .gif, .webp, got a.jpg"),
+        ("--size 16384x9 --scale 2", "a picture has at most 16384 pixels per side, got 32768; lower --scale"),
+    ],
+)
+def test_pictures_that_cannot_be_are_refused_before_the_work(words, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["render", "no such scene.glb", *words.split()]) == 2
+    assert one_line(capsys.readouterr().err) == f"gi-viewer: {message}\n"
+
+
+@pytest.mark.parametrize("module, suffix", [("OpenEXR", "exr"), ("av", "mp4")])
+def test_a_missing_library_is_named_before_the_work(module, suffix, monkeypatch, tmp_path, capsys):
+    monkeypatch.setitem(sys.modules, module, None)
+    assert cli.main(["render", "no such scene.glb", "--frames", "2", "--out", str(tmp_path / f"a.{suffix}")]) == 2
+    said = f"gi-viewer: {module}, which writes .{suffix} files, is not installed: pip install {module}\n"
+    assert one_line(capsys.readouterr().err) == said
+
+
+def test_scale_multiplies_the_size(tmp_path, monkeypatch, room_instead_of_a_file):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main("render --photons 1000 --size 40x30 --scale 4 --out a.png".split()) == 0
+    assert Image.open("a.png").size == (160, 120)
+
+
+# Light ----------------------------------------------------------------------------------------------
+
+
+def ticking(step: float):
+    """A clock that advances by a step [s] per reading: as many tasks on any machine."""
+    now = itertools.count()
+    return lambda: step * next(now)
+
+
+def test_a_picture_has_the_windows_light_within_its_time(tmp_path, room_instead_of_a_file, monkeypatch):
+    """Gathered for some seconds, its light is that of paths; without seconds and by photons only, it is not."""
+    monkeypatch.setattr("app.rest.within.gather", functools.partial(gather, clock=ticking(0.01)))
+    asked = [(SMALL, 0.0), (SMALL, 3.0), (replace(SMALL, light="photons"), 3.0)]
+    entries = [Image.open(*render.render(s, tmp_path / "a.png", seconds=t)).text for s, t in asked]
+    assert [e["static_light"].partition(",")[0] for e in entries] == ["photons", "gathered", "photons"]
+    assert entries[1]["light_at_poses"].startswith("gathered")
+
+
+def test_the_time_left_is_shown_and_the_time_kept():
+    """By a clock of its own: each task takes a second."""
+    solver, said = make_solver(room(), replace(SMALL, light="best")), []
+    solver.solve()
+    gather(solver, 8.0, lambda text, fraction: said.append((text, fraction)), clock=ticking(0.25))
+    lefts = [int(text.split(", ")[1].split()[0]) for text, _ in said]
+    assert lefts[0] == 8 and lefts == sorted(lefts, reverse=True) and lefts[-1] <= 1 and len(said) <= 32
+    assert [f for _, f in said] == sorted(f for _, f in said) and 0 <= said[0][1] < said[-1][1] <= 1
 
 
 def test_png_text_survives_any_value(tmp_path):

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import pytest
 
 from app import __main__ as cli
+from app.commands.render import STILLS
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
@@ -28,6 +29,7 @@ ROOM = ROOT / "docs" / "your-own-room.md"
 SMALL = "--max-edge 0.5".split()
 PHOTONS = "--photons 2000".split()
 OF_COMMAND = {"view": [*PHOTONS, "--size", "64x40"], "render": [*PHOTONS, "--size", "64x40"], "bench": PHOTONS,
+              "bake": PHOTONS,
               "info": PHOTONS, "tune": PHOTONS, "reference": ["--error", "30"],
               "chart": [*PHOTONS, "--quick", "--frames", "2", "--points", "50"]}  # fmt: skip
 FRAMES = ["--frames", "2"]
@@ -111,7 +113,7 @@ def run(arguments: list[str]) -> int:
     for option in ("--out", "--json", "--screenshot"):
         if option in arguments:
             file = Path(arguments[arguments.index(option) + 1])
-            if option == "--out" and "--frames" in arguments:
+            if option == "--out" and "--frames" in arguments and file.suffix in STILLS:
                 file = file.with_stem(f"{file.stem}.0001")
             assert file.stat().st_size > 0
     return code

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.rest import static_job
+from app.rest import within
 from app.rest.reference_store import StaticStore
 from app.rest.static_job import Gathering
 from app.session.log import Log
@@ -108,7 +108,7 @@ def test_interrupted_gathering_keeps_its_state(monkeypatch):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        static_job.gather(solver, bar)
+        within.gather(solver, 3600.0, bar)
     kept = StaticStore(solver.model, solver.seed).load()
     assert kept is not None and np.array_equal(kept.mean, solver.light_source.gathered.state.mean)
 

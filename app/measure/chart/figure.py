@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
+from app.cli.extras import need
 from app.measure.chart.report import REPORT, SCENES
 from app.measure.chart.rival import RIVAL
 from app.measure.chart.settings import DRAGGED, GATHERED, NO_CONTROL, RESTED, TUNED
-from app.settings import BUDGET, UsageError
+from app.settings import BUDGET
 from gi_core.estimators import ESTIMATORS
 
 PANELS = {
@@ -48,10 +49,7 @@ def styles() -> dict[str, tuple[str, str]]:
 
 def need_matplotlib() -> None:
     """Raise UsageError where matplotlib is missing."""
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        raise UsageError("matplotlib, which draws the chart, is not installed: pip install matplotlib") from None
+    need("matplotlib", "draws the chart")
 
 
 def draw(rows: list[dict], about: dict, out: Path) -> None:

@@ -119,6 +119,7 @@ def test_command_traces_the_photons_that_fit():
 @limited
 def test_command_ends_in_one_sentence(tmp_path):
     words = ["render", "cornell", "--photons", "500000", "--out", str(tmp_path / "a.png"), "--size", "16384x16384"]
+    words += ["--seconds", "0"]
     code = f"sys.exit(main({words!r}))"
     done = run_limited(code, 40 << 20, "app.__main__", "main", "(['info', 'furnace', '--photons', '100'])")
     assert done.returncode == 2, done.stderr

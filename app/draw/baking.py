@@ -1,0 +1,207 @@
+"""Light baked into the vertices of a GLB file: unlit materials times vertex colours.
+
+Each vertex has COLOR_0 and _IRRADIANCE [W/m2 or lx], both linear float32. A material's base colour times its texture
+times COLOR_0 is the radiance at an exposure, with white balance. glTF requires values of COLOR_0 up to 1, so those
+above are cut off; by default the exposure is the highest at which lamps alone are.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from PIL import Image
+
+from app.draw.camera import Turntable
+from app.draw.vertex_colours import DrawMesh, colours, mean_radiance
+from app.draw.white_balance import NEUTRAL, Gains
+from gi_core.files.formats.glb_writer import GlbWriter
+from gi_core.files.formats.gltf_file import NEAREST, WRAPS
+from gi_core.scene.pose import quaternion_of
+from gi_core.scene.types import Material, Mesh, Texture
+from gi_core.solver import Solver
+
+LINEAR, LINEAR_MIPMAPS = 9729, 9987
+CODES = {name: code for code, name in WRAPS.items()}
+CUTOFF = 0.5  # of the alpha of a texture with holes
+UNLIT = "KHR_materials_unlit"
+UP = np.array([0.0, 1.0, 0.0])  # of a glTF file
+
+
+class Side(NamedTuple):
+    """The faces of one material and texture of an object, seen from one side."""
+
+    material: int
+    texture: int  # -1: none
+    tinted: bool  # vertex colours contain the reflectance; else the material's base colour does
+    lamp: bool
+    back: bool
+    faces: np.ndarray  # (n,) int64
+
+
+def baked(
+    solver: Solver,
+    meshes: tuple[DrawMesh, ...],
+    irradiance: np.ndarray,
+    camera: Turntable,
+    exposure: float | None = None,
+    gains: Gains = NEUTRAL,
+    picture: float = 0.0,
+) -> bytes:
+    """Return a GLB file of the scene with its light; mobiles are nodes at their poses.
+
+    meshes: of `draw_meshes`, with emission at the solver's levels; irradiance (R, 3) [W/m2] at the solver's poses;
+    exposure [EV]: of COLOR_0, None: by default; gains: as in `tonemap.to_display`; picture: the exposure of a picture
+    [EV], noted in the file.
+    """
+    baking = _Baking(solver, meshes, irradiance, np.array(gains))
+    exposure = baking.default_exposure() if exposure is None else exposure
+    notes = {"exposure": exposure, "picture_exposure": picture, "gains": list(gains), "units": solver.scene.units}
+    return baking.file(camera, exposure, notes)
+
+
+class _Baking:
+    def __init__(self, solver: Solver, meshes, irradiance: np.ndarray, gains: np.ndarray) -> None:
+        self.model, self.poses, self.meshes, self.factor = solver.model, solver.poses, meshes, gains
+        self.irradiance = irradiance.astype(np.float32)
+        self.drawn = solver.drawn(irradiance).irradiance  # unreached vertices filled, as in the picture
+        self.parts = [self.model.scene.static, *(m.mesh for m in self.model.scene.mobiles)]
+        self.out = GlbWriter()
+        self.materials: list[dict] = []
+        self.known: dict[tuple, int] = {}  # material, texture, tinted -> index
+        self.textures: list[dict] = []
+        self.samplers: list[dict] = []
+        self.of_texture: dict[Texture, int] = {}
+
+    def default_exposure(self) -> float:
+        """Return the highest exposure [EV] at which no colour exceeds 1, lamps left out; 0 without light."""
+        dark = ((o, s) for o, mesh in enumerate(self.parts) for s in self._sides(o, mesh) if not s.lamp)
+        most = max((float(self._colours(o, s)[1].max(initial=0.0)) for o, s in dark), default=0.0)
+        return -math.log2(most) if most > 0 else 0.0
+
+    def file(self, camera: Turntable, exposure: float, notes: dict) -> bytes:
+        """Return the file's bytes; notes: extras of its scene."""
+        scene, at, parts = self.model.scene, self.model.transforms(self.poses), self.parts
+        self.factor, names = self.factor * 2.0**exposure, ["static", *self.model.names]
+        nodes: list[dict] = [{"name": scene.name, "children": list(range(1, len(parts) + 2))}]
+        nodes[0] |= _placed(_turn(np.array(scene.up)), _turn(np.array(scene.up)) @ self.model.origins[0])
+        given: list[dict] = []
+        for o, (name, mesh) in enumerate(zip(names, parts, strict=True)):
+            primitives = [self._primitive(o, side) for side in self._sides(o, mesh)]
+            nodes.append({"name": name} | _placed(at.rotation[o], at.position[o]))
+            if primitives:
+                nodes[-1]["mesh"] = len(given)
+                given.append({"name": name, "primitives": primitives})
+        view = camera.relative_to(self.model.origins[0])
+        eye = np.linalg.inv(view.view())
+        nodes.append({"name": "camera", "camera": 0} | _placed(eye[:3, :3], eye[:3, 3]))
+        far = float(np.linalg.norm(view.eye() - view.bounds.centre)) + 2 * view.bounds.radius
+        lens = {"type": "perspective", "perspective": {"yfov": view.fov, "znear": far / 1000, "zfar": far}}
+        document: dict[str, Any] = {
+            "scene": 0,
+            "scenes": [{"nodes": [0], "extras": notes}],
+            "nodes": nodes,
+            "meshes": given,
+            "materials": self.materials,
+            "cameras": [lens],
+            "extensionsUsed": [UNLIT],
+        }
+        if self.textures:
+            document |= {"textures": self.textures, "samplers": self.samplers}
+        return self.out.bytes(document)
+
+    def _sides(self, o: int, mesh: Mesh) -> Iterator[Side]:
+        """Yield the sides of an object; the back of a two-sided face has its own light, and so its own triangles."""
+        paint, surfaces = mesh.paint, self.model.surfaces
+        texture = np.full(len(mesh.faces), -1) if paint is None else paint.face_texture
+        materials = self.model.scene.materials
+        tinted = paint is not None or mesh.face_reflectance is not None
+        kinds = np.unique(np.stack([mesh.face_material, texture], axis=1), axis=0)
+        two_sided = surfaces.two_sided[surfaces.face_range(o)]
+        for m, t in kinds:
+            faces = np.flatnonzero((mesh.face_material == m) & (texture == t))
+            lit = any(materials[m].emission)
+            yield Side(int(m), -1 if lit else int(t), tinted or lit, lit, False, faces)
+            if len(backs := faces[two_sided[faces]]):
+                yield Side(int(m), int(t), tinted, False, True, backs)
+
+    def _colours(self, o: int, side: Side) -> tuple[np.ndarray, np.ndarray]:
+        """Return the draw vertices (n,) of a side, and their colours (n, 3)."""
+        draw, rows = self.meshes[o], np.unique(self.meshes[o].triangles[side.faces])
+        pair = colours(draw, self.drawn, side.tinted)
+        if side.lamp:  # with the mean of its texture
+            pair = mean_radiance(draw, *pair)
+        return rows, pair[side.back][rows] * self.factor
+
+    def _primitive(self, o: int, side: Side) -> dict:
+        draw = self.meshes[o]
+        rows, colour = self._colours(o, side)
+        corners = np.searchsorted(rows, draw.triangles[side.faces])
+        receivers = (draw.back if side.back else draw.front)[rows]
+        normals = self.model.object_receivers.normals[receivers].astype(np.float32)
+        normals[~normals.any(axis=1)] = UP
+        store = self.out.accessor
+        attributes = {
+            "POSITION": store(draw.positions[rows], bounds=True),
+            "NORMAL": store(normals),
+            "COLOR_0": store(np.clip(colour, 0, 1).astype(np.float32)),
+            "_IRRADIANCE": store(self.irradiance[receivers]),
+        }
+        if side.texture >= 0:
+            attributes["TEXCOORD_0"] = store(draw.uv[rows].astype(np.float32))
+        indices = store((corners[:, ::-1] if side.back else corners).astype(np.uint32).reshape(-1))
+        return {"attributes": attributes, "indices": indices, "material": self._material(o, side)}
+
+    def _material(self, o: int, side: Side) -> int:
+        texture = self.meshes[o].textures[side.texture] if side.texture >= 0 else None
+        key = side.material, texture, side.tinted
+        if key not in self.known:
+            self.known[key] = len(self.materials)
+            base = self.model.scene.materials[side.material]
+            self.materials.append(self._described(base, texture, side.tinted))
+        return self.known[key]
+
+    def _described(self, base: Material, texture: Texture | None, tinted: bool) -> dict:
+        factor = (1.0, 1.0, 1.0) if tinted else base.reflectance
+        pbr: dict[str, Any] = {"baseColorFactor": [*factor, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
+        out: dict[str, Any] = {"name": base.name, "pbrMetallicRoughness": pbr, "extensions": {UNLIT: {}}}
+        out["extras"] = {"reflectance": base.reflectance, "emission": base.emission}
+        if texture is not None:
+            pbr["baseColorTexture"] = {"index": self._texture(texture)}
+            if texture.cover is not None:
+                out |= {"alphaMode": "MASK", "alphaCutoff": CUTOFF}
+        return out
+
+    def _texture(self, texture: Texture) -> int:
+        if texture not in self.of_texture:
+            pixels = texture.pixels
+            if texture.cover is not None:
+                pixels = np.concatenate([pixels, texture.cover[..., None]], axis=2)
+            data = io.BytesIO()
+            Image.fromarray(np.ascontiguousarray(pixels)).save(data, "PNG")
+            wraps = dict(zip(("wrapS", "wrapT"), (CODES[w] for w in texture.wrap), strict=True))
+            near = NEAREST if texture.nearest else LINEAR
+            self.samplers.append(wraps | {"magFilter": near, "minFilter": LINEAR_MIPMAPS})
+            self.textures.append({"source": self.out.image(data.getvalue()), "sampler": len(self.samplers) - 1})
+            self.of_texture[texture] = len(self.textures) - 1
+        return self.of_texture[texture]
+
+
+def _turn(up: np.ndarray) -> np.ndarray:
+    """Return the rotation (3, 3) that carries `up` to glTF's y; z becomes y as in Blender's exporter."""
+    up = up / np.linalg.norm(up)
+    axis, cosine = np.cross(up, UP), float(up @ UP)
+    if cosine < -1 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + K + K @ K / (1 + cosine)
+
+
+def _placed(rotation: np.ndarray, position: np.ndarray) -> dict:
+    """Return a node's transform; nothing for the identity."""
+    w, x, y, z = quaternion_of(rotation)
+    turned = {} if np.array_equal(rotation, np.eye(3)) else {"rotation": [x, y, z, w]}
+    return turned | ({"translation": np.asarray(position).tolist()} if np.any(position) else {})

@@ -1,0 +1,56 @@
+"""Linear layers of a picture by ray casting: radiance, irradiance, albedo, coverage."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from app.draw import raycast
+from app.draw.camera import Turntable
+from app.draw.vertex_colours import DrawMesh, colours, weights
+from gi_core.solver import Solver
+
+
+class Layers(NamedTuple):
+    """Means over pixels; 0 where nothing is seen, and on the backs of one-sided faces."""
+
+    colour: np.ndarray  # (h, w, 3) float32, radiance [W/m2/sr], without exposure and white balance
+    irradiance: np.ndarray  # (h, w, 3) float32 [W/m2]
+    albedo: np.ndarray  # (h, w, 3) float32, reflectance with textures
+    coverage: np.ndarray  # (h, w, 1) float32, 0 .. 1
+
+
+def layers(
+    solver: Solver,
+    meshes: tuple[DrawMesh, ...],
+    camera: Turntable,
+    size: tuple[int, int],
+    cull: bool = True,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> Layers:
+    """Return the layers of a solved scene; meshes: of `draw_meshes`, at the solver's levels; size: (width, height)."""
+    model, drawn = solver.model, solver.drawn(solver.irradiance)
+    at, (width, height) = model.transforms(solver.poses), size
+    world, eye = raycast.place(meshes, at), camera.relative_to(model.origins[0])
+    by_vertex = [weights(mesh, drawn.weights) for mesh in meshes]
+    radiance = raycast.both_sides([colours(mesh, drawn.irradiance) for mesh in meshes], by_vertex)
+    white = raycast.both_sides([colours(mesh, drawn.irradiance, False) for mesh in meshes], by_vertex)
+    bare = raycast.both_sides([(mesh.reflectance, mesh.reflectance) for mesh in meshes], [None] * len(meshes))
+    steps = raycast.pixel_steps(eye, width, height) if world.textures else None
+    dark = world._replace(emission=np.zeros_like(world.emission))
+    out = Layers(*(np.zeros((height, width, k), np.float32) for k in (3, 3, 3, 1)))
+    for strip in raycast.strips(model.accelerator, at, world, eye, size, cull, progress):
+        hit = np.flatnonzero(strip.face >= 0)
+        seen = strip.seen(hit)
+        light, facing = raycast.seen_radiance(world, *radiance, *seen, steps, strip.eye)
+        E = math.pi * raycast.seen_radiance(world, *white, *seen, None, strip.eye)[0]
+        rho = raycast.seen_radiance(dark, *bare, *seen, steps, strip.eye)[0]
+        lit = (facing | ~world.one_sided[seen[0]])[:, None]
+        for layer, values in zip(out, (light * lit, E * lit, rho * lit, np.ones((len(hit), 1))), strict=True):
+            rays = np.zeros((len(strip.face), values.shape[1]))
+            rays[hit] = values
+            layer[strip.rows] = strip.resolved(rays)
+    return out
