@@ -10,6 +10,8 @@ uniform vec3 unlit;      // display colour of a side that has no light by defini
 
 centroid in vec4 front_radiance;  // times its weight; weight
 centroid in vec4 back_radiance;
+centroid in vec3 front_gloss;  // above the texture, times its weight
+centroid in vec3 back_gloss;
 out vec4 colour;
 #ifdef TEXTURED
 uniform sampler2D image;    // sRGB, decoded before it is filtered
@@ -50,6 +52,7 @@ void main() {
     vec3 paint = mix(vec3(1.0), min(texture(image, at).rgb, brightest), painted);
     if (radiance.r >= -0.5) radiance = paint * radiance + (gl_FrontFacing ? painted * emission : vec3(0.0));
 #endif
+    if (radiance.r >= -0.5 && tone_map < 3) radiance += (gl_FrontFacing ? front_gloss : back_gloss) / seen.a;
     if (radiance.r < -0.5) {
         colour = vec4(unlit, 1.0);
     } else if (tone_map == 3) {

@@ -1,5 +1,6 @@
 #version 330 core
-// Carries object space to the screen; the light of both sides comes ready with each vertex.
+// Carries object space to the screen; diffuse light of both sides comes ready with each vertex. Gloss is evaluated here
+// for the eye, from the directions of light at the vertex: gi_core/gloss/radiance.py does the same arithmetic.
 
 uniform mat4 model;            // object to world
 uniform mat4 view_projection;  // world to clip
@@ -11,6 +12,51 @@ in vec4 back;   // the same; radiance negative where the face is one-sided
 // Centroid: at a silhouette the plain interpolant reaches beyond the triangle and may turn negative.
 centroid out vec4 front_radiance;  // times its weight; weight
 centroid out vec4 back_radiance;
+
+uniform sampler2D cells;  // a line per glossy receiver, two texels per cell: shares of irradiance, direction
+uniform vec2 layout_of;   // lines of a column, cells; 0 lines: no gloss
+uniform vec3 eye;         // in object space
+in vec2 glossy;           // glossy receiver of front and back, from 1; 0: none
+in vec3 normal;           // of the front
+in vec4 specular;         // F0 red, green, blue; F90
+in float alpha;
+in vec3 front_lit;        // irradiance [W/m2]
+in vec3 back_lit;
+centroid out vec3 front_gloss;  // times its weight
+centroid out vec3 back_gloss;
+
+const float LEAST_ALPHA = 0.15;
+const float GRAZING = 0.05;
+
+float smith(float cosine) {
+    float tan2 = max(0.0, 1.0 - cosine * cosine) / (cosine * cosine);
+    float a = max(alpha, LEAST_ALPHA);
+    return 0.5 * (sqrt(1.0 + a * a * tan2) - 1.0);
+}
+
+vec3 gloss(float receiver, vec3 n, vec3 irradiance) {
+    vec3 to_eye = eye - position;
+    float at_eye = dot(to_eye, n);
+    if (receiver < 0.5 || layout_of.x < 0.5 || at_eye <= 0.0) return vec3(0.0);
+    to_eye = normalize(to_eye);
+    at_eye = max(dot(to_eye, n), GRAZING);
+    float far = smith(at_eye), a = max(alpha, LEAST_ALPHA), a2 = a * a;
+    int k = int(receiver) - 1, lines = int(layout_of.x), count = int(layout_of.y);
+    ivec2 at = ivec2(2 * count * (k / lines), k % lines);
+    vec3 sum = vec3(0.0);
+    for (int c = 0; c < count; ++c) {
+        vec3 share = texelFetch(cells, at + ivec2(2 * c, 0), 0).rgb;
+        if (share.r + share.g + share.b <= 0.0) continue;
+        vec3 w = texelFetch(cells, at + ivec2(2 * c + 1, 0), 0).rgb;
+        float at_light = max(dot(w, n), GRAZING);
+        vec3 h = normalize(w + to_eye);
+        float cos_h = dot(h, n), t = cos_h * cos_h * (a2 - 1.0) + 1.0;
+        float f = a2 / (3.14159265 * t * t) / (4.0 * at_light * at_eye * (1.0 + far + smith(at_light)));
+        float s = pow(max(0.0, 1.0 - dot(w, h)), 5.0);
+        sum += f * share * (specular.rgb + (specular.a - specular.rgb) * s);
+    }
+    return sum * irradiance;
+}
 #ifdef TEXTURED
 in vec2 place;  // in the texture
 // Not centroid: a pixel's footprint can only be told from its middle to the next one's, and Mesa's centroid lies
@@ -21,6 +67,8 @@ out vec2 uv;
 void main() {
     front_radiance = vec4(front.rgb * front.a, front.a);
     back_radiance = vec4(back.rgb * back.a, back.a);
+    front_gloss = front.a * gloss(glossy.x, normal, front_lit);
+    back_gloss = back.a * gloss(glossy.y, -normal, back_lit);
 #ifdef TEXTURED
     uv = place;
 #endif

@@ -32,6 +32,7 @@ class Layer(NamedTuple):
     lit: moderngl.VertexArray  # without textures
     textured: moderngl.VertexArray | None  # for textures, None where there are none
     cut_out: moderngl.VertexArray | None  # the same for textures with holes
+    irradiance: moderngl.Buffer | None  # of front and back, under gloss; None without gloss
 
 
 class DrawnObject:
@@ -61,6 +62,11 @@ class DrawnObject:
         if mesh.uv is not None:
             self._places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
             self._owned.append(self._places)
+        self._gloss = None
+        if mesh.lobe is not None:
+            packed = np.c_[mesh.gloss + 1, mesh.normal, mesh.lobe].astype(np.float32)
+            self._gloss = ctx.buffer(packed.tobytes())
+            self._owned.append(self._gloss)
         self.has_holes = any(call.texture is not None and call.texture.cover is not None for call in self._calls)
         self._layers: dict[int, Layer] = {}
         self._layer(0)
@@ -75,13 +81,18 @@ class DrawnObject:
             surface, textured, cut_out = self._programs
             colours = self.ctx.buffer(bytes(max(self._colours.nbytes, 32)), dynamic=True)
             attributes = [(self._positions, "3f", "position"), (colours, "4f 4f", "front", "back")]
+            irradiance = None
+            if self._gloss is not None:
+                irradiance = self.ctx.buffer(bytes(24 * len(self._colours)), dynamic=True)
+                attributes.append((self._gloss, "2f 3f 4f 1f", "glossy", "normal", "specular", "alpha"))
+                attributes.append((irradiance, "3f 3f", "front_lit", "back_lit"))
             lit = self.ctx.vertex_array(surface, attributes, self._triangles)
             painted = holed = None
             if self._places is not None:
                 attributes.append((self._places, "2f", "place"))
                 painted = self.ctx.vertex_array(textured, attributes, self._triangles)
                 holed = self.ctx.vertex_array(cut_out, attributes, self._triangles) if self.has_holes else None
-            self._layers[k] = Layer(colours, lit, painted, holed)
+            self._layers[k] = Layer(colours, lit, painted, holed, irradiance)
             self._owned += [thing for thing in self._layers[k] if thing is not None]
         return self._layers[k]
 
@@ -96,6 +107,15 @@ class DrawnObject:
         self._colours[:, 3::4] = 1.0 if weights is None else weights
         if len(self._colours):
             self._layer(layer).colours.write(self._colours)
+
+    def light(self, front: np.ndarray, back: np.ndarray, layer: int = 0) -> None:
+        """Upload irradiance (D, 3) [W/m2] of both sides, where the object has gloss."""
+        if (buffer := self._layer(layer).irradiance) is not None:
+            buffer.write(np.c_[front, back].astype(np.float32))
+
+    @property
+    def is_glossy(self) -> bool:
+        return self._gloss is not None
 
     def draw(self, cull: bool, layer: int = 0) -> None:
         """Draw all triangles in vertex colours."""

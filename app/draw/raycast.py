@@ -127,22 +127,28 @@ def picture(
     weights: Sequence[np.ndarray | None] | None = None,
     scale: Scale | None = None,
     gains: Gains = NEUTRAL,
+    gloss: Sequence[tuple[np.ndarray, np.ndarray] | None] | None = None,
 ) -> np.ndarray:
     """Return the picture (height, width, 3) uint8.
 
     `colours` has linear radiance of front and back (D, 3) per object; `size` is (width, height) pixels.
     `textured`: multiply by textures; `weights` has the interpolation weights of front and back (D, 2) per object,
-    None for all 1; `scale`: false colours in place of the tone map, of `colours` E / pi; `gains`: white balance.
+    None for all 1; `scale`: false colours in place of the tone map, of `colours` E / pi; `gains`: white balance;
+    `gloss`: radiance (D, 3) above the texture of front and back per object, None where there is none.
     """
     width, height = size
     world = place(meshes, at)
     weights = [None] * len(meshes) if weights is None else weights
     front, back = both_sides(colours, weights)
+    above = None
+    if gloss is not None and any(g is not None for g in gloss):
+        none = ((np.zeros((len(mesh.positions), 3), np.float32),) * 2 for mesh in meshes)
+        above = both_sides([black if g is None else g for black, g in zip(none, gloss, strict=True)], weights)
     out = np.empty((height, width, 3), np.uint8)
     steps = pixel_steps(camera, width, height) if textured and world.textures else None
     for strip in strips(accelerator, at, world, camera, size, cull, progress):
         # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
-        display = _shade(world, front, back, strip, exposure, tone_map, steps, scale, gains)
+        display = _shade(world, front, back, strip, exposure, tone_map, steps, scale, gains, above)
         out[strip.rows] = np.round(strip.resolved(display))
     return out
 
@@ -290,7 +296,9 @@ def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.
     return u, np.clip((d * q).sum(axis=1) * inverse, 0, 1 - u)
 
 
-def _shade(world: PictureScene, front, back, strip: Strip, exposure, tone_map, steps, scale, gains) -> np.ndarray:
+def _shade(
+    world: PictureScene, front, back, strip: Strip, exposure, tone_map, steps, scale, gains, above
+) -> np.ndarray:
     """Return display values (n, 3) uint8."""
     out = np.empty((len(strip.face), 3), np.uint8)
     out[:] = np.round(np.array(BACKGROUND) * 255)
@@ -298,6 +306,8 @@ def _shade(world: PictureScene, front, back, strip: Strip, exposure, tone_map, s
     if not len(hit):
         return out
     radiance, facing = seen_radiance(world, front, back, *strip.seen(hit), steps, strip.eye)
+    if above is not None:
+        radiance += seen_radiance(world, above[0], above[1], *strip.seen(hit), None, strip.eye)[0]
     out[hit] = to_display(radiance, exposure, tone_map, gains) if scale is None else false_colours(radiance, scale)
     out[hit[~facing & world.one_sided[strip.face[hit]]]] = np.round(np.array(UNLIT) * 255)
     return out

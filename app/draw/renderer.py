@@ -14,20 +14,24 @@ import moderngl
 import numpy as np
 
 from app.draw.colour_map import SEQUENTIAL
+from app.draw.gl_gloss import GlossTexture
 from app.draw.gl_objects import DrawnObject
 from app.draw.gl_textures import GLTextures
 from app.draw.white_balance import NEUTRAL, Gains
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
+from gi_core.gloss.hemisphere import CELLS
 
 if TYPE_CHECKING:
     from app.draw.false_colour import Scale
     from app.draw.vertex_colours import DrawMesh
+    from gi_core.gloss.cells import GlossLight
     from gi_core.scene.types import Texture
 
 BACKGROUND = (0.145, 0.15, 0.16)  # display values; lighter than an unlit black patch
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
 TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
+GLOSS_UNIT = 1  # texture unit of directional light
 AS_IS = 3  # there: display colours
 FALSE_COLOURS = 4
 
@@ -48,6 +52,7 @@ class Look:
     scale: Scale | None = None  # of false colours, in place of the tone map; colours are E / pi
     split: float | None = None  # of the width; the second layer of colours is right of it
     gains: Gains = NEUTRAL  # of the white balance
+    eye: np.ndarray | None = None  # (3,) [m], for gloss; None: there is none
 
 
 class Renderer:
@@ -59,7 +64,7 @@ class Renderer:
         self._textured = _program(ctx, "surface.vert", "surface.frag", "TEXTURED")
         # A separate program, because `discard` disables the early depth test.
         self._cut_out = _program(ctx, "surface.vert", "surface.frag", "TEXTURED", "CUT_OUT")
-        self._textures = GLTextures(ctx)
+        self._textures, self._gloss = GLTextures(ctx), GlossTexture(ctx)
         self._mask = _program(ctx, "surface.vert", "mask.frag")
         self._outline = _program(ctx, "screen.vert", "outline.frag")
         self._screen = ctx.vertex_array(self._outline, [])
@@ -81,6 +86,7 @@ class Renderer:
         except Exception:
             self._release(made)
             raise
+        self._gloss.release()
         before, self._objects, self._used_textures = self._objects, made, textures
         self._release(before)
 
@@ -98,6 +104,15 @@ class Renderer:
         weights (D, 2): interpolation weights of front and back; None: all 1.
         """
         self._objects[o].upload(front, back, layer, weights)
+
+    def set_gloss(self, light: GlossLight | None) -> None:
+        """Upload the directional light of the glossy receivers; None: there are none."""
+        self._gloss.upload(light)
+
+    def set_irradiance(self, o: int, mesh: DrawMesh, irradiance: np.ndarray, layer: int = 0) -> None:
+        """Upload irradiance (R, 3) [W/m2] under the gloss of an object, if it has any."""
+        if self._objects[o].is_glossy:
+            self._objects[o].light(np.nan_to_num(irradiance[mesh.front]), np.nan_to_num(irradiance[mesh.back]), layer)
 
     def dim(self, meshes: tuple[DrawMesh, ...]) -> None:
         """Set the emission of all objects to that of these meshes, which differ from set_scene()'s in nothing else."""
@@ -131,6 +146,9 @@ class Renderer:
             program["map"].write(SEQUENTIAL.astype(np.float32).tobytes())
             program["scale"] = look.scale or (0.0, 1.0, 0.0)
             program["unlit"] = UNLIT
+            program["cells"] = GLOSS_UNIT
+            shown = look.textured and look.eye is not None and self._gloss.use(GLOSS_UNIT)
+            program["layout_of"] = (float(self._gloss.lines if shown else 0), float(CELLS))
         for program in (self._textured, self._cut_out):
             program["image"] = 0
             program["brightest"] = MOST_REFLECTANCE
@@ -148,12 +166,12 @@ class Renderer:
 
     def _draw_layer(self, look: Look, layer: int) -> None:
         for o, model in zip(self._objects, look.models, strict=True):
-            _place(self._surface, look.view_projection, model)
+            _place(self._surface, look.view_projection, model, look.eye)
             if not o.is_textured or not (look.textured or o.has_holes):
                 o.draw(look.cull, layer)
             else:
                 for program in (self._textured, self._cut_out) if o.has_holes else (self._textured,):
-                    _place(program, look.view_projection, model)
+                    _place(program, look.view_projection, model, look.eye)
                 o.draw_textured(self._textures, look.cull, layer)
 
     def _draw_outline(self, targets: _Targets, look: Look) -> None:
@@ -203,6 +221,7 @@ class Renderer:
         if self._targets is not None:
             self._targets.release()
         self._textures.keep(())
+        self._gloss.release()
         for thing in (self._screen, self._surface, self._textured, self._cut_out, self._mask, self._outline):
             thing.release()
 
@@ -243,9 +262,11 @@ def _parts(size: tuple[int, int], split: float | None) -> list[tuple[int, tuple[
     return [(layer, area) for layer, area in ((0, (0, 0, at, h)), (1, (at, 0, w - at, h))) if area[2] > 0]
 
 
-def _place(program, view_projection: np.ndarray, model: np.ndarray) -> None:
+def _place(program, view_projection: np.ndarray, model: np.ndarray, eye: np.ndarray | None = None) -> None:
     program["view_projection"].write(view_projection.T.astype(np.float32).tobytes())
     program["model"].write(model.T.astype(np.float32).tobytes())
+    if eye is not None:
+        program["eye"] = tuple(np.asarray(model)[:3, :3].T @ (np.asarray(eye) - np.asarray(model)[:3, 3]))
 
 
 def _program(ctx, vertex: str, fragment: str, *defines: str):

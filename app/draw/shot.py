@@ -12,7 +12,7 @@ from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.legend import of_scale, with_legend
 from app.draw.metering import metered
 from app.draw.units import units_of
-from app.draw.vertex_colours import DrawMesh, colours, dimmed, draw_meshes, weights
+from app.draw.vertex_colours import DrawMesh, colours, dimmed, draw_meshes, gloss_colours, weights
 from app.draw.white_balance import NEUTRAL, gains_for
 from app.settings import ILLUMINANCE, Settings
 
@@ -25,7 +25,8 @@ class Shot:
 
     def __init__(self, solver: Solver, settings: Settings) -> None:
         self.solver, self.settings = solver, settings
-        self._meshes = draw_meshes(solver.surfaces, solver.model.lamp_of_face)
+        model = solver.model
+        self._meshes = draw_meshes(solver.surfaces, model.lamp_of_face, model.object_receivers.normals)
         self.camera = home_camera(solver)
         flux = solver.model.emitters.total_flux
         self.gains = gains_for(flux) if settings.white_balance else NEUTRAL
@@ -43,6 +44,16 @@ class Shot:
         """Return linear radiance of front and back (D, 3) of object o."""
         drawn = self.solver.drawn(self.solver.irradiance).irradiance
         return colours(self.meshes[o], drawn, self.settings.show == "radiance")
+
+    def gloss(self) -> list[tuple[np.ndarray, np.ndarray] | None]:
+        """Return the radiance (D, 3) of gloss on front and back of each object; None: it has none."""
+        light, s = self.solver.frame.gloss, self.solver
+        if light is None or self.settings.show != "radiance":
+            return [None] * len(self.meshes)
+        at, cells, E = s.model.transforms(s.poses), light.whole(), s.drawn(s.irradiance).irradiance
+        eye = self.camera.relative_to(s.model.origins[0]).eye()
+        eyes = [at.rotation[o].T @ (eye - at.position[o]) for o in range(len(self.meshes))]
+        return [gloss_colours(mesh, cells, E, eye) for mesh, eye in zip(self.meshes, eyes, strict=True)]
 
     def weights(self, o: int) -> np.ndarray | None:
         """Return interpolation weights of front and back (D, 2); None: all 1."""
@@ -69,6 +80,7 @@ class Shot:
             [self.weights(o) for o in range(len(self.meshes))],
             self.scale,
             self.gains,
+            self.gloss(),
         )
         return (
             picture

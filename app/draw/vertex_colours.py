@@ -13,7 +13,8 @@ import numpy as np
 
 from gi_core.base.grouping import group_of
 from gi_core.geometry.radiosity import exitant_radiance
-from gi_core.geometry.surfaces import Surfaces
+from gi_core.geometry.surfaces import Surfaces, glossy_receivers
+from gi_core.gloss.radiance import gloss_radiance, room_for
 from gi_core.scene.types import Paint, Texture
 
 
@@ -31,12 +32,34 @@ class DrawMesh(NamedTuple):
     uv: np.ndarray | None = None  # (D, 2) float32
     texel: np.ndarray | None = None  # (D, 3) float64, mean of the texture around the vertex, 1 without texture
     lamp: np.ndarray | None = None  # (D,) int32, of emissive vertices; None: all are the first lamp
+    lobe: np.ndarray | None = None  # (D, 5) float32: F0, F90, alpha; None: no vertex is glossy, the next two are None
+    gloss: np.ndarray | None = None  # (D, 2) int32, glossy receiver on front and back (row of GlossLight), -1: none
+    normal: np.ndarray | None = None  # (D, 3) float32 unit, of the receiver on the front
 
 
-def draw_meshes(surfaces: Surfaces, lamp: np.ndarray | None = None) -> tuple[DrawMesh, ...]:
-    """Return one DrawMesh per object: the static part, then the mobiles in order; lamp (F,): of emissive faces."""
+def draw_meshes(
+    surfaces: Surfaces, lamp: np.ndarray | None = None, normals: np.ndarray | None = None
+) -> tuple[DrawMesh, ...]:
+    """Return one DrawMesh per object: the static part, then the mobiles in order.
+
+    lamp (F,): of emissive faces; normals (R, 3): of receivers, in object space; None: pictures have no gloss.
+    """
     lamp = np.zeros(len(surfaces.areas), np.int32) if lamp is None else lamp
-    return tuple(_draw_mesh(surfaces, lamp, o) for o in range(len(surfaces.vertices)))
+    meshes = tuple(_draw_mesh(surfaces, lamp, o) for o in range(len(surfaces.vertices)))
+    if normals is None or np.isnan(surfaces.lobe).all():
+        return tuple(mesh._replace(lobe=None) for mesh in meshes)
+    glossy = glossy_receivers(surfaces)
+    return tuple(_with_gloss(mesh, glossy, normals) for mesh in meshes)
+
+
+def _with_gloss(mesh: DrawMesh, glossy: np.ndarray, normals: np.ndarray) -> DrawMesh:
+    """Return the mesh with glossy receivers and normals, or without lobes where no vertex is glossy."""
+    if np.isnan(mesh.lobe).all():
+        return mesh._replace(lobe=None)
+    sides = np.stack([mesh.front, mesh.back], axis=1)
+    has = (sides >= 0) & ~np.isnan(mesh.lobe[:, 4:])
+    rows = np.where(has, np.searchsorted(glossy, sides), -1).astype(np.int32)
+    return mesh._replace(gloss=rows, normal=normals[mesh.front].astype(np.float32))
 
 
 def dimmed(meshes: tuple[DrawMesh, ...], levels: np.ndarray) -> tuple[DrawMesh, ...]:
@@ -48,7 +71,8 @@ def dimmed(meshes: tuple[DrawMesh, ...], levels: np.ndarray) -> tuple[DrawMesh, 
 def part_of(mesh: DrawMesh, faces: np.ndarray) -> DrawMesh:
     """Return the mesh of some faces (n,) in their order, each with its own vertices."""
     rows = mesh.triangles[faces].reshape(-1)
-    per_vertex = ("positions", "front", "back", "reflectance", "emission", "lamp", "texture", "uv", "texel")
+    of_light = ("front", "back", "reflectance", "emission", "lamp", "lobe", "gloss", "normal")
+    per_vertex = ("positions", "texture", "uv", "texel", *of_light)
     values = {name: getattr(mesh, name) for name in per_vertex}
     values = {name: None if a is None else a[rows] for name, a in values.items()}
     return mesh._replace(triangles=np.arange(len(rows), dtype=np.int32).reshape(-1, 3), **values)
@@ -63,12 +87,12 @@ def _draw_mesh(surfaces: Surfaces, lamp: np.ndarray, o: int) -> DrawMesh:
         none = np.zeros(0, np.int32)
         return DrawMesh(np.zeros((0, 3), np.float32), faces, none, none, np.zeros((0, 3)), np.zeros((0, 3)))
 
-    paint, emission, lamp = surfaces.paint[o], surfaces.emission[of], lamp[of]
+    paint, emission, lamp, lobe = surfaces.paint[o], surfaces.emission[of], lamp[of], surfaces.lobe[of]
     if paint is None:
-        plain = np.concatenate([surfaces.reflectance[of], emission, lamp[:, None]], axis=1)
+        plain = np.concatenate([surfaces.reflectance[of], emission, lamp[:, None], lobe], axis=1)
         kind = np.repeat(_alike(plain), 3)
     else:
-        kind = _painted_kind(paint, _alike(np.concatenate([emission, lamp[:, None]], axis=1)))
+        kind = _painted_kind(paint, _alike(np.concatenate([emission, lamp[:, None], lobe], axis=1)))
     # In pairs: four numbers together exceed 64 bits.
     draw = group_of((group_of((corner, front)), group_of((back, kind))))
     first = np.empty(int(draw.max()) + 1, np.int64)
@@ -82,6 +106,7 @@ def _draw_mesh(surfaces: Surfaces, lamp: np.ndarray, o: int) -> DrawMesh:
         reflectance=reflectance[first // 3] if paint is None else _tints(paint)[first],
         emission=emission[first // 3],
         lamp=lamp[first // 3],
+        lobe=lobe[first // 3].astype(np.float32),
     )
     if paint is None or not (paint.face_texture >= 0).any():
         return mesh
@@ -136,6 +161,24 @@ def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = Tru
     else:
         front, back = exitant_radiance(E_front, 1.0, 0.0), exitant_radiance(E_back, 1.0, 0.0)
     return front.astype(np.float32), back.astype(np.float32)
+
+
+def gloss_colours(
+    draw: DrawMesh, cells: np.ndarray, irradiance: np.ndarray, eye: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the radiance (D, 3) float32 that gloss adds to front and back, above any texture; None without gloss.
+
+    cells (n, CELLS, 6): `GlossLight.whole()`; irradiance (R, 3) [W/m2]; eye (3,): in the object's space.
+    """
+    if draw.lobe is None:
+        return None
+    found = []
+    for side, receivers in enumerate((draw.front, draw.back)):
+        out, normal = room_for(len(receivers)), draw.normal if side == 0 else -draw.normal
+        E = np.nan_to_num(irradiance[receivers])
+        gloss_radiance(cells, draw.gloss[:, side], E, draw.positions, normal, draw.lobe, eye, out)
+        found.append(out.astype(np.float32))
+    return found[0], found[1]
 
 
 def weights(draw: DrawMesh, of_receivers: np.ndarray | None) -> np.ndarray | None:

@@ -113,7 +113,7 @@ class Opening:
         scene = self._load(self.settings)
         self._stop_if_cancelled()
         solver = make_solver(scene, self.settings)
-        meshes = draw_meshes(solver.surfaces, solver.model.lamp_of_face)
+        meshes = draw_meshes(solver.surfaces, solver.model.lamp_of_face, solver.model.object_receivers.normals)
         picker = Picker(solver.surfaces, solver.model.origins)
         for _ in load(solver) if solver.light == "best" else ():
             self._stop_if_cancelled()

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gi_core.display.dilation import Drawn
     from gi_core.estimators.setting import Setting
     from gi_core.frames.frame import Changes
+    from gi_core.gloss.cells import GlossLight
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 
@@ -24,6 +25,7 @@ class Snapshot(NamedTuple):
     poses: dict[str, Pose]
     irradiance: np.ndarray  # (R, 3) [W/m2]
     drawn: Drawn  # the same for pictures, with dilation weights
+    gloss: GlossLight | None  # directions of the light at glossy receivers; None: there are none
     photons: int
     photons_at_rest: int
     paths: int  # per receiver of mobiles
@@ -52,6 +54,7 @@ def snapshot_of(s: Solver, work: RestWork) -> Snapshot:
         poses=dict(s.poses),
         irradiance=s.irradiance,
         drawn=s.drawn(s.irradiance),
+        gloss=s.frame.gloss,
         photons=s.frame.photons,
         photons_at_rest=max(s.frame.prefixes, default=s.frame.photons),
         paths=s.frame.paths,

@@ -323,10 +323,12 @@ class Viewer:
         session = self.session
         self.viewport.shown = shown = view_content.shown(session)
         self.renderer.dim(session.meshes)
+        self.renderer.set_gloss(session.light.snapshot.gloss)
         for layer, side in enumerate(shown.sides):
             for o, mesh in enumerate(session.meshes):
                 painted = view_content.paint(mesh, side, shown.errors, session.settings.show == "radiance")
                 self.renderer.set_colours(o, *painted, layer, weights(mesh, side.weights))
+                self.renderer.set_irradiance(o, mesh, side.irradiance, layer)
 
     def _guard(self, stage: str, work: Callable[[], None]) -> None:
         """Run a stage of the frame; log its exception, the window goes on."""

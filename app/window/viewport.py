@@ -386,6 +386,7 @@ class Viewport:
             scale=scale,
             split=split,
             gains=self.session.gains if settings.white_balance else NEUTRAL,
+            eye=camera.relative_to(self.session.model.origins[0]).eye(),
         )
 
     def draw(self, renderer: Renderer, samples: int) -> None:

@@ -20,6 +20,7 @@ from gi_core.frames.control_variate import frame_irradiance
 from gi_core.frames.light_source import FrameSize, LightSource
 from gi_core.frames.progress import Interrupted
 from gi_core.geometry.radiosity import irradiance
+from gi_core.gloss.cells import GlossLight
 from gi_core.lights.mix import mix
 from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.trace import Fates
@@ -48,6 +49,7 @@ class Frame(NamedTuple):
     background: Background | None = None  # None before the first solve
     change: PoseChange | None = None  # by the mobiles, until the next frame; None before the first
     evaluated: Evaluated | None = None  # sums of all lamps, until the next frame
+    gloss: GlossLight | None = None  # directions of the light at glossy receivers
     size: FrameSize = FrameSize(0, 0)
     gathered: bool = False  # the static part's light is gathered
     control_facts: ControlFacts = ControlFacts(0.0, 0, 0)  # receivers under artifact control, in general and now
@@ -162,10 +164,12 @@ def next_frame(
     else:
         b.evaluated = None
         paths, coarse = store.prefix(size.photons)
-        wanted = estimate.wanted(at, mobiles=not size.paths)
+        wanted, cells = estimate.wanted(at, mobiles=not size.paths), source.gloss_cells(b.setting.radius)
+        if cells is not None and cells.on_mobiles:
+            wanted = wanted._replace(mobiles=True, reach=max(wanted.reach, cells.radius))
         clock("contact")
         changed = change(model, paths, coarse, at, store.seed, wanted, room, clock)
-        evaluated = b.evaluated = estimate.evaluate(changed)
+        evaluated = b.evaluated = estimate.evaluate(changed._replace(near_mobiles=()) if size.paths else changed)
         clock("estimate")
     E = _controlled(b, source, evaluated, size.photons) if size.photons else np.zeros((len(evaluated.area), 3))
     clock("read out")
@@ -173,8 +177,11 @@ def next_frame(
         source.light_mobiles(E, at, size.paths, source.bounce_reflectance(b))
         clock("gather")
     source.settle(E, at)
-    facts = estimate.control_facts
-    return Frame(poses, E, source.levels, store, b, changed, evaluated, size, source.is_gathered, facts, clock.seconds)
+    gloss, facts = source.gloss(b, changed), estimate.control_facts
+    if gloss is not None:
+        clock("gloss")
+    light = changed, evaluated, gloss, size, source.is_gathered, facts, clock.seconds
+    return Frame(poses, E, source.levels, store, b, *light)
 
 
 def _controlled(b: Background, source: LightSource, sums: Evaluated, photons: int) -> np.ndarray:

@@ -21,10 +21,12 @@ from gi_core.gather.pose_gather import PoseGather, PoseGathers, Static
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import noise_from_prefix, prefix_to_compare
+from gi_core.gloss.cells import GlossCells, GlossLight
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.mix import mix, sum_of_lamps
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms
+from gi_core.retrace.cuts import PoseChange
 from gi_core.scene.rules import FLAG, one_of
 
 LIGHTS = ("best", "photons")
@@ -37,6 +39,9 @@ class FrameSize(NamedTuple):
 
     photons: int
     paths: int  # per receiver of a mobile; 0: photons light mobiles
+
+
+GLOSS_RADII = 2.0  # radius of gloss discs: directions need more rays than irradiance
 
 
 class LightSource:
@@ -63,6 +68,7 @@ class LightSource:
         self._coarse: tuple[Background, int, CoarseFaces] | None = None  # of the photons of a background
         self._reflectance: tuple[np.ndarray, np.ndarray] | None = None  # for static light, see `coarse_faces`
         self._poses: dict[int, bytes] = {}  # by number of paths, of its last frame
+        self._gloss: GlossCells | None = None
         self.rays_traced = False  # in the last frame: mobiles had moved
 
     def twin(self, fresh: bool) -> LightSource:
@@ -213,6 +219,25 @@ class LightSource:
             self.rays_traced, self._poses[paths] = self._poses.get(paths) != poses, poses
         static = irradiance[: gather.first]
         irradiance[gather.first :] = gather.irradiance(at, static, paths.bit_length() - 1, reflectance, self._lights)
+
+    # -- gloss ------------------------------------------------------------------------------------
+
+    def gloss_cells(self, radius: float) -> GlossCells | None:
+        """Return the directional light of glossy receivers; radius [m]: of irradiance. None without glossy faces."""
+        radius *= GLOSS_RADII
+        if self._gloss is None or self._gloss.radius != radius:
+            self._gloss = GlossCells(self._model, radius)
+        return self._gloss if len(self._gloss.rows) else None
+
+    def gloss(self, b: Background, change: PoseChange) -> GlossLight | None:
+        """Return the directional light of a frame; None without glossy faces."""
+        cells = self.gloss_cells(b.setting.radius)
+        if cells is None or not b.estimate.photons:
+            return None
+        paths, _ = b.store.prefix(b.estimate.photons)
+        for _ in cells.bring_in(b.store, paths, b.store.weights(self.levels)):
+            pass
+        return cells.evaluate(change)
 
     # -- resting poses ----------------------------------------------------------------------------
 

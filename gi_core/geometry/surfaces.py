@@ -100,6 +100,13 @@ def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receiv
     return surfaces, Receivers(*(np.concatenate(c) for c in zip(*receivers, strict=True)))
 
 
+def glossy_receivers(surfaces: Surfaces) -> np.ndarray:
+    """Return the receivers at the corners of glossy faces, ascending. (n,) int64."""
+    glossy = ~np.isnan(surfaces.lobe[:, 4])
+    corners = np.concatenate([surfaces.corner_front[glossy].reshape(-1), surfaces.corner_back[glossy].reshape(-1)])
+    return np.unique(corners[corners >= 0]).astype(np.int64)
+
+
 def lobe_of(gloss: Gloss | None) -> tuple[float, ...]:
     """Return F0 red, green, blue, F90 and alpha of gloss; nan without."""
     return (math.nan,) * 5 if gloss is None else (*gloss.f0, gloss.f90, gloss.alpha)

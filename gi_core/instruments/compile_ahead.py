@@ -37,9 +37,10 @@ from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.geometry.texture_filter import lookup
 from gi_core.geometry.texture_footprint import footprints
+from gi_core.gloss.radiance import gloss_radiance
 from gi_core.model import Model
 from gi_core.rays.structures import checked
-from gi_core.scene.types import Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
+from gi_core.scene.types import Gloss, Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
 from gi_core.solver import Solver
 
 FROM_BEHIND, RAYS = "--from-behind", "--rays"
@@ -92,7 +93,12 @@ def _parts(rays: str | None) -> list[tuple[str, Callable[[], None]]]:
     parts: list[tuple[str, Callable[[], None]]] = [("photon tracing", tiny)]
     parts += [(name, lambda name=name: _estimate(tiny(), name)) for name in ESTIMATORS]
     parts += [(name, lambda name=name: _search(tiny(), name)) for name in SEARCHES]
-    return [*parts, ("loading", _prepare), ("reference", functools.partial(_gather, rays))]
+    more = (
+        ("loading", _prepare),
+        ("gloss", functools.partial(_shine, rays)),
+        ("reference", functools.partial(_gather, rays)),
+    )
+    return [*parts, *more]
 
 
 @contextmanager
@@ -129,6 +135,19 @@ def _trace(rays: str | None = None) -> Solver:
     solver.solve()
     _see_texture()
     return solver
+
+
+def _shine(rays: str | None = None) -> None:
+    """Compile the kernels of gloss."""
+    scene = _tiny_scene()
+    floor = scene.materials[0]._replace(gloss=Gloss())
+    scene = replace(scene, materials=(floor, *scene.materials[1:]))
+    solver = Solver(scene, CHEAPEST, photons=64, radius=0.1, neighbours=4, rays=rays)
+    solver.solve()
+    solver.move("mobile", Pose((0.0, 0.0, 0.4)))
+    cells, one = solver.frame.gloss.whole(), np.ones((1, 3))
+    gloss_radiance(cells, np.zeros(1, np.int32), one, one.astype(np.float32), one.astype(np.float32),
+                   np.ones((1, 5), np.float32), np.zeros(3), np.empty((1, 3)))  # fmt: skip
 
 
 def _prepare() -> None:

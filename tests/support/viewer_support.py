@@ -214,6 +214,7 @@ class CountingSolver:
             photons=0, paths=0, segments=0, prefixes=(), timings={}, probe_irradiance={}, search_summary="",
             changes=Changes(0, 0, 0), control_facts=ControlFacts(0.0, 0, 0), store=SimpleNamespace(memory_full=False),
             fates={"emitted": np.zeros(3), "truncated": np.zeros(3)}, levels=np.ones((1, 3)), effective_photons=0,
+            gloss=None,
         )  # fmt: skip
         self.levels = self.frame.levels
         self.light, self.light_source = "photons", SimpleNamespace(gathered=None, is_gathered=False)

@@ -1,0 +1,71 @@
+"""The texture of directional light that the vertex shader reads, and its upload where light has changed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import moderngl
+import numpy as np
+
+if TYPE_CHECKING:
+    from gi_core.gloss.cells import GlossLight
+
+LINES = 4096  # texels along a column: as many receivers; OpenGL 3.3 promises 1024, every driver in use 16384
+GAP = 16  # unchanged receivers between changed ones that are uploaded with them: a call costs more
+
+
+class GlossTexture:
+    """Light of the glossy receivers: a line per receiver in columns of LINES, two texels per cell (RGBA16F)."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self._ctx = ctx
+        self.lines = min(LINES, ctx.info["GL_MAX_TEXTURE_SIZE"])
+        self._texture: moderngl.Texture | None = None
+        self._shown: GlossLight | None = None
+
+    def upload(self, light: GlossLight | None) -> None:
+        """Show the light of a frame; None: of no glossy receiver. Only what differs from the last call is uploaded."""
+        if light is None or light is self._shown:
+            return
+        before, self._shown = self._shown, light
+        n, cells, _ = light.resting.shape
+        size = 2 * cells * -(-n // self.lines), min(n, self.lines)
+        if self._texture is None or self._texture.size != size:
+            self.release()
+            self._texture, before = self._ctx.texture(size, 4, dtype="f2"), None
+            self._texture.filter = moderngl.NEAREST, moderngl.NEAREST
+            self._shown = light
+        if before is None or before.resting is not light.resting:
+            rows = np.arange(n)
+        else:
+            rows = np.union1d(before.changed, light.changed)
+        if not len(rows):
+            return
+        place = np.full(n, -1)
+        place[light.changed] = np.arange(len(light.changed))
+        for run in np.split(rows, np.flatnonzero((np.diff(rows) > GAP) | (np.diff(rows // self.lines) > 0)) + 1):
+            self._write(light, place, int(run[0]), int(run[-1]) + 1)
+
+    def _write(self, light: GlossLight, place: np.ndarray, first: int, last: int) -> None:
+        """Upload receivers first .. last - 1, all of one column."""
+        values = light.resting[first:last].astype(np.float32)
+        moved = np.flatnonzero(place[first:last] >= 0)
+        values[moved] = light.cells[place[first:last][moved]]
+        count, cells, _ = values.shape
+        texels = np.zeros((count, cells, 2, 4), np.float16)
+        texels[:, :, 0, :3], texels[:, :, 1, :3] = values[:, :, :3], values[:, :, 3:]
+        column, line = divmod(first, self.lines)
+        assert self._texture is not None
+        self._texture.write(texels.tobytes(), viewport=(2 * cells * column, line, 2 * cells, count))
+
+    def use(self, unit: int) -> bool:
+        """Bind the texture; return whether there is one."""
+        if self._texture is None or self._shown is None:
+            return False
+        self._texture.use(unit)
+        return True
+
+    def release(self) -> None:
+        if self._texture is not None:
+            self._texture.release()
+        self._texture = self._shown = None

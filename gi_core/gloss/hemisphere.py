@@ -1,0 +1,48 @@
+"""A fixed hierarchy of directions: the hemisphere as a square of equal-area cells (Shirley and Chiu 1997).
+
+Four neighbouring cells have one parent, as in the QuadTree of report 2.10.1; the root is the hemisphere.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gi_core.base.jit import kernel
+
+SIDE = 8  # cells along a side of the square: three divisions
+CELLS = SIDE * SIDE
+
+
+@kernel
+def cell_of(x, y, z):
+    """Return the cell, row-major in the square, of a unit direction in the frame of a normal; z < 0 counts as 0."""
+    # Equal-area disc of the hemisphere, then the concentric map from disc to square.
+    r = math.sqrt(max(0.0, 1.0 - max(z, 0.0)))
+    size = math.sqrt(x * x + y * y)
+    if size > 0.0:
+        x, y = x / size * r, y / size * r
+    a, b = 0.0, 0.0
+    if abs(x) >= abs(y):
+        if x != 0.0:
+            a = math.copysign(r, x)
+            b = a * (4.0 / math.pi) * math.atan(y / x)
+    else:
+        b = math.copysign(r, y)
+        a = b * (4.0 / math.pi) * math.atan(x / y)
+    i = min(max(int(0.5 * (a + 1.0) * SIDE), 0), SIDE - 1)
+    j = min(max(int(0.5 * (b + 1.0) * SIDE), 0), SIDE - 1)
+    return SIDE * i + j
+
+
+def centres() -> np.ndarray:
+    """Return the directions (CELLS, 3) float64 of the middles of the cells."""
+    a, b = ((2 * (m.reshape(-1) + 0.5) / SIDE - 1) for m in np.meshgrid(*[np.arange(SIDE)] * 2, indexing="ij"))
+    wide = np.abs(a) >= np.abs(b)
+    r = np.where(wide, a, b)
+    turn = np.pi / 4 * np.where(wide, b / np.where(a == 0, 1, a), a / np.where(b == 0, 1, b))
+    x, y = np.where(wide, r * np.cos(turn), r * np.sin(turn)), np.where(wide, r * np.sin(turn), r * np.cos(turn))
+    z = 1 - r * r
+    flat = np.sqrt(np.maximum(1 - z * z, 0)) / np.maximum(np.abs(r), 1e-12)
+    return np.stack([flat * x, flat * y, z], axis=1)

@@ -1,0 +1,112 @@
+"""Directional light at glossy receivers: cells, their sums in frames, and the radiance that they send to an eye."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gi_core.bsdf import ggx
+from gi_core.gloss.hemisphere import CELLS, cell_of, centres
+from gi_core.gloss.radiance import gloss_radiance, room_for
+from gi_core.retrace.cuts import current_segments
+from gi_core.scene.pose import axis_angle
+from gi_core.scene.types import Pose
+from gi_core.solver import Solver
+from tests.physics.test_gloss import GIVEN, ROOM
+
+pytestmark = pytest.mark.usefixtures("small_pilot")
+
+
+def directions(n: int) -> np.ndarray:
+    """Return directions uniform over the hemisphere, (n, 3)."""
+    rng = np.random.default_rng(3)
+    z, phi = rng.random(n), 2 * math.pi * rng.random(n)
+    s = np.sqrt(1 - z * z)
+    return np.stack([s * np.cos(phi), s * np.sin(phi), z], axis=1)
+
+
+def test_cells_have_equal_solid_angles_and_hold_their_centres():
+    assert [cell_of(*c) for c in centres()] == list(range(CELLS))
+    count = np.bincount([cell_of(*d) for d in directions(64_000)], minlength=CELLS)
+    assert abs(count - 1000).max() < 150  # 4.7 standard deviations
+
+
+def solved(**more) -> Solver:
+    solver = Solver(ROOM, **GIVEN | more)
+    solver.solve()
+    return solver
+
+
+def test_sums_equal_those_from_scratch_after_many_moves(estimator):
+    """Report 2.10.1 feared that a summary degrades with insertions and deletions: here not by one unit."""
+    solver = solved(estimator=estimator)
+    cells = solver.light_source.gloss_cells(solver.setting.radius)
+    rng = np.random.default_rng(8)
+    for _ in range(12):
+        solver.move("ball", Pose(tuple(rng.random(3)), axis_angle((0, 1, 1), 360 * rng.random())))
+    change = solver.frame.change
+    segments, _ = current_segments(solver.model, change.at, solver.seed, 0, solver.photons)
+    found, scratch = cells.current_sums(change), cells.from_scratch([segments], change.at)
+    assert found.any() and np.array_equal(found, scratch)
+    assert not np.array_equal(found, cells._sums)  # the moves have changed something
+
+
+def test_shares_sum_to_one_and_there_and_back_is_the_start():
+    solver = solved()
+    begun = solver.frame.gloss.whole()
+    start = dict(solver.poses)
+    solver.move("ball", Pose((0.5, 0.5, 0.5)))
+    moved = solver.frame.gloss.whole()
+    solver.move_all(start)
+    assert np.array_equal(solver.frame.gloss.whole(), begun)
+    assert not np.array_equal(moved, begun)
+    for whole in (begun, moved):
+        total = whole[:, :, :3].sum(axis=1)
+        assert np.abs(total[total > 0] - 1).max() < 1e-5
+        np.testing.assert_allclose(np.linalg.norm(whole[:, :, 3:], axis=2), 1, atol=1e-5)
+
+
+def test_a_scene_without_gloss_has_none(small_pilot):
+    from tests.physics.test_invariants import SCENE
+
+    solver = Solver(SCENE, photons=300, radius=0.2, neighbours=6)
+    solver.solve()
+    assert solver.frame.gloss is None and solver.light_source.gloss_cells(0.2) is None
+
+
+@pytest.mark.parametrize("cosine", [1.0, 0.7, 0.4])
+@pytest.mark.parametrize("alpha", [0.3, 0.6])
+def test_uniform_light_shows_the_directional_albedo(alpha, cosine):
+    """Under radiance 1 from everywhere the gloss sends its directional albedo; 64 cells reach it within 10 %."""
+    rays = directions(200_000)
+    cell = np.array([cell_of(*d) for d in rays])
+    share, mean = np.zeros(CELLS), np.zeros((CELLS, 3))
+    np.add.at(share, cell, rays[:, 2])
+    np.add.at(mean, cell, rays * rays[:, 2:])
+    cells = np.empty((1, CELLS, 6))
+    cells[0, :, :3] = (share / share.sum())[:, None]
+    cells[0, :, 3:] = mean / np.linalg.norm(mean, axis=1)[:, None]
+    lobe, up = np.array([[0.5, 0.2, 0.04, 1.0, alpha]]), np.array([[0.0, 0.0, 1.0]])
+    eye, out = np.array([math.sqrt(1 - cosine**2), 0.0, cosine]), room_for(1)
+    gloss_radiance(cells, np.zeros(1, np.int32), np.full((1, 3), math.pi), 0 * up, up, lobe, eye, out)
+    black = np.zeros(3)
+    numbers = np.random.default_rng(0).random((20_000, 4))
+    drawn = [ggx.scattered(ggx.mean_fresnel(), lobe[0], black, *eye[[0, 1, 2]], *u)[3:] for u in numbers]
+    np.testing.assert_allclose(out[0], np.mean(drawn, axis=0), rtol=0.1, atol=0.002)
+
+
+def test_gloss_follows_the_eye_and_is_black_from_below():
+    solver = solved()
+    cells, n = solver.frame.gloss.whole(), len(solver.frame.gloss.rows)
+    p = solver.receivers.positions[solver.frame.gloss.rows]
+    normal = solver.model.object_receivers.normals[solver.frame.gloss.rows]
+    lobe, E = np.tile([0.5, 0.5, 0.5, 1.0, 0.3], (n, 1)), np.ones((n, 3))
+    found = []
+    for eye in ((0.2, 0.2, 0.9), (0.8, 0.8, 0.9), (0.5, 0.5, -5.0)):
+        found.append(room_for(n))
+        gloss_radiance(cells, np.arange(n, dtype=np.int32), E, p, normal, lobe, np.array(eye), found[-1])
+    floor = normal[:, 2] > 0.99
+    assert (found[0][floor] > 0).any() and not np.allclose(found[0][floor], found[1][floor], rtol=0.05)
+    assert not found[2][floor & (p[:, 2] < 0.02)].any()
