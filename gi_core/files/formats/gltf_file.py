@@ -14,10 +14,14 @@ from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.file_parts import FileParts, Part
 from gi_core.files.formats.gltf_buffers import Document
 from gi_core.files.formats.gltf_lights import node_camera, node_light
+from gi_core.files.formats.metallic_roughness import metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, Images
 from gi_core.scene.errors import SceneError
+from gi_core.scene.pose import three
 from gi_core.scene.types import Material
 
+LEAST_METAL = 0.02  # less is taken as none
+MATTE = 0.5  # roughness from which gloss that is no metal's is left out: exporters write 0.5 where nothing was chosen
 TRIANGLES, STRIP, FAN = 4, 5, 6
 NEAREST = 9728
 WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
@@ -172,9 +176,31 @@ class _Reader:
             holes = " but where its texture is more than half transparent" if "baseColorTexture" in pbr else ""
             self.notes.append(f'material "{name}" is transparent in the file: taken as opaque{holes}')
         base = np.array(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], np.float64).reshape(3)
-        return Material(
-            name, tuple(float(c) for c in base), tuple(float(e) for e in emission), bool(m.get("doubleSided", False))
-        )
+        plain = Material(name, three(base), three(emission), bool(m.get("doubleSided", False)))
+        return self._glossy(plain, pbr, extensions)
+
+    def _glossy(self, plain: Material, pbr: dict, extensions: dict) -> Material:
+        """Return the material with the gloss of its metallic-roughness description; textures count by their mean."""
+        metallic, roughness = (float(np.clip(pbr.get(f"{key}Factor", 1.0), 0, 1)) for key in ("metallic", "roughness"))
+        if "metallicRoughnessTexture" in pbr and (metallic > 0 or roughness > 0):
+            otherwise = "gloss is even where its texture is missing"
+            image = self.images.pixels(*self._image(pbr["metallicRoughnessTexture"]["index"]), otherwise)
+            if image is not None:
+                # Values of this image are linear: green is roughness, blue is metal.
+                roughness, metallic = np.array([roughness, metallic]) * image[..., 1:].mean(axis=(0, 1)) / 255
+                self.notes.append(f'material "{plain.name}": has the mean gloss of its metallic-roughness texture')
+        ior = max(float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5)), 1.0)
+        specular = extensions.get("KHR_materials_specular", {})
+        strength = float(np.clip(specular.get("specularFactor", 1.0), 0, 1))
+        tint = np.clip(np.array(specular.get("specularColorFactor", [1, 1, 1]), np.float64).reshape(3), 0, None)
+        f0 = np.minimum(((ior - 1) / (ior + 1)) ** 2 * tint, 1) * strength
+        if metallic < LEAST_METAL and (roughness >= MATTE or strength == 0):
+            return plain
+        colour = np.array(plain.reflectance)
+        if "baseColorTexture" in pbr:
+            found = self._texture(pbr["baseColorTexture"]["index"], None)
+            colour = colour * (MISSING if found is None else self.images.mean(self.images.textures[found].pixels))
+        return metallic_roughness(plain, metallic, roughness, f0, strength, colour)
 
     def _texture(self, index: int, cut) -> int | None:
         """Return the index of a texture among those read, None if it cannot be."""

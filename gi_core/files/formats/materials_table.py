@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from gi_core.files.formats.metallic_roughness import metallic_roughness
 from gi_core.files.formats.toml_fields import Table, nearest, shown
 from gi_core.scene.errors import SceneError
+from gi_core.scene.rules import SHARE
 from gi_core.scene.types import Material, Mesh
 
-KEYS = ("reflectance", "emission", "two_sided")
+KEYS = ("reflectance", "emission", "two_sided", "metallic", "roughness", "ior")
+SHARES = ("metallic", "roughness")
+IOR = 1.5  # of glass, varnish and most plastics
+MOST_IOR = 10.0
 
 
 def read_materials(root: Table) -> dict[str, Table]:
@@ -22,6 +27,7 @@ def read_materials(root: Table) -> dict[str, Table]:
         table.vector("reflectance", 3, None, least=0, below=1)
         table.vector("emission", 3, None, least=0)
         table.flag("two_sided", False)
+        gloss_of(table, Material(name))
         result[name] = table
     return result
 
@@ -30,11 +36,24 @@ def overridden(material: Material, table: Table | None) -> Material:
     """Return the material with the fields that its table gives."""
     if table is None:
         return material
-    return material._replace(
+    material = material._replace(
         reflectance=table.vector("reflectance", 3, material.reflectance),
         emission=table.vector("emission", 3, material.emission),
         two_sided=table.flag("two_sided", material.two_sided),
     )
+    return gloss_of(table, material)
+
+
+def gloss_of(table: Table, material: Material) -> Material:
+    """Return the material with the gloss that its table gives: metallic, roughness and ior, as glTF defines them."""
+    given = {key: SHARE.check(f"{table.where}: {key}", table.values[key]) for key in SHARES if key in table}
+    ior = table.number("ior", IOR, least=1, below=MOST_IOR)
+    if "roughness" not in given:
+        if "metallic" in given or "ior" in table:
+            raise SceneError(f"{table.where}: metallic and ior need a roughness from 0 to 1; write roughness = 0.3")
+        return material
+    metallic, roughness = given.get("metallic", 0.0), given["roughness"]
+    return metallic_roughness(material, metallic, roughness, ((ior - 1) / (ior + 1)) ** 2)
 
 
 def override(mesh: Mesh, materials: list[Material], tables: dict[str, Table]) -> tuple[Mesh, list[Material]]:

@@ -6,6 +6,7 @@ which trimesh 5.2 turns into wrong geometry without a word, and it keeps `Ke` as
 
 from __future__ import annotations
 
+import math
 import os
 from array import array
 from pathlib import Path
@@ -14,11 +15,15 @@ import numpy as np
 
 from gi_core.files.formats.boundary import Boundary, text_of
 from gi_core.files.formats.file_parts import FileParts, Part
+from gi_core.files.formats.metallic_roughness import metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, Images, find
 from gi_core.scene.errors import SceneError
-from gi_core.scene.types import Material
+from gi_core.scene.pose import three
+from gi_core.scene.types import Gloss, Material
 
 NO_MATERIAL = "default"
+NUMBERS = {"Ns": (0.0, 1e6), "Pm": (0.0, 1.0), "Pr": (0.0, 1.0), "illum": (0.0, 10.0)}  # ranges of a material's numbers
+LEAST_SPECULAR, LEAST_EXPONENT = 0.01, 2.0  # of Ks and Ns; less is diffuse
 
 
 def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FileParts:
@@ -84,6 +89,8 @@ class _Entry:
 
     def __init__(self, name: str):
         self.name, self.kd, self.ke = name, (0.7, 0.7, 0.7), (0.0, 0.0, 0.0)
+        self.ks, self.ns, self.illum = (0.0, 0.0, 0.0), 0.0, 2  # Phong's colour and exponent; 0, 1: without them
+        self.pm, self.pr = 0.0, None  # metallic and roughness, of the PBR extension
         self.picture: tuple | None = None  # name, loader and wrapping of map_Kd
         self.mask: tuple | None = None  # name and loader of map_d: where the surface is
         self.dissolved = False  # the file says that it is transparent all over
@@ -93,7 +100,15 @@ class _Entry:
 
     @property
     def material(self) -> Material:
-        return Material(self.name, (MISSING,) * 3 if self.missing else self.kd, self.ke, two_sided=True)
+        plain = Material(self.name, (MISSING,) * 3 if self.missing else self.kd, self.ke, two_sided=True)
+        if self.pr is not None:
+            return metallic_roughness(plain, self.pm, self.pr)
+        if self.illum < 2 or max(self.ks) < LEAST_SPECULAR or self.ns < LEAST_EXPONENT:
+            return plain
+        # Microfacets whose lobe is as wide as that of the exponent (Walter et al. 2007); the sum stays below 1.
+        rest, alpha = 1 - max(self.ks), math.sqrt(2 / (self.ns + 2))
+        kd = three(min(c, rest) for c in plain.reflectance)
+        return plain._replace(reflectance=kd, gloss=Gloss(self.ks, alpha, max(self.ks)))
 
 
 def _numbers(text: str, n: int) -> list[float]:
@@ -141,6 +156,11 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
         elif entry is not None and words[0] in ("Kd", "Ke") and len(words) > 1 and words[1] not in ("spectral", "xyz"):
             colour = tuple(max(0.0, float(x)) for x in (words[1:] * 3)[:3])
             setattr(entry, words[0].lower(), colour)
+        elif entry is not None and words[0] == "Ks" and len(words) > 1 and words[1] not in ("spectral", "xyz"):
+            entry.ks = three(min(max(0.0, float(x)), 1.0) for x in (words[1:] * 3)[:3])
+        elif entry is not None and words[0] in NUMBERS and len(words) > 1 and _is_number(words[1]):
+            low, high = NUMBERS[words[0]]
+            setattr(entry, words[0].lower(), min(max(low, float(words[1])), high))
         elif entry is not None and words[0] in ("d", "Tr") and len(words) > 1 and _is_number(words[-1]):
             entry.dissolved = 0 < float(words[-1]) < 1  # exporters disagree about the meaning of 0 and 1 in Tr
         elif entry is not None and words[0] in ("map_Kd", "map_Ke", "map_d", "map_D") and len(words) > 1:

@@ -1,0 +1,93 @@
+"""Gloss in files: glTF metallic-roughness and its extensions, MTL, and [materials.NAME] of a scene file."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.files.formats.gltf_file import MATTE
+from gi_core.files.load import load_scene
+from gi_core.scene.errors import SceneError
+from gi_core.scene.types import Gloss
+from tests.support.mesh_writers import write_glb
+
+OBJ = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n"
+
+
+def gltf_material(tmp_path, pbr: dict, **extensions):
+    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    material = {"name": "m", "pbrMetallicRoughness": pbr, "extensions": extensions}
+    write_glb(tmp_path / "a.glb", positions, np.array([0, 1, 2], np.uint32), material=material)
+    scene = load_scene(tmp_path / "a.glb")
+    return next(m for m in scene.materials if m.name == "m")
+
+
+def test_gltf_metal_has_its_base_colour_as_f0(tmp_path):
+    pbr = {"baseColorFactor": [0.9, 0.6, 0.2, 1], "metallicFactor": 1.0, "roughnessFactor": 0.4}
+    found = gltf_material(tmp_path, pbr)
+    assert found.gloss == Gloss(pytest.approx((0.9, 0.6, 0.2)), pytest.approx(0.16), 1.0)
+    assert found.reflectance == (0.0, 0.0, 0.0)
+
+
+def test_gltf_plastic_mixes_with_metal(tmp_path):
+    pbr = {"baseColorFactor": [0.8, 0.4, 0.2, 1], "metallicFactor": 0.25, "roughnessFactor": 0.3}
+    found = gltf_material(tmp_path, pbr)
+    assert found.gloss.f0 == pytest.approx((0.23, 0.13, 0.08)) and found.gloss.alpha == pytest.approx(0.09)
+    assert found.reflectance == pytest.approx((0.6, 0.3, 0.15))
+
+
+def test_gltf_ior_and_specular(tmp_path):
+    pbr = {"metallicFactor": 0.0, "roughnessFactor": 0.2}
+    ior, specular = {"ior": 2.0}, {"specularFactor": 0.5, "specularColorFactor": [1.0, 0.5, 0.0]}
+    found = gltf_material(tmp_path, pbr, KHR_materials_ior=ior, KHR_materials_specular=specular)
+    assert found.gloss.f0 == pytest.approx((0.5 / 9, 0.25 / 9, 0.0)) and found.gloss.f90 == 0.5
+
+
+@pytest.mark.parametrize("roughness, glossy", [(MATTE - 0.01, True), (MATTE, False)])
+def test_gltf_rough_plastic_is_matte(tmp_path, roughness, glossy):
+    found = gltf_material(tmp_path, {"metallicFactor": 0.0, "roughnessFactor": roughness})
+    assert (found.gloss is not None) == glossy
+
+
+@pytest.mark.parametrize(
+    "lines, reflectance, gloss",
+    [
+        ("Kd .5 .4 .3\nPr .5\nPm 0", (0.5, 0.4, 0.3), Gloss((0.04,) * 3, 0.25)),
+        ("Kd .5 .4 .3\nPr .2\nPm 1", (0.0, 0.0, 0.0), Gloss((0.5, 0.4, 0.3), pytest.approx(0.04))),
+        ("Kd .9 .4 .3\nKs .3 .2 .2\nNs 48", (0.7, 0.4, 0.3), Gloss((0.3, 0.2, 0.2), pytest.approx(0.2), 0.3)),
+        ("Kd .9 .4 .3\nKs .3 .2 .2\nNs 48\nillum 1", (0.9, 0.4, 0.3), None),
+        ("Kd .5 .4 .3\nKs 0 0 0\nNs 48", (0.5, 0.4, 0.3), None),
+    ],
+)
+def test_mtl(tmp_path, lines, reflectance, gloss):
+    (tmp_path / "a.obj").write_text(OBJ)
+    (tmp_path / "a.mtl").write_text(f"newmtl m\n{lines}\n")
+    found = next(m for m in load_scene(tmp_path / "a.obj").materials if m.name == "m")
+    assert found.reflectance == pytest.approx(reflectance) and found.gloss == gloss
+
+
+def scene_file(tmp_path, lines: str):
+    (tmp_path / "a.obj").write_text(OBJ.replace("mtllib a.mtl\n", ""))
+    text = f'[static]\nmesh = "a.obj"\n[materials.m]\n{lines}\n'
+    (tmp_path / "a.toml").write_text(text + '[[light]]\ntype = "point"\nposition = [0, 0, 1]\nflux = [1, 1, 1]\n')
+    return next(m for m in load_scene(tmp_path / "a.toml").materials if m.name == "m")
+
+
+def test_scene_file(tmp_path):
+    found = scene_file(tmp_path, "reflectance = [0.6, 0.5, 0.4]\nroughness = 0.5\nior = 2.0")
+    assert found.gloss == Gloss(pytest.approx((1 / 9,) * 3), 0.25) and found.reflectance == (0.6, 0.5, 0.4)
+
+
+@pytest.mark.parametrize(
+    "lines, said",
+    [
+        ("metallic = 1", "metallic and ior need a roughness from 0 to 1; write roughness = 0.3"),
+        ("roughness = 2", "roughness must be a number from 0 to 1, got 2"),
+        ("roughness = 0.3\nior = 0.5", "ior must be a number >= 1 and < 10, got 0.5"),
+        ("roughness = 0.3\nmetallic = -1", "metallic must be a number from 0 to 1, got -1"),
+    ],
+)
+def test_bad_gloss_of_a_scene_file(tmp_path, lines, said):
+    with pytest.raises(SceneError, match='material "m"') as error:
+        scene_file(tmp_path, lines)
+    assert said in str(error.value)
