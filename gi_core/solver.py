@@ -34,6 +34,11 @@ Posed = Pose | np.ndarray
 CHOICES: dict[str, Mapping] = {"estimator": ESTIMATORS, "search": SEARCHES}
 
 
+def _summary(solver: Solver) -> str:
+    where, light = f'"{solver.scene.name}", {len(solver.irradiance):,} receivers', solver.setting.estimator
+    return f"<Solver of {where}: {solver.frame.photons:,} photons, {light}>"
+
+
 class Solver:
     """Irradiance at the receivers of a scene, kept up to date while mobiles move. `frame` is the last one."""
 
@@ -57,11 +62,12 @@ class Solver:
         self.setting = Setting(DEFAULT, self.chosen.radius, self.chosen.neighbours)
         self.light_source, self._buffers = LightSource(self.model, self.seed), ScanBuffers()
         store, black = Photons(self.model, self.seed), np.zeros((len(self.model.object_receivers.areas), 3))
-        self.frame = Frame(self.model.start_poses(), black, self.light_source.levels, store)
-        self.budget = FrameBudget()
+        self.frame, self.budget = Frame(self.model.start_poses(), black, self.light_source.levels, store), FrameBudget()
         self._first_frame = FirstFrame(store, self.light_source, self.scene_size)
         self.configure(estimator=estimator, light=light, **others)
         self.set_lamps(lamps or {})
+
+    __repr__ = _summary
 
     def configure(
         self, photons: int | None = None, light: str | None = None, prefix_only: bool | None = None, **changes

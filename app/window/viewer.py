@@ -344,13 +344,20 @@ class Viewer:
         self._guard(name, lambda: act(self, action))
 
 
-def run(settings: Settings, *, frames: int | None = None, screenshot: str | Path | None = None) -> int:
+def run(
+    settings: Settings,
+    *,
+    frames: int | None = None,
+    screenshot: str | Path | None = None,
+    open_with: Callable | None = None,
+) -> int:
     """Run the window until it closes. Return 0, or 1 if a defect of the program kept the scene from opening.
 
+    open_with: opens scenes in place of Opening.
     Raises SceneError, UsageError or OSError for a scene that cannot be used, after closing the window. The command
     line prints the sentence and exits with its code.
     """
-    viewer = Viewer(settings)
+    viewer = Viewer(settings, open_with)
     viewer.frames_left = frames
     viewer.exit_when_refined = screenshot is not None and frames is None
     window.prepare()

@@ -30,7 +30,7 @@ class Material(NamedTuple):
     gloss: Gloss | None = None  # None: diffuse
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Texture:
     """An image that colours a surface: its first row lies along v = 0, its first column along u = 0."""
 
@@ -38,6 +38,9 @@ class Texture:
     wrap: tuple[str, str] = ("repeat", "repeat")  # beyond 0..1 in u and in v: each "repeat", "mirror" or "clamp"
     nearest: bool = False  # near by, texels are squares instead of running into each other
     cover: np.ndarray | None = None  # (h, w) uint8: the surface is there from 128 on; None: everywhere
+
+    def __repr__(self) -> str:
+        return f"<Texture of {self.pixels.shape[1]} x {self.pixels.shape[0]} texels>"
 
 
 class Paint(NamedTuple):
@@ -47,6 +50,9 @@ class Paint(NamedTuple):
     face_texture: np.ndarray  # (F,) int32 into textures, -1: none
     corner_uv: np.ndarray  # (F, 3, 2) float32
     corner_colour: np.ndarray  # (F, 3, 3) float32, linear, each in [0, 1]
+
+    def __repr__(self) -> str:
+        return f"<Paint of {len(self.face_texture):,} triangles, {len(self.textures)} textures>"
 
 
 class Mesh(NamedTuple):
@@ -58,6 +64,9 @@ class Mesh(NamedTuple):
     corner_normals: np.ndarray | None = None  # (F, 3, 3) float64 unit; None: from crease angles
     face_reflectance: np.ndarray | None = None  # (F, 3) float64; None: the paint's mean, else the material's
     paint: Paint | None = None  # None: each face of one colour
+
+    def __repr__(self) -> str:
+        return f"<Mesh of {len(self.faces):,} triangles, {len(self.vertices):,} vertices>"
 
 
 class Pose(NamedTuple):
@@ -73,6 +82,9 @@ class KeyFrames(NamedTuple):
     times: np.ndarray  # (K,) float64 [s], increasing
     positions: np.ndarray  # (K, 3) float64 [m]
     quaternions: np.ndarray  # (K, 4) float64 unit (w, x, y, z)
+
+    def __repr__(self) -> str:
+        return f"<KeyFrames: {len(self.times)} keys, {self.times[0]:g} to {self.times[-1]:g} s>"
 
 
 class Mobile(NamedTuple):
@@ -155,7 +167,7 @@ class Defaults(NamedTuple):
     scene_size: float | None = None  # [m], unit of relative defaults; None: from a pilot trace
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scene:
     """A static part, one or more rigid mobiles, static lights. Area lights are emissive faces."""
 
@@ -171,3 +183,8 @@ class Scene:
     defaults: Defaults = Defaults()
     notes: tuple[str, ...] = field(default=())  # one line per change or assumption of loading
     light_scenes: tuple[LightScene, ...] = ()
+
+    def __repr__(self) -> str:
+        lamps = len(self.lights) + sum(any(m.emission) for m in self.materials)
+        counts = f"{len(self.static.faces):,} triangles, {lamps} lamp" + "s" * (lamps != 1)
+        return f'<Scene "{self.name}": {counts}, {", ".join(m.name for m in self.mobiles) or "no mobiles"}>'

@@ -1,0 +1,90 @@
+"""Pictures in Python and in notebooks: `app.render`, `app.show`, `%load_ext app`."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+
+from app.settings import Settings, UsageError, make_solver, open_scene
+from gi_core.scene import Camera, Scene
+from gi_core.solver import Solver
+
+if TYPE_CHECKING:
+    from app.draw.shot import Shot
+
+PREVIEW = Settings(size=(480, 320))  # in a notebook
+PREVIEW_PHOTONS, PREVIEW_SECONDS = 30_000, 2.0  # of a scene
+
+
+def render(
+    scene: Scene | Solver, camera: Camera | None = None, size: tuple[int, int] = (640, 400), seconds: float = 0.0,
+    **settings,
+) -> np.ndarray:  # fmt: skip
+    """Return the picture (h, w, 3) float32 of linear radiance [W/m2/sr], 0 where nothing is seen.
+
+    scene: solved here, or a solver in its present light; camera: None for the scene's; size: (width, height) pixels;
+    seconds: for gathering light before, which stays in the solver; settings: fields of `app.settings.Settings`, those
+    of light and `cull`. Raises SceneError, UsageError. `app.draw.tonemap.to_display` makes display values of it.
+    """
+    from app.draw.layers import layers
+
+    shot = _shot(scene, Settings(size=size, **settings), seconds, camera)
+    return layers(shot.solver, shot.meshes, shot.camera, size, shot.settings.cull).colour
+
+
+def show(scene: Scene, **settings) -> int:
+    """Open a window with a scene; return its exit code once it is closed.
+
+    settings: fields of `app.settings.Settings`. The window cannot save a scene from arrays. Raises SceneError;
+    UsageError where no window can be opened.
+    """
+    from app.session.opening import Opening
+    from app.window.window import why_no_window
+
+    if reason := why_no_window():
+        raise UsageError(f"no window: {reason}; app.render draws without one")
+    from app.window.viewer import run
+
+    def load(asked: Settings) -> Scene:
+        return scene if asked.scene == scene.name else open_scene(asked)
+
+    return run(Settings(scene=scene.name, **settings), open_with=lambda asked: Opening(asked, load))
+
+
+def png(scene: Scene | Solver) -> bytes:
+    """Return a PNG file of a scene in light gathered within two seconds, or of a solver in its present light."""
+    if isinstance(scene, Solver):
+        shot = _shot(scene, PREVIEW)
+    else:
+        shot = _shot(scene, replace(PREVIEW, photons=PREVIEW_PHOTONS), PREVIEW_SECONDS)
+    data = io.BytesIO()
+    Image.fromarray(shot.take()).save(data, "PNG")
+    return data.getvalue()
+
+
+def register(shell) -> None:
+    """Show scenes and solvers as pictures in an IPython shell."""
+    formatter = shell.display_formatter.formatters["image/png"]
+    for kind in (Scene, Solver):
+        formatter.for_type(kind, png)
+
+
+def _shot(scene: Scene | Solver, settings: Settings, seconds: float = 0.0, camera: Camera | None = None) -> Shot:
+    from app.draw.camera import from_camera
+    from app.draw.shot import Shot
+    from app.rest.within import gather
+
+    if isinstance(scene, Solver):
+        solver = scene
+    else:
+        solver = make_solver(scene, settings)
+        solver.solve()
+    gather(solver, seconds, lambda stage, fraction: None)
+    shot = Shot(solver, settings)
+    if camera is not None:
+        shot.camera = from_camera(camera, solver.scene.up, shot.camera.bounds)
+    return shot
