@@ -99,6 +99,7 @@ class Settings:
     tone_map: str = "aces"  # one of TONE_MAPS
     show: str = "radiance"  # one of SHOWS: with reflectance, E / pi alone, false colours; in the window ERRORS too
     illuminance_range: tuple[float, float] | None = None  # of the false colours [lx or W/m2]; None: of the view
+    isolines: tuple[float, ...] | None = None  # over false colours [lx or W/m2]; (): at round values; None: without
     error_range: float | None = None  # ends of the error map, relative; None: of the view; see ERROR_RANGES
     cull: bool = True  # the backs of one-sided faces are not drawn: rooms can be seen from outside
 

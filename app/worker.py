@@ -1,4 +1,4 @@
-"""The solver's thread: the window never waits for a long task.
+"""Threads behind the window, first of all the solver's: the window never waits for a long task.
 
 Most calls last milliseconds; the index of a large scene or a move among a million photons lasts longer. They run one
 at a time, and no other thread uses the solver meanwhile.
@@ -47,14 +47,15 @@ class Worker:
     It starts with the first call, so a scene that never opens starts no thread.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, name: str = "solver") -> None:
+        self._name = name
         self._calls: queue.SimpleQueue[tuple[Future, Callable] | None] = queue.SimpleQueue()
         self._started = False
 
     def submit(self, call: Callable) -> Call:
         if not self._started:
             self._started = True
-            threading.Thread(target=_work, args=(self._calls,), name="solver", daemon=True).start()
+            threading.Thread(target=_work, args=(self._calls,), name=self._name, daemon=True).start()
         future: Future = Future()
         self._calls.put((future, call))
         return Call(future)

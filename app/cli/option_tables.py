@@ -53,6 +53,8 @@ PICTURE: dict[str, dict[str, Any]] = {
     "illuminance_range": {"type": values.value_range, "metavar": "LOW,HIGH",
                           "help": "ends of the false colours [lx or W/m2]; a logarithmic scale if HIGH is 30 LOW or"
                                   " more (that of the view)"},
+    "isolines": {"type": values.isolines, "metavar": "auto|E1,E2,...",
+                 "help": "lines of equal light over the false colours, at round or at given values [lx or W/m2]"},
     "cull": {"action": "store_false", "help": "draw the backs of one-sided faces too, dark grey"},
 }  # fmt: skip
 WINDOW: dict[str, dict[str, Any]] = {

@@ -9,6 +9,7 @@ from pathlib import Path
 from app.settings import MOST_PIXELS, LampSetting, MeasuringPlane
 
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
+MOST_ISOLINES = 16
 MOST_GRID_POINTS = 100  # along an axis of a measuring plane
 LEAST_EXPOSURE, MOST_EXPOSURE = -64.0, 64.0  # EV; beyond, every picture is black or white
 
@@ -74,6 +75,19 @@ def value_range(text: str) -> tuple[float, float]:
     low, comma, high = text.partition(",")
     values = (finite(low), finite(high)) if comma else (0.0, 0.0)
     _require(0 <= values[0] < values[1], "LOW,HIGH with 0 <= LOW < HIGH", text)
+    return values
+
+
+def isolines(text: str) -> tuple[float, ...]:
+    """Return values of isolines; (): the program chooses them."""
+    if text in ("auto", ""):
+        return ()
+    parts = text.split(",")
+    try:
+        values = tuple(positive(part) for part in parts)
+    except argparse.ArgumentTypeError:
+        values = ()
+    _require(0 < len(values) <= MOST_ISOLINES, f"auto, or up to {MOST_ISOLINES} numbers over 0: E1,E2,...", text)
     return values
 
 

@@ -1,4 +1,4 @@
-"""False colours of irradiance or illuminance: scale, ticks, and the map from values to colours."""
+"""False colours of irradiance or illuminance: scale, ticks, isolines, and the map from values to colours."""
 
 from __future__ import annotations
 
@@ -19,6 +19,11 @@ MOST_DECADES = 4
 STEPS = (1.0, 2.0, 5.0, 10.0)  # round numbers of a decade
 LABEL = 0.09  # of the scale: least distance of ticks from its ends, for their labels
 LEAST_TICKS = 4  # intervals of a linear scale, at least
+MOST_LINES = 16  # isolines, as in surface.frag
+APART = 0.06  # of the scale: least distance of labels of isolines
+LINE_PIXELS = 1.5  # width of isolines, at 96 dots per inch
+LINE_OPACITY = 0.85
+LIGHT_FROM = 0.55  # of the scale: from there on lines are black, below white
 
 
 class Scale(NamedTuple):
@@ -27,10 +32,41 @@ class Scale(NamedTuple):
     low: float  # over 0 if logarithmic
     high: float
     logarithmic: bool
+    lines: tuple[float, ...] = ()  # values of the isolines, ascending
+
+    def with_lines(self, values: tuple[float, ...] | None) -> Scale:
+        """Return the scale with isolines at these values, at most MOST_LINES; (): at round numbers; None: without."""
+        if values is None:
+            return self._replace(lines=())
+        if not values:
+            values = tuple(v for v in self._round_numbers(MOST_LINES) if self.low < v <= self.high)
+        return self._replace(lines=tuple(sorted(set(values)))[:MOST_LINES])
+
+    def _round_numbers(self, most: int) -> list[float]:
+        """Return round numbers of the scale."""
+        if not self.logarithmic:
+            step = _step(self.high - self.low)
+            ends = math.ceil(self.low / step), math.floor(self.high / step * (1 + 1e-9))
+            return [_rounded(k * step) for k in range(ends[0], ends[1] + 1)]
+        decades = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
+        found: list[float] = []
+        for steps in (STEPS[:3], STEPS[:1]):
+            found = [v for k in decades for s in steps if self.low < (v := _rounded(s * 10.0**k)) <= self.high]
+            if len(found) <= most:
+                break
+        return found
 
     @property
     def ticks(self) -> list[float]:
-        """Round numbers from low to high, and the ends."""
+        """Values of the isolines, else round numbers from low to high, and the ends."""
+        if self.lines:
+            inner, last = [], LABEL - APART
+            for t in self.lines:
+                at = float(self.position(np.array([t]))[0])
+                if last + APART <= at < 1 - LABEL:
+                    inner.append(t)
+                    last = at
+            return [self.low, *inner, self.high]
         if self.logarithmic:
             decades = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
             many = math.log10(self.high / self.low) > 2.5
@@ -57,7 +93,8 @@ class Scale(NamedTuple):
     def text(self, units: Units) -> str:
         """Return the scale as one line, for metadata."""
         kind = "logarithmic" if self.logarithmic else "linear"
-        return f"{units.on_surface} in {units.per_area}, {self.low:g} to {self.high:g}, {kind}, viridis"
+        text = f"{units.on_surface} in {units.per_area}, {self.low:g} to {self.high:g}, {kind}, viridis"
+        return f"{text}, isolines at {', '.join(f'{v:g}' for v in self.lines)}" if self.lines else text
 
     def position(self, values: np.ndarray) -> np.ndarray:
         """Return the position (n,) in 0 .. 1 of values (n,) on the scale; nan stays nan."""
@@ -88,10 +125,27 @@ def automatic_scale(values: np.ndarray) -> Scale:
     return Scale(0.0, _rounded(step * math.ceil(high / step - 1e-9)), False)
 
 
-def false_colours(radiance: np.ndarray, scale: Scale) -> np.ndarray:
-    """Return display colours (n, 3) uint8 of surfaces that show E / pi (n, 3)."""
-    t = scale.position(math.pi * luminance(radiance))
-    return np.round(255 * sequential_colours(t)).astype(np.uint8)
+def false_colours(
+    radiance: np.ndarray, scale: Scale, gradient: np.ndarray | None = None, to_middle: np.ndarray | None = None
+) -> np.ndarray:
+    """Return display colours (n, 3) uint8 of surfaces that show E / pi (n, 3), as surface.frag does.
+
+    gradient (n, 2): change of the luminance of E / pi per pixel right and down, for isolines; None: without. to_middle
+    (n, 2): offset to the middle of the pixel, where a line is drawn or not; None: 0.
+    """
+    E = math.pi * luminance(radiance)
+    t = scale.position(E)
+    colours = sequential_colours(t)
+    if scale.lines and gradient is not None:
+        change = math.pi * gradient
+        slope = np.sqrt((change * change).sum(axis=1))
+        there = E if to_middle is None else E + (change * to_middle).sum(axis=1)
+        off = np.abs(there[:, None] - scale.lines).min(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            covered = np.clip(0.5 * LINE_PIXELS + 0.5 - off / slope, 0, 1)
+        covered = np.where(slope > 0, covered, 0.0)[:, None] * LINE_OPACITY
+        colours += covered * ((t < LIGHT_FROM)[:, None] - colours)
+    return np.round(255 * colours).astype(np.uint8)
 
 
 def _rounded(value: float) -> float:

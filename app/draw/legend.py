@@ -8,13 +8,14 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from app.draw.colour_map import sequential_colours
-from app.draw.false_colour import Scale
+from app.draw.false_colour import LIGHT_FROM, Scale
 from app.draw.units import Units
 
 HEIGHT_EM, WIDTH_EM = 11.0, 1.1  # of the bar
 LINE_EM = 1.3
 MARGIN_EM = 0.8
 PLATE, TEXT = (15, 16, 17, 210), (235, 236, 238)
+LIGHT_MARK, DARK_MARK = (255, 255, 255, 255), (0, 0, 0, 255)
 LEAST_EM = 9  # pixels
 COLOUR_STEPS = 64
 
@@ -25,12 +26,14 @@ class Legend(NamedTuple):
     lines: list[str]  # caption; the first is the title
     ticks: list[tuple[float, str]]  # position from 0 (bottom) to 1 (top), label
     colours: np.ndarray  # (COLOUR_STEPS + 1, 3) display colours from bottom to top
+    marks: tuple[float, ...] = ()  # positions of isolines
     unknown: str = ""  # label of the colour for surfaces without a value; "": there are none
 
 
 def of_scale(scale: Scale, units: Units) -> Legend:
     """Return the legend of false colours."""
-    return Legend(scale.title(units), scale.labels, sequential_colours(np.linspace(0, 1, COLOUR_STEPS + 1)))
+    marks = tuple(scale.position(np.array(scale.lines)).tolist()) if scale.lines else ()
+    return Legend(scale.title(units), scale.labels, sequential_colours(np.linspace(0, 1, COLOUR_STEPS + 1)), marks)
 
 
 def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
@@ -58,6 +61,9 @@ def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     image.paste(
         Image.fromarray(np.repeat(bar[:, None], round(WIDTH_EM * em), axis=1)), (round(left), round(top + head))
     )
+    for position in legend.marks:
+        y = top + head + (1 - position) * (rows - 1)
+        draw.line((left, y, left + WIDTH_EM * em, y), LIGHT_MARK if position < LIGHT_FROM else DARK_MARK)
     for position, text in labels:
         y = top + head + (1 - position) * (rows - 1)
         draw.line((left + WIDTH_EM * em, y, left + (WIDTH_EM + 0.3) * em, y), TEXT)

@@ -17,6 +17,7 @@ from app.draw.false_colour import Scale, false_colours
 from app.draw.tonemap import to_display
 from app.draw.vertex_colours import DrawMesh, colours, part_of, weights
 from app.draw.white_balance import NEUTRAL, Gains
+from gi_core.base.vectors import cross, dot
 from gi_core.display.dilation import Drawn
 from gi_core.geometry.cutouts import covered
 from gi_core.geometry.error import luminance
@@ -145,10 +146,11 @@ def picture(
         none = ((np.zeros((len(mesh.positions), 3), np.float32),) * 2 for mesh in meshes)
         above = both_sides([black if g is None else g for black, g in zip(none, gloss, strict=True)], weights)
     out = np.empty((height, width, 3), np.uint8)
-    steps = pixel_steps(camera, width, height) if textured and world.textures else None
+    pixel = pixel_steps(camera, width, height)
+    steps = pixel if textured and world.textures else None
     for strip in strips(accelerator, at, world, camera, size, cull, progress):
         # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
-        display = _shade(world, front, back, strip, exposure, tone_map, steps, scale, gains, above)
+        display = _shade(world, front, back, strip, exposure, tone_map, steps, scale, gains, above, pixel)
         out[strip.rows] = np.round(strip.resolved(display))
     return out
 
@@ -297,9 +299,9 @@ def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.
 
 
 def _shade(
-    world: PictureScene, front, back, strip: Strip, exposure, tone_map, steps, scale, gains, above
+    world: PictureScene, front, back, strip: Strip, exposure, tone_map, steps, scale, gains, above, pixel
 ) -> np.ndarray:
-    """Return display values (n, 3) uint8."""
+    """Return display values (n, 3) uint8; pixel: of pixel_steps(), for isolines."""
     out = np.empty((len(strip.face), 3), np.uint8)
     out[:] = np.round(np.array(BACKGROUND) * 255)
     hit = np.flatnonzero(strip.face >= 0)
@@ -308,7 +310,12 @@ def _shade(
     radiance, facing = seen_radiance(world, front, back, *strip.seen(hit), steps, strip.eye)
     if above is not None:
         radiance += seen_radiance(world, above[0], above[1], *strip.seen(hit), None, strip.eye)[0]
-    out[hit] = to_display(radiance, exposure, tone_map, gains) if scale is None else false_colours(radiance, scale)
+    if scale is None:
+        out[hit] = to_display(radiance, exposure, tone_map, gains)
+    else:
+        change = gradient(world, front, back, *strip.seen(hit), facing, pixel, strip.eye) if scale.lines else None
+        to_middle = 0.5 - PIXEL_OFFSETS[hit % len(PIXEL_OFFSETS)]  # a line is the same in all samples, as in GL
+        out[hit] = false_colours(radiance, scale, change, to_middle)
     out[hit[~facing & world.one_sided[strip.face[hit]]]] = np.round(np.array(UNLIT) * 255)
     return out
 
@@ -323,12 +330,48 @@ def seen_radiance(
     """
     u, v = u[:, None], v[:, None]
     facing = (world.normals[face] * directions).sum(axis=1) < 0  # gl_FrontFacing
-    a, b, c = (np.where(facing[:, None], front[k], back[k]) for k in world.draw[face].T)
+    a, b, c = _at_corners(world, front, back, face, facing)
     radiance = (1 - u - v) * a + u * b + v * c
     radiance = radiance[:, :3] / radiance[:, 3:]
     if steps is not None:
         _colour(world, radiance, face, u, v, facing, eye, directions, steps)
     return radiance, facing
+
+
+def _at_corners(world: PictureScene, front, back, face, facing) -> list[np.ndarray]:
+    """Return the colours (n, 4) of `weighted` at the three corners of faces (n,), of the sides that are seen."""
+    return [np.where(facing[:, None], front[k], back[k]) for k in world.draw[face].T]
+
+
+def gradient(world: PictureScene, front, back, face, u, v, directions, facing, pixel, eye) -> np.ndarray:
+    """Return the change of luminance per pixel right and down (n, 2) at hits; arguments as for seen_radiance().
+
+    pixel: of pixel_steps(). Rays of the neighbouring pixels meet the plane of the same face.
+    """
+    a, b, c = _at_corners(world, front, back, face, facing)
+    seen = (1 - u - v)[:, None] * a + u[:, None] * b + v[:, None] * c
+    per_weight, out = 1 / seen[:, 3], np.empty((len(face), 2))
+    of_light = luminance(seen[:, :3]) * per_weight
+    (light_u, weight_u), (light_v, weight_v) = ((luminance(d[:, :3]), d[:, 3]) for d in (b - a, c - a))
+    corners, straight = world.corners[face], directions.astype(np.float64)
+    straight = straight / (straight @ pixel[2])[:, None]
+    u0, v0 = planar(corners, eye, straight)
+    for k in range(2):
+        u1, v1 = planar(corners, eye, straight + pixel[k])
+        du, dv = u1 - u0, v1 - v0
+        change = light_u * du + light_v * dv - of_light * (weight_u * du + weight_v * dv)
+        out[:, k] = change * per_weight
+    return out
+
+
+def planar(corners: np.ndarray, eye: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return barycentric weights of corners 1 and 2 (n,) where rays d (n, 3) from eye (3,) meet the planes of faces."""
+    p = corners.astype(np.float64)
+    e1, e2, s = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], np.asarray(eye, np.float64) - p[:, 0]
+    h, q = cross(d, e2), cross(s, e1)
+    det = dot(e1, h)
+    inverse = np.where(det != 0, 1 / np.where(det != 0, det, 1), 0)
+    return dot(s, h) * inverse, dot(d, q) * inverse
 
 
 def pixel_steps(camera: Turntable, width: int, height: int) -> np.ndarray:

@@ -14,6 +14,7 @@ import moderngl
 import numpy as np
 
 from app.draw.colour_map import SEQUENTIAL
+from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Scale
 from app.draw.gl_gloss import GlossTexture
 from app.draw.gl_objects import DrawnObject
 from app.draw.gl_textures import GLTextures
@@ -22,7 +23,6 @@ from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.gloss.hemisphere import CELLS
 
 if TYPE_CHECKING:
-    from app.draw.false_colour import Scale
     from app.draw.vertex_colours import DrawMesh
     from gi_core.gloss.cells import GlossLight
     from gi_core.scene.types import Texture
@@ -34,6 +34,7 @@ TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
 GLOSS_UNIT = 1  # texture unit of directional light
 AS_IS = 3  # there: display colours
 FALSE_COLOURS = 4
+NO_SCALE = Scale(0.0, 1.0, False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,7 @@ class Look:
     outline_width: float = 2.0  # pixels
     textured: bool = True  # multiply colours by textures
     as_is: bool = False  # colours are display colours: no exposure, no tone map
+    line_scale: float = 1.0  # of the width of isolines, for fine screens
     scale: Scale | None = None  # of false colours, in place of the tone map; colours are E / pi
     split: float | None = None  # of the width; the second layer of colours is right of it
     gains: Gains = NEUTRAL  # of the white balance
@@ -144,7 +146,11 @@ class Renderer:
                 AS_IS if look.as_is else FALSE_COLOURS if look.scale else TONE_MAP_CODES[look.tone_map]
             )
             program["map"].write(SEQUENTIAL.astype(np.float32).tobytes())
-            program["scale"] = look.scale or (0.0, 1.0, 0.0)
+            scale = look.scale or NO_SCALE
+            program["scale"] = scale[:3]
+            program["lines"] = (*scale.lines, *[0.0] * (MOST_LINES - len(scale.lines)))
+            program["line_count"] = len(scale.lines)
+            program["line_look"] = LINE_PIXELS * look.line_scale, LINE_OPACITY, LIGHT_FROM
             program["unlit"] = UNLIT
             program["cells"] = GLOSS_UNIT
             shown = look.textured and look.eye is not None and self._gloss.use(GLOSS_UNIT)

@@ -99,13 +99,13 @@ class Shot:
         if s.show != ILLUMINANCE:
             return None
         if s.illuminance_range is not None:
-            return fixed_scale(*s.illuminance_range)
+            return fixed_scale(*s.illuminance_range).with_lines(s.isolines)
         model, drawn = solver.model, solver.drawn(solver.irradiance)
         at, camera = model.transforms(solver.poses), self.camera.relative_to(model.origins[0])
         width, height = s.size
-        return automatic_scale(
-            raycast.visible_irradiance(model.accelerator, at, self.meshes, drawn, camera, width / height, s.cull)
-        )
+        cull, aspect = s.cull, width / height
+        seen = raycast.visible_irradiance(model.accelerator, at, self.meshes, drawn, camera, aspect, cull)
+        return automatic_scale(seen).with_lines(s.isolines)
 
     def metered(self) -> float:
         """Return the exposure [EV] that suits the picture."""

@@ -8,6 +8,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.colour_map import UNKNOWN, signed_colours
+from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS
 from app.draw.legend import COLOUR_STEPS, Legend
 from app.window import label, theme
 from app.window.view_content import Errors
@@ -20,7 +21,7 @@ TICKS = (1.0, 0.5, 0.0, -0.5, -1.0)  # of the scale
 def of_errors(errors: Errors) -> Legend:
     """Return the legend of an error map."""
     ticks = [((1 + tick) / 2, tick_text(tick, errors.scale)) for tick in TICKS]
-    return Legend(texts(errors), ticks, signed_colours(np.linspace(-1, 1, COLOUR_STEPS + 1)), NO_DATA)
+    return Legend(texts(errors), ticks, signed_colours(np.linspace(-1, 1, COLOUR_STEPS + 1)), unknown=NO_DATA)
 
 
 def draw(legend: Legend, right: float, bottom: float) -> None:
@@ -45,6 +46,10 @@ def draw(legend: Legend, right: float, bottom: float) -> None:
         a, b = (imgui.get_color_u32((*map(float, colours[i]), 1.0)) for i in (k, k + 1))
         low, high = (top + HEIGHT_EM * em * i / COLOUR_STEPS for i in (k, k + 1))
         drawing.add_rect_filled_multi_color((left, low), (left + WIDTH_EM * em, high), a, a, b, b)
+    for position in legend.marks:
+        at = top + HEIGHT_EM * em * (1 - position)
+        mark = imgui.get_color_u32((*([1.0] if position < LIGHT_FROM else [0.0]) * 3, LINE_OPACITY))
+        drawing.add_line((left, at), (left + WIDTH_EM * em, at), mark, LINE_PIXELS)
     for position, words in legend.ticks:
         at = top + HEIGHT_EM * em * (1 - position)
         drawing.add_line((left + WIDTH_EM * em, at), (left + (WIDTH_EM + 0.3) * em, at), dim, 1.0)

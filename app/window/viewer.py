@@ -251,6 +251,7 @@ class Viewer:
         self.menus.release()
         implot.destroy_context()
         self.reload.close()
+        self.viewport.close()
         self.session.close()
         if self.renderer is not None:
             self.renderer.release()
@@ -314,6 +315,7 @@ class Viewer:
             self._upload()
             self._uploaded = session.version
         self.viewport.rescale(at_rest=not busy)
+        self._quiet = 0 if self.viewport.is_fitting else self._quiet
         self.viewport.read_pins()
         samples = 1 if self._software and self._quiet < QUIET_FRAMES else SAMPLES_PER_PIXEL
         self.viewport.draw(self.renderer, samples)

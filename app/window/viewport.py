@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from imgui_bundle import imgui
@@ -29,9 +30,11 @@ from app.window import drag
 from app.window.legend import of_errors
 from app.window.view_content import Shown
 from app.window.wipe import Wipe
+from app.worker import Call, Worker
 from gi_core.display.dilation import Drawn
 from gi_core.scene.pose import three
 
+FIRST_FIT = 0.1  # s that false colours wait for their first scale; later ones are fitted behind the picture
 FLIGHT_SECONDS = 0.35  # of a camera animation
 THRESHOLD_PIXELS = 2.0  # shorter motions are a click
 MARGIN = 1.6  # of the distance at which an object just fits
@@ -60,6 +63,8 @@ class Viewport:
         self.shown: Shown | None = None  # content of the colour buffers
         self.scale: Scale | None = None  # of false colours
         self._scaled: tuple | None = None  # arguments of the last scale
+        self._fitting: Call | None = None  # the scale under way
+        self._worker = Worker("false colours")
         self._seen_from: Turntable | None = None  # camera of the last frame
         self.size = (1.0, 1.0)  # points
         self.origin = (0.0, 0.0)
@@ -74,7 +79,7 @@ class Viewport:
         self.session = session
         self.hover = self.pointed = self.reading = self.grab = self._steering = self._flight = None
         self.shown = self._asked = self._drawn = self._pins_read = None
-        self.pinning, self.pinned = False, ()
+        self.pinning, self.pinned, self._fitting, self._scaled = False, (), None, None
         self.bounds = scene_bounds(session.model, session.poses)
         if self.selected not in session.poses:
             self.selected = next(iter(session.poses)) if len(session.poses) == 1 else ""
@@ -349,19 +354,32 @@ class Viewport:
         s, shown = self.session, self.shown
         at_rest, self._seen_from = at_rest and self.camera == self._seen_from, self.camera  # the wheel turns, or not
         if s.settings.show != ILLUMINANCE or shown is None:
-            self.scale = self._scaled = None
+            self.scale = self._scaled = self._fitting = None
             return
-        asked = s.version, self.camera, self.aspect, s.settings.cull, s.settings.illuminance_range
-        if asked == self._scaled or not (at_rest or self.scale is None):
-            return
-        self._scaled = asked
-        if asked[-1] is not None:
-            self.scale = fixed_scale(*asked[-1])
-            return
-        at, camera = s.model.transforms(s.light.snapshot.poses), self.camera.relative_to(s.model.origins[0])
-        drawn, cull = Drawn(shown.sides[0].irradiance, shown.sides[0].weights), s.settings.cull
-        seen = visible_irradiance(s.model.accelerator, at, s.meshes, drawn, camera, self.aspect, cull)
-        self.scale = automatic_scale(seen)
+        given = s.settings.illuminance_range, s.settings.isolines
+        asked = s.version, self.camera, self.aspect, s.settings.cull, *given
+        if self._fitting is None and asked != self._scaled and (at_rest or self.scale is None):
+            self._scaled = asked
+            if given[0] is not None:
+                self.scale = fixed_scale(*given[0]).with_lines(given[1])
+                return
+            at, camera = s.model.transforms(s.light.snapshot.poses), self.camera.relative_to(s.model.origins[0])
+            drawn, cull = Drawn(shown.sides[0].irradiance, shown.sides[0].weights), s.settings.cull
+            self._fitting = self._worker.submit(
+                partial(_fitted, s.model.accelerator, at, s.meshes, drawn, camera, self.aspect, cull)
+            )
+        if self._fitting is not None and self._fitting.wait(FIRST_FIT if self.scale is None else 0.0):
+            fitting, self._fitting = self._fitting, None
+            self.scale = fitting.result().with_lines(s.settings.isolines)
+
+    @property
+    def is_fitting(self) -> bool:
+        """Whether a scale of false colours is under way."""
+        return self._fitting is not None
+
+    def close(self) -> None:
+        """End the thread that fits scales."""
+        self._worker.close()
 
     @property
     def _marked(self) -> int:
@@ -384,6 +402,7 @@ class Viewport:
             textured=settings.show == "radiance",
             as_is=self.shown is not None and self.shown.errors is not None,
             scale=scale,
+            line_scale=imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y,
             split=split,
             gains=self.session.gains if settings.white_balance else NEUTRAL,
             eye=camera.relative_to(self.session.model.origins[0]).eye(),
@@ -426,6 +445,11 @@ class Viewport:
             others = "" if mode != drag.SLIDE else "  ·  Shift: up and down  ·  Alt: in the image plane  ·  Ctrl: turn"
             return f"Drag {name}: {drag.MODES[mode]}{others}"
         return ""
+
+
+def _fitted(*view) -> Scale:
+    """Return the scale that suits a view; arguments of visible_irradiance()."""
+    return automatic_scale(visible_irradiance(*view))
 
 
 _CURSORS = {

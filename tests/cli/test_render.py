@@ -123,6 +123,36 @@ def test_false_colours_belong_to_interpolated_values():
     np.testing.assert_allclose(row[inside], 255 * sequential_colours(t[inside]), atol=3)
 
 
+@pytest.mark.parametrize("width", [45, 75])  # no room for a legend
+def test_isolines_lie_where_the_light_has_their_value(width):
+    """Irradiance x + 1/2 on a card: lines at 0.3 and 0.8, as wide in large pictures as in small ones."""
+    lined = replace(SMALL, show="illuminance", illuminance_range=(0.0, 1.0), isolines=(0.3, 0.8), size=(width, width))
+    plain = replace(lined, isolines=None)
+    rows = []
+    for settings in (plain, lined):
+        solver = make_solver(card(), settings)
+        x = solver.receivers.positions[:, 0] + 0.5
+        solver.frame = solver.frame._replace(irradiance=np.repeat(x[:, None], 3, axis=1))
+        rows.append(raycast_row(Shot(solver, settings), width))
+    t = (2 * (np.arange(width) + 0.5) / width - 1) * 2.0 * np.tan(np.radians(30)) + 0.5
+    on_card = (t > 0.03) & (t < 0.97)
+    apart = np.abs(rows[1] - rows[0]).max(axis=1) / 255 * on_card
+    for value, colour in ((0.3, 255), (0.8, 0)):  # white on dark colours, black on light ones
+        near = np.abs(t - value) < 0.12
+        middle = np.average(t[near], weights=apart[near])
+        assert middle == pytest.approx(value, abs=0.3 * (t[1] - t[0]))
+        peak = np.flatnonzero(near)[apart[near].argmax()]
+        assert np.abs(rows[1][peak] - colour).mean() < 120
+        full = np.abs(colour - rows[0][peak]).max() / 255 * 0.85
+        assert apart[near].sum() / full == pytest.approx(1.5, abs=0.45), "pixels, at any size of the picture"
+    assert apart[(np.abs(t - 0.3) > 0.12) & (np.abs(t - 0.8) > 0.12)].max() == 0
+
+
+def raycast_row(shot: Shot, width: int) -> np.ndarray:
+    """Return the middle row of a picture, without its legend."""
+    return shot.take()[width // 2].astype(float)
+
+
 def test_the_scale_of_false_colours_fits_the_visible_surface_and_stays():
     """A bright mobile behind the card does not count; later pictures keep the first one's scale."""
     hidden = Mobile("m", quad((-0.3, -0.3, 0), (0.6, 0, 0), (0, 0.6, 0)), Pose((0, 0, -0.5)))
@@ -224,6 +254,25 @@ def test_ray_cast_picture_equals_the_opengl_picture():
         drawn = gl_picture(shot).astype(int)
         apart = np.abs(ours.astype(int) - drawn).max(axis=2)
         assert (apart > 8).mean() < 0.01 and apart.mean() < 1.0, f"{(apart > 8).mean():.3%}, mean {apart.mean():.2f}"
+
+
+@pytest.mark.gl
+def test_ray_cast_isolines_are_those_of_the_opengl_picture():
+    """Where one picture has a line, the other has one within a pixel. OpenGL differentiates over blocks of 2 x 2."""
+    from scipy.ndimage import maximum_filter
+
+    solver = make_solver(room(), SMALL)
+    solver.solve()
+    lined = replace(SMALL, show="illuminance", illuminance_range=(0.0, 20.0), isolines=(1.0, 2.0, 5.0), size=(192, 144))
+    pictures = [[], []]
+    for settings in (lined, replace(lined, isolines=None)):
+        shot = Shot(solver, settings)
+        for kind, picture in zip(pictures, (shot.take(), gl_picture(shot)), strict=True):
+            kind.append(picture.astype(int))
+    ours, theirs = (np.abs(with_lines - plain).max(axis=2) > 90 for with_lines, plain in pictures)
+    assert min(ours.sum(), theirs.sum()) > 300
+    for one, other in ((ours, theirs), (theirs, ours)):
+        assert (one & ~maximum_filter(other, 3)).sum() < 0.02 * one.sum()
 
 
 def gl_picture(shot: Shot) -> np.ndarray:

@@ -75,6 +75,14 @@ def test_levels_of_lamps_are_saved(tmp_path):
         assert parsed(*shlex.split(saved_scene.command_line(settings))[1:]).levels(()) == settings.levels(())
 
 
+@pytest.mark.parametrize("isolines", [None, (), (100.0, 1000 / 3)])
+def test_isolines_are_saved(isolines, tmp_path):
+    here = saved_scene.with_view(replace(SETTINGS, isolines=isolines), {}, CAMERA)
+    saved_scene.write(tmp_path / "a.toml", here)
+    assert parsed(str(tmp_path / "a.toml")) == replace(here, document=str(tmp_path / "a.toml"))
+    assert parsed(*shlex.split(saved_scene.command_line(here))[1:]) == here
+
+
 def test_read_outs_are_saved(tmp_path):
     pins = Pin("desk", (0.1, 0.2, 1 / 3), (0.0, 1.0, 0.0)), Pin('a "seat"', (0.0, 0.4, 0.0), (0.0, 0.0, -1.0), "pawn")
     for points in (None, (7, 3)):

@@ -146,7 +146,23 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
         hand.wait(lambda: viewport.picture.scale == scale)
 
         viewer.session.want(replace(viewer.session.settings, illuminance_range=(10.0, 1000.0)))
-        hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True))
+        hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True, ()))
+
+        # Lines of equal light are circles about the lamp's foot, on known radii.
+        hand.ctx.item_check("Isolines")
+        hand.ctx.item_input_value("##isolines", "60, 100")
+        hand.wait(lambda: viewport.picture.scale.lines == (60.0, 100.0))
+        hand.ctx.yield_(25)
+        lined = hand.pixels().astype(int)
+        for E in (60.0, 100.0):
+            radius = math.sqrt((INTENSITY * HEIGHT / E) ** (2 / 3) - HEIGHT**2)
+            for turn in (0.3, 2.0, 4.4):
+                at = hand.at((radius * math.cos(turn), radius * math.sin(turn), 0.0))
+                column, row = (int(c - o) for c, o in zip(at, viewport.origin, strict=True))
+                assert lined[row - 2 : row + 3, column - 2 : column + 3].min(axis=2).max() > 180, (E, turn)
+        beside = hand.at((0.0, 0.0, 0.0))
+        column, row = (int(c - o) for c, o in zip(beside, viewport.origin, strict=True))
+        assert lined[row, column].min() < 170, "no line where the light has another value"
 
     settings = replace(support.SETTINGS, light="best")
     assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
@@ -156,12 +172,18 @@ def test_nothing_is_measured_again_while_false_colours_rest(play, monkeypatch):
     from app.window import viewport as module
 
     calls, visible = [], module.visible_irradiance
-    monkeypatch.setattr(module, "visible_irradiance", lambda *given: (calls.append(1), visible(*given))[1])
+
+    def counted(*given):
+        calls.append(threading.current_thread().name)
+        return visible(*given)
+
+    monkeypatch.setattr(module, "visible_irradiance", counted)
 
     def script(hand, viewer):
         hand.wait_for_light()
         hand.wait(lambda: viewer.session.light.all_done)
         hand.ctx.yield_(30)
+        assert set(calls) == {"false colours"}, "the window's thread fits none"
         calls.clear()
         hand.ctx.yield_(30)
         assert not calls and viewer._is_still

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import replace
 from typing import Any
 
 from imgui_bundle import imgui
 
+from app.cli import values
 from app.settings import ERROR_RANGES, ERRORS, ILLUMINANCE, SHOWS, TONE_MAPS, Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
@@ -72,5 +74,33 @@ def _scale(s: Settings, facts: Facts) -> Settings:
         s = ui.choice(s, "Scale", "illuminance_range", names,
                       "Automatic: fitted to the view at rest. Fixed: the present ends stay; "
                       "--illuminance-range sets others.")  # fmt: skip
+    imgui.end_disabled()
+    imgui.begin_disabled(s.show != ILLUMINANCE)
+    s = _isolines(s)
+    imgui.end_disabled()
+    return s
+
+
+_typed = [""]  # values of the isolines
+
+
+def _isolines(s: Settings) -> Settings:
+    """Draw the switch of the isolines and a field for their values."""
+    changed, on = imgui.checkbox("Isolines", s.isolines is not None)
+    ui.tip("Lines of equal light over the false colours.")
+    if changed:
+        s = replace(s, isolines=() if on else None)
+    imgui.same_line(ui.LABEL_EM * imgui.get_font_size())
+    imgui.set_next_item_width(-1)
+    imgui.begin_disabled(s.isolines is None)
+    if not imgui.is_any_item_active():
+        _typed[0] = ", ".join(f"{value:g}" for value in s.isolines or ())
+    _, _typed[0] = imgui.input_text_with_hint("##isolines", "round values", _typed[0])
+    if imgui.is_item_deactivated_after_edit():
+        try:
+            s = replace(s, isolines=values.isolines(",".join(_typed[0].replace(",", " ").split())))
+        except argparse.ArgumentTypeError:
+            pass  # the field shows the last values again
+    ui.tip(f"Their values, up to {values.MOST_ISOLINES}, with commas; empty: round values.")
     imgui.end_disabled()
     return s

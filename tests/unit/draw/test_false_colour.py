@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from app.draw.colour_map import SEQUENTIAL, sequential_colours
-from app.draw.false_colour import Scale, automatic_scale, fixed_scale
+from app.draw.false_colour import Scale, automatic_scale, false_colours, fixed_scale
+from app.draw.legend import of_scale
 from app.draw.units import PHOTOMETRIC
 from gi_core.geometry.error import luminance
 
@@ -64,3 +65,42 @@ def test_fixed_scale_and_words():
     assert fixed_scale(0, 500).labels[0] == (0.0, "0")
     assert fixed_scale(0, 500).title(PHOTOMETRIC) == ["Illuminance [lx]", "linear"]
     assert fixed_scale(10, 1000).position(np.array([1.0, 100.0, 1e9])).tolist() == pytest.approx([0, 0.5, 1])
+
+
+@pytest.mark.parametrize(
+    "scale, lines",
+    [
+        (Scale(0.0, 500.0, False), (100, 200, 300, 400, 500)),
+        (Scale(0.0, 1.2, False), (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)),
+        (Scale(7.0, 93.0, False), (20, 40, 60, 80)),
+        (Scale(1.0, 1000.0, True), (2, 5, 10, 20, 50, 100, 200, 500, 1000)),
+        (Scale(0.01, 1e4, True), tuple(10.0**k for k in range(-1, 5))),
+    ],
+)
+def test_isolines_stand_at_round_values_or_at_those_given(scale, lines):
+    assert scale.with_lines(()).lines == pytest.approx(lines) and len(lines) <= 16
+    assert scale.with_lines(None).lines == ()
+    assert scale.with_lines((30.0, 10.0, 30.0)).lines == (10.0, 30.0)
+
+
+def test_the_legend_labels_isolines_where_there_is_room():
+    scale = Scale(0.0, 1000.0, False).with_lines((100.0, 300.0, 310.0, 500.0, 990.0))
+    assert scale.ticks == [0.0, 100.0, 300.0, 500.0, 1000.0]
+    assert scale.text(PHOTOMETRIC).endswith("linear, viridis, isolines at 100, 300, 310, 500, 990")
+    assert of_scale(scale, PHOTOMETRIC).marks == pytest.approx((0.1, 0.3, 0.31, 0.5, 0.99))
+
+
+def test_isolines_need_a_slope_and_contrast_with_their_ground():
+    scale = Scale(0.0, 1.0, False).with_lines((0.25, 0.75))
+    plain = scale.with_lines(None)
+
+    def drawn(E: float, slope: float) -> np.ndarray:
+        grey = np.full((1, 3), E / math.pi)
+        return false_colours(grey, scale, np.array([[0.6 * slope, 0.8 * slope]]))[0].astype(int)
+
+    for E, ground in ((0.25, 255), (0.75, 0)):
+        under = false_colours(np.full((1, 3), E / math.pi), plain)[0].astype(int)
+        assert np.abs(drawn(E, 0.01) - (0.15 * under + 0.85 * ground)).max() <= 1
+        assert np.array_equal(drawn(E, 0.0), under), "even light has no line"
+        away = false_colours(np.full((1, 3), (E + 0.05) / math.pi), plain)[0]
+        assert np.array_equal(drawn(E + 0.05, 0.01 / math.pi), away), "five pixels away"
