@@ -24,7 +24,7 @@ from gi_core.rays.two_level import build_world, enclosing_sphere
 from gi_core.scene.errors import SceneError
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose, to_world, to_world_directions
-from gi_core.scene.types import DirectionalLight, PointLight, Pose, Scene, SkyLight, SpotLight
+from gi_core.scene.types import DirectionalLight, PlacedLight, Pose, Scene, SkyLight
 from gi_core.scene.validate import check_scene
 
 BEHIND = -2  # in place of the back receiver's index: this receiver is a back, its front represents both
@@ -55,9 +55,7 @@ class Model:
         centres, radii = bounding_spheres(self.surfaces)
         start = self.transforms(self.start_poses()).position[1:]
         mobiles = [p + s * (radii[o] + np.abs(centres[o])) for o, p in enumerate(start, 1) for s in (-1, 1)]
-        lights = np.array(
-            [light.position for light in scene.lights if isinstance(light, PointLight | SpotLight)], np.float64
-        )
+        lights = np.array([light.position for light in scene.lights if isinstance(light, PlacedLight)], np.float64)
         self.world = build_world(self.surfaces, self.accelerator, lights)
         # Directional and sky light must reach mobiles outside the static part.
         lit = enclosing_sphere(self.surfaces.vertices[0], lights, np.array(mobiles))

@@ -75,13 +75,18 @@ def check(path: Path, whole: bool, light: bool) -> str:
 
     whole: complete it to a scene as well (placing, camera, pilot trace: a second); light: and light that.
     """
+    from gi_core.files.formats.boundary import Boundary
     from gi_core.files.formats.mesh_file import read_mesh_file
+    from gi_core.files.formats.photometry_file import SUFFIXES, read_photometry
     from gi_core.files.formats.toml_file import read_scene_file
     from gi_core.files.load import load_scene
     from gi_core.scene import SceneError
     from gi_core.solver import Solver
 
     try:
+        if path.suffix in SUFFIXES:
+            read_photometry(path, str(path), Boundary(path.parent))
+            return "read"
         if not (whole or light):
             read_scene_file(path, str(path)) if path.suffix == ".toml" else read_mesh_file(path)
             return "read"
@@ -230,7 +235,9 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=2000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", default="0")
-    parser.add_argument("--kinds", type=lambda s: s.split(","), default=list("toml obj mtl glb gltf ply stl".split()))
+    parser.add_argument(
+        "--kinds", type=lambda s: s.split(","), default=list("toml obj mtl glb gltf ply stl ies ldt".split())
+    )
     parser.add_argument("--out", required=True)
     parser.add_argument("--worker", action="store_true")
     options = parser.parse_args()

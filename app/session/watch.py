@@ -24,7 +24,7 @@ def files_of(settings: Settings) -> list[str]:
         found.append(str(scene))
         if scene.suffix.lower() == ".toml":
             described = read_scene_file(scene, settings.scene)
-            found += map(str, (*described.static.meshes, *(m.mesh for m in described.mobiles)))
+            found += map(str, (*described.static.meshes, *(m.mesh for m in described.mobiles), *described.photometry))
     except (SceneError, OSError):
         pass  # the opening gives the reason
     return [name for name in dict.fromkeys(found) if os.path.isfile(name)]

@@ -62,7 +62,7 @@ def load_scene(
         described = read_scene_file(file, where, boundary)
     elif suffix in SUFFIXES:
         entry = StaticEntry([file], 1.0, None)
-        described = SceneFile(file.stem, None, "radiometric", entry, [], [], {}, None, [], Defaults(), [])
+        described = SceneFile(file.stem, None, "radiometric", entry, [], [], {}, None, [], Defaults(), [], {})
     else:
         raise SceneError(
             f"{where}: a scene is a .toml file or one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}"
@@ -86,7 +86,7 @@ class _Builder:
         self.boundary = boundary
         self.read: dict[str, MeshFile] = {}  # by real path
         self.materials: list[Material] = []
-        self.notes: list[str] = []
+        self.notes: list[str] = [note for file in described.photometry.values() for note in file.notes]
 
     def build(self, extra: Sequence[str | Path], max_edge: float | None) -> Scene:
         scale = self.file.static.scale

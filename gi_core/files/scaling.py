@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import assert_never
 
 from gi_core.files.formats.mesh_file import MeshFile
-from gi_core.scene.types import Camera, DirectionalLight, Light, PointLight, SkyLight, SpotLight
+from gi_core.scene.types import Camera, DirectionalLight, Light, PhotometricLight, PointLight, SkyLight, SpotLight
 
 
 def scaled(read: MeshFile, factor: float) -> MeshFile:
@@ -28,7 +28,7 @@ def scaled(read: MeshFile, factor: float) -> MeshFile:
 
 def _light(light: Light, factor: float) -> Light:
     match light:
-        case PointLight():
+        case PointLight() | PhotometricLight():
             return light._replace(position=_times(light.position, factor), flux=_times(light.flux, factor**2))
         case SpotLight():
             return light._replace(position=_times(light.position, factor), intensity=_times(light.intensity, factor**2))

@@ -14,11 +14,14 @@ import numpy as np
 from gi_core.base import random_numbers
 from gi_core.base.fixed_point import UNITS
 from gi_core.base.jit import kernel
+from gi_core.base.vec import cross, weighted
 from gi_core.geometry.surfaces import Surfaces
+from gi_core.lights import photometric
 from gi_core.lights.lamps import Lamps, lamps_of, sky_name
-from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
+from gi_core.lights.photometric import axes, tables_of
+from gi_core.scene.types import DirectionalLight, PhotometricLight, PointLight, Scene, SkyLight, SpotLight
 
-AREA, POINT, SPOT, DIRECTIONAL, SKY = range(5)
+AREA, POINT, SPOT, DIRECTIONAL, SKY, PHOTOMETRIC = range(6)
 NO_FACE = -1  # start of a path in free space
 
 
@@ -27,7 +30,8 @@ class Emitters(NamedTuple):
 
     `parameters` by kind: AREA three corners (9) and unit normal (3); POINT position (3); SPOT
     position (3), axis (3), cos inner, cos outer; DIRECTIONAL direction (3), disc centre (3), disc
-    radius; SKY up (3), centre (3), radius.
+    radius; SKY up (3), centre (3), radius; PHOTOMETRIC position (3), axis (3), C0 (3), half the size along C0 and C90,
+    start in `tables`.
     """
 
     kind: np.ndarray  # (E,) int64
@@ -40,6 +44,7 @@ class Emitters(NamedTuple):
     scale: np.ndarray  # (G,) float64, of the unit of each lamp's photons; 1 where photons are shared by flux
     lamp: np.ndarray  # (E,) int64, lamp of each emitter
     lamps: Lamps
+    tables: np.ndarray  # (n,) float64, of luminaires, see `photometric.py`
 
     @property
     def total_flux(self) -> np.ndarray:
@@ -100,7 +105,8 @@ def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius:
             emitted = math.pi * surfaces.areas[f] * surfaces.emission[f]
             material = scene.materials[scene.static.face_material[f]].name
             add(AREA, np.concatenate([corners, surfaces.normals[f]]), emitted, material, f)
-    for light in scene.lights:
+    tables, starts = tables_of(scene.lights)
+    for light, table in zip(scene.lights, starts, strict=True):
         match light:
             case PointLight():
                 add(POINT, np.array(light.position, float), np.array(light.flux, float), light.name)
@@ -108,6 +114,10 @@ def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius:
                 ci, co = (math.cos(math.radians(a)) for a in (light.inner_degrees, light.outer_degrees))
                 values = np.concatenate([light.position, unit(light.direction), [ci, co]])
                 add(SPOT, values, np.array(light.intensity, float) * spot_solid_angle(ci, co), light.name)
+            case PhotometricLight():
+                axis, c0 = axes(light)
+                values = np.concatenate([light.position, axis, c0, np.array(light.size) / 2, [table]])
+                add(PHOTOMETRIC, values, np.array(light.flux, float), light.name)
             case DirectionalLight():
                 d = unit(light.direction)
                 values = np.concatenate([d, centre - d * radius, [radius]])
@@ -118,10 +128,10 @@ def build_emitters(scene: Scene, surfaces: Surfaces, centre: np.ndarray, radius:
                 add(SKY, values, emitted, sky_name(scene))
             case _:
                 assert_never(light)
-    return _distribution(kinds, parameters, faces, flux, names)
+    return _distribution(kinds, parameters, faces, flux, names, tables)
 
 
-def _distribution(kinds, parameters, faces, flux, names) -> Emitters:
+def _distribution(kinds, parameters, faces, flux, names, tables) -> Emitters:
     flux = np.array(flux, np.float64).reshape(-1, 3)
     largest = flux.max(axis=1, initial=0)
     lit = largest > 0
@@ -145,6 +155,7 @@ def _distribution(kinds, parameters, faces, flux, names) -> Emitters:
         scale=np.ones(lamps.count),
         lamp=np.array([lamps.sources[name] for name in names], np.int64),
         lamps=lamps,
+        tables=tables,
     )
 
 
@@ -159,7 +170,7 @@ def spot_solid_angle(cos_inner: float, cos_outer: float) -> float:
 
 
 @kernel
-def _emit(seed, i, kind, parameters, face, cdf, units, lamps, origin, direction, flux, start, lamp, k):
+def _emit(seed, i, kind, parameters, face, cdf, units, lamps, tables, origin, direction, flux, start, lamp, k):
     """Write photon i into row k."""
     u, v = random_numbers.position_numbers(seed, i)
     s, t = random_numbers.direction_numbers(seed, i)
@@ -197,6 +208,13 @@ def _emit(seed, i, kind, parameters, face, cdf, units, lamps, origin, direction,
         dx, dy, dz = p[0], p[1], p[2]
         ax, ay, az = random_numbers.from_frame(x * p[6], y * p[6], 0.0, dx, dy, dz)
         ox, oy, oz = p[3] + ax, p[4] + ay, p[5] + az
+    elif kind[e] == PHOTOMETRIC:
+        gamma, plane = photometric.drawn(tables, int(p[11]), s, t)
+        c90 = cross(p[6:9], p[3:6])
+        r = math.sin(gamma)
+        dx, dy, dz = weighted((r * math.cos(plane), r * math.sin(plane), math.cos(gamma)), p[6:9], c90, p[3:6])
+        ax, ay, az = weighted(((2.0 * u - 1.0) * p[9], (2.0 * v - 1.0) * p[10], 0.0), p[6:9], c90, p[3:6])
+        ox, oy, oz = p[0] + ax, p[1] + ay, p[2] + az
     else:
         x, y, z = random_numbers.cone(s, t, 0.0)
         dx, dy, dz = random_numbers.from_frame(-x, -y, -z, p[0], p[1], p[2])
@@ -212,9 +230,13 @@ def _emit(seed, i, kind, parameters, face, cdf, units, lamps, origin, direction,
 
 
 @kernel
-def _emit_range(seed, first, kind, parameters, face, cdf, units, lamps, origin, direction, flux, start, lamp):
+def _emit_range(
+    seed, first, kind, parameters, face, cdf, units, lamps, tables, origin, direction, flux, start, lamp
+):  # fmt: skip
     for k in range(len(start)):
-        _emit(seed, first + k, kind, parameters, face, cdf, units, lamps, origin, direction, flux, start, lamp, k)
+        _emit(
+            seed, first + k, kind, parameters, face, cdf, units, lamps, tables, origin, direction, flux, start, lamp, k
+        )
 
 
 def emit(emitters: Emitters, seed: int, first: int, count: int):
@@ -231,5 +253,5 @@ def emit(emitters: Emitters, seed: int, first: int, count: int):
     if count:
         e = emitters
         emitted = origin, direction, flux, start, lamp
-        _emit_range(seed, first, e.kind, e.parameters, e.face, e.cdf, e.units, e.lamp, *emitted)
+        _emit_range(seed, first, e.kind, e.parameters, e.face, e.cdf, e.units, e.lamp, e.tables, *emitted)
     return origin, direction, flux, start, lamp

@@ -21,14 +21,18 @@ from gi_core.base.jit import kernel
 from gi_core.base.vec import cross, difference, dot
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.lights.lamps import Lamps, sky_name
-from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
+from gi_core.lights.photometric import axes, tables_of
+from gi_core.scene.types import DirectionalLight, Light, PhotometricLight, PointLight, Scene, SkyLight, SpotLight
 
-POINT, SPOT, DIRECTIONAL = range(3)
+POINT, SPOT, DIRECTIONAL, PHOTOMETRIC = range(4)
 BY_FLUX = 0.02  # share of the probability in proportion to flux alone, so that every lamp keeps some
 
 
 class AreaLights(NamedTuple):
-    """Emissive faces of the static part. Faces of mobiles emit nothing."""
+    """Emissive faces of the static part, and halves of the rectangles of luminaires. Mobiles emit nothing.
+
+    A luminaire's radiance is that of a diffuse face of its flux; `table` gives its share by direction.
+    """
 
     corners: np.ndarray  # (A, 9) float64 [m]
     normal: np.ndarray  # (A, 3) float64 unit
@@ -37,15 +41,20 @@ class AreaLights(NamedTuple):
     density: np.ndarray  # (A,) float64 [1/m2], probability density of a point on the face
     of_face: np.ndarray  # (F,) int32, index of a global face among the area lights, -1: none
     lamp: np.ndarray  # (A,) int64
+    table: np.ndarray  # (A,) int64, start in `tables`, -1: a diffuse face
+    c0: np.ndarray  # (A, 3) float64 unit, of luminaires; their axis is the normal
+    tables: np.ndarray  # (n,) float64, see `photometric.py`
 
 
 class DeltaLights(NamedTuple):
-    """Delta lights: point, spot and directional."""
+    """Delta lights: point, spot, directional, and luminaires without a size."""
 
     kind: np.ndarray  # (D,) int64
-    parameters: np.ndarray  # (D, 8) float64: position (3), unit emission direction (3), cos inner, cos outer
-    value: np.ndarray  # (D, 3) float64: intensity [W/sr], or irradiance on a facing plane [W/m2]
+    parameters: np.ndarray  # (D, 10) float64: position (3), unit emission direction (3), then cos inner and cos outer
+    # of a spot, or C0 (3) and the start in `tables` of a luminaire
+    value: np.ndarray  # (D, 3) float64: intensity [W/sr], irradiance on a facing plane [W/m2], flux of a luminaire [W]
     lamp: np.ndarray  # (D,) int64
+    tables: np.ndarray  # (n,) float64, see `photometric.py`
 
 
 class Sky(NamedTuple):
@@ -74,7 +83,7 @@ def lights_of(scene: Scene, surfaces: Surfaces, lamps: Lamps) -> Lights:
     """Collect the lights of a scene, apart by lamp."""
     of_material = np.array([lamps.sources.get(m.name, 0) for m in scene.materials], np.int64)
     of_light = np.array([lamps.sources.get(light.name, 0) for light in scene.lights], np.int64)
-    area = area_lights(surfaces, of_material[scene.static.face_material])
+    area = area_lights(surfaces, of_material[scene.static.face_material], scene, of_light)
     sky = sky_of(scene, lamps.sources.get(sky_name(scene), 0))
     return Lights(area, delta_lights(scene, of_light), sky, lamps.count)
 
@@ -96,18 +105,54 @@ def at_levels(lights: Lights, levels: np.ndarray) -> Lights:
     place[lit] = np.arange(len(lit))
     one = AreaLights(
         area.corners[lit], area.normal[lit], radiance[lit], cdf, share / size, place[area.of_face],
-        np.zeros(len(lit), np.int64),
+        np.zeros(len(lit), np.int64), area.table[lit], area.c0[lit], area.tables,
     )  # fmt: skip
     delta = delta._replace(value=delta.value * levels[delta.lamp], lamp=np.zeros_like(delta.lamp))
     return Lights(one, delta, sky._replace(radiance=sky.radiance * levels[sky.lamp], lamp=0), 1)
 
 
-def area_lights(surfaces: Surfaces, lamp: np.ndarray | None = None) -> AreaLights:
-    """Collect the emissive faces in Hilbert-curve order, chosen in proportion to flux; lamp: of each static face.
+class Panels(NamedTuple):
+    """Halves of the rectangles of luminaires that have a size."""
 
-    Samples are stratified over the cumulative probability. In this order each stratum is a compact patch of a lamp.
+    corners: np.ndarray  # (n, 3, 3) float64 [m]
+    normal: np.ndarray  # (n, 3) float64 unit
+    radiance: np.ndarray  # (n, 3) float64 [W/m2/sr], of a diffuse face of the same flux
+    area: np.ndarray  # (n,) float64 [m2]
+    light: np.ndarray  # (n,) int64, into the scene's lights
+    c0: np.ndarray  # (n, 3) float64 unit
+
+
+def _has_area(light: Light) -> bool:
+    return isinstance(light, PhotometricLight) and min(light.size) > 0
+
+
+def _panels(scene: Scene | None) -> Panels:
+    rows = []
+    for i, light in enumerate(scene.lights if scene is not None else ()):
+        if not _has_area(light) or max(light.flux) <= 0:
+            continue
+        axis, c0 = axes(light)
+        a, b = 0.5 * light.size[0] * c0, 0.5 * light.size[1] * np.cross(c0, axis)
+        p, area = np.array(light.position, float), 0.5 * light.size[0] * light.size[1]
+        radiance = np.array(light.flux, float) / (math.pi * 2 * area)
+        for triangle in ((p - a - b, p + a - b, p + a + b), (p - a - b, p + a + b, p - a + b)):
+            rows.append((np.stack(triangle), axis, radiance, area, i, c0))
+    shapes = (3, 3), (3,), (3,), (), (), (3,)
+    columns = zip(*rows, strict=True) if rows else ((),) * 6
+    kinds = (float, float, float, float, np.int64, float)
+    return Panels(*(np.array(c, k).reshape(-1, *s) for c, k, s in zip(columns, kinds, shapes, strict=True)))
+
+
+def area_lights(
+    surfaces: Surfaces, lamp: np.ndarray | None = None, scene: Scene | None = None, of_light: np.ndarray | None = None
+) -> AreaLights:
+    """Collect emissive faces in Hilbert-curve order, chosen in proportion to flux; lamp: of each static face.
+
+    scene: whose luminaires with a size follow; of_light: lamp of each of its lights. Samples are stratified over the
+    cumulative probability. In this order each stratum is a compact patch of a lamp.
     """
-    static = surfaces.face_range(0)
+    static, more = surfaces.face_range(0), _panels(scene)
+    tables, starts = tables_of(scene.lights if scene is not None else ())
     emitted = np.zeros_like(surfaces.emission)
     emitted[static] = surfaces.emission[static]
     power = surfaces.areas * emitted.max(axis=1, initial=0)
@@ -118,18 +163,33 @@ def area_lights(surfaces: Surfaces, lamp: np.ndarray | None = None) -> AreaLight
     of_face = np.full(len(power), -1, np.int32)
     of_face[faces] = np.arange(len(faces))
     lamp = np.zeros(len(faces), np.int64) if lamp is None else lamp[faces]
-    share = power[faces] / power.sum() if len(faces) else np.zeros(0)
+    added = more.area * more.radiance.max(axis=1, initial=0)
+    total = power.sum() + added.sum()
+    share = np.concatenate([power[faces], added]) / total if len(faces) + len(added) else np.zeros(0)
     cdf = np.cumsum(share)
     cdf[-1:] = 1.0
-    density = share / surfaces.areas[faces]
-    return AreaLights(corners, surfaces.normals[faces], emitted[faces], cdf, density, of_face, lamp)
+    density = share / np.concatenate([surfaces.areas[faces], more.area])
+    lamps = np.zeros(len(more.light), np.int64) if of_light is None else of_light[more.light]
+    return AreaLights(
+        np.concatenate([corners, more.corners.reshape(-1, 9)]),
+        np.concatenate([surfaces.normals[faces], more.normal]),
+        np.concatenate([emitted[faces], more.radiance]),
+        cdf,
+        density,
+        of_face,
+        np.concatenate([lamp, lamps]),
+        np.concatenate([np.full(len(faces), -1, np.int64), np.array(starts, np.int64)[more.light]]),
+        np.concatenate([np.zeros((len(faces), 3)), more.c0]),
+        tables,
+    )
 
 
 def delta_lights(scene: Scene, lamp: np.ndarray | None = None) -> DeltaLights:
     """Collect the delta lights of a scene; lamp: of each of its lights."""
     kind, parameters, value, lamps = [], [], [], []
+    tables, starts = tables_of(scene.lights)
     for i, light in enumerate(scene.lights):
-        row = np.zeros(8)
+        row = np.zeros(10)
         match light:
             case PointLight():
                 kind.append(POINT)
@@ -138,8 +198,14 @@ def delta_lights(scene: Scene, lamp: np.ndarray | None = None) -> DeltaLights:
             case SpotLight():
                 kind.append(SPOT)
                 row[:3], row[3:6] = light.position, _unit(light.direction)
-                row[6:] = math.cos(math.radians(light.inner_degrees)), math.cos(math.radians(light.outer_degrees))
+                row[6:8] = math.cos(math.radians(light.inner_degrees)), math.cos(math.radians(light.outer_degrees))
                 value.append(np.array(light.intensity, float))
+            case PhotometricLight():
+                if _has_area(light):
+                    continue  # `area_lights`
+                kind.append(PHOTOMETRIC)
+                row[:3], (row[3:6], row[6:9]), row[9] = light.position, axes(light), starts[i]
+                value.append(np.array(light.flux, float))
             case DirectionalLight():
                 kind.append(DIRECTIONAL)
                 row[3:6] = _unit(light.direction)
@@ -152,9 +218,10 @@ def delta_lights(scene: Scene, lamp: np.ndarray | None = None) -> DeltaLights:
         lamps.append(0 if lamp is None else lamp[i])
     return DeltaLights(
         np.array(kind, np.int64),
-        np.array(parameters, np.float64).reshape(-1, 8),
+        np.array(parameters, np.float64).reshape(-1, 10),
         np.array(value, np.float64).reshape(-1, 3),
         np.array(lamps, np.int64),
+        tables,
     )
 
 
@@ -181,15 +248,16 @@ def steady(centre: np.ndarray, radius: float) -> np.ndarray:
 def aimed(lights: AreaLights, centre: np.ndarray, radius: float) -> AreaLights:
     """Return area lights with probabilities by importance for a sphere: centre (3,) [m] in the world, radius [m]."""
     share, area = np.empty_like(lights.cdf), np.empty_like(lights.cdf)
-    _aim(lights.corners, lights.normal, lights.radiance, np.asarray(centre, np.float64), radius, share, area)
+    place = np.asarray(centre, np.float64)
+    _aim(lights.corners, lights.normal, lights.radiance, lights.table, place, radius, share, area)
     cdf = np.cumsum(share)
     cdf[-1:] = 1.0
     return lights._replace(cdf=cdf, density=share / area)
 
 
 @kernel
-def _aim(corners, normal, radiance, centre, radius, share, area):
-    """Write the unnormalised probability and the area [m2] of each face."""
+def _aim(corners, normal, radiance, table, centre, radius, share, area):
+    """Write the probability and the area [m2] of each face; a luminaire counts as one that faces the mobile."""
     flux = brought = 0.0
     for e in range(len(corners)):
         p, n = corners[e], normal[e]
@@ -199,7 +267,8 @@ def _aim(corners, normal, radiance, centre, radius, share, area):
         y = centre[1] - (p[1] + p[4] + p[7]) / 3.0
         z = centre[2] - (p[2] + p[5] + p[8]) / 3.0
         d2, height = dot((x, y, z), (x, y, z)), dot((x, y, z), n)
-        share[e] = power * _best_cosine(height, d2, radius) / (d2 + radius * radius + area[e])
+        cosine = 1.0 if table[e] >= 0 else _best_cosine(height, d2, radius)
+        share[e] = power * cosine / (d2 + radius * radius + area[e])
         flux += power
         brought += share[e]
     for e in range(len(corners)):

@@ -15,7 +15,8 @@ from gi_core.base import random_numbers, strata
 from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.vec import difference, dot, row, weighted
 from gi_core.bsdf import lambertian, surface
-from gi_core.lights.light_sampling import DIRECTIONAL, SPOT, Lights, triangle_area
+from gi_core.lights.light_sampling import DIRECTIONAL, PHOTOMETRIC, SPOT, Lights, triangle_area
+from gi_core.lights.photometric import density
 
 LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each path vertex
 
@@ -92,9 +93,14 @@ def join_area(bsdfs, samples, ends, lights, gap, out):
         for j in range(samples.face.shape[1]):
             e, p = samples.face[s, j], samples.point[s, j]
             cosine, at_light, way, d2 = _arriving(difference(p, position), normal, lights.normal[e])
+            if lights.table[e] >= 0:
+                axis, c0 = lights.normal[e], lights.c0[e]
+                at_light = math.pi * density(lights.tables, lights.table[e], axis, c0, -way[0], -way[1], -way[2])
             if not (cosine > 0.0 and at_light > 0.0):
                 continue
-            d, T, p_bounce = math.sqrt(d2), _reflected(bsdfs, ends, k, way), _density(bsdfs, ends, k, way, cosine)
+            d, T, p_bounce = math.sqrt(d2), _reflected(bsdfs, ends, k, way), 0.0
+            if lights.table[e] < 0:  # no bounce hits a luminaire
+                p_bounce = _density(bsdfs, ends, k, way, cosine)
             geometry = cosine * at_light / d2 / (samples.density[s, j] + p_bounce * at_light / d2)
             radiance = lights.radiance[e]
             out.value[count, 0] = T[0] * radiance[0] * geometry
@@ -120,7 +126,7 @@ def join_delta(bsdfs, samples, paths, ends, lights, far, gap, first, out):
         total = 0.0
         for e in range(lamps):
             reached[e, 0], reached[e, 1], reached[e, 2], reached[e, 3], reached[e, 4] = delta_light_at(
-                lights.kind[e], lights.parameters[e], position, normal, far
+                lights.kind[e], lights.parameters[e], lights.tables, position, normal, far
             )
             weight[e] = reached[e, 0] * max(lights.value[e, 0], max(lights.value[e, 1], lights.value[e, 2]))
             total += weight[e]
@@ -236,7 +242,7 @@ def _aim_ray(row, position, direction, limit, out, j):
 
 
 @kernel
-def delta_light_at(kind, p, position, normal, far):
+def delta_light_at(kind, p, tables, position, normal, far):
     """Return E / value of one delta light at a point, the unit direction to it and its distance [m]."""
     if kind == DIRECTIONAL:
         dx, dy, dz, d = -p[3], -p[4], -p[5], far
@@ -253,4 +259,6 @@ def delta_light_at(kind, p, position, normal, far):
         ramp = (cosine - p[7]) / max(p[6] - p[7], 1e-12)
         ramp = min(1.0, max(0.0, ramp))
         strength *= ramp * ramp
+    elif kind == PHOTOMETRIC:
+        strength *= density(tables, int(p[9]), p[3:6], p[6:9], -dx, -dy, -dz)
     return strength, dx, dy, dz, d

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gi_core.scene.types import Mesh, PointLight, Scene, SpotLight
+from gi_core.scene.types import Mesh, PlacedLight, Scene
 
 NEAR = 8  # mesh sizes from the origin: up to there nothing is shifted
 
@@ -49,7 +49,7 @@ def translated(scene: Scene, by: np.ndarray) -> Scene:
         static=scene.static._replace(vertices=scene.static.vertices + by),
         mobiles=tuple(m._replace(path=m.path and m.path._replace(positions=m.path.positions + by)) for m in mobiles),
         lights=tuple(
-            light._replace(position=moved(light.position)) if isinstance(light, PointLight | SpotLight) else light
+            light._replace(position=moved(light.position)) if isinstance(light, PlacedLight) else light
             for light in scene.lights
         ),
         probes=tuple(p._replace(position=moved(p.position)) for p in scene.probes),

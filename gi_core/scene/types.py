@@ -115,6 +115,23 @@ class SpotLight(NamedTuple):
     outer_degrees: float
 
 
+class PhotometricLight(NamedTuple):
+    """A luminaire by its measured intensity in each direction, bilinear between planes and angles (type C, CIE 121).
+
+    It radiates from a point, or evenly from a rectangle that nothing hits; `size` 0: a point.
+    """
+
+    name: str
+    position: tuple[float, float, float]
+    direction: tuple[float, float, float]  # of gamma = 0, any length > 0
+    c0: tuple[float, float, float]  # direction in the plane C0, any length > 0, not along `direction`
+    flux: tuple[float, float, float]  # Phi [W]
+    gammas_degrees: np.ndarray  # (T,) float64, increasing, from 0 to 180; no light beyond the first and the last
+    planes_degrees: np.ndarray  # (P,) float64, increasing, from 0 to 360
+    intensity: np.ndarray  # (P, T) float64, >= 0, of any unit: `flux` scales it
+    size: tuple[float, float] = (0.0, 0.0)  # of the rectangle along C0 and C90 [m]
+
+
 class DirectionalLight(NamedTuple):
     """Parallel light, emitted from a disc that covers the scene."""
 
@@ -130,7 +147,8 @@ class SkyLight(NamedTuple):
     radiance: tuple[float, float, float]  # L [W/m2/sr]; a horizontal plane in the open gets pi L
 
 
-Light = PointLight | SpotLight | DirectionalLight | SkyLight
+PlacedLight = PointLight | SpotLight | PhotometricLight
+Light = PlacedLight | DirectionalLight | SkyLight
 
 
 class LightScene(NamedTuple):

@@ -11,6 +11,7 @@ from gi_core.scene.rules import (
     DIRECTION,
     FLAG,
     LARGEST,
+    LEAST,
     LENGTH,
     NUMBER,
     PLACE,
@@ -32,6 +33,7 @@ from gi_core.scene.types import (
     KeyFrames,
     Material,
     Mesh,
+    PhotometricLight,
     PointLight,
     Probe,
     Scene,
@@ -39,10 +41,25 @@ from gi_core.scene.types import (
     SpotLight,
 )
 
-FLUX_OF = {PointLight: "flux", SpotLight: "intensity", DirectionalLight: "irradiance"}  # else radiance
+FLUX_OF = {
+    PointLight: "flux",
+    PhotometricLight: "flux",
+    SpotLight: "intensity",
+    DirectionalLight: "irradiance",
+}  # else radiance
 UNIT = 1.001  # of a component of a unit vector, with rounding
 SIZES = 1e-6, 1e9  # [m]: beyond them float32 geometry goes wrong
 DEGREES = Rule("a number of degrees from 0 to 90", lambda value: is_number(value, 0, 90), float)
+CLOSEST, ALONG = 1e-3, 1e-6  # degrees between angles of a table; sine between C0 and the axis
+GAMMAS = Rule("two or more degrees that increase, from 0 to 180", lambda values: _increase(values, 180))
+PLANES = Rule(
+    "degrees that increase, from 0 at first to 360 at last",
+    lambda values: _increase(values, 360) and values[0] == 0 and values[-1] == 360,
+)
+SIZE = Rule(
+    "two numbers of metres > 0, or 0 and 0",
+    lambda values: is_array(values, (2,), 0) and (min(values) >= LEAST or max(values) == 0),
+)
 FIELDS: dict[type, dict[str, Rule]] = {
     Gloss: {"f0": SHARES, "alpha": SHARE, "f90": SHARE},
     Material: {"reflectance": REFLECTANCE, "emission": STRENGTH, "two_sided": FLAG},
@@ -50,6 +67,10 @@ FIELDS: dict[type, dict[str, Rule]] = {
     SpotLight: {
         "position": PLACE, "direction": DIRECTION, "intensity": STRENGTH,
         "inner_degrees": DEGREES, "outer_degrees": DEGREES,
+    },
+    PhotometricLight: {
+        "position": PLACE, "direction": DIRECTION, "c0": DIRECTION, "flux": STRENGTH,
+        "gammas_degrees": GAMMAS, "planes_degrees": PLANES, "size": SIZE,
     },
     DirectionalLight: {"direction": DIRECTION, "irradiance": STRENGTH},
     SkyLight: {"radiance": STRENGTH},
@@ -122,6 +143,26 @@ def _check_fields(where: str, record) -> None:
             f"{where}: angles must be 0 <= inner_degrees <= outer_degrees <= 90, "
             f"got {record.inner_degrees!r} and {record.outer_degrees!r}"
         )
+    if isinstance(record, PhotometricLight):
+        _check_photometric(where, record)
+
+
+def _increase(values, most: float) -> bool:
+    good = isinstance(values, np.ndarray) and is_array(values, (None,), 0, most) and len(values) > 1
+    return good and bool((np.diff(values) >= CLOSEST).all())
+
+
+def _check_photometric(where: str, light: PhotometricLight) -> None:
+    shape = len(light.planes_degrees), len(light.gammas_degrees)
+    good = isinstance(light.intensity, np.ndarray) and is_array(light.intensity, shape, 0)
+    if not (good and light.intensity.max() >= LEAST):
+        raise SceneError(
+            f"{where}: intensity must be an array {shape} of numbers >= 0 that are not all 0, "
+            f"got {_found(light.intensity)}"
+        )
+    axis, c0 = (v / np.abs(v).max() for v in (np.array(light.direction, float), np.array(light.c0, float)))
+    if np.abs(np.cross(axis, c0)).max() < ALONG:
+        raise SceneError(f"{where}: c0 must not lie along direction, got {shown(light.c0)} for both")
 
 
 def _check_mesh(where: str, mesh: Mesh, materials: int) -> None:

@@ -14,8 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gi_core.files.formats.boundary import LIMITS
+from gi_core.files.formats.boundary import LIMITS, Boundary
 from gi_core.files.formats.mesh_file import read_mesh_file
+from gi_core.files.formats.photometry_file import read_photometry
 from gi_core.files.formats.toml_file import read_scene_file
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
@@ -29,7 +30,13 @@ SEEDS = seeds()
 def read(path):
     """Read a file without completing it to a scene; return its error, or None."""
     try:
-        read_scene_file(path, str(path)) if path.suffix == ".toml" else read_mesh_file(path)
+        match path.suffix:
+            case ".toml":
+                read_scene_file(path, str(path))
+            case ".ies" | ".ldt":
+                read_photometry(path, str(path), Boundary(path.parent))
+            case _:
+                read_mesh_file(path)
     except SceneError as error:
         assert path.name in str(error) and str(error).isprintable() and len(str(error)) <= LONGEST
         return str(error)
@@ -53,7 +60,7 @@ def test_mutated_files_end_in_a_mesh_or_a_sentence(folder, kind, seed):
 
 
 @settings(max_examples=150)
-@given(kind=st.sampled_from(["toml", "obj", "glb", "gltf", "ply", "stl"]), data=st.binary(max_size=300))
+@given(kind=st.sampled_from(["toml", "obj", "glb", "gltf", "ply", "stl", "ies", "ldt"]), data=st.binary(max_size=300))
 def test_any_bytes_at_all(folder, kind, data):
     path = folder / f"bytes.{kind}"
     path.write_bytes(data)

@@ -18,6 +18,7 @@ from gi_core.photons.paths import take
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Material, Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver
+from tests.support.photometry import luminaire
 from tests.support.reference_twins import Twin
 from tests.support.scene_builders import box, merge, quad, sphere
 
@@ -44,7 +45,10 @@ def room() -> Scene:
         Mobile("box", box((-0.12, -0.12, 0), (0.12, 0.12, 0.24), 1, 0), Pose((0.6, 0.4, 0.0))),
         Mobile("ball", sphere((0, 0, 0), 0.15, 1, 2), Pose((0.3, 0.7, 0.4))),
     )
-    lights = (PointLight("bulb", (0.8, 0.8, 0.7), (0.5, 0.5, 2.0)),)
+    lights = (
+        PointLight("bulb", (0.8, 0.8, 0.7), (0.5, 0.5, 2.0)),
+        luminaire("luminaire", (0.4, 0.3, 0.6), (1.0, 0.4, 0.4), size=(0.1, 0.2)),
+    )
     return Scene(static, materials, mobiles, lights, up=(0, 0, 1), name="room")
 
 

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import DirectionalLight, Mobile, PointLight, Pose, Scene, SkyLight, SpotLight
+from gi_core.scene.types import DirectionalLight, Mobile, PhotometricLight, PointLight, Pose, Scene, SkyLight, SpotLight
 from tests.support import closed_form
 from tests.support import scene_builders as build
+from tests.support.photometry import candela, table_flux
 
 
 class ClosedFormCase(NamedTuple):
@@ -81,6 +82,25 @@ def sphere_by_lamp(scale):
     return build.sphere_scene(PointLight("p", (0, 0, 2.5), (4 * math.pi * scale,) * 3))
 
 
+BROAD = PhotometricLight(
+    "luminaire", (0.1, 0.0, 0.8), (0.3, 0.1, -1.0), (0.0, 1.0, 0.0), (1.0,) * 3, np.array([0.0, 20.0, 50.0, 90.0]),
+    np.array([0.0, 90.0, 200.0, 360.0]),
+    np.array([[80.0, 99.0, 60.0, 30.0], [80.0, 60.0, 90.0, 20.0], [80.0, 90.0, 50.0, 40.0], [80.0, 99.0, 60.0, 30.0]]),
+)  # fmt: skip
+
+
+def luminaire_over_plane(scale):
+    light = BROAD._replace(flux=(table_flux(BROAD) / 100 * scale,) * 3)  # the table in hundredths
+    return build.plane_scene(light, reflectance=0.5, divisions=20)
+
+
+def from_luminaire(points, normals):
+    """Return I cos / d^2, with the intensity of the table in hundredths."""
+    way = points - np.array(BROAD.position)
+    d = np.sqrt((way * way).sum(axis=1))
+    return candela(BROAD, way / d[:, None]) / 100 * np.maximum(-(way * normals).sum(axis=1), 0) / d**3
+
+
 PLATE_POSE = Pose((0.2, 0.1, 0.1), axis_angle((1, 1, 0), 25))
 
 
@@ -134,6 +154,9 @@ CASES = {
         100_000,
         0.12,
         400,
+    ),
+    "luminaire over a plane": ClosedFormCase(
+        luminaire_over_plane, from_luminaire, rings(0, 0.4, 0.7, 1.2), 120_000, 0.12
     ),
     "oblique parallel light": ClosedFormCase(
         directional_plane,

@@ -12,6 +12,7 @@ import shlex
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 from app import __main__ as cli
@@ -19,6 +20,7 @@ from app.commands.render import STILLS
 from gi_core.files.load import load_scene
 from gi_core.scene import SceneError
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
+from tests.support.photometry import write_ies
 from tests.support.small_charts import small_charts
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -143,6 +145,8 @@ def bring(names: str) -> None:
             node = {"extensions": {"KHR_lights_punctual": {"light": 0}}, "translation": [0.5, 0.8, 0.5]}
             lights = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 5}]}}
             write_glb(path, BOX, BOX_FACES, material={"doubleSided": True}, nodes=[node], extensions=lights)
+        elif path.suffix == ".ies":
+            write_ies(path, [0.0, 45.0, 90.0], [0.0], np.array([[900.0, 500.0, 0.0]]))
         elif path.suffix == ".glb":
             write_glb(path, BOX * 0.2, BOX_FACES)
         else:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.support.mesh_writers import BOX, BOX_FACES, QUAD, QUAD_FACES, SCENE, write_glb, write_obj, write_room
+from tests.support.photometry import write_ies, write_ldt
 
 NUMBERS = """0 -1 1 2 3 255 256 65535 -2147483648 4294967295 99999999999999999999 1e30 1e-30 1e308 1e999 nan inf
 -inf""".split()
@@ -129,6 +130,12 @@ def seeds() -> dict[str, list[bytes]]:
         ).read_bytes()  # fmt: skip
         plain = write_glb(folder / "b.glb", QUAD, QUAD_FACES).read_bytes()
         obj = write_obj(folder / "c.obj").read_bytes()
+        table, tilt = np.array([[90.0, 50.0, 0.0]] * 4), "TILT=INCLUDE\n1\n2\n0 90\n1 0.5"
+        ies = [
+            write_ies(folder / "d.ies", [0, 45, 90], [0, 60, 90], table[:3], tilt=tilt).read_bytes(),
+            write_ies(folder / "d.ies", [0, 45, 180], [0], table[:1], "of 1986").read_bytes(),
+        ]
+        ldt = [write_ldt(folder / "e.ldt", k, [0, 45, 90], [0, 90, 180, 270], table).read_bytes() for k in (0, 1, 3)]
     accessors = [
         {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
         {"bufferView": 1, "componentType": 5125, "count": 6, "type": "SCALAR",
@@ -148,6 +155,8 @@ def seeds() -> dict[str, list[bytes]]:
     }
     return {
         "toml": [SCENE.encode(), EVERY_KEY.encode()],
+        "ies": ies,
+        "ldt": ldt,
         "obj": [obj, FULL_OBJ.encode()],
         "mtl": [MTL.encode()],
         "glb": [glb, plain],
@@ -167,7 +176,7 @@ def mutate(random: random.Random, kind: str, data: bytes, other: bytes) -> bytes
     """Return a file with one to four kinds of damage; `other` is a file of the same kind to cross it with."""
     for _ in range(random.choice((1, 1, 1, 2, 2, 4))):
         ways = [_bytes, _splice]
-        if kind in ("toml", "obj", "mtl", "gltf", "stl", "ply"):
+        if kind in ("toml", "obj", "mtl", "gltf", "stl", "ply", "ies", "ldt"):
             ways += [_number, _number, _line, _word]
         if kind in ("glb", "gltf"):
             ways += [_json] * 6

@@ -16,7 +16,7 @@ from gi_core.base.vectors import box, central_box, dot, length
 from gi_core.files.completion.camera_view import unit
 from gi_core.geometry.surfaces import face_normals, flatten
 from gi_core.rays.accelerator import Accelerator
-from gi_core.scene.types import DirectionalLight, PointLight, Scene, SkyLight, SpotLight
+from gi_core.scene.types import DirectionalLight, PlacedLight, Scene, SkyLight
 
 RAYS = 6000  # paths; with BOUNCES segments each some 20,000 hits
 BOUNCES = 4
@@ -162,7 +162,7 @@ def _starts(scene: Scene, rays: Rays, rng):
     mesh = scene.static
     normals, areas = face_normals(mesh)
     emission = np.array([max(m.emission) for m in scene.materials])[mesh.face_material] * areas
-    placed = [np.array(light.position) for light in scene.lights if isinstance(light, PointLight | SpotLight)]
+    placed = [np.array(light.position) for light in scene.lights if isinstance(light, PlacedLight)]
     distant = [light for light in scene.lights if isinstance(light, DirectionalLight | SkyLight)]
     kinds = [emission.any(), bool(placed), bool(distant)]
     n = RAYS // max(sum(kinds), 1)

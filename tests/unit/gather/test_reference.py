@@ -78,7 +78,7 @@ def test_spot_falloff():
     scene = build.plane_scene(SpotLight("s", (0, 0, 1), (0, 0, -1), (1.0,) * 3, 15.0, 50.0))
     lights = delta_lights(scene)
     for x in np.linspace(0, 1.5, 20):
-        s, *_ = delta_light_at(lights.kind[0], lights.parameters[0], (x, 0.0, 0.0), (0.0, 0.0, 1.0), 9.0)
+        s, *_ = delta_light_at(lights.kind[0], lights.parameters[0], lights.tables, (x, 0.0, 0.0), (0.0, 0.0, 1.0), 9.0)
         inner, outer = (math.cos(math.radians(a)) for a in (15, 50))
         assert s == pytest.approx(closed_form.spot_over_plane(1.0, 1.0, x, inner, outer), abs=1e-12)
 

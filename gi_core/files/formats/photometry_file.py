@@ -1,0 +1,264 @@
+"""Photometric files: IES (LM-63 of 1986, 1991, 1995, 2002, 2019) and EULUMDAT (.ldt), of photometry of type C.
+
+Both hold luminous intensity by plane C and angle gamma from straight down. Planes that a file omits follow from its
+symmetry. No library served: `photompy` 0.3 requires matplotlib and turns EULUMDAT of symmetry 3 by 90 degrees,
+`eulumdat` has no wheels, `eulumdat-ies` reads LM-63-2002 alone.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.files.formats.boundary import Boundary
+from gi_core.lights.photometric import flux_of
+from gi_core.scene.errors import SceneError, shown
+
+SUFFIXES = (".ies", ".ldt")
+TYPES = {1: "C", 2: "B", 3: "A"}
+ELSEWHERE = 0.05  # relative difference between the stated flux and the table's, above which a note tells
+MOST_ANGLES = 10_000  # in a direction
+LARGEST = 1e12  # cd, lm: such numbers in a file are damage
+CLOSEST = 1e-3  # degrees between angles
+
+
+class Tilt(NamedTuple):
+    """Factors of the flux of a luminaire that is tilted (LM-63, TILT=INCLUDE)."""
+
+    geometry: int  # of the lamp: 1 upright, 2 horizontal in any position, 3 horizontal and tilted with the luminaire
+    degrees: np.ndarray  # (n,) float64, increasing
+    factors: np.ndarray  # (n,) float64, >= 0
+
+    def factor(self, degrees: float) -> float:
+        """Return the factor at an angle between the luminaire's axis and straight down."""
+        return float(np.interp(0.0 if self.geometry == 2 else degrees, self.degrees, self.factors))
+
+
+class PhotometryFile(NamedTuple):
+    """A photometric file as read, of all planes."""
+
+    gammas: np.ndarray  # (T,) float64 degrees, increasing, from straight down
+    planes: np.ndarray  # (P,) float64 degrees, from 0 to 360
+    intensity: np.ndarray  # (P, T) float64 [cd]
+    flux: float  # of the table [lm]
+    tilt: Tilt | None
+    notes: list[str]
+
+
+def read_photometry(path: Path, where: str, boundary: Boundary) -> PhotometryFile:
+    """Read an IES or EULUMDAT file. Raises SceneError, one sentence."""
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise SceneError(
+            f"{where}: a photometric file must be one of {' '.join(SUFFIXES)}, got {suffix or 'no suffix'}"
+        )
+    if not boundary.holds(path):
+        raise SceneError(f"{where}: lies outside the folder of the scene; move it there, or give --allow-outside")
+    try:
+        if os.path.isfile(path):
+            boundary.take(where, "bytes in a scene file", os.path.getsize(path))
+        text = boundary.read(path, where).decode("latin-1")  # labels may be of any code page
+    except OSError as error:
+        raise SceneError(f"{where}: the photometric file cannot be read: {error.strerror or error}") from None
+    lines = re.split("\r\n|\r|\n", text.removeprefix("\xef\xbb\xbf"))
+    found = (_ies if suffix == ".ies" else _eulumdat)(lines, where)
+    return found._replace(notes=[f"{where}: {note}" for note in found.notes])
+
+
+class _Numbers:
+    """Numbers of a file, in order."""
+
+    def __init__(self, where: str, words: Sequence[str]):
+        self.where, self._words, self._next = where, words, 0
+
+    def take(self, what: str, count: int, low: float = -LARGEST, high: float = LARGEST) -> np.ndarray:
+        """Return the next numbers (count,) float64. Raises SceneError for missing ones and for any out of range."""
+        words = self._words[self._next : self._next + count]
+        if len(words) < count:
+            raise SceneError(
+                f"{self.where}: {what}: {count:,} numbers are needed, but the file ends after {len(words):,}; "
+                "is it cut off?"
+            )
+        self._next += count
+        out = np.empty(count)
+        for k, word in enumerate(words):
+            value = _number(word)
+            if not low <= value <= high:
+                raise SceneError(f"{self.where}: {what} must be a number from {low:g} to {high:g}, got {shown(word)}")
+            out[k] = value
+        return out
+
+    def number(self, what: str, low: float = -LARGEST, high: float = LARGEST) -> float:
+        return float(self.take(what, 1, low, high)[0])
+
+    def count(self, what: str, low: int, high: int) -> int:
+        value = self.number(what, low, high)
+        if value != int(value):
+            raise SceneError(f"{self.where}: {what} must be a whole number, got {value:g}")
+        return int(value)
+
+    def angles(self, what: str, count: int, high: float) -> np.ndarray:
+        """Return angles (count,) in degrees that increase, from 0 to `high`."""
+        values = self.take(what, count, 0, high)
+        if (np.diff(values) < CLOSEST).any():
+            raise SceneError(f"{self.where}: {what} must increase, got {shown(values.tolist())}")
+        return values
+
+
+def _number(word: str) -> float:
+    """Return a number, also one with a decimal comma; NaN for anything else."""
+    try:
+        return float(word.strip().replace(",", "."))
+    except ValueError:
+        return math.nan
+
+
+# IES ------------------------------------------------------------------------------------------------
+
+
+def _ies(lines: list[str], where: str) -> PhotometryFile:
+    at = next((i for i, line in enumerate(lines) if line.strip().upper().startswith("TILT")), None)
+    if at is None:
+        raise SceneError(f"{where}: an IES file must have a line TILT=NONE or TILT=INCLUDE, which this has not")
+    kind = lines[at].partition("=")[2].strip().upper()
+    if kind not in ("NONE", "INCLUDE"):
+        raise SceneError(f"{where}: TILT must be NONE or INCLUDE, got {shown(kind)}; include the file that it names")
+    year = re.match(r"IES(?:NA)?:?(?:LM-63-)?(\d+)", lines[0].strip())
+    early = year is None or int(year[1][-4:]) in (86, 91, 95, 1986, 1991, 1995)  # of 1986 the first line is a label
+    numbers = _Numbers(where, re.split(r"[\s,]+", " ".join(lines[at + 1 :]).strip()))
+    tilt = _tilt(numbers) if kind == "INCLUDE" else None
+    lamps, lumens = numbers.number("the number of lamps"), numbers.number("lumens per lamp")
+    scale = numbers.number("the candela multiplier", 1e-12)
+    rows = numbers.count("the number of vertical angles", 2, MOST_ANGLES)
+    columns = numbers.count("the number of horizontal angles", 1, MOST_ANGLES)
+    found = TYPES[numbers.count("the photometric type", 1, 3)]
+    if found != "C":
+        raise SceneError(f"{where}: photometry must be of type C, got type {found}; convert the file to type C")
+    numbers.take("unit of length, width, length and height", 4)
+    scale *= numbers.number("the ballast factor", 1e-12)
+    later = numbers.number("the ballast-lamp photometric factor")  # since 2002 no factor any more
+    if early and later > 0:
+        scale *= later
+    numbers.number("the input watts")
+    gammas = numbers.angles("vertical angles", rows, 180)
+    planes = numbers.angles("horizontal angles", columns, 360)
+    values = numbers.take("candela values", rows * columns, 0).reshape(columns, rows) * scale
+    full = _ies_planes(planes, values, where)
+    notes = []
+    flux, stated = _flux(gammas, *full, where), lamps * lumens
+    if stated > 0 and flux > (1 + ELSEWHERE) * stated:
+        notes.append(f"its table has {flux:.0f} lm, more than the {stated:.0f} lm of its lamps")
+    return PhotometryFile(gammas, *full, flux, tilt, notes)
+
+
+def _tilt(numbers: _Numbers) -> Tilt:
+    geometry = numbers.count("the lamp's position under TILT", 1, 3)
+    count = numbers.count("the number of angles under TILT", 1, MOST_ANGLES)
+    return Tilt(geometry, numbers.angles("angles under TILT", count, 180), numbers.take("factors under TILT", count, 0))
+
+
+def _ies_planes(planes: np.ndarray, values: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return all planes from 0 to 360 and their intensity, by the symmetry that the angles tell."""
+    first, last = planes[0], planes[-1]
+    if len(planes) == 1:
+        return _around([(0.0, values[0])])
+    known = list(zip(planes.tolist(), values, strict=True))
+    if (first, last) == (0, 360):
+        return planes, values
+    if (first, last) == (0, 90):
+        known += [(180 - angle, row) for angle, row in known]
+        return _around(known + [(-angle, row) for angle, row in known])
+    if (first, last) == (0, 180):
+        return _around(known + [(-angle, row) for angle, row in known])
+    if (first, last) == (90, 270):
+        return _around(known + [(180 - angle, row) for angle, row in known])
+    if first == 0 and last > 180 and 360 - last <= 2 * np.diff(planes).max():  # the plane at 360 left out
+        return _around(known)
+    raise SceneError(
+        f"{where}: horizontal angles must be 0 alone, or go from 0 to 90, 180 or 360, or from 90 to 270, "
+        f"got {first:g} to {last:g}"
+    )
+
+
+# EULUMDAT -------------------------------------------------------------------------------------------
+
+
+def _eulumdat(lines: list[str], where: str) -> PhotometryFile:
+    def field(number: int, what: str) -> _Numbers:
+        """Return the number of a line, counted from 1."""
+        words = lines[number - 1 : number] if number <= len(lines) else []
+        return _Numbers(f"{where}: line {number}", [w.strip().partition(" ")[0] for w in words])
+
+    symmetry = field(3, "").count("the symmetry Isym", 0, 4)
+    planes = field(4, "").count("the number of C-planes", 1, MOST_ANGLES)
+    rows = field(6, "").count("the number of intensities per C-plane", 2, MOST_ANGLES)
+    if symmetry > 1 and planes % (4 if symmetry > 2 else 2):
+        raise SceneError(
+            f"{where}: line 4: the number of C-planes must be a multiple of {4 if symmetry > 2 else 2} "
+            f"for symmetry {symmetry}, got {planes}"
+        )
+    ratio = field(23, "").number("the light output ratio [%]")
+    factor = field(24, "").number("the conversion factor for intensities", 1e-12)
+    tilt = field(25, "").number("the tilt during measurement")
+    sets = field(26, "").count("the number of sets of lamps", 1, 20)
+    lumens = field(29, "").number("the luminous flux of the lamps", 1e-12)
+    after = 26 + 6 * sets + 10  # lines before the angles
+    numbers = _Numbers(where, [line for line in lines[after:] if line.strip()])
+    angles = numbers.angles("C-planes", planes, 360)
+    gammas = numbers.angles("angles gamma", rows, 180)
+    first, count = {
+        0: (0, planes), 1: (0, 1), 2: (0, planes // 2 + 1), 3: (3 * planes // 4, planes // 2 + 1),
+        4: (0, planes // 4 + 1),
+    }[symmetry]  # fmt: skip
+    if count > planes:
+        raise SceneError(f"{where}: line 4: symmetry {symmetry} needs more C-planes than {planes}")
+    scale = factor * lumens / 1000  # the table is in cd per 1,000 lm of the lamps
+    values = numbers.take("luminous intensities", count * rows, 0).reshape(count, rows) * scale
+    known = list(zip(angles[np.arange(first, first + count) % planes].tolist(), values, strict=True))
+    if symmetry == 1:
+        known = [(0.0, values[0])]
+    if symmetry in (2, 4):
+        known += [(-angle, row) for angle, row in known]
+    if symmetry in (3, 4):
+        known += [(180 - angle, row) for angle, row in known]
+    full = _around(known)
+    flux, stated = _flux(gammas, *full, where), lumens * ratio / 100
+    notes = []
+    if stated > 0 and abs(flux / stated - 1) > ELSEWHERE:
+        notes.append(f"its table has {flux:.0f} lm, but it states {stated:.0f} lm ({ratio:g} % of {lumens:g} lm)")
+    if sets > 1:
+        notes.append(f"it has {sets} sets of lamps; the first one is used, of {lumens:g} lm")
+    if tilt:
+        notes.append(f"the luminaire was measured at a tilt of {tilt:g} degrees, which is not undone")
+    return PhotometryFile(gammas, *full, flux, None, notes)
+
+
+# Both -----------------------------------------------------------------------------------------------
+
+
+def _around(known: list[tuple[float, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return planes (P,) from 0 to 360 and their intensity (P, T), of some planes at any angles [degrees].
+
+    Between planes intensity is linear, so the plane at 0 that may have to be added changes nothing.
+    """
+    by_angle = {round(angle % 360, 9) % 360: row for angle, row in known}
+    angles = sorted(by_angle)
+    if angles[0] > 0:
+        before, after = angles[-1] - 360, angles[0]
+        w = -before / (after - before)
+        by_angle[0.0] = (1 - w) * by_angle[angles[-1]] + w * by_angle[after]
+        angles.insert(0, 0.0)
+    return np.array([*angles, 360.0]), np.array([by_angle[a] for a in (*angles, 0.0)])
+
+
+def _flux(gammas: np.ndarray, planes: np.ndarray, intensity: np.ndarray, where: str) -> float:
+    flux = flux_of(gammas, planes, intensity)
+    if not 1e-9 <= flux <= LARGEST:
+        raise SceneError(f"{where}: the flux of the table must be from 1e-09 to {LARGEST:g} lm, got {flux:.3g} lm")
+    return flux

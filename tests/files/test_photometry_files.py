@@ -1,0 +1,232 @@
+"""IES and EULUMDAT files: every symmetry, every year, TILT, units of flux, and one sentence for each mistake."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gi_core.files.formats.boundary import Boundary
+from gi_core.files.formats.photometry_file import read_photometry
+from gi_core.files.load import load_scene
+from gi_core.scene import PhotometricLight, SceneError
+from tests.support.mesh_writers import write_scene
+from tests.support.photometry import write_ies, write_ldt
+
+GAMMAS = [0.0, 30.0, 60.0, 90.0]
+DOWN = np.array([100.0, 80.0, 30.0, 0.0])
+
+
+def read(path):
+    return read_photometry(path, path.name, Boundary(path.parent))
+
+
+def sentence(path) -> str:
+    with pytest.raises(SceneError) as caught:
+        read(path)
+    return str(caught.value)
+
+
+def rows(*factors) -> np.ndarray:
+    """Return planes of the same curve times a factor each."""
+    return np.array(factors)[:, None] * DOWN
+
+
+@pytest.mark.parametrize(
+    ("planes", "factors", "full", "expected"),
+    [
+        ([0], [1], [0, 360], [1, 1]),
+        ([0, 90], [1, 3], [0, 90, 180, 270, 360], [1, 3, 1, 3, 1]),
+        ([0, 45, 90], [1, 2, 3], [0, 45, 90, 135, 180, 225, 270, 315, 360], [1, 2, 3, 2, 1, 2, 3, 2, 1]),
+        ([0, 60, 180], [1, 2, 3], [0, 60, 180, 300, 360], [1, 2, 3, 2, 1]),
+        ([0, 100, 360], [1, 2, 1], [0, 100, 360], [1, 2, 1]),
+        ([90, 180, 270], [1, 2, 3], [0, 90, 180, 270, 360], [2, 1, 2, 3, 2]),
+        ([90, 150, 270], [1, 2, 4], [0, 30, 90, 150, 270, 360], [2.5, 2, 1, 2, 4, 2.5]),  # 0 lies between 270 and 30
+        ([0, 120, 240], [1, 2, 3], [0, 120, 240, 360], [1, 2, 3, 1]),
+    ],
+)
+def test_planes_of_ies(tmp_path, planes, factors, full, expected):
+    found = read(write_ies(tmp_path / "a.ies", GAMMAS, planes, rows(*factors)))
+    assert found.planes.tolist() == full
+    assert found.intensity == pytest.approx(rows(*expected))
+    assert found.gammas.tolist() == GAMMAS and found.notes == []
+
+
+@pytest.mark.parametrize(
+    ("first", "scale"),
+    [
+        ("Acme downlight", 2 * 0.5 * 0.25),  # of 1986: a label
+        ("IESNA91", 2 * 0.5 * 0.25),
+        ("IESNA:LM-63-1995", 2 * 0.5 * 0.25),
+        ("IESNA:LM-63-2002", 2 * 0.5),  # the last factor is reserved
+        ("IES:LM-63-2019", 2 * 0.5),  # and became the kind of file
+    ],
+)
+def test_factors_by_year(tmp_path, first, scale):
+    path = write_ies(tmp_path / "a.ies", GAMMAS, [0], rows(1), first, numbers="1 900 2.0", factors="0.5 0.25 50")
+    assert read(path).intensity == pytest.approx(rows(scale, scale))
+
+
+def test_numbers_may_be_apart_by_anything(tmp_path):
+    path = write_ies(tmp_path / "a.ies", GAMMAS, [0, 90], rows(1, 2))
+    text = path.read_text().replace("\r\n", "\r").replace(" ", ", ")
+    path.write_bytes(b"\xef\xbb\xbf" + text.replace("IESNA", "Lampe f\xfcr B\xfcros, IESNA").encode("latin-1"))
+    assert read(path).intensity[1] == pytest.approx(2 * DOWN)
+
+
+def test_tilt_scales_the_flux_of_a_tilted_luminaire(tmp_path):
+    table = "TILT=INCLUDE\r\n{}\r\n3\r\n0 45 90\r\n1.0 0.8 0.6"
+    write_scene(tmp_path)
+    for geometry, direction, factor in (
+        (1, (0, -1, 0), 1.0),
+        (1, (1, -1, 0), 0.8),
+        (3, (1, 0, 0), 0.6),
+        (2, (1, 0, 0), 1),
+    ):
+        path = write_ies(tmp_path / "a.ies", GAMMAS, [0], rows(1), tilt=table.format(geometry))
+        light = photometric(tmp_path, f"direction = {list(direction)}")
+        assert light.flux == pytest.approx((factor * read(path).flux,) * 3)
+
+
+def photometric(folder, *lines, name="a.ies", units="photometric") -> PhotometricLight:
+    """Return the light of a scene file with these lines."""
+    path = folder / "lit.toml"
+    body = "\n".join(["[[light]]", 'type = "photometric"', f'file = "{name}"', "position = [0.5, 0.8, 0.5]", *lines])
+    path.write_text(f'up = "y"\nunits = "{units}"\n[static]\nmesh = "room.obj"\n{body}\n')
+    return load_scene(path, max_edge=math.inf).lights[-1]
+
+
+def test_keys_of_a_scene_file(tmp_path):
+    write_scene(tmp_path)
+    file = read(write_ies(tmp_path / "a.ies", GAMMAS, [0, 90], rows(1, 2)))
+    light = photometric(tmp_path, "direction = [0, -1, 0]")
+    assert light.flux == (file.flux,) * 3 and light.c0 == (1, 0, 0) and light.size == (0, 0)
+    assert np.array_equal(light.intensity, file.intensity)
+    more = "direction = [0, -2, 0]\nc0 = [0, 0, 1]\nflux = [1, 2, 3]\nsize = [0.1, 0.2]"
+    light = photometric(tmp_path, more, units="radiometric")
+    assert light.c0 == (0, 0, 1) and light.flux == (1, 2, 3) and light.size == (0.1, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("lines", "units", "expected"),
+    [
+        (
+            "direction = [0, -1, 0]",
+            "radiometric",
+            'flux is missing; write flux = [r, g, b] in watts, or units = "photo',
+        ),
+        ("direction = [0, -1, 0]\nc0 = [0, 1, 0]", "photometric", "c0 must not lie along direction"),
+        ("direction = [0, -1, 0]\nsize = [0, 1]", "photometric", "size must be two numbers of metres > 0, or 0 and 0"),
+        ("", "photometric", "direction is missing"),
+        ("direction = [0, -1, 0]\nangle = 3", "photometric", "unknown key 'angle'"),
+    ],
+)
+def test_mistakes_in_a_scene_file(tmp_path, lines, units, expected):
+    write_scene(tmp_path)
+    write_ies(tmp_path / "a.ies", GAMMAS, [0], rows(1))
+    with pytest.raises(SceneError) as caught:
+        photometric(tmp_path, lines, units=units)
+    assert expected in str(caught.value) and "lit.toml" in str(caught.value)
+
+
+def test_files_outside_of_the_scene_are_refused(tmp_path):
+    (tmp_path / "room").mkdir()
+    write_scene(tmp_path / "room")
+    write_ies(tmp_path / "a.ies", GAMMAS, [0], rows(1))
+    with pytest.raises(SceneError, match="lies outside the folder of the scene"):
+        photometric(tmp_path / "room", "direction = [0, -1, 0]", name="../a.ies")
+    with pytest.raises(SceneError, match=r"there is no such file"):
+        photometric(tmp_path / "room", "direction = [0, -1, 0]", name="a.ies")
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (
+            ("TILT=NONE", "TILT=lamp.tlt"),
+            "TILT must be NONE or INCLUDE, got 'LAMP.TLT'; include the file that it names",
+        ),
+        (("TILT=NONE", "NONE"), "must have a line TILT=NONE or TILT=INCLUDE"),
+        (("4 1 1 2", "4 1 2 2"), "photometry must be of type C, got type B; convert the file to type C"),
+        (("4 1 1 2", "4 1 3 2"), "photometry must be of type C, got type A"),
+        (("4 1 1 2", "4 1 9 2"), "the photometric type must be a number from 1 to 3, got '9'"),
+        (("4 1 1 2", "9000 1 1 2"), "9,000 numbers are needed, but the file ends after"),
+        (("4 1 1 2", "1e30 1 1 2"), "the number of vertical angles must be a number from 2 to 10000"),
+        (("0 30 60 90", "0 60 30 90"), "vertical angles must increase, got"),
+        (("100 80 30 0", "100 80 -30 0"), "candela values must be a number from 0 to 1e+12, got '-30'"),
+        (("100 80 30 0", "100 80 nan 0"), "candela values must be a number from 0 to 1e+12, got 'nan'"),
+        (("100 80 30 0", "0 0 0 0"), "the flux of the table must be from 1e-09 to 1e+12 lm, got 0 lm"),
+    ],
+)
+def test_mistakes_in_ies_files(tmp_path, change, expected):
+    path = write_ies(tmp_path / "a.ies", GAMMAS, [0], rows(1))
+    assert change[0] in path.read_text()
+    path.write_text(path.read_text().replace(*change))
+    assert expected in sentence(path)
+
+
+def test_odd_planes_are_refused(tmp_path):
+    found = sentence(write_ies(tmp_path / "a.ies", GAMMAS, [0, 45], rows(1, 2)))
+    assert found.endswith("or from 90 to 270, got 0 to 45")
+
+
+EVERY = list(range(0, 360, 45))  # C-planes of a file
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "stored", "full"),
+    [
+        (0, [1, 2, 3, 4, 5, 6, 7, 8], [1, 2, 3, 4, 5, 6, 7, 8, 1]),
+        (1, [1], [1, 1]),
+        (2, [1, 2, 3, 4, 5], [1, 2, 3, 4, 5, 4, 3, 2, 1]),  # 0 to 180
+        (3, [1, 2, 3, 4, 5], [3, 4, 5, 4, 3, 2, 1, 2, 3]),  # 270 to 90
+        (4, [1, 2, 3], [1, 2, 3, 2, 1, 2, 3, 2, 1]),  # 0 to 90
+    ],
+)
+def test_planes_of_eulumdat(tmp_path, symmetry, stored, full):
+    """Intensities are in cd per 1,000 lm of the lamps."""
+    path = write_ldt(tmp_path / "a.ldt", symmetry, GAMMAS, EVERY, rows(*stored), lumens=2000, factor=0.5)
+    found = read(path)
+    assert found.planes.tolist() == ([0, 360] if symmetry == 1 else [*EVERY, 360])
+    assert found.intensity == pytest.approx(rows(*full) * 2 * 0.5)
+
+
+def test_eulumdat_notes_what_it_cannot_follow(tmp_path):
+    found = read(write_ldt(tmp_path / "a.ldt", 1, GAMMAS, EVERY, rows(1), ratio=50, sets=2))
+    assert "it has 2 sets of lamps; the first one is used, of 2000 lm" in found.notes[1]
+    assert "but it states 1000 lm (50 % of 2000 lm)" in found.notes[0]
+    right = 100 * found.flux / 2000
+    assert read(write_ldt(tmp_path / "a.ldt", 1, GAMMAS, EVERY, rows(1), ratio=right)).notes == []
+
+
+def test_eulumdat_and_ies_of_one_luminaire_agree(tmp_path):
+    ldt = read(write_ldt(tmp_path / "a.ldt", 4, GAMMAS, [0, 90, 180, 270], rows(1, 2), lumens=1000))
+    ies = read(write_ies(tmp_path / "a.ies", GAMMAS, [0, 90], rows(1, 2)))
+    assert np.array_equal(ldt.intensity, ies.intensity) and ldt.flux == ies.flux
+
+
+@pytest.mark.parametrize(
+    ("line", "value", "expected"),
+    [
+        (3, "7", "line 3: the symmetry Isym must be a number from 0 to 4, got '7'"),
+        (4, "6", "line 4: the number of C-planes must be a multiple of 4 for symmetry 4, got 6"),
+        (6, "", "line 6: the number of intensities per C-plane must be a number from 2 to 10000, got ''"),
+        (24, "0", "line 24: the conversion factor for intensities must be a number from 1e-12"),
+        (29, "0", "line 29: the luminous flux of the lamps must be a number from 1e-12"),
+        (44, "0", "C-planes must increase"),
+        (55, "x", "luminous intensities must be a number from 0 to 1e+12, got 'x'"),
+    ],
+)
+def test_mistakes_in_eulumdat_files(tmp_path, line, value, expected):
+    path = write_ldt(tmp_path / "a.ldt", 4, GAMMAS, EVERY, rows(1, 2, 3))
+    lines = path.read_text().split("\n")
+    lines[line - 1] = value
+    path.write_text("\n".join(lines))
+    assert expected in sentence(path)
+
+
+def test_short_eulumdat_file(tmp_path):
+    path = tmp_path / "a.ldt"
+    path.write_text("maker\n1")
+    assert "line 3: the symmetry Isym: 1 numbers are needed, but the file ends after 0" in sentence(path)
