@@ -1,7 +1,8 @@
-"""Generates gallery.glb and stone.glb, and the path in gallery.toml: `python -m scenes.make_gallery`.
+"""Generates gallery.glb, stone.glb, gallery_spot.ies, and the path in gallery.toml: `python -m scenes.make_gallery`.
 
 A hall of 9 x 3.8 x 7.9 m with luminaires of every kind: a luminous ceiling and a glowing tube (faces that
-emit), three spots, and a bare bulb (a point). y is up, the camera looks along -z through the front wall.
+emit), three spots by their photometric file, and a bare bulb (a point). y is up, the camera looks along -z
+through the front wall.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from scenes.creatures import pierced_stone
 from scenes.furniture import parts_of, placed
 from scenes.glb import glb_bytes, material, write
 from scenes.key_frames import Loop, loop, write_paths
+from scenes.luminaires import beam, ies
 from scenes.modelling import box, part, radiance, rounded_box, sheet, wall
 from scenes.round_shapes import ball, rod, tube, turned_body
 from scenes.textures import png
@@ -146,6 +148,7 @@ def files() -> dict[str, bytes]:
     base = turned_body([(0, 0), (0.24, 0), (0.24, 0.05), (0.23, 0.06), (0, 0.06)], 32)
     stone = [part("stone", pierced_stone(STONE_HEIGHT).at(0, 0.07, 0)), part("slate", base)]
     return {
+        "gallery_spot.ies": ies("spot with spill", 1000.0, beam(6.0, 26.0, 0.03)),
         "gallery.glb": glb_bytes(parts, materials, [png(paint()) for paint in PAINTERS]),
         "stone.glb": glb_bytes(
             stone,

@@ -16,6 +16,7 @@ from scenes.creatures import cat
 from scenes.furniture import parts_of, placed
 from scenes.glb import glb_bytes, material, write
 from scenes.key_frames import Loop, loop, write_paths
+from scenes.luminaires import beam, ies
 from scenes.modelling import box, part, radiance, rounded_box, sheet, wall
 from scenes.round_shapes import ball, rod, turned_body
 from scenes.textures import png, swatch
@@ -32,7 +33,8 @@ SEED = 4
 
 # Light. Flux = pi x radiance x area; a warm white gives some 300 lumen a watt of visible light.
 WINDOW_FLUX = np.array([3.4, 4.6, 6.8])  # [W] dusk sky through 3 m2 of glass
-DIFFUSER_FLUX = np.array([6.3, 4.4, 2.5])  # [W] up and down out of the floor lamp's shade, some 1,300 lumen
+DIFFUSER_FLUX = np.array([3.15, 2.2, 1.25])  # [W] up and down out of the floor lamp's shade, some 650 lumen;
+# the luminaire of living_uplight.ies above it has as much
 SHADE_FLUX = np.array([1.3, 0.76, 0.36])  # [W] through its cloth
 BALL_FLUX = np.array([1.5, 1.0, 0.56])  # [W] the glass ball
 
@@ -216,6 +218,7 @@ def files() -> dict[str, bytes]:
         materials.append(material(name, WHITE, two_sided=name == "linen", texture=i))
     chair = parts_of(furniture.chair("yellow", "rust"))
     return {
+        "living_uplight.ies": ies("uplight", 100.0, beam(20.0, 80.0)),
         "living_room.glb": glb_bytes(parts, materials, [png(getattr(images, name)()) for name in TEXTURES]),
         "living_chair.glb": glb_bytes(
             chair, [material("yellow", (0.78, 0.52, 0.10)), material("rust", WHITE, texture=0)], [png(images.rust())]

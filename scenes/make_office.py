@@ -1,4 +1,4 @@
-"""Generates office.glb and its mobiles, and the path in office.toml: `python -m scenes.make_office`.
+"""Generates office.glb, its mobiles, office_desk_lamp.ldt, and the path in office.toml: `python -m scenes.make_office`.
 
 An office of 9.6 x 3.0 x 7.2 m with twelve lamps by name: six ceiling panels, a pendant, a wall washer, three desk
 lamps and the window. y is up, the camera looks along -z through the front wall. Metres, lumens and candelas.
@@ -17,6 +17,7 @@ from scenes import office_images as images
 from scenes.furniture import parts_of, placed
 from scenes.glb import glb_bytes, material, write
 from scenes.key_frames import Loop, loop, write_paths
+from scenes.luminaires import beam, ldt
 from scenes.modelling import box, part, radiance, rounded_box, sheet, wall
 from scenes.round_shapes import rod, turned_body
 from scenes.textures import png, swatch
@@ -34,7 +35,8 @@ SEED = 11
 NEUTRAL, WARM, SKY = (1.414, 0.924, 0.533), (1.770, 0.845, 0.272), (1.005, 0.988, 1.109)
 COLUMNS, ROWS = {"window": 2, "middle": 7, "door": 12}, {"back": 3, "front": 8}  # first tile of a panel, 2 x 1 tiles
 PANEL_FLUX, PENDANT_FLUX, WASHER_FLUX, WINDOW_FLUX = 5500.0, 3000.0, 2500.0, 12000.0  # [lm]
-GLOW_FLUX = 40.0  # [lm] of a desk lamp's diffuser; the spot below it has the rest
+GLOW_FLUX = 40.0  # [lm] of a desk lamp's diffuser; the luminaire below it has the rest
+DESK_LAMP_PEAK, DESK_LAMP_FLUX = 150.0, 265.8  # [cd, lm] of that
 DESK_LAMPS = dict(zip(("window", "middle", "aisle"), DESK_X, strict=True))  # on the front row
 LAMP_FOOT = (-0.56, -0.24)  # from the middle of a desk, along x and z
 PENDANT_SIZE, PENDANT_HEIGHT = (1.8, 0.09), 2.05
@@ -50,7 +52,7 @@ def tinted(lumens: float, tint) -> np.ndarray:
 
 
 def lamp_flux() -> dict[str, np.ndarray]:
-    """Return flux RGB [lm] by material: of all lamps except the spots of the desk lamps."""
+    """Return flux RGB [lm] by material: of all lamps except the luminaires of the desk lamps."""
     flux = {f"panel {column} {row}": tinted(PANEL_FLUX, NEUTRAL) for column in COLUMNS for row in ROWS}
     flux |= {
         "pendant": tinted(PENDANT_FLUX, WARM),
@@ -282,6 +284,7 @@ def files() -> dict[str, bytes]:
         return glb_bytes(parts_of(piece), [*others, *painted], [png(getattr(images, name)()) for name in textures])
 
     return {
+        "office_desk_lamp.ldt": ldt("desk lamp", DESK_LAMP_PEAK, beam(25.0, 70.0), DESK_LAMP_FLUX),
         "office.glb": glb_bytes(parts, materials, [png(getattr(images, name)()) for name in TEXTURES]),
         "office_chair.glb": mobile(office.swivel_chair("charcoal", "black"), ["charcoal"], plastic),
         "office_screen.glb": mobile(office.screen("ochre", "metal"), ["ochre"], metal),

@@ -72,6 +72,9 @@ def test_generators_give_the_committed_files(generator):
     """Arrays byte for byte, images pixel for pixel; colours to the last digits, which differ between processors."""
     for name, data in import_module(f"scenes.{generator}").files().items():
         committed = (resources.files("scenes") / name).read_bytes()
+        if not name.endswith(".glb"):
+            assert committed == data, f"run python -m scenes.{generator}"
+            continue
         (values, *rest), (others, *made) = contents(committed), contents(data)
         assert rest == made and rounded(values) == rounded(others), f"run python -m scenes.{generator}"
         assert len(committed) < 2e6, name

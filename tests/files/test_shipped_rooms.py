@@ -15,9 +15,10 @@ from gi_core.geometry.texture_filter import mean_colours
 from gi_core.model import Model
 from gi_core.photons.trace import trace_background
 from gi_core.scene.pose import pose_at, to_world
-from gi_core.scene.types import PointLight, SpotLight
+from gi_core.scene.types import PhotometricLight, PointLight
 from scenes import make_gallery, make_living_room, make_office, make_second_tree
 from scenes import office_furniture as furniture
+from tests.support.photometry import table_flux
 
 FLUX = {
     "living_room": {
@@ -132,9 +133,23 @@ def test_chair_stands_on_the_floor_and_keeps_off_the_walls():
         assert v[:, 0].max() < make_living_room.RIGHT - 0.02 and v[:, 2].min() > -1.8
 
 
+def test_living_room_has_an_uplight_in_its_floor_lamp():
+    scene = load_scene("living_room")
+    (uplight,) = scene.lights
+    names = [m.name for m in scene.materials]
+    disc = scene.static.vertices[scene.static.faces[scene.static.face_material == names.index("diffuser")]].reshape(
+        -1, 3
+    )
+    top = disc[disc[:, 1] > disc[:, 1].max() - 1e-6]
+    middle = (top.min(axis=0) + top.max(axis=0)) / 2
+    assert isinstance(uplight, PhotometricLight) and uplight.direction == (0, 1, 0)
+    np.testing.assert_allclose(uplight.position, middle + [0, 0.005, 0], atol=2e-3)
+    assert np.hypot(*uplight.size) / 2 < (top[:, 0].max() - top[:, 0].min()) / 2 + 1e-3
+
+
 def test_gallery_has_luminaires_of_every_kind_where_their_bodies_are():
     scene = load_scene("gallery")
-    spots = [light for light in scene.lights if isinstance(light, SpotLight)]
+    spots = [light for light in scene.lights if isinstance(light, PhotometricLight)]
     points = [light for light in scene.lights if isinstance(light, PointLight)]
     assert len(spots) == 3 and len(points) == 1 and len(scene.lights) == 4
     np.testing.assert_allclose([s.position for s in spots], make_gallery.SPOTS)
@@ -165,14 +180,16 @@ def office():
 
 
 def test_office_has_twelve_lamps_by_name(office):
-    """Nine materials and three spots, each spot at the mouth of its lamp and of the name of its diffuser."""
+    """Nine materials and three luminaires, each at the mouth of its lamp and of the name of its diffuser."""
     assert office.units == "photometric"
     glowing = {m.name for m in office.materials if any(m.emission)}
     spots = {light.name: light for light in office.lights}
     assert len(glowing | set(spots)) == 12 and set(spots) <= glowing
     names = [m.name for m in office.materials]
     for (name, spot), mouth in zip(spots.items(), make_office.mouths(), strict=True):
-        assert isinstance(spot, SpotLight) and luminance(spot.intensity) == pytest.approx(150, abs=0.2)
+        peak = luminance(spot.flux) * spot.intensity.max() / table_flux(spot)
+        assert isinstance(spot, PhotometricLight) and peak == pytest.approx(make_office.DESK_LAMP_PEAK, abs=0.2)
+        assert luminance(spot.flux) == pytest.approx(table_flux(spot), rel=1e-3)
         np.testing.assert_allclose(spot.position, mouth, atol=1e-9)
         disc = office.static.vertices[office.static.faces[office.static.face_material == names.index(name)]]
         np.testing.assert_allclose(disc.reshape(-1, 3).mean(axis=0), mouth + [0, 0.002, 0], atol=0.003)

@@ -15,7 +15,7 @@ from gi_core.lights import photometric
 from gi_core.lights.emission import build_emitters, emit
 from gi_core.lights.photometric import axes, density, flux_of, tables_of
 from gi_core.scene.types import PhotometricLight
-from tests.support import photometry
+from tests.support import closed_form, photometry
 from tests.support import scene_builders as build
 from tests.support.photometry import GAMMAS, PLANES, candela, luminaire, uneven
 from tests.support.significance import chi_square, z_test
@@ -147,6 +147,30 @@ def test_light_on_a_plane(size):
     assert E[:, 0] == pytest.approx(E[:, 1] / 2) and E[:, 2] == pytest.approx(E[:, 1] / 4)
     if size[0] == 0:
         assert error.max() < 1e-9 * expected.max()
+
+
+@pytest.mark.parametrize(("height", "ratio"), [(1.0, 1.33), (3.0, 1.037), (5.0, 1.013)])
+def test_a_panel_as_a_point_is_too_bright_near_by(height, ratio):
+    """Below a diffuse square panel of 1 m; docs/stability.md has the ratios, by Lambert's form factor."""
+    gammas = np.linspace(0.0, 90.0, 181)
+    table = np.tile(np.cos(np.radians(gammas)), (2, 1))
+    panel = PhotometricLight(
+        "panel",
+        (0, 0, height),
+        (0, 0, -1),
+        (1, 0, 0),
+        (math.pi,) * 3,
+        gammas,
+        np.array([0.0, 360.0]),
+        table,
+        (1.0, 1.0),
+    )
+    at = np.zeros((1, 3)), np.array([[0.0, 0, 1]])
+    truth = closed_form.parallel_rectangle(1.0, -0.5, 0.5, -0.5, 0.5, height, 0.0, 0.0)
+    E, error = reference_irradiance(build.plane_scene(panel), *at, 20_000, 4)
+    z_test(E[0, 0], truth, math.hypot(error[0, 0], 1e-4 * truth), f"panel at {height} m")
+    point, _ = reference_irradiance(build.plane_scene(panel._replace(size=(0.0, 0.0))), *at, 2, 4)
+    assert point[0, 0] / truth == pytest.approx(ratio, abs=0.005)
 
 
 def test_photons_start_evenly_on_the_rectangle():
