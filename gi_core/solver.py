@@ -46,14 +46,15 @@ class Solver:
         self, scene: Scene, estimator: str = DEFAULT, photons: int | None = None, radius: float | None = None,
         neighbours: int | None = None, seed: int = 0, threads: int | None = None, light: str = "photons",
         lamps: Mapping[str, float | Sequence[float]] | None = None, rays: str | None = None,
-        **others,
+        earlier: Photons | None = None, **others,
     ):  # fmt: skip
         """Prepare a scene; nothing is traced except a small pilot trace for the defaults.
 
         photons: to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map; None: the scene file's value,
         else by `gi_core.defaults.choose`; light: "photons" or "best", see `gi_core.frames.light_source`; lamps: levels
-        that differ from 1, see set_lamps(); rays: the structure that traces them, as for `gi_core.model.Model`; others:
-        fields of `gi_core.estimators.setting.Setting` that differ from their defaults. Raises SceneError.
+        that differ from 1, see set_lamps(); rays: the structure that traces them, as for `gi_core.model.Model`;
+        earlier: photons_of() the scene before an edit; others: fields of `gi_core.estimators.setting.Setting` that
+        differ from their defaults. Raises SceneError.
         """
         self.scene, self.seed = scene, checked("seed", seed, 0)
         self.model = Model(scene, checked("threads", threads), rays)
@@ -61,7 +62,7 @@ class Solver:
         self.scene_size, self.photons = self.chosen.scene_size, self.chosen.photons
         self.setting = Setting(DEFAULT, self.chosen.radius, self.chosen.neighbours)
         self.light_source, self._buffers = LightSource(self.model, self.seed), ScanBuffers()
-        store, black = Photons(self.model, self.seed), np.zeros((len(self.model.object_receivers.areas), 3))
+        store, black = Photons(self.model, self.seed, earlier), np.zeros((len(self.model.object_receivers.areas), 3))
         self.frame, self.budget = Frame(self.model.start_poses(), black, self.light_source.levels, store), FrameBudget()
         self._first_frame = FirstFrame(store, self.light_source, self.scene_size)
         self.configure(estimator=estimator, light=light, **others)
@@ -238,3 +239,23 @@ class Solver:
     @property
     def surfaces(self) -> Surfaces:
         return self.model.surfaces
+
+
+def photons_of(solver: Solver) -> Photons:
+    """Return the photons that lamps share by flux, for a solver of an edited scene: unchanged paths are taken over."""
+    return solver._first_frame.by_flux
+
+
+def edited_solver(solver: Solver, scene: Scene) -> Solver:
+    """Return a solver of an edited scene (`gi_core.files.edits`) with a solver's settings, poses and levels of lamps.
+
+    Photons that met no edited face are not traced again. The irradiance equals that of a new solver of the scene with
+    these settings, bit for bit. Raises SceneError.
+    """
+    given = solver.setting._asdict() | {"photons": solver.photons, "light": solver.light, "seed": solver.seed}
+    model = solver.model
+    other = Solver(scene, threads=model.threads, rays=model.accelerator.rays, earlier=photons_of(solver), **given)
+    other.move_all({name: pose for name, pose in solver.poses.items() if name in other.poses})
+    levels = zip(solver.lamps.names, solver.levels.tolist(), strict=True)
+    other.set_lamps({name: level for name, level in levels if name in other.lamps.names})
+    return other

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from numbers import Real
 from pathlib import Path
@@ -116,14 +116,16 @@ class _Builder:
         # Completion casts float32 rays: it works near the origin.
         origin = origin_of(static)
         scene = translated(scene, -origin)
-        unplaced = [(i, None) for i, m in enumerate(self.file.mobiles) if m.pose is None]
+        unplaced: list[tuple[int, tuple | None]] = [
+            (i, None) for i, m in enumerate(self.file.mobiles) if m.pose is None
+        ]
         for path in extra:
-            scene, up = self._extra(scene, Path(path))
+            scene, up = with_mobile_file(scene, Path(path), None, self.boundary.open)
             unplaced.append((len(scene.mobiles) - 1, up))
         scene, rays = facing_the_scene(scene)
         scene, rays, box = complete(scene, unplaced, self.bare, rays)
         described = len(self.file.mobiles)
-        finer = tuple(m._replace(mesh=_fine(m.mesh)) for m in scene.mobiles[described:])
+        finer = tuple(finished(m) for m in scene.mobiles[described:])
         scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
         scene = self._refined(scene, max_edge, rays, box)
         solid = tuple(m._replace(mesh=without_holes(m.mesh)) for m in scene.mobiles)
@@ -158,7 +160,7 @@ class _Builder:
             mesh, materials = single(mesh, entry.material, r.materials, self.file.materials, entry.where)
         mesh = mesh._replace(vertices=mesh.vertices * entry.scale)
         check_size(f"{entry.where}: a mobile", mesh)
-        self._check_dark(mesh, materials, entry.where)
+        _check_dark(mesh, materials, entry.where)
         mesh = self._adopt(mesh, materials)
         if entry.max_edge is not None:
             mesh = self._cut(mesh, entry.max_edge, entry.where)
@@ -166,39 +168,11 @@ class _Builder:
         mobile = Mobile(entry.name, mesh, path=entry.path)
         return mobile._replace(pose=entry.pose) if entry.pose is not None else mobile
 
-    def _extra(self, scene: Scene, path: Path):
-        """Return the scene with one more mobile, not yet placed, and the up axis of its file."""
-        r = read_mesh_file(path, str(path), Boundary(path.parent, self.boundary.open))
-        names = {m.name for m in scene.mobiles}
-        name, k = path.stem, 2
-        while name in names:
-            name, k = f"{path.stem} {k}", k + 1
-        check_size(f"{path}: a mobile", r.mesh)
-        self._check_dark(r.mesh, r.materials, str(path))
-        self.materials = list(scene.materials)
-        mesh = self._adopt(r.mesh, r.materials)
-        notes = [f'mobile "{name}": {n}' for n in r.notes]
-        scene = replace(
-            scene,
-            materials=tuple(self.materials),
-            mobiles=(*scene.mobiles, Mobile(name, mesh)),
-            notes=(*scene.notes, *notes),
-        )
-        return scene, UP[r.up]
-
     def _adopt(self, mesh: Mesh, materials: list[Material]) -> Mesh:
         """Append a mesh's materials to the scene's, and number its faces' materials accordingly."""
         mesh = mesh._replace(face_material=(mesh.face_material + len(self.materials)).astype(np.int32))
         self.materials += materials
         return mesh
-
-    def _check_dark(self, mesh: Mesh, materials: list[Material], where: str) -> None:
-        for i in np.unique(mesh.face_material):
-            if any(materials[i].emission):
-                raise SceneError(
-                    f'{where}: a mobile cannot emit light, its material "{materials[i].name}" has emission '
-                    f"{list(materials[i].emission)}; give it emission = [0, 0, 0] under [materials] of a scene file"
-                )
 
     def _cut(self, mesh: Mesh, max_edge: float, where: str) -> Mesh:
         with named(where):
@@ -220,6 +194,47 @@ class _Builder:
             return scene
         note = f"edges split to {edge:.3g} m where light goes: {before:,} triangles became {len(mesh.faces):,}"
         return replace(scene, static=mesh, notes=(*scene.notes, note))
+
+
+def with_mobile_file(scene: Scene, path: Path, name: str | None, allow_outside: bool) -> tuple[Scene, tuple]:
+    """Return a scene with one more mobile from a mesh file, not yet placed, and the up axis of the file.
+
+    name: None: that of the file, with a number if it is taken. Raises SceneError.
+    """
+    r = read_mesh_file(path, str(path), Boundary(path.parent, allow_outside))
+    name = free_name((m.name for m in scene.mobiles), name or path.stem)
+    check_size(f"{path}: a mobile", r.mesh)
+    _check_dark(r.mesh, r.materials, str(path))
+    mesh = r.mesh._replace(face_material=(r.mesh.face_material + len(scene.materials)).astype(np.int32))
+    scene = replace(
+        scene,
+        materials=(*scene.materials, *r.materials),
+        mobiles=(*scene.mobiles, Mobile(name, mesh)),
+        notes=(*scene.notes, *(f'mobile "{name}": {n}' for n in r.notes)),
+    )
+    return scene, UP[r.up]
+
+
+def finished(mobile: Mobile) -> Mobile:
+    """Return a placed mobile from a mesh file, its edges fine enough to show shading."""
+    return mobile._replace(mesh=_fine(mobile.mesh))
+
+
+def free_name(names: Iterable[str], name: str) -> str:
+    """Return the name of a new mobile: the given one, with a number if it is among `names`."""
+    names, k, out = set(names), 2, name
+    while out in names:
+        out, k = f"{name} {k}", k + 1
+    return out
+
+
+def _check_dark(mesh: Mesh, materials: list[Material], where: str) -> None:
+    for i in np.unique(mesh.face_material):
+        if any(materials[i].emission):
+            raise SceneError(
+                f'{where}: a mobile cannot emit light, its material "{materials[i].name}" has emission '
+                f"{list(materials[i].emission)}; give it emission = [0, 0, 0] under [materials] of a scene file"
+            )
 
 
 def _fine(mesh: Mesh) -> Mesh:

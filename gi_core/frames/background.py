@@ -16,13 +16,14 @@ from gi_core.base.fixed_point import MAX_SEGMENTS
 from gi_core.base.threads import run_ranges
 from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.estimators.setting import Setting
+from gi_core.frames.unchanged_paths import known_paths, traced_paths
 from gi_core.geometry.radiosity import irradiance
 from gi_core.lights.mix import mix
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.paths import PathStore, PathVertices, segments_of
 from gi_core.photons.prefixes import SubsetStore
-from gi_core.photons.trace import Fates, no_flux, trace_background
+from gi_core.photons.trace import add_fates, no_flux
 from gi_core.retrace.broad_phase import Coarse, CoarseStore, grid_for
 
 PART = 4096  # photons that a thread traces or accumulates in one go: their rays and segments stay in its cache
@@ -84,10 +85,17 @@ class Background:
 
 
 class Photons:
-    """All photons traced so far; none is traced twice."""
+    """All photons traced so far; none is traced twice.
 
-    def __init__(self, model: Model, seed: int):
+    earlier: photons of the scene before an edit. Paths that met no edited face are taken over (`unchanged_paths.py`).
+    """
+
+    def __init__(self, model: Model, seed: int, earlier: Photons | None = None):
         self.model, self.seed = model, seed
+        self.traced = 0  # photons, without those taken over
+        self._known = None
+        if earlier is not None and earlier.count and earlier.seed == seed:
+            self._known = known_paths(earlier.model, model, earlier.prefix(earlier.count)[0])
         self.fates = no_flux(model.emitters.lamps.count)
         self.memory_full = False  # memory holds fewer photons than wanted
         self._pace = Pace()
@@ -149,10 +157,13 @@ class Photons:
 
         def work(_, first, last):
             parts = [(stored + at, min(PART, last - at)) for at in range(first, last, PART)]
-            return [trace_background(m.accelerator, m.world, m.static, m.emitters, self.seed, *part) for part in parts]
+            return [traced_paths(m, self.seed, self._known, *part) for part in parts]
 
         traced = itertools.chain.from_iterable(run_ranges(work, count, m.threads, PART_GRAIN))
-        paths, fates = zip(*traced, strict=True)
+        paths, fates, counts = zip(*traced, strict=True)
+        self.traced += sum(counts)
+        if self._known is not None and stored + count >= len(self._known.paths.lamp):
+            self._known = None  # their memory
         self._store.reserve(wanted)
         self._store.append(paths, m.threads)
         try:
@@ -195,7 +206,3 @@ class Pace:
     def took(self, count: int, seconds: float) -> None:
         """Record the time of a step. Faster steps count in full; slower ones may have been disturbed."""
         self._each = min(seconds / count, 0.5 * (self._each + seconds / count))
-
-
-def add_fates(a: Fates, b: Fates) -> Fates:
-    return Fates(*(x + y for x, y in zip(a, b, strict=True)))

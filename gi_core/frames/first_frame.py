@@ -60,7 +60,7 @@ class FirstFrame:
 
     def __init__(self, photons: Photons, source: LightSource, scene_size: float):
         self._photons, self._source, self._scene_size = photons, source, scene_size
-        self._by_flux = photons  # the first ones
+        self.by_flux = photons  # the first ones
         self._recent: list[Background] = []  # newest last
 
     def share(self, model: Model) -> None:
@@ -70,13 +70,13 @@ class FirstFrame:
         """
         levels, by_flux = self._source.levels, model.emitters
         if by_flux.effective(levels) > self._photons.model.emitters.effective(levels):
-            self._photons = self._by_flux  # still traced, and perhaps estimated
+            self._photons = self.by_flux  # still traced, and perhaps estimated
         if self._photons.model.emitters.effective(levels) >= FEW:
             return
         at = by_flux.shares_of_flux * levels.max(axis=1)
         model = model.with_shares((1 - SPARE) * at / at.sum() + SPARE * by_flux.shares_of_flux)
         self._photons = Photons(model, self._photons.seed)
-        self._recent = [b for b in self._recent if b.store is self._by_flux]
+        self._recent = [b for b in self._recent if b.store is self.by_flux]
 
     def _worth(self, shown: Background) -> int:
         """Return the number of new photons that bring as little noise as those of a background."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.display.probes import probe_irradiance
-from gi_core.frames.background import Background, Photons, add_fates
+from gi_core.frames.background import Background, Photons
 from gi_core.frames.control_variate import frame_irradiance
 from gi_core.frames.light_source import FrameSize, LightSource
 from gi_core.frames.progress import Interrupted
@@ -23,7 +23,7 @@ from gi_core.geometry.radiosity import irradiance
 from gi_core.gloss.cells import GlossLight
 from gi_core.lights.mix import mix
 from gi_core.photons.flux_sums import Evaluated
-from gi_core.photons.trace import Fates
+from gi_core.photons.trace import Fates, add_fates
 from gi_core.retrace.broad_phase import ScanBuffers
 from gi_core.retrace.cuts import PoseChange, change, current_segments
 from gi_core.scene.types import Pose

@@ -41,6 +41,10 @@ class Fates(NamedTuple):
 _ABSORBED, _ESCAPED, _TRUNCATED = range(3)  # rows of the kernels' sums
 
 
+def add_fates(a: Fates, b: Fates) -> Fates:
+    return Fates(*(x + y for x, y in zip(a, b, strict=True)))
+
+
 def no_flux(lamps: int) -> Fates:
     return Fates(*(np.zeros(3 * lamps, np.int64) for _ in range(4)))
 
@@ -131,25 +135,32 @@ def _wait(rays, k, bounce, origin, direction, side, flux):
 # The background ---------------------------------------------------------------------------------------------
 
 
-def emitted_rays(emitters: Emitters, seed: int, first: int, count: int, fates: Fates) -> PhotonRays:
-    """Return the emitted rays of photons first .. first + count - 1; adds their flux to `fates`."""
-    origin, direction, flux, side, lamp = emit(emitters, seed, first, count)
+def emitted_rays(
+    emitters: Emitters, seed: int, first: int, count: int, fates: Fates, rows: np.ndarray | None = None
+) -> PhotonRays:
+    """Return the emitted rays of photons first .. first + count - 1, or of some rows of these; adds to `fates`."""
+    origin, direction, flux, side, lamp = emitted = emit(emitters, seed, first, count)
+    photon = np.arange(first, first + count, dtype=np.int64)
+    if rows is not None:
+        photon = photon[rows]
+        origin, direction, flux, side, lamp = (a[rows] for a in emitted)
     for g in range(emitters.lamps.count):
         fates.emitted[3 * g : 3 * g + 3] += flux[lamp == g].sum(axis=0, dtype=np.int64)
-    photon = np.arange(first, first + count, dtype=np.int64)
-    return PhotonRays(photon, np.zeros(count, np.int32), origin, direction, side, flux, lamp)
+    return PhotonRays(photon, np.zeros(len(photon), np.int32), origin, direction, side, flux, lamp)
 
 
 def trace_background(
-    accelerator: Accelerator, world: World, static: Transforms, emitters: Emitters, seed: int, first: int, count: int
-) -> tuple[PathVertices, Fates]:
-    """Trace photons first .. first + count - 1 through the static part, in this thread."""
+    accelerator: Accelerator, world: World, static: Transforms, emitters: Emitters, seed: int, first: int, count: int,
+    rows: np.ndarray | None = None,
+) -> tuple[PathVertices, Fates]:  # fmt: skip
+    """Trace photons first .. first + count - 1, or some rows of these, through the static part, in this thread."""
+    among, count = count, count if rows is None else len(rows)
     fates, offsets = no_flux(emitters.lamps.count), np.zeros(count + 1, np.int64)
     room = USUAL * count
     vertices = np.empty((room, 3), np.float32), np.empty(room, np.int32), np.empty((room, 3), np.int32)
     if not len(emitters.kind):
         return PathVertices(offsets, *(a[:0] for a in vertices), np.zeros(count, np.uint8)), fates
-    rays, done, row = emitted_rays(emitters, seed, first, count, fates), 0, 0
+    rays, done, row = emitted_rays(emitters, seed, first, among, fates, rows), 0, 0
     ray, sums = new_ray(), np.zeros((3, len(fates.emitted)), np.int64)
     while done < count:
         done, row = _trace_paths(

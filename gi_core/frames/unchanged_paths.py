@@ -1,0 +1,103 @@
+"""Photon paths of a scene before an edit, taken over where they met no edited face.
+
+Photon i is a function of seed, index, lights and the static part. So its path stays, bit for bit, if its light, the
+static geometry and the reflection of all faces that it met are the same. Mobiles do not matter.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.fixed_point import MAX_PATH
+from gi_core.geometry.sides import NONE
+from gi_core.model import Model
+from gi_core.photons.paths import PathVertices
+from gi_core.photons.trace import Fates, add_fates, no_flux, trace_background
+
+
+class KnownPaths(NamedTuple):
+    """Paths of the first photons before an edit."""
+
+    paths: PathVertices
+    edited: np.ndarray  # (F,) bool, faces of the static part that reflect differently now
+
+
+def known_paths(before: Model, now: Model, paths: PathVertices) -> KnownPaths | None:
+    """Return paths of the scene before an edit for that after it; None where none can be taken over."""
+    old, new = before.surfaces, now.surfaces
+    faces = old.face_range(0)
+    same = (
+        before.accelerator.rays == now.accelerator.rays
+        and before.world.size == now.world.size
+        and np.array_equal(before.origins[0], now.origins[0])
+        and np.array_equal(old.vertices[0], new.vertices[0])
+        and np.array_equal(old.faces[0], new.faces[0])
+        and np.array_equal(old.two_sided[faces], new.two_sided[faces])
+        and all(
+            np.array_equal(getattr(before.emitters, name), getattr(now.emitters, name))
+            for name in ("kind", "parameters", "face", "cdf", "units", "lamp", "tables")
+        )
+    )
+    if not same:
+        return None
+    columns = ((s.reflectance[faces], s.lobe[faces]) for s in (old, new))
+    (rho, lobe), (new_rho, new_lobe) = columns
+    lobes = (lobe == new_lobe) | (np.isnan(lobe) & np.isnan(new_lobe))
+    return KnownPaths(paths, (rho != new_rho).any(axis=1) | ~lobes.all(axis=1))
+
+
+def traced_paths(
+    model: Model, seed: int, known: KnownPaths | None, first: int, count: int
+) -> tuple[PathVertices, Fates, int]:
+    """Return paths and fates of photons first .. first + count - 1, and the number of those traced, in this thread."""
+    whole = model.accelerator, model.world, model.static, model.emitters, seed
+    last = min(first + count, len(known.paths.offsets) - 1) if known is not None else first
+    if known is None or last <= first:
+        return *trace_background(*whole, first, count), count
+    old = _part(known.paths, first, last)
+    photon = np.repeat(np.arange(last - first), np.diff(old.offsets))
+    met = np.zeros(last - first, bool)
+    met[photon[(old.side != NONE) & known.edited[old.side >> 1]]] = True
+    again = np.concatenate([np.flatnonzero(met), np.arange(last - first, count)])
+    new, fates = trace_background(*whole, first, count, again)
+    kept = ~met[photon]
+    lengths = np.zeros(count, np.int64)
+    lengths[: last - first][~met] = np.diff(old.offsets)[~met]
+    lengths[again] = np.diff(new.offsets)
+    offsets = np.concatenate([[0], np.cumsum(lengths)])
+    rows = (offsets[:-1][photon] + np.arange(len(photon)) - old.offsets[photon])[kept]
+    places = np.repeat(offsets[:-1][again] - new.offsets[:-1], np.diff(new.offsets)) + np.arange(len(new.side))
+    out = PathVertices(
+        offsets, np.empty((offsets[-1], 3), np.float32), np.empty(offsets[-1], np.int32),
+        np.empty((offsets[-1], 3), np.int32), np.empty(count, np.uint8),
+    )  # fmt: skip
+    for whole_array, taken, traced in zip(out[1:4], old[1:4], new[1:4], strict=True):
+        whole_array[rows], whole_array[places] = taken[kept], traced
+    out.lamp[: last - first], out.lamp[again] = old.lamp, new.lamp
+    return out, add_fates(fates, _fates(old, ~met, len(fates.emitted) // 3)), len(again)
+
+
+def _part(paths: PathVertices, first: int, last: int) -> PathVertices:
+    """Return the paths of photons first .. last - 1, their offsets from 0 on."""
+    a, b = int(paths.offsets[first]), int(paths.offsets[last])
+    position, side, flux = (array[a:b] for array in (paths.position, paths.side, paths.flux))
+    return PathVertices(paths.offsets[first : last + 1] - a, position, side, flux, paths.lamp[first:last])
+
+
+def _fates(paths: PathVertices, rows: np.ndarray, lamps: int) -> Fates:
+    """Return the flux by fate of some of the photons, rows (N,) bool: what a path loses on its way is absorbed."""
+    out, ends = no_flux(lamps), paths.offsets[1:] - 1
+    segments = ends - paths.offsets[:-1]
+    emitted, final = paths.flux[paths.offsets[:-1]].astype(np.int64), paths.flux[ends - 1].astype(np.int64)
+    escaped = paths.side[ends] == NONE
+    truncated = ~escaped & (segments >= MAX_PATH)
+    for g in range(lamps):
+        these = rows & (paths.lamp == g)
+        columns = slice(3 * g, 3 * g + 3)
+        out.emitted[columns] = emitted[these].sum(axis=0)
+        out.escaped[columns] = final[these & escaped].sum(axis=0)
+        out.truncated[columns] = final[these & truncated].sum(axis=0)
+        out.absorbed[columns] = out.emitted[columns] - out.escaped[columns] - out.truncated[columns]
+    return out

@@ -1,0 +1,223 @@
+"""Edits of a scene: each equals a solver built so from the start, bit for bit, and retraces only photons it touched."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gi_core.estimators import ESTIMATORS
+from gi_core.files.edits import Duplicate, Freeze, Insert, Promote, Recolour, Remove, edited, piece_at
+from gi_core.files.load import load_scene
+from gi_core.geometry.sides import NONE
+from gi_core.scene.errors import SceneError
+from gi_core.scene.pose import axis_angle
+from gi_core.scene.types import Material, Mobile, PointLight, Pose, Scene, SkyLight
+from gi_core.solver import Solver, edited_solver, photons_of
+from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
+from tests.support.photometry import luminaire
+from tests.support.scene_builders import box, merge, quad, sphere
+
+pytestmark = pytest.mark.usefixtures("small_pilot")
+GIVEN = {"photons": 6000, "radius": 0.15, "neighbours": 6, "seed": 5}
+TURNED = Pose((0.4, 0.6, 0.2), axis_angle((0, 0, 1), 30))
+
+
+def room(lights=None) -> Scene:
+    """A room with a screen and a crate that stand still, and two mobiles."""
+    materials = (
+        Material("wall", (0.8, 0.6, 0.4)),
+        Material("lamp", (0.5, 0.5, 0.5), (3.0, 2.0, 1.0)),
+        Material("screen", (0.3, 0.7, 0.6), two_sided=True),
+        Material("crate", (0.6, 0.5, 0.2)),
+    )
+    static = merge(
+        box((0, 0, 0), (1, 1, 1), 3, 0, inward=True),
+        quad((0.3, 0.3, 0.99), (0, 0.4, 0), (0.4, 0, 0), (1, 1), 1),
+        quad((0.1, 0.5, 0.1), (0, 0, 0.4), (0.3, 0, 0), (2, 2), 2),
+        box((0.7, 0.7, 0.0), (0.9, 0.9, 0.2), 2, 3),
+    )
+    mobiles = (
+        Mobile("box", box((-0.12, -0.12, 0), (0.12, 0.12, 0.24), 1, 0), Pose((0.6, 0.4, 0.0))),
+        Mobile("ball", sphere((0, 0, 0), 0.15, 1, 2), Pose((0.3, 0.7, 0.4))),
+    )
+    given_lights = (PointLight("bulb", (0.8, 0.2, 0.7), (0.5, 0.5, 2.0)), luminaire("spot", (0.4, 0.3, 0.6)))
+    return Scene(static, materials, mobiles, given_lights if lights is None else lights, up=(0, 0, 1), name="room")
+
+
+def solved(scene: Scene, **changes) -> Solver:
+    solver = Solver(scene, **GIVEN | changes)
+    solver.solve()
+    return solver
+
+
+def photons_that_meet(solver: Solver, faces: np.ndarray) -> int:
+    """Return how many photons of a solver meet one of the faces (F,) bool of the static part, path by path."""
+    paths = photons_of(solver).prefix(solver.photons)[0]
+    sides = (paths.side[a:b] for a, b in zip(paths.offsets[:-1], paths.offsets[1:], strict=True))
+    return sum(bool(faces[path[path != NONE] >> 1].any()) for path in sides)
+
+
+CRATE = (0.8, 0.8, 0.21)
+EDITS = {
+    "material": Recolour("screen", (0.9, 0.1, 0.2)),
+    "mobile": Recolour("ball", (0.1, 0.8, 0.2)),
+    "duplicate": Duplicate("ball 2", "ball", Pose((0.8, 0.3, 0.3))),
+    "remove": Remove("box"),
+    "promote": Promote("crate", CRATE),
+    "freeze": Freeze("box", TURNED),
+}
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+@pytest.mark.parametrize("kind", EDITS)
+def test_an_edited_solver_equals_a_new_one(kind, estimator):
+    solver = solved(room(), estimator=estimator)
+    solver.move("ball", TURNED)
+    scene = edited(room(), [EDITS[kind]])
+    other = edited_solver(solver, scene)
+    other.solve()
+    new = solved(scene, estimator=estimator)
+    new.move_all({name: pose for name, pose in solver.poses.items() if name in new.poses})
+    assert np.array_equal(other.irradiance, new.irradiance)
+    assert np.array_equal(other.irradiance, other.from_scratch())
+    for name, flux in new.frame.fates.items():
+        assert np.array_equal(other.frame.fates[name], flux)
+    other.move_all({name: Pose((0.5, 0.5, 0.3)) for name in other.model.names})
+    new.move_all({name: Pose((0.5, 0.5, 0.3)) for name in other.model.names})
+    assert np.array_equal(other.irradiance, new.irradiance)
+
+
+def test_a_colour_retraces_the_photons_that_met_it_and_no_others():
+    solver = solved(room())
+    faces = solver.scene.static.face_material == 2
+    expected = photons_that_meet(solver, faces)
+    assert 0.02 * GIVEN["photons"] < expected < 0.4 * GIVEN["photons"]
+    other = edited_solver(solver, edited(room(), [EDITS["material"]]))
+    other.solve()
+    assert photons_of(other).traced == expected
+    assert not np.array_equal(other.irradiance, solver.irradiance)
+    # More photons than were known are traced as ever.
+    more = edited_solver(solver, edited(room(), [EDITS["material"]]))
+    more.configure(photons=9000)
+    more.solve()
+    assert photons_of(more).traced == expected + 3000
+    assert np.array_equal(more.irradiance, solved(edited(room(), [EDITS["material"]]), photons=9000).irradiance)
+
+
+@pytest.mark.parametrize("kind", ["mobile", "duplicate", "remove"])
+def test_edits_of_mobiles_trace_no_photon(kind):
+    other = edited_solver(solved(room()), edited(room(), [EDITS[kind]]))
+    other.solve()
+    assert photons_of(other).traced == 0 and other.frame.photons == GIVEN["photons"]
+
+
+def test_a_sky_that_must_reach_a_new_mobile_is_traced_again():
+    """Sky photons start on a sphere that covers all mobiles: a copy far outside moves them all."""
+    sky = room(lights=(SkyLight("sky", (1.0, 1.0, 1.0)),))
+    scene = edited(sky, [Duplicate("far", "ball", Pose((4.0, 0.0, 0.0)))])
+    other = edited_solver(solved(sky), scene)
+    other.solve()
+    assert photons_of(other).traced == GIVEN["photons"]
+    assert np.array_equal(other.irradiance, solved(scene).irradiance)
+
+
+step = st.one_of(
+    st.builds(
+        Recolour, st.sampled_from(["wall", "screen", "crate", "lamp"]), st.sampled_from([(0.1,) * 3, (0.9, 0.5, 0)])
+    ),
+    st.builds(lambda n, x: Duplicate(f"copy {n}", "ball", Pose((x, 0.4, 0.4))), st.integers(0, 9), st.floats(0.2, 0.8)),
+    st.sampled_from([Remove("box"), Promote("crate", CRATE), Freeze("box", TURNED), Recolour("ball", (0.3, 0.3, 0.9))]),
+)
+moves = st.builds(lambda x, y: Pose((x, y, 0.1)), st.floats(0.2, 0.8), st.floats(0.2, 0.8))
+
+
+@settings(max_examples=12)
+@given(st.lists(st.tuples(step, moves), min_size=1, max_size=4), st.sampled_from(["best", "photons"]))
+def test_any_history_of_edits_and_moves_equals_a_new_solver(history, light):
+    scene, solver = room(), solved(room(), photons=300, light=light)
+    for edit, pose in history:
+        try:
+            scene = edited(scene, [edit])
+        except SceneError:
+            continue  # the mobile is gone, or has that name already
+        solver = edited_solver(solver, scene)
+        solver.solve()
+        solver.move("ball", pose)
+        assert np.array_equal(solver.irradiance, solver.from_scratch())
+        assert (solver.irradiance >= 0).all() and np.isfinite(solver.irradiance).all()
+    new = Solver(scene, **GIVEN | {"photons": 300, "light": light})
+    new.move_all(solver.poses)
+    new.solve()
+    assert np.array_equal(solver.irradiance, new.irradiance)
+
+
+def test_a_promoted_piece_looks_as_before_and_freezes_back():
+    scene = room()
+    piece = piece_at(scene.static, CRATE)
+    assert np.array_equal(piece, scene.static.face_material == 3)
+    promoted = edited(scene, [Promote("crate", CRATE)])
+    (*_, crate) = promoted.mobiles
+    assert len(promoted.static.faces) + len(crate.mesh.faces) == len(scene.static.faces)
+    assert crate.mesh.vertices[:, 2].min() == 0 and crate.pose.position == pytest.approx((0.8, 0.8, 0.0))
+    back = edited(promoted, [Freeze("crate", crate.pose)])
+    assert [m.name for m in back.mobiles] == ["box", "ball"]
+
+    def triangles(s: Scene) -> np.ndarray:
+        corners = s.static.vertices[s.static.faces].reshape(-1, 9)
+        return np.sort(np.round(np.c_[corners, s.static.face_material], 9), axis=0)
+
+    assert np.allclose(triangles(back), triangles(scene))
+
+
+def test_levels_of_lamps_stay():
+    solver = solved(room())
+    solver.set_lamps({"bulb": 0.5, "lamp": 0.25})
+    other = edited_solver(solver, edited(room(), [EDITS["material"]]))
+    assert np.array_equal(other.levels, solver.levels)
+
+
+def test_a_mobile_from_a_file_is_that_of_a_scene_loaded_with_it(tmp_path):
+    """Only its place may differ: it is found after the walls have been split."""
+    thing = write_glb(tmp_path / "thing.glb", BOX * 0.05, BOX_FACES)
+    scene = load_scene("cornell")
+    inserted = edited(scene, [Insert("thing", str(thing))])
+    loaded = load_scene("cornell", mobiles=[thing])
+    a, b = inserted.mobiles[-1], loaded.mobiles[-1]
+    assert a.name == b.name == "thing" and a.pose.position[1] == pytest.approx(b.pose.position[1], abs=1e-6)
+    assert np.array_equal(a.mesh.vertices, b.mesh.vertices) and np.array_equal(a.mesh.faces, b.mesh.faces)
+    placed = edited(scene, [Insert("thing", str(thing), TURNED)]).mobiles[-1]
+    assert placed.pose == TURNED
+
+
+@pytest.mark.parametrize(
+    ("edit", "rule"),
+    [
+        (
+            Recolour("chair", (0.1, 0.1, 0.1)),
+            'no mobile or material is called \'chair\'; there is "box", "ball", "wall"',
+        ),
+        (Recolour("wall", (0.1, 1.0, 0.1)), "must be three numbers in [0, 1)"),
+        (Remove("chair"), 'no mobile is called \'chair\'; there is "box", "ball"'),
+        (Duplicate("box", "ball", Pose()), "a new mobile must have a name of its own, got 'box'"),
+        (
+            Duplicate("b", "ball", Pose(quaternion=(2, 0, 0, 0))),
+            "the quaternion (w, x, y, z) of a pose must have length 1",
+        ),
+        (Promote("lamp", (0.5, 0.5, 0.99)), 'its material "lamp" emits light, and lamps must stand still'),
+        (Insert("x", "nothing.glb"), "nothing.glb: there is no such mesh file"),
+    ],
+)
+def test_mistakes(edit, rule):
+    with pytest.raises(SceneError) as caught:
+        edited(room(), [edit])
+    assert rule in str(caught.value)
+
+
+def test_a_static_part_of_one_piece_stays():
+    scene = replace(room(), static=box((0, 0, 0), (1, 1, 1), 3, 0, inward=True))
+    with pytest.raises(SceneError, match="the whole static part hangs together there"):
+        edited(scene, [Promote("all", (0.5, 0.5, 0.0))])
