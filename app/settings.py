@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
+    from gi_core.files.edits import Edit
+    from gi_core.frames.background import Photons
     from gi_core.scene import Pose, Scene
     from gi_core.solver import Solver
 
@@ -70,6 +72,7 @@ class Settings:
     scene: str = "cornell"  # a shipped name, a scene file (.toml) or a mesh file
     mobiles: tuple[str, ...] = ()  # mesh files that become mobiles
     poses: tuple[tuple[str, tuple[float, ...]], ...] = ()  # (mobile, 3 or 7 numbers: x y z [w x y z])
+    edits: tuple[Edit, ...] = ()  # of the scene, in order, see gi_core.files.edits
     camera: tuple[float, ...] | None = None  # eye, target [m], vertical field of view [degrees]; None: the scene's
     max_edge: float | None = None  # edges longer than this are split [m]
     up: str | None = None  # "x", "y" or "z"
@@ -158,12 +161,14 @@ class Settings:
 
 
 def open_scene(settings: Settings) -> Scene:
-    """Return the scene with its mobiles at the poses of the settings. Raises SceneError."""
+    """Return the edited scene with its mobiles at the poses of the settings. Raises SceneError."""
+    from gi_core.files.edits import edited
     from gi_core.files.load import load_scene
     from gi_core.scene import Camera
 
     options = {name: getattr(settings, name) for name in ("max_edge", "up") if getattr(settings, name) is not None}
     scene = load_scene(settings.scene, mobiles=settings.mobiles, allow_outside=settings.allow_outside, **options)
+    scene = edited(scene, settings.edits, settings.allow_outside)
     poses = start_poses(settings, scene)
     if (c := settings.camera) is not None:
         scene = replace(scene, camera=Camera((c[0], c[1], c[2]), (c[3], c[4], c[5]), c[6]))
@@ -214,8 +219,11 @@ def check_names(settings: Settings) -> None:
             raise UsageError(f'--{name} must be one of {", ".join(known)}, got "{value}"')
 
 
-def make_solver(scene: Scene, settings: Settings) -> Solver:
-    """Return a solver for the scene; nothing is traced yet. Raises UsageError, SceneError for an unknown name."""
+def make_solver(scene: Scene, settings: Settings, earlier: Photons | None = None) -> Solver:
+    """Return a solver for the scene; nothing is traced yet. Raises UsageError, SceneError for an unknown name.
+
+    earlier: photons of the scene before its last edit.
+    """
     from gi_core.estimators import DEFAULT, ESTIMATORS
     from gi_core.scene import SceneError
     from gi_core.solver import Solver
@@ -240,4 +248,5 @@ def make_solver(scene: Scene, settings: Settings) -> Solver:
         light=settings.light_chosen,
         lamps=settings.levels(()),
         rays=settings.rays,
+        earlier=earlier,
     )

@@ -20,13 +20,14 @@ from app.cli.writable import write_whole
 from app.settings import LampSetting, MeasuringPlane, Pin, Settings
 
 if TYPE_CHECKING:
+    from gi_core.files.edits import Edit
     from gi_core.files.formats.toml_fields import Table
     from gi_core.scene import Camera, Pose
 
 HEADER = "# A scene with its poses, camera and settings, saved by gi-viewer.\n"
-KEYS = ("scene", "mobiles", "poses", "camera", "lamps", "light_scenes", "pins", "measuring_plane", "settings")
+KEYS = ("scene", "mobiles", "edits", "poses", "camera", "lamps", "light_scenes", "pins", "measuring_plane", "settings")
 ELSEWHERE = ("mobiles", "poses", "camera", "lamps", "plane")  # not under [settings]
-WITHOUT_OPTION = ("light_scenes", "pins")
+WITHOUT_OPTION = ("edits", "light_scenes", "pins")
 MOST_BYTES = 4_000_000
 NOT_SAVED = ("allow_outside", "size")
 SAVED = tuple(field for field in ALL if field not in (*ELSEWHERE, *NOT_SAVED))
@@ -107,11 +108,13 @@ def read(path: str, allow_outside: bool = False) -> Settings:
         c = Table(root.values["camera"], f"{path}: [camera]", ("position", "target", "fov"))
         camera = (*c.vector("position"), *c.vector("target"), c.number("fov", above=0, below=180))
         _checked("camera", camera, c.where)
+    edits = tuple(_edit(t, k, file, boundary, path) for k, t in enumerate(root.tables("edits", "edit")))
     scene, *others = (_found(name, file, boundary, path) for name in (root.text("scene"), *mobiles))
     return Settings(
         document=path,
         scene=scene,
         mobiles=tuple(others),
+        edits=edits,
         poses=poses,
         camera=camera,
         lamps=lamps,
@@ -151,6 +154,8 @@ def write(path: Path, settings: Settings) -> None:
     changed = {field: v for field, v in saved.items() if v != getattr(Settings, field)}
     document: dict[str, Any] = {"scene": scene, "mobiles": mobiles} if mobiles else {"scene": scene}
     document["settings"] = {field: list(v) if isinstance(v, tuple) else v for field, v in changed.items()}
+    if settings.edits:
+        document["edits"] = [_table_of(edit, path, settings.allow_outside) for edit in settings.edits]
     if settings.camera is not None:
         eye = settings.camera
         document["camera"] = {"position": list(eye[:3]), "target": list(eye[3:6]), "fov": eye[6]}
@@ -166,6 +171,42 @@ def write(path: Path, settings: Settings) -> None:
     if (plane := settings.plane) is not None:
         document["measuring_plane"] = {key: v for key, v in plane._asdict().items() if v is not None}
     write_whole(path, HEADER + tomli_w.dumps(document))
+
+
+def _table_of(edit: Edit, document: Path, allow_outside: bool) -> dict[str, Any]:
+    """Return an edit of the scene as a table of a saved scene."""
+    table: dict[str, Any] = {"kind": type(edit).__name__.lower()}
+    for field, value in edit._asdict().items():
+        if field == "file":
+            table[field] = _relative(value, document, allow_outside)
+        elif field == "pose" and value is not None:
+            table[field] = [*value.position, *value.quaternion]
+        elif value is not None:
+            table[field] = list(value) if isinstance(value, tuple) else value
+    return table
+
+
+def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
+    """Return the edit of a table of a saved scene. Raises SceneError."""
+    from gi_core.files.edits import KINDS
+    from gi_core.files.formats.toml_fields import Table
+    from gi_core.scene import Pose
+
+    of = f"{where}: edit {number + 1}"
+    kind = KINDS[Table({"kind": values.get("kind")}, of, None).text("kind", choices=tuple(KINDS))]
+    table, given = Table(values, of, ("kind", *kind._fields)), {}
+    for field in kind._fields:
+        if field in ("reflectance", "point"):
+            given[field] = table.vector(field)
+        elif field == "pose":
+            if field in table or field not in kind._field_defaults:
+                x, y, z, *quaternion = table.vector(field, 7)
+                given[field] = Pose((x, y, z), tuple(quaternion))
+        elif field == "file":
+            given[field] = _found(table.text(field), file, boundary, of)
+        else:
+            given[field] = table.text(field)
+    return kind(**given)
 
 
 def lamp_at(name: str, level: tuple[float, float, float]) -> LampSetting:

@@ -21,6 +21,7 @@ from app.worker import without_frames
 
 if TYPE_CHECKING:
     from app.draw.picking import Picker
+    from gi_core.frames.background import Photons
     from gi_core.scene import Scene
     from gi_core.solver import Solver
 
@@ -39,9 +40,13 @@ class Opened(NamedTuple):
 class Opening:
     """Runs in a thread: `phase`, `detail` and `fraction` until it is done, then `result` or `problem`."""
 
-    def __init__(self, settings: Settings, load: Callable[[Settings], Scene] = open_scene) -> None:
+    def __init__(
+        self, settings: Settings, load: Callable[[Settings], Scene] = open_scene,
+        earlier: Callable[[], Photons] | None = None,
+    ) -> None:  # fmt: skip
+        """earlier: returns the photons of the scene before its last edit; called in this thread."""
         self.settings = settings
-        self._load = load
+        self._load, self._earlier = load, earlier
         self.phase, self.detail = IMPORTING, ""
         self.fraction: float | None = None  # None: unknown
         self.result: Opened | None = None
@@ -112,7 +117,7 @@ class Opening:
         self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
         scene = self._load(self.settings)
         self._stop_if_cancelled()
-        solver = make_solver(scene, self.settings)
+        solver = make_solver(scene, self.settings, self._earlier and self._earlier())
         meshes = draw_meshes(solver.surfaces, solver.model.lamp_of_face, solver.model.object_receivers.normals)
         picker = Picker(solver.surfaces, solver.model.origins)
         for _ in load(solver) if solver.light == "best" else ():

@@ -7,16 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from app.cli import saved_scene
-from app.session.session import Session
+from app.session.session import Asked, Session
 from app.settings import Settings
 
 # Settings that a new scene resets; display and estimator settings stay.
 OF_A_SCENE = (
-    "document", "camera", "max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "exposure",
-    "lamps", "solo", "light_scenes", "pins", "plane",
+    "document", "camera", "max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "edits",
+    "exposure", "lamps", "solo", "light_scenes", "pins", "plane",
 )  # fmt: skip
 
 
@@ -29,6 +30,7 @@ class Reload:
         self.problem = ""  # error of the last scene that failed to open
         self._open_with = open_with
         self._before = Settings()  # of the current session, at the start of the reload
+        self._edited: Asked | None = None  # the edits, if the new scene is the current one after an edit
 
     def again(self, now: Session) -> None:
         """Reload the current scene; the user's settings and poses stay."""
@@ -44,10 +46,21 @@ class Reload:
             raise
         self._begin(now, settings, same=False)
 
-    def _begin(self, now: Session, settings: Settings, same: bool) -> None:
+    def _edit(self, now: Session, asked: Asked) -> None:
+        """Open the current scene with other edits; settings and photons that the edit does not touch stay."""
+        settings = replace(now.settings, edits=asked.edits, poses=())
+        self._begin(now, settings, same=True, open_with=partial(self._open_with, earlier=now.light.photons))
+        self._edited = asked
+
+    def _begin(self, now: Session, settings: Settings, same: bool, open_with: Callable | None = None) -> None:
         self.close()
-        self.same, self.problem, self._before = same, "", now.settings
-        self.coming = Session(settings, now.log, self._open_with)
+        self.same, self.problem, self._before, self._edited = same, "", now.settings, None
+        self.coming = Session(settings, now.log, open_with or self._open_with)
+
+    @property
+    def done(self) -> str:
+        """A word for the log: how the scene on show came."""
+        return "edited" if self._edited is not None else "reloaded" if self.same else "opened"
 
     @property
     def progress(self) -> tuple[str, float | None] | None:
@@ -58,6 +71,9 @@ class Reload:
 
     def tick(self, now: Session) -> Session | None:
         """Return the new session to show; None before it is ready and during a drag."""
+        if now.asked is not None and now.ready:
+            asked, now.asked = now.asked, None
+            self._edit(now, asked)
         coming = self.coming
         if coming is None:
             return None
@@ -65,6 +81,8 @@ class Reload:
             coming.tick(0.0, budget=0.0)
             if coming.problem is not None:
                 self.problem, self.coming = f"{coming.problem}", None
+                if self._edited is not None:
+                    now.edit_failed()
             return None
         coming.light.move_pending(0.0)
         if coming.light.is_moving or now.dragging or self._moves(now, coming):
@@ -77,7 +95,8 @@ class Reload:
         """Move the new session's mobiles to the current poses; False: nothing to move, or it failed."""
         if not self.same or coming.light.move_failed:
             return False
-        kept = {name: p for name, p in now.moved.items() if coming.poses.get(name, p) != p}
+        wanted = {**now.moved, **(self._edited.poses if self._edited is not None else {})}
+        kept = {name: p for name, p in wanted.items() if coming.poses.get(name, p) != p}
         if kept:
             coming.move(kept)
         return bool(kept)
@@ -87,6 +106,9 @@ class Reload:
         before, theirs = vars(self._before), () if self.same else OF_A_SCENE
         changed = {name: v for name, v in vars(now.settings).items() if v != before[name] and name not in theirs}
         coming.lights = now.lights
+        if self._edited is not None:
+            coming.history, coming.edits, coming.asked = now.history, now.edits, now.asked
+            coming.filled = now.filled
         coming.want(replace(coming.settings, **changed))
 
     def close(self) -> None:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from app.draw.vertex_colours import DrawMesh
     from app.rest.measuring_plane import Level
     from gi_core.defaults.choose import Chosen
+    from gi_core.files.edits import Edit
     from gi_core.model import Model
     from gi_core.scene import Scene
 
@@ -39,10 +40,17 @@ STILL = 0.25  # s without motion in a drag, after which all photons are shown
 OF_COLOURS = "show", "reference", "compare", "error_range"  # settings that change uploaded colours
 # Settings that name the scene or belong to the window
 OF_SCENE = (
-    "document", "scene", "mobiles", "poses", "camera", "max_edge", "up", "allow_outside", "seed", "size", "fallback",
-    "pins", "plane",
+    "document", "scene", "mobiles", "poses", "edits", "camera", "max_edge", "up", "allow_outside", "seed", "size",
+    "fallback", "pins", "plane",
 )  # fmt: skip
 SETTLE = 0.15  # s without change after which the value of a held slider counts
+
+
+class Asked(NamedTuple):
+    """Edits of the scene to be opened, and poses to be reached then."""
+
+    edits: tuple[Edit, ...]
+    poses: dict[str, Pose]
 
 
 class Session:
@@ -75,6 +83,9 @@ class Session:
         self.playing = False
         self.history = History()
         self._before_edit: dict[Field, Any] = {}  # fields when an edit began
+        self._reflectances: dict[tuple[str, bool], tuple[float, float, float]] = {}
+        self.edits = settings.edits  # those on show, and those asked for
+        self.asked: Asked | None = None  # until `Reload` opens the scene with these edits
         self.light: Solving | None = None
         self.points = MeasuredPoints()  # of the error chart
         self.lights: dict[str | None, str | None] = {}  # by estimator, as they were left
@@ -289,9 +300,13 @@ class Session:
         if not step:
             self.log(otherwise)
         fields = {key.name: value for key, value in step.items() if isinstance(key, Field)}
+        poses = {key: pose for key, pose in step.items() if not isinstance(key, Field) and pose is not None}
+        if (edits := fields.pop("edits", None)) is not None:
+            self.edits, self.asked = edits, Asked(edits, poses)
+            return
         if fields:
             self.want(replace(self.settings, **fields))
-        if poses := {key: value for key, value in step.items() if not isinstance(key, Field)}:
+        if poses := {name: pose for name, pose in poses.items() if name in self.poses}:
             self.move(poses)
 
     def edit(self, first: bool = True, last: bool = True, **fields: Any) -> None:
@@ -303,6 +318,48 @@ class Session:
         self.want(replace(self.settings, **fields))
         if last:
             self.history.push(self._before_edit, {key: getattr(self.settings, key.name) for key in self._before_edit})
+
+    # Edits ------------------------------------------------------------------------------------------
+
+    def reflectance_of(self, name: str, material: bool) -> tuple[float, float, float]:
+        """Return the mean reflectance of a mobile, or of a material in the static part; black for an unknown name."""
+        from gi_core.files.edits import Recolour
+
+        for edit in reversed(self.edits):
+            if isinstance(edit, Recolour) and edit.name == name:
+                return edit.reflectance
+        if (name, material) not in self._reflectances:
+            self._reflectances[name, material] = self._mean_reflectance(name, material)
+        return self._reflectances[name, material]
+
+    def _mean_reflectance(self, name: str, material: bool) -> tuple[float, float, float]:
+        s, names = self.model.surfaces, [m.name for m in self.scene.mobiles]
+        rows = s.face_range(0 if material or name not in names else 1 + names.index(name))
+        of = [m.name for m in self.scene.materials]
+        weight = s.areas[rows]
+        if material or name not in names:
+            weight = weight * np.array([n == name for n in of])[self.scene.static.face_material]
+        if not weight.sum():
+            return 0.0, 0.0, 0.0
+        r, g, b = (weight @ s.reflectance[rows] / weight.sum()).tolist()
+        return r, g, b
+
+    def change_scene(self, edit: Edit) -> None:
+        """Change the scene; `Reload` opens it in the background, this picture staying until then."""
+        from gi_core.files.edits import Recolour
+
+        self.playing = False
+        before, last = self.edits, self.edits[-1:]
+        again = last and isinstance(edit, Recolour) and isinstance(last[0], Recolour) and last[0].name == edit.name
+        self.edits = (*(before[:-1] if again else before), edit)
+        poses: dict[Any, Any] = dict(self.poses)
+        self.history.push({Field("edits"): before, **poses}, {Field("edits"): self.edits, **dict.fromkeys(poses)})
+        self.asked = Asked(self.edits, {})
+
+    def edit_failed(self) -> None:
+        """Forget edits that could not be opened."""
+        self.edits, self.asked = self.settings.edits, None
+        self.history.forget()
 
     def reset_poses(self) -> None:
         self.playing = False

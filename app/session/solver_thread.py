@@ -23,6 +23,7 @@ from gi_core.frames.progress import Interrupted
 
 if TYPE_CHECKING:  # importing the solver lasts a second, so it happens behind the window's first frames
     from app.settings import Settings
+    from gi_core.frames.background import Photons
     from gi_core.frames.progress import Progress
     from gi_core.scene import Pose
     from gi_core.solver import Solver
@@ -193,6 +194,10 @@ class Solving:
         self._time_due, self._timings = True, None
         return True
 
+    def photons(self) -> Photons:
+        """Return the solver's photons, for the scene after an edit; waits for the job under way."""
+        return self._worker.submit(functools.partial(_photons_of, self._solver)).result()
+
     def close(self, patience: float = PATIENCE) -> None:
         """Stop after the job under way and save the results at rest; wait for each for at most `patience` [s]."""
         if self._wait(patience):
@@ -295,6 +300,12 @@ def _timings(solver: Solver, seconds: float) -> Iterator[bool]:
     while (photons := solver.budget.next_to_time(seconds, solver.frame.prefixes)) is not None:
         twin.move_all({}, photons, solver.size_within(0.0)[1])
         yield True
+
+
+def _photons_of(solver: Solver) -> Photons:
+    from gi_core.solver import photons_of
+
+    return photons_of(solver)
 
 
 def _configure(solver: Solver, changes: Mapping[str, Any]) -> None:

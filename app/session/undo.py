@@ -41,3 +41,7 @@ class History:
             return {}
         self._done.append(self._undone.pop())
         return self._done[-1][1]
+
+    def forget(self) -> None:
+        """Drop the last step, which failed."""
+        self._done = self._done[:-1]

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
 from imgui_bundle import imgui
 
 from app.cli.writable import write_whole
@@ -18,7 +19,7 @@ from app.session.session import Session
 from app.settings import UsageError
 from app.window import dialogs, screenshot, view_content
 from app.window.files import Files
-from app.window.panel.objects import Move, Select
+from app.window.panel.objects import Colour, Move, Select
 from app.window.panel.readouts import Edit
 from app.window.viewport import Viewport
 from app.window.window import toggle_full_screen
@@ -27,7 +28,7 @@ K = imgui.Key
 ESTIMATOR_KEYS = (K._1, K._2, K._3, K._4, K._5, K._6, K._7, K._8, K._9)
 
 
-Request = Select | Move | Edit
+Request = Select | Move | Colour | Edit
 
 
 class Window(Protocol):
@@ -66,7 +67,12 @@ def act(window: Window, name: str | Request) -> None:
     """Run an action or a request of the panel; without a scene, only an action that needs none."""
     match name:
         case Select(selected):
-            window.viewport.selected = selected
+            window.viewport.selected, window.viewport.clicked = selected, None
+            return
+        case Colour(surface, reflectance):
+            from gi_core.files.edits import Recolour
+
+            window.session.change_scene(Recolour(surface, reflectance))
             return
         case Move():
             _move(window, name)
@@ -106,6 +112,87 @@ def _rest(window: Window) -> None:
     session.history.push(before, {**before, name: pose})
 
 
+def is_mesh(name: str) -> bool:
+    """Return whether a file is a mesh file by its suffix."""
+    from gi_core.files.formats.mesh_file import SUFFIXES
+
+    return Path(name).suffix.lower() in SUFFIXES
+
+
+def insert(window: Window, name: str, place: np.ndarray | None = None) -> None:
+    """Add a mobile from a mesh file, upright at a place (3,) [m]; None: on the floor."""
+    from gi_core.files.edits import Insert
+    from gi_core.scene import Pose
+    from gi_core.scene.pose import three
+
+    pose = None if place is None else Pose(three(place))
+    window.session.change_scene(Insert(_free_name(window, Path(name).stem), name, pose))
+
+
+def _insert(window: Window) -> None:
+    folder = str(Path(window.files.suggestion(window.session)).parent)
+    window.files.dialog.open("Insert an object", folder, dialogs.MESHES, partial(insert, window))
+
+
+def _duplicate(window: Window) -> None:
+    """Put a copy of the selected object beside it."""
+    from gi_core.files.edits import Duplicate
+
+    session, name = window.session, _selected(window)
+    if not name:
+        return
+    names = [m.name for m in session.scene.mobiles]
+    v, pose = session.model.vertices_at(1 + names.index(name), session.poses), session.poses[name]
+    up = session.scene.up
+    axis = min(range(3), key=lambda k: abs(up[k]))  # horizontal
+    place = list(pose.position)
+    place[axis] += float(v[:, axis].max() - v[:, axis].min())
+    at = pose._replace(position=(place[0], place[1], place[2]))
+    session.change_scene(Duplicate(_free_name(window, name), name, at))
+
+
+def _remove(window: Window) -> None:
+    from gi_core.files.edits import Remove
+
+    if name := _selected(window):
+        window.session.change_scene(Remove(name))
+
+
+def _freeze(window: Window) -> None:
+    from gi_core.files.edits import Freeze
+
+    if name := _selected(window):
+        window.session.change_scene(Freeze(name, window.session.poses[name]))
+
+
+def _promote(window: Window) -> None:
+    from gi_core.files.edits import Promote
+    from gi_core.scene.pose import three
+
+    at, material = window.viewport.clicked, window.viewport.clicked_material
+    if at is None:
+        window.log("click on the static object that shall move, then make it movable", WARNING)
+        return
+    window.session.change_scene(Promote(_free_name(window, material), three(at.point)))
+
+
+def _free_name(window: Window, name: str) -> str:
+    """Return a name for a new object; those of edits that are still to come are taken too."""
+    from gi_core.files.load import free_name
+
+    session = window.session
+    return free_name((*(m.name for m in session.scene.mobiles), *(edit.name for edit in session.edits)), name)
+
+
+def _selected(window: Window) -> str:
+    """Return the name of the selected object, "" with a line in the log without one."""
+    name = window.viewport.selected
+    if name in window.session.poses:
+        return name
+    window.log("select an object first", WARNING)
+    return ""
+
+
 def _look_along(quarter_turns: int | None, window: Window) -> None:
     viewport = window.viewport
     viewport.fly_to(viewport.along(quarter_turns))
@@ -138,7 +225,8 @@ def _write(window: Window, path: str) -> None:
 def _copy_command(window: Window) -> None:
     command = window.files.command(window.session, window.viewport)
     imgui.set_clipboard_text(command)
-    window.log("copied the command that opens this view")
+    without = ", without its edits: save the scene for these" if window.session.edits else ""
+    window.log(f"copied the command that opens this view{without}")
 
 
 def _export(window: Window) -> None:
@@ -246,7 +334,7 @@ ACTIONS = {
     ),
     "save picture as": Action(_save_picture_as, label="Save picture as..."),
     "play": Action(lambda w: w.session.toggle_play(), (K.space,), "Space", "play or pause the motion"),
-    "undo": Action(_undo, (K.mod_ctrl | K.z,), "Ctrl+Z", "undo the last move", label="Undo"),
+    "undo": Action(_undo, (K.mod_ctrl | K.z,), "Ctrl+Z", "undo the last move or edit", label="Undo"),
     "redo": Action(
         _redo, (K.mod_ctrl | K.mod_shift | K.z, K.mod_ctrl | K.y), "Ctrl+Shift+Z, Ctrl+Y", "redo it", label="Redo"
     ),
@@ -262,6 +350,11 @@ ACTIONS = {
     "reset settings": Action(_reset_settings, label="Reset settings"),
     "reset view": Action(lambda w: w.viewport.go_home(), (K.home,), "Home", "reset the view", label="Reset view"),
     "rest": Action(_rest, label="Rest on floor"),
+    "insert": Action(_insert, label="Insert object..."),
+    "duplicate": Action(_duplicate, (K.mod_ctrl | K.d,), "Ctrl+D", "duplicate the selected object", label="Duplicate"),
+    "remove": Action(_remove, (K.delete,), "Del", "remove the selected object", label="Remove"),
+    "promote": Action(_promote, label="Make clicked object movable"),
+    "freeze": Action(_freeze, label="Make object static"),
     "frame": Action(
         lambda w: w.viewport.fly_to(w.viewport.framed()), (K.f,), "F", "show the selected object, or everything",
         label="Frame selected",

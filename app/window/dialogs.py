@@ -13,6 +13,7 @@ NATIVE_LINUX = ("zenity", "kdialog", "matedialog", "qarma")  # programs that por
 SCENES = ["Scenes", "*.toml *.glb *.gltf *.obj *.ply *.stl", "All files", "*"]
 SAVED = ["Saved scenes", "*.toml"]
 TABLES = ["Tables", "*.csv"]
+MESHES = ["Meshes", "*.glb *.gltf *.obj *.ply *.stl", "All files", "*"]
 PICTURES = ["Pictures", "*.png"]
 FIELD_EM = 32
 UNSAVED = "Unsaved changes"

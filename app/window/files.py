@@ -99,4 +99,5 @@ class Files:
 
 
 def _state(session: Session) -> tuple:
-    return session.poses, tuple(getattr(session.settings, field) for field in (*NAMED, *COUNTED))
+    named = (getattr(session.settings, field) for field in (*NAMED, *COUNTED))
+    return session.poses, session.edits, tuple(named)

@@ -20,7 +20,10 @@ MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the four ab
         "open", SHIPPED, RECENT, "reload", WATCHES, LINE, "save", "save as", "copy command", LINE,
         "save picture", "save picture as", "export", LINE, "quit",
     ),
-    "Edit": ("undo", "redo", LINE, "pin", "unpin", LINE, "rest", "reset poses", "reset settings"),
+    "Edit": (
+        "undo", "redo", LINE, "insert", "duplicate", "remove", LINE, "promote", "freeze", LINE, "pin", "unpin", LINE,
+        "rest", "reset poses", "reset settings",
+    ),
     "View": (
         "reset view", "frame", "top", "front", "side", LINE, "meter", "reference", LINE, "toggle panel", "full screen",
     ),

@@ -29,7 +29,7 @@ from app.session.reload import Reload
 from app.session.session import BUDGET, Session
 from app.settings import Settings, UsageError
 from app.window import keys, overlay, panel, readout_marks, view_content, window
-from app.window.actions import Request, act
+from app.window.actions import Request, act, insert, is_mesh
 from app.window.files import Files
 from app.window.menus import Menus
 from app.window.ray_cells import RayCells
@@ -202,7 +202,7 @@ class Viewer:
     def _facts(self) -> panel.Facts:
         v, seconds = self.viewport, self.frame_seconds.value
         given = self.session, self.reload, self.estimators, seconds, self.metered
-        return panel.facts_of(*given, v.picture.scale, v.selected, v.pinned)
+        return panel.facts_of(*given, v.picture.scale, v.selected, v.pinned, v.clicked_material)
 
     def draw_menus(self) -> None:
         self.menus.draw(self.ctx, self.session.ready)
@@ -239,6 +239,15 @@ class Viewer:
         else:
             other()
 
+    def _drop(self, files: list[str]) -> None:
+        """Insert mesh files dropped on the picture; open others, and files dropped elsewhere, as a scene."""
+        at = self.viewport.place_at(imgui.get_mouse_pos()) if self.session.ready else None
+        if at is None or not all(is_mesh(name) for name in files):
+            self._open(files)
+            return
+        for name in files:
+            insert(self, name, at.point)
+
     def leave(self, ask: bool = True) -> None:
         if ask and self.files.has_changed(self.session) and not self.files.question.is_open:
             self.files.question.ask("Quit without saving", lambda: self.leave(ask=False))
@@ -271,7 +280,7 @@ class Viewer:
         """Open dropped files; show a newly opened scene once it is ready."""
         if self._dropped:
             files, self._dropped[:] = list(self._dropped), []
-            self._open(files)
+            self._drop(files)
         new = self.reload.tick(self.session)
         if new is None:
             return
@@ -282,7 +291,7 @@ class Viewer:
             new.close(0.0)
             raise
         self._ready = True
-        self.log(f"{'reloaded' if self.reload.same else 'opened'}: {new.settings.scene}")
+        self.log(f"{self.reload.done}: {new.settings.scene}")
 
     def _adopt(self, new: Session) -> None:
         """Show a ready session with its own geometry, camera and exposure."""

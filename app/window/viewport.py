@@ -52,6 +52,7 @@ class Viewport:
         self.bounds: Bounds | None = None  # of everything
         self.room: Bounds | None = None  # limits of drags
         self.selected = ""  # name of a mobile
+        self.clicked: Hit | None = None  # place of the static part, unless a mobile was selected since
         self.hover: Hit | None = None  # mobile under the cursor
         self.pointed: Hit | None = None  # surface under the cursor
         self.reading: Reading | None = None  # light there
@@ -69,6 +70,7 @@ class Viewport:
         self.size = (1.0, 1.0)  # points
         self.origin = (0.0, 0.0)
         self._steering: tuple[str, int] | None = None  # ("orbit" or "pan", button)
+        self._pressed: tuple[Turntable, Hit | None] | None = None  # camera and static place at a press
         self._flight: tuple[Turntable, Turntable, float] | None = None
         self._asked: tuple | None = None  # arguments of the last pick
         self._drawn: tuple | None = None  # parameters of the last draw
@@ -76,6 +78,8 @@ class Viewport:
     def adopt(self, session: Session, keep_view: bool = False) -> None:
         """Show a ready session through the scene's camera; `keep_view`: through the user's, if it was moved."""
         stays = keep_view and self.camera != self.home
+        same_faces = keep_view and len(session.scene.static.faces) == len(self.session.scene.static.faces)
+        self.clicked, self._pressed = self.clicked if same_faces else None, None
         self.session = session
         self.hover = self.pointed = self.reading = self.grab = self._steering = self._flight = None
         self.shown = self._asked = self._drawn = self._pins_read = None
@@ -162,6 +166,16 @@ class Viewport:
         two = self.shown is not None and len(self.shown.sides) == 2
         return two and self.grab is None and self._steering is None
 
+    @property
+    def clicked_material(self) -> str:
+        """The material at the place of the static part clicked last; "" without one."""
+        scene = self.session.scene
+        return "" if self.clicked is None else scene.materials[scene.static.face_material[self.clicked.face]].name
+
+    def place_at(self, mouse) -> Hit | None:
+        """Return the surface under a point of the window; None outside of the picture and where there is none."""
+        return self._pick_at(mouse) if self.camera is not None and self._inside(mouse) else None
+
     def cancel_drag(self) -> bool:
         """Restore the dragged mobile's pose, or pin nothing; return False without a drag."""
         if self.pinning:
@@ -187,6 +201,7 @@ class Viewport:
                 self._begin_drag(drag.mode_of(shift, alt, ctrl), io)
             else:
                 self._steering = ("pan" if shift else "orbit", BUTTONS["left"])
+                self._pressed = self.camera, self._pick(io)
         elif imgui.is_mouse_clicked(BUTTONS["right"]):
             # Many window managers take Alt+drag, so the right button does the same.
             if self.hover is not None:
@@ -202,7 +217,7 @@ class Viewport:
         mobile = self.session.scene.mobiles[self.hover.object - 1].name
         u, v = self._uv(io.mouse_pos)
         self._flight = None
-        self.selected = mobile
+        self.selected, self.clicked = mobile, None
         self.session.playing = False
         self.session.begin_drag()
         pose = self.session.poses[mobile]
@@ -227,6 +242,9 @@ class Viewport:
         motion, button = self._steering
         if not imgui.is_mouse_down(button):
             self._steering = None
+            if self._pressed is not None and self._pressed[0] == self.camera:  # a click
+                self.clicked = self._pressed[1]
+            self._pressed = None
             return
         dx, dy = io.mouse_delta.x / self.size[1], io.mouse_delta.y / self.size[1]
         if dx or dy:
@@ -320,7 +338,10 @@ class Viewport:
         return [(a, b) if near > 0 else None for a, b, near in zip(across.tolist(), down.tolist(), w, strict=True)]
 
     def _pick(self, io) -> Hit | None:
-        origin, direction = self.camera.ray(*self._uv(io.mouse_pos), self.aspect)
+        return self._pick_at(io.mouse_pos)
+
+    def _pick_at(self, mouse) -> Hit | None:
+        origin, direction = self.camera.ray(*self._uv(mouse), self.aspect)
         s = self.session
         return s.picker.pick(origin, direction, s.pose_list, s.settings.cull)
 

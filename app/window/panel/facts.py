@@ -68,6 +68,9 @@ class Facts:
     search_summary: str = ""  # size of the disc search's index; "": the estimator has none
     loading: tuple[str, float | None] | None = None  # phase and fraction of the scene being opened
     load_problem: str = ""  # of the last scene that failed to open
+    surface: str = ""  # the mobile selected, or the material clicked; "": none
+    reflectance: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of that surface, the mean over its area
+    piece: bool = False  # a place of the static part has been clicked
 
 
 def facts_of(
@@ -79,8 +82,9 @@ def facts_of(
     scale: Scale | None = None,
     selected: str = "",
     pinned: tuple[Pinned, ...] = (),
+    clicked: str = "",
 ) -> Facts:
-    """Return the facts of a ready session."""
+    """Return the facts of a ready session; clicked: the material of the static part clicked last, "" for none."""
     from app.cli.saved_scene import lamp_at
     from app.draw.kelvin import of_luminance_one
     from gi_core.geometry.error import luminance
@@ -133,4 +137,7 @@ def facts_of(
         search_summary=snapshot.search_summary,
         loading=reload.progress,
         load_problem=reload.problem,
+        surface=clicked or (selected if selected in session.poses else ""),
+        reflectance=session.reflectance_of(clicked or selected, bool(clicked)),
+        piece=bool(clicked),
     )

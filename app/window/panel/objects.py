@@ -16,6 +16,7 @@ from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation, three
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 SPEED = 1e-3  # of the scene size per pixel of a drag
 ROWS = 5  # of the list; more objects scroll
+COLOUR_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.no_options
 
 
 class Select(NamedTuple):
@@ -31,6 +32,17 @@ class Move(NamedTuple):
     pose: Pose
     first: bool
     last: bool
+
+
+class Colour(NamedTuple):
+    """Request to change the reflectance of a mobile or a material."""
+
+    surface: str
+    reflectance: tuple[float, float, float]
+
+
+BRIGHTEST = 0.98  # as for files
+_draft: dict[str, tuple[float, float, float]] = {}  # colours under change, by surface
 
 
 def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
@@ -68,7 +80,39 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
         actions.add("reset poses")
     ui.tip("Return every object to its start pose. Key R resets the view too.")
     imgui.end_disabled()
+    _edits(facts, actions, half)
     return s
+
+
+def _edits(facts: Facts, actions: set[Any], half: float) -> None:
+    """Draw the colour of the selected surface, and buttons that change the scene."""
+    imgui.begin_disabled(not facts.surface)
+    ui.label("Colour")
+    changed, rgb = imgui.color_edit3("##reflectance", list(_draft.get(facts.surface, facts.reflectance)), COLOUR_FLAGS)
+    of = f"Reflectance of {facts.surface}, linear." if facts.surface else "Click on a surface or select an object."
+    ui.tip(f"{of} Photons that met it are traced again; the picture stays until then.")
+    if changed:
+        r, g, b = (min(float(f"{c:.4g}"), BRIGHTEST) for c in rgb)
+        _draft[facts.surface] = r, g, b
+    elif facts.surface in _draft and not imgui.is_any_item_active():
+        actions.add(Colour(facts.surface, _draft.pop(facts.surface)))
+    imgui.end_disabled()
+    if imgui.button("Insert...", (half, 0)):
+        actions.add("insert")
+    ui.tip("Add an object from a mesh file. Files may be dropped on the picture too.")
+    for name, action, enabled, about in (
+        ("Duplicate", "duplicate", bool(facts.selected), "Put a copy beside the selected object."),
+        ("Remove", "remove", bool(facts.selected), "Remove the selected object."),
+        ("Make static", "freeze", bool(facts.selected), "Join the selected object, where it is, to the static part."),
+        ("Make movable", "promote", facts.piece, "Click on a static object, then make the connected piece movable."),
+    ):
+        if action in ("duplicate", "freeze"):
+            imgui.same_line()
+        imgui.begin_disabled(not enabled)
+        if imgui.button(name, (-1 if action == "promote" else half, 0)):
+            actions.add(action)
+        ui.tip(about)
+        imgui.end_disabled()
 
 
 def angles_of(pose: Pose) -> tuple[float, float, float]:

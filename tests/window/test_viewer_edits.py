@@ -1,0 +1,203 @@
+"""Edits in the window: the old picture stays, the new light equals that of a scene built so, and undo goes back."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from app.cli import saved_scene
+from app.session.opening import Opening
+from app.settings import Settings
+from app.window import dialogs
+from app.window.actions import is_mesh
+from app.window.panel.objects import Colour
+from gi_core.files.edits import Freeze, Recolour, edited
+from gi_core.scene import Pose
+from gi_core.solver import Solver, photons_of
+from tests.support import viewer_support as support
+from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
+from tests.support.viewer_hand import BLOCK_FRONT, errors
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+
+AWAY = Pose((0.7, 0.4, 0.6))
+RED = (0.8, 0.1, 0.1)
+
+
+def open_edited(settings: Settings, earlier=None) -> Opening:
+    return Opening(settings, load=lambda settings: edited(support.room(), settings.edits), earlier=earlier)
+
+
+def change(hand, viewer, do) -> None:
+    """Do something that edits the scene, and wait for the light of the edited one."""
+    before = viewer.session
+    do()
+    hand.wait(lambda: viewer.session is not before)
+    hand.wait_for_light()
+
+
+def built(session) -> np.ndarray:
+    """Return irradiance of a new solver of the edited scene, with the session's settings and poses."""
+    s = session.settings
+    given = {"photons": s.photons, "radius": s.radius, "neighbours": s.neighbours, "light": "photons"}
+    solver = Solver(edited(support.room(), s.edits), **given)
+    solver.move_all(session.poses)
+    solver.solve()
+    return solver.irradiance
+
+
+def test_a_colour_is_edited_undone_and_done_again(play):
+    def script(hand, viewer):
+        hand.wait_for_light()
+        first = viewer.session
+        first.begin_drag()
+        first.move({"block": AWAY})
+        first.end_drag()
+        hand.wait_for_light()
+        plain = first.irradiance
+        viewer._do(Colour("white", RED))
+        hand.wait(lambda: viewer.reload.coming is not None)
+        assert viewer.session is first and viewer.reload.progress is not None, "the old picture stays"
+        hand.wait(lambda: viewer.session is not first)
+        hand.wait_for_light()
+        now = viewer.session
+        assert now.settings.edits == (Recolour("white", RED),) and now.poses == {"block": AWAY}
+        assert np.array_equal(now.irradiance, built(now))
+        traced = photons_of(now.light._solver).traced
+        assert 0 < traced < now.settings.photons, "photons that met white alone"
+        assert viewer.log.last.text == "edited: room" and viewer.files.has_changed(now)
+
+        change(hand, viewer, lambda: viewer._do("undo"))
+        assert viewer.session.settings.edits == () and np.array_equal(viewer.session.irradiance, plain)
+        viewer._do("undo")  # of the move
+        hand.wait_for_light()
+        assert viewer.session.poses["block"] == support.room().mobiles[0].pose
+        viewer._do("redo")
+        change(hand, viewer, lambda: viewer._do("redo"))
+        assert np.array_equal(viewer.session.irradiance, now.irradiance)
+
+    assert errors(play(script, open_with=open_edited)) == []
+
+
+def test_objects_are_copied_removed_frozen_and_made_movable(play):
+    def script(hand, viewer):
+        hand.wait_for_light()
+        viewer.viewport.selected = "block"
+        change(hand, viewer, lambda: viewer._do("duplicate"))
+        assert list(viewer.session.poses) == ["block", "block 2"]
+        assert viewer.session.poses["block 2"].position == pytest.approx((0.74, 0.3, 0.5))
+        assert np.array_equal(viewer.session.irradiance, built(viewer.session))
+        viewer.session.move({"block": Pose((0.3, 0.12, 0.3))})
+        hand.wait_for_light()
+
+        viewer.viewport.selected = "block"
+        change(hand, viewer, lambda: viewer._do("freeze"))
+        assert list(viewer.session.poses) == ["block 2"]
+        assert viewer.session.settings.edits[-1] == Freeze("block", Pose((0.3, 0.12, 0.3)))
+        assert np.array_equal(viewer.session.irradiance, built(viewer.session))
+
+        at = hand.at((0.3, 0.24, 0.3))
+        hand.ctx.mouse_move_to_pos(at)
+        hand.ctx.mouse_click(0)
+        hand.wait(lambda: viewer.viewport.clicked is not None)
+        change(hand, viewer, lambda: viewer._do("promote"))
+        assert list(viewer.session.poses) == ["block 2", "white"]
+        assert viewer.session.poses["white"].position == pytest.approx((0.3, 0.0, 0.3), abs=1e-6)
+
+        viewer.viewport.selected = "block 2"
+        change(hand, viewer, lambda: viewer._do("remove"))
+        assert list(viewer.session.poses) == ["white"]
+        for names in (["block 2", "white"], ["block 2"], ["block", "block 2"]):
+            change(hand, viewer, lambda: viewer._do("undo"))
+            assert list(viewer.session.poses) == names
+        assert viewer.session.poses["block"] == Pose((0.3, 0.12, 0.3)), "as it was before it was frozen"
+
+    assert errors(play(script, open_with=open_edited)) == []
+
+
+def test_a_mesh_dropped_on_the_picture_stands_there(play, folder, monkeypatch):
+    monkeypatch.setattr(dialogs, "has_native", lambda: False)
+    thing = write_glb(folder / "thing.glb", BOX * 0.1, BOX_FACES)
+    assert is_mesh(str(thing)) and not is_mesh("room.toml")
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        place = (0.25, 0.0, 0.75)
+        hand.ctx.mouse_move_to_pos(hand.at(place))
+        hand.ctx.yield_(2)
+        change(hand, viewer, lambda: viewer._dropped.append(str(thing)))
+        session = viewer.session
+        assert list(session.poses) == ["block", "thing"]
+        assert session.poses["thing"].position == pytest.approx(place, abs=0.01)
+        assert session.model.vertices_at(2, session.poses)[:, 1].min() == pytest.approx(0, abs=1e-3)
+
+        viewer._do("insert")
+        hand.wait(lambda: viewer.files.dialog.is_open)
+        hand.ctx.set_ref("//Insert an object###File")
+        hand.ctx.item_input_value("##path", str(thing))
+        hand.wait(lambda: viewer.session is not session)
+        hand.wait_for_light()
+        assert list(viewer.session.poses) == ["block", "thing", "thing 2"]
+
+    assert errors(play(script, open_with=open_edited)) == []
+
+
+def test_an_edit_that_fails_leaves_the_scene(play, folder):
+    def script(hand, viewer):
+        hand.wait_for_light()
+        session = viewer.session
+        hand.ctx.mouse_move_to_pos(hand.at(BLOCK_FRONT))
+        hand.ctx.yield_(2)
+        viewer._dropped.append("gone.glb")
+        hand.wait(lambda: viewer.reload.problem)
+        assert (
+            viewer.session is session and session.edits == () and "there is no such mesh file" in viewer.reload.problem
+        )
+        viewer._do("undo")
+        hand.ctx.yield_(2)
+        assert viewer.log.last.text == "nothing to undo"
+
+    play(script, open_with=open_edited)
+
+
+def test_the_panel_edits_the_colour_of_the_clicked_wall(play):
+    def script(hand, viewer):
+        hand.wait_for_light()
+        session = viewer.session
+        hand.ctx.mouse_move_to_pos(hand.at((0.0, 0.5, 0.5)))
+        hand.ctx.mouse_click(0)
+        hand.wait(lambda: viewer.viewport.clicked is not None)
+        facts = viewer._facts()
+        assert facts.surface == "red" and facts.reflectance == pytest.approx((0.6, 0.06, 0.05)) and facts.piece
+        hand.ctx.set_ref("Panel")
+        hand.ctx.item_open("Objects")
+        hand.ctx.item_input_value("**/##reflectance/##X", 0.25)
+        hand.wait(lambda: viewer.session is not session)
+        (edit,) = viewer.session.settings.edits
+        assert edit.name == "red" and edit.reflectance == pytest.approx((0.25, 0.06, 0.05))
+
+    assert errors(play(script, open_with=partial(open_edited))) == []
+
+
+def test_a_saved_scene_keeps_its_edits(folder):
+    from gi_core.files.edits import Duplicate, Insert, Promote, Remove
+
+    thing = write_glb(folder / "thing.glb", BOX * 0.1, BOX_FACES)
+    edits = (
+        Recolour("wall", (0.1, 0.25, 0.98)),
+        Insert("thing", str(thing), AWAY),
+        Insert("other", str(thing)),
+        Duplicate("copy", "thing", Pose((0.1, 1 / 3, 0.3))),
+        Promote("part", (0.3, 0.2, 1 / 7)),
+        Freeze("copy", AWAY),
+        Remove("other"),
+    )
+    saved_scene.write(folder / "saved.toml", Settings(scene="cornell", edits=edits))
+    read = saved_scene.read(str(folder / "saved.toml")).edits
+    assert [e._replace(file="") if isinstance(e, Insert) else e for e in read] == [
+        e._replace(file="") if isinstance(e, Insert) else e for e in edits
+    ]
+    assert all(e.file.endswith("thing.glb") for e in read if isinstance(e, Insert))
