@@ -352,7 +352,8 @@ ACTIONS = {
     "rest": Action(_rest, label="Rest on floor"),
     "insert": Action(_insert, label="Insert object..."),
     "duplicate": Action(_duplicate, (K.mod_ctrl | K.d,), "Ctrl+D", "duplicate the selected object", label="Duplicate"),
-    "remove": Action(_remove, (K.delete,), "Del", "remove the selected object", label="Remove"),
+    "remove": Action(
+        _remove, (K.mod_shift | K.delete,), "Shift+Del", "remove the selected object", label="Remove"),
     "promote": Action(_promote, label="Make clicked object movable"),
     "freeze": Action(_freeze, label="Make object static"),
     "frame": Action(
