@@ -24,6 +24,7 @@ from gi_core.base.jit import kernel
 from gi_core.bsdf.models import MODELS, Lobe
 
 TOLERANCE = 0.005  # of an albedo, from interpolation: so much above 1 is scaled without a word
+CHECKED = math.radians(89.0)  # incidence beyond it is scaled without a word: models diverge there
 
 # Columns of Tables.head: numbers of rows theta_i, of rows phi_i, of cells of y, of cells of psi, of stored channels; -1
 # if o is stored turned by 180 degrees, else 1 ...
@@ -71,7 +72,7 @@ def join(tables: Sequence[Table]) -> Tables:
     return Tables(head, np.concatenate([table.data for table in tables]))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=32)
 def tabulate(lobes: tuple[Lobe, ...], scale: bool = False, resolution: Resolution | None = None) -> Table:
     """Return the table of a linear combination of lobes.
 
@@ -131,15 +132,15 @@ def _names(lobes: Sequence[Lobe]) -> str:
 
 def _limited(lobes: Sequence[Lobe], theta: np.ndarray, total: np.ndarray, room: float) -> str:
     """Return a sentence where the albedo exceeds the room beside kd by more than the tolerance, else ""."""
-    over = total > room + TOLERANCE
+    angles = np.append(theta[theta < CHECKED], CHECKED)
+    albedos = np.interp(angles, theta, total)
+    over = albedos > room + TOLERANCE
     if not over.any():
         return ""
-    first = math.degrees(theta[np.argmax(over)])
-    shown = min(89.0, math.degrees(theta[len(over) - 1 - np.argmax(over[::-1])]))
-    percent = 100.0 * (np.interp(math.radians(shown), theta, total) + 1.0 - room)
+    first, last, worst = np.degrees((angles[over][0], angles[over][-1], angles[np.argmax(albedos)]))
     return (
-        f"{_names(lobes)} reflects more light than arrives from {first:.0f} degrees of incidence on"
-        f" ({percent:.0f} % at {shown:.0f} degrees)"
+        f"{_names(lobes)} reflects more light than arrives, at {first:.0f} to {last:.0f} degrees of incidence"
+        f" ({100.0 * (albedos.max() + 1.0 - room):.4g} % at {worst:.0f} degrees)"
     )
 
 
@@ -156,7 +157,7 @@ def _directions(theta: float, phi: float, y: np.ndarray, psi: np.ndarray, width:
     i = np.array([math.sin(theta) * math.cos(phi), math.sin(theta) * math.sin(phi), math.cos(theta)])
     ex, ey = width[0] * np.cos(psi), width[1] * np.sin(psi)
     e2, b = ex * ex + ey * ey, (ex * i[0] + ey * i[1]) / i[2]
-    limit2 = ((b + np.sqrt(b * b + e2)) / e2) ** 2
+    limit2 = ((np.sqrt(b * b + e2) + b) / e2) ** 2
     scale = limit2 * (1.0 - y[:, None]) + y[:, None]
     rho = np.sqrt(y[:, None] * limit2 / scale)
     x, z = rho * ex, rho * ey
@@ -377,7 +378,8 @@ def _widths(tables, m, row, t):
 def _horizon2(ex, ey, ix, iy, iz):
     """Return R^2 for slopes (ex, ey) of rho = 1 and i in the frame of the table."""
     e2, b = ex * ex + ey * ey, (ex * ix + ey * iy) / iz
-    limit = (b + math.sqrt(b * b + e2)) / e2
+    root = math.sqrt(b * b + e2)
+    limit = (root + b) / e2 if b > 0.0 else 1.0 / (root - b)
     return limit * limit
 
 
