@@ -32,8 +32,7 @@ def render(
     """
     from app.draw.layers import layers
 
-    shot = _shot(scene, Settings(size=size, **settings), seconds, camera)
-    return layers(shot.solver, shot.meshes, shot.camera, size, shot.settings.cull).colour
+    return layers(_shot(scene, Settings(size=size, **settings), seconds, camera)).colour
 
 
 def show(scene: Scene, **settings) -> int:

@@ -219,10 +219,10 @@ def check_names(settings: Settings) -> None:
             raise UsageError(f'--{name} must be one of {", ".join(known)}, got "{value}"')
 
 
-def make_solver(scene: Scene, settings: Settings, earlier: Photons | None = None) -> Solver:
+def make_solver(scene: Scene, settings: Settings, earlier: Photons | None = None, threads: int | None = None) -> Solver:
     """Return a solver for the scene; nothing is traced yet. Raises UsageError, SceneError for an unknown name.
 
-    earlier: photons of the scene before its last edit.
+    earlier: photons of the scene before its last edit; threads: None for one per core.
     """
     from gi_core.estimators import DEFAULT, ESTIMATORS
     from gi_core.scene import SceneError
@@ -241,6 +241,7 @@ def make_solver(scene: Scene, settings: Settings, earlier: Photons | None = None
         radius=settings.radius,
         neighbours=settings.neighbours,
         seed=settings.seed,
+        threads=threads,
         control=settings.control,
         search=settings.search,
         border_correction=settings.border_correction,

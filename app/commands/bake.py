@@ -5,13 +5,21 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from app.cli import options, values
+from app.cli import cluster, options, values
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
-from app.cli.progress import opened, solve
+from app.cli.progress import Bar, opened, solve
 from app.cli.writable import check_writable, write_whole
 from app.settings import Settings, UsageError, make_solver, open_scene
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from app.cli.cluster import Machines
+    from gi_core.scene import Scene
+    from gi_core.solver import Solver
 
 DEFAULT = "gi-viewer.glb"
 
@@ -25,17 +33,26 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--exposure", type=values.exposure, default=None, metavar="EV",
         help="of COLOR_0 [stops]; values above 1 are cut off (the highest at which lamps alone are)")  # fmt: skip
     options.seconds(add)
+    add("--error", type=values.positive, metavar="PCT",
+        help="bake the unbiased reference instead, at this noise relative to the light [%%]")  # fmt: skip
+    cluster.options(parser.add_argument_group("machines, for --error").add_argument)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    print(bake(settings_of(arguments), arguments.out, arguments.seconds))
+    a = arguments
+    with cluster.opened(a.workers, a.scheduler) as machines:
+        print(bake(settings_of(a), a.out, a.seconds, a.error and a.error / 100, machines))
     return OK
 
 
-def bake(settings: Settings, out: Path, seconds: float | None = None) -> Path:
+def bake(
+    settings: Settings, out: Path, seconds: float | None = None, error: float | None = None,
+    machines: Machines | None = None,
+) -> Path:  # fmt: skip
     """Write the scene with its light to a GLB file; return its full path.
 
-    seconds: for gathering light before, see `gather`. Raises SceneError, UsageError, OSError.
+    seconds: for gathering light before, see `gather`; error: of the reference [relative l1], to be baked instead;
+    machines: trace its paths. Raises SceneError, UsageError, OSError.
     """
     from app.draw.baking import baked
     from app.draw.shot import Shot
@@ -47,10 +64,26 @@ def bake(settings: Settings, out: Path, seconds: float | None = None) -> Path:
     with opened(settings, open_scene) as (bar, scene):
         solver = make_solver(scene, settings)
         solve(solver, bar)
-        gather(solver, seconds, bar)
+        if error is None:
+            gather(solver, seconds, bar)
+        else:
+            solver.frame = solver.frame._replace(irradiance=_reference(solver, scene, settings, error, machines, bar))
         bar("writing", 1.0)
         shot = Shot(solver, replace(settings, exposure=None))
         shot.expose()
         light = shot.meshes, solver.irradiance, shot.camera, settings.exposure, shot.gains, shot.exposure
         write_whole(out, baked(solver, *light))
     return out.resolve()
+
+
+def _reference(
+    solver: Solver, scene: Scene, settings: Settings, error: float, machines: Machines | None, bar: Bar
+) -> np.ndarray:
+    """Return unbiased irradiance (R, 3) at the solver's poses and levels; it is kept on disk."""
+    from app.rest.reference_store import ReferenceStore
+    from app.rest.spread_paths import gather
+
+    store = ReferenceStore(solver.model, solver.poses, seed=solver.seed, levels=solver.levels)
+    for reached in gather(store, error, machines, scene, settings.rays):
+        bar("gathering the reference", reached.fraction)
+    return reached.state.mean

@@ -6,7 +6,7 @@ import argparse
 import time
 from typing import TYPE_CHECKING
 
-from app.cli import options, values
+from app.cli import cluster, options, values
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
 from app.cli.progress import opened, time_left
@@ -14,6 +14,7 @@ from app.cli.writable import check_folder
 from app.settings import Settings, open_scene
 
 if TYPE_CHECKING:
+    from app.cli.cluster import Machines
     from app.rest.reference_store import ReferenceStore
 
 
@@ -23,10 +24,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add = options.measuring(parser)
     add("--error", type=values.positive, default=1.0, metavar="PCT",
         help="stop at this noise, relative to the light [%%] (1)")  # fmt: skip
+    cluster.options(add)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    reference(settings_of(arguments), arguments.error / 100)
+    a = arguments
+    settings = settings_of(a)
+    with cluster.opened(a.workers, a.scheduler) as machines:
+        reference(settings, a.error / 100, machines)
     return OK
 
 
@@ -34,12 +39,13 @@ class Stopped(KeyboardInterrupt):
     """Ctrl+C; the message names the files kept and the command that resumes."""
 
 
-def reference(settings: Settings, error: float) -> dict:
-    """Path trace until the noise (l1) is at most `error`; print and return the result.
+def reference(settings: Settings, error: float, machines: Machines | None = None) -> dict:
+    """Path trace until the noise (l1) is at most `error`; print and return the result. machines: trace the paths.
 
     Raises SceneError, UsageError; Stopped when interrupted, with all paths on disk.
     """
     from app.rest.reference_store import FOLDER_VARIABLE, ReferenceStore, reference_folder
+    from app.rest.spread_paths import gather
     from gi_core.model import Model
 
     check_folder(FOLDER_VARIABLE, reference_folder())
@@ -47,7 +53,7 @@ def reference(settings: Settings, error: float) -> dict:
         store = ReferenceStore(Model(scene, rays=settings.rays), seed=settings.seed)
         started, first = time.monotonic(), None
         try:
-            for reached in store.gather(error):
+            for reached in gather(store, error, machines, scene, settings.rays):
                 first = first or reached.fraction
                 done = reached.fraction - first
                 left = (1 - reached.fraction) * (time.monotonic() - started) / done if done else None

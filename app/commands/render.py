@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.cli import options, values
+from app.cli import cluster, options, values
 from app.cli.exit_codes import OK
 from app.cli.extras import need
 from app.cli.options import settings_of
@@ -19,6 +19,7 @@ from app.cli.writable import check_writable
 from app.settings import MOST_PIXELS, Settings, UsageError, make_solver, open_scene
 
 if TYPE_CHECKING:
+    from app.cli.cluster import Machines
     from app.session.film import Still
 
 FALLBACK_PICTURE = "gi-viewer.png"
@@ -37,6 +38,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.seconds(add)
     add("--frames", type=values.positive_int, metavar="N", help="N pictures along the path: FILE.0001.png and so on")
     add("--rate", type=values.positive_int, default=RATE, metavar="N", help=f"pictures per second of a film ({RATE})")
+    cluster.options(parser.add_argument_group("machines, for --frames").add_argument)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -45,25 +47,27 @@ def run(arguments: argparse.Namespace) -> int:
     replaced = a.out is None and a.frames is None and out.exists()
     settings = settings_of(a)
     settings = replace(settings, size=(a.scale * settings.size[0], a.scale * settings.size[1]))
-    for path in render(settings, out, a.frames, a.seconds, a.rate):
-        print(path)
+    with cluster.opened(a.workers, a.scheduler) as machines:
+        for path in render(settings, out, a.frames, a.seconds, a.rate, machines):
+            print(path)
     if replaced:
         print(f"gi-viewer: the {out} that was there is replaced; --out FILE.png names another", file=sys.stderr)
     return OK
 
 
 def render(
-    settings: Settings, out: Path, frames: int | None = None, seconds: float | None = None, rate: int = RATE
-) -> list[Path]:
+    settings: Settings, out: Path, frames: int | None = None, seconds: float | None = None, rate: int = RATE,
+    machines: Machines | None = None,
+) -> list[Path]:  # fmt: skip
     """Write one picture, or `frames` pictures along the mobiles' paths, or these as a film; return their full paths.
 
-    seconds: for gathering light before, see `gather`; rate: pictures per second of a film. Raises SceneError,
-    UsageError, OSError.
+    seconds: for gathering light before, see `gather`; rate: pictures per second of a film; machines: draw
+    `frames`. Raises SceneError, UsageError, OSError.
     """
     from app.draw import motion
     from app.draw.shot import Shot
     from app.rest.within import gather
-    from app.session.film import along, still
+    from app.session.film import along, elsewhere, still
 
     linear = out.suffix.lower() == ".exr"
     _check(settings, out, frames)
@@ -74,7 +78,8 @@ def render(
         shot = Shot(solver, settings)
         if frames is None:
             return [still(shot, linear, lambda f: bar("drawing", f)).write(out)]
-        stills = along(shot, motion.spread(motion.paths_of(solver), frames), linear)
+        poses = motion.spread(motion.paths_of(solver), frames)
+        stills = elsewhere(machines, shot, scene, poses, linear) if machines else along(shot, poses, linear)
         return _written(_counted(stills, frames, bar), out, rate)
 
 

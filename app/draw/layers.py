@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from app.draw import raycast
-from app.draw.camera import Turntable
-from app.draw.vertex_colours import DrawMesh, colours, weights
-from gi_core.solver import Solver
+from app.draw.shot import Shot
+from app.draw.vertex_colours import colours
 
 
 class Layers(NamedTuple):
@@ -23,29 +22,26 @@ class Layers(NamedTuple):
     coverage: np.ndarray  # (h, w, 1) float32, 0 .. 1
 
 
-def layers(
-    solver: Solver,
-    meshes: tuple[DrawMesh, ...],
-    camera: Turntable,
-    size: tuple[int, int],
-    cull: bool = True,
-    progress: Callable[[float], None] = lambda fraction: None,
-) -> Layers:
-    """Return the layers of a solved scene; meshes: of `draw_meshes`, at the solver's levels; size: (width, height)."""
+def layers(shot: Shot, progress: Callable[[float], None] = lambda fraction: None) -> Layers:
+    """Return the layers of a shot, at the size of its settings."""
+    solver, meshes, (width, height) = shot.solver, shot.meshes, shot.settings.size
     model, drawn = solver.model, solver.drawn(solver.irradiance)
-    at, (width, height) = model.transforms(solver.poses), size
-    world, eye = raycast.place(meshes, at), camera.relative_to(model.origins[0])
-    by_vertex = [weights(mesh, drawn.weights) for mesh in meshes]
+    at, eye = model.transforms(solver.poses), shot.camera.relative_to(model.origins[0])
+    world = raycast.place(meshes, at)
+    by_vertex = [shot.weights(o) for o in range(len(meshes))]
     radiance = raycast.both_sides([colours(mesh, drawn.irradiance) for mesh in meshes], by_vertex)
+    above = raycast.above_textures(meshes, shot.gloss(), by_vertex)
     white = raycast.both_sides([colours(mesh, drawn.irradiance, False) for mesh in meshes], by_vertex)
     bare = raycast.both_sides([(mesh.reflectance, mesh.reflectance) for mesh in meshes], [None] * len(meshes))
     steps = raycast.pixel_steps(eye, width, height) if world.textures else None
     dark = world._replace(emission=np.zeros_like(world.emission))
     out = Layers(*(np.zeros((height, width, k), np.float32) for k in (3, 3, 3, 1)))
-    for strip in raycast.strips(model.accelerator, at, world, eye, size, cull, progress):
+    for strip in raycast.strips(model.accelerator, at, world, eye, (width, height), shot.settings.cull, progress):
         hit = np.flatnonzero(strip.face >= 0)
         seen = strip.seen(hit)
         light, facing = raycast.seen_radiance(world, *radiance, *seen, steps, strip.eye)
+        if above is not None:
+            light = light + raycast.seen_radiance(world, *above, *seen, None, strip.eye)[0]
         E = math.pi * raycast.seen_radiance(world, *white, *seen, None, strip.eye)[0]
         rho = raycast.seen_radiance(dark, *bare, *seen, steps, strip.eye)[0]
         lit = (facing | ~world.one_sided[seen[0]])[:, None]

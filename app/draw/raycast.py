@@ -141,10 +141,7 @@ def picture(
     world = place(meshes, at)
     weights = [None] * len(meshes) if weights is None else weights
     front, back = both_sides(colours, weights)
-    above = None
-    if gloss is not None and any(g is not None for g in gloss):
-        none = ((np.zeros((len(mesh.positions), 3), np.float32),) * 2 for mesh in meshes)
-        above = both_sides([black if g is None else g for black, g in zip(none, gloss, strict=True)], weights)
+    above = above_textures(meshes, gloss, weights)
     out = np.empty((height, width, 3), np.uint8)
     pixel = pixel_steps(camera, width, height)
     steps = pixel if textured and world.textures else None
@@ -183,6 +180,18 @@ def both_sides(
         np.concatenate([weighted(c[side], w, side) for c, w in zip(colours, weights, strict=True)]) for side in (0, 1)
     )
     return front, back
+
+
+def above_textures(
+    meshes: Sequence[DrawMesh],
+    gloss: Sequence[tuple[np.ndarray, np.ndarray] | None] | None,
+    weights: Sequence[np.ndarray | None],
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the weighted radiance of gloss (D, 4) on front and back of all objects; None without gloss."""
+    if gloss is None or all(g is None for g in gloss):
+        return None
+    none = ((np.zeros((len(mesh.positions), 3), np.float32),) * 2 for mesh in meshes)
+    return both_sides([black if g is None else g for black, g in zip(none, gloss, strict=True)], weights)
 
 
 def visible_irradiance(

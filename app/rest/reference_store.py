@@ -12,7 +12,7 @@ import os
 import time
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -144,15 +144,19 @@ class ReferenceStore(StateFile):
         given = self.model.scene, self.positions, self.normals, self.seed, weights, self.poses
         return ReferenceRounds(*given, model=self.model, state=state, levels=self.levels)
 
-    def gather(self, error: float) -> Iterator[Reached]:
-        """Gather until the noise is at most `error` (0.01: 1 %), as gather_until() does.
+    def gather(
+        self, error: float, paths: Callable[..., np.ndarray] | None = None, step: int = 8 * PATHS_PER_STEP
+    ) -> Iterator[Reached]:
+        """Gather until the noise is at most `error` (0.01: 1 %), as gather_until() does, in steps of so many paths.
 
+        paths: in place of `Gatherer.paths`, with its results. The result does not depend on the steps.
         The state is saved every SAVE_SECONDS and at the end, also after Ctrl+C or a closed iterator, if possible.
         """
         rounds, saved = self.rounds(), time.monotonic()
+        rounds.paths = paths or rounds.paths
         before = rounds.state.sets.sum(), np.isnan(rounds.state.pilot).sum()
         try:
-            for reached in gather_until(rounds, self.weights, error, step=8 * PATHS_PER_STEP):
+            for reached in gather_until(rounds, self.weights, error, step=step):
                 if time.monotonic() - saved > SAVE_SECONDS:
                     self.keep(reached.state)
                     saved = time.monotonic()

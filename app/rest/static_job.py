@@ -67,3 +67,13 @@ def load(solver: Solver) -> Iterator[Progress]:
             if solver.light_source.gathered.state is not state:
                 return  # this step has traced new paths
             yield progress
+
+
+def restore(solver: Solver, light: dict[str, object]) -> None:
+    """Show static light gathered by another solver of the same scene and settings: its `gathered.light`."""
+    from gi_core.gather.static import StaticGather
+
+    solver.light_source.gathered = StaticGather.restored(solver.model, solver.seed, light)
+    for progress in solver.gather_steps():
+        if progress.stage == "gathering":
+            return  # shown, and not a path traced

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from app.cli.cluster import Machines
 from app.draw.exr import write_exr
+from app.draw.false_colour import Scale
 from app.draw.layers import Layers, layers
 from app.draw.png import write_png
 from app.draw.shot import Shot
+from app.rest.static_job import restore
 from app.session.picture import metadata_of
-from gi_core.scene import Pose
+from app.settings import Settings, make_solver
+from gi_core.scene import Pose, Scene
 
 
 class Still(NamedTuple):
@@ -33,9 +38,8 @@ def still(shot: Shot, linear: bool = False, progress: Callable[[float], None] = 
     """Return the picture of a shot; linear: its layers."""
     if not linear:
         return Still(shot.take(progress), metadata_of(shot))
-    s = shot.settings
     shot.expose()  # a parameter
-    return Still(layers(shot.solver, shot.meshes, shot.camera, s.size, s.cull, progress), metadata_of(shot))
+    return Still(layers(shot, progress), metadata_of(shot))
 
 
 def along(shot: Shot, poses: Sequence[Mapping[str, Pose]], linear: bool = False) -> Iterator[Still]:
@@ -44,3 +48,47 @@ def along(shot: Shot, poses: Sequence[Mapping[str, Pose]], linear: bool = False)
         if at:
             shot.solver.move_all(at)
         yield still(shot, linear)
+
+
+class Film(NamedTuple):
+    """Data that the pictures of a film share, for other processes."""
+
+    scene: Scene
+    settings: Settings  # all that were open have values
+    scale: Scale | None  # of false colours
+    light: dict[str, object] | None  # gathered static light
+    linear: bool
+
+
+def elsewhere(
+    machines: Machines, shot: Shot, scene: Scene, poses: Sequence[Mapping[str, Pose]], linear: bool = False
+) -> Iterator[Still]:
+    """Yield the pictures of along(), drawn by other processes; scene: that of the shot, as it was loaded."""
+    solver, setting = shot.solver, shot.solver.setting
+    if poses[0]:
+        solver.move_all(poses[0])
+    shot.expose()
+    shot.scale = None if linear else shot.fitted_scale()
+    settings = replace(
+        shot.settings, estimator=setting.estimator, photons=solver.frame.photons_at_rest, radius=setting.radius,
+        neighbours=setting.neighbours, light=solver.light, exposure=shot.exposure,
+    )  # fmt: skip
+    gathered = solver.light_source.gathered
+    film = Film(scene, settings, shot.scale, None if gathered is None else gathered.light, linear)
+    yield from machines.crew(_ready, film).map(_drawn, [(at,) for at in poses])
+
+
+def _ready(film: Film, threads: int | None) -> tuple[Shot, bool]:
+    """Return the shot of a film, in a process of the cluster."""
+    solver = make_solver(film.scene, film.settings, threads=threads)
+    solver.solve()
+    if film.light is not None:
+        restore(solver, film.light)
+    shot = Shot(solver, film.settings)
+    shot.scale = film.scale
+    return shot, film.linear
+
+
+def _drawn(ready: tuple[Shot, bool], at: Mapping[str, Pose]) -> Still:
+    shot, linear = ready
+    return next(along(shot, [at], linear))

@@ -115,7 +115,7 @@ class Rounds:
         pilot(estimates): luminance (rows, count) whose deviation distributes the paths; smoothed(pilots (n, 2)): pilots
         that distribute them; weights, rounds: see ReferenceRounds.
         """
-        self._paths, self._pilot, self._smoothed = paths, pilot, smoothed
+        self.paths, self._pilot, self._smoothed = paths, pilot, smoothed
         self._weights, self._rounds, self.state = weights, rounds, state
 
     def step(self, paths: int = PATHS_PER_STEP, end: int | None = None) -> None:
@@ -125,7 +125,7 @@ class Rounds:
             return
         if self._weights is not None and len(rows := np.flatnonzero(np.isnan(s.pilot[:, 0]))):
             rows = rows[: max(1, paths // PILOT)]
-            light = self._pilot(self._paths(rows, 0, PILOT, 0, PILOT_STREAM))
+            light = self._pilot(self.paths(rows, 0, PILOT, 0, PILOT_STREAM))
             s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
             return
         if s.log2_set.min() < 0:
@@ -136,7 +136,7 @@ class Rounds:
         due = np.flatnonzero(s.sets == now)
         m = int(s.log2_set[due].min())
         rows = due[s.log2_set[due] == m][: max(1, paths // (sets << m))]
-        values = self._paths(rows, now << m, sets << m, m, 0)
+        values = self.paths(rows, now << m, sets << m, m, 0)
         _take_in(values, 1 << m, rows, s.sets, s.mean, s.squares)
 
 

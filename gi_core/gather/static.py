@@ -32,6 +32,16 @@ SAMPLE = 512  # receivers, drawn by area, that measure the error of phase 1 ...
 SAMPLE_NOISE = 2.5  # ... by paths of so many times its noise
 SAMPLE_STREAM = 0x5A3B  # separates their random numbers from those of phase 2
 
+LIGHT = (
+    "per_lamp",
+    "noise",
+    "deviation",
+    "_lamp_deviation",
+    "left",
+    "error",
+    "_left",
+)  # fields that frames and texts read
+
 
 class ErrorSample(NamedTuple):
     """Receivers, how often each was drawn, and whole paths there."""
@@ -82,6 +92,18 @@ class StaticGather:
         self.left = self.error = float("inf")
         lit = len(self.weights) and len(model.emitters.kind)
         self._left = float("inf" if lit else "nan")  # noise of whole paths at the last complete round
+
+    @property
+    def light(self) -> dict[str, object]:
+        """The light so far and its errors, without the paths behind them: for restored()."""
+        return {name: getattr(self, name) for name in LIGHT}
+
+    @classmethod
+    def restored(cls, model: Model, seed: int, light: dict[str, object]) -> StaticGather:
+        """Return static light as it was, from `light` of the same scene and seed."""
+        g = cls(model, seed)
+        vars(g).update(light)
+        return g
 
     @property
     def mean(self) -> np.ndarray:

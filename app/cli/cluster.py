@@ -1,0 +1,116 @@
+"""Work in several processes or on several machines, by dask.distributed: --workers N, --scheduler ADDRESS.
+
+A task is a function of its arguments, so any process returns the same bits. Tasks of a lost process run elsewhere.
+"""
+
+from __future__ import annotations
+
+import functools
+import logging
+import pickle
+import threading
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from app.cli import values
+from app.cli.extras import need
+from app.settings import UsageError
+
+LOSSES = 20  # of processes, in which a task may run before it counts as the cause
+PATIENCE = 10  # s until a scheduler must have answered
+AHEAD = 4  # tasks per process that are not waited for
+
+
+def options(add: Callable) -> None:
+    """Add --workers and --scheduler."""
+    add("--workers", type=values.positive_int, metavar="N", help="work in N processes of this machine (1)")
+    add("--scheduler", metavar="ADDRESS", help="work on the machines of a dask scheduler, tcp://HOST:8786")
+
+
+class Machines:
+    """Processes of a scheduler."""
+
+    def __init__(self, client, threads: int | None) -> None:
+        """threads: per process; None: the cores of its machine."""
+        self.client, self._threads = client, threads
+
+    @property
+    def processes(self) -> int:
+        """Processes at present, at least 1."""
+        return max(len(self.client.scheduler_info(n_workers=-1)["workers"]), 1)
+
+    def crew(self, prepare: Callable, job: Any) -> Crew:
+        """Give a job to all processes. Each calls prepare(job, threads) once, before its first task."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the scheduler keeps the job, however large: a lost process loses nothing
+            return Crew(self, self.client.submit(bytes, pickle.dumps((prepare, job, self._threads))))
+
+
+class Crew:
+    """Processes with a job that all their tasks share."""
+
+    def __init__(self, machines: Machines, data) -> None:
+        self.machines, self._data = machines, data
+
+    def map(self, run: Callable, tasks: Iterable[tuple]) -> Iterator[Any]:
+        """Yield run(prepared, *task) of each task, in order. Raises what it raises."""
+        waiting: list = []
+        for task in tasks:
+            waiting.append(self.machines.client.submit(_run, self._data, run, task, pure=False))
+            if len(waiting) >= AHEAD * self.machines.processes:
+                yield waiting.pop(0).result()
+        while waiting:
+            yield waiting.pop(0).result()
+
+
+@contextmanager
+def opened(workers: int | None, scheduler: str | None) -> Iterator[Machines | None]:
+    """Connect to a scheduler or start processes; None without either. Raises UsageError."""
+    if workers is None and scheduler is None:
+        yield None
+        return
+    if workers is not None and scheduler is not None:
+        raise UsageError("--workers starts processes here, --scheduler has its own: give one of them")
+    need("distributed", "runs several processes")
+    import dask
+    from distributed import Client, LocalCluster
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    with dask.config.set({"distributed.scheduler.allowed-failures": LOSSES}):
+        if scheduler is not None:
+            try:
+                client = Client(scheduler, timeout=PATIENCE)
+            except (OSError, ValueError) as error:
+                said = str(error) or type(error).__name__
+                raise UsageError(f"--scheduler {scheduler}: no dask scheduler answers ({said})") from None
+            with client:
+                yield Machines(client, None)
+            return
+        from gi_core.base.threads import available_cores
+
+        threads = max(available_cores() // workers, 1)
+        given = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None, "memory_limit": 0}
+        with LocalCluster(**given, silence_logs=logging.CRITICAL) as cluster, Client(cluster) as client:
+            yield Machines(client, threads)
+
+
+_one_at_a_time = threading.Lock()
+
+
+@functools.lru_cache(maxsize=1)
+def _ready(data: bytes) -> Any:
+    from gi_core.instruments import compile_ahead
+
+    if not compile_ahead.is_warm():
+        for _ in compile_ahead.compile_kernels():
+            pass
+    prepare, job, threads = pickle.loads(data)
+    return prepare(job, threads)
+
+
+def _run(data: bytes, run: Callable, task: tuple) -> Any:
+    """Carry out a task, in a process of the cluster."""
+    with _one_at_a_time:
+        return run(_ready(data), *task)
