@@ -52,9 +52,8 @@ class Solver:
 
         photons: to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map; None: the scene file's value,
         else by `gi_core.defaults.choose`; light: "photons" or "best", see `gi_core.frames.light_source`; lamps: levels
-        that differ from 1, see set_lamps(); rays: the structure that traces them, as for `gi_core.model.Model`;
-        earlier: photons_of() the scene before an edit; others: fields of `gi_core.estimators.setting.Setting` that
-        differ from their defaults. Raises SceneError.
+        that differ from 1, see set_lamps(); rays: as for `gi_core.model.Model`; earlier: photons_of() the scene before
+        an edit; others: fields of `gi_core.estimators.setting.Setting` beside their defaults. Raises SceneError.
         """
         self.scene, self.seed = scene, checked("seed", seed, 0)
         self.model = Model(scene, checked("threads", threads), rays)
