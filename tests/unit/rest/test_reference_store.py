@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from app.rest import reference_store
-from app.rest.reference_store import ReferenceStore, reference_folder
+from app.rest.reference_store import ReferenceStore, StaticStore, reference_folder
 from gi_core.model import Model
-from gi_core.scene.types import Pose
+from gi_core.scene.types import Gloss, Pose
 from tests.support import scene_builders as build
+from tests.support.photometry import luminaire, uneven
 
 ROWS = np.arange(0, 60, 3)
 
@@ -48,7 +49,11 @@ def test_other_questions_have_other_names():
     darker = replace(scene, materials=(build.grey(0.1), *scene.materials[1:]))
     vertices = scene.static.vertices + 1e-9
     bent = replace(scene, static=scene.static._replace(vertices=vertices))
-    keys = [store(s).key() for s in (scene, moved, brighter, darker, bent)]
+    glossy = replace(scene, materials=(scene.materials[0]._replace(gloss=Gloss()), *scene.materials[1:]))
+    luminaires = [replace(scene, lights=(luminaire(intensity=uneven(k)),)) for k in (1, 2)]
+    keys = [store(s).key() for s in (scene, moved, brighter, darker, bent, glossy, *luminaires)]
+    files = {StaticStore(Model(s), 0).path for s in (scene, brighter, darker, bent, glossy, *luminaires)}
+    assert len(files) == 7 and StaticStore(Model(moved), 0).path in files
     keys += [room(seed=1).key(), room(rows=ROWS[1:]).key(), room(poses={"box": Pose((0.1, 0.2, 0.3))}).key()]
     assert len(set(keys)) == len(keys)
     assert room().key() == keys[0]  # the same scene in another model has the same name
