@@ -58,6 +58,11 @@ class Reload:
         self.coming = Session(settings, now.log, open_with or self._open_with)
 
     @property
+    def is_editing(self) -> bool:
+        """Whether an edited scene is being opened: work at rest on the one before it is in vain."""
+        return self.coming is not None and self._edited is not None
+
+    @property
     def done(self) -> str:
         """A word for the log: how the scene on show came."""
         return "edited" if self._edited is not None else "reloaded" if self.same else "opened"

@@ -195,8 +195,11 @@ class Solving:
         return True
 
     def photons(self) -> Photons:
-        """Return the solver's photons, for the scene after an edit; waits for the job under way."""
-        return self._worker.submit(functools.partial(_photons_of, self._solver)).result()
+        """Return the solver's photons, for the scene after an edit; waits for the job under way.
+
+        The static part's light is saved first: edits that do not change that part begin with it.
+        """
+        return self._worker.submit(functools.partial(_photons_of, self._solver, self._work)).result()
 
     def close(self, patience: float = PATIENCE) -> None:
         """Stop after the job under way and save the results at rest; wait for each for at most `patience` [s]."""
@@ -302,9 +305,10 @@ def _timings(solver: Solver, seconds: float) -> Iterator[bool]:
         yield True
 
 
-def _photons_of(solver: Solver) -> Photons:
+def _photons_of(solver: Solver, work: RestWork) -> Photons:
     from gi_core.solver import photons_of
 
+    work.gathering.keep()
     return photons_of(solver)
 
 

@@ -166,7 +166,7 @@ class Viewer:
         imgui.pop_style_var()
         self.viewport.handle_input(self._seconds)
         editing = imgui.is_any_item_active()
-        still = not (self.viewport.is_moving or self.viewport.wipe.held)
+        still = not (self.viewport.is_moving or self.viewport.wipe.held or self.reload.is_editing)
         started = time.perf_counter()
         self._guard("light", lambda: self.session.tick(self._seconds, editing, self._budget(), still))
         self._light_seconds = time.perf_counter() - started

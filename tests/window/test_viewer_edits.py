@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -116,6 +117,22 @@ def test_objects_are_copied_removed_frozen_and_made_movable(play):
         assert viewer.session.poses["block"] == Pose((0.3, 0.12, 0.3)), "as it was before it was frozen"
 
     assert errors(play(script, open_with=open_edited)) == []
+
+
+def test_a_copy_appears_in_gathered_light(play):
+    """Light of the static part without mobiles is kept by edits that leave that part as it is."""
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        source = viewer.session.light._solver.light_source
+        hand.wait(lambda: source.gathered is not None and source.gathered.state is not None and source.is_gathered)
+        hand.wait(lambda: source.gathered.state.rounds > 1)
+        viewer.viewport.selected, first = "block", viewer.session
+        viewer._do("duplicate")
+        hand.wait(lambda: viewer.session is not first)
+        assert viewer.session.light._solver.light_source.gathered.state.rounds > 1
+
+    assert errors(play(script, settings=replace(support.SETTINGS, light="best"), open_with=open_edited)) == []
 
 
 def test_a_mesh_dropped_on_the_picture_stands_there(play, folder, monkeypatch):
