@@ -311,3 +311,22 @@ def test_factors_of_a_combination_are_checked():
     for factor in (-1, math.inf, "2"):
         with pytest.raises(ValueError, match="the factor of lewis"):
             lobe("lewis", {}, factor)
+
+
+@pytest.mark.parametrize(
+    ("model", "values", "stronger"),
+    [
+        ("ward", {"ax": 0.3, "ay": 0.1}, "x"),
+        ("ward", {"ax": 0.1, "ay": 0.3, "bounded": 1}, "y"),
+        ("schlick", {"r": 0.05, "p": 0.3}, "y"),  # A is largest for h across the tangent, w = 0
+        ("poulin_fournier", {"n": 200}, "y"),  # cylinders lie along x and spread light across
+        ("lafortune", {"cx": -1, "cy": -0.7, "cz": 0.9}, "x"),  # light along x meets the larger factor
+    ],
+)
+def test_anisotropic_lobes_are_turned_as_their_documents_say(model, values, stronger):
+    i, o = np.array([[0, 0, 1.0]] * 2), np.array([direction(25, 0), direction(25, 90)])
+    if model == "lafortune":  # nothing but cz acts at normal incidence
+        i = np.array([direction(45, 180), direction(45, 270)])
+        o = np.array([direction(20, 0), direction(20, 90)])
+    along, across = _evaluate(model, values, i, o)[:, 0]
+    assert (along > 1.05 * across) == (stronger == "x") and (across > 1.05 * along) == (stronger == "y")

@@ -246,3 +246,13 @@ def test_a_scene_without_tables_has_empty_arrays():
     empty, full = table.join([]), table.join([table.tabulate((lobe("lewis"),))])
     assert empty.head.shape == (0, full.head.shape[1]) and empty.data.shape == (0,)
     assert (empty.head.dtype, empty.data.dtype) == (full.head.dtype, full.data.dtype)
+
+
+@pytest.mark.parametrize(("low", "high"), [(1.0, 1.0), (0.0, 2.0), (2.0, 0.0), (3.0, 1e-9), (0.2, 5.0)])
+def test_draws_inside_a_cell_follow_its_slope(low, high):
+    """The area under the line from low to high, up to the returned share, is the given one."""
+    for part in np.linspace(0.0, 1.0, 23):
+        area = part * 0.5 * (low + high)
+        share = table._linear(area, low, high)
+        assert 0.0 <= share <= 1.0
+        assert low * share + 0.5 * (high - low) * share**2 == pytest.approx(area, rel=1e-9, abs=1e-12)
