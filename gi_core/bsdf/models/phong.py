@@ -25,7 +25,7 @@ from gi_core.bsdf.models.common import (
 )
 
 SOURCE = "Phong, Illumination for computer generated pictures, Communications of the ACM 18(6), 1975"
-RECIPROCAL, ANISOTROPIC, CONSERVES = False, False, "never at grazing angles: needs scale = true"
+RECIPROCAL, ANISOTROPIC, CONSERVES = False, False, "not at grazing angles: strong lobes need scale = true"
 PARAMETERS = {"kd": KD, "ks": KS, "n": Parameter(20.0, 1.0, 1000.0, False, "exponent")}
 diffuse, mirror = diffuse_kd, no_mirror
 

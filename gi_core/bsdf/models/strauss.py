@@ -23,7 +23,7 @@ from gi_core.bsdf.models.common import Parameter, Values, coloured, cosines, mir
 SOURCE = (
     "Strauss, A realistic lighting model for computer animators, IEEE Computer Graphics and Applications 10(6), 1990"
 )
-RECIPROCAL, ANISOTROPIC, CONSERVES = False, False, "never at grazing angles: needs scale = true"
+RECIPROCAL, ANISOTROPIC, CONSERVES = False, False, "not at grazing angles: strong lobes need scale = true"
 PARAMETERS = {
     "C": Parameter(0.5, 0.0, 1.0, True, "colour"),
     "s": Parameter(0.6, 0.0, 0.997, False, "smoothness"),
