@@ -49,11 +49,12 @@ def test_other_questions_have_other_names():
     darker = replace(scene, materials=(build.grey(0.1), *scene.materials[1:]))
     vertices = scene.static.vertices + 1e-9
     bent = replace(scene, static=scene.static._replace(vertices=vertices))
-    glossy = replace(scene, materials=(scene.materials[0]._replace(gloss=Gloss()), *scene.materials[1:]))
+    metals = [build.grey(0.0)._replace(gloss=Gloss((0.9, 0.8, 0.7), alpha)) for alpha in (0.1, 0.3)]
+    glossy = [replace(scene, materials=(metal, *scene.materials[1:])) for metal in metals]
     luminaires = [replace(scene, lights=(luminaire(intensity=uneven(k)),)) for k in (1, 2)]
-    keys = [store(s).key() for s in (scene, moved, brighter, darker, bent, glossy, *luminaires)]
-    files = {StaticStore(Model(s), 0).path for s in (scene, brighter, darker, bent, glossy, *luminaires)}
-    assert len(files) == 7 and StaticStore(Model(moved), 0).path in files
+    keys = [store(s).key() for s in (scene, moved, brighter, darker, bent, *glossy, *luminaires)]
+    files = {StaticStore(Model(s), 0).path for s in (scene, brighter, darker, bent, *glossy, *luminaires)}
+    assert len(files) == 8 and StaticStore(Model(moved), 0).path in files
     keys += [room(seed=1).key(), room(rows=ROWS[1:]).key(), room(poses={"box": Pose((0.1, 0.2, 0.3))}).key()]
     assert len(set(keys)) == len(keys)
     assert room().key() == keys[0]  # the same scene in another model has the same name
