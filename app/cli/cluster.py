@@ -19,7 +19,7 @@ from app.cli.extras import need
 from app.settings import UsageError
 
 LOSSES = 20  # of processes, in which a task may run before it counts as the cause
-PATIENCE = 10  # s until a scheduler must have answered
+PATIENCE = 10  # s until a scheduler must have answered, and a worker joined it
 AHEAD = 4  # tasks per process that are not waited for
 
 
@@ -86,6 +86,11 @@ def opened(workers: int | None, scheduler: str | None) -> Iterator[Machines | No
                 said = str(error) or type(error).__name__
                 raise UsageError(f"--scheduler {scheduler}: no dask scheduler answers ({said})") from None
             with client:
+                try:
+                    client.wait_for_workers(1, timeout=PATIENCE)
+                except TimeoutError:
+                    said = f"no worker has joined; start `dask worker {scheduler}` on a machine"
+                    raise UsageError(f"--scheduler {scheduler}: {said}") from None
                 yield Machines(client, None)
             return
         from gi_core.base.threads import available_cores

@@ -131,6 +131,17 @@ def test_bad_clusters_get_a_sentence(words, message, capsys, monkeypatch):
     assert message in one_line(capsys.readouterr().err)
 
 
+def test_a_scheduler_without_workers_gets_a_sentence(capsys, monkeypatch):
+    from distributed import LocalCluster
+
+    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    with LocalCluster(n_workers=0, dashboard_address=None) as empty:
+        words = ["render", "no such scene.glb", "--frames", "2", "--scheduler", empty.scheduler_address]
+        assert cli.main(words) == 2
+    said = f"no worker has joined; start `dask worker {words[-1]}` on a machine"
+    assert one_line(capsys.readouterr().err) == f"gi-viewer: --scheduler {words[-1]}: {said}\n"
+
+
 def test_without_options_nothing_is_started(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with cluster.opened(None, None) as machines:
