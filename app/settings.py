@@ -112,6 +112,7 @@ class Settings:
     measure_errors: bool = True  # measure errors at rest
     cells: bool = False  # draw leaf cells of the structure of rays
     pins: tuple[Pin, ...] = ()  # read-outs
+    cameras: tuple[tuple[str, tuple[float, ...]], ...] = ()  # bookmarks by name; numbers as of `camera`
     plane: MeasuringPlane | None = None  # None: nothing is measured
     budget: float = BUDGET  # [ms] for light per frame in motion; 0: always all photons
     fallback: bool = True  # without a window, render to a file instead of failing

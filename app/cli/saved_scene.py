@@ -25,9 +25,10 @@ if TYPE_CHECKING:
     from gi_core.scene import Camera, Pose
 
 HEADER = "# A scene with its poses, camera and settings, saved by gi-viewer.\n"
-KEYS = ("scene", "mobiles", "edits", "poses", "camera", "lamps", "light_scenes", "pins", "measuring_plane", "settings")
+KEYS = ("scene", "mobiles", "edits", "poses", "camera", "lamps", "light_scenes", "pins", "measuring_plane", "cameras",
+        "settings")  # fmt: skip
 ELSEWHERE = ("mobiles", "poses", "camera", "lamps", "plane")  # not under [settings]
-WITHOUT_OPTION = ("edits", "light_scenes", "pins")
+WITHOUT_OPTION = ("edits", "light_scenes", "pins", "cameras")
 MOST_BYTES = 4_000_000
 NOT_SAVED = ("allow_outside", "size")
 SAVED = tuple(field for field in ALL if field not in (*ELSEWHERE, *NOT_SAVED))
@@ -103,11 +104,9 @@ def read(path: str, allow_outside: bool = False) -> Settings:
     levels = Table(root.values.get("lamps", {}), f"{path}: [lamps]", tuple(root.values.get("lamps", ())))
     lamps = tuple(lamp_at(name, level(levels, name)) for name in levels.values)
     scenes = tuple((name, tuple(lamp_at(*row) for row in levels)) for name, levels in read_light_scenes(root))
-    camera = None
-    if "camera" in root:
-        c = Table(root.values["camera"], f"{path}: [camera]", ("position", "target", "fov"))
-        camera = (*c.vector("position"), *c.vector("target"), c.number("fov", above=0, below=180))
-        _checked("camera", camera, c.where)
+    camera = _camera(root.values["camera"], f"{path}: [camera]") if "camera" in root else None
+    views = Table(root.values.get("cameras", {}), f"{path}: [cameras]", None).values
+    cameras = tuple((name, _camera(view, f"{path}: [cameras.{name}]")) for name, view in views.items())
     edits = tuple(_edit(t, k, file, boundary, path) for k, t in enumerate(root.tables("edits", "edit")))
     scene, *others = (_found(name, file, boundary, path) for name in (root.text("scene"), *mobiles))
     return Settings(
@@ -120,9 +119,19 @@ def read(path: str, allow_outside: bool = False) -> Settings:
         lamps=lamps,
         light_scenes=scenes,
         pins=_pins(root),
+        cameras=cameras,
         plane=_plane(root),
         **values,
     )
+
+
+def _camera(values: Any, where: str) -> tuple[float, ...]:
+    """Return eye, target and field of view of a table."""
+    from gi_core.files.formats.toml_fields import Table
+
+    c = Table(values, where, ("position", "target", "fov"))
+    camera = (*c.vector("position"), *c.vector("target"), c.number("fov", above=0, below=180))
+    return _checked("camera", camera, where)
 
 
 def _pins(root: Table) -> tuple[Pin, ...]:
@@ -157,8 +166,7 @@ def write(path: Path, settings: Settings) -> None:
     if settings.edits:
         document["edits"] = [_table_of(edit, path, settings.allow_outside) for edit in settings.edits]
     if settings.camera is not None:
-        eye = settings.camera
-        document["camera"] = {"position": list(eye[:3]), "target": list(eye[3:6]), "fov": eye[6]}
+        document["camera"] = _camera_table(settings.camera)
     if settings.poses:
         document["poses"] = {name: list(numbers) for name, numbers in settings.poses}
     if lit := settings.levels(()):
@@ -166,6 +174,8 @@ def write(path: Path, settings: Settings) -> None:
     if settings.light_scenes:
         kept = ((name, Settings(lamps=lamps).levels(())) for name, lamps in settings.light_scenes)
         document["light_scenes"] = {name: {lamp: list(v) for lamp, v in lit.items()} for name, lit in kept}
+    if settings.cameras:
+        document["cameras"] = {name: _camera_table(camera) for name, camera in settings.cameras}
     if settings.pins:
         document["pins"] = [{key: v for key, v in pin._asdict().items() if v != ""} for pin in settings.pins]
     if (plane := settings.plane) is not None:
@@ -207,6 +217,10 @@ def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
         else:
             given[field] = table.text(field)
     return kind(**given)
+
+
+def _camera_table(camera: tuple[float, ...]) -> dict[str, Any]:
+    return {"position": list(camera[:3]), "target": list(camera[3:6]), "fov": camera[6]}
 
 
 def lamp_at(name: str, level: tuple[float, float, float]) -> LampSetting:

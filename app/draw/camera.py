@@ -17,6 +17,10 @@ MAX_PITCH = np.radians(89.0)  # at 90 degrees the yaw is undefined
 ORBIT_SPEED = np.radians(180.0)  # per picture height
 DOLLY_STEP = 0.88  # factor of the distance per notch of the wheel
 MIN_DISTANCE, MAX_DISTANCE = 0.01, 30.0  # of the scene's radius
+WIDE = np.radians(45.0)  # field of view for which these hold; narrower ones are farther away
+PITCHES = -MAX_PITCH, MAX_PITCH
+PARALLEL = np.radians(2.0)  # field of view of a parallel view: lengths at the scene's ends differ by 3 %
+FARTHEST_PIVOT = 3.0  # of the scene's radius, so that the scene stays findable
 NEAR_SHARE = 1e-3  # of the far plane: 24 bits of depth then resolve 1e-4 of the scene
 DEFAULT_VIEW = (np.radians(30.0), np.radians(22.0))  # yaw, pitch of a scene without a camera
 
@@ -101,6 +105,29 @@ class Turntable:
         pitch = float(np.clip(self.pitch + dy * ORBIT_SPEED, -MAX_PITCH, MAX_PITCH))
         return replace(self, yaw=self.yaw - dx * ORBIT_SPEED, pitch=pitch)
 
+    def look(self, dx: float, dy: float) -> Turntable:
+        """Turn about the eye by a drag, in picture heights; the scene follows the cursor."""
+        turned = replace(self, yaw=self.yaw + dx * self.fov, pitch=float(np.clip(self.pitch - dy * self.fov, *PITCHES)))
+        return replace(turned, pivot=three(self.eye() + self.distance * turned.basis()[2]))
+
+    def fly(self, right: float, up: float, forward: float) -> Turntable:
+        """Move by lengths [m] along the picture's right, the vertical and the view."""
+        across, _, ahead = self.basis()
+        pivot = np.array(self.pivot) + right * across + up * frame_of(self.up)[2] + forward * ahead
+        away = pivot - self.bounds.centre
+        length = float(np.linalg.norm(away))
+        farthest = FARTHEST_PIVOT * self.bounds.radius
+        return replace(self, pivot=three(self.bounds.centre + away * min(1.0, farthest / max(length, 1e-300))))
+
+    def with_fov(self, fov: float) -> Turntable:
+        """Return the view with another field of view [rad]; things at the pivot keep their size."""
+        return replace(self, fov=fov, distance=self.distance * float(np.tan(self.fov / 2) / np.tan(fov / 2)))
+
+    @property
+    def is_parallel(self) -> bool:
+        """Whether lines that are parallel look so."""
+        return self.fov <= PARALLEL
+
     def pan(self, dx: float, dy: float) -> Turntable:
         """Shift by a drag, in picture heights; points at the pivot's depth stay under the cursor."""
         right, upward, _ = self.basis()
@@ -108,13 +135,13 @@ class Turntable:
         pivot = np.array(self.pivot) + height * (dy * upward - dx * right)
         away = pivot - self.bounds.centre
         length = float(np.linalg.norm(away))
-        if length > 3 * self.bounds.radius:  # limit: the scene stays findable
-            pivot = self.bounds.centre + away * (3 * self.bounds.radius / length)
+        if length > FARTHEST_PIVOT * self.bounds.radius:
+            pivot = self.bounds.centre + away * (FARTHEST_PIVOT * self.bounds.radius / length)
         return replace(self, pivot=tuple(pivot))
 
     def dolly(self, notches: float) -> Turntable:
         """Approach the pivot by notches of the wheel."""
-        r = self.bounds.radius
+        r = self.bounds.radius * max(np.tan(WIDE / 2) / np.tan(self.fov / 2), 1.0)
         distance = self.distance * DOLLY_STEP ** float(np.clip(notches, -100, 100))
         return replace(self, distance=float(np.clip(distance, MIN_DISTANCE * r, MAX_DISTANCE * r)))
 

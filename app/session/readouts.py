@@ -112,9 +112,9 @@ def _cell(text: str) -> str:
     return "'" + text if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
 
 
-def free_name(taken: Iterable[str]) -> str:
-    """Return the first free name of a pin."""
+def free_name(taken: Iterable[str], kind: str = "pin") -> str:
+    """Return the first free name of a kind: "pin 1"."""
     used, k = set(taken), 1
-    while f"pin {k}" in used:
+    while f"{kind} {k}" in used:
         k += 1
-    return f"pin {k}"
+    return f"{kind} {k}"

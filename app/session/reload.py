@@ -17,7 +17,7 @@ from app.settings import Settings
 # Settings that a new scene resets; display and estimator settings stay.
 OF_A_SCENE = (
     "document", "camera", "max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "edits",
-    "exposure", "lamps", "solo", "light_scenes", "pins", "plane",
+    "exposure", "lamps", "solo", "light_scenes", "pins", "cameras", "plane",
 )  # fmt: skip
 
 

@@ -41,7 +41,7 @@ OF_COLOURS = "show", "reference", "compare", "error_range"  # settings that chan
 # Settings that name the scene or belong to the window
 OF_SCENE = (
     "document", "scene", "mobiles", "poses", "edits", "camera", "max_edge", "up", "allow_outside", "seed", "size",
-    "fallback", "pins", "plane",
+    "fallback", "pins", "cameras", "plane",
 )  # fmt: skip
 SETTLE = 0.15  # s without change after which the value of a held slider counts
 

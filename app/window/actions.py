@@ -198,6 +198,14 @@ def _look_along(quarter_turns: int | None, window: Window) -> None:
     viewport.fly_to(viewport.along(quarter_turns))
 
 
+def _bookmark(window: Window) -> None:
+    window.log(f"kept as {window.viewport.bookmark()}; menu View shows it again")
+
+
+def _show_bookmark(k: int, window: Window) -> None:
+    window.viewport.show_bookmark(k)
+
+
 def _open(window: Window) -> None:
     folder = str(Path(window.files.suggestion(window.session)).parent)
     window.files.dialog.open("Open a scene", folder, dialogs.SCENES, window.open_scene)
@@ -363,6 +371,15 @@ ACTIONS = {
     "top": Action(partial(_look_along, None), label="Top"),
     "front": Action(partial(_look_along, 0), label="Front"),
     "side": Action(partial(_look_along, 1), label="Side"),
+    "parallel": Action(
+        lambda w: w.viewport.toggle_parallel(), (K.o,), "O", "parallel view, or perspective", label="Parallel view"
+    ),
+    "bookmark": Action(_bookmark, (K.b,), "B", "keep this view", label="Keep this view"),
+    **{f"view {k}": Action(partial(_show_bookmark, k), (K.mod_ctrl | key,)) for k, key in enumerate(ESTIMATOR_KEYS)},
+    "gizmo": Action(
+        lambda w: w.viewport.gizmo.next_mode(), (K.g,), "G", "handles that move or turn the selected object",
+        label="Move or turn handles",
+    ),
     "full screen": Action(
         lambda w: toggle_full_screen(), (K.f11,), "F11", "full screen, or a window again", False, "Full screen"
     ),

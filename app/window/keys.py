@@ -14,6 +14,7 @@ MOUSE = (
     ("Alt or right drag it", "move it in the image plane"),
     ("Ctrl + drag it", "turn it about the vertical axis"),
     ("Drag empty space", "orbit"),
+    ("Right drag empty space", "look around; with W A S D fly, Q and E down and up, Shift faster"),
     ("Shift or middle drag", "pan"),
     ("Wheel", "move the camera nearer or farther"),
     ("Double-click", "make this point the orbit centre"),
@@ -66,6 +67,7 @@ def draw_help(estimators: list[str], area: tuple[float, float, float, float], is
         _table("mouse", MOUSE, em)
         imgui.separator_text("Keys")
         numbers = [(str(k + 1), f"estimator: {name.replace('_', ' ')}") for k, name in enumerate(estimators)]
+        numbers += [("Ctrl+1 to Ctrl+9", "show a kept view"), ("Ctrl + drag a handle", "snap")]
         _table("keys", [*((a.keys, a.help) for a in ACTIONS.values() if a.keys), *numbers], em)
     imgui.end()
     return is_open

@@ -11,21 +11,23 @@ import numpy as np
 from imgui_bundle import imgui
 from PIL import Image
 
+from app.session.session import Session
 from app.window.actions import ACTIONS
 from app.window.files import Files
 
-SHIPPED, RECENT, WATCHES, LINE = "Shipped scenes", "Open recent", "Reload changed files", ""
-MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the four above
+SHIPPED, RECENT, WATCHES, VIEWS, LINE = "Shipped scenes", "Open recent", "Reload changed files", "Kept views", ""
+MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the five above
     "File": (
         "open", SHIPPED, RECENT, "reload", WATCHES, LINE, "save", "save as", "copy command", LINE,
         "save picture", "save picture as", "export", LINE, "quit",
     ),
     "Edit": (
         "undo", "redo", LINE, "insert", "duplicate", "remove", LINE, "promote", "freeze", LINE, "pin", "unpin", LINE,
-        "rest", "reset poses", "reset settings",
+        "gizmo", "rest", "reset poses", "reset settings",
     ),
     "View": (
-        "reset view", "frame", "top", "front", "side", LINE, "meter", "reference", LINE, "toggle panel", "full screen",
+        "reset view", "frame", "top", "front", "side", "parallel", LINE, "bookmark", VIEWS, LINE,
+        "meter", "reference", LINE, "toggle panel", "full screen",
     ),
     "Help": ("help",),
 }  # fmt: skip
@@ -39,15 +41,15 @@ class Menus:
         self._files, self._do, self._open = files, do, open_scene
         self._thumbnails: dict[str, moderngl.Texture] = {}
 
-    def draw(self, ctx: moderngl.Context | None, ready: bool) -> None:
-        """Draw the menu bar; ready: there is a scene."""
+    def draw(self, ctx: moderngl.Context | None, session: Session) -> None:
+        """Draw the menu bar."""
         for title, entries in MENUS.items():
             if imgui.begin_menu(title):
                 for entry in entries:
-                    self._entry(entry, ctx, ready)
+                    self._entry(entry, ctx, session)
                 imgui.end_menu()
 
-    def _entry(self, entry: str, ctx: moderngl.Context | None, ready: bool) -> None:
+    def _entry(self, entry: str, ctx: moderngl.Context | None, session: Session) -> None:
         if entry == LINE:
             imgui.separator()
         elif entry == SHIPPED:
@@ -61,13 +63,30 @@ class Menus:
                         self._open(path)
                     imgui.set_item_tooltip(path)
                 imgui.end_menu()
+        elif entry == VIEWS:
+            if imgui.begin_menu(VIEWS, bool(session.settings.cameras)):
+                self._views(session)
+                imgui.end_menu()
         elif entry == WATCHES:
             _, self._files.watches = imgui.menu_item(WATCHES, "", self._files.watches)
         else:
             action = ACTIONS[entry]
             shortcut = action.keys.partition(",")[0]
-            if imgui.menu_item(action.label, shortcut, False, ready or not action.needs_scene)[0]:
+            if imgui.menu_item(action.label, shortcut, False, session.ready or not action.needs_scene)[0]:
                 self._do(entry)
+
+    def _views(self, session: Session) -> None:
+        """Draw the kept views, and a menu that removes them."""
+        views = session.settings.cameras
+        for k, (name, _) in enumerate(views):
+            if imgui.menu_item(f"{name}##{k}", f"Ctrl+{k + 1}" if k < 9 else "", False)[0]:
+                self._do(f"view {k}")
+        imgui.separator()
+        if imgui.begin_menu("Remove"):
+            for k, (name, _) in enumerate(views):
+                if imgui.menu_item(f"{name}##{k}", "", False)[0]:
+                    session.edit(cameras=views[:k] + views[k + 1 :])
+            imgui.end_menu()
 
     def _shipped(self, ctx: moderngl.Context | None) -> None:
         from gi_core.files.find import shipped_scenes

@@ -110,7 +110,8 @@ class Viewer:
             self.params.app_shall_exit = False
             window.refuse_to_close()
             self.leave()
-        for action in self.keyboard.pressed():
+        pressed = self.keyboard.pressed()
+        for action in () if self.viewport.is_flying else pressed:
             self._do(action)
         self._guard("files", self._draw_dialogs)
         if self.help_open:
@@ -205,7 +206,7 @@ class Viewer:
         return panel.facts_of(*given, v.picture.scale, v.selected, v.pinned, v.clicked_material)
 
     def draw_menus(self) -> None:
-        self.menus.draw(self.ctx, self.session.ready)
+        self.menus.draw(self.ctx, self.session)
 
     def _draw_dialogs(self) -> None:
         """Draw open dialogs and act on their answers; reload files that have changed."""

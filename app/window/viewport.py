@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from imgui_bundle import imgui
 
-from app.draw.camera import MAX_PITCH, Bounds, Turntable, from_camera, scene_bounds
+from app.draw.camera import MAX_PITCH, PARALLEL, WIDE, Bounds, Turntable, from_camera, scene_bounds
 from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.legend import Legend, of_scale
 from app.draw.picking import Hit
@@ -27,13 +27,18 @@ from app.session.readouts import free_name
 from app.session.session import Session
 from app.settings import ILLUMINANCE
 from app.window import drag
+from app.window.gizmo import Gizmo
 from app.window.legend import of_errors
 from app.window.view_content import Shown
 from app.window.wipe import Wipe
 from app.worker import Call, Worker
 from gi_core.display.dilation import Drawn
+from gi_core.scene import Camera
 from gi_core.scene.pose import three
 
+K = imgui.Key
+FLY_KEYS = (K.d, K.a), (K.e, K.q), (K.w, K.s)  # right, up, forward, each with its opposite
+FLY_SPEED, FLY_FASTER = 0.6, 4.0  # of the lit radius per second; times that with Shift
 FIRST_FIT = 0.1  # s that false colours wait for their first scale; later ones are fitted behind the picture
 FLIGHT_SECONDS = 0.35  # of a camera animation
 THRESHOLD_PIXELS = 2.0  # shorter motions are a click
@@ -61,6 +66,7 @@ class Viewport:
         self._pins_read: tuple | None = None  # arguments of these
         self.grab: drag.Grab | None = None
         self.wipe = Wipe()
+        self.gizmo = Gizmo()
         self.shown: Shown | None = None  # content of the colour buffers
         self.scale: Scale | None = None  # of false colours
         self._scaled: tuple | None = None  # arguments of the last scale
@@ -119,6 +125,28 @@ class Viewport:
         distance = margin * bounds.radius / math.sin(self.camera.fov / 2)
         return replace(self.camera, pivot=three(bounds.centre), distance=distance)
 
+    def toggle_parallel(self) -> None:
+        """Change between a parallel view and perspective; things at the orbit centre keep their size."""
+        self._flight = None
+        wide = self.home.fov if not self.home.is_parallel else WIDE
+        self.camera = self.camera.with_fov(wide if self.camera.is_parallel else PARALLEL)
+
+    def bookmark(self) -> str:
+        """Keep the present view under a name; return the name."""
+        s, c = self.session, self.camera.as_camera()
+        name = free_name((name for name, _ in s.settings.cameras), "view")
+        view = (*c.position, *c.target, c.vertical_fov_degrees)
+        s.edit(cameras=(*s.settings.cameras, (name, view)))
+        return name
+
+    def show_bookmark(self, k: int) -> None:
+        """Fly to a kept view; nothing happens without that many."""
+        views = self.session.settings.cameras
+        if k < len(views):
+            n = views[k][1]
+            camera = Camera((n[0], n[1], n[2]), (n[3], n[4], n[5]), n[6])
+            self.fly_to(from_camera(camera, self.session.scene.up, self.bounds, self._lit))
+
     @property
     def _lit(self) -> Bounds:
         """The box that light reaches; a ground slab may be far larger."""
@@ -150,7 +178,7 @@ class Viewport:
         elif self.grab is not None:
             self._continue_drag(io)
         elif self._steering is not None:
-            self._continue_steering(io)
+            self._continue_steering(io, seconds)
         elif hovered:
             self._update_hover(io)
             self._press(io)
@@ -188,6 +216,8 @@ class Viewport:
         return True
 
     def _press(self, io) -> None:
+        if self.gizmo.takes_mouse:
+            return
         if imgui.is_mouse_double_clicked(0):
             hit = self._pick(io)
             if hit is not None:
@@ -207,7 +237,7 @@ class Viewport:
             if self.hover is not None:
                 self._begin_drag(drag.FACE, io)
             else:
-                self._steering = ("orbit", BUTTONS["right"])
+                self._steering = ("look", BUTTONS["right"])
         elif imgui.is_mouse_clicked(BUTTONS["middle"]):
             self._steering = ("pan", BUTTONS["middle"])
         if self._steering is not None:
@@ -238,7 +268,12 @@ class Viewport:
             self.grab = None
             self.session.end_drag()
 
-    def _continue_steering(self, io) -> None:
+    @property
+    def is_flying(self) -> bool:
+        """Whether the letters fly the camera: while the right button looks around."""
+        return self._steering is not None and self._steering[0] == "look"
+
+    def _continue_steering(self, io, seconds: float) -> None:
         motion, button = self._steering
         if not imgui.is_mouse_down(button):
             self._steering = None
@@ -249,6 +284,11 @@ class Viewport:
         dx, dy = io.mouse_delta.x / self.size[1], io.mouse_delta.y / self.size[1]
         if dx or dy:
             self.camera = getattr(self.camera, motion)(dx, dy)
+        if self.is_flying and not io.want_text_input:
+            speed = FLY_SPEED * self._lit.radius * (FLY_FASTER if io.key_shift else 1.0) * seconds
+            lengths = [speed * (imgui.is_key_down(a) - imgui.is_key_down(b)) for a, b in FLY_KEYS]
+            if any(lengths):
+                self.camera = self.camera.fly(*lengths)
 
     def _fly(self, seconds: float) -> None:
         if self._flight is None:
@@ -438,6 +478,7 @@ class Viewport:
             renderer.draw(self.look())
             self._drawn = wanted
         imgui.image(imgui.ImTextureRef(renderer.texture), self.size, (0, 1), (1, 0))
+        self.gizmo.draw(self)
 
     def _show_cursor(self, hovered: bool, io) -> None:
         C = imgui.MouseCursor_

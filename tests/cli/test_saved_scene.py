@@ -107,6 +107,8 @@ def test_read_outs_are_saved(tmp_path):
         ),
         ('[[pins]]\nname = "a"\nposition = [0, 0]\nnormal = [0, 1, 0]', "[[pins]] 1: position must be three finite"),
         ('[[pins]]\nname = "a"\nposition = [0, 0, 0]\nnormal = [0, 0, 0]', "normal must be three numbers that are not"),
+        ("[cameras.a]\nposition = [0, 0, 0]\ntarget = [0, 0, 0]\nfov = 40", "[cameras.a]: camera must be"),
+        ("[cameras]\na = 1", "[cameras.a] must be a table of keys, got 1"),
         ('[[pins]]\nname = "a"\nplace = 1', "[[pins]] 1: unknown key 'place'"),
     ],
 )

@@ -1,0 +1,137 @@
+"""Handles over the selected object: arrows that move it, rings that turn it (ImGuizmo)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from imgui_bundle import imgui, imguizmo
+
+from gi_core.scene import Pose
+from gi_core.scene.pose import as_pose, rotation, three
+
+if TYPE_CHECKING:
+    from app.draw.camera import Bounds, Turntable
+    from app.session.session import Session
+    from app.window.drag import Grab
+
+G = imguizmo.im_guizmo
+MOVE, TURN = "move", "turn"
+MODES = ("", MOVE, TURN)  # in the order of the key
+OPERATIONS = {MOVE: G.OPERATION.translate, TURN: G.OPERATION.rotate}
+LENGTH_EM = 4.0  # of an arrow
+STEPS = (1.0, 2.0, 5.0)  # of snapping, per decade
+SNAP_SHARE = 0.01  # of the scene's size: longest step
+SNAP_DEGREES = 15.0
+
+
+class View(Protocol):
+    """The parts of the viewport that handles use."""
+
+    session: Session
+    camera: Turntable | None
+    selected: str
+    grab: Grab | None
+    room: Bounds | None
+    origin: tuple[float, float]
+    size: tuple[float, float]
+
+    @property
+    def aspect(self) -> float:
+        """Width over height."""
+
+
+class Gizmo:
+    """`draw` once per frame, after the picture."""
+
+    def __init__(self) -> None:
+        self.mode = ""  # one of MODES
+        self.snaps = False  # also while Ctrl is held
+        self._held = False
+        self._shown = False
+        self._middle = np.zeros(3)  # of the object that is held
+
+    def next_mode(self) -> None:
+        self.mode = MODES[(MODES.index(self.mode) + 1) % len(MODES)]
+
+    @property
+    def takes_mouse(self) -> bool:
+        """Whether the mouse is over a handle, or holds one."""
+        return self._shown and (G.is_over() or G.is_using())
+
+    def draw(self, viewport: View) -> None:
+        """Draw the handles of the selected object; move it when they are dragged."""
+        session, name = viewport.session, viewport.selected
+        self._shown = bool(self.mode) and name in session.poses and viewport.grab is None
+        if not self._shown:
+            self._end(viewport)
+            return
+        o = 1 + session.model.names.index(name)
+        pose, origin = session.poses[name], session.model.origins[0]
+        points = session.model.vertices_at(o, session.poses)
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2 if not self._held else self._middle
+        at = np.eye(4)
+        at[:3, :3], at[:3, 3] = rotation(pose), middle - origin
+        G.begin_frame()
+        G.allow_axis_flip(False)
+        G.set_drawlist(imgui.get_window_draw_list())
+        G.set_rect(*viewport.origin, *viewport.size)
+        G.set_gizmo_size_clip_space(2 * LENGTH_EM * imgui.get_font_size() / viewport.size[0])
+        matrix = _matrix(at)
+        camera = viewport.camera.relative_to(origin)
+        view, projection = _matrix(camera.view()), _matrix(camera.projection(viewport.aspect))
+        snap = self._snap(session.chosen.scene_size)
+        changed = G.manipulate(view, projection, OPERATIONS[self.mode], G.MODE.world, matrix, None, snap)
+        if G.is_using() and not self._held:
+            self._held, self._middle = True, middle
+            session.playing = False
+            session.begin_drag()
+        if changed and self._held:
+            moved = np.array(matrix.values, np.float64).reshape(4, 4).T
+            to = moved[:3, 3] + origin
+            room = viewport.room
+            to = np.clip(to, np.minimum(room.low, self._middle), np.maximum(room.high, self._middle))
+            pose = moved_pose(pose, middle, to, moved[:3, :3] if self.mode == TURN else None)
+            self._middle = to
+            if pose != session.poses[name]:
+                session.move({name: pose})
+        if not G.is_using():
+            self._end(viewport)
+
+    def _end(self, viewport: View) -> None:
+        if self._held:
+            self._held = False
+            viewport.session.end_drag()
+
+    def _snap(self, size: float):
+        if not (self.snaps or imgui.get_io().key_ctrl):
+            return None
+        step = snap_step(size) if self.mode == MOVE else SNAP_DEGREES
+        return G.Matrix3([step] * 3)
+
+
+def snap_step(size: float) -> float:
+    """Return the step of snapping [m] in a scene of a size [m]: 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** np.floor(np.log10(SNAP_SHARE * size))
+    return float(max(s * power for s in STEPS if s * power <= SNAP_SHARE * size * (1 + 1e-9)))
+
+
+def moved_pose(pose: Pose, middle: np.ndarray, to: np.ndarray, turned: np.ndarray | None) -> Pose:
+    """Return a pose moved so that the point `middle` (3,) [m] comes to `to`; turned (3, 3): its new rotation, if any.
+
+    A matrix of float32 is rounded to the nearest rotation.
+    """
+    R = rotation(pose)
+    out = np.eye(4)
+    out[:3, :3] = R
+    if turned is not None:
+        u, _, v = np.linalg.svd(np.asarray(turned, np.float64))
+        out[:3, :3] = u @ v
+    out[:3, 3] = to - out[:3, :3] @ R.T @ (middle - np.array(pose.position))
+    if turned is None:
+        return pose._replace(position=three(out[:3, 3]))
+    return as_pose(out)
+
+
+def _matrix(M: np.ndarray):
+    return G.Matrix16(M.T.reshape(-1).astype(float).tolist())

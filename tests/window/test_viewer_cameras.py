@@ -1,0 +1,180 @@
+"""Views that are kept, flown to and seen in parallel; handles that move the selected object."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.cli import saved_scene
+from app.draw.camera import Bounds, from_camera
+from app.window.gizmo import MOVE, TURN, moved_pose, snap_step
+from gi_core.scene import Camera, Pose
+from gi_core.scene.pose import as_pose, axis_angle, quaternion_of, to_world
+from tests.support import viewer_support as support
+from tests.support.viewer_hand import errors, keys
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+BOUNDS = Bounds((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+CAMERA = from_camera(Camera((0.5, 0.55, 2.9), (0.5, 0.45, 0.5), 38.0), (0, 1, 0), BOUNDS)
+
+
+def test_looking_keeps_the_eye_and_flying_moves_it():
+    looked = CAMERA.look(0.2, -0.1)
+    assert looked.eye() == pytest.approx(CAMERA.eye()) and looked.distance == CAMERA.distance
+    turn = np.arccos(looked.basis()[2] @ CAMERA.basis()[2])
+    assert turn == pytest.approx(np.hypot(0.2, 0.1) * CAMERA.fov, rel=0.02), "the scene follows the cursor"
+    point = CAMERA.eye() + CAMERA.ray(0.4, 0.5, 1.0)[1]
+    assert CAMERA.look(0.1, 0.0).project(point, 1.0)[0] == pytest.approx(0.5, abs=0.01)
+    right, _, forward = CAMERA.basis()
+    moved = CAMERA.fly(0.1, 0.2, 0.3)
+    assert moved.eye() - CAMERA.eye() == pytest.approx(0.1 * right + np.array([0, 0.2, 0]) + 0.3 * forward)
+    assert moved.basis()[2] == pytest.approx(forward)
+    far = CAMERA.fly(0.0, 0.0, 1e6)
+    assert np.linalg.norm(np.array(far.pivot) - BOUNDS.centre) <= 3.001 * BOUNDS.radius, "the scene stays findable"
+
+
+def test_a_parallel_view_keeps_sizes_at_the_pivot_and_parallels_parallel():
+    flat = CAMERA.with_fov(np.radians(2.0))
+    assert flat.is_parallel and not CAMERA.is_parallel
+    across = CAMERA.basis()[0]
+    for x in (-0.4, 0.3):
+        at = np.array(CAMERA.pivot) + x * across
+        assert flat.project(at, 1.3) == pytest.approx(CAMERA.project(at, 1.3), abs=1e-6)
+    ends = [[flat.project((x, 0.2, z), 1.0)[0] for z in (0.0, 1.0)] for x in (0.1, 0.9)]
+    assert np.ptp(ends, axis=1) == pytest.approx(0, abs=0.01) and ends[1][0] - ends[0][0] > 0.4
+    for camera in (flat, flat.with_fov(CAMERA.fov)):
+        assert camera.dolly(0.0).distance == pytest.approx(camera.distance), "within the limits of the wheel"
+    assert flat.with_fov(CAMERA.fov).eye() == pytest.approx(CAMERA.eye())
+
+
+@pytest.mark.parametrize("turn", [None, 40.0])
+def test_handles_move_the_middle_of_an_object(turn):
+    pose = as_pose(Pose((0.3, -0.2, 0.5), axis_angle((1, 2, 3), 70.0)))
+    middle, to = np.array([0.5, 0.1, 0.2]), np.array([0.6, 0.1, 0.1])
+    rotation = None
+    if turn is not None:
+        M = to_world(Pose((0, 0, 0), axis_angle((0, 0, 1), turn)), np.eye(3)).T
+        rotation = (M + 1e-7 * np.arange(9).reshape(3, 3)).astype(np.float32)  # not quite a rotation
+    moved = moved_pose(pose, middle, to, rotation)
+    local = np.linalg.inv(to_world(pose._replace(position=(0, 0, 0)), np.eye(3)).T) @ (middle - pose.position)
+    assert to_world(moved, local[None])[0] == pytest.approx(to, abs=1e-9)
+    if turn is None:
+        assert moved.quaternion == pose.quaternion, "bit for bit"
+    else:
+        assert moved.quaternion == pytest.approx(quaternion_of(M), abs=1e-6)
+        assert as_pose(moved) == moved
+
+
+def test_steps_of_snapping_are_round():
+    assert [snap_step(size) for size in (9.65, 0.55, 100.0, 2.0)] == pytest.approx([0.05, 0.005, 1.0, 0.02])
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_views_are_kept_shown_and_saved(play, tmp_path):
+    def script(hand, viewer):
+        viewport, session, K = viewer.viewport, viewer.session, keys()
+        hand.wait_for_light()
+        first = viewport.camera
+        hand.press(K.b)
+        viewport.camera = first.orbit(0.2, 0.1).dolly(2.0)
+        second = viewport.camera
+        hand.press(K.b)
+        assert [name for name, _ in session.settings.cameras] == ["view 1", "view 2"]
+        assert viewer.files.has_changed(session)
+        hand.press(K.mod_ctrl | K._1)
+        hand.wait(lambda: viewport._flight is None)
+        assert viewport.camera.eye() == pytest.approx(first.eye()) and viewport.camera.fov == pytest.approx(first.fov)
+        assert session.settings.estimator == support.SETTINGS.estimator or session.settings.estimator == "tangent_plane"
+        hand.press(K.mod_ctrl | K._2)
+        hand.wait(lambda: viewport._flight is None)
+        assert viewport.camera.eye() == pytest.approx(second.eye())
+        hand.press(K.mod_ctrl | K._3)
+        assert viewport._flight is None, "there is no third"
+        file = viewer.files.save(session, viewport, str(tmp_path / "a.toml"))
+        assert saved_scene.read(str(file)).cameras == session.settings.cameras
+        hand.press(K.mod_ctrl | K.z)
+        assert [name for name, _ in session.settings.cameras] == ["view 1"]
+
+        hand.press(K.o)
+        assert viewport.camera.is_parallel
+        hand.press(K.o)
+        assert viewport.camera.eye() == pytest.approx(second.eye(), abs=1e-6)
+
+    scene = tmp_path / "room.glb"
+    scene.touch()
+    settings = replace(support.SETTINGS, scene=str(scene))
+    assert errors(play(script, settings, support.opening(support.room()))) == []
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_the_right_button_looks_around_and_letters_fly(play):
+    def script(hand, viewer):
+        viewport, session, K = viewer.viewport, viewer.session, keys()
+        hand.wait_for_light()
+        start, exposure = viewport.camera, session.settings.exposure
+        corner = viewport.origin[0] + 20, viewport.origin[1] + 20  # no surface
+        hand.move(corner)
+        hand.ctx.mouse_down(1)
+        hand.move((corner[0] + 40, corner[1]))
+        assert viewport.is_flying
+        assert viewport.camera.eye() == pytest.approx(start.eye()) and viewport.camera.yaw != start.yaw
+        looked = viewport.camera
+        for key, axis, sign in ((K.w, 2, 1), (K.a, 0, -1)):
+            hand.ctx.key_down(key)
+            hand.ctx.yield_(6)
+            hand.ctx.key_up(key)
+            hand.ctx.yield_()
+            step = viewport.camera.eye() - looked.eye()
+            assert sign * (step @ looked.basis()[axis]) > 0.9 * np.linalg.norm(step) > 0
+            looked = viewport.camera
+        assert session.settings.exposure == exposure, "A flies, and meters nothing"
+        hand.ctx.mouse_up(1)
+        hand.ctx.yield_(2)
+        assert not viewport.is_flying
+        hand.ctx.key_down(K.w)
+        hand.ctx.yield_(4)
+        hand.ctx.key_up(K.w)
+        assert viewport.camera == looked
+
+    assert errors(play(script, support.SETTINGS, support.opening(support.room()))) == []
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_an_arrow_moves_the_selected_object_along_its_axis(play):
+    def script(hand, viewer):
+        viewport, session, K = viewer.viewport, viewer.session, keys()
+        hand.wait_for_light()
+        viewport.camera = viewport.camera.orbit(0.12, 0.1)
+        hand.press(K.g)
+        assert viewport.gizmo.mode == MOVE and viewport.selected == "block"
+        start = session.poses["block"]
+        middle, beside = (np.array(hand.at(np.array(start.position) + x)) for x in ((0, 0, 0), (0.1, 0, 0)))
+        along = (beside - middle) / np.linalg.norm(beside - middle)
+        handle = middle + 38 * along
+        for snaps in (False, True):
+            before = session.poses["block"].position
+            hand.move(tuple(handle))
+            assert viewport.gizmo.takes_mouse
+            hand.drag(tuple(handle), tuple(handle + 50 * along), modifier=K.mod_ctrl if snaps else None)
+            pose = session.poses["block"]
+            dx, dy, dz = np.subtract(pose.position, before)
+            assert abs(dx) > 0.03 and abs(dy) < 1e-6 and abs(dz) < 1e-6, (dx, dy, dz)
+            assert pose.quaternion == start.quaternion and not session.dragging
+            if snaps:
+                assert abs(dx) == pytest.approx(0.01 * round(abs(dx) / 0.01), abs=1e-6)
+            assert hand.light_is_that_from_scratch()
+            viewer._do("undo")
+            hand.wait_for_light()
+            assert session.poses["block"].position == pytest.approx(start.position), "one step of undo"
+        hand.press(K.g)
+        assert viewport.gizmo.mode == TURN
+        hand.press(K.g)
+        hand.ctx.yield_(2)
+        assert viewport.gizmo.mode == "" and not viewport.gizmo.takes_mouse
+
+    assert errors(play(script, support.SETTINGS, support.opening(support.room()))) == []
