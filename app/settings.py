@@ -111,6 +111,9 @@ class Settings:
     compare: str = ""  # right side of the wipe: an estimator, REFERENCE, or nothing
     measure_errors: bool = True  # measure errors at rest
     cells: bool = False  # draw leaf cells of the structure of rays
+    show_paths: bool = False  # draw paths of some photons
+    show_disc: bool = False  # draw the disc of the receiver under the cursor, and the segments that cross it
+    show_recomputed: bool = False  # colour receivers by what the last frame computed again
     pins: tuple[Pin, ...] = ()  # read-outs
     cameras: tuple[tuple[str, tuple[float, ...]], ...] = ()  # bookmarks by name; numbers as of `camera`
     plane: MeasuringPlane | None = None  # None: nothing is measured

@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from app.draw.picking import Picker
     from app.draw.vertex_colours import DrawMesh
     from app.rest.measuring_plane import Level
+    from app.session.method_view import Look
     from gi_core.defaults.choose import Chosen
     from gi_core.files.edits import Edit
     from gi_core.model import Model
@@ -37,7 +38,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
 BUDGET = 0.008  # s per frame for refinement
 FADE = 1.0  # s of a cross-fade between light scenes
 STILL = 0.25  # s without motion in a drag, after which all photons are shown
-OF_COLOURS = "show", "reference", "compare", "error_range"  # settings that change uploaded colours
+OF_COLOURS = "show", "reference", "compare", "error_range", "show_recomputed"  # settings that change uploaded colours
 # Settings that name the scene or belong to the window
 OF_SCENE = (
     "document", "scene", "mobiles", "poses", "edits", "camera", "max_edge", "up", "allow_outside", "seed", "size",
@@ -79,6 +80,7 @@ class Session:
         self._lit: tuple[np.ndarray | None, tuple[DrawMesh, ...]] = None, ()  # levels, and the meshes at these
         self.picker: Picker | None = None
         self.dragging = False
+        self.receiver = -1  # under the cursor; -1: none
         self.before_drag: dict[str, Pose] = {}  # poses when the drag, or playing, began
         self.playing = False
         self.history = History()
@@ -174,6 +176,17 @@ class Session:
             self.points.add(self.light.snapshot.rest.point)
         elif self.clock() - self._moved_at >= STILL:
             self.light.settle()
+        self.light.show_method(self._look)
+
+    @property
+    def _look(self) -> Look | None:
+        """Parts of the method that the settings ask for."""
+        s = self.settings
+        if not (s.show_paths or s.show_disc or s.show_recomputed):
+            return None
+        from app.session.method_view import Look
+
+        return Look(s.show_paths, self.receiver if s.show_disc else -1, s.show_recomputed)
 
     def _dim(self) -> None:
         """Follow the settings of the lamps, at once or in a cross-fade."""

@@ -17,17 +17,19 @@ from app.rest.scheduler import RestWork
 from app.session.log import WARNING, Log
 from app.session.moving_median import MovingMedian
 from app.session.snapshot import Snapshot, snapshot_of
-from app.session.solver_jobs import Dim, Job, Move, Moved, Refine, Rest, Rested, Step, Time
+from app.session.solver_jobs import Dim, Job, Move, Moved, Refine, Rest, Rested, Show, Step, Time
 from app.worker import PATIENCE, Worker
 from gi_core.frames.progress import Interrupted
 
 if TYPE_CHECKING:  # importing the solver lasts a second, so it happens behind the window's first frames
+    from app.session.method_view import Look, MethodView
     from app.settings import Settings
     from gi_core.frames.background import Photons
     from gi_core.frames.progress import Progress
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 
+SHOW_GRACE = 0.010  # s per frame for parts of the method
 GRACE = 0.040  # s per frame for a move: with the drawing, a frame stays under 50 ms
 
 
@@ -54,6 +56,8 @@ class Solving:
         self.steps_begun = 0
         self.move_failed = False  # the last one
         self.all_done = False  # the last call for a task at rest found none
+        self.method: MethodView | None = None  # parts of the method that the window draws
+        self._look: Look | None = None  # those asked for
         self._warned: set[str] = set()  # kinds of warnings that the log has had
         self._waits = threading.Event()  # set while moves wait: a frame that shows no move is then broken off
         self._over = threading.Event()  # set while a new motion waits: a later frame of the old one is broken off
@@ -102,7 +106,7 @@ class Solving:
 
     # -- results ----------------------------------------------------------------------------------
 
-    def _take(self, result: Step | Moved | Rested | bool, settles: bool) -> None:
+    def _take(self, result: Step | Moved | Rested | MethodView | bool, settles: bool) -> None:
         """Take over the result of a job."""
         match result:
             case Step(progress, snapshot, warnings):
@@ -132,8 +136,12 @@ class Solving:
                 else:
                     self.version += not rest.looks_like(self.snapshot.rest)
                     self.snapshot = self.snapshot._replace(rest=rest)
-            case more:
+            case bool(more):
                 self._time_due = more
+            case view:
+                known = self.method is not None and view.recomputed is None  # by an earlier frame
+                self.method = view._replace(recomputed=self.method.recomputed) if known else view
+                self.version += 1
 
     def _fail(self, job: Job, problem: Exception) -> None:
         match job:
@@ -147,6 +155,10 @@ class Solving:
                 self._time_due = False
             case Rest():
                 self.all_done = True
+            case Show(look):
+                from app.session.method_view import MethodView
+
+                self.method = MethodView(look, self.snapshot.irradiance)  # not again for this frame
         self.log.error(job.name, problem)
 
     def _show(self, snapshot: Snapshot) -> None:
@@ -216,7 +228,7 @@ class Solving:
         deadline = self.clock() + budget
         while self._stage is Stage.REFINING and not self._is_asked:
             self.settle()  # at once: the refinement step that estimates all photons lasts twice as long
-            if self.is_idle:
+            if self.is_idle and not self._begin_show():
                 self._begin(Refine(self._steps))
                 self.steps_begun += 1
             if not self._wait(deadline - self.clock()):
@@ -235,9 +247,26 @@ class Solving:
         """Do tasks at rest, one by one."""
         self.all_done = False
         while self._wait(deadline - self.clock()) and not self.all_done:
-            self._begin(Rest(settings))
+            if not self._begin_show():
+                self._begin(Rest(settings))
             if self.clock() >= deadline:
                 return
+
+    def show_method(self, look: Look | None) -> None:
+        """Ask for parts of the method of the frame on show; `method` has them a little later. None: for nothing."""
+        self._look = look
+        if look is None:
+            self.method = None
+        elif self.is_idle and not self._is_asked and self._begin_show():
+            self._wait(SHOW_GRACE)
+
+    def _begin_show(self) -> bool:
+        """Begin to copy the parts of the method that are due; return False if none are."""
+        look, had = self._look, self.method
+        if look is None or (had is not None and (had.look, id(had.irradiance)) == (look, id(self.snapshot.irradiance))):
+            return False
+        self._begin(Show(look))
+        return True
 
     # -- moves ------------------------------------------------------------------------------------
 

@@ -294,6 +294,12 @@ def _toggle_reference(window: Window) -> None:
     window.session.want(replace(settings, reference=not settings.reference))
 
 
+def _toggle(field: str, window: Window) -> None:
+    settings = window.session.settings
+    change: dict[str, Any] = {field: not getattr(settings, field)}
+    window.session.want(replace(settings, **change))
+
+
 def _meter(window: Window) -> None:
     exposure = window.session.metered(window.viewport.camera)
     window.session.want(replace(window.session.settings, exposure=exposure))
@@ -385,6 +391,13 @@ ACTIONS = {
     ),
     "reference": Action(
         _toggle_reference, (K._0,), "0", "switch between estimate and reference", label="Estimate or reference"
+    ),
+    "show paths": Action(partial(_toggle, "show_paths"), (K.v,), "V", "draw photon paths", label="Photon paths"),
+    "show disc": Action(
+        partial(_toggle, "show_disc"), (K.n,), "N", "draw the disc under the cursor and its segments", label="Disc"
+    ),
+    "show recomputed": Action(
+        partial(_toggle, "show_recomputed"), (K.c,), "C", "colour by what the last frame computed", label="Recomputed"
     ),
     "meter": Action(_meter, (K.a,), "A", "meter the exposure from the view", label="Meter exposure"),
     "clear chart": Action(lambda w: w.session.points.clear()),

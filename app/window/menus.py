@@ -27,7 +27,7 @@ MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the five ab
     ),
     "View": (
         "reset view", "frame", "top", "front", "side", "parallel", LINE, "bookmark", VIEWS, LINE,
-        "meter", "reference", LINE, "toggle panel", "full screen",
+        "meter", "reference", LINE, "show paths", "show disc", "show recomputed", LINE, "toggle panel", "full screen",
     ),
     "Help": ("help",),
 }  # fmt: skip

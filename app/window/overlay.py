@@ -8,7 +8,7 @@ from app.session.log import ERROR, INFO, WARNING, Log
 from app.session.reload import Reload
 from app.session.session import Session
 from app.window import label, legend, theme
-from app.window.view_content import Shown
+from app.window.view_content import RECOMPUTED, RECOMPUTED_NAMES, Shown
 from app.window.viewport import Viewport
 from app.window.wipe import Wipe
 
@@ -26,6 +26,9 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
         return
     corner = x + em, y + h - 2.6 * em
     _draw_shown(viewport.shown, viewport.wipe, (x, y, w, h), em)
+    if viewport.shown is not None and viewport.shown.recomputed is not None:
+        for k, (name, colour) in enumerate(zip(RECOMPUTED_NAMES, RECOMPUTED, strict=True)):
+            label.write(name, x + w - em, y + (1 + 1.7 * k) * em, colour, right=True)
     if viewport.legend is not None:
         legend.draw(viewport.legend, x + w - em, y + h - em)
     hint = viewport.hint()

@@ -22,6 +22,11 @@ if TYPE_CHECKING:
     from app.settings import Settings
     from gi_core.display.dilation import Drawn
 
+# Display colours of receivers: of the background, changed by segments, estimated anew, path traced; see method_view.py
+RECOMPUTED = ((0.33, 0.34, 0.36), (0.93, 0.66, 0.30), (0.85, 0.36, 0.32), (0.40, 0.70, 0.95))
+RECOMPUTED_NAMES = (
+    "from the background", "changed by removed and added segments", "estimated again from all segments", "path traced",
+)  # fmt: skip
 LEAST_SCALE = 0.02  # relative error at the ends of the colour map, at least
 
 
@@ -49,6 +54,7 @@ class Shown(NamedTuple):
     coming: str  # a sentence about parts still to be computed; "": none
     errors: Errors | None  # of an error map; None: light
     named: bool  # the picture needs a label
+    recomputed: np.ndarray | None = None  # (R,) uint8, drawn as colours; None: not asked for, or unknown
 
 
 def shown(session: Session) -> Shown:
@@ -65,7 +71,9 @@ def shown(session: Session) -> Shown:
     if other is not None and other.estimator == s.compare:
         right = _estimate(other.estimator, other.photons, other.drawn)
     sides = (left,) if right is None else (left, right)
-    return Shown(sides, _coming(s, right, reference), errors, s.reference or errors is not None)
+    method = session.light.method
+    recomputed = method.recomputed if s.show_recomputed and errors is None and method is not None else None
+    return Shown(sides, _coming(s, right, reference), errors, s.reference or errors is not None, recomputed)
 
 
 def _coming(s: Settings, right: Side | None, reference: ReferencePicture | None) -> str:
@@ -93,9 +101,16 @@ def readouts_csv(session: Session, pinned: Sequence[Pinned]) -> str:
     return csv_text(rows, current, units_of(session.scene.units))
 
 
-def paint(mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: bool) -> tuple[np.ndarray, np.ndarray]:
+def paint(
+    mesh: DrawMesh, side: Side, errors: Errors | None, with_reflectance: bool, recomputed: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return colours (D, 3) float32 of front and back of an object's draw vertices: linear radiance, negative where
-    unknown, or with `errors` display colours."""
+    unknown, or with `errors` or `recomputed` display colours."""
+    if recomputed is not None:
+        of_kind = np.array(RECOMPUTED, np.float32)[recomputed]
+        back = of_kind[mesh.back]
+        back[mesh.back < 0] = UNKNOWN
+        return of_kind[mesh.front], back
     if errors is None:
         from app.draw.vertex_colours import colours
 

@@ -28,7 +28,7 @@ from app.session.opening import Opening
 from app.session.reload import Reload
 from app.session.session import BUDGET, Session
 from app.settings import Settings, UsageError
-from app.window import keys, overlay, panel, readout_marks, view_content, window
+from app.window import keys, method_marks, overlay, panel, readout_marks, view_content, window
 from app.window.actions import Request, act, insert, is_mesh
 from app.window.files import Files
 from app.window.menus import Menus
@@ -179,6 +179,7 @@ class Viewer:
         overlay.draw(self.viewport, self.session, self.reload, self._ready)
         if self._ready:
             readout_marks.draw(self.viewport)
+            method_marks.draw(self.viewport, self.session.light.method)
         if self._ready and self.session.settings.cells:
             self.ray_cells.draw(self.viewport)
         imgui.end()
@@ -338,7 +339,9 @@ class Viewer:
         self.renderer.set_gloss(session.light.snapshot.gloss)
         for layer, side in enumerate(shown.sides):
             for o, mesh in enumerate(session.meshes):
-                painted = view_content.paint(mesh, side, shown.errors, session.settings.show == "radiance")
+                painted = view_content.paint(
+                    mesh, side, shown.errors, session.settings.show == "radiance", shown.recomputed
+                )
                 self.renderer.set_colours(o, *painted, layer, weights(mesh, side.weights))
                 self.renderer.set_irradiance(o, mesh, side.irradiance, layer)
 

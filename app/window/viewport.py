@@ -308,6 +308,19 @@ class Viewport:
         hit = self._pick(io)
         self.pointed, self.hover = hit, hit if hit is not None and hit.object > 0 else None
         self.reading = None if hit is None or self.shown is None else self._read(hit, io)
+        self.session.receiver = -1 if hit is None else self._receiver(hit)
+
+    def _receiver(self, hit: Hit) -> int:
+        """Return the receiver nearest to a hit, on the side that is seen; -1 on the back of a one-sided face."""
+        s = self.session
+        surfaces, poses = s.model.surfaces, s.light.snapshot.poses
+        vertices = surfaces.faces[hit.object][hit.face]
+        corners = s.model.vertices_at(hit.object, poses)[vertices]
+        f = surfaces.first_face[hit.object] + hit.face
+        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        front = normal @ (hit.point - self.camera.eye()) < 0
+        nearest = int(np.argmin(((corners - hit.point) ** 2).sum(axis=1)))
+        return int((surfaces.corner_front if front else surfaces.corner_back)[f][nearest])
 
     def _read(self, hit: Hit, io) -> Reading:
         """Return the light of the picture at a hit under the cursor."""
@@ -461,7 +474,7 @@ class Viewport:
             self._marked if outlined else -1,
             OUTLINE_PIXELS * imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y,
             textured=settings.show == "radiance",
-            as_is=self.shown is not None and self.shown.errors is not None,
+            as_is=self.shown is not None and (self.shown.errors is not None or self.shown.recomputed is not None),
             scale=scale,
             line_scale=imgui.get_style().font_scale_dpi * imgui.get_io().display_framebuffer_scale.y,
             split=split,

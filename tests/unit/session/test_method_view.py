@@ -1,0 +1,102 @@
+"""The method made visible: the segments drawn are those of the estimate, the colours those of the frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.session import method_view as mv
+from gi_core.scene import Pose
+from gi_core.solver import Solver
+from tests.support.viewer_support import room
+
+LOOK = mv.Look(paths=True, receiver=-1, recomputed=True)
+
+
+def solved(**options) -> Solver:
+    solver = Solver(room(12), photons=20_000, radius=0.1, **options)
+    solver.solve()
+    return solver
+
+
+def places(solver: Solver, *points) -> list[int]:
+    """Return the static receivers nearest to points."""
+    p = solver.receivers.positions[solver.surfaces.receiver_range(0)]
+    return [int(((p - point) ** 2).sum(axis=1).argmin()) for point in points]
+
+
+def test_segments_across_a_disc_are_those_of_the_estimate():
+    """Background = kept + removed; the frame's sums = kept + added. Two searches decide alike but at the rim."""
+    solver = solved(control=False)
+    solver.move("block", Pose((0.5, 0.25, 0.5)))
+    background = solver.frame.background.estimate.background(solver.frame.photons)[0]
+    cut = 0
+    for receiver in places(solver, (0.5, 0.0, 0.5), (0.3, 0.0, 0.4), (0.0, 0.5, 0.5), (0.5, 0.5, 0.0)):
+        disc = mv.method_view(solver, mv.Look(receiver=receiver)).disc
+        kept, removed, added = disc.flux
+        assert disc.photons == solver.frame.photons and disc.radius == 0.1
+        assert kept + removed == pytest.approx(background[receiver], rel=0.01)
+        touched = solver.frame.evaluated.changed[receiver >> 3]
+        now = solver.frame.evaluated.sums[receiver] if touched else background[receiver]
+        assert kept + added == pytest.approx(now, rel=0.01, abs=0.01 * background[receiver].max())
+        assert len(disc.crossings.kind) == sum(min(n, mv.MOST_CROSSINGS) for n in disc.counts)
+        cut += disc.counts[mv.REMOVED] + disc.counts[mv.ADDED]
+    assert cut > 100, "the block stands over the floor"
+
+
+def test_a_mobiles_disc_moves_with_it():
+    solver = solved()
+    first = solver.surfaces.receiver_range(1).start
+    before = mv.method_view(solver, mv.Look(receiver=first)).disc
+    pose = solver.poses["block"]
+    solver.move("block", pose._replace(position=(0.6, 0.3, 0.5)))
+    after = mv.method_view(solver, mv.Look(receiver=first)).disc
+    assert after.position - before.position == pytest.approx(np.subtract((0.6, 0.3, 0.5), pose.position))
+
+
+def test_paths_break_where_objects_cut_them():
+    solver = solved()
+    strokes = mv.method_view(solver, LOOK).paths
+    kept, removed, added = (strokes.ends[strokes.kind == kind] for kind in (mv.KEPT, mv.REMOVED, mv.ADDED))
+    assert min(len(kept), len(removed), len(added)) > 20
+    low, high = np.array((0.38, 0.18, 0.38)) - 1e-3, np.array((0.62, 0.42, 0.62)) + 1e-3
+    at_block = ((removed[:, 0] > low) & (removed[:, 0] < high)).all(axis=1)
+    assert at_block.any(), "suffixes begin on the block"
+    ends = kept[:, 1]
+    for start in removed[at_block, 0]:
+        assert np.sqrt(((ends - start) ** 2).sum(axis=1)).min() < 5e-3, "where the kept part ends"
+    inside = (strokes.ends > -1e-3).all() and (strokes.ends < 1.001).all()
+    assert inside and strokes.hits.any()
+
+
+def test_colours_tell_what_the_frame_computed_again():
+    solver = solved(control=False)
+    static = solver.surfaces.receiver_range(0)
+    solver.move("block", Pose((0.5, 0.3, 0.5)))
+    found = mv.recomputed(solver)
+    resting = solver.frame.background.resting(solver.frame.photons)
+    differs = (solver.irradiance[static] != resting).any(axis=1)
+    assert np.array_equal(found[static] == mv.CHANGED, differs) and 0.05 < differs.mean() < 1
+    assert (found[static.stop :] == mv.ANEW).all()
+    solver.move("block", Pose((0.5, 30.0, 0.5)))  # outside all light
+    assert (mv.recomputed(solver)[static] == mv.BACKGROUND).all()
+    twin = solver.twin()
+    twin.move_all({})
+    assert mv.recomputed(solver) is None, "another frame has overwritten its sums"
+
+
+def test_receivers_estimated_anew_are_told_from_those_with_changed_sums():
+    solver = solved()
+    solver.move("block", Pose((0.5, 0.08, 0.5)))  # it stands deep in discs on the floor
+    found = mv.recomputed(solver)[solver.surfaces.receiver_range(0)]
+    assert (found == mv.ANEW).sum() >= solver.frame.control_facts.stale > 0 and (found == mv.CHANGED).any()
+
+
+def test_a_scene_without_objects_or_photons_has_kept_paths_or_nothing():
+    solver = Solver(replace(room(4), mobiles=()), photons=500, radius=0.1)
+    assert mv.method_view(solver, LOOK).paths is None
+    solver.solve()
+    view = mv.method_view(solver, LOOK._replace(receiver=0))
+    assert set(view.paths.kind.tolist()) == {mv.KEPT} and view.disc.counts[1:] == (0, 0)
