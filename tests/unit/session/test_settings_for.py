@@ -32,7 +32,7 @@ def test_a_saved_scene_gives_all_that_it_holds(tmp_path):
 
 def test_a_dimmed_lamp_and_a_moved_object_are_changes():
     kept = files.Files()
-    session = SimpleNamespace(settings=Settings(), poses={"pawn": 1}, ready=True)
+    session = SimpleNamespace(settings=Settings(), poses={"pawn": 1}, edits=(), ready=True)
     kept._clean = files._state(session)
     assert not kept.has_changed(session)
     session.settings = replace(session.settings, lamps=(LampSetting("light", 0.5),))
