@@ -29,6 +29,7 @@ ERRORS = "error"  # one more in the window: needs the reference, see app/rest/li
 SIZE = (1280, 800)
 MOST_PIXELS = 16384  # per side of a picture
 BUDGET = 16.0  # [ms]: 60 frames per second
+PICTURE_SCALES = (1, 2, 4)
 SECONDS = 20.0  # for gathering light before a picture without a window
 STEP = 0.015  # of the scene size: motion of a mobile per timed frame, as in the report
 
@@ -117,6 +118,7 @@ class Settings:
     pins: tuple[Pin, ...] = ()  # read-outs
     cameras: tuple[tuple[str, tuple[float, ...]], ...] = ()  # bookmarks by name; numbers as of `camera`
     plane: MeasuringPlane | None = None  # None: nothing is measured
+    picture_scale: int = 1  # times the viewport's pixels per side, of saved pictures; one of PICTURE_SCALES
     budget: float = BUDGET  # [ms] for light per frame in motion; 0: always all photons
     fallback: bool = True  # without a window, render to a file instead of failing
 

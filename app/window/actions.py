@@ -311,7 +311,8 @@ def _save_picture(window: Window, path: Path) -> None:
     metadata = viewport.picture.metadata(window.session.light.snapshot)
     look = viewport.look(outlined=False)
     try:
-        screenshot.save(renderer, look, viewport.legend, metadata, path)
+        scale = window.session.settings.picture_scale
+        screenshot.save(renderer, look, viewport.legend, metadata, path, scale)
         window.log(f"saved {path}")
     except OSError as problem:
         window.log(f"not saved: {problem.strerror or problem}; {path}", WARNING)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from app.draw.false_colour import Scale, false_colours
 from app.draw.tonemap import TONE_MAPS, to_display
@@ -187,3 +188,34 @@ def test_wipe_shows_one_layer_per_side(ctx, samples):
     assert (seen[0.4][[0, -1]] == background()).all(), "both parts are cleared"
     renderer.release()
     assert ctx.error == "GL_NO_ERROR"
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("scale", [1, 2, 4])
+def test_saved_pictures_have_the_size_asked_for(scale, tmp_path):
+    """Block means are the picture at 1x, but for edges; the viewport keeps its size."""
+    from app.draw.renderer import Look, Renderer
+    from app.draw.shot import Shot
+    from app.settings import Settings, make_solver
+    from app.window import screenshot
+
+    solver = make_solver(support.room(), Settings(photons=2000, radius=0.06))
+    solver.solve()
+    shot, ctx = Shot(solver, Settings(size=(64, 48))), support.standalone_context()
+    drawing = Renderer(ctx)
+    try:
+        drawing.set_scene(shot.meshes)
+        for o in range(len(shot.meshes)):
+            drawing.set_colours(o, *shot.colours(o), weights=shot.weights(o))
+        drawing.resize(64, 48)
+        look = Look(shot.camera.projection(64 / 48) @ shot.camera.view(), (np.eye(4),) * 2, 0.0, "clip", True)
+        paths = [screenshot.save(drawing, look, None, {}, tmp_path / f"{k}.png", k) for k in (1, scale)]
+        assert drawing.size == (64, 48)
+    finally:
+        drawing.release()
+        ctx.release()
+    small, large = (np.array(Image.open(path).convert("RGB")).astype(float) for path in paths)
+    assert large.shape == (48 * scale, 64 * scale, 3)
+    blocks = large.reshape(48, scale, 64, scale, 3).mean(axis=(1, 3))
+    apart = np.abs(blocks - small).max(axis=2)
+    assert np.median(apart) < 1 and apart.mean() < 4 and small.std() > 20

@@ -9,7 +9,7 @@ from typing import Any
 from imgui_bundle import imgui
 
 from app.cli import values
-from app.settings import ERROR_RANGES, ERRORS, ILLUMINANCE, SHOWS, TONE_MAPS, Settings
+from app.settings import ERROR_RANGES, ERRORS, ILLUMINANCE, PICTURE_SCALES, SHOWS, TONE_MAPS, Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
@@ -49,6 +49,8 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
             change: dict[str, Any] = {field: on}
             s = replace(s, **change)
         ui.tip(about)
+    sizes: dict = {k: f"{k}x the pixels" for k in PICTURE_SCALES}
+    s = ui.choice(s, "Saved picture", "picture_scale", sizes, "Size of pictures saved by P, relative to the viewport.")
     half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
     if imgui.button("Meter exposure", (half, 0)):
         actions.add("meter")
