@@ -96,7 +96,7 @@ def opened(workers: int | None, scheduler: str | None) -> Iterator[Machines | No
         from gi_core.base.threads import available_cores
 
         threads = max(available_cores() // workers, 1)
-        given = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None, "memory_limit": 0}
+        given = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "memory_limit": 0}
         with LocalCluster(**given, silence_logs=logging.CRITICAL) as cluster, Client(cluster) as client:
             yield Machines(client, threads)
 

@@ -135,7 +135,7 @@ def test_a_scheduler_without_workers_gets_a_sentence(capsys, monkeypatch):
     from distributed import LocalCluster
 
     monkeypatch.setattr(cluster, "PATIENCE", 0.5)
-    with LocalCluster(n_workers=0, dashboard_address=None) as empty:
+    with LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as empty:
         words = ["render", "no such scene.glb", "--frames", "2", "--scheduler", empty.scheduler_address]
         assert cli.main(words) == 2
     said = f"no worker has joined; start `dask worker {words[-1]}` on a machine"
