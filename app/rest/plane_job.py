@@ -20,13 +20,14 @@ class PlaneJob:
         self._begun: tuple | None = None  # plane, poses and levels of the steps
         self._plane: MeasuringPlane | None = None
         self._light: PlaneLight | None = None
+        self._lit: tuple | None = None  # plane, poses and levels of the light
 
     @property
     def light(self) -> PlaneLight | None:
         """The light on the plane; None without one, or before the first result."""
         if self._light is None or self._plane is None:
             return None
-        return self._light._replace(is_current=self._begun == self._asked())
+        return self._light._replace(is_current=self._lit == self._asked())
 
     def next_work(self, plane: MeasuringPlane | None) -> Callable[[], None] | None:
         """Return the next task of a plane, None at the end."""
@@ -50,4 +51,4 @@ class PlaneJob:
         if light is None:
             self._steps = None
         elif light.fraction > 0:  # the old light stays until there is some
-            self._light = light
+            self._light, self._lit = light, self._begun

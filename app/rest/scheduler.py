@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -43,7 +44,8 @@ class RestWork:
         self._wants = Wants(settings.measure_errors, REFERENCE in settings.beside_estimate, other)
         unknown = math.isinf(self.gathering.progress.error) and GATHERING not in self.given_up
         gathering = (self.next_static,) * FIRST_TURNS if unknown else (self.next_static, self._gather_at_poses)
-        jobs = (*gathering, lambda: self._measure_plane(settings.plane), self._measure_errors)
+        plane: Callable[[], Task | None] = functools.partial(self._measure_plane, settings.plane)
+        jobs = [*gathering, plane, self._measure_errors, plane]  # two turns: the user waits for its numbers
         self._turn += 1
         turn = self._turn % len(jobs)
         return next((task for job in (*jobs[turn:], *jobs[:turn]) if (task := job()) is not None), None)

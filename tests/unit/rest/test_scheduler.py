@@ -140,3 +140,38 @@ def test_unusable_stored_file_counts_as_none(what, folder):
         case _:
             file.path.write_bytes({"empty": b"", "text": b"what?", "truncated": whole[: len(whole) // 2]}[what])
     assert file.load() is None
+
+
+def test_a_measuring_plane_is_measured_beside_all_other_work_and_again_at_other_poses():
+    """Its light stays, marked as out of date, until that of the new poses is there; without a plane there is none."""
+    from app.rest.scheduler import PLANE, RestWork
+    from app.settings import MeasuringPlane
+
+    solver = Solver(SCENE, photons=3000, radius=0.06)
+    solver.configure(light="best")
+    solver.solve()
+    settings = Settings(photons=3000, light="best", plane=MeasuringPlane((0.2, 0.2), (0.8, 0.8), 0.5, (2, 2)))
+    work, names = RestWork(solver, support.Clock()), []
+
+    def until(done) -> None:
+        for _ in range(400):
+            task = work.next_task(settings)
+            if task is None or done():
+                return
+            names.append(task.name)
+            task.run()
+        raise AssertionError("the plane is not measured")
+
+    until(lambda: work.results().plane is not None)
+    assert names[:12].count(PLANE) >= 3 and len(set(names)) > 1, "it takes turns"
+    until(lambda: work.results().plane.fraction == 1)
+    first = work.results().plane
+    assert first.is_current and np.isfinite(first.values).all()
+    name = solver.model.names[0]
+    solver.move(name, solver.poses[name]._replace(position=(0.5, 0.5, 0.7)))
+    work.next_task(settings)
+    assert work.results().plane.values is first.values and not work.results().plane.is_current
+    until(lambda: work.results().plane.is_current and work.results().plane.fraction == 1)
+    assert not np.array_equal(work.results().plane.values, first.values)
+    work.next_task(replace(settings, plane=None))
+    assert work.results().plane is None
