@@ -19,8 +19,8 @@ uniform vec3 eye;         // in object space
 in vec2 glossy;           // glossy receiver of front and back, from 1; 0: none
 in vec3 normal;           // of the front
 in vec4 specular;         // F0 red, green, blue; F90
-in float alpha;
-in vec3 front_lit;        // irradiance [W/m2]
+in float alpha;           // < 0: a table, which the processor has evaluated
+in vec3 front_lit;        // irradiance [W/m2]; of a table the radiance of gloss for the eye
 in vec3 back_lit;
 centroid out vec3 front_gloss;  // times its weight
 centroid out vec3 back_gloss;
@@ -37,7 +37,9 @@ float smith(float cosine) {
 vec3 gloss(float receiver, vec3 n, vec3 irradiance) {
     vec3 to_eye = eye - position;
     float at_eye = dot(to_eye, n);
-    if (receiver < 0.5 || layout_of.x < 0.5 || at_eye <= 0.0) return vec3(0.0);
+    if (receiver < 0.5 || layout_of.x < 0.5) return vec3(0.0);
+    if (alpha < 0.0) return irradiance;
+    if (at_eye <= 0.0) return vec3(0.0);
     to_eye = normalize(to_eye);
     at_eye = max(dot(to_eye, n), GRAZING);
     float far = smith(at_eye), a = max(alpha, LEAST_ALPHA), a2 = a * a;

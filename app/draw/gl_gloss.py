@@ -23,6 +23,11 @@ class GlossTexture:
         self._texture: moderngl.Texture | None = None
         self._shown: GlossLight | None = None
 
+    @property
+    def light(self) -> GlossLight | None:
+        """The light on show."""
+        return self._shown
+
     def upload(self, light: GlossLight | None) -> None:
         """Show the light of a frame; None: of no glossy receiver. Only what differs from the last call is uploaded."""
         if light is None or light is self._shown:

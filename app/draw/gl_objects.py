@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import moderngl
 import numpy as np
 
+from app.draw.vertex_colours import gloss_colours
+
 if TYPE_CHECKING:
     from app.draw.gl_textures import GLTextures
     from app.draw.vertex_colours import DrawMesh
@@ -62,7 +64,9 @@ class DrawnObject:
         if mesh.uv is not None:
             self._places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
             self._owned.append(self._places)
-        self._gloss = None
+        self._gloss, self._mesh = None, mesh
+        self._light: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # by layer: irradiance, and under gloss per vertex
+        self.has_tables = mesh.lobe is not None and bool((mesh.lobe[:, 4] < 0).any())
         if mesh.lobe is not None:
             packed = np.c_[mesh.gloss + 1, mesh.normal, mesh.lobe].astype(np.float32)
             self._gloss = ctx.buffer(packed.tobytes())
@@ -108,10 +112,20 @@ class DrawnObject:
         if len(self._colours):
             self._layer(layer).colours.write(self._colours)
 
-    def light(self, front: np.ndarray, back: np.ndarray, layer: int = 0) -> None:
-        """Upload irradiance (D, 3) [W/m2] of both sides, where the object has gloss."""
-        if (buffer := self._layer(layer).irradiance) is not None:
-            buffer.write(np.c_[front, back].astype(np.float32))
+    def light(self, irradiance: np.ndarray, layer: int = 0) -> None:
+        """Upload irradiance (R, 3) [W/m2] under gloss."""
+        mesh = self._mesh
+        lit = np.c_[np.nan_to_num(irradiance[mesh.front]), np.nan_to_num(irradiance[mesh.back])].astype(np.float32)
+        self._light[layer] = irradiance, lit
+        self._layer(layer).irradiance.write(lit)
+
+    def evaluate_tables(self, cells: np.ndarray, eye: np.ndarray) -> None:
+        """Upload the radiance of tabulated gloss towards an eye (3,) in the object's space; cells as GlossLight's."""
+        which = np.flatnonzero(self._mesh.lobe[:, 4] < 0)
+        for layer, (irradiance, lit) in self._light.items():
+            front, back = gloss_colours(self._mesh, cells, irradiance, eye, which)
+            lit[which] = np.c_[front, back]
+            self._layer(layer).irradiance.write(lit)
 
     @property
     def is_glossy(self) -> bool:

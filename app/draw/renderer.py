@@ -111,10 +111,10 @@ class Renderer:
         """Upload the directional light of the glossy receivers; None: there are none."""
         self._gloss.upload(light)
 
-    def set_irradiance(self, o: int, mesh: DrawMesh, irradiance: np.ndarray, layer: int = 0) -> None:
+    def set_irradiance(self, o: int, irradiance: np.ndarray, layer: int = 0) -> None:
         """Upload irradiance (R, 3) [W/m2] under the gloss of an object, if it has any."""
         if self._objects[o].is_glossy:
-            self._objects[o].light(np.nan_to_num(irradiance[mesh.front]), np.nan_to_num(irradiance[mesh.back]), layer)
+            self._objects[o].light(irradiance, layer)
 
     def dim(self, meshes: tuple[DrawMesh, ...]) -> None:
         """Set the emission of all objects to that of these meshes, which differ from set_scene()'s in nothing else."""
@@ -159,6 +159,10 @@ class Renderer:
             program["image"] = 0
             program["brightest"] = MOST_REFLECTANCE
             program["painted"] = float(look.textured)
+        if look.textured and look.eye is not None and (light := self._gloss.light) is not None:
+            for o, model in zip(self._objects, look.models, strict=True):
+                if o.has_tables:
+                    o.evaluate_tables(light.whole(), _in_object(model, look.eye))
         for layer, area in _parts(targets.size, look.split):
             targets.drawn.scissor = area
             self._draw_layer(look, layer)
@@ -272,7 +276,12 @@ def _place(program, view_projection: np.ndarray, model: np.ndarray, eye: np.ndar
     program["view_projection"].write(view_projection.T.astype(np.float32).tobytes())
     program["model"].write(model.T.astype(np.float32).tobytes())
     if eye is not None:
-        program["eye"] = tuple(np.asarray(model)[:3, :3].T @ (np.asarray(eye) - np.asarray(model)[:3, 3]))
+        program["eye"] = tuple(_in_object(model, eye))
+
+
+def _in_object(model: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Return a point (3,) of the world in the space of an object."""
+    return np.asarray(model)[:3, :3].T @ (np.asarray(point) - np.asarray(model)[:3, 3])
 
 
 def _program(ctx, vertex: str, fragment: str, *defines: str):

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.grouping import group_of
+from gi_core.bsdf.table import Tables, join
 from gi_core.geometry.radiosity import exitant_radiance
 from gi_core.geometry.surfaces import Surfaces, glossy_receivers
 from gi_core.gloss.radiance import gloss_radiance, room_for
@@ -35,6 +36,8 @@ class DrawMesh(NamedTuple):
     lobe: np.ndarray | None = None  # (D, 5) float32: F0, F90, alpha; None: no vertex is glossy, the next two are None
     gloss: np.ndarray | None = None  # (D, 2) int32, glossy receiver on front and back (row of GlossLight), -1: none
     normal: np.ndarray | None = None  # (D, 3) float32 unit, of the receiver on the front
+    tangent: np.ndarray | None = None  # (D, 3) float32 unit; None: no vertex has a table ...
+    tables: Tables | None = None  # ... of these
 
 
 def draw_meshes(
@@ -47,7 +50,7 @@ def draw_meshes(
     lamp = np.zeros(len(surfaces.areas), np.int32) if lamp is None else lamp
     meshes = tuple(_draw_mesh(surfaces, lamp, o) for o in range(len(surfaces.vertices)))
     if normals is None or np.isnan(surfaces.lobe).all():
-        return tuple(mesh._replace(lobe=None) for mesh in meshes)
+        return tuple(mesh._replace(lobe=None, tangent=None, tables=None) for mesh in meshes)
     glossy = glossy_receivers(surfaces)
     return tuple(_with_gloss(mesh, glossy, normals) for mesh in meshes)
 
@@ -55,7 +58,7 @@ def draw_meshes(
 def _with_gloss(mesh: DrawMesh, glossy: np.ndarray, normals: np.ndarray) -> DrawMesh:
     """Return the mesh with glossy receivers and normals, or without lobes where no vertex is glossy."""
     if np.isnan(mesh.lobe).all():
-        return mesh._replace(lobe=None)
+        return mesh._replace(lobe=None, tangent=None, tables=None)
     sides = np.stack([mesh.front, mesh.back], axis=1)
     has = (sides >= 0) & ~np.isnan(mesh.lobe[:, 4:])
     rows = np.where(has, np.searchsorted(glossy, sides), -1).astype(np.int32)
@@ -71,7 +74,7 @@ def dimmed(meshes: tuple[DrawMesh, ...], levels: np.ndarray) -> tuple[DrawMesh, 
 def part_of(mesh: DrawMesh, faces: np.ndarray) -> DrawMesh:
     """Return the mesh of some faces (n,) in their order, each with its own vertices."""
     rows = mesh.triangles[faces].reshape(-1)
-    of_light = ("front", "back", "reflectance", "emission", "lamp", "lobe", "gloss", "normal")
+    of_light = ("front", "back", "reflectance", "emission", "lamp", "lobe", "gloss", "normal", "tangent")
     per_vertex = ("positions", "texture", "uv", "texel", *of_light)
     values = {name: getattr(mesh, name) for name in per_vertex}
     values = {name: None if a is None else a[rows] for name, a in values.items()}
@@ -107,6 +110,8 @@ def _draw_mesh(surfaces: Surfaces, lamp: np.ndarray, o: int) -> DrawMesh:
         emission=emission[first // 3],
         lamp=lamp[first // 3],
         lobe=lobe[first // 3].astype(np.float32),
+        tables=surfaces.tables if len(surfaces.tangent) else None,
+        tangent=surfaces.tangent[of][first // 3].astype(np.float32) if len(surfaces.tangent) else None,
     )
     if paint is None or not (paint.face_texture >= 0).any():
         return mesh
@@ -164,19 +169,22 @@ def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = Tru
 
 
 def gloss_colours(
-    draw: DrawMesh, cells: np.ndarray, irradiance: np.ndarray, eye: np.ndarray
+    draw: DrawMesh, cells: np.ndarray, irradiance: np.ndarray, eye: np.ndarray, which=slice(None)
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the radiance (D, 3) float32 that gloss adds to front and back, above any texture; None without gloss.
 
-    cells (n, CELLS, 6): `GlossLight.whole()`; irradiance (R, 3) [W/m2]; eye (3,): in the object's space.
+    cells (n, CELLS, 6): `GlossLight.whole()`; irradiance (R, 3) [W/m2]; eye (3,): in the object's space; which: draw
+    vertices, None: all.
     """
     if draw.lobe is None:
         return None
-    found = []
+    found, tables = [], join([]) if draw.tables is None else draw.tables
+    tangent = (draw.normal if draw.tangent is None else draw.tangent)[which]
+    positions, normals, lobes = draw.positions[which], draw.normal[which], draw.lobe[which]
     for side, receivers in enumerate((draw.front, draw.back)):
-        out, normal = room_for(len(receivers)), draw.normal if side == 0 else -draw.normal
-        E = np.nan_to_num(irradiance[receivers])
-        gloss_radiance(cells, draw.gloss[:, side], E, draw.positions, normal, draw.lobe, eye, out)
+        out, normal = room_for(len(positions)), normals if side == 0 else -normals
+        E, rows = np.nan_to_num(irradiance[receivers[which]]), np.ascontiguousarray(draw.gloss[which, side])
+        gloss_radiance(cells, rows, E, positions, normal, lobes, tangent, tables, eye, out)
         found.append(out.astype(np.float32))
     return found[0], found[1]
 

@@ -343,7 +343,7 @@ class Viewer:
                     mesh, side, shown.errors, session.settings.show == "radiance", shown.recomputed
                 )
                 self.renderer.set_colours(o, *painted, layer, weights(mesh, side.weights))
-                self.renderer.set_irradiance(o, mesh, side.irradiance, layer)
+                self.renderer.set_irradiance(o, side.irradiance, layer)
 
     def _guard(self, stage: str, work: Callable[[], None]) -> None:
         """Run a stage of the frame; log its exception, the window goes on."""

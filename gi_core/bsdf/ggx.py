@@ -230,13 +230,13 @@ def under_gloss(lobe: np.ndarray) -> np.ndarray:
     """Return 1 - E_mean of lobes (F, 5): the share of a base's reflectance that is left under gloss; 1 without."""
     top = lobe[:, :3].max(axis=1)
     passed = np.maximum(1 - top - (lobe[:, 3] - top) * _mean_over_directions(lobe[:, 4]), 0.0)
-    return np.where(np.isnan(lobe[:, 4]), 1.0, passed)
+    return np.where(lobe[:, 4] >= 0, passed, 1.0)
 
 
 def gloss_albedo(lobe: np.ndarray) -> np.ndarray:
     """Return the hemispherical albedo (F, 3) of lobes (F, 5), without the loss by masking; 0 without gloss."""
     albedo = lobe[:, :3] + (lobe[:, 3:4] - lobe[:, :3]) * _mean_over_directions(lobe[:, 4])[:, None]
-    return np.where(np.isnan(lobe[:, 4:5]), 0.0, albedo)
+    return np.where(lobe[:, 4:5] >= 0, albedo, 0.0)
 
 
 def _mean_over_directions(alpha: np.ndarray) -> np.ndarray:

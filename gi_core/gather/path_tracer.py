@@ -48,13 +48,14 @@ class PathEnds(NamedTuple):
     throughput: np.ndarray  # (n, 3) float64, factor of irradiance at this vertex; of pi L on a glossy face
     face: np.ndarray  # (n,) int32, glossy face of the vertex; -1: start, or a diffuse face
     arrival: np.ndarray  # (n, 3) float64 unit, to the vertex before, of glossy vertices
+    tangent: np.ndarray  # (n, 3) float64 unit, there
     density: np.ndarray  # (n,) float64 [1/sr], of the direction sampled at a glossy vertex; < 0: a mirror's
 
 
 def starts(path, row, position, normal) -> PathEnds:
     """Return the starts of n paths that estimate irradiance, with views of the arrays given."""
     n = len(path)
-    one = np.ones((n, 3)), np.full(n, -1, np.int32), np.zeros((n, 3)), np.zeros(n)
+    one = np.ones((n, 3)), np.full(n, -1, np.int32), *np.zeros((2, n, 3)), np.zeros(n)
     return PathEnds(path, row, position, normal, *one)
 
 
@@ -129,7 +130,8 @@ def scatter(bsdfs, seed, m, vertex, ends, origin, direction):
             x, y, z = random_numbers.from_frame(x, y, z, ends.normal[k, 0], ends.normal[k, 1], ends.normal[k, 2])
         else:
             part = strata.uniform(seed, ends.path[k], vertex, PART, m)
-            (x, y, z), weight, p = surface.sampled(bsdfs, f, row(ends.arrival, k), row(ends.normal, k), u, v, part)
+            frame = row(ends.normal, k), row(ends.tangent, k)
+            (x, y, z), weight, p = surface.sampled(bsdfs, f, row(ends.arrival, k), *frame, u, v, part)
             ends.density[k] = p
             ends.throughput[k, 0] *= weight[0]
             ends.throughput[k, 1] *= weight[1]
@@ -179,6 +181,9 @@ def _arrive(world, at, lights, sky, seed, m, vertex, ends, direction, distance, 
         ends.path[n], ends.row[n] = path, at_row  # n <= k: overwritten rows have been read
         ends.normal[n, 0], ends.normal[n, 1], ends.normal[n, 2] = s * normal[0], s * normal[1], s * normal[2]
         ends.face[n] = f if glossy else -1
+        if glossy:
+            along = surface.tangent_of(world.bsdfs, at.rotation[world.face_object[f]], f)
+            ends.tangent[n, 0], ends.tangent[n, 1], ends.tangent[n, 2] = along
         for c in range(3):
             ends.position[n, c] = ends.position[k, c] + t * d[c] + ORIGIN_LIFT * world.size * ends.normal[n, c]
             ends.arrival[n, c] = -d[c]

@@ -10,10 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.vectors import cross, length
+from gi_core.base.vectors import cross, dot, length
 from gi_core.bsdf.ggx import MOST_BASE, under_gloss
+from gi_core.bsdf.table import Table, Tables, join, tabulate
 from gi_core.geometry.receivers import Receivers, build_receivers, no_receivers
 from gi_core.geometry.texture_filter import mean_colours
+from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Gloss, Mesh, Paint, Scene
 
 
@@ -33,7 +35,9 @@ class Surfaces(NamedTuple):
     patch: np.ndarray  # (F,) int32, connected smooth patch
     first_receiver: np.ndarray  # (objects + 1,) int64
     paint: tuple[Paint | None, ...]  # per object: paint, of which `reflectance` is the mean; None: unpainted
-    lobe: np.ndarray  # (F, 5) float64: F0 red, green, blue, F90, alpha of gloss; nan: diffuse
+    lobe: np.ndarray  # (F, 5) float64: F0 red, green, blue, F90, alpha of gloss; nan: diffuse; alpha -1 - k: table k
+    tables: Tables  # of materials with a model of reflection
+    tangent: np.ndarray  # (F, 3) float64 unit, object space, of anisotropic models; (0, 3) without tables
 
     @property
     def objects(self) -> int:
@@ -53,6 +57,10 @@ def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receiv
     Le = np.array([m.emission for m in scene.materials], np.float64).reshape(-1, 3)
     sided = np.array([m.two_sided for m in scene.materials], bool)
     lobes = np.array([lobe_of(m.gloss) for m in scene.materials], np.float64).reshape(-1, 5)
+    tables = tables_of(scene)
+    for k, (m, table) in enumerate(tables.items()):
+        lobes[m], rho[m] = (0, 0, 0, 0, -1 - k), table.diffuse
+    grain = np.array([m.grain for m in scene.materials], np.float64).reshape(-1, 3)
     parts, receivers, paints = [], [], []
     receiver_count = patch_count = 0
     for mesh in meshes:
@@ -65,7 +73,11 @@ def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receiv
         if reflectance is None:
             reflectance = rho[mesh.face_material] if mesh.paint is None else mean_colours(mesh.paint)
         lobe, reflectance, paint = lobes[mesh.face_material], np.asarray(reflectance, np.float64), mesh.paint
-        if not np.isnan(lobe).all():
+        tabulated = lobe[:, 4] < 0
+        if tabulated.any():
+            reflectance, paint = reflectance.copy(), _without(paint, tabulated, rho[mesh.face_material])
+            reflectance[tabulated] = rho[mesh.face_material][tabulated]
+        if (lobe[:, 4] >= 0).any():
             share = under_gloss(lobe)[:, None]
             reflectance = np.minimum(reflectance, np.where(share < 1, MOST_BASE, 1)) * share
             if paint is not None:
@@ -73,12 +85,13 @@ def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receiv
                 paint = paint._replace(corner_colour=colour)
         paints.append(paint)
         sides = two_sided, front, back, built.patch + patch_count
-        parts.append((normals, areas, reflectance, Le[mesh.face_material], *sides, lobe))
+        along = _tangents(normals, grain[mesh.face_material]) if tables else np.zeros((0, 3))
+        parts.append((normals, areas, reflectance, Le[mesh.face_material], *sides, lobe, along))
         # Probes are receivers too, without faces: the last ones of the static part.
         receivers.append(_with_probes(built.receivers, scene) if mesh is scene.static else built.receivers)
         receiver_count += len(receivers[-1].positions)
         patch_count += int(built.patch.max(initial=-1)) + 1
-    normals, areas, reflectance, emission, two_sided, front, back, patch, lobe = (
+    normals, areas, reflectance, emission, two_sided, front, back, patch, lobe, tangent = (
         np.concatenate(c) for c in zip(*parts, strict=True)
     )
     surfaces = Surfaces(
@@ -96,8 +109,44 @@ def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receiv
         first_receiver=_offsets([len(r.positions) for r in receivers]),
         paint=tuple(paints),
         lobe=np.ascontiguousarray(lobe, np.float64),
+        tables=join(list(tables.values())),
+        tangent=tangent,
     )
     return surfaces, Receivers(*(np.concatenate(c) for c in zip(*receivers, strict=True)))
+
+
+def tables_of(scene: Scene) -> dict[int, Table]:
+    """Return the table of each material that has models of reflection, by material.
+
+    Raises SceneError for a material that reflects more light than arrives.
+    """
+    out = {}
+    for k, m in enumerate(scene.materials):
+        if m.brdf:
+            try:
+                out[k] = tabulate(m.brdf, m.scaled)
+            except ValueError as error:
+                raise SceneError(f'{scene.name}: material "{m.name}": {error}') from None
+    return out
+
+
+def _without(paint: Paint | None, faces: np.ndarray, colour: np.ndarray) -> Paint | None:
+    """Return paint in which some faces (F,) bool have a plain colour (F, 3)."""
+    if paint is None:
+        return None
+    corners = np.where(faces[:, None, None], colour[:, None], paint.corner_colour).astype(np.float32)
+    return paint._replace(face_texture=np.where(faces, -1, paint.face_texture).astype(np.int32), corner_colour=corners)
+
+
+def _tangents(normals: np.ndarray, grain: np.ndarray) -> np.ndarray:
+    """Return unit tangents (F, 3) along the grain (F, 3), or along any axis where it stands on the face."""
+    along = np.zeros_like(normals)
+    for way in (grain, np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])):
+        flat = way - normals * dot(normals, np.broadcast_to(way, normals.shape))[:, None]
+        size = length(flat)
+        use = ~along.any(axis=1) & (size > 1e-3)
+        along[use] = flat[use] / size[use, None]
+    return along
 
 
 def glossy_receivers(surfaces: Surfaces) -> np.ndarray:

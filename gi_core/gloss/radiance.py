@@ -10,18 +10,20 @@ import math
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.bsdf import ggx
+from gi_core.base.vec import cross, dot
+from gi_core.bsdf import ggx, table
 
 LEAST_ALPHA = 0.15  # lobes are drawn no sharper: vertices and cells cannot carry more
 GRAZING = 0.05  # least cosine of a direction
 
 
 @kernel
-def gloss_radiance(cells, row, irradiance, position, normal, lobe, eye, out):
+def gloss_radiance(cells, row, irradiance, position, normal, lobe, tangent, tables, eye, out):
     """Write the radiance (D, 3) [W/m2/sr] of gloss at D vertices.
 
     cells (n, CELLS, 6): see `gi_core.gloss.cells.GlossLight`; row (D,): into it, -1: no gloss; irradiance (D, 3)
-    [W/m2]; position, normal (D, 3) and eye (3,) in the object's space; lobe (D, 5): F0, F90, alpha.
+    [W/m2]; position, normal, tangent (D, 3) and eye (3,) in the object's space; lobe (D, 5): F0, F90, alpha; alpha
+    -1 - k: table k of `tables`.
     """
     for v in range(len(row)):
         out[v, 0] = out[v, 1] = out[v, 2] = 0.0
@@ -35,6 +37,10 @@ def gloss_radiance(cells, row, irradiance, position, normal, lobe, eye, out):
         x, y, z = x / size, y / size, z / size
         at_eye = x * n[0] + y * n[1] + z * n[2]
         if at_eye <= 0.0:
+            continue
+        if lobe[v, 4] < 0.0:
+            r, g, b = _from_table(tables, -1 - int(lobe[v, 4]), cells[k], n, tangent[v], (x, y, z))
+            out[v, 0], out[v, 1], out[v, 2] = r * irradiance[v, 0], g * irradiance[v, 1], b * irradiance[v, 2]
             continue
         at_eye = max(at_eye, GRAZING)
         alpha = max(lobe[v, 4], LEAST_ALPHA)
@@ -56,6 +62,31 @@ def gloss_radiance(cells, row, irradiance, position, normal, lobe, eye, out):
             green += f * g * (lobe[v, 1] + (lobe[v, 3] - lobe[v, 1]) * s)
             blue += f * b * (lobe[v, 2] + (lobe[v, 3] - lobe[v, 2]) * s)
         out[v, 0], out[v, 1], out[v, 2] = red * irradiance[v, 0], green * irradiance[v, 1], blue * irradiance[v, 2]
+
+
+@kernel
+def _from_table(tables, m, cells, n, t, o):
+    """Return the radiance of a table towards o under irradiance 1. A mirror is shown as a lobe of LEAST_ALPHA."""
+    s = cross(n, t)
+    ox, oy, oz = dot(o, t), dot(o, s), max(dot(o, n), GRAZING)
+    far, glass = ggx._lambda(LEAST_ALPHA, oz), table.mirror_share(tables, m, ox, oy, oz)
+    glass *= table.albedo(tables, m, ox, oy, oz)
+    red = green = blue = 0.0
+    for c in range(len(cells)):
+        r, g, b = cells[c, 0], cells[c, 1], cells[c, 2]
+        if r + g + b <= 0.0:
+            continue
+        w = cells[c, 3], cells[c, 4], cells[c, 5]
+        wx, wy, wz = dot(w, t), dot(w, s), max(dot(w, n), GRAZING)
+        f, h, p = table.value(tables, m, wx, wy, wz, ox, oy, oz)
+        if glass > 0.0:
+            hx, hy, hz = wx + ox, wy + oy, wz + oz
+            cos_h = hz / max(math.sqrt(hx * hx + hy * hy + hz * hz), 1e-6)
+            more = 1.0 + far + ggx._lambda(LEAST_ALPHA, wz)
+            mirror = glass * ggx.distribution(LEAST_ALPHA, cos_h) / (4.0 * wz * oz * more)
+            f, h, p = f + mirror, h + mirror, p + mirror
+        red, green, blue = red + f * r, green + h * g, blue + p * b
+    return red, green, blue
 
 
 def room_for(vertices: int) -> np.ndarray:

@@ -27,6 +27,7 @@ from gi_core.base.jit import cache_folder
 from gi_core.base.kernel_cache import KernelCache
 from gi_core.base.nearest_points import count_within, nearest
 from gi_core.base.threads import available_cores
+from gi_core.bsdf.table import join
 from gi_core.discs.search import SEARCHES
 from gi_core.estimators import CHEAPEST, DEFAULT, ESTIMATORS
 from gi_core.files.completion.pilot import Rays, useful_box
@@ -146,8 +147,9 @@ def _shine(rays: str | None = None) -> None:
     solver.solve()
     solver.move("mobile", Pose((0.0, 0.0, 0.4)))
     cells, one = solver.frame.gloss.whole(), np.ones((1, 3))
-    gloss_radiance(cells, np.zeros(1, np.int32), one, one.astype(np.float32), one.astype(np.float32),
-                   np.ones((1, 5), np.float32), np.zeros(3), np.empty((1, 3)))  # fmt: skip
+    narrow, tables = np.ones((1, 3), np.float32), join([])
+    light = cells, np.zeros(1, np.int32), one, narrow, narrow, np.ones((1, 5), np.float32), narrow, tables
+    gloss_radiance(*light, np.zeros(3), np.empty((1, 3)))
 
 
 def _prepare() -> None:

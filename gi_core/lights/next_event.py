@@ -206,7 +206,7 @@ def _reflected(bsdfs, ends, k, way):
     if f < 0:
         r, g, b = T[0], T[1], T[2]
     else:
-        r, g, b = surface.value(bsdfs, f, row(ends.arrival, k), way, row(ends.normal, k))
+        r, g, b = surface.value(bsdfs, f, row(ends.arrival, k), way, row(ends.normal, k), row(ends.tangent, k))
         r, g, b = math.pi * r * T[0], math.pi * g * T[1], math.pi * b * T[2]
     return r, g, b
 
@@ -218,7 +218,7 @@ def _density(bsdfs, ends, k, way, cosine):
     if f < 0:
         p = lambertian.pdf(cosine)
     else:
-        p = surface.pdf(bsdfs, f, row(ends.arrival, k), way, row(ends.normal, k))
+        p = surface.pdf(bsdfs, f, row(ends.arrival, k), way, row(ends.normal, k), row(ends.tangent, k))
     return p
 
 

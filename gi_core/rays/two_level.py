@@ -140,7 +140,7 @@ def build_world(surfaces: Surfaces, accelerator: Accelerator, lights: np.ndarray
     """
     return World(
         surfaces.normals,
-        build_bsdfs(surfaces.reflectance, surfaces.lobe),
+        build_bsdfs(surfaces.reflectance, surfaces.lobe, surfaces.tables, surfaces.tangent),
         surfaces.two_sided,
         accelerator.face_object,
         surfaces.first_face,

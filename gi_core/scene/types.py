@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.bsdf.models import Lobe
+
 
 class Gloss(NamedTuple):
     """GGX microfacets over a diffuse base, see `gi_core.bsdf.ggx`."""
@@ -21,13 +23,16 @@ class Gloss(NamedTuple):
 
 
 class Material(NamedTuple):
-    """A surface: a diffuse base, with or without gloss. Emission leaves the front only."""
+    """A surface: a diffuse base, with or without gloss, or a model of reflection. Emission leaves the front only."""
 
     name: str
     reflectance: tuple[float, float, float] = (0.7, 0.7, 0.7)  # rho of the diffuse base, each in [0, 1)
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # Le, radiance [W/m2/sr], each >= 0
     two_sided: bool = False  # the back reflects and receives too
     gloss: Gloss | None = None  # None: diffuse
+    brdf: tuple[Lobe, ...] = ()  # linear combination of models, in place of reflectance and gloss
+    scaled: bool = False  # a model that reflects more light than arrives is darkened there; False: it is refused
+    grain: tuple[float, float, float] = (1.0, 0.0, 0.0)  # tangent of anisotropic models, in the object's space
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gi_core.bsdf.models import Lobe
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.pose import as_pose
 from gi_core.scene.rules import (
@@ -41,6 +42,12 @@ from gi_core.scene.types import (
     SpotLight,
 )
 
+
+def is_brdf(value) -> bool:
+    """Return whether a value is a linear combination of lobes."""
+    return isinstance(value, tuple) and all(isinstance(lobe, Lobe) for lobe in value)
+
+
 FLUX_OF = {
     PointLight: "flux",
     PhotometricLight: "flux",
@@ -62,7 +69,10 @@ SIZE = Rule(
 )
 FIELDS: dict[type, dict[str, Rule]] = {
     Gloss: {"f0": SHARES, "alpha": SHARE, "f90": SHARE},
-    Material: {"reflectance": REFLECTANCE, "emission": STRENGTH, "two_sided": FLAG},
+    Material: {
+        "reflectance": REFLECTANCE, "emission": STRENGTH, "two_sided": FLAG, "scaled": FLAG, "grain": DIRECTION,
+        "brdf": Rule("a tuple of lobes, see gi_core.bsdf.models", is_brdf),
+    },
     PointLight: {"position": PLACE, "flux": STRENGTH},
     SpotLight: {
         "position": PLACE, "direction": DIRECTION, "intensity": STRENGTH,

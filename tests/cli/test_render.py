@@ -293,7 +293,7 @@ def gl_picture(shot: Shot) -> np.ndarray:
         drawing.set_scene(shot.meshes)
         for o in range(len(shot.meshes)):
             drawing.set_colours(o, *shot.colours(o), weights=shot.weights(o))
-            drawing.set_irradiance(o, shot.meshes[o], shot.solver.drawn(shot.solver.irradiance).irradiance)
+            drawing.set_irradiance(o, shot.solver.drawn(shot.solver.irradiance).irradiance)
         drawing.set_gloss(shot.solver.frame.gloss)
         drawing.resize(width, height)
         s = shot.settings

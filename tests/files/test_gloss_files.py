@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gi_core.bsdf.models import lobe
 from gi_core.files.formats.gltf_file import MATTE
 from gi_core.files.load import load_scene
 from gi_core.scene.errors import SceneError
@@ -78,12 +79,35 @@ def test_scene_file(tmp_path):
     assert found.gloss == Gloss(pytest.approx((1 / 9,) * 3), 0.25) and found.reflectance == (0.6, 0.5, 0.4)
 
 
+def test_scene_file_with_a_model(tmp_path):
+    found = scene_file(tmp_path, 'brdf = "ward"\nkd = [0.2, 0.1, 0.1]\nks = 0.3\nax = 0.1\nay = 0.4\ngrain = [0, 0, 1]')
+    assert found.brdf == (lobe("ward", {"kd": (0.2, 0.1, 0.1), "ks": 0.3, "ax": 0.1, "ay": 0.4}),)
+    assert found.grain == (0.0, 0.0, 1.0) and not found.scaled
+
+
+def test_scene_file_with_a_linear_combination(tmp_path):
+    parts = 'brdf = [{ model = "lewis", ks = 0.3, kd = 0.2 }, { model = "oren_nayar", factor = 0.5 }]\nscale = true'
+    found = scene_file(tmp_path, parts)
+    assert found.brdf == (lobe("lewis", {"ks": 0.3, "kd": 0.2}), lobe("oren_nayar", {}, 0.5)) and found.scaled
+
+
+def test_a_model_that_reflects_more_than_arrives_is_refused(tmp_path):
+    with pytest.raises(SceneError, match='material "m": .*scale = true'):
+        scene_file(tmp_path, 'brdf = "phong"\nks = 1.0\nkd = 0.0')
+    assert scene_file(tmp_path, 'brdf = "phong"\nks = 1.0\nkd = 0.0\nscale = true').scaled
+
+
 @pytest.mark.parametrize(
     "lines, said",
     [
         ("metallic = 1", "metallic and ior need a roughness from 0 to 1; write roughness = 0.3"),
         ("roughness = 2", "roughness must be a number from 0 to 1, got 2"),
         ("roughness = 0.3\nior = 0.5", "ior must be a number >= 1 and < 10, got 0.5"),
+        ('brdf = "wart"', "unknown reflection model"),
+        ('brdf = "ward"\nks = 3', "ks of ward is 3, and must be from 0 to 1"),
+        ('brdf = "ward"\nroughness = 0.1', "roughness and brdf exclude each other"),
+        ("brdf = 7", 'brdf must be a model or a list, got 7; write brdf = "ward"'),
+        ("grain = [1, 0, 0]", "grain belongs to a model of reflection"),
         ("roughness = 0.3\nmetallic = -1", "metallic must be a number from 0 to 1, got -1"),
     ],
 )

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from gi_core.bsdf.models import lobe
 from gi_core.estimators import ESTIMATORS
 from gi_core.gather.reference import reference_irradiance
 from gi_core.model import Model
@@ -21,18 +22,23 @@ pytestmark = pytest.mark.usefixtures("small_pilot")
 
 GIVEN = {"photons": 4000, "radius": 0.2, "neighbours": 12, "seed": 5}
 SURFACES = {
-    "varnish": ((0.6, 0.3, 0.2), Gloss(alpha=0.1)),
-    "satin": ((0.5, 0.5, 0.7), Gloss(alpha=0.6)),
-    "gold": ((0.0, 0.0, 0.0), Gloss((0.9, 0.7, 0.3), 0.2)),
-    "half metal": ((0.3, 0.3, 0.3), Gloss((0.5, 0.2, 0.1), 0.4)),
-    "mirror": ((0.0, 0.0, 0.0), Gloss((0.9, 0.9, 0.9), 0.0, 0.9)),
-    "lacquer": ((0.7, 0.1, 0.1), Gloss(alpha=0.0)),
+    "varnish": Material("", (0.6, 0.3, 0.2), gloss=Gloss(alpha=0.1)),
+    "satin": Material("", (0.5, 0.5, 0.7), gloss=Gloss(alpha=0.6)),
+    "gold": Material("", (0.0, 0.0, 0.0), gloss=Gloss((0.9, 0.7, 0.3), 0.2)),
+    "half metal": Material("", (0.3, 0.3, 0.3), gloss=Gloss((0.5, 0.2, 0.1), 0.4)),
+    "mirror": Material("", (0.0, 0.0, 0.0), gloss=Gloss((0.9, 0.9, 0.9), 0.0, 0.9)),
+    "lacquer": Material("", (0.7, 0.1, 0.1), gloss=Gloss(alpha=0.0)),
+    "ward": Material("", brdf=(lobe("ward", {"kd": (0.4, 0.1, 0.1), "ks": 0.4, "ax": 0.3, "ay": 0.3}),), scaled=True),
+    "brushed": Material("", brdf=(lobe("ward", {"kd": 0.0, "ks": 0.7, "ax": 0.4, "ay": 0.1}),), scaled=True),
+    "velvet": Material("", brdf=(lobe("oren_nayar", {}),)),
+    "glass": Material("", brdf=(lobe("perfect_specular", {"ks": (0.9, 0.6, 0.6)}),)),
+    "mixed": Material("", brdf=(lobe("lewis", {"kd": 0.3, "ks": 0.3}), lobe("perfect_specular", {"ks": 0.3}))),
 }
 
 
 def room() -> Scene:
     """A room with a satin floor, a mirror on the wall, a golden two-sided ball and a varnished box."""
-    colour = {name: Material(name, rho, gloss=gloss) for name, (rho, gloss) in SURFACES.items()}
+    colour = {name: material._replace(name=name) for name, material in SURFACES.items()}
     materials = (
         Material("wall", (0.7, 0.6, 0.5)),
         Material("lamp", (0.5, 0.5, 0.5), (3.0, 2.0, 1.0)),
@@ -40,16 +46,20 @@ def room() -> Scene:
         colour["mirror"],
         colour["gold"]._replace(two_sided=True),
         colour["varnish"],
+        colour["brushed"]._replace(grain=(0.0, 0.0, 1.0), two_sided=True),
+        colour["mixed"],
     )
     static = merge(
         box((0, 0, 0), (1, 1, 1), 3, 0, inward=True),
         quad((0.3, 0.3, 0.99), (0, 0.2, 0), (0.2, 0, 0), (1, 1), 1),
         quad((0.02, 0.02, 0.01), (0.96, 0, 0), (0, 0.96, 0), (3, 3), 2),
         quad((0.01, 0.2, 0.2), (0, 0.5, 0), (0, 0, 0.5), (1, 1), 3),
+        quad((0.99, 0.2, 0.2), (0, 0, 0.5), (0, 0.5, 0), (1, 1), 7),
     )
     mobiles = (
         Mobile("box", box((-0.12, -0.12, 0), (0.12, 0.12, 0.24), 1, 5), Pose((0.6, 0.4, 0.02))),
         Mobile("ball", sphere((0, 0, 0), 0.15, 1, 4), Pose((0.3, 0.7, 0.4))),
+        Mobile("can", sphere((0, 0, 0), 0.1, 1, 6), Pose((0.7, 0.7, 0.3))),
     )
     lights = (PointLight("bulb", (0.8, 0.8, 0.7), (0.5, 0.5, 2.0)),)
     return Scene(static, materials, mobiles, lights, up=(0, 0, 1), name="glossy room")
@@ -63,7 +73,10 @@ poses = st.builds(
 )  # fmt: skip
 steps = st.lists(
     st.tuples(
-        st.sampled_from(["box", "ball"]), poses, st.sampled_from(list(ESTIMATORS)), st.sampled_from(["photons", "best"])
+        st.sampled_from(["box", "ball", "can"]),
+        poses,
+        st.sampled_from(list(ESTIMATORS)),
+        st.sampled_from(["photons", "best"]),
     ),
     min_size=1,
     max_size=4,
@@ -101,11 +114,11 @@ def test_a_frame_equals_the_naive_twin(estimator):
         np.testing.assert_array_equal(solver.irradiance, twin.irradiance(estimator, solver.poses))
 
 
-def box_room(rho, gloss) -> Scene:
+def box_room(surface: Material) -> Scene:
     """A room with one glossy wall; its other walls are dark, so the lamp's light reaches the sensor by gloss first."""
     materials = (
         Material("dark", (0.1, 0.1, 0.1)),
-        Material("glossy", rho, gloss=gloss),
+        surface._replace(name="glossy"),
         Material("sensor", (0.0, 0.0, 0.0)),
         Material("lamp", (0.0, 0.0, 0.0), (30.0, 30.0, 30.0)),
     )
@@ -121,7 +134,7 @@ def box_room(rho, gloss) -> Scene:
 @pytest.mark.parametrize("name", SURFACES)
 def test_photons_bring_as_much_light_to_a_sensor_as_paths_find(name):
     """Photons go one way, paths the other: both agree only if draws, densities and values of a model fit together."""
-    scene = box_room(*SURFACES[name])
+    scene = box_room(SURFACES[name])
     model = Model(scene, threads=1)
     sensor = np.flatnonzero(scene.static.face_material == 2)
     photons = 1 << 17

@@ -76,7 +76,8 @@ class Twin:
                     return
                 more = [random_numbers.independent(self.seed, i, bounce + 1, k) for k in (2, 3)]
                 arrival, n = tuple(-d.astype(float)), tuple(self._side_normal(side[0], at))
-                direction, factor = surface.scattered(world.bsdfs, face, arrival, n, u, v, *more)
+                along = surface.tangent_of(world.bsdfs, at.rotation[world.face_object[face]], face)
+                direction, factor = surface.scattered(world.bsdfs, face, arrival, n, along, u, v, *more)
                 q = [attenuate(c, w, 1.0) for c, w in zip(q, factor, strict=True)]
                 if not any(q):
                     return

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from gi_core.bsdf.models import MODELS, lobe
 from gi_core.files.formats.metallic_roughness import metallic_roughness
 from gi_core.files.formats.toml_fields import Table, nearest, shown
 from gi_core.scene.errors import SceneError
+from gi_core.scene.pose import three
 from gi_core.scene.rules import SHARE
 from gi_core.scene.types import Material, Mesh
 
-KEYS = ("reflectance", "emission", "two_sided", "metallic", "roughness", "ior")
+KEYS = ("reflectance", "emission", "two_sided", "metallic", "roughness", "ior", "brdf", "scale", "grain")
 SHARES = ("metallic", "roughness")
 IOR = 1.5  # of glass, varnish and most plastics
 MOST_IOR = 10.0
+EXAMPLE = 'brdf = "ward" or brdf = [{ model = "ward", ks = 0.3 }, { model = "lewis", factor = 0.5 }]'
 
 
 def read_materials(root: Table) -> dict[str, Table]:
@@ -23,11 +26,14 @@ def read_materials(root: Table) -> dict[str, Table]:
         raise SceneError(f"{root.where}: materials are written as [materials.NAME], got {shown(tables)}")
     result = {}
     for name, values in tables.items():
-        table = Table(values, f'{root.where}: material "{name}"', KEYS)
+        named = values.get("brdf") if isinstance(values, dict) else None
+        more = tuple(MODELS[named].PARAMETERS) if isinstance(named, str) and named in MODELS else ()
+        table = Table(values, f'{root.where}: material "{name}"', KEYS + more)
         table.vector("reflectance", 3, None, least=0, below=1)
         table.vector("emission", 3, None, least=0)
         table.flag("two_sided", False)
         gloss_of(table, Material(name))
+        brdf_of(table, Material(name))
         result[name] = table
     return result
 
@@ -41,7 +47,7 @@ def overridden(material: Material, table: Table | None) -> Material:
         emission=table.vector("emission", 3, material.emission),
         two_sided=table.flag("two_sided", material.two_sided),
     )
-    return gloss_of(table, material)
+    return brdf_of(table, gloss_of(table, material))
 
 
 def gloss_of(table: Table, material: Material) -> Material:
@@ -54,6 +60,31 @@ def gloss_of(table: Table, material: Material) -> Material:
         return material
     metallic, roughness = given.get("metallic", 0.0), given["roughness"]
     return metallic_roughness(material, metallic, roughness, ((ior - 1) / (ior + 1)) ** 2)
+
+
+def brdf_of(table: Table, material: Material) -> Material:
+    """Return the material with the models of reflection that its table gives: brdf = "ward", or a list of tables."""
+    if "brdf" not in table:
+        for key in ("scale", "grain"):
+            if key in table:
+                raise SceneError(f'{table.where}: {key} belongs to a model of reflection; write brdf = "ward"')
+        return material
+    for key in ("reflectance", *SHARES, "ior"):
+        if key in table:
+            raise SceneError(f"{table.where}: {key} and brdf exclude each other; write the parameters of the model")
+    given = table.values["brdf"]
+    if isinstance(given, str):
+        known = MODELS[given].PARAMETERS if given in MODELS else ()
+        given = [{"model": given, **{key: table.values[key] for key in known if key in table}}]
+    if not (isinstance(given, list) and given and all(isinstance(part, dict) and "model" in part for part in given)):
+        raise SceneError(f"{table.where}: brdf must be a model or a list, got {shown(given)}; write {EXAMPLE}")
+    parts = ({**part} for part in given)
+    try:
+        lobes = tuple(lobe(part.pop("model"), factor=part.pop("factor", 1.0), parameters=part) for part in parts)
+    except (ValueError, TypeError) as error:
+        raise SceneError(f"{table.where}: {error}") from None
+    scaled, grain = table.flag("scale", False), table.direction("grain", material.grain)
+    return material._replace(brdf=lobes, scaled=scaled, grain=three(grain), gloss=None)
 
 
 def override(mesh: Mesh, materials: list[Material], tables: dict[str, Table]) -> tuple[Mesh, list[Material]]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gi_core.bsdf import ggx
+from gi_core.bsdf.table import join
 from gi_core.gloss.hemisphere import CELLS, cell_of, centres
 from gi_core.gloss.radiance import gloss_radiance, room_for
 from gi_core.retrace.cuts import current_segments
@@ -89,8 +90,9 @@ def test_uniform_light_shows_the_directional_albedo(alpha, cosine):
     cells[0, :, :3] = (share / share.sum())[:, None]
     cells[0, :, 3:] = mean / np.linalg.norm(mean, axis=1)[:, None]
     lobe, up = np.array([[0.5, 0.2, 0.04, 1.0, alpha]]), np.array([[0.0, 0.0, 1.0]])
+    light = up, lobe, up, join([])
     eye, out = np.array([math.sqrt(1 - cosine**2), 0.0, cosine]), room_for(1)
-    gloss_radiance(cells, np.zeros(1, np.int32), np.full((1, 3), math.pi), 0 * up, up, lobe, eye, out)
+    gloss_radiance(cells, np.zeros(1, np.int32), np.full((1, 3), math.pi), 0 * up, *light, eye, out)
     black = np.zeros(3)
     numbers = np.random.default_rng(0).random((20_000, 4))
     drawn = [ggx.scattered(ggx.mean_fresnel(), lobe[0], black, *eye[[0, 1, 2]], *u)[3:] for u in numbers]
@@ -106,7 +108,9 @@ def test_gloss_follows_the_eye_and_is_black_from_below():
     found = []
     for eye in ((0.2, 0.2, 0.9), (0.8, 0.8, 0.9), (0.5, 0.5, -5.0)):
         found.append(room_for(n))
-        gloss_radiance(cells, np.arange(n, dtype=np.int32), E, p, normal, lobe, np.array(eye), found[-1])
+        gloss_radiance(
+            cells, np.arange(n, dtype=np.int32), E, p, normal, lobe, normal, join([]), np.array(eye), found[-1]
+        )
     floor = normal[:, 2] > 0.99
     assert (found[0][floor] > 0).any() and not np.allclose(found[0][floor], found[1][floor], rtol=0.05)
     assert not found[2][floor & (p[:, 2] < 0.02)].any()
