@@ -75,22 +75,31 @@ class Opening:
 
     def _run(self) -> None:
         try:
-            self._compile()
-            self.result = self._open()
+            from gi_core.instruments import compile_ahead
+
+            self._compile(compile_ahead.DIFFUSE)
+            self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
+            scene = self._load(self.settings)
+            self._stop_if_cancelled()
+            if (surfaces := compile_ahead.surfaces_of(scene)) != compile_ahead.DIFFUSE:
+                self._compile(surfaces)
+            self.result = self._open(scene)
         except BaseException as problem:  # shown in the window, or raised by the caller
             self.problem = without_frames(problem)
 
-    def _compile(self) -> None:
+    def _compile(self, surfaces: str) -> None:
+        """Compile the kernels for a kind of surfaces, unless they are in the disk cache."""
         import gi_core
         from gi_core.instruments import compile_ahead
 
-        if compile_ahead.is_warm(self.settings.rays):
+        if compile_ahead.is_warm(self.settings.rays, surfaces):
             return
         self.phase, self.fraction = COMPILING, 0.0
-        rays = [compile_ahead.RAYS, self.settings.rays] if self.settings.rays else []
+        options = [compile_ahead.OF, surfaces]
+        options += [compile_ahead.RAYS, self.settings.rays] if self.settings.rays else []
         with tempfile.TemporaryFile("w+") as errors:
             self._compiler = subprocess.Popen(
-                [sys.executable, "-m", "gi_core.instruments.compile_ahead", *rays],
+                [sys.executable, "-m", "gi_core.instruments.compile_ahead", *options],
                 cwd=Path(gi_core.__file__).parent.parent,  # for `-m` to find gi_core, installed or not
                 stdout=subprocess.PIPE,
                 stderr=errors,
@@ -109,14 +118,12 @@ class Opening:
                 self.warnings.append(f"compiling ahead failed: {last}")
         self._compiler = None
 
-    def _open(self) -> Opened:
+    def _open(self, scene: Scene) -> Opened:
         from app.draw.picking import Picker
         from app.draw.vertex_colours import draw_meshes
         from gi_core.base.kernel_cache import problems
 
         self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
-        scene = self._load(self.settings)
-        self._stop_if_cancelled()
         solver = make_solver(scene, self.settings, self._earlier and self._earlier())
         meshes = draw_meshes(solver.surfaces, solver.model.lamp_of_face, solver.model.object_receivers.normals)
         picker = Picker(solver.surfaces, solver.model.origins)

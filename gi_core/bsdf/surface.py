@@ -1,8 +1,10 @@
 """Reflection by faces of any kind: the one place where kernels choose a model.
 
-Diffuse faces keep a branch of their own in every caller, so a scene without gloss pays nothing. Directions are unit
-and in the world; i points to where light comes from, or where a path came from, o to where it goes. n is the normal of
-the side, t a tangent that only tables use.
+A scene's faces are described by Diffuse, Glossy or Tabulated. numba compiles kernels for the type that it is given, so
+a diffuse scene compiles no gloss, and only one with models of reflection compiles tables.
+
+Directions are unit and in the world; i points to where light comes from, or where a path came from, o to where it goes.
+n is the normal of the side, t a tangent that only tables use.
 """
 
 from __future__ import annotations
@@ -11,43 +13,57 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba.extending import overload
 
 from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis, cosine_hemisphere
 from gi_core.base.vec import cross, dot, rotate, weighted
 from gi_core.bsdf import ggx, table
-from gi_core.bsdf.table import Tables, join
+from gi_core.bsdf.table import Tables
 
-DIFFUSE, GGX, TABLE = range(3)  # kinds
 GRAZING = 1e-6  # least cosine of i: a ray that is float32 may arrive from just below the plane of its face
 DRAWS = 2048  # directions drawn for the hemispherical albedo of a table
 
 
-class Bsdfs(NamedTuple):
-    """Reflection of F faces."""
+class Diffuse(NamedTuple):
+    """Reflection of F diffuse faces."""
 
-    kind: np.ndarray  # (F,) uint8
+    reflectance: np.ndarray  # (F, 3) float64, hemispherical albedo
+    albedo: np.ndarray  # the same
+
+
+class Glossy(NamedTuple):
+    """Reflection of F faces, some with gloss."""
+
     reflectance: np.ndarray  # (F, 3) float64, hemispherical albedo of the diffuse part
     albedo: np.ndarray  # (F, 3) float64, hemispherical albedo of all parts
-    lobe: np.ndarray  # (F, 5) float64: F0 red, green, blue, F90, alpha; alpha -1 - k: table k; (0, 5): diffuse
+    lobe: np.ndarray  # (F, 5) float64: F0 red, green, blue, F90, alpha; nan: diffuse
     mean_fresnel: np.ndarray  # see ggx.mean_fresnel()
+
+
+class Tabulated(NamedTuple):
+    """Reflection of F faces, some by tables: the first four fields as Glossy."""
+
+    reflectance: np.ndarray
+    albedo: np.ndarray
+    lobe: np.ndarray  # alpha -1 - k: table k
+    mean_fresnel: np.ndarray
     tables: Tables
-    tangent: np.ndarray  # (F, 3) float64 unit, in the object's space; (0, 3) without tables
+    tangent: np.ndarray  # (F, 3) float64 unit, in the object's space
 
 
-def build_bsdfs(
-    reflectance: np.ndarray, lobe: np.ndarray, tables: Tables | None = None, tangent: np.ndarray | None = None
-) -> Bsdfs:
-    """Return the reflection of faces of `reflectance` (F, 3) with lobes (F, 5); nan: diffuse."""
-    tables = join([]) if tables is None else tables
-    tangent = np.empty((0, 3)) if tangent is None else tangent
-    kind = np.select([lobe[:, 4] >= 0, lobe[:, 4] < 0], [GGX, TABLE], DIFFUSE).astype(np.uint8)
-    if not kind.any():
-        return Bsdfs(kind, reflectance, reflectance, np.empty((0, 5)), np.empty((0, 0)), tables, tangent)
+Bsdfs = Diffuse | Glossy | Tabulated
+
+
+def build_bsdfs(reflectance: np.ndarray, lobe: np.ndarray, tables: Tables, tangent: np.ndarray) -> Bsdfs:
+    """Return the reflection of faces of `reflectance` (F, 3) with lobes (F, 5), tables and tangents of `Surfaces`."""
+    if np.isnan(lobe).all():
+        return Diffuse(reflectance, reflectance)
     albedo = reflectance + ggx.gloss_albedo(lobe)
     for k in range(len(tables.head)):
         albedo[lobe[:, 4] == -1 - k] += table_albedo(tables, k)
-    return Bsdfs(kind, reflectance, albedo, lobe, ggx.mean_fresnel(), tables, tangent)
+    glossy = Glossy(reflectance, albedo, lobe, ggx.mean_fresnel())
+    return Tabulated(*glossy, tables, tangent) if len(tables.head) else glossy
 
 
 def table_albedo(tables: Tables, k: int) -> np.ndarray:
@@ -59,19 +75,135 @@ def table_albedo(tables: Tables, k: int) -> np.ndarray:
     return total / DRAWS
 
 
-@kernel
+# Queries of kernels: numba chooses by the type of `bsdfs` ----------------------------------------------------
+
+
+def is_glossy(bsdfs, f):
+    """Return whether face f is anything but diffuse. For kernels only, like the next five."""
+    raise NotImplementedError
+
+
 def tangent_of(bsdfs, R, f):
     """Return the tangent of face f in the world, R (3, 3): rotation of its object; any vector without tables."""
-    if len(bsdfs.tangent) == 0:
-        return 1.0, 0.0, 0.0
-    return rotate(R, bsdfs.tangent[f])
+    raise NotImplementedError
+
+
+def scattered(bsdfs, f, i, n, t, u, v, s, w):
+    """Scatter a photon at a glossy side by four numbers in [0, 1): return o and its factors (red, green, blue).
+
+    Factors lie in [0, 1]; the photon is absorbed where all are 0.
+    """
+    raise NotImplementedError
+
+
+def value(bsdfs, f, i, o, n, t):
+    """Return f (red, green, blue) [1/sr] of a glossy side, without a mirror's part."""
+    raise NotImplementedError
+
+
+def pdf(bsdfs, f, i, o, n, t):
+    """Return the density [1/sr] of sampled(), without a mirror's part."""
+    raise NotImplementedError
+
+
+def sampled(bsdfs, f, i, n, t, u, v, s):
+    """Sample a direction for a path at a glossy side: return o, f cos / pdf and pdf [1/sr].
+
+    pdf < 0: a mirror's direction, which no other sampler finds. f cos / pdf may exceed 1.
+    """
+    raise NotImplementedError
+
+
+def _by_type(query, diffuse, glossy, tabulated) -> None:
+    """Let kernels find one of three kernels of the same arguments by the type of `bsdfs`, their first one."""
+
+    def choose(bsdfs, *_):
+        return {Diffuse: diffuse, Glossy: glossy, Tabulated: tabulated}[bsdfs.instance_class]
+
+    SIGNATURES[query.__code__.co_argcount](query, choose)
+
+
+def _two_more(query, choose):
+    @overload(query, inline="always")
+    def _(bsdfs, f):
+        call = choose(bsdfs)
+        return lambda bsdfs, f: call(bsdfs, f)
+
+
+def _three(query, choose):
+    @overload(query, inline="always")
+    def _(bsdfs, R, f):
+        call = choose(bsdfs)
+        return lambda bsdfs, R, f: call(bsdfs, R, f)
+
+
+def _six(query, choose):
+    @overload(query, inline="always")
+    def _(bsdfs, f, i, o, n, t):
+        call = choose(bsdfs)
+        return lambda bsdfs, f, i, o, n, t: call(bsdfs, f, i, o, n, t)
+
+
+def _eight(query, choose):
+    @overload(query, inline="always")
+    def _(bsdfs, f, i, n, t, u, v, s):
+        call = choose(bsdfs)
+        return lambda bsdfs, f, i, n, t, u, v, s: call(bsdfs, f, i, n, t, u, v, s)
+
+
+def _nine(query, choose):
+    @overload(query, inline="always")
+    def _(bsdfs, f, i, n, t, u, v, s, w):
+        call = choose(bsdfs)
+        return lambda bsdfs, f, i, n, t, u, v, s, w: call(bsdfs, f, i, n, t, u, v, s, w)
+
+
+SIGNATURES = {2: _two_more, 3: _three, 6: _six, 8: _eight, 9: _nine}
+
+
+# Diffuse ------------------------------------------------------------------------------------------------------
 
 
 @kernel
-def _axes(bsdfs, f, n, t):
-    """Return two unit vectors that complete n to the frame of face f."""
-    if bsdfs.kind[f] == TABLE:
-        return t, cross(n, t)
+def _never(bsdfs, f):
+    return False
+
+
+@kernel
+def _no_tangent(bsdfs, R, f):
+    return 1.0, 0.0, 0.0
+
+
+@kernel
+def _not_scattered(bsdfs, f, i, n, t, u, v, s, w):
+    return (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+
+
+@kernel
+def _no_value(bsdfs, f, i, o, n, t):
+    return 0.0, 0.0, 0.0
+
+
+@kernel
+def _no_pdf(bsdfs, f, i, o, n, t):
+    return 0.0
+
+
+@kernel
+def _not_sampled(bsdfs, f, i, n, t, u, v, s):
+    return (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0
+
+
+# GGX ----------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def _has_lobe(bsdfs, f):
+    return not math.isnan(bsdfs.lobe[f, 4])
+
+
+@kernel
+def _basis_of(n):
     ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
     return (ax, ay, az), (bx, by, bz)
 
@@ -85,72 +217,93 @@ def _arriving(d, a, b, n):
 
 
 @kernel
-def _number(bsdfs, f):
-    """Return the table of face f."""
-    return -1 - int(bsdfs.lobe[f, 4])
-
-
-@kernel
-def scattered(bsdfs, f, i, n, t, u, v, s, w):
-    """Scatter a photon at a glossy side by four numbers in [0, 1): return o and its factors (red, green, blue).
-
-    Factors lie in [0, 1]; the photon is absorbed where all are 0.
-    """
-    a, b = _axes(bsdfs, f, n, t)
+def _ggx_scattered(bsdfs, f, i, n, t, u, v, s, w):
+    a, b = _basis_of(n)
     ix, iy, iz = _arriving(i, a, b, n)
-    rho = bsdfs.reflectance[f]
-    if bsdfs.kind[f] == GGX:
-        x, y, z, red, green, blue = ggx.scattered(bsdfs.mean_fresnel, bsdfs.lobe[f], rho, ix, iy, iz, u, v, s, w)
-    else:
-        x, y, z, red, green, blue = _from_table(bsdfs.tables, _number(bsdfs, f), rho, ix, iy, iz, u, v, s, w)
+    lobe, rho = bsdfs.lobe[f], bsdfs.reflectance[f]
+    x, y, z, red, green, blue = ggx.scattered(bsdfs.mean_fresnel, lobe, rho, ix, iy, iz, u, v, s, w)
     return weighted((x, y, z), a, b, n), (red, green, blue)
 
 
 @kernel
-def _from_table(tables, k, rho, ix, iy, iz, u, v, s, w):
+def _ggx_value(bsdfs, f, i, o, n, t):
+    a, b = _basis_of(n)
+    ix, iy, iz = _arriving(i, a, b, n)
+    lobe, rho = bsdfs.lobe[f], bsdfs.reflectance[f]
+    return ggx.value(bsdfs.mean_fresnel, lobe, rho, ix, iy, iz, dot(o, a), dot(o, b), dot(o, n))
+
+
+@kernel
+def _ggx_pdf(bsdfs, f, i, o, n, t):
+    a, b = _basis_of(n)
+    ix, iy, iz = _arriving(i, a, b, n)
+    lobe, rho = bsdfs.lobe[f], bsdfs.reflectance[f]
+    return ggx.pdf(bsdfs.mean_fresnel, lobe, rho, ix, iy, iz, dot(o, a), dot(o, b), dot(o, n))
+
+
+@kernel
+def _ggx_sampled(bsdfs, f, i, n, t, u, v, s):
+    a, b = _basis_of(n)
+    ix, iy, iz = _arriving(i, a, b, n)
+    means, lobe, rho = bsdfs.mean_fresnel, bsdfs.lobe[f], bsdfs.reflectance[f]
+    x, y, z = ggx.sample(means, lobe, rho, ix, iy, iz, u, v, s)
+    red, green, blue, p = 0.0, 0.0, 0.0, 0.0
+    share = ggx.gloss_share(means, lobe, rho, iz)
+    if lobe[4] < ggx.SMOOTH and s < share:
+        red, green, blue = ggx.fresnels(lobe, iz)
+        red, green, blue, p = red / share, green / share, blue / share, -1.0
+    elif z > 0.0:
+        red, green, blue = ggx.value(means, lobe, rho, ix, iy, iz, x, y, z)
+        p = ggx.pdf(means, lobe, rho, ix, iy, iz, x, y, z)
+        red, green, blue = red * z / p, green * z / p, blue * z / p
+    return weighted((x, y, z), a, b, n), (red, green, blue), p
+
+
+# Tables -------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def _along(bsdfs, R, f):
+    return rotate(R, bsdfs.tangent[f])
+
+
+@kernel
+def _number(bsdfs, f):
+    """Return the table of face f, < 0: it has GGX."""
+    return -1 - int(bsdfs.lobe[f, 4]) if bsdfs.lobe[f, 4] < 0.0 else -1
+
+
+@kernel
+def _table_scattered(bsdfs, f, i, n, t, u, v, s, w):
     """Choose the table with the probability of its albedo, else the diffuse part with that of the largest rho."""
+    k = _number(bsdfs, f)
+    if k < 0:
+        return _ggx_scattered(bsdfs, f, i, n, t, u, v, s, w)
+    b, rho, tables = cross(n, t), bsdfs.reflectance[f], bsdfs.tables
+    ix, iy, iz = _arriving(i, t, b, n)
     share, base = table.albedo(tables, k, ix, iy, iz), max(rho[0], max(rho[1], rho[2]))
+    x, y, z, red, green, blue = 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
     if u < share:
         x, y, z, red, green, blue = table.sample(tables, k, ix, iy, iz, s, w, v)
-        if z <= 0.0:
-            return 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
-        return x, y, z, min(red, 1.0), min(green, 1.0), min(blue, 1.0)
-    rest = u - share
-    if not rest < base:
-        return 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
-    x, y, z = cosine_hemisphere(rest / base, v)
-    return x, y, z, rho[0] / base, rho[1] / base, rho[2] / base
+        inside = 1.0 if z > 0.0 else 0.0
+        red, green, blue = inside * min(red, 1.0), inside * min(green, 1.0), inside * min(blue, 1.0)
+    elif u - share < base:
+        x, y, z = cosine_hemisphere((u - share) / base, v)
+        red, green, blue = rho[0] / base, rho[1] / base, rho[2] / base
+    return weighted((x, y, z), t, b, n), (red, green, blue)
 
 
 @kernel
-def value(bsdfs, f, i, o, n, t):
-    """Return f (red, green, blue) [1/sr] of a glossy side, without a mirror's part."""
-    a, b = _axes(bsdfs, f, n, t)
-    ix, iy, iz = _arriving(i, a, b, n)
-    ox, oy, oz = dot(o, a), dot(o, b), dot(o, n)
-    rho = bsdfs.reflectance[f]
-    if bsdfs.kind[f] == GGX:
-        return ggx.value(bsdfs.mean_fresnel, bsdfs.lobe[f], rho, ix, iy, iz, ox, oy, oz)
-    if oz <= 0.0:
-        return 0.0, 0.0, 0.0
-    red, green, blue = table.value(bsdfs.tables, _number(bsdfs, f), ix, iy, iz, ox, oy, oz)
-    return red + rho[0] / math.pi, green + rho[1] / math.pi, blue + rho[2] / math.pi
-
-
-@kernel
-def pdf(bsdfs, f, i, o, n, t):
-    """Return the density [1/sr] of sampled(), without a mirror's part."""
-    a, b = _axes(bsdfs, f, n, t)
-    ix, iy, iz = _arriving(i, a, b, n)
-    ox, oy, oz = dot(o, a), dot(o, b), dot(o, n)
-    rho = bsdfs.reflectance[f]
-    if bsdfs.kind[f] == GGX:
-        return ggx.pdf(bsdfs.mean_fresnel, bsdfs.lobe[f], rho, ix, iy, iz, ox, oy, oz)
-    if oz <= 0.0:
-        return 0.0
+def _table_value(bsdfs, f, i, o, n, t):
     k = _number(bsdfs, f)
-    share = _table_share(bsdfs.tables, k, rho, ix, iy, iz)
-    return share * table.pdf(bsdfs.tables, k, ix, iy, iz, ox, oy, oz) + (1.0 - share) * oz / math.pi
+    if k < 0:
+        return _ggx_value(bsdfs, f, i, o, n, t)
+    b, rho = cross(n, t), bsdfs.reflectance[f]
+    ix, iy, iz = _arriving(i, t, b, n)
+    if dot(o, n) <= 0.0:
+        return 0.0, 0.0, 0.0
+    red, green, blue = table.value(bsdfs.tables, k, ix, iy, iz, dot(o, t), dot(o, b), dot(o, n))
+    return red + rho[0] / math.pi, green + rho[1] / math.pi, blue + rho[2] / math.pi
 
 
 @kernel
@@ -161,51 +314,48 @@ def _table_share(tables, k, rho, ix, iy, iz):
 
 
 @kernel
-def sampled(bsdfs, f, i, n, t, u, v, s):
-    """Sample a direction for a path at a glossy side: return o, f cos / pdf and pdf [1/sr].
-
-    pdf < 0: a mirror's direction, which no other sampler finds. f cos / pdf may exceed 1.
-    """
-    a, b = _axes(bsdfs, f, n, t)
-    ix, iy, iz = _arriving(i, a, b, n)
-    rho = bsdfs.reflectance[f]
-    if bsdfs.kind[f] == GGX:
-        (x, y, z), weight, p = _sampled_ggx(bsdfs.mean_fresnel, bsdfs.lobe[f], rho, ix, iy, iz, u, v, s)
-    else:
-        (x, y, z), weight, p = _sampled_table(bsdfs.tables, _number(bsdfs, f), rho, ix, iy, iz, u, v, s)
-    return weighted((x, y, z), a, b, n), weight, p
+def _table_pdf(bsdfs, f, i, o, n, t):
+    k = _number(bsdfs, f)
+    if k < 0:
+        return _ggx_pdf(bsdfs, f, i, o, n, t)
+    b, z = cross(n, t), dot(o, n)
+    ix, iy, iz = _arriving(i, t, b, n)
+    if z <= 0.0:
+        return 0.0
+    share = _table_share(bsdfs.tables, k, bsdfs.reflectance[f], ix, iy, iz)
+    return share * table.pdf(bsdfs.tables, k, ix, iy, iz, dot(o, t), dot(o, b), z) + (1.0 - share) * z / math.pi
 
 
 @kernel
-def _sampled_ggx(means, lobe, rho, ix, iy, iz, u, v, s):
-    x, y, z = ggx.sample(means, lobe, rho, ix, iy, iz, u, v, s)
-    r, g, b, p = 0.0, 0.0, 0.0, 0.0
-    share = ggx.gloss_share(means, lobe, rho, iz)
-    if lobe[4] < ggx.SMOOTH and s < share:
-        r, g, b = ggx.fresnels(lobe, iz)
-        r, g, b, p = r / share, g / share, b / share, -1.0
-    elif z > 0.0:
-        r, g, b = ggx.value(means, lobe, rho, ix, iy, iz, x, y, z)
-        p = ggx.pdf(means, lobe, rho, ix, iy, iz, x, y, z)
-        r, g, b = r * z / p, g * z / p, b * z / p
-    return (x, y, z), (r, g, b), p
-
-
-@kernel
-def _sampled_table(tables, k, rho, ix, iy, iz, u, v, s):
+def _table_sampled(bsdfs, f, i, n, t, u, v, s):
+    k = _number(bsdfs, f)
+    if k < 0:
+        return _ggx_sampled(bsdfs, f, i, n, t, u, v, s)
+    b, rho, tables = cross(n, t), bsdfs.reflectance[f], bsdfs.tables
+    ix, iy, iz = _arriving(i, t, b, n)
     share, albedo = _table_share(tables, k, rho, ix, iy, iz), table.albedo(tables, k, ix, iy, iz)
-    r, g, b, p = 0.0, 0.0, 0.0, 0.0
+    red, green, blue, p = 0.0, 0.0, 0.0, 0.0
     if s < share:
         w = s / share
         x, y, z, red, green, blue = table.sample(tables, k, ix, iy, iz, u, v, w)
         if w >= 1.0 - table.mirror_share(tables, k, ix, iy, iz):
-            return (x, y, z), (albedo * red / share, albedo * green / share, albedo * blue / share), -1.0
+            factor = albedo / share
+            return weighted((x, y, z), t, b, n), (factor * red, factor * green, factor * blue), -1.0
     else:
         x, y, z = cosine_hemisphere(u, v)
+    red, green, blue = 0.0, 0.0, 0.0
     if z > 0.0:
-        r, g, b = table.value(tables, k, ix, iy, iz, x, y, z)
+        red, green, blue = table.value(tables, k, ix, iy, iz, x, y, z)
         p = share * table.pdf(tables, k, ix, iy, iz, x, y, z) + (1.0 - share) * z / math.pi
-        r, g, b = r + rho[0] / math.pi, g + rho[1] / math.pi, b + rho[2] / math.pi
+        red, green, blue = red + rho[0] / math.pi, green + rho[1] / math.pi, blue + rho[2] / math.pi
         if p > 0.0:
-            r, g, b = r * z / p, g * z / p, b * z / p
-    return (x, y, z), (r, g, b), p
+            red, green, blue = red * z / p, green * z / p, blue * z / p
+    return weighted((x, y, z), t, b, n), (red, green, blue), p
+
+
+_by_type(is_glossy, _never, _has_lobe, _has_lobe)
+_by_type(tangent_of, _no_tangent, _no_tangent, _along)
+_by_type(scattered, _not_scattered, _ggx_scattered, _table_scattered)
+_by_type(value, _no_value, _ggx_value, _table_value)
+_by_type(pdf, _no_pdf, _ggx_pdf, _table_pdf)
+_by_type(sampled, _not_sampled, _ggx_sampled, _table_sampled)

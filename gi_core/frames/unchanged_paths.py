@@ -42,10 +42,19 @@ def known_paths(before: Model, now: Model, paths: PathVertices) -> KnownPaths | 
     )
     if not same:
         return None
-    columns = ((s.reflectance[faces], s.lobe[faces]) for s in (old, new))
-    (rho, lobe), (new_rho, new_lobe) = columns
-    lobes = (lobe == new_lobe) | (np.isnan(lobe) & np.isnan(new_lobe))
-    return KnownPaths(paths, (rho != new_rho).any(axis=1) | ~lobes.all(axis=1))
+    (rho, lobe), (new_rho, new_lobe) = ((s.reflectance[faces], s.lobe[faces]) for s in (old, new))
+    tables = (lobe[:, 4:] < 0) & (new_lobe[:, 4:] < 0)  # whose numbers may differ
+    lobes = (lobe == new_lobe) | (np.isnan(lobe) & np.isnan(new_lobe)) | tables
+    numbers: dict[tuple, int] = {}
+    models = [_models(model, numbers) for model in (before, now)]
+    return KnownPaths(paths, (rho != new_rho).any(axis=1) | ~lobes.all(axis=1) | (models[0] != models[1]))
+
+
+def _models(model: Model, numbers: dict[tuple, int]) -> np.ndarray:
+    """Return a number for the reflection models of each face of the static part, (F,) int64; `numbers` grows."""
+    keys = ((m.brdf, m.scaled, m.grain) for m in model.scene.materials)
+    of_material = np.array([numbers.setdefault(key, len(numbers)) for key in keys], np.int64)
+    return of_material[model.scene.static.face_material]
 
 
 def traced_paths(

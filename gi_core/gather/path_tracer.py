@@ -15,7 +15,6 @@ from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import dot, rotate, row
 from gi_core.bsdf import lambertian, surface
-from gi_core.bsdf.surface import DIFFUSE
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import (
     Shadows,
@@ -130,8 +129,8 @@ def scatter(bsdfs, seed, m, vertex, ends, origin, direction):
             x, y, z = random_numbers.from_frame(x, y, z, ends.normal[k, 0], ends.normal[k, 1], ends.normal[k, 2])
         else:
             part = strata.uniform(seed, ends.path[k], vertex, PART, m)
-            frame = row(ends.normal, k), row(ends.tangent, k)
-            (x, y, z), weight, p = surface.sampled(bsdfs, f, row(ends.arrival, k), *frame, u, v, part)
+            i, n, t = row(ends.arrival, k), row(ends.normal, k), row(ends.tangent, k)
+            (x, y, z), weight, p = surface.sampled(bsdfs, f, i, n, t, u, v, part)
             ends.density[k] = p
             ends.throughput[k, 0] *= weight[0]
             ends.throughput[k, 1] *= weight[1]
@@ -171,7 +170,7 @@ def _arrive(world, at, lights, sky, seed, m, vertex, ends, direction, distance, 
                     total[at_row, first + c] += ends.throughput[k, c] * math.pi * lights.radiance[e, c] * share
         elif not world.two_sided[f]:
             continue  # the back of a one-sided face is black
-        rho, glossy = world.bsdfs.albedo[f], world.bsdfs.kind[f] != DIFFUSE
+        rho, glossy = world.bsdfs.albedo[f], surface.is_glossy(world.bsdfs, f)
         largest = max(rho[0], max(rho[1], rho[2]))
         survival = 1.0 if vertex < ROULETTE_FROM and largest > 0.0 else min(largest, MOST_SURVIVAL)
         if survival < 1.0 and not (strata.uniform(seed, path, vertex, SURVIVAL, m) < survival):

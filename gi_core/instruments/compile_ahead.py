@@ -1,8 +1,8 @@
 """Compiling every kernel before it is needed, so that nothing compiles while a user waits.
 
-`python -m gi_core.instruments.compile_ahead [--rays NAME]` compiles in a separate process and prints a line
-"done/total name" per step, for one structure of rays. The window stays responsive and finds the kernels in the disk
-cache. A stamp in the cache folder marks these sources as compiled.
+`python -m gi_core.instruments.compile_ahead [--rays NAME] [--surfaces KIND]` compiles in a separate process and prints
+a line "done/total name" per step, for one structure of rays and one kind of surfaces. The window stays responsive and
+finds the kernels in the disk cache. A stamp in the cache folder marks these sources as compiled.
 
 With a second core, another process takes the steps in reverse order. Each kernel is compiled by the process that
 reaches it first; the other reads it from the cache.
@@ -27,7 +27,7 @@ from gi_core.base.jit import cache_folder
 from gi_core.base.kernel_cache import KernelCache
 from gi_core.base.nearest_points import count_within, nearest
 from gi_core.base.threads import available_cores
-from gi_core.bsdf.table import join
+from gi_core.bsdf.models import lobe
 from gi_core.discs.search import SEARCHES
 from gi_core.estimators import CHEAPEST, DEFAULT, ESTIMATORS
 from gi_core.files.completion.pilot import Rays, useful_box
@@ -44,7 +44,8 @@ from gi_core.rays.structures import checked
 from gi_core.scene.types import Gloss, Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
 from gi_core.solver import Solver
 
-FROM_BEHIND, RAYS = "--from-behind", "--rays"
+FROM_BEHIND, RAYS, OF = "--from-behind", "--rays", "--surfaces"
+SURFACES = DIFFUSE, GLOSS, TABLES = "diffuse", "gloss", "tables"
 STAMP = "complete"
 # Seconds of one core per step, for an even progress bar; 1 for other steps. Estimators name their own.
 COSTS = {"photon tracing": 13, "ray_cache": 8, "reference": 6}
@@ -60,27 +61,34 @@ class CompileStep(NamedTuple):
     name: str
 
 
-def _stamp(rays: str | None) -> Path:
-    return cache_folder() / f"{STAMP}-{checked(rays)}"
+def surfaces_of(scene: Scene) -> str:
+    """Return the kind of surfaces, one of SURFACES, that the kernels for a scene must know."""
+    if any(m.brdf for m in scene.materials):
+        return TABLES
+    return GLOSS if any(m.gloss for m in scene.materials) else DIFFUSE
 
 
-def is_warm(rays: str | None = None) -> bool:
-    """Return whether all kernels of these sources for one structure of rays are in the disk cache."""
-    return _stamp(rays).is_file()
+def _stamp(rays: str | None, surfaces: str) -> Path:
+    return cache_folder() / f"{STAMP}-{checked(rays)}-{surfaces}"
 
 
-def compile_kernels(rays: str | None = None) -> Iterator[CompileStep]:
+def is_warm(rays: str | None = None, surfaces: str = DIFFUSE) -> bool:
+    """Return whether the kernels for one structure of rays and one kind of surfaces are in the disk cache."""
+    return _stamp(rays, surfaces).is_file()
+
+
+def compile_kernels(rays: str | None = None, surfaces: str = DIFFUSE) -> Iterator[CompileStep]:
     """Run a tiny scene through every kernel; yield before each step and once at the end."""
-    parts = _parts(rays)
+    parts = _parts(rays, surfaces)
     total, done = sum(_cost(name) for name, _ in parts), 0
-    with _from_behind(rays):
+    with _from_behind(rays, surfaces):
         for name, run in parts:
             yield CompileStep(done, total, name.replace("_", " "))
             run()
             done += _cost(name)
     with suppress(OSError):
         if not KernelCache.ended:
-            _stamp(rays).touch()
+            _stamp(rays, surfaces).touch()
     yield CompileStep(total, total, "ready")
 
 
@@ -88,28 +96,27 @@ def _cost(name: str) -> int:
     return ESTIMATORS[name].compile_seconds if name in ESTIMATORS else COSTS.get(name, 1)
 
 
-def _parts(rays: str | None) -> list[tuple[str, Callable[[], None]]]:
+def _parts(rays: str | None, surfaces: str = DIFFUSE) -> list[tuple[str, Callable[[], None]]]:
     """Return name and function of each step, in any order."""
-    tiny = functools.cache(functools.partial(_trace, rays))  # a solver compiles as soon as it is made
+    scene = _tiny_scene(surfaces)
+    tiny = functools.cache(functools.partial(_trace, scene, rays))  # a solver compiles as soon as it is made
     parts: list[tuple[str, Callable[[], None]]] = [("photon tracing", tiny)]
     parts += [(name, lambda name=name: _estimate(tiny(), name)) for name in ESTIMATORS]
     parts += [(name, lambda name=name: _search(tiny(), name)) for name in SEARCHES]
-    more = (
-        ("loading", _prepare),
-        ("gloss", functools.partial(_shine, rays)),
-        ("reference", functools.partial(_gather, rays)),
-    )
-    return [*parts, *more]
+    parts += [("loading", _prepare)]
+    if surfaces != DIFFUSE:
+        parts += [("gloss", lambda: _shine(tiny()))]
+    return [*parts, ("reference", functools.partial(_gather, scene, rays))]
 
 
 @contextmanager
-def _from_behind(rays: str | None) -> Iterator[None]:
+def _from_behind(rays: str | None, surfaces: str) -> Iterator[None]:
     """Run the steps in reverse order in another process meanwhile, if there is a second core."""
     if available_cores() == 1:
         yield
         return
     process = subprocess.Popen(
-        [sys.executable, "-m", "gi_core.instruments.compile_ahead", FROM_BEHIND, RAYS, checked(rays)],
+        [sys.executable, "-m", "gi_core.instruments.compile_ahead", FROM_BEHIND, RAYS, checked(rays), OF, surfaces],
         cwd=Path(__file__).parents[2],  # gi_core is importable there, installed or not
         stdin=subprocess.PIPE,  # closes when this process ends for any reason
         stdout=subprocess.DEVNULL,
@@ -124,30 +131,25 @@ def _from_behind(rays: str | None) -> Iterator[None]:
         process.stdin.close()
 
 
-def _compile_backwards(rays: str | None) -> None:
+def _compile_backwards(rays: str | None, surfaces: str) -> None:
     """Run the steps in reverse order until standard input ends."""
     threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
-    for _, run in reversed(_parts(rays)):
+    for _, run in reversed(_parts(rays, surfaces)):
         run()
 
 
-def _trace(rays: str | None = None) -> Solver:
-    solver = Solver(_tiny_scene(), CHEAPEST, photons=64, radius=0.1, neighbours=4, rays=rays)
+def _trace(scene: Scene, rays: str | None) -> Solver:
+    solver = Solver(scene, CHEAPEST, photons=64, radius=0.1, neighbours=4, rays=rays)
     solver.solve()
     _see_texture()
     return solver
 
 
-def _shine(rays: str | None = None) -> None:
-    """Compile the kernels of gloss."""
-    scene = _tiny_scene()
-    floor = scene.materials[0]._replace(gloss=Gloss())
-    scene = replace(scene, materials=(floor, *scene.materials[1:]))
-    solver = Solver(scene, CHEAPEST, photons=64, radius=0.1, neighbours=4, rays=rays)
-    solver.solve()
+def _shine(solver: Solver) -> None:
+    """Compile the evaluation of gloss."""
     solver.move("mobile", Pose((0.0, 0.0, 0.4)))
-    cells, one = solver.frame.gloss.whole(), np.ones((1, 3))
-    narrow, tables = np.ones((1, 3), np.float32), join([])
+    cells, one, narrow = solver.frame.gloss.whole(), np.ones((1, 3)), np.ones((1, 3), np.float32)
+    tables = solver.surfaces.tables
     light = cells, np.zeros(1, np.int32), one, narrow, narrow, np.ones((1, 5), np.float32), narrow, tables
     gloss_radiance(*light, np.zeros(3), np.empty((1, 3)))
 
@@ -175,8 +177,8 @@ def _search(solver: Solver, name: str) -> None:
     solver.solve()
 
 
-def _tiny_scene() -> Scene:
-    """A floor, a ceiling, one lamp per kind with a kernel, and a mobile that cuts light."""
+def _tiny_scene(surfaces: str = DIFFUSE) -> Scene:
+    """A floor of one kind of surfaces, a ceiling, one lamp per kind with a kernel, and a mobile that cuts light."""
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float64)
     quad = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     vertices = np.concatenate([corners, corners + [0, 0, 1]])
@@ -187,17 +189,20 @@ def _tiny_scene() -> Scene:
     static = Mesh(vertices, faces, np.array([0, 0, 1, 1], np.int32), paint=paint)
     mobile = Mobile("mobile", Mesh(0.5 * corners, quad, np.array([2, 2], np.int32)), Pose((0.0, 0.0, 0.5)))
     materials = (
-        Material("floor"),
+        {
+            DIFFUSE: Material("floor"),
+            GLOSS: Material("floor", gloss=Gloss()),
+            TABLES: Material("floor", brdf=(lobe("lewis"),)),
+        }[surfaces],
         Material("lamp", emission=(1.0, 1.0, 1.0)),
         Material("leaf", two_sided=True),
     )
     return Scene(static, materials, (mobile,), (PointLight("bulb", (0.0, 0.0, 0.9), (1.0, 1.0, 1.0)),), up=(0, 0, 1))
 
 
-def _gather(rays: str | None = None) -> None:
+def _gather(scene: Scene, rays: str | None) -> None:
     """Compile the kernels of path gathering and denoising."""
     up = np.array([[0.0, 0.0, 1.0]])
-    scene = _tiny_scene()
     ReferenceRounds(scene, 0.1 * up, up, 0, model=Model(scene, rays=rays)).step()
     (mobile,) = scene.mobiles
     mobiles = mobile, mobile._replace(name="above it", pose=Pose((0.0, 0.0, 0.7)))
@@ -218,7 +223,8 @@ def _see_texture() -> None:
 
 if __name__ == "__main__":
     chosen = sys.argv[sys.argv.index(RAYS) + 1] if RAYS in sys.argv else None
+    kind = sys.argv[sys.argv.index(OF) + 1] if OF in sys.argv else DIFFUSE
     if FROM_BEHIND in sys.argv:
-        _compile_backwards(chosen)
-    for step in compile_kernels(chosen):
+        _compile_backwards(chosen, kind)
+    for step in compile_kernels(chosen, kind):
         print(f"{step.done}/{step.total} {step.name}", flush=True)

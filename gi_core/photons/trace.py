@@ -15,7 +15,6 @@ from gi_core.base.fixed_point import MAX_PATH, attenuate
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import row as row_of
 from gi_core.bsdf import lambertian, surface
-from gi_core.bsdf.surface import DIFFUSE
 from gi_core.geometry.sides import NONE
 from gi_core.lights.emission import Emitters, emit
 from gi_core.photons.paths import PathVertices, Segments, empty_segments, grown, interval
@@ -80,7 +79,7 @@ def _scatter(seed, world, at, photon, vertex, start, end, side, flux, lamp, fate
         fate = _ESCAPED
     elif vertex >= MAX_PATH:
         fate = _TRUNCATED
-    elif world.bsdfs.kind[side >> 1] != DIFFUSE:
+    elif surface.is_glossy(world.bsdfs, side >> 1):
         goes_on, dx, dy, dz, a, b, c = _scatter_glossy(seed, world, at, photon, vertex, start, end, side, flux)
     else:
         f, rho = side >> 1, world.bsdfs.reflectance

@@ -36,7 +36,7 @@ class World(NamedTuple):
     """Arrays of the scene that every kernel reads; F faces, object 0 is the static part."""
 
     normals: np.ndarray  # (F, 3) float64, object space
-    bsdfs: Bsdfs
+    bsdfs: Bsdfs  # its type chooses the kernels' reflection models
     two_sided: np.ndarray  # (F,) bool
     face_object: np.ndarray  # (F,) int16
     first_face: np.ndarray  # (objects + 1,) int64

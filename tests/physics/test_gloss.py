@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -14,7 +16,7 @@ from gi_core.model import Model
 from gi_core.photons.trace import trace_background
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Gloss, Material, Mobile, PointLight, Pose, Scene
-from gi_core.solver import Solver
+from gi_core.solver import Solver, edited_solver
 from tests.support.reference_twins import Twin
 from tests.support.scene_builders import box, merge, quad, sphere
 
@@ -149,3 +151,18 @@ def test_photons_bring_as_much_light_to_a_sensor_as_paths_find(name):
     error = E.std(axis=0) / np.sqrt(n) + flux / np.sqrt(len(arrived))
     assert (flux > 0).all() and (error < 0.06 * flux).all()
     np.testing.assert_array_less(np.abs(flux - E.mean(axis=0)), 4 * error)
+
+
+def test_a_new_surface_equals_a_solver_built_with_it():
+    """Static walls change from diffuse to GGX, to one table, to another of the same number."""
+    solver = Solver(ROOM, **GIVEN)
+    solver.solve()
+    for name in ("varnish", "ward", "velvet", "gold"):
+        material = SURFACES[name]._replace(name="wall")
+        scene = replace(ROOM, materials=(material, *ROOM.materials[1:]))
+        solver = edited_solver(solver, scene)
+        solver.solve()
+        fresh = Solver(scene, **GIVEN)
+        fresh.solve()
+        assert np.array_equal(solver.irradiance, fresh.irradiance)
+        assert np.array_equal(solver.frame.gloss.whole(), fresh.frame.gloss.whole())

@@ -13,9 +13,9 @@ import numpy as np
 
 from gi_core.base import random_numbers
 from gi_core.base.fixed_point import MAX_PATH, attenuate
+from gi_core.base.jit import kernel
 from gi_core.base.steps import finish
 from gi_core.bsdf import lambertian, surface
-from gi_core.bsdf.surface import DIFFUSE
 from gi_core.discs.region import regions
 from gi_core.discs.search.predicate import LANES, Discs, Lines, accepts, blocks, discs_crossed
 from gi_core.lights.emission import emit
@@ -27,6 +27,21 @@ from gi_core.scene.pose import rotation
 from tests.support.contact_twin import regions_in_company
 
 F32 = np.float32
+
+
+@kernel
+def _is_glossy(bsdfs, f):
+    return surface.is_glossy(bsdfs, f)
+
+
+@kernel
+def _tangent(bsdfs, R, f):
+    return surface.tangent_of(bsdfs, R, f)
+
+
+@kernel
+def _scattered(bsdfs, f, i, n, t, u, v, s, w):
+    return surface.scattered(bsdfs, f, i, n, t, u, v, s, w)
 
 
 class Twin:
@@ -71,13 +86,13 @@ class Twin:
             rho = world.bsdfs.reflectance[face]
             survival = max(rho)
             u, v = random_numbers.bounce_numbers(self.seed, i, bounce + 1)
-            if world.bsdfs.kind[face] != DIFFUSE:
+            if _is_glossy(world.bsdfs, face):
                 if back and not world.two_sided[face]:
                     return
                 more = [random_numbers.independent(self.seed, i, bounce + 1, k) for k in (2, 3)]
                 arrival, n = tuple(-d.astype(float)), tuple(self._side_normal(side[0], at))
-                along = surface.tangent_of(world.bsdfs, at.rotation[world.face_object[face]], face)
-                direction, factor = surface.scattered(world.bsdfs, face, arrival, n, along, u, v, *more)
+                along = _tangent(world.bsdfs, at.rotation[world.face_object[face]], face)
+                direction, factor = _scattered(world.bsdfs, face, arrival, n, along, u, v, *more)
                 q = [attenuate(c, w, 1.0) for c, w in zip(q, factor, strict=True)]
                 if not any(q):
                     return

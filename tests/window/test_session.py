@@ -278,7 +278,7 @@ while not pathlib.Path({str(shown)!r}).exists():
 print("4/4 ready", flush=True)
 """
     programs = [program, "raise SystemExit('no compiler here')"]
-    monkeypatch.setattr(compile_ahead, "is_warm", lambda rays: False)
+    monkeypatch.setattr(compile_ahead, "is_warm", lambda rays, surfaces: False)
     monkeypatch.setattr(subprocess, "Popen", lambda command, **o: real([command[0], "-c", programs.pop(0)], **o))
     for expected in ([], ["compiling ahead failed: no compiler here"]):
         job = Opening(support.SETTINGS, load=lambda settings: support.room(1))

@@ -131,7 +131,7 @@ def test_another_structure_of_rays_opens_the_scene_again(play, monkeypatch):
     """The section "Rays": poses and settings stay, and the light is the same but for stray rays."""
     from gi_core.instruments import compile_ahead
 
-    monkeypatch.setattr(compile_ahead, "is_warm", lambda rays: True)  # compiles only the kernels that run
+    monkeypatch.setattr(compile_ahead, "is_warm", lambda *of: True)  # compiles only the kernels that run
 
     def script(hand, viewer):
         hand.wait_for_light()
