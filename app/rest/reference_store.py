@@ -86,6 +86,8 @@ class StaticStore(StateFile):
         arrays = s.vertices[0], s.faces[0], s.reflectance[faces], s.emission[faces], s.two_sided[faces]
         if not np.isnan(s.lobe[faces]).all():
             arrays = *arrays, s.lobe[faces]
+        if len(s.tables.head):
+            arrays = *arrays, *s.tables, s.tangent[faces]
         lamps = model.emitters.lamps
         if lamps.count > 1:  # light per lamp follows the sum
             arrays = *arrays, np.array([lamps.sources.get(light.name, 0) for light in model.scene.lights])
@@ -137,6 +139,8 @@ class ReferenceStore(StateFile):
         )
         if not np.isnan(s.lobe).all():
             arrays = *arrays, s.lobe
+        if len(s.tables.head):
+            arrays = *arrays, *s.tables, s.tangent
         if (self.levels != 1).any():
             arrays = *arrays, self.levels, self.model.lights_at(self.levels).area.radiance
         return _digest(self.model, self.seed, "at poses", poses, *arrays, self.weights)
