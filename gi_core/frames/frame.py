@@ -177,9 +177,7 @@ def next_frame(
         source.light_mobiles(E, at, size.paths, source.bounce_reflectance(b))
         clock("gather")
     source.settle(E, at)
-    gloss, facts = source.gloss(b, changed), estimate.control_facts
-    if gloss is not None:
-        clock("gloss")
+    gloss, facts = source.gloss(b, changed, clock), estimate.control_facts
     light = changed, evaluated, gloss, size, source.is_gathered, facts, clock.seconds
     return Frame(poses, E, source.levels, store, b, *light)
 

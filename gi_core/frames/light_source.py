@@ -229,15 +229,17 @@ class LightSource:
             self._gloss = GlossCells(self._model, radius)
         return self._gloss if len(self._gloss.rows) else None
 
-    def gloss(self, b: Background, change: PoseChange) -> GlossLight | None:
-        """Return the directional light of a frame; None without glossy faces."""
+    def gloss(self, b: Background, change: PoseChange, clock: Callable[[str], None]) -> GlossLight | None:
+        """Return the directional light of a frame; None without glossy faces. clock: called after each step."""
         cells = self.gloss_cells(b.setting.radius)
         if cells is None or not b.estimate.photons:
             return None
         paths, _ = b.store.prefix(b.estimate.photons)
         for _ in cells.bring_in(b.store, paths, b.store.weights(self.levels)):
-            pass
-        return cells.evaluate(change)
+            clock("gloss")
+        light = cells.evaluate(change)
+        clock("gloss")
+        return light
 
     # -- resting poses ----------------------------------------------------------------------------
 

@@ -76,7 +76,7 @@ class GlossCells:
         self._resting = np.zeros((len(self.rows), CELLS, FIELDS), np.float32)
         self._store: object = None  # of the photons in the sums
         self._weights = np.ones((model.emitters.lamps.count, 3))
-        self.photons = 0  # in the sums
+        self.photons = self._rested = 0  # in the sums, and in `_resting`
 
     @property
     def on_mobiles(self) -> bool:
@@ -102,22 +102,19 @@ class GlossCells:
         store: identifies the photons; with other photons or weights the sums begin anew.
         """
         if store is not self._store or not np.array_equal(weights, self._weights):
-            self._store, self._weights, self.photons = store, weights.copy(), 0
+            self._store, self._weights, self.photons, self._rested = store, weights.copy(), 0, 0
             self._sums[:] = 0
         count, static = min(len(paths.offsets) - 1, MOST_PHOTONS), self.model.static
-        if self.photons >= count:
-            return
         while self.photons < count:
             last = min(self.photons + PART, count)
             segments = segments_of(paths, self.model.eps, self.photons, last)
             self._deposit(0, segments, static, 1, self._sums)
             self.photons = last
             yield
-        rows = slice(0, len(self._sums))
-        resting = self._resting.copy()
-        everything = np.arange(len(self._sums))
-        _shares(self._sums, self._delta, 0.0, everything, self._normals[rows], centres(), resting)
-        self._resting = resting
+        if self._rested != self.photons:
+            resting, everything = self._resting.copy(), np.arange(len(self._sums))
+            _shares(self._sums, self._delta, 0.0, everything, self._normals[: len(everything)], centres(), resting)
+            self._resting, self._rested = resting, self.photons
 
     def evaluate(self, change: PoseChange) -> GlossLight:
         """Return the light of a frame's poses. Its photons may be fewer or more than those in the sums."""

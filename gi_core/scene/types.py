@@ -89,7 +89,7 @@ class KeyFrames(NamedTuple):
     quaternions: np.ndarray  # (K, 4) float64 unit (w, x, y, z)
 
     def __repr__(self) -> str:
-        return f"<KeyFrames: {len(self.times)} keys, {self.times[0]:g} to {self.times[-1]:g} s>"
+        return f"<KeyFrames: {np.size(self.times)} keys>"  # it describes bad values too
 
 
 class Mobile(NamedTuple):

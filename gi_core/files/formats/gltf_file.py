@@ -20,6 +20,7 @@ from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import three
 from gi_core.scene.types import Material
 
+DULL = 0.9  # roughness above which metal is diffuse too: facets that reflect several times return its colour
 LEAST_METAL = 0.02  # less is taken as none
 MATTE = 0.5  # roughness from which gloss that is no metal's is left out: exporters write 0.5 where nothing was chosen
 TRIANGLES, STRIP, FAN = 4, 5, 6
@@ -194,12 +195,12 @@ class _Reader:
         strength = float(np.clip(specular.get("specularFactor", 1.0), 0, 1))
         tint = np.clip(np.array(specular.get("specularColorFactor", [1, 1, 1]), np.float64).reshape(3), 0, None)
         f0 = np.minimum(((ior - 1) / (ior + 1)) ** 2 * tint, 1) * strength
-        if metallic < LEAST_METAL and (roughness >= MATTE or strength == 0):
+        if roughness > DULL or (metallic < LEAST_METAL and (roughness >= MATTE or strength == 0)):
             return plain
         colour = np.array(plain.reflectance)
         if "baseColorTexture" in pbr:
-            found = self._texture(pbr["baseColorTexture"]["index"], None)
-            colour = colour * (MISSING if found is None else self.images.mean(self.images.textures[found].pixels))
+            image = self.images.pixels(*self._image(pbr["baseColorTexture"]["index"]), "a metal is grey without it")
+            colour = colour * (MISSING if image is None else self.images.mean(image))
         return metallic_roughness(plain, metallic, roughness, f0, strength, colour)
 
     def _texture(self, index: int, cut) -> int | None:

@@ -278,7 +278,7 @@ from gi_core.model import Model
 
 from tests.unit.gather.test_mobile import three_things
 
-compile_ahead._gather()
+compile_ahead._gather(compile_ahead._tiny_scene(), None)
 modules = one_bounce, hit_cache, light_sampling, mobile, interleaved_mean, next_event, shared_samples
 kernels = [f for module in modules for f in vars(module).values() if isinstance(f, Dispatcher)]
 before = [len(f.signatures) for f in kernels]

@@ -22,7 +22,7 @@ def test_the_warm_up_runs_every_search(name, monkeypatch):
         return accumulate(self, *given)
 
     monkeypatch.setattr(made, "accumulate", counted)
-    compile_ahead._search(compile_ahead._trace(), name)
+    compile_ahead._search(compile_ahead._trace(compile_ahead._tiny_scene(), None), name)
     assert calls
 
 

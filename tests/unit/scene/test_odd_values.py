@@ -51,7 +51,7 @@ def plane(**changes) -> Scene:
 def within(good, bad):
     """Yield a value in place of a good one: alone, and as one component of a vector or as all."""
     yield bad
-    if isinstance(good, tuple):
+    if isinstance(good, tuple) and good:
         yield (bad, *good[1:])
         yield (bad,) * len(good)
 
