@@ -332,16 +332,21 @@ def _choose_estimator(k: int, window: Window) -> None:
         window.session.choose_estimator(list(window.estimators)[k])
 
 
+def _ctrl(key: int, more: int = 0) -> int:
+    """Return the chord of Ctrl and a key. Of numbers: the flags of Python 3.11.2 refuse sums without a name."""
+    return int(K.mod_ctrl) | int(more) | int(key)
+
+
 ACTIONS = {
-    "open": Action(_open, (K.mod_ctrl | K.o,), "Ctrl+O", "open a scene", False, "Open..."),
+    "open": Action(_open, (_ctrl(K.o),), "Ctrl+O", "open a scene", False, "Open..."),
     "fade": Action(lambda w: w.session.fade(), (), "", "cross-fade to a light scene", False),
     "reload": Action(lambda w: w.reload.again(w.session), (K.f5,), "F5", "reload the scene's files", label="Reload"),
-    "save": Action(_save, (K.mod_ctrl | K.s,), "Ctrl+S", "save the scene with its poses and settings", label="Save"),
+    "save": Action(_save, (_ctrl(K.s),), "Ctrl+S", "save the scene with its poses and settings", label="Save"),
     "save as": Action(
-        _save_as, (K.mod_ctrl | K.mod_shift | K.s,), "Ctrl+Shift+S", "save it under another name", label="Save as..."
+        _save_as, (_ctrl(K.s, K.mod_shift),), "Ctrl+Shift+S", "save it under another name", label="Save as..."
     ),
     "copy command": Action(
-        _copy_command, (K.mod_ctrl | K.c,), "Ctrl+C", "copy the command line of this view", label="Copy as command line"
+        _copy_command, (_ctrl(K.c),), "Ctrl+C", "copy the command line of this view", label="Copy as command line"
     ),
     "save picture": Action(
         lambda w: _save_picture(w, screenshot.next_free(Path.cwd())), (K.p, K.f12), "P, F12",
@@ -349,9 +354,9 @@ ACTIONS = {
     ),
     "save picture as": Action(_save_picture_as, label="Save picture as..."),
     "play": Action(lambda w: w.session.toggle_play(), (K.space,), "Space", "play or pause the motion"),
-    "undo": Action(_undo, (K.mod_ctrl | K.z,), "Ctrl+Z", "undo the last move or edit", label="Undo"),
+    "undo": Action(_undo, (_ctrl(K.z),), "Ctrl+Z", "undo the last move or edit", label="Undo"),
     "redo": Action(
-        _redo, (K.mod_ctrl | K.mod_shift | K.z, K.mod_ctrl | K.y), "Ctrl+Shift+Z, Ctrl+Y", "redo it", label="Redo"
+        _redo, (_ctrl(K.z, K.mod_shift), _ctrl(K.y)), "Ctrl+Shift+Z, Ctrl+Y", "redo it", label="Redo"
     ),
     "cancel": Action(_cancel, (K.escape,), "Esc", "cancel the drag", needs_scene=False),
     "pin": Action(lambda w: w.viewport.pin(), (K.i,), "I", "pin a read-out under the cursor", label="Pin a read-out"),
@@ -366,9 +371,9 @@ ACTIONS = {
     "reset view": Action(lambda w: w.viewport.go_home(), (K.home,), "Home", "reset the view", label="Reset view"),
     "rest": Action(_rest, label="Rest on floor"),
     "insert": Action(_insert, label="Insert object..."),
-    "duplicate": Action(_duplicate, (K.mod_ctrl | K.d,), "Ctrl+D", "duplicate the selected object", label="Duplicate"),
+    "duplicate": Action(_duplicate, (_ctrl(K.d),), "Ctrl+D", "duplicate the selected object", label="Duplicate"),
     "remove": Action(
-        _remove, (K.mod_shift | K.delete,), "Shift+Del", "remove the selected object", label="Remove"),
+        _remove, (int(K.mod_shift) | int(K.delete),), "Shift+Del", "remove the selected object", label="Remove"),
     "promote": Action(_promote, label="Make clicked object movable"),
     "freeze": Action(_freeze, label="Make object static"),
     "frame": Action(
@@ -382,7 +387,7 @@ ACTIONS = {
         lambda w: w.viewport.toggle_parallel(), (K.o,), "O", "parallel view, or perspective", label="Parallel view"
     ),
     "bookmark": Action(_bookmark, (K.b,), "B", "keep this view", label="Keep this view"),
-    **{f"view {k}": Action(partial(_show_bookmark, k), (K.mod_ctrl | key,)) for k, key in enumerate(ESTIMATOR_KEYS)},
+    **{f"view {k}": Action(partial(_show_bookmark, k), (_ctrl(key),)) for k, key in enumerate(ESTIMATOR_KEYS)},
     "gizmo": Action(
         lambda w: w.viewport.gizmo.next_mode(), (K.g,), "G", "handles that move or turn the selected object",
         label="Move or turn handles",
@@ -404,6 +409,6 @@ ACTIONS = {
     "clear chart": Action(lambda w: w.session.points.clear()),
     "toggle panel": Action(_toggle_panel, (K.tab,), "Tab", "hide or show the panel", False, "Panel"),
     "help": Action(_toggle_help, (K.h,), "H", "hide or show this help", False, "Keys and mouse"),
-    "quit": Action(lambda w: w.leave(), (K.mod_ctrl | K.q,), "Ctrl+Q", "quit", False, "Quit"),
+    "quit": Action(lambda w: w.leave(), (_ctrl(K.q),), "Ctrl+Q", "quit", False, "Quit"),
     **{f"estimator {k}": Action(partial(_choose_estimator, k), (key,)) for k, key in enumerate(ESTIMATOR_KEYS)},
 }  # fmt: skip

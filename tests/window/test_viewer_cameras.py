@@ -84,18 +84,18 @@ def test_views_are_kept_shown_and_saved(play, tmp_path):
         hand.press(K.b)
         assert [name for name, _ in session.settings.cameras] == ["view 1", "view 2"]
         assert viewer.files.has_changed(session)
-        hand.press(K.mod_ctrl | K._1)
+        hand.press(int(K.mod_ctrl) | int(K._1))
         hand.wait(lambda: viewport._flight is None)
         assert viewport.camera.eye() == pytest.approx(first.eye()) and viewport.camera.fov == pytest.approx(first.fov)
         assert session.settings.estimator == support.SETTINGS.estimator or session.settings.estimator == "tangent_plane"
-        hand.press(K.mod_ctrl | K._2)
+        hand.press(int(K.mod_ctrl) | int(K._2))
         hand.wait(lambda: viewport._flight is None)
         assert viewport.camera.eye() == pytest.approx(second.eye())
-        hand.press(K.mod_ctrl | K._3)
+        hand.press(int(K.mod_ctrl) | int(K._3))
         assert viewport._flight is None, "there is no third"
         file = viewer.files.save(session, viewport, str(tmp_path / "a.toml"))
         assert saved_scene.read(str(file)).cameras == session.settings.cameras
-        hand.press(K.mod_ctrl | K.z)
+        hand.press(int(K.mod_ctrl) | int(K.z))
         assert [name for name, _ in session.settings.cameras] == ["view 1"]
 
         hand.press(K.o)

@@ -72,19 +72,19 @@ def test_changes_are_saved_and_asked_about_before_the_window_closes(play, folder
         hand.press(K._1)
         session.move({"block": AWAY})
         hand.wait_for_light()
-        hand.press(K.mod_ctrl | K.q)
+        hand.press(int(K.mod_ctrl) | int(K.q))
         assert viewer.files.question.is_open and not viewer.params.app_shall_exit
         hand.press(K.escape)
         assert not viewer.files.question.is_open and not viewer.params.app_shall_exit
 
         # The first save asks for a name, the next one does not.
-        hand.press(K.mod_ctrl | K.s)
+        hand.press(int(K.mod_ctrl) | int(K.s))
         enter(hand, "Save the scene", folder / "mine")
         assert not viewer.files.has_changed(session) and session.settings.document == str(folder / "mine.toml")
         session.want(replace(session.settings, exposure=1.25))
         hand.wait_for_light()
         assert viewer.files.has_changed(session)
-        hand.press(K.mod_ctrl | K.s)
+        hand.press(int(K.mod_ctrl) | int(K.s))
         saved = saved_scene.read(str(folder / "mine.toml"))
         seen["saved"], seen["now"] = saved, viewer.files.settings_now(session, viewer.viewport)
         assert not viewer.files.has_changed(session)
@@ -116,7 +116,7 @@ def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder):
         hand.wait_for_light()
         first = viewer.session
         first.want(replace(first.settings, show="irradiance", white_balance=False))
-        hand.press(K.mod_ctrl | K.o)
+        hand.press(int(K.mod_ctrl) | int(K.o))
         enter(hand, "Open a scene", folder / "mine.toml")
         assert viewer.files.question.is_open and viewer.reload.coming is None
         hand.ctx.set_ref(f"//{dialogs.UNSAVED}")
@@ -136,11 +136,11 @@ def test_a_saved_scene_opens_in_the_window_as_it_was(play, folder):
         # A bad file: one sentence, and everything stays.
         Path("bad.toml").write_text('scene = "room"\n[settings]\nphotons = -3\n')
         now = viewer.session
-        hand.press(K.mod_ctrl | K.o)
+        hand.press(int(K.mod_ctrl) | int(K.o))
         enter(hand, "Open a scene", "bad.toml")
         assert viewer.session is now and viewer.reload.coming is None
         assert viewer.reload.problem == "bad.toml: [settings]: photons must be over 0, got -3"
-        hand.press(K.mod_ctrl | K.mod_shift | K.s)
+        hand.press(int(K.mod_ctrl) | int(K.mod_shift) | int(K.s))
         enter(hand, "Save the scene", "not/there/a.toml")
         assert viewer.log.last.text.startswith("not saved: No such file or directory")
         assert viewer.session.settings.document == str(folder / "mine.toml")
@@ -170,7 +170,7 @@ def test_the_copied_command_and_reset_settings(play, monkeypatch):
         session.want(replace(start, photons=30_000, tone_map="clip", white_balance=False, budget=33.0, radius=0.05))
         session.move({"block": AWAY})
         hand.wait_for_light()
-        hand.press(keys().mod_ctrl | keys().c)
+        hand.press(int(keys().mod_ctrl) | int(keys().c))
         words = shlex.split(copied[-1])
         assert words[:2] == ["gi-viewer", "room"]
         now = viewer.files.settings_now(session, viewer.viewport)

@@ -50,9 +50,9 @@ def test_dragged_mobile_and_its_light_move_in_the_same_frame(play):
         assert (np.abs(after.astype(int) - before).max(axis=2) > 8).mean() > 0.02
 
         # Undo and redo.
-        hand.press(K.mod_ctrl | K.z)
+        hand.press(int(K.mod_ctrl) | int(K.z))
         assert session.poses["block"] == start
-        hand.press(K.mod_ctrl | K.mod_shift | K.z)
+        hand.press(int(K.mod_ctrl) | int(K.mod_shift) | int(K.z))
         assert session.poses["block"] == moved
 
         # Shift: vertically. Alt: in the picture. Ctrl: turned in place.
@@ -164,16 +164,16 @@ def test_keys(play, folder):
         hand.ctx.yield_(3)
         assert session.poses["block"] == moved
 
-        hand.press(K.mod_shift | K.p)
+        hand.press(int(K.mod_shift) | int(K.p))
         assert not list(folder.glob("*.png")), "a key with another modifier is another key"
         hand.press(K.p)
         hand.press(K.f12)
         assert "gi-viewer-002.png" in viewer.log.last.text
         hand.press(K.a)
         assert "metered" in viewer.log.last.text
-        hand.press(K.mod_ctrl | K.q)
+        hand.press(int(K.mod_ctrl) | int(K.q))
         assert viewer.files.question.is_open, "the block has moved"
-        hand.press(K.mod_ctrl | K.q)
+        hand.press(int(K.mod_ctrl) | int(K.q))
 
     viewer = play(script, quits=True)
     assert errors(viewer) == []

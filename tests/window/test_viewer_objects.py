@@ -45,9 +45,9 @@ def test_an_object_is_selected_and_moved_by_numbers(play):
         assert rested.position[1] == pytest.approx(0.12, abs=1e-4)
         assert (rested.position[0], rested.quaternion) == (turned_by.position[0], turned_by.quaternion)
         for before in (turned_by, Pose((0.62, *start.position[1:])), start):
-            hand.press(K.mod_ctrl | K.z)
+            hand.press(int(K.mod_ctrl) | int(K.z))
             assert session.poses["block"] == before, "each edit is one step"
-        hand.press(K.mod_ctrl | K.y)
+        hand.press(int(K.mod_ctrl) | int(K.y))
         hand.wait_for_light()
 
         # Cameras: the object fills a good part of the picture, in its middle; from above; and back.

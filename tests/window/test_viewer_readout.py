@@ -299,7 +299,7 @@ def test_the_measuring_plane_is_measured_at_rest_and_again_after_a_move(play, mo
 
         hand.ctx.item_uncheck("Measuring plane")
         hand.wait(lambda: light() is None)
-        hand.press(keys().mod_ctrl | keys().z)
+        hand.press(int(keys().mod_ctrl) | int(keys().z))
         assert session.settings.plane is not None
         assert threads == {"solver"}
 
