@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from app.settings import Settings
     from gi_core.display.dilation import Drawn
 
-# Display colours of receivers: of the background, changed by segments, estimated anew, path traced; see method_view.py
+# Display colours of receivers by their last computation (method_view.py): background, changed, estimated, path traced
 RECOMPUTED = ((0.33, 0.34, 0.36), (0.93, 0.66, 0.30), (0.85, 0.36, 0.32), (0.40, 0.70, 0.95))
 RECOMPUTED_NAMES = (
     "from the background", "changed by removed and added segments", "estimated again from all segments", "path traced",

@@ -116,49 +116,12 @@ def sampled(bsdfs, f, i, n, t, u, v, s):
 
 def _by_type(query, diffuse, glossy, tabulated) -> None:
     """Let kernels find one of three kernels of the same arguments by the type of `bsdfs`, their first one."""
+    kernels = {Diffuse: diffuse, Glossy: glossy, Tabulated: tabulated}
 
-    def choose(bsdfs, *_):
-        return {Diffuse: diffuse, Glossy: glossy, Tabulated: tabulated}[bsdfs.instance_class]
-
-    SIGNATURES[query.__code__.co_argcount](query, choose)
-
-
-def _two_more(query, choose):
-    @overload(query, inline="always")
-    def _(bsdfs, f):
-        call = choose(bsdfs)
-        return lambda bsdfs, f: call(bsdfs, f)
-
-
-def _three(query, choose):
-    @overload(query, inline="always")
-    def _(bsdfs, R, f):
-        call = choose(bsdfs)
-        return lambda bsdfs, R, f: call(bsdfs, R, f)
-
-
-def _six(query, choose):
-    @overload(query, inline="always")
-    def _(bsdfs, f, i, o, n, t):
-        call = choose(bsdfs)
-        return lambda bsdfs, f, i, o, n, t: call(bsdfs, f, i, o, n, t)
-
-
-def _eight(query, choose):
-    @overload(query, inline="always")
-    def _(bsdfs, f, i, n, t, u, v, s):
-        call = choose(bsdfs)
-        return lambda bsdfs, f, i, n, t, u, v, s: call(bsdfs, f, i, n, t, u, v, s)
-
-
-def _nine(query, choose):
-    @overload(query, inline="always")
-    def _(bsdfs, f, i, n, t, u, v, s, w):
-        call = choose(bsdfs)
-        return lambda bsdfs, f, i, n, t, u, v, s, w: call(bsdfs, f, i, n, t, u, v, s, w)
-
-
-SIGNATURES = {2: _two_more, 3: _three, 6: _six, 8: _eight, 9: _nine}
+    @overload(query)
+    def _(bsdfs, *rest):
+        call = kernels[bsdfs.instance_class]
+        return lambda bsdfs, *rest: call(bsdfs, *rest)
 
 
 # Diffuse ------------------------------------------------------------------------------------------------------

@@ -99,7 +99,7 @@ class GlossCells:
     def bring_in(self, store: object, paths: PathVertices, weights: np.ndarray) -> Iterator[None]:
         """Add the photons of `paths` that are not yet in the sums, in steps; weights (G, 3): of the lamps' flux.
 
-        store: identifies the photons; with other photons or weights the sums begin anew.
+        store: identifies the photons. The sums begin anew when it or the weights differ from the last call.
         """
         if store is not self._store or not np.array_equal(weights, self._weights):
             self._store, self._weights, self.photons, self._rested = store, weights.copy(), 0, 0
