@@ -2,6 +2,7 @@
 
     python -m studies.ray_structures cornell tree room.glb --out out/rays    # rays.md and rays.svg
     python -m studies.ray_structures --growth 20000 1000000 --out out/rays   # growth.md and growth.svg: a terrain
+    python -m studies.ray_structures --growth 20 2000 --out out/few          # where each becomes faster than `none`
     python -m studies.ray_structures --agreement 1000000                     # exit code 1 if a bit differs
 
 `--agreement` compares each structure with all triangles on every case of `tests/support/ray_cases.py`, and with Embree
@@ -36,6 +37,7 @@ from tests.support.scene_builders import box_mobile, coloured_room
 
 STRAYS = 1e-5  # share of random rays whose face may differ from Embree's
 MEDIUM = 20_000  # rays per kind
+FEW = 5_000  # triangles up to which `none` is measured beside the others
 
 
 def terrain(triangles: int, seed: int = 0) -> Mesh:
@@ -66,7 +68,7 @@ def growth(low: int, high: int, out: Path) -> str:
     with Bar() as bar:
         for k, count in enumerate(counts):
             mesh = terrain(count)
-            names = [name for name in STRUCTURES if name != "none" or count == low]
+            names = [name for name in STRUCTURES if name != "none" or count <= max(low, FEW)]
             bar(f"{len(mesh.faces):,} triangles", k / len(counts))
             made = [built(name, [(mesh.vertices, mesh.faces)]) for name in names]
             for s, cost in zip(made, costs(made, {"random": rays_over(mesh, MEDIUM)}), strict=True):

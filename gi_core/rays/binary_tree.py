@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.rays.cells import MIDDLE, Tree, build_tree, clip, start, visit
-from gi_core.rays.triangles import STACK, Meshes, inverse, test_ray
+from gi_core.rays.cells import MIDDLE, Tree, build_tree, enter_box, visit
+from gi_core.rays.triangles import STACK, Meshes
 
 LEAF = 8  # triangles that may share a cell
 POINT = 5  # float64 of a point on the stack: x, y, z, distance, node behind it
@@ -29,13 +29,9 @@ def build(meshes: Meshes, leaf: float = LEAF) -> BinaryTree:
 @kernel
 def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     """Return distance float32 and face of the nearest hit, or of any; limit and -1 for none."""
-    r, best, found = test_ray(s.cells.triangles, o, ox, oy, oz, dx, dy, dz), np.float64(limit), -1
-    ix, iy, iz = inverse(r.dx), inverse(r.dy), inverse(r.dz)
-    enter, leave = clip(s.cells, o, r.x, r.y, r.z, ix, iy, iz)
-    enter, leave = max(enter, 0.0), min(leave, best)
+    r, enter, leave, best, found = enter_box(s.cells, o, ray, ox, oy, oz, dx, dy, dz, limit)
     if enter > leave:
         return np.float32(best), np.int32(found)
-    start(ray)
     stack, node, entry = ray.view(np.float64), s.root[o], STACK // 2
     bottom = entry + POINT
     last = bottom  # the point where the ray leaves the node
@@ -54,7 +50,7 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
                     node = child + 1
                     continue
                 node, behind = child + 1, child
-            t = (plane - r.x) * ix if axis == 0 else (plane - r.y) * iy if axis == 1 else (plane - r.z) * iz
+            t = (plane - r.x) * r.ix if axis == 0 else (plane - r.y) * r.iy if axis == 1 else (plane - r.z) * r.iz
             last += POINT
             stack[last], stack[last + 1], stack[last + 2] = r.x + t * r.dx, r.y + t * r.dy, r.z + t * r.dz
             stack[last + axis] = plane

@@ -20,7 +20,6 @@ from gi_core.rays.triangles import (
     TESTS,
     Meshes,
     Triangles,
-    inverse,
     nearer,
     test_ray,
     triangles_of,
@@ -29,6 +28,7 @@ from gi_core.rays.triangles import (
 LEAF = 4  # triangles that may share a leaf
 MOST = 15  # triangles of a leaf: its word has 4 bits for them
 BINS = 16
+LEAST_EXTENT = 1e-30  # [m] of centres that are binned: float32 has no inverse of less than 3e-39
 DEEPEST = 40  # nodes below this depth are halved by count: 24 levels more hold 16 million leaves
 STEP_COST = 1.0  # of entering a node, in triangle tests
 WIDER = np.float32(1 + 1e-6)  # twice the bound of 3 float32 roundings, 3.6e-7
@@ -57,8 +57,9 @@ def build(meshes: Meshes, leaf: int = LEAF) -> Bvh:
         boxes = np.concatenate([corners.min(axis=1) - pad, corners.max(axis=1) + pad], axis=1)
         order[a:b] = np.arange(b - a)
         own, work = np.empty((b - a + 1, CHILD + 4), np.float32), np.empty((3 * (DEEPEST + 32), 5), np.int64)
-        parts, bins, right = np.empty((4, 4), np.int64), *np.empty((2, BINS, 7), np.float32)
-        count = _build(boxes, order[a:b], a, own, own.view(np.int32), rows, leaf, work, parts, bins, right)
+        parts, around = np.empty((4, 4), np.int64), np.empty((4, 6), np.float32)
+        bins = np.empty((3, BINS, 7), np.float32)
+        count = _build(boxes, order[a:b], a, own, own.view(np.int32), rows, leaf, work, parts, around, bins)
         nodes.append(own[:count])
         root.append(rows)
         rows += count
@@ -84,11 +85,20 @@ def _half_area(box):
     return x * y + y * z + z * x if x >= 0.0 else np.float32(0.0)
 
 
+@inlined
+def _enclose(box, boxes, order, a, b):
+    """Write the box around the triangles order[a:b]."""
+    _empty(box)
+    for k in range(a, b):
+        _grow(box, boxes[order[k]])
+
+
 @kernel
-def _build(boxes, order, first, nodes, words, rows, leaf, work, parts, bins, right):
+def _build(boxes, order, first, nodes, words, rows, leaf, work, parts, around, bins):
     """Fill the nodes of one object, whose triangles begin at `first` and nodes at `rows`; return their number.
 
-    Sorts `order`. work: stack of (begin, end, depth, parent, child); parts: ranges of a node's children.
+    Sorts `order`. work: stack of (begin, end, depth, parent, child); parts, around: ranges and boxes of a node's
+    children; bins: of _split().
     """
     work[0, 0], work[0, 1], work[0, 2], work[0, 3] = 0, len(order), 0, -1
     top, count = 1, 0
@@ -97,36 +107,37 @@ def _build(boxes, order, first, nodes, words, rows, leaf, work, parts, bins, rig
         if work[top, 3] >= 0:
             words[work[top, 3], CHILD + work[top, 4]] = rows + count
         parts[0, 0], parts[0, 1], parts[0, 2], parts[0, 3] = work[top, 0], work[top, 1], work[top, 2], 0
+        _enclose(around[0], boxes, order, parts[0, 0], parts[0, 1])
         n = 1
-        while n < 4:  # split the largest part that can be split
+        while n < 4:  # split the part of the largest area that can be split
             p = -1
             for k in range(n):
-                if parts[k, 3] == 0 and (p < 0 or parts[k, 1] - parts[k, 0] > parts[p, 1] - parts[p, 0]):
+                if parts[k, 3] == 0 and (p < 0 or _half_area(around[k]) > _half_area(around[p])):
                     p = k
             if p < 0:
                 break
-            middle = _split(boxes, order, parts[p, 0], parts[p, 1], parts[p, 2], leaf, bins, right)
+            middle = _split(boxes, order, parts[p, 0], parts[p, 1], parts[p, 2], leaf, bins)
             parts[p, 3] = middle < 0
             if middle >= 0:
                 parts[p, 2] += 1
                 parts[n, 0], parts[n, 1], parts[n, 2], parts[n, 3] = middle, parts[p, 1], parts[p, 2], 0
                 parts[p, 1] = middle
+                _enclose(around[p], boxes, order, parts[p, 0], middle)
+                _enclose(around[n], boxes, order, middle, parts[n, 1])
                 n += 1
-        for k in range(4):
-            box = bins[0]
-            _empty(box)
+        for k in range(n, 4):
+            _empty(around[k])
             words[count, CHILD + k] = -1
-            if k < n:
-                a, b = parts[k, 0], parts[k, 1]
-                for i in range(a, b):
-                    _grow(box, boxes[order[i]])
-                if parts[k, 3] or b - a <= 1:
-                    words[count, CHILD + k] = ~(16 * (first + a) + b - a)
-                else:
-                    work[top, 0], work[top, 1], work[top, 2], work[top, 3], work[top, 4] = a, b, parts[k, 2], count, k
-                    top += 1
+        for k in range(n):
+            a, b = parts[k, 0], parts[k, 1]
+            if parts[k, 3] or b - a <= 1:
+                words[count, CHILD + k] = ~(16 * (first + a) + b - a)
+            else:
+                work[top, 0], work[top, 1], work[top, 2], work[top, 3], work[top, 4] = a, b, parts[k, 2], count, k
+                top += 1
+        for k in range(4):
             for i in range(6):
-                nodes[count, 4 * i + k] = box[i]
+                nodes[count, 4 * i + k] = around[k, i]
         count += 1
     return count
 
@@ -136,53 +147,59 @@ def _centre(box, axis):
     return np.float32(0.5) * (box[axis] + box[axis + 3])
 
 
+@inlined
+def _bin(box, axis, centres):
+    """Return the bin of a box, which divides the extent of all centres along an axis."""
+    scale = np.float32(BINS * (1 - 1e-6)) / (centres[3 + axis] - centres[axis])
+    return min(np.int64((_centre(box, axis) - centres[axis]) * scale), BINS - 1)
+
+
 @kernel
-def _split(boxes, order, a, b, depth, leaf, bins, right):
-    """Sort order[a:b] into two parts and return where the second begins; -1: a leaf. bins, right: (BINS, 7)."""
+def _split(boxes, order, a, b, depth, leaf, bins):
+    """Sort order[a:b] into two parts and return where the second begins; -1: a leaf. bins: (3, BINS, 7), a buffer."""
     if b - a <= 1:
         return -1
-    centres = right[0]
+    left, right, centres = bins[0], bins[1], bins[2, 0]
     _empty(centres)
     for k in range(a, b):
         for i in range(3):
             c = _centre(boxes[order[k]], i)
             centres[i], centres[3 + i] = min(centres[i], c), max(centres[3 + i], c)
-    axis = 0
-    for i in range(1, 3):
-        if centres[3 + i] - centres[i] > centres[3 + axis] - centres[axis]:
-            axis = i
-    low, extent = centres[axis], centres[3 + axis] - centres[axis]
-    if not extent > 0.0 or depth >= DEEPEST:
+    best, axis, cut, area = np.float32(np.inf), -1, -1, np.float32(0.0)
+    for x in range(3):
+        if not (centres[3 + x] - centres[x] > LEAST_EXTENT and depth < DEEPEST):
+            continue
+        for i in range(BINS):
+            _empty(left[i])
+            left[i, 6] = 0
+        for k in range(a, b):
+            box = boxes[order[k]]
+            i = _bin(box, x, centres)
+            _grow(left[i], box)
+            left[i, 6] += np.float32(1)
+        for i in range(BINS - 1, 0, -1):  # right[i]: all bins from i on
+            _empty(right[i])
+            _grow(right[i], left[i])
+            right[i, 6] = left[i, 6]
+            if i < BINS - 1:
+                _grow(right[i], right[i + 1])
+                right[i, 6] += right[i + 1, 6]
+        for i in range(1, BINS):  # left[i]: all bins up to i
+            n = left[i - 1, 6], right[i, 6]
+            if n[0] > 0 and n[1] > 0:
+                cost = n[0] * _half_area(left[i - 1]) + n[1] * _half_area(right[i])
+                if cost < best:
+                    best, axis, cut = cost, x, i
+            _grow(left[i], left[i - 1])
+            left[i, 6] += left[i - 1, 6]
+        area = _half_area(left[BINS - 1])
+    if axis < 0:
         return -1 if b - a <= leaf else a + (b - a) // 2
-    scale = np.float32(BINS * (1 - 1e-6)) / extent
-    for i in range(BINS):
-        _empty(bins[i])
-        bins[i, 6] = 0
-    for k in range(a, b):
-        box = boxes[order[k]]
-        i = min(np.int64((_centre(box, axis) - low) * scale), BINS - 1)
-        _grow(bins[i], box)
-        bins[i, 6] += np.float32(1)
-    for i in range(BINS - 1, 0, -1):  # right[i]: all bins from i on
-        _empty(right[i])
-        _grow(right[i], bins[i])
-        right[i, 6] = bins[i, 6]
-        if i < BINS - 1:
-            _grow(right[i], right[i + 1])
-            right[i, 6] += right[i + 1, 6]
-    best, cut, left = np.float32(np.inf), -1, bins[0]
-    for i in range(1, BINS):
-        if left[6] > 0 and right[i, 6] > 0:
-            cost = left[6] * _half_area(left) + right[i, 6] * _half_area(right[i])
-            if cost < best:
-                best, cut = cost, i
-        _grow(left, bins[i])
-        left[6] += bins[i, 6]
-    if b - a <= leaf and (b - a - STEP_COST) * _half_area(left) <= best:
+    if b - a <= leaf and (b - a - STEP_COST) * area <= best:
         return -1
     i, j = a, b - 1
     while i <= j:
-        if min(np.int64((_centre(boxes[order[i]], axis) - low) * scale), BINS - 1) < cut:
+        if _bin(boxes[order[i]], axis, centres) < cut:
             i += 1
         else:
             order[i], order[j] = order[j], order[i]
@@ -238,9 +255,9 @@ def _entries(typingctx, nodes, row, near, origin, inverse_, far, ray):
 def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     """Return distance float32 and face of the nearest hit, or of any; limit and -1 for none."""
     nodes, corners, face = s.nodes, s.triangles.corners, s.face
-    words, stack = nodes.view(np.int32), ray.view(np.int32)
+    children, words, stack = nodes.view(np.int32), ray.view(np.int32), ray.view(np.int64)
     r, origin = test_ray(s.triangles, o, ox, oy, oz, dx, dy, dz), (np.float32(ox), np.float32(oy), np.float32(oz))
-    ix, iy, iz = np.float32(inverse(r.dx)), np.float32(inverse(r.dy)), np.float32(inverse(r.dz))
+    ix, iy, iz = np.float32(r.ix), np.float32(r.iy), np.float32(r.iz)
     near = (0 if ix > 0 else 12, 4 if iy > 0 else 16, 8 if iz > 0 else 20)
     best, found, node = np.float64(limit), -1, s.root[o]
     far = np.float32(limit) * WIDER
@@ -251,22 +268,24 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
         if node >= 0:
             entered += 1
             hits = _entries(nodes, node, near, origin, (ix, iy, iz), far, ray)
-            begin = top
-            k = 0
-            while hits:
-                if hits & 1:
-                    t, child = ray[STACK - 4 + k], words[node, CHILD + k]
-                    if any_hit:
-                        t = np.float32(0.0) if child < 0 else -t
-                    j = top
-                    while j > begin and ray[2 * j - 1] < t:
-                        ray[2 * j + 1] = ray[2 * j - 1]
-                        stack[2 * j] = stack[2 * j - 2]
-                        j -= 1
-                    ray[2 * j + 1], stack[2 * j] = t, child
-                    top += 1
-                hits >>= 1
-                k += 1
+            if any_hit:
+                for k in range(4):
+                    stack[top] = children[node, CHILD + k]
+                    top += hits >> k & 1
+            else:
+                begin = top
+                k = 0
+                while hits:
+                    if hits & 1:
+                        entry = np.int64(words[STACK - 4 + k]) << 32 | np.int64(children[node, CHILD + k]) & 0xFFFFFFFF
+                        j = top
+                        while j > begin and stack[j - 1] < entry:
+                            stack[j] = stack[j - 1]
+                            j -= 1
+                        stack[j] = entry
+                        top += 1
+                    hits >>= 1
+                    k += 1
         else:
             first = ~node >> 4
             for k in range(first, first + (~node & 15)):
@@ -277,11 +296,11 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
                 break
         while top > bottom:
             top -= 1
-            if ray[2 * top + 1] <= far:
+            if any_hit or ray[2 * top + 1] <= far:
                 break
         else:
             break
-        node = np.int64(stack[2 * top])
-    stack[CELLS] += entered
-    stack[TESTS] += tested
+        node = np.int64(words[2 * top])
+    words[CELLS] += entered
+    words[TESTS] += tested
     return np.float32(best), np.int32(found)

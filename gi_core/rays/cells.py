@@ -20,14 +20,16 @@ from gi_core.rays.triangles import (
     Meshes,
     Triangles,
     nearer,
+    test_ray,
     touches,
     triangles_of,
 )
 
-MOST_LISTED = 64  # entries of all cells per triangle: no node is divided after that
+MOST_LISTED = 16  # entries per triangle of all cells and undivided nodes: nothing is divided after that
 LEVELS = 20  # of binary nodes beside 1.3 log2 of the triangles; Havran 2000 has 8, for cuts by surface area
 REPEATED = 1.8  # entries of a node's children per entry of the node: with more of them it is not divided
-MIDDLE, MEDIAN = 0, 1  # where a binary node is divided: its middle, or the median of the centres of its triangles
+BINS = 16  # of a node, per axis, between planes whose costs are compared
+MIDDLE, COST = 0, 1  # where a binary node is divided: the middle of its longest axis, or the plane of the least cost
 
 
 class Cells(NamedTuple):
@@ -62,11 +64,21 @@ def boxes_of(triangles: Triangles) -> tuple[np.ndarray, np.ndarray]:
 
 
 @inlined
-def start(ray):
-    """Empty the mailbox of a ray."""
-    words = ray.view(np.int32)
+def enter_box(cells, o, ray, ox, oy, oz, dx, dy, dz, limit):
+    """Return the TestRay of a ray, where it enters and leaves the box of object o, and best and found of no hit.
+
+    Empties the mailbox of the ray. It enters behind where it leaves if it misses the box within the limit.
+    """
+    r, best = test_ray(cells.triangles, o, ox, oy, oz, dx, dy, dz), np.float64(limit)
+    low, high, words = cells.low, cells.high, ray.view(np.int32)
+    ax, bx = (low[o, 0] - r.x) * r.ix, (high[o, 0] - r.x) * r.ix
+    ay, by = (low[o, 1] - r.y) * r.iy, (high[o, 1] - r.y) * r.iy
+    az, bz = (low[o, 2] - r.z) * r.iz, (high[o, 2] - r.z) * r.iz
+    enter = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), 0.0))
+    leave = min(min(max(ax, bx), max(ay, by)), min(max(az, bz), best))
     for k in range(MAILBOX_SIZE):
         words[MAILBOX + k] = -1
+    return r, enter, leave, best, -1
 
 
 @inlined
@@ -81,16 +93,6 @@ def visit(cells, o, cell, ray, r, best, found):
             words[TESTS] += 1
             best, found = nearer(cells.triangles.corners, k, k - cells.triangles.first[o], r, best, found)
     return best, found
-
-
-@inlined
-def clip(cells, o, x, y, z, ix, iy, iz):
-    """Return the distances where a line, given with inverse directions, enters and leaves the box of object o."""
-    low, high = cells.low, cells.high
-    ax, bx = (low[o, 0] - x) * ix, (high[o, 0] - x) * ix
-    ay, by = (low[o, 1] - y) * iy, (high[o, 1] - y) * iy
-    az, bz = (low[o, 2] - z) * iz, (high[o, 2] - z) * iz
-    return max(min(ax, bx), max(min(ay, by), min(az, bz))), min(max(ax, bx), min(max(ay, by), max(az, bz)))
 
 
 def build_tree(meshes: Meshes, leaf: float, ways: int, rule: int = MIDDLE) -> Tree:
@@ -126,34 +128,47 @@ def _child_box(low, high, ways, axis, plane, c, box):
             box[3 + k] = at
 
 
+@inlined
+def _longest(own):
+    """Return the longest axis of a box."""
+    axis = 0
+    for k in range(1, 3):
+        if own[3 + k] - own[k] > own[3 + axis] - own[axis]:
+            axis = k
+    return axis
+
+
+@inlined
+def _bin(off, width):
+    return np.int64(min(max(BINS * off / width, 0.0), BINS - 1.0))
+
+
 @kernel
-def _median(corners, items, axis, values):
-    """Return the median of the centres of triangles along an axis; values: buffer."""
-    for i in range(len(items)):
-        k = items[i]
-        values[i] = (
-            min(corners[k, axis], min(corners[k, 3 + axis], corners[k, 6 + axis]))
-            + max(corners[k, axis], max(corners[k, 3 + axis], corners[k, 6 + axis]))
-        ) * 0.5
-    a, b, middle = 0, len(items) - 1, len(items) // 2
-    while a < b:  # Hoare's selection
-        pivot, i, j = values[(a + b) // 2], a, b
-        while i <= j:
-            while values[i] < pivot:
-                i += 1
-            while values[j] > pivot:
-                j -= 1
-            if i <= j:
-                values[i], values[j] = values[j], values[i]
-                i += 1
-                j -= 1
-        if middle <= j:
-            b = j
-        elif middle >= i:
-            a = i
-        else:
-            break
-    return np.float64(values[middle])
+def _cheapest(corners, items, own, begun, ended):
+    """Return axis and position of the plane of least cost by surface area, of BINS - 1 per axis of the box `own`.
+
+    MacDonald and Booth 1990, "Heuristics for ray tracing using space subdivision". begun, ended: buffers (BINS,).
+    """
+    least, axis = np.inf, _longest(own)
+    plane = 0.5 * (own[axis] + own[3 + axis])
+    for k in range(3):
+        low, width = own[k], own[3 + k] - own[k]
+        x, y = own[3 + (k + 1) % 3] - own[(k + 1) % 3], own[3 + (k + 2) % 3] - own[(k + 2) % 3]
+        if not width > 0.0:
+            continue
+        begun[:] = 0
+        ended[:] = 0
+        for i in range(len(items)):
+            p, q, r = corners[items[i], k], corners[items[i], 3 + k], corners[items[i], 6 + k]
+            begun[_bin(min(p, min(q, r)) - low, width)] += 1
+            ended[_bin(max(p, max(q, r)) - low, width)] += 1
+        below, above = 0, len(items)
+        for j in range(1, BINS):
+            below, above, depth = below + begun[j - 1], above - ended[j - 1], width * j / BINS
+            cost = below * (x * y + depth * (x + y)) + above * (x * y + (width - depth) * (x + y))
+            if cost < least:
+                axis, plane, least = k, low + depth, cost
+    return axis, plane
 
 
 @inlined
@@ -170,56 +185,51 @@ def _room(a, size):
 def _divide(corners, a, b, padding, low, high, leaf, deepest, ways, rule):
     """Return child, axis, plane, first and listed of a tree over triangles a .. b - 1 in the box low .. high.
 
-    The root of an octree is always divided.
+    Nodes are divided level by level: a limit of entries ends all of them at one depth. The root of an octree is always
+    divided.
     """
-    count, nodes, cells, entries, top = b - a, 1, 0, 0, 1
-    pool, values = np.arange(a, b).astype(np.int32), np.empty(count, np.float32)
+    count, nodes, cells, entries = b - a, 1, 0, 0
     child, axes, planes = np.empty(64, np.int32), np.zeros(64, np.int32), np.zeros(64)
-    first, listed = np.empty(64, np.int64), np.empty(64, np.int32)
-    work, boxes = np.empty((ways * (deepest + 1), 4), np.int64), np.empty((ways * (deepest + 1), 6))
-    box, own, ends = np.empty(6), np.empty(6), np.empty(ways + 1, np.int64)
-    work[0] = np.array([0, count, 0, 0])
+    first, listed, bins = np.empty(64, np.int64), np.empty(64, np.int32), np.empty((2, BINS), np.int64)
+    # Of the nodes of a level: triangles, where those of a node end, boxes.
+    items, ends, boxes = np.arange(a, b).astype(np.int32), np.array([count]), np.empty((1, 6))
     boxes[0, :3], boxes[0, 3:] = low, high
-    while top:
-        top -= 1
-        begin, end, depth, node = work[top, 0], work[top, 1], work[top, 2], work[top, 3]
-        own[:] = boxes[top]
-        n, divided, axis, plane = end - begin, False, 0, 0.0
-        if (n > leaf and depth < deepest and entries < MOST_LISTED * count) or (ways == 8 and depth == 0):
-            for k in range(1, 3):
-                if own[3 + k] - own[k] > own[3 + axis] - own[axis]:
-                    axis = k
-            plane = 0.5 * (own[axis] + own[3 + axis])
-            if rule == MEDIAN:
-                median = _median(corners, pool[begin:end], axis, values)
-                if own[axis] < median < own[3 + axis]:
-                    plane = median
-            ends[0] = end
-            for c in range(ways):
-                _child_box(own[:3], own[3:], ways, axis, plane, c, box)
-                tail = ends[c]
-                pool = _room(pool, tail + n)
-                for i in range(begin, end):
-                    if touches(corners, pool[i], padding, box[0], box[1], box[2], box[3], box[4], box[5]):
-                        pool[tail] = pool[i]
-                        tail += 1
-                ends[c + 1] = tail
-            divided = ends[ways] - end <= REPEATED ** math.log2(ways) * n or (ways == 8 and depth == 0)
-        if not divided:
-            first, listed = _room(first, cells + 2), _room(listed, entries + n)
-            first[cells] = entries
-            listed[entries : entries + n] = pool[begin:end]
-            child[node] = ~cells
-            cells, entries = cells + 1, entries + n
-            continue
-        pool[begin : begin + ends[ways] - end] = pool[end : ends[ways]].copy()
-        child, axes, planes = _room(child, nodes + ways), _room(axes, nodes + ways), _room(planes, nodes + ways)
-        child[node], axes[node], planes[node] = nodes, axis, plane
-        for c in range(ways):
-            work[top, 0], work[top, 1] = begin + ends[c] - end, begin + ends[c + 1] - end
-            work[top, 2], work[top, 3] = depth + 1, nodes + c
-            _child_box(own[:3], own[3:], ways, axis, plane, c, boxes[top])
-            top += 1
-        nodes += ways
+    node, depth = 0, 0
+    while len(boxes):
+        below, below_ends = np.empty(2 * len(items), np.int32), np.empty(ways * len(boxes), np.int64)
+        below_boxes, begin, tail, children = np.empty((ways * len(boxes), 6)), 0, 0, 0
+        goes_on = depth < deepest and entries + len(items) < MOST_LISTED * count
+        for m in range(len(boxes)):
+            own, end, start, divided, axis, plane = boxes[m], ends[m], tail, False, 0, 0.0
+            n, always = end - begin, ways == 8 and depth == 0
+            if (n > leaf and goes_on) or always:
+                if ways == 2:
+                    axis = _longest(own)
+                    plane = 0.5 * (own[axis] + own[3 + axis])
+                    if rule == COST:
+                        axis, plane = _cheapest(corners, items[begin:end], own, bins[0], bins[1])
+                below = _room(below, start + ways * n)
+                for c in range(ways):
+                    box = below_boxes[children + c]
+                    _child_box(own[:3], own[3:], ways, axis, plane, c, box)
+                    for i in range(begin, end):
+                        if touches(corners, items[i], padding, box[0], box[1], box[2], box[3], box[4], box[5]):
+                            below[tail] = items[i]
+                            tail += 1
+                    below_ends[children + c] = tail
+                divided = always or tail - start <= REPEATED ** math.log2(ways) * n
+            if divided:
+                child, axes, planes = _room(child, nodes + ways), _room(axes, nodes + ways), _room(planes, nodes + ways)
+                child[node], axes[node], planes[node] = nodes, axis, plane
+                nodes, children = nodes + ways, children + ways
+            else:
+                tail = start
+                first, listed = _room(first, cells + 2), _room(listed, entries + n)
+                first[cells] = entries
+                listed[entries : entries + n] = items[begin:end]
+                child[node] = ~cells
+                cells, entries = cells + 1, entries + n
+            node, begin = node + 1, end
+        items, ends, boxes, depth = below[:tail], below_ends[:children], below_boxes[:children], depth + 1
     first[cells] = entries
     return child[:nodes], axes[:nodes], planes[:nodes], first[: cells + 1], listed[:entries]

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
-from gi_core.rays.cells import Cells, boxes_of, clip, start, visit
-from gi_core.rays.triangles import Meshes, inverse, test_ray, touches, triangles_of
+from gi_core.rays.cells import Cells, boxes_of, enter_box, visit
+from gi_core.rays.triangles import Meshes, touches, triangles_of
 
 LEAF = 0.25  # triangles per cell on average
 MOST = 1 << 22  # cells per object
@@ -93,21 +93,17 @@ def _span(corners, k, axis, padding, low, step, count):
 @kernel
 def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     """Return distance float32 and face of the nearest hit, or of any; limit and -1 for none."""
-    r, best, found = test_ray(s.cells.triangles, o, ox, oy, oz, dx, dy, dz), np.float64(limit), -1
-    ix, iy, iz = inverse(r.dx), inverse(r.dy), inverse(r.dz)
-    enter, leave = clip(s.cells, o, r.x, r.y, r.z, ix, iy, iz)
-    enter, leave = max(enter, 0.0), min(leave, best)
+    r, enter, leave, best, found = enter_box(s.cells, o, ray, ox, oy, oz, dx, dy, dz, limit)
     if enter > leave:
         return np.float32(best), np.int32(found)
-    start(ray)
     low, step, count = s.cells.low, s.step, s.count
     nx, ny, nz = count[o, 0], count[o, 1], count[o, 2]
     lx, ly, lz, ex, ey, ez = low[o, 0] - r.x, low[o, 1] - r.y, low[o, 2] - r.z, step[o, 0], step[o, 1], step[o, 2]
     i = min(max(np.int64((enter * r.dx - lx) / ex), 0), nx - 1)
     j = min(max(np.int64((enter * r.dy - ly) / ey), 0), ny - 1)
     k = min(max(np.int64((enter * r.dz - lz) / ez), 0), nz - 1)
-    ux, uy, uz = np.int64(ix > 0.0), np.int64(iy > 0.0), np.int64(iz > 0.0)
-    tx, ty, tz = (lx + (i + ux) * ex) * ix, (ly + (j + uy) * ey) * iy, (lz + (k + uz) * ez) * iz
+    ux, uy, uz = np.int64(r.ix > 0.0), np.int64(r.iy > 0.0), np.int64(r.iz > 0.0)
+    tx, ty, tz = (lx + (i + ux) * ex) * r.ix, (ly + (j + uy) * ey) * r.iy, (lz + (k + uz) * ez) * r.iz
     while True:
         best, found = visit(s.cells, o, s.start[o] + (k * ny + j) * nx + i, ray, r, best, found)
         t = min(tx, min(ty, tz))
@@ -117,15 +113,15 @@ def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
             i += 2 * ux - 1
             if i < 0 or i >= nx:
                 break
-            tx = (lx + (i + ux) * ex) * ix
+            tx = (lx + (i + ux) * ex) * r.ix
         elif t == ty:
             j += 2 * uy - 1
             if j < 0 or j >= ny:
                 break
-            ty = (ly + (j + uy) * ey) * iy
+            ty = (ly + (j + uy) * ey) * r.iy
         else:
             k += 2 * uz - 1
             if k < 0 or k >= nz:
                 break
-            tz = (lz + (k + uz) * ez) * iz
+            tz = (lz + (k + uz) * ez) * r.iz
     return np.float32(best), np.int32(found)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.base.jit import inlined, kernel
-from gi_core.rays.cells import Tree, build_tree, start, visit
-from gi_core.rays.triangles import STACK, Meshes, inverse, test_ray
+from gi_core.rays.cells import Tree, build_tree, enter_box, visit
+from gi_core.rays.triangles import STACK, Meshes
 
 LEAF = 8  # triangles that may share a cell
 FRAME = 8  # float64 of a node on the stack: three distances in, three out, node, next child
@@ -44,23 +44,22 @@ def _push(stack, at, x0, y0, z0, x1, y1, z1, node):
 @kernel
 def trace(s, o, ray, ox, oy, oz, dx, dy, dz, limit, any_hit):
     """Return distance float32 and face of the nearest hit, or of any; limit and -1 for none."""
-    r, best, found = test_ray(s.cells.triangles, o, ox, oy, oz, dx, dy, dz), np.float64(limit), -1
+    r, enter, leave, best, found = enter_box(s.cells, o, ray, ox, oy, oz, dx, dy, dz, limit)
     low, high, stack = s.cells.low, s.cells.high, ray.view(np.float64)
-    start(ray)
     # A ray of negative components is mirrored; `mirror` turns the numbers of children back.
-    mirror, ix, iy, iz = 0, inverse(r.dx), inverse(r.dy), inverse(r.dz)
-    x0, x1 = (low[o, 0] - r.x) * ix, (high[o, 0] - r.x) * ix
-    y0, y1 = (low[o, 1] - r.y) * iy, (high[o, 1] - r.y) * iy
-    z0, z1 = (low[o, 2] - r.z) * iz, (high[o, 2] - r.z) * iz
-    if ix < 0.0:
+    mirror = 0
+    x0, x1 = (low[o, 0] - r.x) * r.ix, (high[o, 0] - r.x) * r.ix
+    y0, y1 = (low[o, 1] - r.y) * r.iy, (high[o, 1] - r.y) * r.iy
+    z0, z1 = (low[o, 2] - r.z) * r.iz, (high[o, 2] - r.z) * r.iz
+    if r.ix < 0.0:
         mirror, x0, x1 = mirror | 4, x1, x0
-    if iy < 0.0:
+    if r.iy < 0.0:
         mirror, y0, y1 = mirror | 2, y1, y0
-    if iz < 0.0:
+    if r.iz < 0.0:
         mirror, z0, z1 = mirror | 1, z1, z0
     bottom = STACK // 2
     top = bottom - FRAME
-    if max(max(x0, y0), max(z0, 0.0)) <= min(min(x1, y1), min(z1, best)):
+    if enter <= leave:
         top = bottom
         _push(stack, top, x0, y0, z0, x1, y1, z1, s.root[o])
     while top >= bottom:

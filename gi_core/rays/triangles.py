@@ -2,7 +2,7 @@
 
 The edge functions are those of Woop, Benthin and Wald 2013 ("Watertight ray/triangle intersection"), computed in
 float64 from float32 corners: a ray between two triangles hits one of them. Edges belong to both triangles. The nearest
-hit is the least (distance, face). A hit counts only where its point lies within half of the padding of its triangle.
+hit is the least (distance, face). A hit counts only where the ray's point lies within the padding of its triangle.
 A structure that lists each triangle in every cell that the padded triangle touches therefore misses none.
 """
 
@@ -60,27 +60,29 @@ class TestRay(NamedTuple):
     s0: float  # shear that turns the ray into axis2
     s1: float
     s2: float
-    padding: float  # half of the object's [m]
+    ix: float  # 1 / direction, finite
+    iy: float
+    iz: float
+    padding: float  # half of the object's [m], along each axis
+
+
+@inlined
+def _inverse(d):
+    return 1.0 / (d if abs(d) >= LEAST_DIRECTION else math.copysign(LEAST_DIRECTION, d))
 
 
 @inlined
 def test_ray(triangles, o, ox, oy, oz, dx, dy, dz):
     """Return the TestRay of a ray against object o."""
     x, y, z, u, v, w = np.float64(ox), np.float64(oy), np.float64(oz), np.float64(dx), np.float64(dy), np.float64(dz)
-    padding = 0.5 * triangles.padding[o]
+    i, j, k, padding = _inverse(u), _inverse(v), _inverse(w), 0.5 * triangles.padding[o]
     if abs(w) >= abs(u) and abs(w) >= abs(v):
-        r = TestRay(x, y, z, u, v, w, 0, 1, 2, x, y, z, u / w, v / w, 1.0 / w, padding)
+        r = TestRay(x, y, z, u, v, w, 0, 1, 2, x, y, z, u / w, v / w, 1.0 / w, i, j, k, padding)
     elif abs(v) >= abs(u):
-        r = TestRay(x, y, z, u, v, w, 2, 0, 1, z, x, y, w / v, u / v, 1.0 / v, padding)
+        r = TestRay(x, y, z, u, v, w, 2, 0, 1, z, x, y, w / v, u / v, 1.0 / v, i, j, k, padding)
     else:
-        r = TestRay(x, y, z, u, v, w, 1, 2, 0, y, z, x, v / u, w / u, 1.0 / u, padding)
+        r = TestRay(x, y, z, u, v, w, 1, 2, 0, y, z, x, v / u, w / u, 1.0 / u, i, j, k, padding)
     return r
-
-
-@inlined
-def inverse(d):
-    """Return 1 / d, finite."""
-    return 1.0 / (d if abs(d) >= LEAST_DIRECTION else math.copysign(LEAST_DIRECTION, d))
 
 
 @inlined
@@ -99,36 +101,71 @@ def nearer(corners, k, face, r, best, found):
         det = u + v + w
         if det != 0.0:
             t = r.s2 * (u * az + v * bz + w * cz) / det
-            if t > 0.0 and (t < best or (t == best and (found < 0 or face < found))) and _touches(corners, k, r, t):
+            if (
+                t > 0.0
+                and (t < best or (t == best and (found < 0 or face < found)))
+                and _near(corners, k, r, u, v, w, t)
+            ):
                 best, found = t, np.int64(face)
     return best, found
 
 
-@kernel
-def _touches(corners, k, r, t):
-    """Return whether the point at distance t lies within the padding of the box and of the plane of triangle k."""
-    x, y, z = r.x + t * r.dx, r.y + t * r.dy, r.z + t * r.dz
-    return touches(corners, k, r.padding, x, y, z, x, y, z)
+@inlined
+def _near(corners, k, r, u, v, w, t):
+    """Return whether the ray's point at distance t is that of triangle k with the barycentric weights u, v, w."""
+    d = 1.0 / (u + v + w)
+    return (
+        abs((u * corners[k, 0] + v * corners[k, 3] + w * corners[k, 6]) * d - (r.x + t * r.dx)) <= r.padding
+        and abs((u * corners[k, 1] + v * corners[k, 4] + w * corners[k, 7]) * d - (r.y + t * r.dy)) <= r.padding
+        and abs((u * corners[k, 2] + v * corners[k, 5] + w * corners[k, 8]) * d - (r.z + t * r.dz)) <= r.padding
+    )
 
 
 @kernel
 def touches(corners, k, padding, lx, ly, lz, hx, hy, hz):
-    """Return whether the box l .. h overlaps the box and the plane of triangle k, both grown by the padding."""
-    ax, ay, az = np.float64(corners[k, 0]), np.float64(corners[k, 1]), np.float64(corners[k, 2])
-    bx, by, bz = np.float64(corners[k, 3]), np.float64(corners[k, 4]), np.float64(corners[k, 5])
-    cx, cy, cz = np.float64(corners[k, 6]), np.float64(corners[k, 7]), np.float64(corners[k, 8])
-    if not (
-        min(ax, min(bx, cx)) - padding <= hx
-        and max(ax, max(bx, cx)) + padding >= lx
-        and min(ay, min(by, cy)) - padding <= hy
-        and max(ay, max(by, cy)) + padding >= ly
-        and min(az, min(bz, cz)) - padding <= hz
-        and max(az, max(bz, cz)) + padding >= lz
+    """Return whether the box l .. h overlaps triangle k, grown by the padding: Akenine-Moeller 2001.
+
+    "Fast 3D triangle-box overlap testing": no axis of the box, normal or cross product of an edge with an axis of the
+    box separates them.
+    """
+    mx, my, mz = 0.5 * (lx + hx), 0.5 * (ly + hy), 0.5 * (lz + hz)
+    sx, sy, sz = 0.5 * (hx - lx) + padding, 0.5 * (hy - ly) + padding, 0.5 * (hz - lz) + padding
+    ax, ay, az = corners[k, 0] - mx, corners[k, 1] - my, corners[k, 2] - mz
+    bx, by, bz = corners[k, 3] - mx, corners[k, 4] - my, corners[k, 5] - mz
+    cx, cy, cz = corners[k, 6] - mx, corners[k, 7] - my, corners[k, 8] - mz
+    if (
+        min(ax, min(bx, cx)) > sx
+        or max(ax, max(bx, cx)) < -sx
+        or min(ay, min(by, cy)) > sy
+        or max(ay, max(by, cy)) < -sy
+        or min(az, min(bz, cz)) > sz
+        or max(az, max(bz, cz)) < -sz
     ):
         return False
     ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    mx, my, mz = 0.5 * (lx + hx), 0.5 * (ly + hy), 0.5 * (lz + hz)
-    off = abs(nx * (mx - ax) + ny * (my - ay) + nz * (mz - az))
-    reach = 0.5 * (abs(nx) * (hx - lx) + abs(ny) * (hy - ly) + abs(nz) * (hz - lz))
-    return off <= reach + padding * math.sqrt(nx * nx + ny * ny + nz * nz)
+    if abs(nx * ax + ny * ay + nz * az) > abs(nx) * sx + abs(ny) * sy + abs(nz) * sz:
+        return False
+    return not (
+        _apart(ax, ay, az, bx, by, bz, cx, cy, cz, sx, sy, sz)
+        or _apart(bx, by, bz, cx, cy, cz, ax, ay, az, sx, sy, sz)
+        or _apart(cx, cy, cz, ax, ay, az, bx, by, bz, sx, sy, sz)
+    )
+
+
+@inlined
+def _apart(ax, ay, az, bx, by, bz, cx, cy, cz, sx, sy, sz):
+    """Return whether edge a-b crossed with an axis of the box -s .. s separates triangle a, b, c from it."""
+    ex, ey, ez = bx - ax, by - ay, bz - az
+    fx, fy, fz = abs(ex), abs(ey), abs(ez)
+    px, py, pz = ey * az - ez * ay, ez * ax - ex * az, ex * ay - ey * ax
+    qx, qy, qz = ey * cz - ez * cy, ez * cx - ex * cz, ex * cy - ey * cx
+    rx, ry, rz = fy * sz + fz * sy, fz * sx + fx * sz, fx * sy + fy * sx
+    return (
+        min(px, qx) > rx
+        or max(px, qx) < -rx
+        or min(py, qy) > ry
+        or max(py, qy) < -ry
+        or min(pz, qz) > rz
+        or max(pz, qz) < -rz
+    )
