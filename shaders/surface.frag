@@ -3,7 +3,7 @@
 // app/draw/tonemap.py does the same arithmetic for pictures without a window.
 
 uniform vec3 exposure;   // factor: 2^EV times the gain of the white balance
-uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours, 4 false colours
+uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours, 4 false colours, 5 a reflection: linear, 6: c / (1 + max c)
 uniform vec3 scale;      // of false colours: low, high, 1 if logarithmic
 uniform vec3 map[33];    // display colours from low to high
 uniform float lines[16];  // values of the isolines
@@ -13,9 +13,12 @@ uniform vec3 unlit;      // display colour of a side that has no light by defini
 
 centroid in vec4 front_radiance;  // times its weight; weight
 centroid in vec4 back_radiance;
+#ifndef SHARP
 centroid in vec3 front_gloss;  // above the texture, times its weight
 centroid in vec3 back_gloss;
+#endif
 out vec4 colour;
+uniform float reach;  // scene size [m]
 #ifdef TEXTURED
 uniform sampler2D image;    // sRGB, decoded before it is filtered
 uniform vec2 mirrored;      // 1 where the image is mirrored beyond its edges
@@ -23,6 +26,84 @@ uniform float brightest;    // reflectance at most
 uniform vec3 emission;      // of the front, which the texture does not colour
 uniform float painted;      // 0: only the holes of the texture count
 in vec2 uv;
+#endif
+
+#ifdef SHARP
+// Sharp gloss: half vectors of the lobe, each with a look into an image of the reflection; app/draw/reflected.py traces
+// rays instead. Images hold radiance times exposure, and depth in units of the scene size (app/draw/gl_mirrors.py).
+in vec3 point;
+in vec3 shading;
+in vec3 grain;
+uniform mat4 view_projection;
+uniform vec3 eye_at;
+uniform vec2 picture;       // its pixels
+uniform bool planar;
+uniform bool compressed;        // the plane's image holds c / (1 + max c)
+uniform sampler2D plane_image;
+uniform samplerCube surroundings;
+uniform vec3 centre;        // of the probe
+uniform vec3 albedo[17];    // of the lobe by the cosine of the view
+uniform vec3 taps[16];      // slopes of half vectors along the grain and across it; width that the ray stands for
+uniform int count;          // of taps
+
+// Where a ray from r, relative to the centre, leaves the surroundings: the point on it at their distance. Each step
+// reads the distance in the direction found before.
+vec3 leaving(vec3 r, vec3 d) {
+    vec3 q = d;
+    float b = dot(r, d);
+    for (int k = 0; k < 5; ++k) {
+        vec3 a = abs(q);
+        float there = textureLod(surroundings, q, 0.0).a * reach * length(q) / max(a.x, max(a.y, a.z));
+        q = r + (sqrt(max(b * b - dot(r, r) + there * there, 0.0)) - b) * d;
+    }
+    return q;
+}
+
+vec3 reflected(vec3 flat_normal) {
+    vec3 to_eye = eye_at - point;
+    float distance_to_eye = length(to_eye);
+    to_eye /= distance_to_eye;
+    vec3 n = normalize(shading) * (gl_FrontFacing ? 1.0 : -1.0);
+    vec3 t = grain - n * dot(grain, n);
+    t = dot(t, t) > 1e-8 ? normalize(t) : normalize(abs(n.x) < 0.5 ? cross(n, vec3(1, 0, 0)) : cross(n, vec3(0, 1, 0)));
+    vec3 s = cross(n, t);
+    float at_eye = clamp(dot(to_eye, n), 0.0, 1.0);
+    int k = min(int(16.0 * at_eye), 15);
+    vec3 share = mix(albedo[k], albedo[k + 1], 16.0 * at_eye - float(k));
+
+    vec3 mean = reflect(-to_eye, n);
+    vec3 r = point - centre, first = vec3(0.0);
+    vec2 here = gl_FragCoord.xy / picture;
+    float beyond = 0.0;
+    if (planar) {
+        beyond = distance_to_eye * max(textureLod(plane_image, here, 0.0).a * reach * gl_FragCoord.w - 1.0, 0.0);
+    } else {
+        first = leaving(r, mean);
+    }
+    if (count == 1) {
+        vec3 c = (planar ? textureLod(plane_image, here, 0.0) : textureLod(surroundings, first, 0.0)).rgb;
+        return share * (compressed ? c / max(1.0 - max(c.r, max(c.g, c.b)), 1e-4) : c);
+    }
+    float around = length(first - r);  // of the surroundings, for all taps
+    vec3 sum = vec3(0.0);
+    for (int j = 0; j < count; ++j) {
+        vec3 h = normalize(n + taps[j].x * t + taps[j].y * s);
+        vec3 d = reflect(-to_eye, h);
+        d -= 2.0 * min(dot(d, flat_normal), 0.0) * flat_normal;
+        float wide = taps[j].z * sqrt(max(dot(to_eye, h), 0.1));
+        if (planar) {
+            vec3 through = d - 2.0 * dot(d, flat_normal) * flat_normal;
+            vec4 at = view_projection * vec4(point + beyond * through, 1.0);
+            float pixel = 2.0 / (picture.y * length(vec3(view_projection[0][1], view_projection[1][1], view_projection[2][1])));
+            float lod = log2(max(beyond * wide / ((distance_to_eye + beyond) * pixel), 1.0));
+            sum += textureLod(plane_image, 0.5 * at.xy / at.w + 0.5, lod).rgb;
+        } else {
+            float lod = log2(max(wide * float(textureSize(surroundings, 0).x) / 1.57, 1.0));
+            sum += textureLod(surroundings, r + around * d, lod).rgb;
+        }
+    }
+    return share * sum / float(count);
+}
 #endif
 
 vec3 tone_mapped(vec3 c) {
@@ -66,14 +147,26 @@ void main() {
     vec3 paint = mix(vec3(1.0), min(texture(image, at).rgb, brightest), painted);
     if (radiance.r >= -0.5) radiance = paint * radiance + (gl_FrontFacing ? painted * emission : vec3(0.0));
 #endif
-    if (radiance.r >= -0.5 && tone_map < 3) radiance += (gl_FrontFacing ? front_gloss : back_gloss) / seen.a;
-    if (radiance.r < -0.5) {
+#ifdef SHARP
+    vec3 flat_normal = normalize(cross(dFdx(point), dFdy(point)));
+    if (dot(flat_normal, eye_at - point) < 0.0) flat_normal = -flat_normal;
+    vec3 more = reflected(flat_normal);
+#else
+    vec3 more = vec3(0.0);
+    bool gloss = tone_map < 3 || tone_map > 4;
+    if (radiance.r >= -0.5 && gloss) radiance += (gl_FrontFacing ? front_gloss : back_gloss) / seen.a;
+#endif
+    if (tone_map > 4) {
+        vec3 c = min(max(radiance, 0.0) * exposure + more, 6e4);
+        if (tone_map == 6) c /= 1.0 + max(c.r, max(c.g, c.b));
+        colour = vec4(c, 1.0 / (gl_FragCoord.w * reach));
+    } else if (radiance.r < -0.5) {
         colour = vec4(unlit, 1.0);
     } else if (tone_map == 3) {
         colour = vec4(radiance, 1.0);
     } else if (tone_map == 4) {
         colour = vec4(false_colour(radiance, slope), 1.0);
     } else {
-        colour = vec4(srgb(tone_mapped(max(radiance, 0.0) * exposure)), 1.0);
+        colour = vec4(srgb(tone_mapped(max(radiance, 0.0) * exposure + more)), 1.0);
     }
 }

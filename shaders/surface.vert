@@ -13,17 +13,22 @@ in vec4 back;   // the same; radiance negative where the face is one-sided
 centroid out vec4 front_radiance;  // times its weight; weight
 centroid out vec4 back_radiance;
 
+in vec3 normal;         // of the front
+#ifndef SHARP
 uniform sampler2D cells;  // a line per glossy receiver, two texels per cell: shares of irradiance, direction
 uniform vec2 layout_of;   // lines of a column, cells; 0 lines: no gloss
 uniform vec3 eye;         // in object space
 in vec2 glossy;           // glossy receiver of front and back, from 1; 0: none
-in vec3 normal;           // of the front
 in vec4 specular;         // F0 red, green, blue; F90
-in float alpha;           // < 0: a table, which the processor has evaluated
-in vec3 front_lit;        // irradiance [W/m2]; of a table the radiance of gloss for the eye
+in float alpha;           // < 0: a table, which the processor has evaluated; `specular` is its albedo
+in vec3 front_lit;        // irradiance [W/m2]
 in vec3 back_lit;
 centroid out vec3 front_gloss;  // times its weight
 centroid out vec3 back_gloss;
+
+in vec3 front_table;      // radiance of the gloss of a table for the eye
+in vec3 back_table;
+uniform float mirrored_view;  // 1: in a plane, where tables show as diffuse surfaces; 2: in a probe, all gloss does
 
 const float LEAST_ALPHA = 0.15;
 const float GRAZING = 0.05;
@@ -34,11 +39,14 @@ float smith(float cosine) {
     return 0.5 * (sqrt(1.0 + a * a * tan2) - 1.0);
 }
 
-vec3 gloss(float receiver, vec3 n, vec3 irradiance) {
+vec3 gloss(float receiver, vec3 n, vec3 irradiance, vec3 table) {
     vec3 to_eye = eye - position;
     float at_eye = dot(to_eye, n);
     if (receiver < 0.5 || layout_of.x < 0.5) return vec3(0.0);
-    if (alpha < 0.0) return irradiance;
+    if (mirrored_view > 1.5 || (mirrored_view > 0.5 && alpha < 0.0)) {
+        return mix(specular.rgb, specular.aaa, 1.0 / 21.0) * irradiance / 3.14159265;  // smooth gloss under even light
+    }
+    if (alpha < 0.0) return table;
     if (at_eye <= 0.0) return vec3(0.0);
     to_eye = normalize(to_eye);
     at_eye = max(dot(to_eye, n), GRAZING);
@@ -59,6 +67,13 @@ vec3 gloss(float receiver, vec3 n, vec3 irradiance) {
     }
     return sum * irradiance;
 }
+#endif
+#ifdef SHARP
+in vec3 along;  // the tangent
+out vec3 point;  // of the world, like the next two
+out vec3 shading;
+out vec3 grain;
+#endif
 #ifdef TEXTURED
 in vec2 place;  // in the texture
 // Not centroid: a pixel's footprint can only be told from its middle to the next one's, and Mesa's centroid lies
@@ -69,8 +84,14 @@ out vec2 uv;
 void main() {
     front_radiance = vec4(front.rgb * front.a, front.a);
     back_radiance = vec4(back.rgb * back.a, back.a);
-    front_gloss = front.a * gloss(glossy.x, normal, front_lit);
-    back_gloss = back.a * gloss(glossy.y, -normal, back_lit);
+#ifdef SHARP
+    point = (model * vec4(position, 1.0)).xyz;
+    shading = mat3(model) * normal;
+    grain = mat3(model) * along;
+#else
+    front_gloss = front.a * gloss(glossy.x, normal, front_lit, front_table);
+    back_gloss = back.a * gloss(glossy.y, -normal, back_lit, back_table);
+#endif
 #ifdef TEXTURED
     uv = place;
 #endif

@@ -9,11 +9,31 @@ import moderngl
 import numpy as np
 
 from app.draw.vertex_colours import gloss_colours
+from gi_core.gloss.sharp import hemispherical_albedo
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from app.draw.gl_textures import GLTextures
     from app.draw.vertex_colours import DrawMesh
+    from gi_core.gloss.sharp import Reflector
     from gi_core.scene.types import Texture
+
+
+class Programs(NamedTuple):
+    """Shader programs of surfaces and of the outline's mask."""
+
+    surface: moderngl.Program
+    textured: moderngl.Program
+    cut_out: moderngl.Program  # separate, because `discard` disables the early depth test
+    mask: moderngl.Program
+    sharp: moderngl.Program | None = None  # with reflections, None in scenes without
+    sharp_textured: moderngl.Program | None = None
+
+    @property
+    def of_surfaces(self) -> list[moderngl.Program]:
+        every = self.surface, self.textured, self.cut_out, self.sharp, self.sharp_textured
+        return [program for program in every if program is not None]
 
 
 class DrawCall(NamedTuple):
@@ -25,6 +45,7 @@ class DrawCall(NamedTuple):
     texture: Texture | None
     vertex: int  # one of its draw vertices
     emission: tuple[float, float, float]
+    reflector: int  # of the mesh, -1: none
 
 
 class Layer(NamedTuple):
@@ -35,6 +56,9 @@ class Layer(NamedTuple):
     textured: moderngl.VertexArray | None  # for textures, None where there are none
     cut_out: moderngl.VertexArray | None  # the same for textures with holes
     irradiance: moderngl.Buffer | None  # of front and back, under gloss; None without gloss
+    tables: moderngl.Buffer | None  # radiance of tabulated gloss on front and back; None without tables
+    sharp: moderngl.VertexArray | None  # with reflections, None where there are none
+    sharp_textured: moderngl.VertexArray | None
 
 
 class DrawnObject:
@@ -43,9 +67,8 @@ class DrawnObject:
     A second layer of colours is the right side of a wipe.
     """
 
-    def __init__(self, ctx, surface, textured, cut_out, mask, mesh: DrawMesh) -> None:
-        self.ctx = ctx
-        self._programs = surface, textured, cut_out
+    def __init__(self, ctx, programs: Programs, mesh: DrawMesh) -> None:
+        self.ctx, self._programs = ctx, programs
         self._one_sided = mesh.back < 0
         order, self._calls = _draw_calls(mesh)
         self.indices = 3 * len(order)
@@ -58,19 +81,27 @@ class DrawnObject:
         # GL has no empty buffers; a scene may have an empty object.
         self._positions = ctx.buffer(np.ascontiguousarray(mesh.positions, np.float32).tobytes() or bytes(12))
         self._triangles = ctx.buffer(mesh.triangles[order].astype(np.int32).tobytes() or bytes(12))
-        self._marked = ctx.vertex_array(mask, [(self._positions, "3f", "position")], self._triangles)
+        self._marked = ctx.vertex_array(programs.mask, [(self._positions, "3f", "position")], self._triangles)
         self._owned = [self._positions, self._triangles, self._marked]
         self._places = None
         if mesh.uv is not None:
             self._places = ctx.buffer(np.ascontiguousarray(mesh.uv, np.float32).tobytes())
             self._owned.append(self._places)
         self._gloss, self._mesh = None, mesh
-        self._light: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # by layer: irradiance, and under gloss per vertex
-        self.has_tables = mesh.lobe is not None and bool((mesh.lobe[:, 4] < 0).any())
+        self._light: dict[int, np.ndarray] = {}  # by layer: irradiance
+        self._along = None
+        # Vertices of faces that show light at vertices, evaluated by tables; others are seen in reflections alone.
+        self._tabulated = np.zeros(0, np.int64)
         if mesh.lobe is not None:
-            packed = np.c_[mesh.gloss + 1, mesh.normal, mesh.lobe].astype(np.float32)
+            plain = mesh.triangles if mesh.reflector is None else mesh.triangles[mesh.reflector < 0]
+            shown = np.unique(plain)
+            self._tabulated = shown[mesh.lobe[shown, 4] < 0]
+            packed = np.c_[mesh.gloss + 1, mesh.normal, _with_albedo(mesh)].astype(np.float32)
             self._gloss = ctx.buffer(packed.tobytes())
             self._owned.append(self._gloss)
+        if mesh.reflectors and mesh.tangent is not None:
+            self._along = ctx.buffer(np.ascontiguousarray(mesh.tangent, np.float32).tobytes())
+            self._owned.append(self._along)
         self.has_holes = any(call.texture is not None and call.texture.cover is not None for call in self._calls)
         self._layers: dict[int, Layer] = {}
         self._layer(0)
@@ -82,21 +113,34 @@ class DrawnObject:
     def _layer(self, k: int) -> Layer:
         """Return a layer, creating it at first use."""
         if k not in self._layers:
-            surface, textured, cut_out = self._programs
+            programs = self._programs
             colours = self.ctx.buffer(bytes(max(self._colours.nbytes, 32)), dynamic=True)
             attributes = [(self._positions, "3f", "position"), (colours, "4f 4f", "front", "back")]
-            irradiance = None
+            sharp_attributes = attributes.copy()
+            irradiance = tables = None
             if self._gloss is not None:
                 irradiance = self.ctx.buffer(bytes(24 * len(self._colours)), dynamic=True)
                 attributes.append((self._gloss, "2f 3f 4f 1f", "glossy", "normal", "specular", "alpha"))
                 attributes.append((irradiance, "3f 3f", "front_lit", "back_lit"))
-            lit = self.ctx.vertex_array(surface, attributes, self._triangles)
-            painted = holed = None
+                sharp_attributes.append((self._gloss, "2x4 3f 5x4", "normal"))
+            if self.has_tables:
+                tables = self.ctx.buffer(bytes(24 * len(self._colours)), dynamic=True)
+                attributes.append((tables, "3f 3f", "front_table", "back_table"))
+            if self._along is not None:
+                sharp_attributes.append((self._along, "3f", "along"))
+            lit = self.ctx.vertex_array(programs.surface, attributes, self._triangles)
+            painted = holed = sharp = sharp_painted = None
+            if self._mesh.reflectors:
+                sharp = self.ctx.vertex_array(programs.sharp, sharp_attributes, self._triangles)
             if self._places is not None:
-                attributes.append((self._places, "2f", "place"))
-                painted = self.ctx.vertex_array(textured, attributes, self._triangles)
-                holed = self.ctx.vertex_array(cut_out, attributes, self._triangles) if self.has_holes else None
-            self._layers[k] = Layer(colours, lit, painted, holed, irradiance)
+                place = (self._places, "2f", "place")
+                painted = self.ctx.vertex_array(programs.textured, [*attributes, place], self._triangles)
+                if self.has_holes:
+                    holed = self.ctx.vertex_array(programs.cut_out, [*attributes, place], self._triangles)
+                if self._mesh.reflectors:
+                    more = [*sharp_attributes, place]
+                    sharp_painted = self.ctx.vertex_array(programs.sharp_textured, more, self._triangles)
+            self._layers[k] = Layer(colours, lit, painted, holed, irradiance, tables, sharp, sharp_painted)
             self._owned += [thing for thing in self._layers[k] if thing is not None]
         return self._layers[k]
 
@@ -116,16 +160,20 @@ class DrawnObject:
         """Upload irradiance (R, 3) [W/m2] under gloss."""
         mesh = self._mesh
         lit = np.c_[np.nan_to_num(irradiance[mesh.front]), np.nan_to_num(irradiance[mesh.back])].astype(np.float32)
-        self._light[layer] = irradiance, lit
+        self._light[layer] = irradiance
         self._layer(layer).irradiance.write(lit)
+
+    @property
+    def has_tables(self) -> bool:
+        """Whether the processor evaluates gloss of this object."""
+        return len(self._tabulated) > 0
 
     def evaluate_tables(self, cells: np.ndarray, eye: np.ndarray) -> None:
         """Upload the radiance of tabulated gloss towards an eye (3,) in the object's space; cells as GlossLight's."""
-        which = np.flatnonzero(self._mesh.lobe[:, 4] < 0)
-        for layer, (irradiance, lit) in self._light.items():
-            front, back = gloss_colours(self._mesh, cells, irradiance, eye, which)
-            lit[which] = np.c_[front, back]
-            self._layer(layer).irradiance.write(lit)
+        for layer, irradiance in self._light.items():
+            seen = np.zeros((len(self._colours), 6), np.float32)
+            seen[self._tabulated] = np.c_[gloss_colours(self._mesh, cells, irradiance, eye, self._tabulated)]
+            self._layer(layer).tables.write(seen)
 
     @property
     def is_glossy(self) -> bool:
@@ -137,17 +185,39 @@ class DrawnObject:
         self._part(lit, 0, split, True)
         self._part(lit, split, self.indices - split, False)
 
-    def draw_textured(self, textures: GLTextures, cull: bool, layer: int = 0) -> None:
-        """Draw all calls, each with its texture."""
+    def draw_calls(
+        self,
+        textures: GLTextures,
+        cull: bool,
+        layer: int = 0,
+        sharp: Callable[[moderngl.Program, Reflector], bool] = lambda program, reflector: False,
+        left_out: Callable[[Reflector], bool] = lambda reflector: False,
+    ) -> None:
+        """Draw all calls, each with its texture.
+
+        sharp(program, reflector): set the program up for a reflection; False: there is no image of it. left_out:
+        faces that are not drawn.
+        """
         of = self._layer(layer)
         for call in self._calls:
             vertices = of.lit
+            reflector = None if call.reflector < 0 else self._mesh.reflectors[call.reflector]
+            if reflector is not None and left_out(reflector):
+                continue
             if call.texture is not None:
                 vertices = of.textured if call.texture.cover is None else of.cut_out
+            if reflector is not None and (call.texture is None or call.texture.cover is None):
+                wanted = of.sharp if call.texture is None else of.sharp_textured
+                vertices = wanted if sharp(wanted.program, reflector) else vertices
+            if call.texture is not None:
                 textures.of(call.texture).use(0)
                 vertices.program["mirrored"] = tuple(float(way == "mirror") for way in call.texture.wrap)
                 vertices.program["emission"] = call.emission
             self._part(vertices, call.first, call.indices, cull and call.one_sided)
+
+    @property
+    def has_reflectors(self) -> bool:
+        return bool(self._mesh.reflectors)
 
     def mark(self) -> None:
         self._part(self._marked, 0, self.indices, False)
@@ -177,6 +247,16 @@ class DrawnObject:
             thing.release()
 
 
+def _with_albedo(mesh: DrawMesh) -> np.ndarray:
+    """Return the lobes (D, 5), those of tables with their hemispherical albedo in place of F0 and F90."""
+    out = mesh.lobe.copy()
+    for number in np.unique(out[out[:, 4] < 0, 4]):
+        rows = out[:, 4] == number
+        albedo = hemispherical_albedo(np.array([0, 0, 0, 0, number], np.float64), mesh.tables)
+        out[rows, :4] = *albedo, albedo.mean()
+    return out
+
+
 def _draw_calls(mesh: DrawMesh) -> tuple[np.ndarray, list[DrawCall]]:
     """Return an order of the triangles (F,) and its draw calls, by side, texture, emission and lamp."""
     corner = mesh.triangles[:, 0]
@@ -188,11 +268,15 @@ def _draw_calls(mesh: DrawMesh) -> tuple[np.ndarray, list[DrawCall]]:
         glow = np.unique(under, axis=0, return_inverse=True)[1].reshape(-1) if under.any() else 0
         textures = len(mesh.textures) + 1
         kind = (kind * textures + mesh.texture[corner] + 1) * (np.max(glow) + 1) + glow
+    if mesh.reflector is not None:
+        kind = kind * (len(mesh.reflectors) + 1) + mesh.reflector + 1
     _, ones, counts = np.unique(kind, return_index=True, return_counts=True)
     calls, first = [], 0
     for one, count in zip(ones, counts, strict=True):
         v = corner[one]
         texture = None if mesh.texture is None or mesh.texture[v] < 0 else mesh.textures[mesh.texture[v]]
-        calls.append(DrawCall(first, 3 * int(count), bool(mesh.back[v] < 0), texture, int(v), tuple(mesh.emission[v])))
+        reflector = -1 if mesh.reflector is None else int(mesh.reflector[one])
+        sided = bool(mesh.back[v] < 0)
+        calls.append(DrawCall(first, 3 * int(count), sided, texture, int(v), tuple(mesh.emission[v]), reflector))
         first += 3 * int(count)
     return np.argsort(kind, kind="stable"), calls

@@ -31,6 +31,7 @@ def layers(shot: Shot, progress: Callable[[float], None] = lambda fraction: None
     by_vertex = [shot.weights(o) for o in range(len(meshes))]
     radiance = raycast.both_sides([colours(mesh, drawn.irradiance) for mesh in meshes], by_vertex)
     above = raycast.above_textures(meshes, shot.gloss(), by_vertex)
+    sharp = shot.sharp()
     white = raycast.both_sides([colours(mesh, drawn.irradiance, False) for mesh in meshes], by_vertex)
     bare = raycast.both_sides([(mesh.reflectance, mesh.reflectance) for mesh in meshes], [None] * len(meshes))
     steps = raycast.pixel_steps(eye, width, height) if world.textures else None
@@ -41,7 +42,7 @@ def layers(shot: Shot, progress: Callable[[float], None] = lambda fraction: None
         seen = strip.seen(hit)
         light, facing = raycast.seen_radiance(world, *radiance, *seen, steps, strip.eye)
         if above is not None:
-            light = light + raycast.seen_radiance(world, *above, *seen, None, strip.eye)[0]
+            light = light + raycast.gloss_seen(world, *radiance, strip, hit, above, sharp)
         E = math.pi * raycast.seen_radiance(world, *white, *seen, None, strip.eye)[0]
         rho = raycast.seen_radiance(dark, *bare, *seen, steps, strip.eye)[0]
         lit = (facing | ~world.one_sided[seen[0]])[:, None]

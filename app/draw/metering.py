@@ -26,14 +26,15 @@ def metered(
     receivers: Receivers,
     meshes: Sequence[DrawMesh],
     colours: Callable[[int], tuple[np.ndarray, np.ndarray]],
+    gloss: Sequence[tuple[np.ndarray, np.ndarray] | None],
     textured: bool,
     size: float,
     camera: Turntable,
 ) -> float:
     """Return the exposure [EV] that maps the median radiance in view, else of all surfaces, to mid-grey.
 
-    colours(o): linear radiance of front and back (D, 3) of mesh o; textured: it is to be averaged over textures; size
-    [m]: of the scene.
+    colours(o): linear radiance of front and back (D, 3) of mesh o; gloss: the same above textures, per mesh; textured:
+    colours are to be averaged over textures; size [m]: of the scene.
     """
     radiance = np.zeros_like(receivers.positions)
     drawn = np.zeros(len(radiance), bool)
@@ -41,6 +42,8 @@ def metered(
         front, back = colours(o)
         if textured:
             front, back = mean_radiance(mesh, front, back)
+        if (above := gloss[o]) is not None:
+            front, back = front + above[0], back + above[1]
         both = mesh.back >= 0
         for rows, colour in ((mesh.front, front), (mesh.back[both], back[both])):
             radiance[rows] = colour

@@ -71,6 +71,7 @@ class Strip(NamedTuple):
 
 
 Placed = Callable[[np.ndarray], tuple[PictureScene, np.ndarray]]
+Sharp = Callable[[PictureScene, np.ndarray, np.ndarray, Strip, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def place(meshes: Sequence[DrawMesh], at: Transforms) -> PictureScene:
@@ -129,13 +130,15 @@ def picture(
     scale: Scale | None = None,
     gains: Gains = NEUTRAL,
     gloss: Sequence[tuple[np.ndarray, np.ndarray] | None] | None = None,
+    sharp: Sharp | None = None,
 ) -> np.ndarray:
     """Return the picture (height, width, 3) uint8.
 
     `colours` has linear radiance of front and back (D, 3) per object; `size` is (width, height) pixels.
     `textured`: multiply by textures; `weights` has the interpolation weights of front and back (D, 2) per object,
     None for all 1; `scale`: false colours in place of the tone map, of `colours` E / pi; `gains`: white balance;
-    `gloss`: radiance (D, 3) above the texture of front and back per object, None where there is none.
+    `gloss`: radiance (D, 3) above the texture of front and back per object, None where there is none; `sharp`: returns
+    which of some hits of a strip reflect sharply, and the radiance of their gloss in place of `gloss`.
     """
     width, height = size
     world = place(meshes, at)
@@ -147,7 +150,7 @@ def picture(
     steps = pixel if textured and world.textures else None
     for strip in strips(accelerator, at, world, camera, size, cull, progress):
         # Mean after the tone map, as in a GL framebuffer: a saturated lamp keeps clean edges.
-        display = _shade(world, front, back, strip, exposure, tone_map, steps, scale, gains, above, pixel)
+        display = _shade(world, front, back, strip, exposure, tone_map, steps, scale, gains, above, pixel, sharp)
         out[strip.rows] = np.round(strip.resolved(display))
     return out
 
@@ -168,7 +171,7 @@ def strips(
         progress(top / height)
         bottom = min(top + rows, height)
         origins, directions = _rays(camera, width, height, top, bottom)
-        seen = _visible_faces(accelerator, at, lambda hit: (world, hit), origins, directions, cull)
+        seen = visible_faces(accelerator, at, lambda hit: (world, hit), origins, directions, cull)
         yield Strip(slice(top, bottom), origins[0], directions, *seen)
 
 
@@ -214,7 +217,7 @@ def visible_irradiance(
         return place(some, at)._replace(size=size), rows
 
     origins, directions = _rays(camera, max(round(aspect * GRID_ROWS), 1), GRID_ROWS, 0, GRID_ROWS)
-    face, u, v = _visible_faces(accelerator, at, placed, origins, directions, cull)
+    face, u, v = visible_faces(accelerator, at, placed, origins, directions, cull)
     hit = np.flatnonzero(face >= 0)
     some, rows = _parts(meshes, face[hit])
     world = place(some, at)
@@ -253,7 +256,7 @@ def _rays(camera: Turntable, width: int, height: int, top: int, bottom: int) -> 
     return np.ascontiguousarray(origins), d.astype(np.float32)
 
 
-def _visible_faces(accelerator, at, placed: Placed, origins, directions, cull: bool):
+def visible_faces(accelerator, at, placed: Placed, origins, directions, cull: bool):
     """Return the visible face (n,) int32 per ray, -1 for none, and barycentric weights u, v of corners 1, 2.
 
     placed: returns for faces (n,) a scene that has them, and their rows there.
@@ -308,7 +311,7 @@ def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.
 
 
 def _shade(
-    world: PictureScene, front, back, strip: Strip, exposure, tone_map, steps, scale, gains, above, pixel
+    world: PictureScene, front, back, strip: Strip, exposure, tone_map, steps, scale, gains, above, pixel, sharp
 ) -> np.ndarray:
     """Return display values (n, 3) uint8; pixel: of pixel_steps(), for isolines."""
     out = np.empty((len(strip.face), 3), np.uint8)
@@ -318,7 +321,7 @@ def _shade(
         return out
     radiance, facing = seen_radiance(world, front, back, *strip.seen(hit), steps, strip.eye)
     if above is not None:
-        radiance += seen_radiance(world, above[0], above[1], *strip.seen(hit), None, strip.eye)[0]
+        radiance += gloss_seen(world, front, back, strip, hit, above, sharp)
     if scale is None:
         out[hit] = to_display(radiance, exposure, tone_map, gains)
     else:
@@ -329,13 +332,22 @@ def _shade(
     return out
 
 
+def gloss_seen(world: PictureScene, front, back, strip: Strip, hit: np.ndarray, above, sharp: Sharp | None):
+    """Return the radiance (n, 3) of gloss at hits (n,) of a strip, of light at vertices or reflected."""
+    radiance = seen_radiance(world, above[0], above[1], *strip.seen(hit), None, strip.eye)[0]
+    if sharp is not None:
+        rows, reflected = sharp(world, front, back, strip, hit)
+        radiance[rows] = reflected
+    return radiance
+
+
 def seen_radiance(
     world: PictureScene, front, back, face, u, v, directions, steps, eye
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return radiance (n, 3) of hits on faces (n,) at barycentric weights u, v (n,), and whether fronts are seen (n,).
 
     front, back (D, 4): colours of `weighted`; directions (n, 3) of the rays from eye (3,); steps: of `pixel_steps`, or
-    None to leave textures out.
+    None to leave textures out. Reflected rays have an eye (n, 3) and steps (n, 3, 3) each.
     """
     u, v = u[:, None], v[:, None]
     facing = (world.normals[face] * directions).sum(axis=1) < 0  # gl_FrontFacing
@@ -343,6 +355,7 @@ def seen_radiance(
     radiance = (1 - u - v) * a + u * b + v * c
     radiance = radiance[:, :3] / radiance[:, 3:]
     if steps is not None:
+        eye, steps = np.broadcast_to(eye, (len(face), 3)), np.broadcast_to(steps, (len(face), 3, 3))
         _colour(world, radiance, face, u, v, facing, eye, directions, steps)
     return radiance, facing
 
@@ -396,6 +409,6 @@ def _colour(world: PictureScene, radiance, face, u, v, facing, eye, directions, 
     for t in np.unique(number[number >= 0]):
         rows = np.flatnonzero(number == t)
         f = face[rows]
-        seen = footprints(world.corners, world.uv, f, u[rows], v[rows], eye, directions[rows], steps)
+        seen = footprints(world.corners, world.uv, f, u[rows], v[rows], eye[rows], directions[rows], steps[rows])
         glow = np.where(facing[rows, None], world.emission[f], 0.0)
         radiance[rows] = radiance[rows] * lookup(world.textures[t], *seen) + glow

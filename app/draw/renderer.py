@@ -16,11 +16,13 @@ import numpy as np
 from app.draw.colour_map import SEQUENTIAL
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS, MOST_LINES, Scale
 from app.draw.gl_gloss import GlossTexture
-from app.draw.gl_objects import DrawnObject
+from app.draw.gl_mirrors import GLMirrors, View
+from app.draw.gl_objects import DrawnObject, Programs
 from app.draw.gl_textures import GLTextures
 from app.draw.white_balance import NEUTRAL, Gains
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.gloss.hemisphere import CELLS
+from gi_core.gloss.sharp import PLANAR, Reflector
 
 if TYPE_CHECKING:
     from app.draw.vertex_colours import DrawMesh
@@ -34,6 +36,8 @@ TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
 GLOSS_UNIT = 1  # texture unit of directional light
 AS_IS = 3  # there: display colours
 FALSE_COLOURS = 4
+LINEAR, COMPRESSED = 5, 6  # of reflections
+SHARP, SHARP_TEXTURED = ("SHARP",), ("SHARP", "TEXTURED")  # variants of the shaders
 NO_SCALE = Scale(0.0, 1.0, False)
 
 
@@ -56,18 +60,25 @@ class Look:
     gains: Gains = NEUTRAL  # of the white balance
     eye: np.ndarray | None = None  # (3,) [m], for gloss; None: there is none
 
+    @property
+    def is_light(self) -> bool:
+        """Whether the picture shows radiance, not display or false colours."""
+        return self.textured and not self.as_is and self.scale is None
+
 
 class Renderer:
     """GL objects of one scene and one picture; `release` frees them."""
 
     def __init__(self, ctx: moderngl.Context, samples: int = 4) -> None:
         self.ctx = ctx
-        self._surface = _program(ctx, "surface.vert", "surface.frag")
-        self._textured = _program(ctx, "surface.vert", "surface.frag", "TEXTURED")
-        # A separate program, because `discard` disables the early depth test.
-        self._cut_out = _program(ctx, "surface.vert", "surface.frag", "TEXTURED", "CUT_OUT")
+        self._programs = Programs(
+            _program(ctx, "surface.vert", "surface.frag"),
+            _program(ctx, "surface.vert", "surface.frag", "TEXTURED"),
+            _program(ctx, "surface.vert", "surface.frag", "TEXTURED", "CUT_OUT"),
+            _program(ctx, "surface.vert", "mask.frag"),
+        )
         self._textures, self._gloss = GLTextures(ctx), GlossTexture(ctx)
-        self._mask = _program(ctx, "surface.vert", "mask.frag")
+        self._mirrors = GLMirrors(ctx, ())
         self._outline = _program(ctx, "screen.vert", "outline.frag")
         self._screen = ctx.vertex_array(self._outline, [])
         self._objects: list[DrawnObject] = []
@@ -79,16 +90,20 @@ class Renderer:
 
     def set_scene(self, meshes: tuple[DrawMesh, ...]) -> None:
         """Upload the geometry, one DrawMesh per object; after an exception the old geometry stays."""
-        programs = self._surface, self._textured, self._cut_out, self._mask
         textures, made = [t for mesh in meshes for t in mesh.textures], []
+        if self._programs.sharp is None and any(mesh.reflectors for mesh in meshes):
+            sharp = (_program(self.ctx, "surface.vert", "surface.frag", *more) for more in (SHARP, SHARP_TEXTURED))
+            self._programs = Programs(*self._programs[:4], *sharp)
         try:
             self._textures.keep([*self._used_textures, *textures])
             for mesh in meshes:
-                made.append(DrawnObject(self.ctx, *programs, mesh))
+                made.append(DrawnObject(self.ctx, self._programs, mesh))
         except Exception:
             self._release(made)
             raise
         self._gloss.release()
+        self._mirrors.release()
+        self._mirrors = GLMirrors(self.ctx, meshes)
         before, self._objects, self._used_textures = self._objects, made, textures
         self._release(before)
 
@@ -106,20 +121,24 @@ class Renderer:
         weights (D, 2): interpolation weights of front and back; None: all 1.
         """
         self._objects[o].upload(front, back, layer, weights)
+        self._mirrors.forget()
 
     def set_gloss(self, light: GlossLight | None) -> None:
         """Upload the directional light of the glossy receivers; None: there are none."""
         self._gloss.upload(light)
+        self._mirrors.forget()
 
     def set_irradiance(self, o: int, irradiance: np.ndarray, layer: int = 0) -> None:
         """Upload irradiance (R, 3) [W/m2] under the gloss of an object, if it has any."""
         if self._objects[o].is_glossy:
             self._objects[o].light(irradiance, layer)
+            self._mirrors.forget()
 
     def dim(self, meshes: tuple[DrawMesh, ...]) -> None:
         """Set the emission of all objects to that of these meshes, which differ from set_scene()'s in nothing else."""
         for mesh, drawn in zip(meshes, self._objects, strict=True):
             drawn.dim(mesh.emission)
+        self._mirrors.forget()
 
     def resize(self, width: int, height: int, samples: int | None = None) -> None:
         """Set the picture's size in pixels and release the old one, because moderngl frees nothing by itself."""
@@ -134,38 +153,19 @@ class Renderer:
         """Draw a picture of the size set by `resize`."""
         targets, ctx = self._targets, self.ctx
         assert targets is not None, "resize first"
-        targets.drawn.use()
-        targets.drawn.clear(*BACKGROUND, 1.0)
-        ctx.enable_only(ctx.DEPTH_TEST)
-        ctx.depth_func = "<"
-        ctx.front_face = "ccw"
-        ctx.cull_face = "back"
-        for program in (self._surface, self._textured, self._cut_out):
-            program["exposure"] = tuple(2.0**look.exposure * gain for gain in look.gains)
-            program["tone_map"] = (
-                AS_IS if look.as_is else FALSE_COLOURS if look.scale else TONE_MAP_CODES[look.tone_map]
-            )
-            program["map"].write(SEQUENTIAL.astype(np.float32).tobytes())
-            scale = look.scale or NO_SCALE
-            program["scale"] = scale[:3]
-            program["lines"] = (*scale.lines, *[0.0] * (MOST_LINES - len(scale.lines)))
-            program["line_count"] = len(scale.lines)
-            program["line_look"] = LINE_PIXELS * look.line_scale, LINE_OPACITY, LIGHT_FROM
-            program["unlit"] = UNLIT
-            program["cells"] = GLOSS_UNIT
-            shown = look.textured and look.eye is not None and self._gloss.use(GLOSS_UNIT)
-            program["layout_of"] = (float(self._gloss.lines if shown else 0), float(CELLS))
-        for program in (self._textured, self._cut_out):
-            program["image"] = 0
-            program["brightest"] = MOST_REFLECTANCE
-            program["painted"] = float(look.textured)
-        if look.textured and look.eye is not None and (light := self._gloss.light) is not None:
+        self._set_up(look, targets.size)
+        if look.is_light and look.eye is not None and (light := self._gloss.light) is not None:
             for o, model in zip(self._objects, look.models, strict=True):
                 if o.has_tables:
                     o.evaluate_tables(light.whole(), _in_object(model, look.eye))
+        targets.drawn.use()
+        targets.drawn.clear(*BACKGROUND, 1.0)
         for layer, area in _parts(targets.size, look.split):
+            mirrors = self._draw_mirrors(look, layer)
+            self._state()
+            targets.drawn.use()
             targets.drawn.scissor = area
-            self._draw_layer(look, layer)
+            self._draw_layer(look, layer, View(look.view_projection, look.eye, "ccw", mirrors, 0.0, -1))
         targets.drawn.scissor = None  # it would clip the copy too
         if targets.drawn is not targets.picture:
             ctx.copy_framebuffer(targets.picture, targets.drawn)
@@ -174,18 +174,85 @@ class Renderer:
         ctx.enable_only(ctx.NOTHING)
         self._default.use()
 
-    def _draw_layer(self, look: Look, layer: int) -> None:
+    def _state(self) -> None:
+        self.ctx.enable_only(self.ctx.DEPTH_TEST)
+        self.ctx.depth_func, self.ctx.front_face, self.ctx.cull_face = "<", "ccw", "back"
+
+    def _set_up(self, look: Look, size: tuple[int, int]) -> None:
+        """Set the uniforms that all views of a picture share."""
+        scale = look.scale or NO_SCALE
+        shown = look.textured and look.eye is not None and self._gloss.use(GLOSS_UNIT)
+        for program in self._programs.of_surfaces:
+            program["exposure"] = tuple(2.0**look.exposure * gain for gain in look.gains)
+            program["map"].write(SEQUENTIAL.astype(np.float32).tobytes())  # type: ignore[union-attr]
+            program["scale"] = scale[:3]
+            program["lines"] = (*scale.lines, *[0.0] * (MOST_LINES - len(scale.lines)))
+            program["line_count"] = len(scale.lines)
+            program["line_look"] = LINE_PIXELS * look.line_scale, LINE_OPACITY, LIGHT_FROM
+            program["unlit"] = UNLIT
+            program["reach"] = self._mirrors.size
+            if "cells" in program:
+                program["cells"] = GLOSS_UNIT
+                program["layout_of"] = (float(self._gloss.lines if shown else 0), float(CELLS))
+            if "image" in program:
+                program["image"] = 0
+                program["brightest"] = MOST_REFLECTANCE
+                program["painted"] = float(look.textured)
+        for program in (self._programs.sharp, self._programs.sharp_textured):
+            if program is not None and look.eye is not None:
+                self._mirrors.set_up(program, size)
+
+    def _draw_mirrors(self, look: Look, layer: int) -> bool:
+        """Draw what sharp gloss reflects; return whether the picture shows it."""
+        targets = self._targets
+        if not self._mirrors or not look.is_light or look.eye is None or self._gloss.light is None:
+            return False
+        self._state()
+        key = layer, look.exposure, look.gains, look.cull
+
+        def draw(view: View) -> None:
+            self._draw_layer(look, layer, view)
+
+        self._mirrors.draw(
+            draw, look.view_projection, look.eye, look.models, targets.size, targets.drawn.samples or 1, key
+        )
+        return True
+
+    def _draw_layer(self, look: Look, layer: int, view: View) -> None:
+        """Draw all objects as a view sees them."""
+        mirrored = view.gloss > 0
+        self.ctx.front_face = view.front_face
+        mode = AS_IS if look.as_is else FALSE_COLOURS if look.scale else TONE_MAP_CODES[look.tone_map]
+        for program in self._programs.of_surfaces:
+            program["tone_map"] = (COMPRESSED if view.compressed else LINEAR) if mirrored else mode
+            if "mirrored_view" in program:
+                program["mirrored_view"] = view.gloss
+            if "eye_at" in program and view.eye is not None:
+                program["eye_at"] = tuple(view.eye)
         for o, model in zip(self._objects, look.models, strict=True):
-            _place(self._surface, look.view_projection, model, look.eye)
-            if not o.is_textured or not (look.textured or o.has_holes):
+            _place(self._programs.surface, view.view_projection, model, view.eye)
+            painted = o.is_textured and (look.textured or o.has_holes)
+            if not painted and not o.has_reflectors:
                 o.draw(look.cull, layer)
-            else:
-                for program in (self._textured, self._cut_out) if o.has_holes else (self._textured,):
-                    _place(program, look.view_projection, model, look.eye)
-                o.draw_textured(self._textures, look.cull, layer)
+                continue
+            for program in self._programs.of_surfaces[1:]:
+                _place(program, view.view_projection, model, view.eye)
+
+            def sharp(program, reflector: Reflector, model=model) -> bool:
+                # A plane's image is that of the picture: other views show it as light at vertices.
+                if not view.mirrors or (mirrored and reflector.way == PLANAR) or not self._mirrors.shows(reflector):
+                    return False
+                self._mirrors.use(program, reflector, model)
+                return True
+
+            def left_out(reflector: Reflector) -> bool:
+                return reflector.way != PLANAR and reflector.number == view.skipped
+
+            o.draw_calls(self._textures, look.cull, layer, sharp, left_out)
 
     def _draw_outline(self, targets: _Targets, look: Look) -> None:
         ctx = self.ctx
+        ctx.front_face = "ccw"
         o = self._objects[look.outlined]
         # The filter reads 25 texels per pixel: the scissor limits it to the object.
         model = look.models[look.outlined]
@@ -194,7 +261,7 @@ class Renderer:
         targets.mask.clear()
         ctx.enable_only(ctx.NOTHING)
         targets.picture.scissor = area
-        _place(self._mask, look.view_projection, model)
+        _place(self._programs.mask, look.view_projection, model)
         o.mark()
         targets.picture.use()
         ctx.enable_only(ctx.BLEND)
@@ -232,7 +299,8 @@ class Renderer:
             self._targets.release()
         self._textures.keep(())
         self._gloss.release()
-        for thing in (self._screen, self._surface, self._textured, self._cut_out, self._mask, self._outline):
+        self._mirrors.release()
+        for thing in (self._screen, self._outline, self._programs.mask, *self._programs.of_surfaces):
             thing.release()
 
 
@@ -275,7 +343,7 @@ def _parts(size: tuple[int, int], split: float | None) -> list[tuple[int, tuple[
 def _place(program, view_projection: np.ndarray, model: np.ndarray, eye: np.ndarray | None = None) -> None:
     program["view_projection"].write(view_projection.T.astype(np.float32).tobytes())
     program["model"].write(model.T.astype(np.float32).tobytes())
-    if eye is not None:
+    if eye is not None and "eye" in program:
         program["eye"] = tuple(_in_object(model, eye))
 
 

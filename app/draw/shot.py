@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +12,10 @@ from app.draw.camera import Bounds, Turntable, from_camera
 from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.legend import of_scale, with_legend
 from app.draw.metering import metered
+from app.draw.reflected import Mirrors
+from app.draw.tonemap import srgb_decode
 from app.draw.units import units_of
-from app.draw.vertex_colours import DrawMesh, colours, dimmed, draw_meshes, gloss_colours, weights
+from app.draw.vertex_colours import DrawMesh, colours, dimmed, draw_meshes, gloss_towards, weights
 from app.draw.white_balance import NEUTRAL, gains_for
 from app.settings import ILLUMINANCE, Settings
 
@@ -45,15 +48,27 @@ class Shot:
         drawn = self.solver.drawn(self.solver.irradiance).irradiance
         return colours(self.meshes[o], drawn, self.settings.show == "radiance")
 
-    def gloss(self) -> list[tuple[np.ndarray, np.ndarray] | None]:
-        """Return the radiance (D, 3) of gloss on front and back of each object; None: it has none."""
-        light, s = self.solver.frame.gloss, self.solver
-        if light is None or self.settings.show != "radiance":
-            return [None] * len(self.meshes)
-        at, cells, E = s.model.transforms(s.poses), light.whole(), s.drawn(s.irradiance).irradiance
-        eye = self.camera.relative_to(s.model.origins[0]).eye()
-        eyes = [at.rotation[o].T @ (eye - at.position[o]) for o in range(len(self.meshes))]
-        return [gloss_colours(mesh, cells, E, eye) for mesh, eye in zip(self.meshes, eyes, strict=True)]
+    def gloss(self, eye: np.ndarray | None = None) -> list[tuple[np.ndarray, np.ndarray] | None]:
+        """Return the radiance (D, 3) of gloss on front and back of each object; None: it has none.
+
+        eye (3,): of the model's space; None: that of the camera.
+        """
+        s = self.solver
+        light = s.frame.gloss if self.settings.show == "radiance" else None
+        eye = self.camera.relative_to(s.model.origins[0]).eye() if eye is None else eye
+        at, E = s.model.transforms(s.poses), s.drawn(s.irradiance).irradiance
+        return gloss_towards(self.meshes, light, E, at, eye)
+
+    def sharp(self) -> raycast.Sharp | None:
+        """Return reflections in sharp gloss; None: there are none."""
+        s, meshes, camera = self.solver, self.meshes, self.camera.relative_to(self.solver.model.origins[0])
+        if s.frame.gloss is None or self.settings.show != "radiance" or not any(m.reflectors for m in meshes):
+            return None
+        weights = [self.weights(o) for o in range(len(meshes))]
+        around = srgb_decode(np.array(raycast.BACKGROUND)) / (2.0 ** (self.exposure or 0.0) * np.array(self.gains))
+        pixel = 2 * math.tan(camera.fov / 2) / self.settings.size[1] if any(m.textures for m in meshes) else None
+        given = meshes, self.gloss, weights, camera.eye(), pixel, self.settings.cull, around
+        return Mirrors(s.model.accelerator, s.model.transforms(s.poses), *given).reflected
 
     def weights(self, o: int) -> np.ndarray | None:
         """Return interpolation weights of front and back (D, 2); None: all 1."""
@@ -81,6 +96,7 @@ class Shot:
             self.scale,
             self.gains,
             self.gloss(),
+            self.sharp(),
         )
         return (
             picture
@@ -110,7 +126,8 @@ class Shot:
     def metered(self) -> float:
         """Return the exposure [EV] that suits the picture."""
         s, textured = self.solver, self.settings.show == "radiance"
-        return metered(s.receivers, self.meshes, self.colours, textured, s.scene_size, self.camera)
+        gloss = self.gloss()
+        return metered(s.receivers, self.meshes, self.colours, gloss, textured, s.scene_size, self.camera)
 
 
 def home_camera(solver: Solver) -> Turntable:

@@ -44,6 +44,11 @@ def srgb_encode(c: np.ndarray) -> np.ndarray:
     return np.where(c <= 0.0031308, 12.92 * c, 1.055 * np.maximum(c, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
+def srgb_decode(c: np.ndarray) -> np.ndarray:
+    """Return linear values in [0, 1] of sRGB values in [0, 1]."""
+    return np.where(c <= 0.04045, c / 12.92, ((np.maximum(c, 0.04045) + 0.055) / 1.055) ** 2.4)
+
+
 def to_display(radiance: np.ndarray, exposure: float, tone_map: str = "aces", gains: Gains = NEUTRAL) -> np.ndarray:
     """Return sRGB bytes (..., 3) uint8 of linear radiance (..., 3) at an exposure [EV]: a stop doubles.
 

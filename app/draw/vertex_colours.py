@@ -7,7 +7,8 @@ emission.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,12 @@ from gi_core.bsdf.table import Tables, join
 from gi_core.geometry.radiosity import exitant_radiance
 from gi_core.geometry.surfaces import Surfaces, glossy_receivers
 from gi_core.gloss.radiance import gloss_radiance, room_for
+from gi_core.gloss.sharp import Reflector, reflectors
 from gi_core.scene.types import Paint, Texture
+
+if TYPE_CHECKING:
+    from gi_core.gloss.cells import GlossLight
+    from gi_core.rays.accelerator import Transforms
 
 
 class DrawMesh(NamedTuple):
@@ -38,6 +44,8 @@ class DrawMesh(NamedTuple):
     normal: np.ndarray | None = None  # (D, 3) float32 unit, of the receiver on the front
     tangent: np.ndarray | None = None  # (D, 3) float32 unit; None: no vertex has a table ...
     tables: Tables | None = None  # ... of these
+    reflectors: tuple[Reflector, ...] = ()  # of faces too sharp for light at vertices
+    reflector: np.ndarray | None = None  # (F,) int32 into them, -1: none; None: there are none
 
 
 def draw_meshes(
@@ -52,7 +60,17 @@ def draw_meshes(
     if normals is None or np.isnan(surfaces.lobe).all():
         return tuple(mesh._replace(lobe=None, tangent=None, tables=None) for mesh in meshes)
     glossy = glossy_receivers(surfaces)
-    return tuple(_with_gloss(mesh, glossy, normals) for mesh in meshes)
+    meshes = tuple(_with_gloss(mesh, glossy, normals) for mesh in meshes)
+    return tuple(_with_reflectors(mesh, some) for mesh, some in zip(meshes, reflectors(surfaces), strict=True))
+
+
+def _with_reflectors(mesh: DrawMesh, some: tuple[Reflector, ...]) -> DrawMesh:
+    if not some:
+        return mesh
+    of_face = np.full(len(mesh.triangles), -1, np.int32)
+    for k, r in enumerate(some):
+        of_face[r.faces] = k
+    return mesh._replace(reflectors=some, reflector=of_face)
 
 
 def _with_gloss(mesh: DrawMesh, glossy: np.ndarray, normals: np.ndarray) -> DrawMesh:
@@ -78,7 +96,8 @@ def part_of(mesh: DrawMesh, faces: np.ndarray) -> DrawMesh:
     per_vertex = ("positions", "texture", "uv", "texel", *of_light)
     values = {name: getattr(mesh, name) for name in per_vertex}
     values = {name: None if a is None else a[rows] for name, a in values.items()}
-    return mesh._replace(triangles=np.arange(len(rows), dtype=np.int32).reshape(-1, 3), **values)
+    triangles = np.arange(len(rows), dtype=np.int32).reshape(-1, 3)
+    return mesh._replace(triangles=triangles, reflectors=(), reflector=None, **values)
 
 
 def _draw_mesh(surfaces: Surfaces, lamp: np.ndarray, o: int) -> DrawMesh:
@@ -187,6 +206,16 @@ def gloss_colours(
         gloss_radiance(cells, rows, E, positions, normal, lobes, tangent, tables, eye, out)
         found.append(out.astype(np.float32))
     return found[0], found[1]
+
+
+def gloss_towards(
+    meshes: Sequence[DrawMesh], light: GlossLight | None, irradiance: np.ndarray, at: Transforms, eye: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray] | None]:
+    """Return gloss_colours() of all objects at their poses for an eye (3,) of the model's space."""
+    if light is None:
+        return [None] * len(meshes)
+    cells, eyes = light.whole(), [R.T @ (eye - position) for R, position in zip(at.rotation, at.position, strict=True)]
+    return [gloss_colours(mesh, cells, irradiance, eye) for mesh, eye in zip(meshes, eyes, strict=True)]
 
 
 def weights(draw: DrawMesh, of_receivers: np.ndarray | None) -> np.ndarray | None:

@@ -14,6 +14,7 @@ from app.cli.progress import opened
 from app.cli.version import version
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
+from gi_core.gloss.sharp import MOMENTS, PLANAR, PROBE, ways
 
 if TYPE_CHECKING:
     from gi_core.scene.types import Light
@@ -218,13 +219,15 @@ def material_lines(scene, surfaces) -> list[str]:
     names = [m.name for m in scene.materials]
     number = np.array([names.index(name) for name in names], np.int64)[worn]
     whole = max(float(s.areas.sum()), 1e-300)
+    noise, way = ways(s)
     rows = []
     for k in np.unique(number):
         faces = np.flatnonzero(number == k)
         area = float(s.areas[faces].sum())
         rho = (s.reflectance[faces] * s.areas[faces, None]).sum(axis=0) / max(area, 1e-300)
         cells = f'"{names[k]}"', triple(np.round(rho, 3)), f"{len(faces):,}", f"{100 * area / whole:.3g} %"
-        rows.append((area, names[k], (*cells, _kind(s.two_sided[faces], textured[faces], s.emission[faces]))))
+        kind = _kind(s.two_sided[faces], textured[faces], s.emission[faces]) + _gloss(noise[faces], way[faces])
+        rows.append((area, names[k], (*cells, kind)))
     rows.sort(key=lambda row: -row[0])
     shown = [HEAD, *(cells for *_, cells in rows[:LISTED])]
     widths = [max(len(row[k]) for row in shown) + 2 for k in range(len(HEAD))]
@@ -245,6 +248,15 @@ def _kind(two_sided: np.ndarray, textured: np.ndarray, emission: np.ndarray) -> 
     if emission.any():
         words.append(f"emits {triple(emission.max(axis=0))}")
     return ", ".join(words)
+
+
+def _gloss(noise: np.ndarray, way: np.ndarray) -> str:
+    """Return the way in which pictures show the gloss of a material, and its noise factor; "" for diffuse ones."""
+    glossy = ~np.isnan(noise)
+    if not glossy.any():
+        return ""
+    names = " and ".join(name for name in (PLANAR, PROBE, MOMENTS) if (way[glossy] == name).any())
+    return f", gloss by {names} (noise factor {noise[glossy].max():.2g})"
 
 
 def _place(values, solver) -> str:

@@ -418,9 +418,13 @@ class Session:
     def metered(self, camera: Turntable) -> float:
         """Return the metered exposure [EV] of a view of the light on show."""
         from app.draw.metering import metered
+        from app.draw.vertex_colours import gloss_towards
 
-        receivers, textured = self.model.receivers_at(self.light.snapshot.poses), self.settings.show == "radiance"
-        return metered(receivers, self.meshes, self.colours, textured, self.chosen.scene_size, camera)
+        snapshot, textured = self.light.snapshot, self.settings.show == "radiance"
+        eye, at = camera.relative_to(self.model.origins[0]).eye(), self.model.transforms(snapshot.poses)
+        gloss = gloss_towards(self.meshes, snapshot.gloss if textured else None, snapshot.drawn.irradiance, at, eye)
+        receivers = self.model.receivers_at(snapshot.poses)
+        return metered(receivers, self.meshes, self.colours, gloss, textured, self.chosen.scene_size, camera)
 
     def models(self) -> tuple[np.ndarray, ...]:
         """Return the (4, 4) object-to-world matrix of each object; the static part's is the identity."""

@@ -38,6 +38,7 @@ from gi_core.gather.reference import ReferenceRounds
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.geometry.texture_filter import lookup
 from gi_core.geometry.texture_footprint import footprints
+from gi_core.gloss.lobe_rays import draw_lobe
 from gi_core.gloss.radiance import gloss_radiance
 from gi_core.model import Model
 from gi_core.rays.structures import checked
@@ -152,6 +153,7 @@ def _shine(solver: Solver) -> None:
     tables = solver.surfaces.tables
     light = cells, np.zeros(1, np.int32), one, narrow, narrow, np.ones((1, 5), np.float32), narrow, tables
     gloss_radiance(*light, np.zeros(3), np.empty((1, 3)))
+    draw_lobe(np.ones((1, 5)), tables, one, one, one, one)
 
 
 def _prepare() -> None:

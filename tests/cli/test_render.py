@@ -17,8 +17,9 @@ from app.session.picture import metadata_of
 from app.settings import Settings, make_solver
 from gi_core.geometry.surfaces import flatten
 from gi_core.scene import Camera, Material, Mesh, Mobile, Paint, Pose, Scene, Texture
+from tests.support.gl_drawing import gl_picture
 from tests.support.scene_builders import merge, quad
-from tests.support.viewer_support import room, standalone_context
+from tests.support.viewer_support import room
 
 SMALL = Settings(photons=4000, radius=0.06, size=(96, 72))
 
@@ -273,37 +274,6 @@ def test_ray_cast_isolines_are_those_of_the_opengl_picture():
     assert min(ours.sum(), theirs.sum()) > 300
     for one, other in ((ours, theirs), (theirs, ours)):
         assert (one & ~maximum_filter(other, 3)).sum() < 0.02 * one.sum()
-
-
-def gl_picture(shot: Shot) -> np.ndarray:
-    """Draw a shot with the viewer's renderer."""
-    from app.draw.renderer import Look, Renderer
-    from gi_core.scene.pose import rotation
-
-    ctx = standalone_context()
-    models = [np.eye(4)]
-    for pose in shot.solver.poses.values():
-        M = np.eye(4)
-        M[:3, :3], M[:3, 3] = rotation(pose), pose.position
-        models.append(M)
-    width, height = shot.settings.size
-    view_projection = shot.camera.projection(width / height) @ shot.camera.view()
-    drawing = Renderer(ctx)
-    try:
-        drawing.set_scene(shot.meshes)
-        for o in range(len(shot.meshes)):
-            drawing.set_colours(o, *shot.colours(o), weights=shot.weights(o))
-            drawing.set_irradiance(o, shot.solver.drawn(shot.solver.irradiance).irradiance)
-        drawing.set_gloss(shot.solver.frame.gloss)
-        drawing.resize(width, height)
-        s = shot.settings
-        textured = s.show == "radiance"
-        look = Look(view_projection, tuple(models), shot.exposure, s.tone_map, s.cull, textured=textured)
-        drawing.draw(replace(look, scale=shot.scale, gains=shot.gains, eye=shot.camera.eye()))
-        return drawing.pixels()[..., :3]
-    finally:
-        drawing.release()
-        ctx.release()
 
 
 def checkered_room(repeats: float = 6.0) -> Scene:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from app.draw.camera import Bounds, from_camera
@@ -34,3 +36,47 @@ def background():
 
 
 HALF_TURN = np.diag([-1.0, 1.0, -1.0, 1.0])
+
+
+def gl_picture(shot, ctx=None) -> np.ndarray:
+    """Draw a shot with a new renderer, in a context of its own unless one is given."""
+    from app.draw.renderer import Renderer
+
+    own = support.standalone_context() if ctx is None else None
+    ctx = ctx or own
+    drawing = Renderer(ctx)
+    try:
+        drawing.set_scene(shot.meshes)
+        upload(drawing, shot)
+        drawing.resize(*shot.settings.size)
+        drawing.draw(look_of(shot))
+        return drawing.pixels()[..., :3].copy()
+    finally:
+        drawing.release()
+        if own is not None:
+            own.release()
+
+
+def upload(drawing, shot) -> None:
+    """Upload the light of a shot."""
+    for o in range(len(shot.meshes)):
+        drawing.set_colours(o, *shot.colours(o), weights=shot.weights(o))
+        drawing.set_irradiance(o, shot.solver.drawn(shot.solver.irradiance).irradiance)
+    drawing.set_gloss(shot.solver.frame.gloss)
+
+
+def look_of(shot):
+    """Return the Look of a shot."""
+    from app.draw.renderer import Look
+    from gi_core.scene.pose import rotation
+
+    models = [np.eye(4)]
+    for pose in shot.solver.poses.values():
+        M = np.eye(4)
+        M[:3, :3], M[:3, 3] = rotation(pose), pose.position
+        models.append(M)
+    s = shot.settings
+    width, height = s.size
+    view_projection = shot.camera.projection(width / height) @ shot.camera.view()
+    look = Look(view_projection, tuple(models), shot.exposure, s.tone_map, s.cull, textured=s.show == "radiance")
+    return replace(look, scale=shot.scale, gains=shot.gains, eye=shot.camera.eye())

@@ -1,0 +1,184 @@
+"""Sharp gloss in pictures: closed forms, OpenGL against traced rays, moves and cameras."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.draw.shot import Shot
+from app.draw.tonemap import srgb_decode
+from app.settings import Settings, make_solver
+from gi_core.scene.types import Camera, Gloss, Material, Mobile, Pose, Scene
+from tests.support.gl_drawing import gl_picture
+from tests.support.scene_builders import box, merge, quad, sphere
+
+pytestmark = pytest.mark.usefixtures("small_pilot")
+
+SETTINGS = Settings(size=(240, 160), photons=4000, radius=0.2, exposure=-1.0, tone_map="clip", light="photons")
+MIRROR = Gloss((0.9, 0.9, 0.9), 0.0, 0.9)
+
+
+def shot_of(scene: Scene, settings: Settings = SETTINGS) -> Shot:
+    shot = Shot(make_solver(scene, settings), settings)
+    shot.solver.solve()
+    return shot
+
+
+def scene(gloss: Gloss = MIRROR) -> Scene:
+    """A room with a lamp and a mirror on the wall behind, a ball of some gloss and a red one in front."""
+    materials = (
+        Material("wall", (0.6, 0.6, 0.6)),
+        Material("lamp", emission=(9.0, 8.0, 7.0)),
+        Material("mirror", (0, 0, 0), gloss=MIRROR),
+        Material("ball", (0, 0, 0), gloss=gloss),
+        Material("red", (0.6, 0.05, 0.05)),
+    )
+    static = merge(
+        box((-1, -1, 0), (1, 1, 1.6), 6, 0, inward=True),
+        quad((-0.3, -0.3, 1.59), (0, 0.6, 0), (0.6, 0, 0), (2, 2), 1),
+        quad((-0.9, 0.985, 0.1), (1.1, 0, 0), (0, 0, 1.3), (3, 3), 2),
+    )
+    balls = (
+        Mobile("ball", sphere((0, 0, 0), 0.25, 3, 3), Pose((0.5, 0.3, 0.4))),
+        Mobile("red", sphere((0, 0, 0), 0.2, 3, 4), Pose((-0.4, -0.3, 0.5))),
+    )
+    camera = Camera((0.2, -0.95, 0.8), (-0.1, 0.6, 0.65), 60.0)
+    return Scene(static, materials, balls, camera=camera, up=(0, 0, 1), name="mirrors")
+
+
+def faces_seen(shot: Shot) -> np.ndarray:
+    """Return the face (h, w) that all rays of a pixel see, -1 along edges."""
+    from app.draw import raycast
+
+    model = shot.solver.model
+    at = model.transforms(shot.solver.poses)
+    world, (width, height) = raycast.place(shot.meshes, at), shot.settings.size
+    strips = raycast.strips(model.accelerator, at, world, shot.camera, (width, height))
+    rays = np.concatenate([s.face for s in strips]).reshape(height, width, -1)
+    return np.where((rays == rays[..., :1]).all(axis=2), rays[..., 0], -1)
+
+
+def kind_of(shot: Shot) -> np.ndarray:
+    """Return the material (h, w) that is seen, -1 along edges."""
+    s, faces = shot.solver.scene, faces_seen(shot)
+    worn = np.concatenate([m.face_material for m in (s.static, *(m.mesh for m in s.mobiles))])
+    return np.where(faces < 0, -1, worn[faces])
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.1])
+def test_a_sharp_ball_in_a_furnace_shows_its_albedo(alpha):
+    """Black walls of equal radiance: a ball that reflects shows its directional albedo, traced and by OpenGL."""
+    gloss = Gloss((0.8, 0.5, 0.2), alpha, 0.8)
+    materials = (Material("wall", (0, 0, 0), (0.5, 0.5, 0.5)), Material("ball", (0, 0, 0), gloss=gloss))
+    ball = Mobile("ball", sphere((0, 0, 0), 0.3, 3, 1))
+    camera = Camera((0, -0.9, 0), (0, 0, 0), 40.0)
+    room = box((-1, -1, -1), (1, 1, 1), 2, 0, inward=True)
+    shot = shot_of(Scene(room, materials, (ball,), camera=camera, up=(0, 0, 1), name="furnace"),
+                   replace(SETTINGS, exposure=0.0))  # fmt: skip
+    (reflector,) = shot.meshes[1].reflectors
+    expected = 0.5 * reflector.lobe.albedo[-1]
+    radiance = srgb_decode(shot.take()[76:84, 116:124] / 255).mean(axis=(0, 1))
+    np.testing.assert_allclose(radiance, expected, rtol=0.02, atol=0.003)
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("alpha", [0.0, 0.05])
+def test_the_opengl_picture_is_that_of_traced_rays(alpha):
+    """A planar mirror within 3 %, a ball within 12 % of the reflected light, both without bias."""
+    shot = shot_of(scene(Gloss((0.9, 0.7, 0.3), alpha)))
+    kinds = kind_of(shot)
+    traced, drawn = (srgb_decode(picture / 255) for picture in (shot.take(), gl_picture(shot)))
+    for material, most in ((2, 0.03), (3, 0.12)):
+        seen = kinds == material
+        assert seen.sum() > 1000
+        apart = np.abs(traced - drawn)[seen].sum() / traced[seen].sum()
+        bias = (drawn - traced)[seen].sum() / traced[seen].sum()
+        assert apart < most and abs(bias) < 0.04, f"{material}: {apart:.3f}, {bias:+.3f}"
+
+
+def red(picture: np.ndarray) -> np.ndarray:
+    r, g = picture[..., 0].astype(int), picture[..., 1].astype(int)
+    return r > 2 * g + 20
+
+
+@pytest.mark.gl
+def test_a_mirror_shows_a_mobile_at_its_new_pose_in_the_same_frame():
+    shot = shot_of(scene())
+    pictures = []
+    for x in (-0.4, 0.1):
+        shot.solver.move("red", Pose((x, -0.3, 0.5)))
+        in_mirror = kind_of(shot) == 2
+        traced, drawn = (red(picture) & in_mirror for picture in (shot.take(), gl_picture(shot)))
+        assert traced.sum() > 40 and (traced ^ drawn).sum() < 0.15 * traced.sum()
+        pictures.append(drawn)
+    first, second = pictures
+    assert (first & second).sum() < 0.3 * first.sum()
+
+
+@pytest.mark.gl
+def test_a_renderer_follows_moves_light_and_camera():
+    """One renderer: probes are kept while light and poses rest, and a picture equals that of a new renderer."""
+    from app.draw.renderer import Renderer
+    from tests.support import viewer_support as support
+    from tests.support.gl_drawing import look_of, upload
+
+    shot = shot_of(scene(Gloss((0.9, 0.7, 0.3), 0.05)))
+    ctx = support.standalone_context()
+    kept = Renderer(ctx)
+    try:
+        kept.set_scene(shot.meshes)
+        kept.resize(*shot.settings.size)
+        cameras = Camera((0.2, -0.95, 0.8), (-0.1, 0.6, 0.65), 60.0), Camera((-0.6, -0.8, 1.2), (0.3, 0.4, 0.4), 50.0)
+        for pose in (Pose((-0.4, -0.3, 0.5)), Pose((0.2, -0.2, 0.3))):
+            shot.solver.move("red", pose)
+            upload(kept, shot)
+            for camera in cameras:
+                shot.camera = turned(camera, shot)
+                kept.draw(look_of(shot))
+                np.testing.assert_array_equal(kept.pixels(), gl_picture(shot, ctx))
+    finally:
+        kept.release()
+        ctx.release()
+
+
+def turned(camera: Camera, shot: Shot):
+    from app.draw.camera import from_camera
+
+    return from_camera(camera, shot.solver.scene.up, shot.camera.bounds, shot.camera.bounds)
+
+
+@pytest.mark.gl
+def test_a_scene_without_sharp_gloss_draws_nothing_more():
+    from app.draw.renderer import Renderer
+    from tests.support import viewer_support as support
+    from tests.support.gl_drawing import look_of, upload
+
+    satin = scene(Gloss(alpha=0.3))
+    satin = replace(satin, materials=(*satin.materials[:2], satin.materials[3], *satin.materials[3:]))
+    shot = shot_of(satin)
+    assert shot.sharp() is None
+    ctx = support.standalone_context()
+    drawing = Renderer(ctx)
+    try:
+        drawing.set_scene(shot.meshes)
+        drawing.resize(*shot.settings.size)
+        upload(drawing, shot)
+        drawing.draw(look_of(shot))
+        assert not drawing._mirrors and drawing._programs.sharp is None
+        assert not drawing._mirrors._planes and not drawing._mirrors._cubes
+    finally:
+        drawing.release()
+        ctx.release()
+
+
+def test_metering_sees_gloss():
+    """Gold in a dark room, seen from near by: the meter must not expose for the walls alone."""
+    gold, dark = Material("gold", (0, 0, 0), gloss=Gloss((0.9, 0.7, 0.3), 0.5)), Material("dark", (0.02, 0.02, 0.02))
+    shot = shot_of(replace(scene(), materials=(dark, scene().materials[1], gold, gold, dark)))
+    shot.exposure = shot.metered()
+    golden = shot.take()[np.isin(kind_of(shot), (2, 3))]
+    assert 40 < np.median(golden) < 230
+    seen, shot.gloss = shot.exposure, lambda eye=None: [None] * len(shot.meshes)
+    assert seen < shot.metered() - 1.0
