@@ -191,8 +191,10 @@ def _planes(s: Surfaces, o: int, of_face: np.ndarray, size: float) -> list[tuple
     area = np.bincount(patch.reshape(-1), s.areas[faces])
     for p in np.argsort(-area)[: 4 * PLANES]:
         some = faces[patch.reshape(-1) == p]
-        normal = (s.normals[some] * s.areas[some, None]).sum(axis=0)
-        normal /= max(float(np.linalg.norm(normal)), 1e-30)
+        normal = (s.normals[some] * s.areas[some, None]).sum(axis=0) / max(float(area[p]), 1e-300)
+        if normal @ normal < 0.99:
+            continue
+        normal /= math.sqrt(normal @ normal)
         heights = s.vertices[o][s.faces[o][some - s.first_face[o]].reshape(-1)] @ normal
         if np.ptp(heights) > FLAT * size:
             continue

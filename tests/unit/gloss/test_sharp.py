@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -86,6 +87,15 @@ def test_flat_parts_are_planes_and_others_probes():
     assert len(plane.faces) == 8 and len(ball.faces) == 320
     (cube,) = gold  # its sides are too small for a plane each
     assert (cube.way, len(cube.faces)) == ("probe", 12) and satin == ()
+
+
+def test_a_closed_tube_is_no_plane():
+    """Its normals cancel: no direction remains that could be a plane's."""
+    a = 2 * np.pi * np.arange(13) / 12
+    p = np.stack([np.cos(a), np.sin(a), 0 * a], axis=1)
+    sides = [quad(p[k], p[k + 1] - p[k], (0, 0, 1), (1, 1), 1) for k in range(12)]
+    scene = replace(hall(), static=merge(*sides))
+    assert [r.way for r in reflectors(flatten(scene)[0])[0]] == ["probe"]
 
 
 def test_a_scene_has_a_bounded_number_of_planes():
