@@ -15,6 +15,8 @@ import gi_core.frames.frame
 from gi_core.discs.search import SEARCHES
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.photons.paths import take
+from gi_core.rays.structures import DEFAULT as RAYS
+from gi_core.rays.structures import STRUCTURES
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Material, Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver
@@ -101,7 +103,7 @@ def test_any_history_equals_from_scratch_and_the_naive_twin(history):
         assert twin.max() > 0
 
 
-@pytest.mark.parametrize("rays", ["bvh", "octree"])  # all of them: `studies.ray_agreement`
+@pytest.mark.parametrize("rays", [name for name in STRUCTURES if name != RAYS])
 @settings(max_examples=4)
 @given(history=st.lists(moves, min_size=1, max_size=3))
 @example(history=[("ball", Pose((0.55, 0.45, 0.2)))])
