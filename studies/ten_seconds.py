@@ -1,4 +1,4 @@
-"""Error of the picture ten seconds after launch.
+"""Error of the picture ten seconds after launch, and 1, 3 and 10 seconds after the first picture.
 
     python -m studies.ten_seconds living_room gallery room.glb+chair.glb
 
@@ -18,11 +18,14 @@ import sys
 import tempfile
 import time
 
+import numpy as np
+
 from studies.startup import as_installed
 from tests.support.receiver_samples import in_view
 
 GAIN = 1.8  # CPU seconds per second of two threads, which sometimes wait for each other
 SECONDS = 10.0
+AFTER_FIRST = 1.0, 3.0, 10.0
 
 
 def measure(what: str, points: int, noise: float) -> str:
@@ -48,29 +51,38 @@ def _measure(what: str, points: int, noise: float) -> str:
     def clock() -> float:
         return begun + (time.process_time() - begun) / GAIN
 
-    first = then = None
+    shown: list[tuple[float, str, np.ndarray]] = []  # time, parts and irradiance of each picture
+
+    def look() -> None:
+        if not shown or solver.irradiance is not shown[-1][2]:
+            shown.append((clock(), _made_of(solver), solver.irradiance))
+
     gathering = Gathering(solver, clock)
     for progress in solver.solve_steps():
-        if progress.picture:
-            first = first or clock()
-        if clock() <= SECONDS or then is None:
-            then = (clock(), _made_of(solver), solver.irradiance)
-    ready, all_photons = clock(), solver.frame.photons
-    while clock() <= SECONDS and (work := gathering.next_work()) is not None:
+        if progress.picture or shown:
+            look()
+    ready, all_photons, first = clock(), solver.frame.photons, shown[0][0]
+    while clock() <= first + SECONDS and (work := gathering.next_work()) is not None:
         work()
-        if clock() <= SECONDS:
-            then = (clock(), _made_of(solver), solver.irradiance)
+        look()
     solver.configure(prefix_only=True)
     solver.move_all({})
     by_photons = solver.irradiance
     rows, weights = draw_by_area(in_view(solver), solver.receivers.areas, points, 10)
     *_, sample = gather_sample(solver.model, solver.poses, rows, weights, 1, noise)
-    at_ten, at_rest = (100 * sample.error(E) for E in (then[2], by_photons))
+    then, *early = (_at(shown, seconds) for seconds in (SECONDS, *(first + after for after in AFTER_FIRST)))
+    at_ten, at_rest, *at = (100 * sample.error(E) for E in (then[2], by_photons, *(picture[2] for picture in early)))
+    after = " | ".join(f"{error:.1f} %" for error in at)
     name = "+".join(part.rpartition("/")[2] for part in what.split("+"))
     return (
         f"| {name} | {first:.1f} s | {then[1]} | {at_ten:.1f} % | {all_photons:,} | {ready:.1f} s "
-        f"| {at_rest:.1f} % | {100 * sample.noise:.1f} % |"
+        f"| {at_rest:.1f} % | {after} | {100 * sample.noise:.1f} % |"
     )
+
+
+def _at(shown: list[tuple[float, str, np.ndarray]], seconds: float) -> tuple[float, str, np.ndarray]:
+    """Return the picture on show at a time, or the first one."""
+    return next((picture for picture in reversed(shown) if picture[0] <= seconds), shown[0])
 
 
 def _made_of(solver) -> str:
@@ -91,7 +103,10 @@ def main() -> None:
         print(measure(asked.scenes[0], asked.points, 1e-2 * asked.noise), flush=True)
         return
     as_installed()
-    print("| scene | first picture | photons shown at 10 s | error | photons | ready | error | noise of truth |")
+    print(
+        "| scene | first picture | photons shown at 10 s | error | photons | ready | error "
+        "| 1 s after the first | 3 s | 10 s | noise of truth |"
+    )
     for what in asked.scenes:
         options = ["--one", "--points", str(asked.points), "--noise", str(asked.noise)]
         subprocess.run([sys.executable, "-m", "studies.ten_seconds", what, *options], check=True)
