@@ -69,8 +69,8 @@ def compile_kernels(bar: Bar, rays: str | None = None) -> None:
     from gi_core.instruments import compile_ahead
 
     if not compile_ahead.is_warm(rays):
-        for step in compile_ahead.compile_kernels(rays):
-            bar(f"compiling {step.name}", step.done / step.total)
+        for name, fraction in compile_ahead.compile_kernels(rays):
+            bar(f"compiling {name}", fraction)
     for problem in problems:
         bar.say(f"gi-viewer: {problem}")
 

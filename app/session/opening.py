@@ -1,19 +1,23 @@
 """Opening of a scene up to its first picture, in a thread: the window goes on drawing.
 
-Missing kernels are compiled in a process of their own, because a compiler holds the interpreter lock for seconds. All
-other work runs in one thread. Every kernel is loaded before the solver's thread begins.
+Missing kernels are compiled in processes of their own, because a compiler holds the interpreter lock for seconds. One
+of them shows a first look at the scene meanwhile. All other work runs in one thread. Every kernel is loaded before the
+solver's thread begins.
 """
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 from app.rest.static_job import load
 from app.settings import Settings, make_solver, open_scene
@@ -21,11 +25,15 @@ from app.worker import without_frames
 
 if TYPE_CHECKING:
     from app.draw.picking import Picker
+    from app.session.first_look import FirstLook
     from gi_core.frames.background import Photons
     from gi_core.scene import Scene
     from gi_core.solver import Solver
 
-IMPORTING, COMPILING, LOADING, TRACING = "importing", "compiling kernels", "loading scene", "tracing"
+IMPORTING, LOADING, TRACING = "importing", "loading scene", "tracing"
+COMPILING = "compiling kernels, once per installation"
+POLL = 0.1  # s between looks at the compiler's progress
+KNOWN_FROM = 0.05  # fraction done from which the time left is known
 
 
 class Opened(NamedTuple):
@@ -53,7 +61,8 @@ class Opening:
         self.problem: BaseException | None = None
         self.warnings: list[str] = []
         self._cancelled = False
-        self._compiler: subprocess.Popen | None = None
+        self.look: FirstLook | None = None  # while kernels compile
+        self._processes: tuple[subprocess.Popen, ...] = ()
         self._thread = threading.Thread(target=self._run, name="opening", daemon=True)
         self._thread.start()
 
@@ -69,8 +78,8 @@ class Opening:
     def cancel(self, patience: float = 1.0) -> None:
         """Stop; wait for its end for at most `patience` seconds."""
         self._cancelled = True
-        if self._compiler is not None:
-            self._compiler.kill()
+        for process in self._processes:
+            process.kill()
         self._thread.join(timeout=patience)
 
     def _run(self) -> None:
@@ -88,35 +97,47 @@ class Opening:
             self.problem = without_frames(problem)
 
     def _compile(self, surfaces: str) -> None:
-        """Compile the kernels for a kind of surfaces, unless they are in the disk cache."""
+        """Compile the kernels for a kind of surfaces that the disk cache lacks; show a first look meanwhile."""
         import gi_core
+        from app.session import first_look
         from gi_core.instruments import compile_ahead
 
         if compile_ahead.is_warm(self.settings.rays, surfaces):
             return
         self.phase, self.fraction = COMPILING, 0.0
-        options = [compile_ahead.OF, surfaces]
+        meter, started = compile_ahead.Meter(surfaces), time.perf_counter()
+        options = [compile_ahead.ALONE, compile_ahead.OF, surfaces]
         options += [compile_ahead.RAYS, self.settings.rays] if self.settings.rays else []
         with tempfile.TemporaryFile("w+") as errors:
-            self._compiler = subprocess.Popen(
+            compiler = subprocess.Popen(
                 [sys.executable, "-m", "gi_core.instruments.compile_ahead", *options],
                 cwd=Path(gi_core.__file__).parent.parent,  # for `-m` to find gi_core, installed or not
-                stdout=subprocess.PIPE,
+                stdin=subprocess.DEVNULL,
                 stderr=errors,
                 text=True,
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
             )
-            for line in self._compiler.stdout:
-                count, _, self.detail = line.strip().partition(" ")
-                done, _, total = count.partition("/")
-                if done.isdigit() and total.isdigit() and int(total):
-                    self.fraction = int(done) / int(total)
-            if self._compiler.wait() and not self._cancelled:
+            looking = first_look.start(self.settings, surfaces)
+            self._processes = compiler, looking
+            threading.Thread(target=self._receive, args=(looking.stdout,), name="first look", daemon=True).start()
+            while compiler.poll() is None:
+                self.fraction = meter.fraction
+                self.detail = _time_left(time.perf_counter() - started, self.fraction)
+                time.sleep(POLL)
+            looking.kill()
+            if compiler.returncode and not self._cancelled:
                 # Not fatal: the kernels are then compiled at their first use, with a pause.
                 errors.seek(0)
-                last = (errors.read().strip().splitlines() or [f"exit code {self._compiler.returncode}"])[-1]
+                last = (errors.read().strip().splitlines() or [f"exit code {compiler.returncode}"])[-1]
                 self.warnings.append(f"compiling ahead failed: {last}")
-        self._compiler = None
+        self._processes, self.detail = (), ""
+        self._stop_if_cancelled()
+
+    def _receive(self, stream: IO[bytes]) -> None:
+        """Take over looks from a process until it ends."""
+        with suppress(EOFError, OSError, pickle.UnpicklingError):
+            while not self.done:
+                self.look = pickle.load(stream)
 
     def _open(self, scene: Scene) -> Opened:
         from app.draw.picking import Picker
@@ -152,3 +173,10 @@ class Opening:
     def _stop_if_cancelled(self) -> None:
         if self._cancelled:
             raise RuntimeError("cancelled")
+
+
+def _time_left(seconds: float, fraction: float) -> str:
+    """Return the time left in words after some seconds; "" while it is unknown."""
+    if fraction < KNOWN_FROM:
+        return ""
+    return f"about {max(seconds * (1 - fraction) / fraction, 1):.0f} s left"

@@ -22,7 +22,8 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
     em = imgui.get_font_size()
     (x, y), (w, h) = viewport.origin, viewport.size
     if not ready:
-        _draw_opening(session, x + w / 2, y + h / 2, em)
+        seen = session.opening is not None and session.opening.look is not None
+        _draw_opening(session, x + w / 2, y + (h - 4 * em if seen else h / 2), em)
         return
     corner = x + em, y + h - 2.6 * em
     _draw_shown(viewport.shown, viewport.wipe, (x, y, w, h), em)

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import moderngl
 from imgui_bundle import hello_imgui, imgui, immapp, implot
@@ -32,8 +33,12 @@ from app.window import keys, method_marks, overlay, panel, readout_marks, view_c
 from app.window.actions import Request, act, insert, is_mesh
 from app.window.files import Files
 from app.window.menus import Menus
+from app.window.preview import Preview
 from app.window.ray_cells import RayCells
 from app.window.viewport import Viewport
+
+if TYPE_CHECKING:
+    from app.session.first_look import FirstLook
 
 SAMPLES_PER_PIXEL = 4
 QUIET_FRAMES = 20  # unchanged frames before a software renderer draws with all samples, which takes it 50 ms
@@ -42,6 +47,7 @@ LONGEST_WAIT = 0.02  # s per frame for refinement if drawing is slow
 SOFTWARE_GRACE = 0.2  # s per frame for a move if drawing takes the same cores
 LINGER = 1.0  # s of frames after the last input: tooltips come and fade
 REFRESH = 0.5  # s between frames while work at rest changes numbers alone
+OPENING_PAUSE = 0.05  # s between frames while a first scene opens: compilers need the cores
 PAUSE = 0.5  # s that an idle window waits for input before it checks for signals
 LONGEST_STEP = 0.1  # s per frame of an animation: it does not jump after a pause of the program
 
@@ -57,6 +63,7 @@ class Viewer:
         self._dropped: list[str] = []  # files dropped on the window
         self.viewport = Viewport(self.session)
         self.ray_cells = RayCells()
+        self.preview = Preview()
         self.ctx: moderngl.Context | None = None  # of the window
         self.renderer: Renderer | None = None
         self.files = Files()
@@ -144,6 +151,8 @@ class Viewer:
 
     def _sleep(self) -> None:
         """Wait for input or new light while nothing changes; work at rest goes on."""
+        if not self._ready and self.session.opening is not None:
+            window.wait_for_input(OPENING_PAUSE)
         refresh = time.perf_counter() + REFRESH
         while self._is_still:
             resting = self._ready and not self.session.light.all_done
@@ -176,6 +185,8 @@ class Viewer:
             self._guard("start", lambda: self._adopt(self.session))
         if self._ready:
             self._guard("drawing", self._draw_scene)
+        elif (opening := self.session.opening) is not None and (look := opening.look) is not None:
+            self._guard("first look", lambda: self._draw_preview(look))
         overlay.draw(self.viewport, self.session, self.reload, self._ready)
         if self._ready:
             readout_marks.draw(self.viewport)
@@ -304,6 +315,8 @@ class Viewer:
         self.renderer.set_scene(new.meshes)
         old, self.session, self._uploaded = self.session, new, 0
         self.viewport.adopt(new, keep_view=old is not new and self.reload.same)
+        if old is new and self.preview.camera is not None:
+            self.viewport.camera = self.preview.camera
         if old is not new:
             old.close(0.0)
             window.rename(new.settings.document or new.settings.scene)
@@ -316,6 +329,12 @@ class Viewer:
             new.want(replace(new.settings, exposure=exposure))
         self.metered = new.settings.exposure
         self.files.adopt(new, same=old is not new and self.reload.same)
+
+    def _draw_preview(self, look: FirstLook) -> None:
+        if self.renderer is None:
+            self.renderer = Renderer(self.ctx, SAMPLES_PER_PIXEL)
+        samples = 1 if self._software else SAMPLES_PER_PIXEL
+        self.preview.draw(self.renderer, look, self.session.settings, samples)
 
     def _draw_scene(self) -> None:
         session = self.session

@@ -11,12 +11,13 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numba
 import platformdirs
+from numba import types
 
 from gi_core.base.kernel_cache import KernelCache, usable_folder
 
@@ -47,9 +48,18 @@ def cache_folder() -> Path:
 numba.config.CACHE_DIR = str(usable_folder(cache_folder()))
 
 
+def _without_literals(resolve: Callable, args: tuple, kws: dict):
+    """Resolve a call between kernels by the types of its arguments: numba compiles a version per integer constant."""
+    return resolve(
+        tuple(types.unliteral(a) if isinstance(a, types.IntegerLiteral) else a for a in args),
+        {k: types.unliteral(a) if isinstance(a, types.IntegerLiteral) else a for k, a in kws.items()},
+    )
+
+
 def _decorator(**options) -> Callable[[Callable], Any]:
     def decorated(function: Callable):
         dispatcher = numba.njit(nogil=True, error_model="numpy", **options)(function)
+        dispatcher.get_call_template = partial(_without_literals, dispatcher.get_call_template)
         dispatcher._cache = KernelCache(function)  # in place of `cache=True`
         return dispatcher
 

@@ -33,7 +33,6 @@ class Estimator(Protocol):
     controlled: bool  # the setting `control` (artifact control) has an effect
     on_faces: bool  # light is counted by faces: a probe takes that of the face beneath it
     smoothing: str | None  # the field of Setting that trades noise for bias, "radius" or "neighbours"
-    compile_seconds: int  # of one core, for its kernels: the share of the bar while they compile
 
     # Facts about the photons added and about the last frame.
     photons: int  # photons that the last prepare() covered; 0 before

@@ -55,7 +55,6 @@ class ImpactCount:
     about = "Impact Count (Patanaik and Mudur 1992): the flux of the photons that hit a face, over the face's area."
     additive, controlled, on_faces = True, False, True
     smoothing: str | None = None
-    compile_seconds = 1
     bytes_per_hit = 0
 
     def __init__(self, model: Model, setting: Setting):

@@ -60,7 +60,6 @@ class PhotonMap:
     about = "Photon Maps (Jensen 2001): the k nearest hits, no farther than the radius."
     additive, controlled, on_faces = False, False, False
     smoothing: str | None = "neighbours"
-    compile_seconds = 5
     bytes_per_hit = 96  # each hit is stored twice: as added, and sorted
 
     def __init__(self, model: Model, setting: Setting):

@@ -57,7 +57,6 @@ class TangentPlane:
     about = "Density Estimation on the Tangent Plane (Lastra et al. 2002): the flux of the segments that cross a disc."
     additive, controlled, on_faces = True, True, False
     smoothing: str | None = "radius"
-    compile_seconds = 12
 
     def __init__(self, model: Model, setting: Setting):
         self.model, self.radius, self.control = model, setting.radius, setting.control

@@ -1,11 +1,11 @@
 """Compiling every kernel before it is needed, so that nothing compiles while a user waits.
 
-`python -m gi_core.instruments.compile_ahead [--rays NAME] [--surfaces KIND]` compiles in a separate process and prints
-a line "done/total name" per step, for one structure of rays and one kind of surfaces. The window stays responsive and
-finds the kernels in the disk cache. A stamp in the cache folder marks these sources as compiled.
+`python -m gi_core.instruments.compile_ahead [--rays NAME] [--surfaces KIND]` compiles in a separate process, for one
+structure of rays and one kind of surfaces. The window stays responsive and finds the kernels in the disk cache. A stamp
+in the cache folder marks these sources as compiled.
 
-With a second core, another process takes the steps in reverse order. Each kernel is compiled by the process that
-reaches it first; the other reads it from the cache.
+With a second core, another process takes the steps in reverse order, unless `--alone` is given. Each kernel is compiled
+by the process that reaches it first; the other reads it from the cache.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -45,21 +44,30 @@ from gi_core.rays.structures import checked
 from gi_core.scene.types import Gloss, Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
 from gi_core.solver import Solver
 
-FROM_BEHIND, RAYS, OF = "--from-behind", "--rays", "--surfaces"
+FROM_BEHIND, ALONE, RAYS, OF = "--from-behind", "--alone", "--rays", "--surfaces"
 SURFACES = DIFFUSE, GLOSS, TABLES = "diffuse", "gloss", "tables"
 STAMP = "complete"
-# Seconds of one core per step, for an even progress bar; 1 for other steps. Estimators name their own.
-COSTS = {"photon tracing": 13, "ray_cache": 8, "reference": 6}
+# Bytes of compiled kernels that a kind adds to the cache folder: the end of the progress bar.
+CODE = {DIFFUSE: 8.2e6, GLOSS: 3.6e6, TABLES: 4.0e6}
 # Upright at a corner of the floor: mobile and floor shorten regions of each other.
 TOUCHING = Pose((1.0, 0.95, 0.45), (0.5**0.5, 0.5**0.5, 0.0, 0.0))
 
 
-class CompileStep(NamedTuple):
-    """The next compilation step."""
+class Meter:
+    """Measures what has been compiled since it was made, by any process."""
 
-    done: int
-    total: int
-    name: str
+    def __init__(self, surfaces: str) -> None:
+        self._before, self._code = _code_size(), CODE[surfaces]
+
+    @property
+    def fraction(self) -> float:
+        """Fraction of the work that is done, 0 .. 1."""
+        return min((_code_size() - self._before) / self._code, 1.0)
+
+
+def _code_size() -> int:
+    """Return the bytes of compiled kernels in the cache folder."""
+    return sum(path.stat().st_size for path in cache_folder().rglob("*.nbc"))
 
 
 def surfaces_of(scene: Scene) -> str:
@@ -78,23 +86,22 @@ def is_warm(rays: str | None = None, surfaces: str = DIFFUSE) -> bool:
     return _stamp(rays, surfaces).is_file()
 
 
-def compile_kernels(rays: str | None = None, surfaces: str = DIFFUSE) -> Iterator[CompileStep]:
-    """Run a tiny scene through every kernel; yield before each step and once at the end."""
-    parts = _parts(rays, surfaces)
-    total, done = sum(_cost(name) for name, _ in parts), 0
-    with _from_behind(rays, surfaces):
-        for name, run in parts:
-            yield CompileStep(done, total, name.replace("_", " "))
+def compile_kernels(
+    rays: str | None = None, surfaces: str = DIFFUSE, alone: bool = False
+) -> Iterator[tuple[str, float]]:
+    """Run a tiny scene through every kernel; yield the name of each step and the fraction done before it.
+
+    alone: without another process, as one compiles the same kernels already.
+    """
+    meter = Meter(surfaces)
+    with nullcontext() if alone else _from_behind(rays, surfaces):
+        for name, run in _parts(rays, surfaces):
+            yield name.replace("_", " "), meter.fraction
             run()
-            done += _cost(name)
     with suppress(OSError):
         if not KernelCache.ended:
             _stamp(rays, surfaces).touch()
-    yield CompileStep(total, total, "ready")
-
-
-def _cost(name: str) -> int:
-    return ESTIMATORS[name].compile_seconds if name in ESTIMATORS else COSTS.get(name, 1)
+    yield "ready", 1.0
 
 
 def _parts(rays: str | None, surfaces: str = DIFFUSE) -> list[tuple[str, Callable[[], None]]]:
@@ -132,11 +139,15 @@ def _from_behind(rays: str | None, surfaces: str) -> Iterator[None]:
         process.stdin.close()
 
 
-def _compile_backwards(rays: str | None, surfaces: str) -> None:
-    """Run the steps in reverse order until standard input ends."""
-    threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
+def compile_backwards(rays: str | None, surfaces: str) -> None:
+    """Run the steps in reverse order."""
     for _, run in reversed(_parts(rays, surfaces)):
         run()
+
+
+def end_with_input() -> None:
+    """End this process when its standard input ends, as it does when the parent ends for any reason."""
+    threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
 
 
 def _trace(scene: Scene, rays: str | None) -> Solver:
@@ -227,6 +238,8 @@ if __name__ == "__main__":
     chosen = sys.argv[sys.argv.index(RAYS) + 1] if RAYS in sys.argv else None
     kind = sys.argv[sys.argv.index(OF) + 1] if OF in sys.argv else DIFFUSE
     if FROM_BEHIND in sys.argv:
-        _compile_backwards(chosen, kind)
-    for step in compile_kernels(chosen, kind):
-        print(f"{step.done}/{step.total} {step.name}", flush=True)
+        end_with_input()
+        compile_backwards(chosen, kind)
+    else:
+        for _ in compile_kernels(chosen, kind, ALONE in sys.argv):
+            pass

@@ -262,34 +262,37 @@ def test_opening_fills_in_open_settings():
     assert [m.shape for m in s.models()] == [(4, 4)] * 2
 
 
-def test_kernels_compile_in_a_process_with_progress(monkeypatch, tmp_path):
-    """The real child process with a tiny program instead of the compiler; then one that fails."""
+def test_kernels_compile_in_processes_with_progress(monkeypatch, tmp_path):
+    """The real child processes with tiny programs: a compiler and a first look; then two that fail."""
     from app.session.opening import COMPILING, Opening
     from gi_core.instruments import compile_ahead
 
-    seen = []
+    seen, looks = [], []
     real = subprocess.Popen
-    shown = tmp_path / "shown"  # the child waits for it before its second step
-    program = f"""
+    shown = tmp_path / "shown"  # the compiler waits for it
+    compiler = f"""
 import pathlib, time
-print("1/4 photon tracing", flush=True)
+pathlib.Path({str(tmp_path)!r}, "a.nbc").write_bytes(bytes(25))
 while not pathlib.Path({str(shown)!r}).exists():
     time.sleep(0.01)
-print("4/4 ready", flush=True)
 """
-    programs = [program, "raise SystemExit('no compiler here')"]
+    look = "import pickle, sys, time; pickle.dump('a look', sys.stdout.buffer); sys.stdout.flush(); time.sleep(600)"
+    programs = [compiler, look, "raise SystemExit('no compiler here')", "raise SystemExit('no look')"]
     monkeypatch.setattr(compile_ahead, "is_warm", lambda rays, surfaces: False)
+    monkeypatch.setattr(compile_ahead, "cache_folder", lambda: tmp_path)
+    monkeypatch.setitem(compile_ahead.CODE, compile_ahead.DIFFUSE, 100)
     monkeypatch.setattr(subprocess, "Popen", lambda command, **o: real([command[0], "-c", programs.pop(0)], **o))
     for expected in ([], ["compiling ahead failed: no compiler here"]):
         job = Opening(support.SETTINGS, load=lambda settings: support.room(1))
         while not job.done:
-            seen.append((job.phase, job.detail, job.fraction))
-            if (COMPILING, "photon tracing", 0.25) in seen:
+            seen.append((job.phase, job.fraction, job.detail[-6:]))
+            looks.append(job.look)
+            if (COMPILING, 0.25, "s left") in seen and "a look" in looks:
                 shown.touch()
             time.sleep(0.005)
         assert job.warnings == expected
         assert job.problem is None and job.result is not None
-    assert (COMPILING, "photon tracing", 0.25) in seen
+    assert (COMPILING, 0.25, "s left") in seen and not programs
 
 
 def test_meter_ignores_noise():

@@ -37,7 +37,6 @@ class Toy:
     about = "Hits by face."
     additive, controlled, on_faces = True, False, True
     smoothing: str | None = None
-    compile_seconds = 0
     bytes_per_hit = 0
 
     def __init__(self, model: Model, setting: Setting):

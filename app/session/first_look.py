@@ -1,0 +1,104 @@
+"""The first look at a scene while kernels compile, from a process of its own.
+
+`python -m app.session.first_look` reads settings from standard input. It writes the scene without light, then in its
+first light, as records to standard output. Then it helps to compile: it is the process that takes the steps of
+`compile_ahead` in reverse order.
+"""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from app.draw.camera import Turntable, from_camera, matrices, scene_bounds
+from app.draw.white_balance import NEUTRAL, Gains, gains_for
+from app.settings import Settings, open_scene
+
+if TYPE_CHECKING:
+    from app.draw.vertex_colours import DrawMesh
+    from gi_core.display.dilation import Drawn
+    from gi_core.scene import Scene
+
+
+class FirstLook(NamedTuple):
+    """A scene at its first poses, in its first light or without any."""
+
+    meshes: tuple[DrawMesh, ...]
+    models: tuple[np.ndarray, ...]  # (4, 4) object to world
+    drawn: Drawn
+    camera: Turntable
+    origin: np.ndarray  # (3,) [m] of the static part's coordinates
+    exposure: float  # [EV]
+    gains: Gains
+
+
+def start(settings: Settings, surfaces: str) -> subprocess.Popen:
+    """Start the process; its standard output brings records, its standard input must stay open."""
+    import app
+
+    process = subprocess.Popen(
+        [sys.executable, "-m", "app.session.first_look"],
+        cwd=Path(app.__file__).parent.parent,  # for `-m` to find app, installed or not
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+    )
+    pickle.dump((settings, surfaces), process.stdin)
+    process.stdin.flush()
+    return process
+
+
+def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
+    """Yield a scene without light, then in its first light. Raises SceneError."""
+    from app.draw.metering import metered
+    from app.draw.vertex_colours import colours, draw_meshes
+    from gi_core.display.dilation import Drawn
+    from gi_core.model import Model
+
+    model = Model(scene, rays=settings.rays)
+    poses = model.start_poses()
+    receivers, bounds = model.receivers_at(poses), scene_bounds(model, poses)
+    camera = from_camera(scene.camera, scene.up, bounds)
+    meshes = draw_meshes(model.surfaces, model.lamp_of_face)
+    towards = camera.eye() - receivers.positions
+    facing = np.abs((towards * receivers.normals).sum(axis=1)) / np.maximum(np.linalg.norm(towards, axis=1), 1e-30)
+    unlit = Drawn(np.repeat(facing[:, None], 3, axis=1), None)
+    look = FirstLook(meshes, tuple(matrices(model.transforms(poses))), unlit, camera, model.origins[0], 1.0, NEUTRAL)
+    yield look
+
+    from gi_core.display.first_look import first_looks
+
+    names = model.emitters.lamps.names
+    levels = np.array(list(settings.levels(names).values()), np.float64).reshape(-1, 3)[: len(names)]
+    exposure = scene.defaults.exposure if settings.exposure is None else settings.exposure
+    gains = gains_for(model.emitters.total_flux)
+    for drawn in first_looks(scene, model, levels, settings.seed):
+        if exposure is None:
+            both = [colours(mesh, drawn.irradiance, with_reflectance=True) for mesh in meshes]
+            exposure = metered(receivers, meshes, both.__getitem__, True, model.world.size, camera)
+        yield look._replace(drawn=drawn, exposure=exposure, gains=gains)
+
+
+def run() -> None:
+    """Be that process."""
+    from gi_core.instruments import compile_ahead
+
+    settings, surfaces = pickle.load(sys.stdin.buffer)
+    compile_ahead.end_with_input()
+    for look in looks(open_scene(settings), settings):
+        pickle.dump(look, sys.stdout.buffer, pickle.HIGHEST_PROTOCOL)
+        sys.stdout.flush()
+    compile_ahead.compile_backwards(settings.rays, surfaces)
+
+
+if __name__ == "__main__":
+    from app.session import first_look  # records are pickled under the module's own name
+
+    first_look.run()

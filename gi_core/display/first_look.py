@@ -1,0 +1,44 @@
+"""A first look: light of a few paths per receiver, smoothed along surfaces, from few kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+
+import numpy as np
+
+from gi_core.display.dilation import Dilation, Drawn, dilated
+from gi_core.gather.denoise import denoise
+from gi_core.gather.reference import reference_irradiance
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.mesh_neighbours import neighbours
+from gi_core.model import Model
+from gi_core.scene.types import Scene
+
+PATHS = 1 << 18, 1 << 20  # in all: one and four seconds of a core
+LEAST, MOST = 4, 64  # paths per receiver
+
+
+def first_looks(scene: Scene, model: Model, levels: np.ndarray, seed: int) -> Iterator[Drawn]:
+    """Yield irradiance (R, 3) [W/m2] at the start poses, for pictures, from few paths and then from more.
+
+    levels (G, 3): of the lamps.
+    """
+    at = model.transforms(model.start_poses())
+    points, normals = evaluation_points(model.surfaces, model.receivers_at(model.start_poses()))
+    areas = model.object_receivers.areas
+    near = neighbours(np.concatenate([model.corners(o) for o in range(model.surfaces.objects)]), len(points))
+    dilation, static = Dilation(model, model.world.size), model.surfaces.receiver_range(0).stop
+    for total in PATHS:
+        paths = min(max(total // max(len(points), 1), LEAST), MOST)
+        E, error = reference_irradiance(scene, points, normals, paths, seed, model=model, levels=levels)
+        E = _last(denoise(E, error, areas, near, seed, model.threads)).irradiance
+        yield dilated(E, _last(dilation.find_static(E[:static])), dilation.find_moved(E, at))
+
+
+def _last(steps: Generator):
+    """Run a generator to its end; return its result."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value

@@ -1,0 +1,50 @@
+"""The first look at a scene, drawn in the window while kernels compile."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.session.first_look import looks
+from app.session.opening import Opening
+from tests.support import viewer_support as support
+from tests.support.viewer_hand import errors
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+
+
+def test_the_window_shows_looks_until_the_scene_is_open(play):
+    """Without light, then lit; a camera moved meanwhile stays."""
+    room, may_open, pictures = support.room(), threading.Event(), []
+
+    def slow(settings):
+        assert may_open.wait(support.PATIENCE)
+        return room
+
+    def script(hand, viewer):
+        opening, some = viewer.session.opening, list(looks(room, support.SETTINGS))
+        assert len(some) == 3
+        for look in some:
+            opening.look = look
+            hand.wait(lambda look=look: viewer.preview._uploaded is look)
+            hand.ctx.yield_(2)
+            pictures.append(hand.pixels().astype(float))
+        turned = replace(some[0].camera, yaw=some[0].camera.yaw + 0.3)
+        viewer.preview.camera = turned
+        hand.ctx.yield_(2)
+        pictures.append(hand.pixels().astype(float))
+        may_open.set()
+        hand.wait_for_light()
+        assert viewer.viewport.camera == turned
+
+    viewer = play(script, open_with=lambda s: Opening(s, load=slow))
+    assert errors(viewer) == []
+    unlit, first, second, turned = pictures
+    assert unlit.std() > 5, "a picture"
+    assert np.abs(first - unlit).mean() > 5, "light"
+    assert np.abs(second - first).mean() < 5, "the same light with less noise"
+    assert np.abs(turned - second).mean() > 5, "from another side"
