@@ -189,6 +189,8 @@ def _table_of(edit: Edit, document: Path, allow_outside: bool) -> dict[str, Any]
     for field, value in edit._asdict().items():
         if field == "file":
             table[field] = _relative(value, document, allow_outside)
+        elif field == "material":
+            table[field] = {key: list(v) if isinstance(v, tuple) else v for key, v in value}
         elif field == "pose" and value is not None:
             table[field] = [*value.position, *value.quaternion]
         elif value is not None:
@@ -212,6 +214,8 @@ def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
             if field in table or field not in kind._field_defaults:
                 x, y, z, *quaternion = table.vector(field, 7)
                 given[field] = Pose((x, y, z), tuple(quaternion))
+        elif field == "material":
+            given[field] = tuple((k, tuple(v) if isinstance(v, list) else v) for k, v in table.table(field).items())
         elif field == "file":
             given[field] = _found(table.text(field), file, boundary, of)
         else:

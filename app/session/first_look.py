@@ -66,7 +66,8 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     poses = model.start_poses()
     receivers, bounds = model.receivers_at(poses), scene_bounds(model, poses)
     camera = from_camera(scene.camera, scene.up, bounds)
-    meshes = draw_meshes(model.surfaces, model.lamp_of_face)
+    dull = model.surfaces._replace(reflectance=model.world.bsdfs.albedo)  # gloss looks diffuse
+    meshes = draw_meshes(dull, model.lamp_of_face)
     towards = camera.eye() - receivers.positions
     facing = np.abs((towards * receivers.normals).sum(axis=1)) / np.maximum(np.linalg.norm(towards, axis=1), 1e-30)
     unlit = Drawn(np.repeat(facing[:, None], 3, axis=1), None)
@@ -82,7 +83,8 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     for drawn in first_looks(scene, model, levels, settings.seed):
         if exposure is None:
             both = [colours(mesh, drawn.irradiance, with_reflectance=True) for mesh in meshes]
-            exposure = metered(receivers, meshes, both.__getitem__, True, model.world.size, camera)
+            without = [None] * len(meshes)
+            exposure = metered(receivers, meshes, both.__getitem__, without, True, model.world.size, camera)
         yield look._replace(drawn=drawn, exposure=exposure, gains=gains)
 
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from app.rest.measuring_plane import Level
     from app.session.method_view import Look
     from gi_core.defaults.choose import Chosen
-    from gi_core.files.edits import Edit
+    from gi_core.files.edits import Edit, Values
     from gi_core.model import Model
     from gi_core.scene import Scene
 
@@ -85,7 +85,7 @@ class Session:
         self.playing = False
         self.history = History()
         self._before_edit: dict[Field, Any] = {}  # fields when an edit began
-        self._reflectances: dict[tuple[str, bool], tuple[float, float, float]] = {}
+        self._finishes: dict[tuple[str, bool], Values] = {}
         self.edits = settings.edits  # those on show, and those asked for
         self.asked: Asked | None = None  # until `Reload` opens the scene with these edits
         self.light: Solving | None = None
@@ -334,36 +334,24 @@ class Session:
 
     # Edits ------------------------------------------------------------------------------------------
 
-    def reflectance_of(self, name: str, material: bool) -> tuple[float, float, float]:
-        """Return the mean reflectance of a mobile, or of a material in the static part; black for an unknown name."""
-        from gi_core.files.edits import Recolour
+    def finish_of(self, name: str, material: bool) -> Values:
+        """Return the reflection of a mobile, or of a material in the static part, as an edit gives it."""
+        from gi_core.files.edits import Finish, finish_of
 
         for edit in reversed(self.edits):
-            if isinstance(edit, Recolour) and edit.name == name:
-                return edit.reflectance
-        if (name, material) not in self._reflectances:
-            self._reflectances[name, material] = self._mean_reflectance(name, material)
-        return self._reflectances[name, material]
-
-    def _mean_reflectance(self, name: str, material: bool) -> tuple[float, float, float]:
-        s, names = self.model.surfaces, [m.name for m in self.scene.mobiles]
-        rows = s.face_range(0 if material or name not in names else 1 + names.index(name))
-        of = [m.name for m in self.scene.materials]
-        weight = s.areas[rows]
-        if material or name not in names:
-            weight = weight * np.array([n == name for n in of])[self.scene.static.face_material]
-        if not weight.sum():
-            return 0.0, 0.0, 0.0
-        r, g, b = (weight @ s.reflectance[rows] / weight.sum()).tolist()
-        return r, g, b
+            if isinstance(edit, Finish) and edit.name == name:
+                return edit.material
+        if (name, material) not in self._finishes:
+            self._finishes[name, material] = finish_of(self.scene, self.model.surfaces, name, material)
+        return self._finishes[name, material]
 
     def change_scene(self, edit: Edit) -> None:
         """Change the scene; `Reload` opens it in the background, this picture staying until then."""
-        from gi_core.files.edits import Recolour
+        from gi_core.files.edits import Finish
 
         self.playing = False
         before, last = self.edits, self.edits[-1:]
-        again = last and isinstance(edit, Recolour) and isinstance(last[0], Recolour) and last[0].name == edit.name
+        again = last and isinstance(edit, Finish) and isinstance(last[0], Finish) and last[0].name == edit.name
         self.edits = (*(before[:-1] if again else before), edit)
         poses: dict[Any, Any] = dict(self.poses)
         self.history.push({Field("edits"): before, **poses}, {Field("edits"): self.edits, **dict.fromkeys(poses)})

@@ -19,7 +19,8 @@ from app.session.session import Session
 from app.settings import UsageError
 from app.window import dialogs, screenshot, view_content
 from app.window.files import Files
-from app.window.panel.objects import Colour, Move, Select
+from app.window.panel.material import Refinish
+from app.window.panel.objects import Move, Select
 from app.window.panel.readouts import Edit
 from app.window.viewport import Viewport
 from app.window.window import toggle_full_screen
@@ -28,7 +29,7 @@ K = imgui.Key
 ESTIMATOR_KEYS = (K._1, K._2, K._3, K._4, K._5, K._6, K._7, K._8, K._9)
 
 
-Request = Select | Move | Colour | Edit
+Request = Select | Move | Refinish | Edit
 
 
 class Window(Protocol):
@@ -69,10 +70,10 @@ def act(window: Window, name: str | Request) -> None:
         case Select(selected):
             window.viewport.selected, window.viewport.clicked = selected, None
             return
-        case Colour(surface, reflectance):
-            from gi_core.files.edits import Recolour
+        case Refinish(surface, material):
+            from gi_core.files.edits import Finish
 
-            window.session.change_scene(Recolour(surface, reflectance))
+            window.session.change_scene(Finish(surface, material))
             return
         case Move():
             _move(window, name)

@@ -1,4 +1,4 @@
-"""Edits of a scene after loading: a colour, a mobile inserted, copied or removed, static faces made mobile and back.
+"""Edits of a scene after loading: a material, a mobile inserted, copied or removed, static faces made mobile and back.
 
 An edited scene is a scene: it equals one that was built so, and its solver needs no history. `Solver.edited` keeps the
 photon paths that an edit does not touch.
@@ -6,10 +6,11 @@ photon paths that an edit does not touch.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,22 +18,31 @@ from gi_core.base.grouping import components
 from gi_core.base.vectors import cross, dot
 from gi_core.files.completion.completion import complete
 from gi_core.files.completion.pilot import bottom_centre
+from gi_core.files.formats.materials_table import FINISH, checked, overridden
 from gi_core.files.formats.mesh_file import compact
+from gi_core.files.formats.toml_fields import Table
 from gi_core.files.load import finished, join, with_mobile_file
 from gi_core.geometry.cutouts import without_holes
+from gi_core.geometry.surfaces import Surfaces
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.origin import origin_of, translated
-from gi_core.scene.pose import as_pose, to_world, to_world_directions
-from gi_core.scene.rules import PLACE, REFLECTANCE
+from gi_core.scene.pose import as_pose, three, to_world, to_world_directions
+from gi_core.scene.rules import PLACE
 from gi_core.scene.types import Mesh, Mobile, Pose, Scene
 from gi_core.scene.validate import check_scene
 
+Values = tuple[tuple[str, Any], ...]  # keys and values of [materials.NAME] in a scene file
+METAL = 0.2  # reflected share along the normal, above which gloss is shown as metal
 
-class Recolour(NamedTuple):
-    """Give all faces of a mobile, or of a material, one reflectance."""
+
+class Finish(NamedTuple):
+    """Give all faces of a mobile, or of a material, another reflection.
+
+    A reflectance replaces textures; without one they stay. Without roughness or a model the surface is diffuse.
+    """
 
     name: str  # of a mobile, else of a material
-    reflectance: tuple[float, float, float]  # each in [0, 1)
+    material: Values  # of FINISH, or parameters of a model
 
 
 class Insert(NamedTuple):
@@ -71,9 +81,9 @@ class Freeze(NamedTuple):
     pose: Pose
 
 
-Edit = Recolour | Insert | Duplicate | Remove | Promote | Freeze
+Edit = Finish | Insert | Duplicate | Remove | Promote | Freeze
 KINDS: dict[str, type[Edit]] = {
-    kind.__name__.lower(): kind for kind in (Recolour, Insert, Duplicate, Remove, Promote, Freeze)
+    kind.__name__.lower(): kind for kind in (Finish, Insert, Duplicate, Remove, Promote, Freeze)
 }
 
 
@@ -91,9 +101,10 @@ def edited(scene: Scene, edits: Sequence[Edit], allow_outside: bool = False) -> 
 
 def _edited(scene: Scene, edit: Edit, allow_outside: bool) -> Scene:
     match edit:
-        case Recolour(name, reflectance):
-            where = f"{scene.name}: the reflectance of {shown(name)}"
-            return _recoloured(scene, name, tuple(REFLECTANCE.check(where, reflectance)))
+        case Finish(name, material):
+            values = {key: list(v) if isinstance(v, tuple) else v for key, v in material}
+            table = checked(values, f"{scene.name}: the material of {shown(name)}", FINISH)
+            return _finished(scene, name, table)
         case Insert(name, file, pose):
             return _inserted(scene, _new(scene, name), Path(file), pose, allow_outside)
         case Duplicate(name, of, pose):
@@ -129,42 +140,86 @@ def _without(scene: Scene, mobile: Mobile) -> Scene:
     return replace(scene, mobiles=tuple(m for m in scene.mobiles if m is not mobile))
 
 
-# Colours --------------------------------------------------------------------------------------------
+# Materials ------------------------------------------------------------------------------------------
 
 
-def _recoloured(scene: Scene, name: str, reflectance: tuple[float, ...]) -> Scene:
+def _recoloured_faces(scene: Scene, these: np.ndarray, colours: np.ndarray) -> Scene:
+    """Return a scene in which faces of some materials, these (n,) bool, have their colours (n, 3)."""
     rho = np.array([m.reflectance for m in scene.materials], np.float64)
-    r, g, b = (float(c) for c in reflectance)
-    for mobile in scene.mobiles:
-        if mobile.name == name:
-            mesh = _painted(mobile.mesh, np.ones(len(mobile.mesh.faces), bool), (r, g, b), rho)
-            mobiles = tuple(m._replace(mesh=mesh) if m is mobile else m for m in scene.mobiles)
-            return replace(scene, mobiles=mobiles)
-    these = np.array([m.name == name for m in scene.materials], bool)
-    if not these.any():
-        names = ", ".join(dict.fromkeys(f'"{m.name}"' for m in (*scene.mobiles, *scene.materials)))
-        raise SceneError(f"{scene.name}: no mobile or material is called {shown(name)}; there is {names}")
 
     def painted(mesh: Mesh) -> Mesh:
         rows = these[mesh.face_material]
-        return _painted(mesh, rows, (r, g, b), rho) if rows.any() else mesh
+        return _painted(mesh, rows, colours[mesh.face_material[rows]], rho) if rows.any() else mesh
 
-    materials = tuple(m._replace(reflectance=(r, g, b)) if m.name == name else m for m in scene.materials)
     mobiles = tuple(m._replace(mesh=painted(m.mesh)) for m in scene.mobiles)
-    return replace(scene, static=painted(scene.static), materials=materials, mobiles=mobiles)
+    return replace(scene, static=painted(scene.static), mobiles=mobiles)
 
 
-def _painted(mesh: Mesh, rows: np.ndarray, reflectance, rho: np.ndarray) -> Mesh:
-    """Return a mesh with some of its faces, rows (F,) bool, in one colour, without texture."""
+def _painted(mesh: Mesh, rows: np.ndarray, reflectance: np.ndarray, rho: np.ndarray) -> Mesh:
+    """Return a mesh with k of its faces, rows (F,) bool, in colours (k, 3) or one (1, 3), without texture."""
     if mesh.paint is not None:
         texture, colour = mesh.paint.face_texture.copy(), mesh.paint.corner_colour.copy()
-        texture[rows], colour[rows] = -1, reflectance
+        texture[rows], colour[rows] = -1, reflectance[:, None]
         mesh = mesh._replace(paint=mesh.paint._replace(face_texture=texture, corner_colour=colour))
     if mesh.paint is None or mesh.face_reflectance is not None:
         faces = rho[mesh.face_material] if mesh.face_reflectance is None else mesh.face_reflectance.copy()
         faces[rows] = reflectance
         mesh = mesh._replace(face_reflectance=faces)
     return mesh
+
+
+def _materials_called(scene: Scene, name: str) -> np.ndarray:
+    """Return which materials (n,) bool have a name. Raises SceneError where none has."""
+    these = np.array([m.name == name for m in scene.materials], bool)
+    if not these.any():
+        names = ", ".join(dict.fromkeys(f'"{m.name}"' for m in (*scene.mobiles, *scene.materials)))
+        raise SceneError(f"{scene.name}: no mobile or material is called {shown(name)}; there is {names}")
+    return these
+
+
+def _finished(scene: Scene, name: str, table: Table) -> Scene:
+    """Return a scene whose mobile has materials of its own, or whose materials of a name are others."""
+    for mobile in scene.mobiles:
+        if mobile.name == name:
+            used, index = np.unique(mobile.mesh.face_material, return_inverse=True)
+            own = tuple(scene.materials[k]._replace(name=name) for k in used)
+            mesh = mobile.mesh._replace(face_material=(len(scene.materials) + index.reshape(-1)).astype(np.int32))
+            mobiles = tuple(m._replace(mesh=mesh) if m is mobile else m for m in scene.mobiles)
+            scene = replace(scene, materials=(*scene.materials, *own), mobiles=mobiles)
+            break
+    these = _materials_called(scene, name)
+    materials = tuple(
+        overridden(m._replace(gloss=None, brdf=()), table) if this else m
+        for m, this in zip(scene.materials, these.tolist(), strict=True)
+    )
+    if "reflectance" in table:
+        scene = _recoloured_faces(scene, these, np.array([m.reflectance for m in materials], np.float64))
+    return replace(scene, materials=materials)
+
+
+def finish_of(scene: Scene, surfaces: Surfaces, name: str, of_static: bool) -> Values:
+    """Return the reflection of a mobile, or of a material of the static part: that of its largest face.
+
+    A diffuse reflectance is the mean over the area. () for an unknown name.
+    """
+    names = [m.name for m in scene.mobiles]
+    o = 0 if of_static or name not in names else 1 + names.index(name)
+    faces = (scene.static if o == 0 else scene.mobiles[o - 1].mesh).face_material
+    area = surfaces.areas[surfaces.face_range(o)]
+    if o == 0:
+        area = area * np.array([m.name == name for m in scene.materials])[faces]
+    if not area.sum() > 0:
+        return ()
+    m = scene.materials[faces[area.argmax()]]
+    if m.brdf:
+        return (("brdf", m.brdf[0].model), *m.brdf[0].parameters)
+    base = ("reflectance", three(np.minimum(area @ surfaces.reflectance[surfaces.face_range(o)] / area.sum(), 0.98)))
+    if m.gloss is None:
+        return (base,)
+    f0, roughness = float(np.mean(m.gloss.f0)), ("roughness", math.sqrt(m.gloss.alpha))
+    if f0 > METAL:
+        return ("reflectance", three(np.minimum(m.gloss.f0, 0.98))), ("metallic", 1.0), roughness
+    return base, ("metallic", 0.0), roughness, ("ior", (1 + math.sqrt(f0)) / (1 - math.sqrt(f0)))
 
 
 # Objects --------------------------------------------------------------------------------------------

@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gi_core.estimators import ESTIMATORS
-from gi_core.files.edits import Duplicate, Freeze, Insert, Promote, Recolour, Remove, edited, piece_at
+from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove, edited, finish_of, piece_at
 from gi_core.files.load import load_scene
 from gi_core.geometry.sides import NONE
+from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Material, Mobile, PointLight, Pose, Scene, SkyLight
@@ -63,8 +64,11 @@ def photons_that_meet(solver: Solver, faces: np.ndarray) -> int:
 
 CRATE = (0.8, 0.8, 0.21)
 EDITS = {
-    "material": Recolour("screen", (0.9, 0.1, 0.2)),
-    "mobile": Recolour("ball", (0.1, 0.8, 0.2)),
+    "material": Finish("screen", (("reflectance", (0.9, 0.1, 0.2)),)),
+    "mobile": Finish("ball", (("reflectance", (0.1, 0.8, 0.2)),)),
+    "metal": Finish("screen", (("reflectance", (0.9, 0.6, 0.2)), ("metallic", 1.0), ("roughness", 0.4))),
+    "varnish": Finish("ball", (("reflectance", (0.1, 0.8, 0.2)), ("roughness", 0.5), ("ior", 1.6))),
+    "model": Finish("box", (("brdf", "ward"), ("kd", 0.2), ("ax", 0.4), ("scale", True))),
     "duplicate": Duplicate("ball 2", "ball", Pose((0.8, 0.3, 0.3))),
     "remove": Remove("box"),
     "promote": Promote("crate", CRATE),
@@ -127,10 +131,20 @@ def test_a_sky_that_must_reach_a_new_mobile_is_traced_again():
 
 step = st.one_of(
     st.builds(
-        Recolour, st.sampled_from(["wall", "screen", "crate", "lamp"]), st.sampled_from([(0.1,) * 3, (0.9, 0.5, 0)])
+        lambda name, colour, gloss: Finish(name, (("reflectance", colour), *gloss)),
+        st.sampled_from(["wall", "screen", "crate", "lamp"]),
+        st.sampled_from([(0.1,) * 3, (0.9, 0.5, 0.0)]),
+        st.sampled_from([(), (("roughness", 0.4),), (("metallic", 1.0), ("roughness", 0.3))]),
     ),
     st.builds(lambda n, x: Duplicate(f"copy {n}", "ball", Pose((x, 0.4, 0.4))), st.integers(0, 9), st.floats(0.2, 0.8)),
-    st.sampled_from([Remove("box"), Promote("crate", CRATE), Freeze("box", TURNED), Recolour("ball", (0.3, 0.3, 0.9))]),
+    st.sampled_from(
+        [
+            Remove("box"),
+            Promote("crate", CRATE),
+            Freeze("box", TURNED),
+            Finish("ball", (("reflectance", (0.3, 0.3, 0.9)),)),
+        ]
+    ),
 )
 moves = st.builds(lambda x, y: Pose((x, y, 0.1)), st.floats(0.2, 0.8), st.floats(0.2, 0.8))
 
@@ -197,10 +211,16 @@ def test_a_mobile_from_a_file_is_that_of_a_scene_loaded_with_it(tmp_path):
     ("edit", "rule"),
     [
         (
-            Recolour("chair", (0.1, 0.1, 0.1)),
+            Finish("chair", (("reflectance", (0.1, 0.1, 0.1)),)),
             'no mobile or material is called \'chair\'; there is "box", "ball", "wall"',
         ),
-        (Recolour("wall", (0.1, 1.0, 0.1)), "must be three numbers in [0, 1)"),
+        (
+            Finish("wall", (("reflectance", (0.1, 1.0, 0.1)),)),
+            "the material of 'wall': reflectance must be three numbers >= 0 and < 1",
+        ),
+        (Finish("ball", (("brdf", "wrad"),)), 'unknown reflection model "wrad"'),
+        (Finish("ball", (("brdf", "ward"), ("gloss", 0.2))), "the material of 'ball'"),
+        (Finish("ball", (("emission", (1.0, 1.0, 1.0)),)), "the material of 'ball'"),
         (Remove("chair"), 'no mobile is called \'chair\'; there is "box", "ball"'),
         (Duplicate("box", "ball", Pose()), "a new mobile must have a name of its own, got 'box'"),
         (
@@ -221,3 +241,26 @@ def test_a_static_part_of_one_piece_stays():
     scene = replace(room(), static=box((0, 0, 0), (1, 1, 1), 3, 0, inward=True))
     with pytest.raises(SceneError, match="the whole static part hangs together there"):
         edited(scene, [Promote("all", (0.5, 0.5, 0.0))])
+
+
+def test_a_finish_is_read_back():
+    """`finish_of` returns what an edit has given: model and parameters, for mobiles and the static part."""
+    for name in ("metal", "varnish", "model"):
+        edit = EDITS[name]
+        scene = edited(room(), [edit])
+        found = dict(finish_of(scene, Model(scene).surfaces, edit.name, of_static=name == "metal"))
+        for key, value in edit.material:
+            if key == "brdf":
+                assert found[key] == value
+            elif key not in ("reflectance", "scale") or name == "metal":
+                assert np.allclose(found[key], value, rtol=1e-6)
+
+
+def test_a_metal_has_no_diffuse_light_where_faces_have_colours():
+    """A mesh with colours per face kept them under the metal that an edit, or a scene file, made of it."""
+    rho = np.full((len(room().static.faces), 3), 0.7)
+    scene = replace(room(), static=room().static._replace(face_reflectance=rho))
+    scene = edited(scene, [EDITS["metal"]])
+    screen = np.array([m.name == "screen" for m in scene.materials])[scene.static.face_material]
+    surfaces = Model(scene).surfaces
+    assert screen.any() and not surfaces.reflectance[surfaces.face_range(0)][screen].any()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -13,8 +12,8 @@ from app.session.opening import Opening
 from app.settings import Settings
 from app.window import dialogs
 from app.window.actions import is_mesh
-from app.window.panel.objects import Colour
-from gi_core.files.edits import Freeze, Recolour, edited
+from app.window.panel.material import Refinish
+from gi_core.files.edits import Finish, Freeze, edited
 from gi_core.scene import Pose
 from gi_core.solver import Solver, photons_of
 from tests.support import viewer_support as support
@@ -59,13 +58,13 @@ def test_a_colour_is_edited_undone_and_done_again(play):
         first.end_drag()
         hand.wait_for_light()
         plain = first.irradiance
-        viewer._do(Colour("white", RED))
+        viewer._do(Refinish("white", (("reflectance", RED),)))
         hand.wait(lambda: viewer.reload.coming is not None)
         assert viewer.session is first and viewer.reload.progress is not None, "the old picture stays"
         hand.wait(lambda: viewer.session is not first)
         hand.wait_for_light()
         now = viewer.session
-        assert now.settings.edits == (Recolour("white", RED),) and now.poses == {"block": AWAY}
+        assert now.settings.edits == (Finish("white", (("reflectance", RED),)),) and now.poses == {"block": AWAY}
         assert np.array_equal(now.irradiance, built(now))
         traced = photons_of(now.light._solver).traced
         assert 0 < traced < now.settings.photons, "photons that met white alone"
@@ -180,23 +179,40 @@ def test_an_edit_that_fails_leaves_the_scene(play, folder):
     play(script, open_with=open_edited)
 
 
-def test_the_panel_edits_the_colour_of_the_clicked_wall(play):
+def test_the_panel_edits_the_material_of_the_clicked_wall(play, monkeypatch):
+    """Its colour, then its model and a parameter of that, each in light equal to that of a scene built so."""
+    from gi_core.instruments import compile_ahead
+
+    monkeypatch.setattr(compile_ahead, "is_warm", lambda *of: True)  # compiles only the kernels that run
+
     def script(hand, viewer):
         hand.wait_for_light()
-        session = viewer.session
         hand.ctx.mouse_move_to_pos(hand.at((0.0, 0.5, 0.5)))
         hand.ctx.mouse_click(0)
         hand.wait(lambda: viewer.viewport.clicked is not None)
         facts = viewer._facts()
-        assert facts.surface == "red" and facts.reflectance == pytest.approx((0.6, 0.06, 0.05)) and facts.piece
+        assert facts.surface == "red" and facts.piece
+        assert facts.material == (("reflectance", pytest.approx((0.6, 0.06, 0.05))),)
         hand.ctx.set_ref("Panel")
-        hand.ctx.item_open("Objects")
-        hand.ctx.item_input_value("**/##reflectance/##X", 0.25)
-        hand.wait(lambda: viewer.session is not session)
+        hand.ctx.item_close("Objects")
+        hand.ctx.item_open("Material")
+        change(hand, viewer, lambda: hand.ctx.item_input_value("**/##reflectance/##X", 0.25))
         (edit,) = viewer.session.settings.edits
-        assert edit.name == "red" and edit.reflectance == pytest.approx((0.25, 0.06, 0.05))
+        assert edit == Finish("red", (("reflectance", pytest.approx((0.25, 0.06, 0.05))),))
+        change(hand, viewer, lambda: hand.ctx.combo_click("##Model/Metal-rough"))
+        change(hand, viewer, lambda: hand.ctx.item_input_value("**/##Metallic", 1.0))
+        (edit,) = viewer.session.settings.edits
+        assert dict(edit.material) == {
+            "reflectance": pytest.approx((0.25, 0.06, 0.05)), "metallic": 1.0, "roughness": 0.3, "ior": 1.5,
+        }  # fmt: skip
+        assert viewer._facts().material == edit.material
+        assert viewer.session.light.snapshot.gloss is not None
+        assert np.array_equal(viewer.session.irradiance, built(viewer.session))
+        change(hand, viewer, lambda: hand.ctx.combo_click("##Model/Ward"))
+        (edit,) = viewer.session.settings.edits
+        assert dict(edit.material)["brdf"] == "ward" and dict(edit.material)["kd"] == pytest.approx((0.25, 0.06, 0.05))
 
-    assert errors(play(script, open_with=partial(open_edited))) == []
+    assert errors(play(script, open_with=open_edited)) == []
 
 
 def test_a_saved_scene_keeps_its_edits(folder):
@@ -204,7 +220,8 @@ def test_a_saved_scene_keeps_its_edits(folder):
 
     thing = write_glb(folder / "thing.glb", BOX * 0.1, BOX_FACES)
     edits = (
-        Recolour("wall", (0.1, 0.25, 0.98)),
+        Finish("wall", (("reflectance", (0.1, 0.25, 0.98)),)),
+        Finish("ground", (("brdf", "ward"), ("ax", 0.3), ("ks", (0.3, 0.2, 0.1)), ("scale", True))),
         Insert("thing", str(thing), AWAY),
         Insert("other", str(thing)),
         Duplicate("copy", "thing", Pose((0.1, 1 / 3, 0.3))),

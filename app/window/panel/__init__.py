@@ -22,6 +22,7 @@ from app.window.panel import (
     chart,
     error,
     lamps,
+    material,
     method,
     motion,
     notes,
@@ -58,6 +59,7 @@ class Section(NamedTuple):
 SECTIONS = (
     Section("Scene", scene.draw),
     Section("Objects", objects.draw),
+    Section("Material", material.draw, unfolded=False),
     Section("Lamps", lamps.draw, visible=lambda facts: bool(facts.lamp_flux)),
     Section("Picture", picture.draw),
     Section("Read-outs", readouts.draw),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,7 +69,7 @@ class Facts:
     loading: tuple[str, float | None] | None = None  # phase and fraction of the scene being opened
     load_problem: str = ""  # of the last scene that failed to open
     surface: str = ""  # the mobile selected, or the material clicked; "": none
-    reflectance: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of that surface, the mean over its area
+    material: tuple[tuple[str, Any], ...] = ()  # of that surface, as `gi_core.files.edits.Finish` has it
     piece: bool = False  # a place of the static part has been clicked
 
 
@@ -138,6 +138,6 @@ def facts_of(
         loading=reload.progress,
         load_problem=reload.problem,
         surface=clicked or (selected if selected in session.poses else ""),
-        reflectance=session.reflectance_of(clicked or selected, bool(clicked)),
+        material=session.finish_of(clicked or selected, bool(clicked)),
         piece=bool(clicked),
     )

@@ -16,7 +16,6 @@ from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation, three
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 SPEED = 1e-3  # of the scene size per pixel of a drag
 ROWS = 5  # of the list; more objects scroll
-COLOUR_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.no_options
 
 
 class Select(NamedTuple):
@@ -32,17 +31,6 @@ class Move(NamedTuple):
     pose: Pose
     first: bool
     last: bool
-
-
-class Colour(NamedTuple):
-    """Request to change the reflectance of a mobile or a material."""
-
-    surface: str
-    reflectance: tuple[float, float, float]
-
-
-BRIGHTEST = 0.98  # as for files
-_draft: dict[str, tuple[float, float, float]] = {}  # colours under change, by surface
 
 
 def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
@@ -85,18 +73,7 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
 
 
 def _edits(facts: Facts, actions: set[Any], half: float) -> None:
-    """Draw the colour of the selected surface, and buttons that change the scene."""
-    imgui.begin_disabled(not facts.surface)
-    ui.label("Colour")
-    changed, rgb = imgui.color_edit3("##reflectance", list(_draft.get(facts.surface, facts.reflectance)), COLOUR_FLAGS)
-    of = f"Reflectance of {facts.surface}, linear." if facts.surface else "Click on a surface or select an object."
-    ui.tip(f"{of} Photons that met it are traced again; the picture stays until then.")
-    if changed:
-        r, g, b = (min(float(f"{c:.4g}"), BRIGHTEST) for c in rgb)
-        _draft[facts.surface] = r, g, b
-    elif facts.surface in _draft and not imgui.is_any_item_active():
-        actions.add(Colour(facts.surface, _draft.pop(facts.surface)))
-    imgui.end_disabled()
+    """Draw the buttons that change the scene."""
     if imgui.button("Insert...", (half, 0)):
         actions.add("insert")
     ui.tip("Add an object from a mesh file. Files may be dropped on the picture too.")

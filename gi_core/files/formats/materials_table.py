@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from gi_core.bsdf.models import MODELS, lobe
@@ -12,7 +15,8 @@ from gi_core.scene.pose import three
 from gi_core.scene.rules import SHARE
 from gi_core.scene.types import Material, Mesh
 
-KEYS = ("reflectance", "emission", "two_sided", "metallic", "roughness", "ior", "brdf", "scale", "grain")
+FINISH = "reflectance", "metallic", "roughness", "ior", "brdf", "scale", "grain"
+KEYS = ("emission", "two_sided", *FINISH)
 SHARES = ("metallic", "roughness")
 IOR = 1.5  # of glass, varnish and most plastics
 MOST_IOR = 10.0
@@ -26,16 +30,21 @@ def read_materials(root: Table) -> dict[str, Table]:
         raise SceneError(f"{root.where}: materials are written as [materials.NAME], got {shown(tables)}")
     result = {}
     for name, values in tables.items():
-        named = values.get("brdf") if isinstance(values, dict) else None
-        more = tuple(MODELS[named].PARAMETERS) if isinstance(named, str) and named in MODELS else ()
-        table = Table(values, f'{root.where}: material "{name}"', KEYS + more)
-        table.vector("reflectance", 3, None, least=0, below=1)
-        table.vector("emission", 3, None, least=0)
-        table.flag("two_sided", False)
-        gloss_of(table, Material(name))
-        brdf_of(table, Material(name))
-        result[name] = table
+        result[name] = checked(values, f'{root.where}: material "{name}"', KEYS)
     return result
+
+
+def checked(values: Mapping[str, Any], where: str, keys: tuple[str, ...]) -> Table:
+    """Return a checked table of some of KEYS and of the parameters of its model. Raises SceneError."""
+    named = values.get("brdf") if isinstance(values, dict) else None
+    more = tuple(MODELS[named].PARAMETERS) if isinstance(named, str) and named in MODELS else ()
+    table = Table(values, where, keys + more)
+    table.vector("reflectance", 3, None, least=0, below=1)
+    table.vector("emission", 3, None, least=0)
+    table.flag("two_sided", False)
+    gloss_of(table, Material(""))
+    brdf_of(table, Material(""))
+    return table
 
 
 def overridden(material: Material, table: Table | None) -> Material:
@@ -89,20 +98,19 @@ def brdf_of(table: Table, material: Material) -> Material:
 
 def override(mesh: Mesh, materials: list[Material], tables: dict[str, Table]) -> tuple[Mesh, list[Material]]:
     """Apply the tables to a mesh and its materials: a reflectance written there replaces textures."""
+    changed = [overridden(m, tables.get(m.name)) for m in materials]
+    coloured = np.array([m.name in tables and "reflectance" in tables[m.name] for m in materials], bool)
+    rows = coloured[mesh.face_material] if materials else np.zeros(0, bool)
+    rho = np.array([m.reflectance for m in changed]).reshape(-1, 3)[mesh.face_material[rows]]
     if mesh.face_reflectance is not None:
         colours = mesh.face_reflectance.copy()
-        for i, m in enumerate(materials):
-            if m.name in tables and "reflectance" in tables[m.name]:
-                colours[mesh.face_material == i] = tables[m.name].vector("reflectance")
+        colours[rows] = rho
         mesh = mesh._replace(face_reflectance=colours)
     if mesh.paint is not None:
         texture, colour = mesh.paint.face_texture.copy(), mesh.paint.corner_colour.copy()
-        for i, m in enumerate(materials):
-            if m.name in tables and "reflectance" in tables[m.name]:
-                texture[mesh.face_material == i] = -1
-                colour[mesh.face_material == i] = tables[m.name].vector("reflectance")
+        texture[rows], colour[rows] = -1, rho[:, None]
         mesh = mesh._replace(paint=mesh.paint._replace(face_texture=texture, corner_colour=colour))
-    return mesh, [overridden(m, tables.get(m.name)) for m in materials]
+    return mesh, changed
 
 
 def single(mesh: Mesh, name: str, materials: list[Material], tables: dict[str, Table], where: str):

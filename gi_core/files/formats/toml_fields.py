@@ -121,6 +121,13 @@ class Table:
             raise SceneError(f"{self.where}: a {what} is written as a table [[{key}]], got {shown(value)}")
         return value
 
+    def table(self, key: str) -> dict:
+        """Return a table inside this one."""
+        value = self._get(key, REQUIRED)
+        if not isinstance(value, dict):
+            self._fail(key, "must be a table", value)
+        return value
+
     def _vector(self, key, value, n, least, below):
         good = isinstance(value, list) and len(value) == n and all(is_number(v) for v in value)
         if good and least is not None:

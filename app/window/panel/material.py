@@ -1,0 +1,108 @@
+"""The reflection of the selected surface: its model and the parameters of that model."""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from imgui_bundle import imgui
+
+from app.settings import Settings
+from app.window.panel import widgets as ui
+from app.window.panel.facts import Facts
+
+if TYPE_CHECKING:
+    from gi_core.bsdf.models.common import Parameter
+    from gi_core.files.edits import Values
+
+BRIGHTEST = 0.98  # reflectance, as for files
+COLOUR_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.no_options
+DIFFUSE, METAL_ROUGH = "diffuse", "metal-rough"
+COLOURS = "reflectance", "kd", "rho", "C"  # parameters that carry on the colour of another model
+
+
+@functools.cache
+def models() -> dict[str, dict[str, Parameter]]:
+    """Return the parameters of each model, by name."""
+    from gi_core.bsdf.models import MODELS
+    from gi_core.bsdf.models.common import Parameter
+    from gi_core.files.formats.materials_table import IOR
+
+    colour = Parameter((0.5, 0.5, 0.5), 0.0, BRIGHTEST, True, "share of light reflected, linear")
+    metal_rough = {
+        "reflectance": colour._replace(meaning="base colour, linear: of the metal, or under the gloss"),
+        "metallic": Parameter(0.0, 0.0, 1.0, False, "0: gloss over a diffuse base, 1: metal"),
+        "roughness": Parameter(0.3, 0.0, 1.0, False, "0: a mirror, 1: matte"),
+        "ior": Parameter(IOR, 1.0, 3.0, False, "refractive index of the gloss; metal has none"),
+    }
+    tabulated = {name: model.PARAMETERS for name, model in MODELS.items()}
+    return {DIFFUSE: {"reflectance": colour}, METAL_ROUGH: metal_rough, **tabulated}
+
+
+class Refinish(NamedTuple):
+    """Request to change the reflection of a mobile or a material."""
+
+    surface: str
+    material: Values
+
+
+_draft: dict[str, Values] = {}  # under change, by surface
+
+
+def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
+    if not facts.surface or not facts.material:
+        imgui.text_disabled("Click on a surface, or select an object.")
+        return s
+    imgui.text_disabled(facts.surface)
+    values = dict(_draft.get(facts.surface, facts.material))
+    model = values.get("brdf") or (METAL_ROUGH if "roughness" in values else DIFFUSE)
+    ui.label("Model")
+    names = list(models())
+    changed, k = imgui.combo("##Model", names.index(model), [_title(name) for name in names])
+    ui.tip("Model of reflection. Photons that met the surface are traced again; the picture stays until then.")
+    if changed:
+        actions.add(Refinish(facts.surface, starting(names[k], values)))
+        return s
+    edited = False
+    for name, parameter in models()[model].items():
+        value, moved = _edit(name, parameter, values.get(name, parameter.default))
+        if moved:
+            values[name], edited = value, True
+    if edited:
+        _draft[facts.surface] = tuple(values.items())
+    elif facts.surface in _draft and not imgui.is_any_item_active():
+        actions.add(Refinish(facts.surface, _draft.pop(facts.surface)))
+    return s
+
+
+def starting(model: str, before: dict[str, Any]) -> Values:
+    """Return first values of a model, with the colour of values before."""
+    values = {name: p.default for name, p in models()[model].items()}
+    colour = next((before[name] for name in COLOURS if name in before), None)
+    own = next((name for name in COLOURS if name in values), None)
+    if colour is not None and own is not None:
+        values[own] = colour
+    return tuple(values.items()) if "reflectance" in values else (("brdf", model), ("scale", True), *values.items())
+
+
+def _title(name: str) -> str:
+    return name.upper() if len(name) == 3 else name.replace("_", " ").capitalize()
+
+
+def _edit(name: str, p: Parameter, value: Any) -> tuple[Any, bool]:
+    """Draw a parameter; return its value and whether it has been changed."""
+    shown = name.capitalize() if len(name) > 3 else name
+    if p.colour and p.high <= 1:
+        rgb = list(value) if isinstance(value, tuple) else [value] * 3
+        ui.label(shown)
+        changed, rgb = imgui.color_edit3(f"##{name}", rgb, COLOUR_FLAGS)
+        value = tuple(min(max(float(f"{c:.4g}"), p.low), p.high) for c in rgb)
+    elif p.colour:
+        numbers = value if isinstance(value, tuple) else (value,) * 3
+        value, changed, _, _ = ui.fields(shown, numbers, 0.01, "%.2f", "rgb")
+        value = tuple(min(max(c, p.low), p.high) for c in value)
+    else:
+        changed, number = ui.float_slider(shown, value, p.low, p.high, f"{value:.3g}", p.high > 10)
+        value = min(max(float(f"{number:.4g}"), p.low), p.high)
+    ui.tip(f"{p.meaning[:1].upper()}{p.meaning[1:]}.")
+    return value, changed
