@@ -147,12 +147,13 @@ def main() -> int:
     asked.out.mkdir(parents=True, exist_ok=True)
     if asked.growth:
         print(growth(*asked.growth, asked.out))
-    if asked.scenes:
+    found: dict[str, list] = {}
+    for scene in asked.scenes:
         with Bar() as bar:
-            found = {Path(n).stem: measured(Model(open_scene(Settings(scene=n))), bar, MEDIUM) for n in asked.scenes}
-        write_whole(asked.out / "rays.md", text := section(found) + "\n")
+            found[Path(scene).stem] = measured(Model(open_scene(Settings(scene=scene))), bar, MEDIUM)
+        write_whole(asked.out / "rays.md", section(found) + "\n")
         draw(found, asked.out / "rays.svg")
-        print(text)
+        print(section({Path(scene).stem: found[Path(scene).stem]}), flush=True)
     return 0
 
 
