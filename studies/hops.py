@@ -118,7 +118,7 @@ def dragged_frame(scene: str) -> tuple[dict, dict]:
             viewer.session.light.grace = PATIENCE
             ctx.mouse_down(0)
             hand.move((x + 10, y))
-            assert viewer.viewport.grab is not None, f"no mobile at {(x, y)}"
+            assert viewer.viewport.mobile_drag.grab is not None, f"no mobile at {(x, y)}"
             steps = 0
             while len(kept) < FRAMES:
                 steps += 1

@@ -195,16 +195,15 @@ def _selected(window: Window) -> str:
 
 
 def _look_along(quarter_turns: int | None, window: Window) -> None:
-    viewport = window.viewport
-    viewport.fly_to(viewport.along(quarter_turns))
+    window.viewport.control.look_along(quarter_turns)
 
 
 def _bookmark(window: Window) -> None:
-    window.log(f"kept as {window.viewport.bookmark()}; menu View shows it again")
+    window.log(f"kept as {window.viewport.control.bookmark()}; menu View shows it again")
 
 
 def _show_bookmark(k: int, window: Window) -> None:
-    window.viewport.show_bookmark(k)
+    window.viewport.control.show_bookmark(k)
 
 
 def _open(window: Window) -> None:
@@ -243,7 +242,7 @@ def _export(window: Window) -> None:
         file = Path(path)
         file = file if file.suffix.lower() == ".csv" else file.with_name(file.name + ".csv")
         try:
-            write_whole(file, view_content.readouts_csv(window.session, window.viewport.pinned))
+            write_whole(file, view_content.readouts_csv(window.session, window.viewport.pins.shown))
             window.log(f"saved {file}")
         except OSError as problem:
             window.log(f"not saved: {problem.strerror or problem}; {file}", WARNING)
@@ -277,7 +276,7 @@ def _reset_poses(window: Window) -> None:
 
 def _reset_all(window: Window) -> None:
     _reset_poses(window)
-    window.viewport.go_home()
+    window.viewport.control.go_home()
 
 
 def _undo(window: Window) -> None:
@@ -302,7 +301,7 @@ def _toggle(field: str, window: Window) -> None:
 
 
 def _meter(window: Window) -> None:
-    exposure = window.session.metered(window.viewport.camera)
+    exposure = window.session.metered(window.viewport.view.camera)
     window.session.want(replace(window.session.settings, exposure=exposure))
     window.log(f"metered: {exposure:+.1f} EV")
 
@@ -369,7 +368,9 @@ ACTIONS = {
     "reset all": Action(_reset_all, (K.r,), "R", "reset objects and view"),
     "reset poses": Action(_reset_poses, label="Reset objects"),
     "reset settings": Action(_reset_settings, label="Reset settings"),
-    "reset view": Action(lambda w: w.viewport.go_home(), (K.home,), "Home", "reset the view", label="Reset view"),
+    "reset view": Action(
+        lambda w: w.viewport.control.go_home(), (K.home,), "Home", "reset the view", label="Reset view"
+    ),
     "rest": Action(_rest, label="Rest on floor"),
     "insert": Action(_insert, label="Insert object..."),
     "duplicate": Action(_duplicate, (_ctrl(K.d),), "Ctrl+D", "duplicate the selected object", label="Duplicate"),
@@ -378,14 +379,15 @@ ACTIONS = {
     "promote": Action(_promote, label="Make clicked object movable"),
     "freeze": Action(_freeze, label="Make object static"),
     "frame": Action(
-        lambda w: w.viewport.fly_to(w.viewport.framed()), (K.f,), "F", "show the selected object, or everything",
+        lambda w: w.viewport.control.frame(w.viewport.selected), (K.f,), "F", "show the selected object, or everything",
         label="Frame selected",
     ),
     "top": Action(partial(_look_along, None), label="Top"),
     "front": Action(partial(_look_along, 0), label="Front"),
     "side": Action(partial(_look_along, 1), label="Side"),
     "parallel": Action(
-        lambda w: w.viewport.toggle_parallel(), (K.o,), "O", "parallel view, or perspective", label="Parallel view"
+        lambda w: w.viewport.control.toggle_parallel(), (K.o,), "O", "parallel view, or perspective",
+        label="Parallel view",
     ),
     "bookmark": Action(_bookmark, (K.b,), "B", "keep this view", label="Keep this view"),
     **{f"view {k}": Action(partial(_show_bookmark, k), (_ctrl(key),)) for k, key in enumerate(ESTIMATOR_KEYS)},

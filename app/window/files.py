@@ -91,7 +91,7 @@ class Files:
     def settings_now(self, session: Session, viewport: Viewport) -> saved_scene.Settings:
         """Return settings that open the scene as it is on show."""
         settings = session.settings.without_solo(session.model.emitters.lamps.names)
-        return saved_scene.with_view(settings, session.moved, viewport.camera.as_camera())
+        return saved_scene.with_view(settings, session.moved, viewport.view.camera.as_camera())
 
     def command(self, session: Session, viewport: Viewport) -> str:
         """Return the command that opens the scene as it is on show."""

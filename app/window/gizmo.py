@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from imgui_bundle import imgui, imguizmo
@@ -11,9 +11,9 @@ from gi_core.scene import Pose
 from gi_core.scene.pose import as_pose, rotation, three
 
 if TYPE_CHECKING:
-    from app.draw.camera import Bounds, Turntable
+    from app.draw.camera import Bounds
     from app.session.session import Session
-    from app.window.drag import Grab
+    from app.window.view import View
 
 G = imguizmo.im_guizmo
 MOVE, TURN = "move", "turn"
@@ -23,22 +23,6 @@ LENGTH_EM = 4.0  # of an arrow
 STEPS = (1.0, 2.0, 5.0)  # of snapping, per decade
 SNAP_SHARE = 0.01  # of the scene's size: longest step
 SNAP_DEGREES = 15.0
-
-
-class View(Protocol):
-    """The parts of the viewport that handles use."""
-
-    session: Session
-    camera: Turntable | None
-    selected: str
-    grab: Grab | None
-    room: Bounds | None
-    origin: tuple[float, float]
-    size: tuple[float, float]
-
-    @property
-    def aspect(self) -> float:
-        """Width over height."""
 
 
 class Gizmo:
@@ -59,12 +43,11 @@ class Gizmo:
         """Whether the mouse is over a handle, or holds one."""
         return self._shown and (G.is_over() or G.is_using())
 
-    def draw(self, viewport: View) -> None:
-        """Draw the handles of the selected object; move it when they are dragged."""
-        session, name = viewport.session, viewport.selected
-        self._shown = bool(self.mode) and name in session.poses and viewport.grab is None
+    def draw(self, session: Session, view: View, name: str, room: Bounds) -> None:
+        """Draw the handles of an object; move it inside a box when they are dragged. name: "" for no object."""
+        self._shown = bool(self.mode) and name in session.poses
         if not self._shown:
-            self._end(viewport)
+            self._end(session)
             return
         o = 1 + session.model.names.index(name)
         pose, origin = session.poses[name], session.model.origins[0]
@@ -75,13 +58,13 @@ class Gizmo:
         G.begin_frame()
         G.allow_axis_flip(False)
         G.set_drawlist(imgui.get_window_draw_list())
-        G.set_rect(*viewport.origin, *viewport.size)
-        G.set_gizmo_size_clip_space(2 * LENGTH_EM * imgui.get_font_size() / viewport.size[0])
+        G.set_rect(*view.origin, *view.size)
+        G.set_gizmo_size_clip_space(2 * LENGTH_EM * imgui.get_font_size() / view.size[0])
         matrix = _matrix(at)
-        camera = viewport.camera.relative_to(origin)
-        view, projection = _matrix(camera.view()), _matrix(camera.projection(viewport.aspect))
+        camera = view.camera.relative_to(origin)
+        eye, projection = _matrix(camera.view()), _matrix(camera.projection(view.aspect))
         snap = self._snap(session.chosen.scene_size)
-        changed = G.manipulate(view, projection, OPERATIONS[self.mode], G.MODE.world, matrix, None, snap)
+        changed = G.manipulate(eye, projection, OPERATIONS[self.mode], G.MODE.world, matrix, None, snap)
         if G.is_using() and not self._held:
             self._held, self._middle = True, middle
             session.playing = False
@@ -89,19 +72,18 @@ class Gizmo:
         if changed and self._held:
             moved = np.array(matrix.values, np.float64).reshape(4, 4).T
             to = moved[:3, 3] + origin
-            room = viewport.room
             to = np.clip(to, np.minimum(room.low, self._middle), np.maximum(room.high, self._middle))
             pose = moved_pose(pose, middle, to, moved[:3, :3] if self.mode == TURN else None)
             self._middle = to
             if pose != session.poses[name]:
                 session.move({name: pose})
         if not G.is_using():
-            self._end(viewport)
+            self._end(session)
 
-    def _end(self, viewport: View) -> None:
+    def _end(self, session: Session) -> None:
         if self._held:
             self._held = False
-            viewport.session.end_drag()
+            session.end_drag()
 
     def _snap(self, size: float):
         if not (self.snaps or imgui.get_io().key_ctrl):

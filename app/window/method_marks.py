@@ -27,7 +27,7 @@ def draw(viewport: Viewport, view: MethodView | None) -> None:
     """Draw the parts that have been asked for into the current window."""
     if view is None or (view.paths is None and view.disc is None):
         return
-    (x, y), (w, h) = viewport.origin, viewport.size
+    (x, y), (w, h) = viewport.view.origin, viewport.view.size
     drawing = imgui.get_window_draw_list()
     drawing.push_clip_rect((x, y), (x + w, y + h), True)
     if view.paths is not None:
@@ -47,7 +47,7 @@ def draw(viewport: Viewport, view: MethodView | None) -> None:
 
 def _strokes(viewport: Viewport, strokes: Strokes, width: float) -> None:
     origin, drawing = viewport.session.model.origins[0], imgui.get_window_draw_list()
-    places = viewport.on_screen(strokes.ends.reshape(-1, 3) + origin)
+    places = viewport.view.on_screen(strokes.ends.reshape(-1, 3) + origin)
     colours = {kind: imgui.get_color_u32(colour) for kind, colour in COLOURS.items()}
     for a, b, kind, hits in zip(places[::2], places[1::2], strokes.kind.tolist(), strokes.hits.tolist(), strict=True):
         if b is None:
@@ -67,7 +67,7 @@ def _disc(viewport: Viewport, disc: Disc) -> None:
     rim = disc.position + disc.radius * (np.outer(np.cos(turn), side) + np.outer(np.sin(turn), np.cross(n, side)))
     tip = disc.position + disc.radius * n
     points = np.concatenate([rim, disc.position[None], tip[None]])
-    places = viewport.on_screen(points + viewport.session.model.origins[0])
+    places = viewport.view.on_screen(points + viewport.session.model.origins[0])
     drawing, colour = imgui.get_window_draw_list(), imgui.get_color_u32((*theme.ACCENT, 1.0))
     around = zip(places[:CORNERS], [*places[1:CORNERS], places[0]], strict=True)
     for a, b in (*around, (places[CORNERS], places[CORNERS + 1])):

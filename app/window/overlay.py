@@ -20,7 +20,7 @@ TOOLTIP_MESSAGES = 12  # of the log, in the status line's tooltip
 def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> None:
     """Write over the picture: progress of the opening, else labels, hint, and progress of a load or refinement."""
     em = imgui.get_font_size()
-    (x, y), (w, h) = viewport.origin, viewport.size
+    (x, y), (w, h) = viewport.view.origin, viewport.view.size
     if not ready:
         seen = session.opening is not None and session.opening.look is not None
         _draw_opening(session, x + w / 2, y + (h - 4 * em if seen else h / 2), em)

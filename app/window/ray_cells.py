@@ -32,7 +32,7 @@ class RayCells:
         """Draw the cells into the current window, and their number."""
         io = imgui.get_io()
         self.update(viewport, (io.mouse_pos.x, io.mouse_pos.y))
-        (x, y), (w, h) = viewport.origin, viewport.size
+        (x, y), (w, h) = viewport.view.origin, viewport.view.size
         drawing = imgui.get_window_draw_list()
         drawing.push_clip_rect((x, y), (x + w, y + h), True)
         for lines, colour in self._lines:
@@ -48,9 +48,9 @@ class RayCells:
         """Find the cells for a position of the mouse [points]; keep the last ones where it is outside the picture."""
         from gi_core.rays.leaf_boxes import leaf_boxes, visited
 
-        model, camera = viewport.session.model, viewport.camera
-        u, v = ((m - o) / s for m, o, s in zip(mouse, viewport.origin, viewport.size, strict=True))
-        asked = model, camera, viewport.aspect, u, v
+        model, camera = viewport.session.model, viewport.view.camera
+        u, v = ((m - o) / s for m, o, s in zip(mouse, viewport.view.origin, viewport.view.size, strict=True))
+        asked = model, camera, viewport.view.aspect, u, v
         if asked == self._asked or not (0 <= u < 1 and 0 <= v < 1):
             return
         self._asked = asked
@@ -60,7 +60,7 @@ class RayCells:
         if boxes is None:
             self._lines, self.text = (), f"{name} has no cells to show: choose another structure"
             return
-        eye, direction = camera.ray(u, v, viewport.aspect)
+        eye, direction = camera.ray(u, v, viewport.view.aspect)
         eye = eye - model.origins[0]
         far = np.float32(4 * model.world.size)
         distance, _ = model.accelerator.nearest(0, eye[None], direction[None], np.array([far]))
@@ -69,7 +69,7 @@ class RayCells:
         off = np.abs(0.5 * (boxes.low + boxes.high) - point).max(axis=1)
         off[(boxes.triangles == 0) | on_ray] = np.inf
         near = np.argsort(off)[:NEAR]
-        matrix = camera.projection(viewport.aspect) @ camera.relative_to(model.origins[0]).view()
+        matrix = camera.projection(viewport.view.aspect) @ camera.relative_to(model.origins[0]).view()
         shown = (near[np.isfinite(off[near])], OTHER), (np.flatnonzero(on_ray), VISITED)
         self._lines = tuple((edges(boxes.low[k], boxes.high[k], matrix), colour) for k, colour in shown)
         full = boxes.triangles[boxes.triangles > 0]

@@ -22,20 +22,19 @@ LINE = (*theme.ACCENT, 0.9)
 
 def draw(viewport: Viewport) -> None:
     """Draw the measuring plane and the pins into the current window."""
-    (x, y), (w, h) = viewport.origin, viewport.size
+    (x, y), (w, h) = viewport.view.origin, viewport.view.size
     drawing = imgui.get_window_draw_list()
     drawing.push_clip_rect((x, y), (x + w, y + h), True)
     s = viewport.session
     if (plane := s.settings.plane) is not None:
         from app.rest.measuring_plane import grid_of
 
-        _outline(viewport.on_screen(grid_of(plane, s.level).corners))
+        _outline(viewport.view.on_screen(grid_of(plane, s.level).corners))
         light = s.light.snapshot.rest.plane
         if light is not None and light.plane == plane:
             _points(viewport, light)
     em = imgui.get_font_size()
-    places = viewport.on_screen(np.array([p.position for p in viewport.pinned]).reshape(-1, 3))
-    for (pin, _, reading), at in zip(viewport.pinned, places, strict=True):
+    for (pin, _, reading), at in zip(viewport.pins.shown, viewport.pins.places(viewport.view), strict=True):
         if at is not None:
             _dot(at, theme.ACCENT, 1.0)
             known = reading is not None and math.isfinite(reading.irradiance)
@@ -66,7 +65,7 @@ def _points(viewport: Viewport, light: PlaneLight) -> None:
     under = imgui.get_color_u32((*label.COLOUR[:3], label.COLOUR[3] * alpha))
     text_colour = imgui.get_color_u32((*theme.TEXT, alpha))
     written: list[tuple[float, float, float]] = []  # x, y and width of numbers
-    for k, at in enumerate(viewport.on_screen(light.grid.positions)):
+    for k, at in enumerate(viewport.view.on_screen(light.grid.positions)):
         if at is None or not known[k]:
             continue
         red, green, blue = colours[k]

@@ -118,11 +118,11 @@ class Viewer:
             window.refuse_to_close()
             self.leave()
         pressed = self.keyboard.pressed()
-        for action in () if self.viewport.is_flying else pressed:
+        for action in () if self.viewport.control.is_looking else pressed:
             self._do(action)
         self._guard("files", self._draw_dialogs)
         if self.help_open:
-            (x, y), (w, h) = self.viewport.origin, self.viewport.size
+            (x, y), (w, h) = self.viewport.view.origin, self.viewport.view.size
             self.help_open = keys.draw_help(list(self.estimators), (x, y, w, h), self.help_open)
         self._guard("opening", self._replace_session)
         if is_user_error(self.session.problem) and self.reload.coming is None:  # printed on the terminal, see `run`
@@ -176,7 +176,7 @@ class Viewer:
         imgui.pop_style_var()
         self.viewport.handle_input(self._seconds)
         editing = imgui.is_any_item_active()
-        still = not (self.viewport.is_moving or self.viewport.wipe.held or self.reload.is_editing)
+        still = not (self.viewport.control.is_moving or self.viewport.wipe.held or self.reload.is_editing)
         started = time.perf_counter()
         self._guard("light", lambda: self.session.tick(self._seconds, editing, self._budget(), still))
         self._light_seconds = time.perf_counter() - started
@@ -215,7 +215,7 @@ class Viewer:
     def _facts(self) -> panel.Facts:
         v, seconds = self.viewport, self.frame_seconds.value
         given = self.session, self.reload, self.estimators, seconds, self.metered
-        return panel.facts_of(*given, v.picture.scale, v.selected, v.pinned, v.clicked_material)
+        return panel.facts_of(*given, v.picture.scale, v.selected, v.pins.shown, v.clicked_material)
 
     def draw_menus(self) -> None:
         self.menus.draw(self.ctx, self.session)
@@ -285,7 +285,7 @@ class Viewer:
 
         Slow drawing runs on the same cores: half of the time is for light then, while nothing moves.
         """
-        if self.viewport.is_moving:
+        if self.viewport.control.is_moving:
             return BUDGET
         return min(max(self._seconds - self._light_seconds, BUDGET), LONGEST_WAIT)
 
@@ -316,7 +316,7 @@ class Viewer:
         old, self.session, self._uploaded = self.session, new, 0
         self.viewport.adopt(new, keep_view=old is not new and self.reload.same)
         if old is new and self.preview.camera is not None:
-            self.viewport.camera = self.preview.camera
+            self.viewport.view.camera = self.preview.camera
         if old is not new:
             old.close(0.0)
             window.rename(new.settings.document or new.settings.scene)
@@ -325,7 +325,7 @@ class Viewer:
         self.estimators = {key: kind.about for key, kind in ESTIMATORS.items()}
         if new.settings.exposure is None:
             given = new.scene.defaults.exposure
-            exposure = new.metered(self.viewport.camera) if given is None else given
+            exposure = new.metered(self.viewport.view.camera) if given is None else given
             new.want(replace(new.settings, exposure=exposure))
         self.metered = new.settings.exposure
         self.files.adopt(new, same=old is not new and self.reload.same)
@@ -339,14 +339,13 @@ class Viewer:
     def _draw_scene(self) -> None:
         session = self.session
         changed = self._uploaded != session.version
-        busy = changed or session.refining or session.dragging or session.playing or self.viewport.is_moving
+        busy = changed or session.refining or session.dragging or session.playing or self.viewport.control.is_moving
         self._quiet = 0 if busy else self._quiet + 1
         if changed:
             self._upload()
             self._uploaded = session.version
-        self.viewport.rescale(at_rest=not busy)
-        self._quiet = 0 if self.viewport.is_fitting else self._quiet
-        self.viewport.read_pins()
+        self.viewport.read(at_rest=not busy)
+        self._quiet = 0 if self.viewport.scale_fit.is_fitting else self._quiet
         samples = 1 if self._software and self._quiet < QUIET_FRAMES else SAMPLES_PER_PIXEL
         self.viewport.draw(self.renderer, samples)
 

@@ -43,7 +43,7 @@ class Hand:
 
     def at(self, point) -> tuple[float, float]:
         """Return where a point of the scene is in the window."""
-        v = self.viewer.viewport
+        v = self.viewer.viewport.view
         x, y = v.camera.project(point, v.aspect)
         return v.origin[0] + x * v.size[0], v.origin[1] + y * v.size[1]
 

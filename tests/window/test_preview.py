@@ -39,7 +39,7 @@ def test_the_window_shows_looks_until_the_scene_is_open(play):
         pictures.append(hand.pixels().astype(float))
         may_open.set()
         hand.wait_for_light()
-        assert viewer.viewport.camera == turned
+        assert viewer.viewport.view.camera == turned
 
     viewer = play(script, open_with=lambda s: Opening(s, load=slow))
     assert errors(viewer) == []

@@ -77,31 +77,32 @@ def test_views_are_kept_shown_and_saved(play, tmp_path):
     def script(hand, viewer):
         viewport, session, K = viewer.viewport, viewer.session, keys()
         hand.wait_for_light()
-        first = viewport.camera
+        first = viewport.view.camera
         hand.press(K.b)
-        viewport.camera = first.orbit(0.2, 0.1).dolly(2.0)
-        second = viewport.camera
+        viewport.view.camera = first.orbit(0.2, 0.1).dolly(2.0)
+        second = viewport.view.camera
         hand.press(K.b)
         assert [name for name, _ in session.settings.cameras] == ["view 1", "view 2"]
         assert viewer.files.has_changed(session)
         hand.press(int(K.mod_ctrl) | int(K._1))
-        hand.wait(lambda: viewport._flight is None)
-        assert viewport.camera.eye() == pytest.approx(first.eye()) and viewport.camera.fov == pytest.approx(first.fov)
+        hand.wait(lambda: viewport.control.flight is None)
+        assert viewport.view.camera.eye() == pytest.approx(first.eye())
+        assert viewport.view.camera.fov == pytest.approx(first.fov)
         assert session.settings.estimator == support.SETTINGS.estimator or session.settings.estimator == "tangent_plane"
         hand.press(int(K.mod_ctrl) | int(K._2))
-        hand.wait(lambda: viewport._flight is None)
-        assert viewport.camera.eye() == pytest.approx(second.eye())
+        hand.wait(lambda: viewport.control.flight is None)
+        assert viewport.view.camera.eye() == pytest.approx(second.eye())
         hand.press(int(K.mod_ctrl) | int(K._3))
-        assert viewport._flight is None, "there is no third"
+        assert viewport.control.flight is None, "there is no third"
         file = viewer.files.save(session, viewport, str(tmp_path / "a.toml"))
         assert saved_scene.read(str(file)).cameras == session.settings.cameras
         hand.press(int(K.mod_ctrl) | int(K.z))
         assert [name for name, _ in session.settings.cameras] == ["view 1"]
 
         hand.press(K.o)
-        assert viewport.camera.is_parallel
+        assert viewport.view.camera.is_parallel
         hand.press(K.o)
-        assert viewport.camera.eye() == pytest.approx(second.eye(), abs=1e-6)
+        assert viewport.view.camera.eye() == pytest.approx(second.eye(), abs=1e-6)
 
     scene = tmp_path / "room.glb"
     scene.touch()
@@ -115,30 +116,30 @@ def test_the_right_button_looks_around_and_letters_fly(play):
     def script(hand, viewer):
         viewport, session, K = viewer.viewport, viewer.session, keys()
         hand.wait_for_light()
-        start, exposure = viewport.camera, session.settings.exposure
-        corner = viewport.origin[0] + 20, viewport.origin[1] + 20  # no surface
+        start, exposure = viewport.view.camera, session.settings.exposure
+        corner = viewport.view.origin[0] + 20, viewport.view.origin[1] + 20  # no surface
         hand.move(corner)
         hand.ctx.mouse_down(1)
         hand.move((corner[0] + 40, corner[1]))
-        assert viewport.is_flying
-        assert viewport.camera.eye() == pytest.approx(start.eye()) and viewport.camera.yaw != start.yaw
-        looked = viewport.camera
+        assert viewport.control.is_looking
+        assert viewport.view.camera.eye() == pytest.approx(start.eye()) and viewport.view.camera.yaw != start.yaw
+        looked = viewport.view.camera
         for key, axis, sign in ((K.w, 2, 1), (K.a, 0, -1)):
             hand.ctx.key_down(key)
             hand.ctx.yield_(6)
             hand.ctx.key_up(key)
             hand.ctx.yield_()
-            step = viewport.camera.eye() - looked.eye()
+            step = viewport.view.camera.eye() - looked.eye()
             assert sign * (step @ looked.basis()[axis]) > 0.9 * np.linalg.norm(step) > 0
-            looked = viewport.camera
+            looked = viewport.view.camera
         assert session.settings.exposure == exposure, "A flies, and meters nothing"
         hand.ctx.mouse_up(1)
         hand.ctx.yield_(2)
-        assert not viewport.is_flying
+        assert not viewport.control.is_looking
         hand.ctx.key_down(K.w)
         hand.ctx.yield_(4)
         hand.ctx.key_up(K.w)
-        assert viewport.camera == looked
+        assert viewport.view.camera == looked
 
     assert errors(play(script, support.SETTINGS, support.opening(support.room()))) == []
 
@@ -149,7 +150,7 @@ def test_an_arrow_moves_the_selected_object_along_its_axis(play):
     def script(hand, viewer):
         viewport, session, K = viewer.viewport, viewer.session, keys()
         hand.wait_for_light()
-        viewport.camera = viewport.camera.orbit(0.12, 0.1)
+        viewport.view.camera = viewport.view.camera.orbit(0.12, 0.1)
         hand.press(K.g)
         assert viewport.gizmo.mode == MOVE and viewport.selected == "block"
         start = session.poses["block"]

@@ -50,7 +50,7 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         palette = np.round(255 * signed_colours(np.linspace(-1, 1, 2001))).astype(int)
         wall = [hand.at((i / 8, j / 8, 0.0)) for i in range(1, 8) for j in range(1, 8)]
         seen = np.array(
-            [picture[int(y - viewer.viewport.origin[1]), int(x - viewer.viewport.origin[0])] for x, y in wall]
+            [picture[int(y - viewer.viewport.view.origin[1]), int(x - viewer.viewport.view.origin[0])] for x, y in wall]
         )
         off = np.abs(palette - seen[:, None].astype(int)).max(axis=2).min(axis=1)
         assert np.median(off) <= 2 and off.max() <= 12, off
@@ -94,19 +94,20 @@ def test_reference_key_and_wipe_between_two_pictures(play):
             "Tangent plane, 20 000 photons",
             "Photon map, 20 000 photons",
         ]
-        camera, pose = viewport.camera, viewer.session.poses["block"]
-        w, h = viewport.size
-        line = (viewport.origin[0] + 0.5 * w, viewport.origin[1] + 0.2 * h)
+        camera, pose = viewport.view.camera, viewer.session.poses["block"]
+        w, h = viewport.view.size
+        line = (viewport.view.origin[0] + 0.5 * w, viewport.view.origin[1] + 0.2 * h)
         hand.drag(line, (line[0] - 0.2 * w, line[1]))
         assert viewport.wipe.at == pytest.approx(0.3, abs=0.02)
-        assert viewport.camera == camera and viewer.session.poses["block"] == pose, "the line moves, nothing else does"
+        unmoved = viewport.view.camera == camera and viewer.session.poses["block"] == pose
+        assert unmoved, "the line moves, nothing else does"
         both, at = hand.pixels(), round(viewport.wipe.at * viewer.renderer.size[0])
         differs = (np.abs(both.astype(int) - estimate).max(axis=2) > 8).mean(axis=0)
         assert differs[: at - 1].mean() < 0.01 < 0.05 < differs[at + 1 :].mean()
 
         # Away from the line the mouse works as usual.
         hand.drag((line[0] + 0.1 * w, line[1]), (line[0] + 0.15 * w, line[1]))
-        assert viewport.camera != camera and viewport.wipe.at == pytest.approx(0.3, abs=0.02)
+        assert viewport.view.camera != camera and viewport.wipe.at == pytest.approx(0.3, abs=0.02)
 
         # During motion only the estimate is shown; the comparison returns at rest.
         hand.press(K.space)

@@ -24,7 +24,7 @@ def test_dragged_mobile_and_its_light_move_in_the_same_frame(play):
 
         # A hovered mobile has a hint.
         hand.move(hand.at(BLOCK_FRONT))
-        assert viewport.hover is not None and "Shift: up and down" in viewport.hint()
+        assert viewport.pointer.hover is not None and "Shift: up and down" in viewport.hint()
         hand.pixels()
 
         # A plain drag: another place at the same height. Each frame's picture belongs to that frame's pose.
@@ -76,7 +76,7 @@ def test_dragged_mobile_and_its_light_move_in_the_same_frame(play):
         hand.move(at)
         hand.ctx.mouse_down(0)
         hand.move((at[0] - 60, at[1]))
-        assert viewport.grab is not None and viewport.grab.mode == drag.SLIDE
+        assert viewport.mobile_drag.grab is not None and viewport.mobile_drag.grab.mode == drag.SLIDE
         assert session.poses["block"] != current
         hand.press(K.escape)
         assert session.poses["block"] == current
@@ -97,29 +97,29 @@ def test_camera_by_mouse(play):
     def script(hand, viewer):
         viewport = viewer.viewport
         hand.wait_for_light()
-        home, pose = viewport.camera, dict(viewer.session.poses)
+        home, pose = viewport.view.camera, dict(viewer.session.poses)
         wall = hand.at((0.15, 0.8, 0.0))
         hand.drag(wall, (wall[0] + 60, wall[1] + 20))
-        orbited = viewport.camera
+        orbited = viewport.view.camera
         assert orbited.yaw != home.yaw and orbited.pitch != home.pitch and orbited.pivot == home.pivot
         hand.drag(wall, (wall[0] + 60, wall[1]), modifier=K.mod_shift)
-        panned = viewport.camera
+        panned = viewport.view.camera
         assert panned.pivot != home.pivot and panned.yaw == orbited.yaw
         hand.drag(wall, (wall[0], wall[1] + 30), button=2)
-        assert viewport.camera.pivot != panned.pivot
+        assert viewport.view.camera.pivot != panned.pivot
         hand.ctx.mouse_wheel_y(2)
         hand.ctx.yield_(2)
-        assert viewport.camera.distance < home.distance
+        assert viewport.view.camera.distance < home.distance
         hand.press(K.home)
-        hand.wait(lambda: viewport._flight is None)
-        assert viewport.camera == home
+        hand.wait(lambda: viewport.control.flight is None)
+        assert viewport.view.camera == home
 
         # A double click makes the point under the cursor the pivot.
         hand.move(hand.at((0.2, 0.6, 0.0)))
         hand.ctx.mouse_double_click(0)
         hand.ctx.yield_(2)
-        hand.wait(lambda: viewport._flight is None)
-        assert viewport.camera.pivot == pytest.approx((0.2, 0.6, 0.0), abs=0.03)
+        hand.wait(lambda: viewport.control.flight is None)
+        assert viewport.view.camera.pivot == pytest.approx((0.2, 0.6, 0.0), abs=0.03)
         assert viewer.session.poses == pose, "no camera motion moves an object"
 
     assert errors(play(script)) == []
@@ -133,12 +133,12 @@ def test_keys(play, folder):
     def script(hand, viewer):
         session = viewer.session
         hand.wait_for_light()
-        width = viewer.viewport.size[0]
+        width = viewer.viewport.view.size[0]
         hand.press(K.tab)
         assert not viewer.params.docking_params.dockable_window_of_name("Panel").is_visible
-        hand.wait(lambda: viewer.viewport.size[0] > width)
+        hand.wait(lambda: viewer.viewport.view.size[0] > width)
         hand.press(K.tab)
-        hand.wait(lambda: viewer.viewport.size[0] == width)
+        hand.wait(lambda: viewer.viewport.view.size[0] == width)
         hand.press(K.h)
         assert viewer.help_open
         hand.press(K.h)
@@ -185,6 +185,6 @@ def test_keys(play, folder):
     assert parameters["pose block"].count(",") == 6 and "EV" in parameters["exposure"]
     assert parameters["camera"].startswith("position 0.5,0.55,2.9 target 0.5,0.45,0.5")
     with Image.open(folder / "gi-viewer-001.png") as picture:
-        assert picture.size == tuple(map(round, viewer.viewport.size))
+        assert picture.size == tuple(map(round, viewer.viewport.view.size))
         colours = np.asarray(picture.convert("RGB")).reshape(-1, 3)
     assert len(np.unique(colours, axis=0)) > 500, "a lit room"

@@ -52,20 +52,21 @@ def test_an_object_is_selected_and_moved_by_numbers(play):
 
         # Cameras: the object fills a good part of the picture, in its middle; from above; and back.
         hand.press(K.f)
-        hand.wait(lambda: viewport._flight is None)
+        hand.wait(lambda: viewport.control.flight is None)
         centre = session.poses["block"].position
-        assert viewport.camera.project(centre, viewport.aspect) == pytest.approx((0.5, 0.5), abs=1e-6)
-        above, below = (viewport.camera.project((centre[0], y, centre[2]), viewport.aspect)[1] for y in (0.42, 0.18))
+        assert viewport.view.camera.project(centre, viewport.view.aspect) == pytest.approx((0.5, 0.5), abs=1e-6)
+        view = viewport.view
+        above, below = (view.camera.project((centre[0], y, centre[2]), view.aspect)[1] for y in (0.42, 0.18))
         assert 0.3 < below - above < 0.8
         viewer._do("top")
-        hand.wait(lambda: viewport._flight is None)
-        assert viewport.camera.basis()[2] @ (0, -1, 0) > 0.999
+        hand.wait(lambda: viewport.control.flight is None)
+        assert viewport.view.camera.basis()[2] @ (0, -1, 0) > 0.999
         viewer._do("side")
-        hand.wait(lambda: viewport._flight is None)
-        assert abs(viewport.camera.basis()[2] @ (1, 0, 0)) == pytest.approx(1.0, abs=1e-9)
+        hand.wait(lambda: viewport.control.flight is None)
+        assert abs(viewport.view.camera.basis()[2] @ (1, 0, 0)) == pytest.approx(1.0, abs=1e-9)
         hand.press(K.home)
-        hand.wait(lambda: viewport._flight is None)
-        assert viewport.camera == viewport.home
+        hand.wait(lambda: viewport.control.flight is None)
+        assert viewport.view.camera == viewport.control.home
 
         ctx.set_ref("Panel")
         ctx.item_input_value("##Position y", float("nan"))

@@ -149,7 +149,7 @@ def test_another_structure_of_rays_opens_the_scene_again(play, monkeypatch):
         assert not viewer.ray_cells.text
         hand.ctx.item_check("Show cells")
         viewport = viewer.viewport
-        middle = tuple(o + s / 2 for o, s in zip(viewport.origin, viewport.size, strict=True))
+        middle = tuple(o + s / 2 for o, s in zip(viewport.view.origin, viewport.view.size, strict=True))
         viewer.ray_cells.update(viewport, middle)
         hand.ctx.yield_(2)
         found = re.search(r"bvh: ([\d,]+) cells of .* the ray visits (\d+) cells", viewer.ray_cells.text)

@@ -58,28 +58,29 @@ def test_illuminance_under_the_cursor_is_the_closed_form(play, monkeypatch):
         for x, y in ((0.0, 0.0), (0.33, -0.21), (-0.9, 0.62)):
             hand.move(hand.at((x, y, 0.0)))
             E = closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(x, y))
-            reading = viewport.reading
+            reading = viewport.pointer.reading
             assert reading.irradiance == pytest.approx(E, rel=0.02)
             assert reading.radiance == pytest.approx(0.5 * reading.irradiance / math.pi, rel=1e-5)
         written.clear()
         rays.clear()
         hand.ctx.yield_(10)
         assert not rays, "the mouse rests"
-        assert written.count(viewport.reading.text()) >= 10
-        assert " lx  ·  luminance " in viewport.reading.text() and viewport.reading.text().endswith("static part, oak")
+        text = viewport.pointer.reading.text()
+        assert written.count(text) >= 10
+        assert " lx  ·  luminance " in text and text.endswith("static part, oak")
 
         tile = hand.at((1.4, 1.2, 0.01))
-        size = viewport.size
+        size = viewport.view.size
         hand.move(tile)
-        assert (viewport.reading.object, viewport.reading.material) == ("tile", "slate")
+        assert (viewport.pointer.reading.object, viewport.pointer.reading.material) == ("tile", "slate")
         hand.ctx.mouse_down(0)
         hand.move((tile[0] - 30, tile[1]))
-        assert viewport.grab is not None and viewport.readout() == ""
+        assert viewport.mobile_drag.grab is not None and viewport.readout() == ""
         hand.ctx.mouse_up(0)
         hand.ctx.yield_(3)
-        assert viewport.readout() and viewport.size == size
-        hand.move((viewport.origin[0] + 3, viewport.origin[1] + 3))
-        assert viewport.reading is None, "no surface"
+        assert viewport.readout() and viewport.view.size == size
+        hand.move((viewport.view.origin[0] + 3, viewport.view.origin[1] + 3))
+        assert viewport.pointer.reading is None, "no surface"
 
     settings = replace(support.SETTINGS, light="best")
     assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
@@ -95,13 +96,13 @@ def test_each_side_of_a_wipe_reads_its_own_light(play):
         sides = viewport.shown.sides
         for side, x in zip(sides, (-0.3, 0.3), strict=True):
             at = hand.at((x, 0.0, 0.0))
-            assert (at[0] - viewport.origin[0]) / viewport.size[0] == pytest.approx(0.5, abs=0.4)
+            assert (at[0] - viewport.view.origin[0]) / viewport.view.size[0] == pytest.approx(0.5, abs=0.4)
             hand.move(at)
-            light = viewport.reading.irradiance
+            light = viewport.pointer.reading.irradiance
             viewport.shown = viewport.shown._replace(sides=(side._replace(irradiance=2 * side.irradiance),) * 2)
             hand.move((at[0] + 1, at[1]))
             hand.move(at)
-            assert viewport.reading.irradiance == pytest.approx(2 * light, rel=1e-6)
+            assert viewport.pointer.reading.irradiance == pytest.approx(2 * light, rel=1e-6)
             viewport.shown = viewport.shown._replace(sides=sides)
 
     assert errors(play(script, replace(support.SETTINGS), support.opening(lamp_over_floor()))) == []
@@ -125,7 +126,7 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
         for x, y in ((0.0, 0.0), (0.33, -0.21), (-0.9, 0.62)):
             E = closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(x, y))
             expected = 255 * sequential_colours(scale.position(np.array([E])))[0]
-            column, row = (int(c - o) for c, o in zip(hand.at((x, y, 0.0)), viewport.origin, strict=True))
+            column, row = (int(c - o) for c, o in zip(hand.at((x, y, 0.0)), viewport.view.origin, strict=True))
             assert np.abs(picture[row, column] - expected).max() <= 6, (E, picture[row, column])
 
         hand.press(keys().p)
@@ -138,7 +139,7 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
         tile = hand.at((1.4, 1.2, 0.01))
         hand.move(tile)
         hand.ctx.mouse_down(0)
-        viewer.viewport.scale = kept = scale._replace(high=4 * scale.high)
+        viewer.viewport.scale_fit.scale = kept = scale._replace(high=4 * scale.high)
         for k in range(4):
             hand.move((tile[0] - 10 * k, tile[1]))
             assert viewport.picture.scale is kept
@@ -158,10 +159,10 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
             radius = math.sqrt((INTENSITY * HEIGHT / E) ** (2 / 3) - HEIGHT**2)
             for turn in (0.3, 2.0, 4.4):
                 at = hand.at((radius * math.cos(turn), radius * math.sin(turn), 0.0))
-                column, row = (int(c - o) for c, o in zip(at, viewport.origin, strict=True))
+                column, row = (int(c - o) for c, o in zip(at, viewport.view.origin, strict=True))
                 assert lined[row - 2 : row + 3, column - 2 : column + 3].min(axis=2).max() > 180, (E, turn)
         beside = hand.at((0.0, 0.0, 0.0))
-        column, row = (int(c - o) for c, o in zip(beside, viewport.origin, strict=True))
+        column, row = (int(c - o) for c, o in zip(beside, viewport.view.origin, strict=True))
         assert lined[row, column].min() < 170, "no line where the light has another value"
 
     settings = replace(support.SETTINGS, light="best")
@@ -169,7 +170,7 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
 
 
 def test_nothing_is_measured_again_while_false_colours_rest(play, monkeypatch):
-    from app.window import viewport as module
+    from app.window import scale_fit as module
 
     calls, visible = [], module.visible_irradiance
 
@@ -188,7 +189,7 @@ def test_nothing_is_measured_again_while_false_colours_rest(play, monkeypatch):
         hand.ctx.yield_(30)
         assert not calls and viewer._is_still
         for _ in range(5):  # the wheel turns
-            viewer.viewport.camera = viewer.viewport.camera.dolly(0.2)
+            viewer.viewport.view.camera = viewer.viewport.view.camera.dolly(0.2)
             hand.ctx.yield_()
         hand.ctx.yield_(30)
         assert len(calls) == 1
@@ -205,9 +206,9 @@ def test_pins_read_the_light_of_the_picture_and_are_undone_saved_and_removed(pla
         hand.wait(lambda: session.light.all_done)
         place = (0.33, -0.21, 0.0)
         hand.move(hand.at(place))
-        light = viewport.reading.irradiance
+        light = viewport.pointer.reading.irradiance
         hand.press(keys().i)
-        (pinned,) = viewport.pinned
+        (pinned,) = viewport.pins.shown
         assert pinned.pin.name == "pin 1" and pinned.pin.normal == (0.0, 0.0, 1.0)
         assert np.abs(pinned.position - place).max() < 0.01  # the cursor stands on whole pixels
         E = closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(*place[:2]))
@@ -216,44 +217,44 @@ def test_pins_read_the_light_of_the_picture_and_are_undone_saved_and_removed(pla
         assert pinned.reading.material == "oak"
 
         hand.ctx.item_click("//Panel/**/Pin a read-out")  # the button: then a click in the picture
-        assert viewport.pinning and "Click a surface" in viewport.hint()
-        tile, camera = hand.at((1.4, 1.2, 0.01)), viewport.camera
+        assert viewport.pins.waiting and "Click a surface" in viewport.hint()
+        tile, camera = hand.at((1.4, 1.2, 0.01)), viewport.view.camera
         hand.move(tile)
         hand.ctx.mouse_click(0)
         hand.ctx.yield_(3)
-        assert len(viewport.pinned) == 2 and viewport.pinned[1].pin.object == "tile"
-        assert viewport.camera == camera and not session.moved, "the click moves nothing"
-        before = viewport.pinned[1].position
+        assert len(viewport.pins.shown) == 2 and viewport.pins.shown[1].pin.object == "tile"
+        assert viewport.view.camera == camera and not session.moved, "the click moves nothing"
+        before = viewport.pins.shown[1].position
         pose = session.poses["tile"]
         session.move({"tile": pose._replace(position=(1.0, 1.2, 0.01))})
         hand.wait_for_light()
-        assert viewport.pinned[1].position == pytest.approx(before - (0.4, 0, 0)), "it follows its object"
-        E = closed_form.point_over_plane(INTENSITY, HEIGHT - 0.01, math.hypot(*viewport.pinned[1].position[:2]))
-        assert viewport.pinned[1].reading.irradiance == pytest.approx(E, rel=0.05)
+        assert viewport.pins.shown[1].position == pytest.approx(before - (0.4, 0, 0)), "it follows its object"
+        E = closed_form.point_over_plane(INTENSITY, HEIGHT - 0.01, math.hypot(*viewport.pins.shown[1].position[:2]))
+        assert viewport.pins.shown[1].reading.irradiance == pytest.approx(E, rel=0.05)
 
         viewer._do("undo")  # the second pin; the move above was no step
         hand.ctx.yield_(3)
-        assert [p.pin.name for p in viewport.pinned] == ["pin 1"]
+        assert [p.pin.name for p in viewport.pins.shown] == ["pin 1"]
         viewer._do("redo")
         hand.ctx.yield_(3)
-        assert [p.pin.name for p in viewport.pinned] == ["pin 1", "pin 2"]
+        assert [p.pin.name for p in viewport.pins.shown] == ["pin 1", "pin 2"]
 
         hand.ctx.item_input_value("//Panel/**/pin 0/##name", "desk")
         hand.ctx.yield_(3)
-        assert [p.pin.name for p in viewport.pinned] == ["desk", "pin 2"]
-        table = view_content.readouts_csv(session, viewport.pinned).splitlines()
+        assert [p.pin.name for p in viewport.pins.shown] == ["desk", "pin 2"]
+        table = view_content.readouts_csv(session, viewport.pins.shown).splitlines()
         assert table[1].startswith("pin,desk,0.3") and table[1].endswith("static part,oak")
 
         assert viewer.files.has_changed(session)
         viewer.files.save(session, viewport, str(tmp_path / "a.toml"))
         assert saved_scene.read(str(tmp_path / "a.toml")).pins == session.settings.pins
 
-        hand.move(hand.at(viewport.pinned[0].position))
+        hand.move(hand.at(viewport.pins.shown[0].position))
         hand.press(keys().delete)
-        assert [p.pin.name for p in viewport.pinned] == ["pin 2"], "the one under the cursor"
+        assert [p.pin.name for p in viewport.pins.shown] == ["pin 2"], "the one under the cursor"
         hand.ctx.item_click("//Panel/**/pin 0/x")
         hand.ctx.yield_(3)
-        assert viewport.pinned == () and session.settings.pins == ()
+        assert viewport.pins.shown == () and session.settings.pins == ()
 
     scene = tmp_path / "lamp.glb"
     scene.touch()

@@ -76,8 +76,8 @@ def test_reload_keeps_the_users_settings_and_poses(play):
         first.want(replace(first.settings, photons=30_000, tone_map="clip", exposure=1.25))
         first.move({"block": AWAY})
         hand.wait_for_light()
-        viewer.viewport.camera = viewer.viewport.camera.dolly(2.0)
-        camera, light = viewer.viewport.camera, first.irradiance
+        viewer.viewport.view.camera = viewer.viewport.view.camera.dolly(2.0)
+        camera, light = viewer.viewport.view.camera, first.irradiance
         again(hand, viewer)
         session = viewer.session
         assert session.poses == {"block": AWAY} == session.light._solver.poses
@@ -86,7 +86,7 @@ def test_reload_keeps_the_users_settings_and_poses(play):
             "clip",
             1.25,
         )
-        assert session.light._solver.photons == 30_000 and viewer.viewport.camera == camera
+        assert session.light._solver.photons == 30_000 and viewer.viewport.view.camera == camera
         assert np.array_equal(session.irradiance, light), "the same files: the same bits"
 
         # The files change: brighter walls, a second block, another camera.
@@ -103,10 +103,10 @@ def test_reload_keeps_the_users_settings_and_poses(play):
         session = viewer.session
         assert session.poses == {"block": AWAY, "second": other.pose} and len(viewer.renderer._objects) == 3
         assert session.irradiance[: len(light)].mean() > light.mean()
-        assert viewer.viewport.camera == camera, "where the user looks"
+        assert viewer.viewport.view.camera == camera, "where the user looks"
         hand.press(keys().home)
-        hand.wait(lambda: viewer.viewport.camera == viewer.viewport.home)
-        assert viewer.viewport.home.eye()[2] == pytest.approx(3.5)
+        hand.wait(lambda: viewer.viewport.view.camera == viewer.viewport.control.home)
+        assert viewer.viewport.control.home.eye()[2] == pytest.approx(3.5)
 
         # The moved mobile is missing: the other keeps its pose.
         files.scene = replace(files.scene, mobiles=(other,))
@@ -270,7 +270,7 @@ def test_a_file_dropped_on_the_window_is_opened(play, drop):
         session = viewer.session
         session.want(replace(session.settings, tone_map="clip", exposure=3.0, radius=0.2))
         hand.wait_for_light()
-        viewer.viewport.camera = viewer.viewport.camera.dolly(2.0)
+        viewer.viewport.view.camera = viewer.viewport.view.camera.dolly(2.0)
         drop(hand, "/somewhere/hall.glb", "/somewhere/chair.obj")
         assert viewer.files.question.is_open and viewer.reload.coming is None, "the settings have changed"
         hand.ctx.set_ref("//Unsaved changes")
@@ -280,7 +280,8 @@ def test_a_file_dropped_on_the_window_is_opened(play, drop):
         asked, now = files.read[-1], viewer.session.settings
         assert (asked.scene, asked.mobiles) == ("/somewhere/hall.glb", ("/somewhere/chair.obj",))
         assert asked.radius is None and asked.photons is None and asked.exposure is None and asked.poses == ()
-        assert now.tone_map == "clip" and now.exposure != 3.0 and viewer.viewport.camera == viewer.viewport.home
+        assert now.tone_map == "clip" and now.exposure != 3.0
+        assert viewer.viewport.view.camera == viewer.viewport.control.home
         drop(hand, "/somewhere/chair.obj", "/somewhere/room.toml")
         hand.wait(lambda: files.read[-1].scene == "/somewhere/room.toml")
         assert files.read[-1].mobiles == ("/somewhere/chair.obj",)

@@ -1,0 +1,154 @@
+"""Camera control: orbit, pan, look around, fly, zoom; animated flights to views of the scene."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from imgui_bundle import imgui
+
+from app.draw.camera import MAX_PITCH, PARALLEL, WIDE, Bounds, Turntable, from_camera, scene_bounds
+from app.session.readouts import free_name
+from gi_core.scene import Camera
+from gi_core.scene.pose import three
+
+if TYPE_CHECKING:
+    from app.session.session import Session
+    from app.window.view import View
+
+K = imgui.Key
+FLY_KEYS = (K.d, K.a), (K.e, K.q), (K.w, K.s)  # right, up, forward, each with its opposite
+FLY_SPEED, FLY_FASTER = 0.6, 4.0  # of the lit radius per second; times that with Shift
+FLIGHT_SECONDS = 0.35  # of a camera animation
+MARGIN = 1.6  # of the distance at which an object just fits
+ORBIT, PAN, LOOK = "orbit", "pan", "look"  # motions by the mouse, methods of Turntable
+
+
+class CameraControl:
+    """Moves the camera of a view: `steer` by the mouse, `fly_to` by an animation."""
+
+    def __init__(self, view: View) -> None:
+        self.view = view
+        self.session: Session | None = None
+        self.home: Turntable | None = None
+        self.bounds: Bounds | None = None  # of everything
+        self.flight: tuple[Turntable, Turntable, float] | None = None  # start, end, share of the way
+        self._motion: tuple[str, int] | None = None  # ORBIT, PAN or LOOK, and the button that is held
+
+    def adopt(self, session: Session, keep_view: bool) -> None:
+        """Show a session through its scene's camera; `keep_view`: through the user's, if it was moved."""
+        stays = keep_view and self.view.camera != self.home
+        self.session, self.flight, self._motion = session, None, None
+        self.bounds = scene_bounds(session.model, session.poses)
+        self.home = from_camera(session.scene.camera, session.scene.up, self.bounds, self._lit)
+        self.view.camera = self.view.camera if stays else self.home
+
+    @property
+    def _lit(self) -> Bounds:
+        """The box that light reaches; a ground slab may be far larger."""
+        return Bounds(tuple(self.session.chosen.low), tuple(self.session.chosen.high))
+
+    # The mouse --------------------------------------------------------------------------------------
+
+    @property
+    def is_steering(self) -> bool:
+        """Whether a button is held that moves the camera."""
+        return self._motion is not None
+
+    @property
+    def is_looking(self) -> bool:
+        """Whether the letters fly the camera: while the right button looks around."""
+        return self._motion is not None and self._motion[0] == LOOK
+
+    @property
+    def is_moving(self) -> bool:
+        return self.flight is not None or self.is_steering
+
+    def begin(self, motion: str, button: int) -> None:
+        """Steer until the button is released."""
+        self.flight, self._motion = None, (motion, button)
+
+    def steer(self, io, seconds: float) -> bool:
+        """Follow mouse and letters for a frame; return False in the frame in which the button is released."""
+        motion, button = self._motion
+        if not imgui.is_mouse_down(button):
+            self._motion = None
+            return False
+        view = self.view
+        dx, dy = io.mouse_delta.x / view.size[1], io.mouse_delta.y / view.size[1]
+        if dx or dy:
+            view.camera = getattr(view.camera, motion)(dx, dy)
+        if self.is_looking and not io.want_text_input:
+            speed = FLY_SPEED * self._lit.radius * (FLY_FASTER if io.key_shift else 1.0) * seconds
+            lengths = [speed * (imgui.is_key_down(a) - imgui.is_key_down(b)) for a, b in FLY_KEYS]
+            if any(lengths):
+                view.camera = view.camera.fly(*lengths)
+        return True
+
+    def zoom(self, notches: float) -> None:
+        """Approach the pivot by notches of the wheel."""
+        self.stop()
+        self.view.camera = self.view.camera.dolly(notches)
+
+    # Flights ----------------------------------------------------------------------------------------
+
+    def fly_to(self, camera: Turntable) -> None:
+        self.flight = (self.view.camera, camera, 0.0)
+
+    def advance(self, seconds: float) -> None:
+        """Continue a flight."""
+        if self.flight is None:
+            return
+        start, end, t = self.flight
+        t += seconds / FLIGHT_SECONDS
+        self.view.camera = start.towards(end, t)
+        self.flight = (start, end, t) if t < 1 else None
+
+    def stop(self) -> None:
+        """Break a flight off."""
+        self.flight = None
+
+    def go_home(self) -> None:
+        self.fly_to(self.home)
+
+    def frame(self, name: str) -> None:
+        """Show the object of a name, or everything without one, from the present direction."""
+        s, camera, bounds, margin = self.session, self.view.camera, self._lit, 1.0
+        if name in s.poses:
+            o = 1 + [m.name for m in s.scene.mobiles].index(name)
+            points = s.model.vertices_at(o, s.poses)
+            bounds, margin = Bounds(three(points.min(axis=0)), three(points.max(axis=0))), MARGIN
+        distance = margin * bounds.radius / math.sin(camera.fov / 2)
+        self.fly_to(replace(camera, pivot=three(bounds.centre), distance=distance))
+
+    def look_along(self, quarter_turns: int | None) -> None:
+        """Show everything along an axis: None from above, else turned from the front."""
+        camera, lit, quarter = self.view.camera, self._lit, math.pi / 2
+        yaw = quarter * (round(self.home.yaw / quarter) + (quarter_turns or 0))
+        distance = lit.radius / math.sin(camera.fov / 2)
+        pitch = float(MAX_PITCH) if quarter_turns is None else 0.0
+        self.fly_to(replace(camera, pivot=three(lit.centre), distance=distance, yaw=yaw, pitch=pitch))
+
+    def toggle_parallel(self) -> None:
+        """Change between a parallel view and perspective; things at the orbit centre keep their size."""
+        self.stop()
+        camera = self.view.camera
+        wide = self.home.fov if not self.home.is_parallel else WIDE
+        self.view.camera = camera.with_fov(wide if camera.is_parallel else PARALLEL)
+
+    def bookmark(self) -> str:
+        """Keep the present view under a name; return the name."""
+        s, c = self.session, self.view.camera.as_camera()
+        name = free_name((name for name, _ in s.settings.cameras), "view")
+        kept = (*c.position, *c.target, c.vertical_fov_degrees)
+        s.edit(cameras=(*s.settings.cameras, (name, kept)))
+        return name
+
+    def show_bookmark(self, k: int) -> None:
+        """Fly to a kept view; nothing happens without that many."""
+        views = self.session.settings.cameras
+        if k < len(views):
+            n = views[k][1]
+            camera = Camera((n[0], n[1], n[2]), (n[3], n[4], n[5]), n[6])
+            self.fly_to(from_camera(camera, self.session.scene.up, self.bounds, self._lit))

@@ -1,0 +1,71 @@
+"""The scale of false colours, fitted to the picture by a thread of its own."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from app.draw.false_colour import Scale, automatic_scale, fixed_scale
+from app.draw.raycast import visible_irradiance
+from app.settings import ILLUMINANCE
+from app.worker import Call, Worker
+from gi_core.display.dilation import Drawn
+
+if TYPE_CHECKING:
+    from app.draw.camera import Turntable
+    from app.session.session import Session
+    from app.window.view import View
+    from app.window.view_content import Shown
+
+FIRST_FIT = 0.1  # s that false colours wait for their first scale; later ones are fitted behind the picture
+
+
+class ScaleFit:
+    """`update` once per frame, `forget` with each new session, `close` with the window."""
+
+    def __init__(self) -> None:
+        self.scale: Scale | None = None
+        self._asked: tuple | None = None  # arguments of the last scale
+        self._fitting: Call | None = None  # the scale under way
+        self._worker = Worker("false colours")
+        self._seen_from: Turntable | None = None  # camera of the last frame
+
+    @property
+    def is_fitting(self) -> bool:
+        """Whether a scale is under way."""
+        return self._fitting is not None
+
+    def update(self, s: Session, view: View, shown: Shown | None, at_rest: bool) -> None:
+        """Fit the scale to the picture: at rest, so that colours do not flicker in motion."""
+        at_rest, self._seen_from = at_rest and view.camera == self._seen_from, view.camera  # the wheel turns, or not
+        if s.settings.show != ILLUMINANCE or shown is None:
+            self.scale = self._asked = self._fitting = None
+            return
+        given = s.settings.illuminance_range, s.settings.isolines
+        asked = s.version, view.camera, view.aspect, s.settings.cull, *given
+        if self._fitting is None and asked != self._asked and (at_rest or self.scale is None):
+            self._asked = asked
+            if given[0] is not None:
+                self.scale = fixed_scale(*given[0]).with_lines(given[1])
+                return
+            at, camera = s.model.transforms(s.light.snapshot.poses), view.camera.relative_to(s.model.origins[0])
+            drawn, cull = Drawn(shown.sides[0].irradiance, shown.sides[0].weights), s.settings.cull
+            self._fitting = self._worker.submit(
+                partial(_fitted, s.model.accelerator, at, s.meshes, drawn, camera, view.aspect, cull)
+            )
+        if self._fitting is not None and self._fitting.wait(FIRST_FIT if self.scale is None else 0.0):
+            fitting, self._fitting = self._fitting, None
+            self.scale = fitting.result().with_lines(s.settings.isolines)
+
+    def forget(self) -> None:
+        """Fit again in the next frame."""
+        self._fitting = self._asked = None
+
+    def close(self) -> None:
+        """End the thread."""
+        self._worker.close()
+
+
+def _fitted(*view) -> Scale:
+    """Return the scale that suits a view; arguments of visible_irradiance()."""
+    return automatic_scale(visible_irradiance(*view))
