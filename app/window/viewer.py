@@ -30,7 +30,8 @@ from app.session.reload import Reload
 from app.session.session import BUDGET, Session
 from app.settings import Settings, UsageError
 from app.window import keys, method_marks, overlay, panel, readout_marks, view_content, window
-from app.window.actions import Request, act, insert, is_mesh
+from app.window.actions import Request, act
+from app.window.actions.objects import insert, is_mesh
 from app.window.files import Files
 from app.window.menus import Menus
 from app.window.preview import Preview

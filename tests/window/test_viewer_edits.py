@@ -11,7 +11,7 @@ from app.cli import saved_scene
 from app.session.opening import Opening
 from app.settings import Settings
 from app.window import dialogs
-from app.window.actions import is_mesh
+from app.window.actions.objects import is_mesh
 from app.window.panel.material import Refinish
 from gi_core.files.edits import Finish, Freeze, edited
 from gi_core.scene import Pose

@@ -1,0 +1,133 @@
+"""Actions of the window, one table: name, function, keys, help text. The panel's buttons use the same names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+from imgui_bundle import imgui
+
+from app.window.actions import files, objects, picture, views
+from app.window.actions.parts import Window
+from app.window.panel.material import Refinish
+from app.window.panel.objects import Move, Select
+from app.window.panel.readouts import Edit
+from app.window.window import toggle_full_screen
+
+K = imgui.Key
+ESTIMATOR_KEYS = (K._1, K._2, K._3, K._4, K._5, K._6, K._7, K._8, K._9)
+
+
+Request = Select | Move | Refinish | Edit
+
+
+class Action(NamedTuple):
+    """A function of the window and the keys that call it."""
+
+    run: Callable[[Window], None]
+    chords: tuple[int, ...] = ()  # any of them
+    keys: str = ""  # as the help shows them; "": not in the help
+    help: str = ""
+    needs_scene: bool = True
+    label: str = ""  # in menus
+
+
+def act(window: Window, name: str | Request) -> None:
+    """Run an action or a request of the panel; without a scene, only an action that needs none."""
+    match name:
+        case Select(selected):
+            objects.select(window, selected)
+        case Refinish(surface, material):
+            objects.refinish(window, surface, material)
+        case Move():
+            objects.move(window, name)
+        case Edit(field, value, first, last):
+            window.session.edit(first, last, **{field: value})
+        case str():
+            action = ACTIONS[name]
+            if window.session.ready or not action.needs_scene:
+                action.run(window)
+
+
+def _ctrl(key: int, more: int = 0) -> int:
+    """Return the chord of Ctrl and a key. Of numbers: the flags of Python 3.11.2 refuse sums without a name."""
+    return int(K.mod_ctrl) | int(more) | int(key)
+
+
+ACTIONS = {
+    "open": Action(files.open_scene, (_ctrl(K.o),), "Ctrl+O", "open a scene", False, "Open..."),
+    "fade": Action(lambda w: w.session.fade(), (), "", "cross-fade to a light scene", False),
+    "reload": Action(lambda w: w.reload.again(w.session), (K.f5,), "F5", "reload the scene's files", label="Reload"),
+    "save": Action(files.save, (_ctrl(K.s),), "Ctrl+S", "save the scene with its poses and settings", label="Save"),
+    "save as": Action(
+        files.save_as, (_ctrl(K.s, K.mod_shift),), "Ctrl+Shift+S", "save it under another name", label="Save as..."
+    ),
+    "copy command": Action(
+        files.copy_command, (_ctrl(K.c),), "Ctrl+C", "copy the command line of this view", label="Copy as command line"
+    ),
+    "save picture": Action(
+        files.save_picture, (K.p, K.f12), "P, F12", "save picture and parameters as PNG here", label="Save picture"
+    ),
+    "save picture as": Action(files.save_picture_as, label="Save picture as..."),
+    "play": Action(lambda w: w.session.toggle_play(), (K.space,), "Space", "play or pause the motion"),
+    "undo": Action(objects.undo, (_ctrl(K.z),), "Ctrl+Z", "undo the last move or edit", label="Undo"),
+    "redo": Action(
+        objects.redo, (_ctrl(K.z, K.mod_shift), _ctrl(K.y)), "Ctrl+Shift+Z, Ctrl+Y", "redo it", label="Redo"
+    ),
+    "cancel": Action(views.cancel, (K.escape,), "Esc", "cancel the drag", needs_scene=False),
+    "pin": Action(lambda w: w.viewport.pin(), (K.i,), "I", "pin a read-out under the cursor", label="Pin a read-out"),
+    "unpin": Action(
+        lambda w: w.viewport.unpin(), (K.delete,), "Del", "remove the read-out under the cursor, or the last one",
+        label="Remove read-out",
+    ),
+    "export": Action(files.export, label="Export read-outs..."),
+    "reset all": Action(views.reset_all, (K.r,), "R", "reset objects and view"),
+    "reset poses": Action(objects.reset_poses, label="Reset objects"),
+    "reset settings": Action(picture.reset_settings, label="Reset settings"),
+    "reset view": Action(views.reset_view, (K.home,), "Home", "reset the view", label="Reset view"),
+    "rest": Action(objects.rest, label="Rest on floor"),
+    "insert": Action(objects.choose_and_insert, label="Insert object..."),
+    "duplicate": Action(objects.duplicate, (_ctrl(K.d),), "Ctrl+D", "duplicate the selected object", label="Duplicate"),
+    "remove": Action(
+        objects.remove, (int(K.mod_shift) | int(K.delete),), "Shift+Del", "remove the selected object", label="Remove"),
+    "promote": Action(objects.promote, label="Make clicked object movable"),
+    "freeze": Action(objects.freeze, label="Make object static"),
+    "frame": Action(views.frame, (K.f,), "F", "show the selected object, or everything", label="Frame selected"),
+    "top": Action(partial(views.look_along, None), label="Top"),
+    "front": Action(partial(views.look_along, 0), label="Front"),
+    "side": Action(partial(views.look_along, 1), label="Side"),
+    "parallel": Action(
+        views.toggle_parallel, (K.o,), "O", "parallel view, or perspective", label="Parallel view"
+    ),
+    "bookmark": Action(views.bookmark, (K.b,), "B", "keep this view", label="Keep this view"),
+    **{f"view {k}": Action(partial(views.show_bookmark, k), (_ctrl(key),)) for k, key in enumerate(ESTIMATOR_KEYS)},
+    "gizmo": Action(
+        lambda w: w.viewport.gizmo.next_mode(), (K.g,), "G", "handles that move or turn the selected object",
+        label="Move or turn handles",
+    ),
+    "full screen": Action(
+        lambda w: toggle_full_screen(), (K.f11,), "F11", "full screen, or a window again", False, "Full screen"
+    ),
+    "reference": Action(
+        partial(picture.toggle, "reference"), (K._0,), "0", "switch between estimate and reference",
+        label="Estimate or reference",
+    ),
+    "show paths": Action(
+        partial(picture.toggle, "show_paths"), (K.v,), "V", "draw photon paths", label="Photon paths"
+    ),
+    "show disc": Action(
+        partial(picture.toggle, "show_disc"), (K.n,), "N", "draw the disc under the cursor and its segments",
+        label="Disc",
+    ),
+    "show recomputed": Action(
+        partial(picture.toggle, "show_recomputed"), (K.c,), "C", "colour by what the last frame computed",
+        label="Recomputed",
+    ),
+    "meter": Action(picture.meter, (K.a,), "A", "meter the exposure from the view", label="Meter exposure"),
+    "clear chart": Action(lambda w: w.session.points.clear()),
+    "toggle panel": Action(views.toggle_panel, (K.tab,), "Tab", "hide or show the panel", False, "Panel"),
+    "help": Action(views.toggle_help, (K.h,), "H", "hide or show this help", False, "Keys and mouse"),
+    "quit": Action(lambda w: w.leave(), (_ctrl(K.q),), "Ctrl+Q", "quit", False, "Quit"),
+    **{f"estimator {k}": Action(partial(picture.choose_estimator, k), (key,)) for k, key in enumerate(ESTIMATOR_KEYS)},
+}  # fmt: skip

@@ -1,0 +1,92 @@
+"""Actions on files: open, save, copy as command line, export, save the picture."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from imgui_bundle import imgui
+
+from app.cli.writable import write_whole
+from app.session.log import WARNING
+from app.settings import UsageError
+from app.window import dialogs, screenshot, view_content
+from app.window.actions.parts import Window
+
+
+def open_scene(window: Window) -> None:
+    folder = str(Path(window.files.suggestion(window.session)).parent)
+    window.files.dialog.open("Open a scene", folder, dialogs.SCENES, window.open_scene)
+
+
+def save(window: Window) -> None:
+    if document := window.session.settings.document:
+        _write(window, document)
+    else:
+        save_as(window)
+
+
+def save_as(window: Window) -> None:
+    suggestion = window.files.suggestion(window.session)
+    window.files.dialog.save("Save the scene", suggestion, dialogs.SAVED, partial(_write, window))
+
+
+def _write(window: Window, path: str) -> None:
+    try:
+        window.log(f"saved {window.files.save(window.session, window.viewport, path)}")
+    except (UsageError, OSError) as problem:
+        _not_saved(window, problem, path)
+
+
+def _not_saved(window: Window, problem: Exception, path: str | Path) -> None:
+    window.log(f"not saved: {getattr(problem, 'strerror', None) or problem}; {path}", WARNING)
+
+
+def copy_command(window: Window) -> None:
+    command = window.files.command(window.session, window.viewport)
+    imgui.set_clipboard_text(command)
+    without = ", without its edits: save the scene for these" if window.session.edits else ""
+    window.log(f"copied the command that opens this view{without}")
+
+
+def export(window: Window) -> None:
+    """Write the read-outs into a table."""
+
+    def write(path: str) -> None:
+        file = _with_suffix(path, ".csv")
+        try:
+            write_whole(file, view_content.readouts_csv(window.session, window.viewport.pins.shown))
+            window.log(f"saved {file}")
+        except OSError as problem:
+            _not_saved(window, problem, file)
+
+    suggestion = str(Path(window.files.suggestion(window.session)).with_suffix(".csv"))
+    window.files.dialog.save("Export the read-outs", suggestion, dialogs.TABLES, write)
+
+
+def save_picture(window: Window, path: Path | None = None) -> None:
+    """Save the picture with its parameters; path: None for the next free name in the working folder."""
+    path = path or screenshot.next_free(Path.cwd())
+    viewport, renderer = window.viewport, window.renderer
+    metadata = viewport.picture.metadata(window.session.light.snapshot)
+    look = viewport.look(outlined=False)
+    try:
+        scale = window.session.settings.picture_scale
+        screenshot.save(renderer, look, viewport.legend, metadata, path, scale)
+        window.log(f"saved {path}")
+    except OSError as problem:
+        _not_saved(window, problem, path)
+    viewport.redraw()
+
+
+def save_picture_as(window: Window) -> None:
+    def write(path: str) -> None:
+        save_picture(window, _with_suffix(path, ".png"))
+
+    window.files.dialog.save("Save the picture", str(screenshot.next_free(Path.cwd())), dialogs.PICTURES, write)
+
+
+def _with_suffix(path: str, suffix: str) -> Path:
+    """Return a path that ends in a suffix; one in other letters' case counts."""
+    file = Path(path)
+    return file if file.suffix.lower() == suffix else file.with_name(file.name + suffix)

@@ -1,0 +1,33 @@
+"""The window's parts that actions use."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from app.draw.renderer import Renderer
+from app.session.log import Log
+from app.session.reload import Reload
+from app.session.session import Session
+from app.window.files import Files
+from app.window.viewport import Viewport
+
+
+class Window(Protocol):
+    """A window with an open scene, or one that opens."""
+
+    files: Files
+    params: Any  # of hello_imgui
+    help_open: bool
+    metered: float
+    log: Log
+    session: Session
+    reload: Reload
+    viewport: Viewport
+    renderer: Renderer | None
+    estimators: dict[str, str]
+
+    def open_scene(self, scene: str) -> None:
+        """Open another scene."""
+
+    def leave(self, ask: bool = True) -> None:
+        """Close the window; `ask`: after the question about unsaved changes."""

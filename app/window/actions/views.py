@@ -1,0 +1,51 @@
+"""Actions on the view: camera, kept views, panel, help."""
+
+from __future__ import annotations
+
+from app.window.actions.objects import reset_poses
+from app.window.actions.parts import Window
+
+
+def look_along(quarter_turns: int | None, window: Window) -> None:
+    window.viewport.control.look_along(quarter_turns)
+
+
+def frame(window: Window) -> None:
+    """Show the selected object, or everything."""
+    window.viewport.control.frame(window.viewport.selected)
+
+
+def bookmark(window: Window) -> None:
+    window.log(f"kept as {window.viewport.control.bookmark()}; menu View shows it again")
+
+
+def show_bookmark(k: int, window: Window) -> None:
+    window.viewport.control.show_bookmark(k)
+
+
+def reset_view(window: Window) -> None:
+    window.viewport.control.go_home()
+
+
+def reset_all(window: Window) -> None:
+    reset_poses(window)
+    reset_view(window)
+
+
+def toggle_parallel(window: Window) -> None:
+    window.viewport.control.toggle_parallel()
+
+
+def toggle_panel(window: Window) -> None:
+    panel = window.params.docking_params.dockable_window_of_name("Panel")
+    panel.is_visible = not panel.is_visible
+
+
+def toggle_help(window: Window) -> None:
+    window.help_open = not window.help_open
+
+
+def cancel(window: Window) -> None:
+    """Cancel the drag; without one, close the help."""
+    if not window.viewport.cancel_drag():
+        window.help_open = False
