@@ -23,6 +23,9 @@ MOUSE = (
 )
 
 
+INPUT_EM, EFFECT_EM = 10.5, 25.0  # width of the help's columns
+
+
 class Keyboard:
     """Keys of the current frame, as names of actions."""
 
@@ -51,11 +54,17 @@ def _is_pressed(chord: int, held: int) -> bool:
 
 
 def draw_help(estimators: list[str], area: tuple[float, float, float, float], is_open: bool) -> bool:
-    """Draw the help window in the middle of an area (x, y, width, height); return whether it stays open."""
-    em = imgui.get_font_size()
+    """Draw the help window in the middle of an area (x, y, width, height), over its sides where the area is narrow.
+
+    Return whether it stays open.
+    """
+    em, style, screen = imgui.get_font_size(), imgui.get_style(), imgui.get_main_viewport()
     x, y, w, h = area
-    imgui.set_next_window_size_constraints((10 * em, 5 * em), (max(w, 10 * em), max(h, 5 * em)))
-    imgui.set_next_window_pos((x + w / 2, y + h / 2), imgui.Cond_.appearing, (0.5, 0.5))
+    low, room = screen.work_pos.x, screen.work_size.x
+    width = min((INPUT_EM + EFFECT_EM) * em + 2 * style.window_padding.x + style.scrollbar_size, room)
+    imgui.set_next_window_size_constraints((width, 5 * em), (width, max(h, 5 * em)))
+    left = min(max(x + (w - width) / 2, low), low + room - width)
+    imgui.set_next_window_pos((left, y + h / 2), imgui.Cond_.appearing, (0.0, 0.5))
     flags = imgui.WindowFlags_
     shown, is_open = imgui.begin(
         "Help###Help",
@@ -74,13 +83,15 @@ def draw_help(estimators: list[str], area: tuple[float, float, float, float], is
 
 
 def _table(name: str, rows, em: float) -> None:
-    if imgui.begin_table(name, 2, imgui.TableFlags_.sizing_fixed_fit):
-        imgui.table_setup_column("input", imgui.TableColumnFlags_.width_fixed, 9 * em)
-        imgui.table_setup_column("effect", imgui.TableColumnFlags_.width_fixed, 24 * em)
+    if imgui.begin_table(name, 2):
+        imgui.table_setup_column("input", imgui.TableColumnFlags_.width_fixed, INPUT_EM * em)
+        imgui.table_setup_column("effect", imgui.TableColumnFlags_.width_stretch)
         for left, right in rows:
             imgui.table_next_row()
             imgui.table_next_column()
             imgui.text(left)
             imgui.table_next_column()
-            imgui.text_disabled(right)
+            imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
+            imgui.text_wrapped(right)
+            imgui.pop_style_color()
         imgui.end_table()

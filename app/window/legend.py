@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from imgui_bundle import imgui
@@ -13,7 +14,13 @@ from app.draw.legend import COLOUR_STEPS, Legend
 from app.window import label, theme
 from app.window.view_content import Errors
 
+if TYPE_CHECKING:
+    from app.window.label_places import Box
+    from app.window.view import View
+
 WIDTH_EM, HEIGHT_EM = 1.1, 11.0  # of the bar
+BESIDE_EM = WIDTH_EM + 0.6  # from the bar's left edge to the ticks' labels
+PAD_EM, LINE_EM = 0.7, 1.25
 NO_DATA = "no reference yet"
 TICKS = (1.0, 0.5, 0.0, -0.5, -1.0)  # of the scale
 
@@ -24,16 +31,23 @@ def of_errors(errors: Errors) -> Legend:
     return Legend(texts(errors), ticks, signed_colours(np.linspace(-1, 1, COLOUR_STEPS + 1)), unknown=NO_DATA)
 
 
-def draw(legend: Legend, right: float, bottom: float) -> None:
-    """Draw the legend with its lower right corner at (right, bottom)."""
+def box(legend: Legend, view: View) -> Box:
+    """Return the legend's box, in the lower right corner of the picture."""
     em = imgui.get_font_size()
-    pad, line = 0.7 * em, 1.25 * em
-    beside = (WIDTH_EM + 0.6) * em
+    right, bottom = (o + s - em for o, s in zip(view.origin, view.size, strict=True))
     swatch_label = [legend.unknown] if legend.unknown else []
-    widest = max(imgui.calc_text_size(text).x for text in (*(t for _, t in legend.ticks), *swatch_label)) + beside
-    width = max(widest, *(imgui.calc_text_size(text).x for text in legend.lines)) + 2 * pad
-    height = HEIGHT_EM * em + (len(legend.lines) + (2.2 if legend.unknown else 1.0)) * line + 2 * pad
-    x, y = right - width, bottom - height
+    widest = max(imgui.calc_text_size(text).x for text in (*(t for _, t in legend.ticks), *swatch_label))
+    width = max(widest + BESIDE_EM * em, *(imgui.calc_text_size(text).x for text in legend.lines))
+    lines = len(legend.lines) + (2.2 if legend.unknown else 1.0)
+    height = HEIGHT_EM + lines * LINE_EM
+    return right - width - 2 * PAD_EM * em, bottom - (height + 2 * PAD_EM) * em, right, bottom
+
+
+def draw(legend: Legend, view: View) -> None:
+    """Draw the legend over the picture."""
+    em = imgui.get_font_size()
+    pad, line, beside = PAD_EM * em, LINE_EM * em, BESIDE_EM * em
+    x, y, right, bottom = box(legend, view)
     drawing = imgui.get_window_draw_list()
     text, dim = imgui.get_color_u32((*theme.TEXT, 1.0)), imgui.get_color_u32((*theme.DIM, 1.0))
     drawing.add_rect_filled((x, y), (right, bottom), imgui.get_color_u32(label.COLOUR), 0.35 * em)
@@ -49,10 +63,10 @@ def draw(legend: Legend, right: float, bottom: float) -> None:
     for position in legend.marks:
         at = top + HEIGHT_EM * em * (1 - position)
         mark = imgui.get_color_u32((*([1.0] if position < LIGHT_FROM else [0.0]) * 3, LINE_OPACITY))
-        drawing.add_line((left, at), (left + WIDTH_EM * em, at), mark, LINE_PIXELS)
+        drawing.add_line((left, at), (left + WIDTH_EM * em, at), mark, theme.pixels(LINE_PIXELS))
     for position, words in legend.ticks:
         at = top + HEIGHT_EM * em * (1 - position)
-        drawing.add_line((left + WIDTH_EM * em, at), (left + (WIDTH_EM + 0.3) * em, at), dim, 1.0)
+        drawing.add_line((left + WIDTH_EM * em, at), (left + (WIDTH_EM + 0.3) * em, at), dim, theme.pixels(1.0))
         drawing.add_text((left + beside, at - 0.5 * em), text, words)
     if not legend.unknown:
         return

@@ -31,9 +31,9 @@ def draw(viewport: Viewport, view: MethodView | None) -> None:
     drawing = imgui.get_window_draw_list()
     drawing.push_clip_rect((x, y), (x + w, y + h), True)
     if view.paths is not None:
-        _strokes(viewport, view.paths, 1.0)
+        _strokes(viewport, view.paths)
     if view.disc is not None:
-        _strokes(viewport, view.disc.crossings, 1.0)
+        _strokes(viewport, view.disc.crossings)
         _disc(viewport, view.disc)
     drawing.pop_clip_rect()
     em = imgui.get_font_size()
@@ -45,8 +45,8 @@ def draw(viewport: Viewport, view: MethodView | None) -> None:
         label.write(text, x + em, y + (2.6 + 1.7 * len(NAMES)) * em)
 
 
-def _strokes(viewport: Viewport, strokes: Strokes, width: float) -> None:
-    origin, drawing = viewport.session.model.origins[0], imgui.get_window_draw_list()
+def _strokes(viewport: Viewport, strokes: Strokes) -> None:
+    origin, drawing, width = viewport.session.model.origins[0], imgui.get_window_draw_list(), theme.pixels(1.0)
     places = viewport.view.on_screen(strokes.ends.reshape(-1, 3) + origin)
     colours = {kind: imgui.get_color_u32(colour) for kind, colour in COLOURS.items()}
     for a, b, kind, hits in zip(places[::2], places[1::2], strokes.kind.tolist(), strokes.hits.tolist(), strict=True):
@@ -72,4 +72,4 @@ def _disc(viewport: Viewport, disc: Disc) -> None:
     around = zip(places[:CORNERS], [*places[1:CORNERS], places[0]], strict=True)
     for a, b in (*around, (places[CORNERS], places[CORNERS + 1])):
         if a is not None and b is not None:
-            drawing.add_line(a, b, colour, 2.0)
+            drawing.add_line(a, b, colour, theme.pixels(2.0))

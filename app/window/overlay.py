@@ -25,19 +25,21 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
         seen = session.opening is not None and session.opening.look is not None
         _draw_opening(session, x + w / 2, y + (h - 4 * em if seen else h / 2), em)
         return
-    corner = x + em, y + h - 2.6 * em
+    corner, room = (x + em, y + h - 2.6 * em), w - 2 * em
     _draw_shown(viewport.shown, viewport.wipe, (x, y, w, h), em)
     if viewport.shown is not None and viewport.shown.recomputed is not None:
         for k, (name, colour) in enumerate(zip(RECOMPUTED_NAMES, RECOMPUTED, strict=True)):
             label.write(name, x + w - em, y + (1 + 1.7 * k) * em, colour, right=True)
     if viewport.legend is not None:
-        legend.draw(viewport.legend, x + w - em, y + h - em)
+        legend.draw(viewport.legend, viewport.view)
+        room = legend.box(viewport.legend, viewport.view)[0] - x - 2 * em
     hint = viewport.hint()
     if hint:
-        label.write(hint, *corner)
+        label.write(hint, *corner, room=room)
     elif reload.progress is not None:
         phase, fraction = reload.progress
-        label.write(phase if fraction is None else f"{phase} {100 * fraction:.0f} %", *corner, theme.DIM)
+        text = phase if fraction is None else f"{phase} {100 * fraction:.0f} %"
+        label.write(text, *corner, theme.DIM, room=room)
 
 
 def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float, float], em: float) -> None:

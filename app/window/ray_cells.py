@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from imgui_bundle import imgui
 
-from app.window import theme
+from app.window import label, theme
 
 if TYPE_CHECKING:
     from app.window.viewport import Viewport
@@ -38,11 +38,11 @@ class RayCells:
         for lines, colour in self._lines:
             c = imgui.get_color_u32(colour)
             for (au, av), (bu, bv) in lines.tolist():
-                drawing.add_line((x + au * w, y + av * h), (x + bu * w, y + bv * h), c, 1.0)
+                drawing.add_line((x + au * w, y + av * h), (x + bu * w, y + bv * h), c, theme.pixels(1.0))
         drawing.pop_clip_rect()
         if self.text:
             em = imgui.get_font_size()
-            drawing.add_text((x + em, y + 2.5 * em), imgui.get_color_u32(VISITED), self.text)
+            label.write(self.text, x + em, y + 2.5 * em, VISITED[:3])
 
     def update(self, viewport: Viewport, mouse: tuple[float, float]) -> None:
         """Find the cells for a position of the mouse [points]; keep the last ones where it is outside the picture."""

@@ -19,6 +19,11 @@ ERROR = (0.960, 0.450, 0.400)
 FONT_PIXELS = 16.0  # at 96 dots per inch; HelloImGui scales it with the screen
 
 
+def pixels(n: float) -> float:
+    """Return a length of n pixels at 96 dots per inch on this screen [points]."""
+    return n * imgui.get_style().font_scale_dpi
+
+
 def load_fonts() -> None:
     hello_imgui.load_font_ttf("fonts/Roboto/Roboto-Regular.ttf", FONT_PIXELS)
 

@@ -188,12 +188,12 @@ class Viewer:
             self._guard("drawing", self._draw_scene)
         elif (opening := self.session.opening) is not None and (look := opening.look) is not None:
             self._guard("first look", lambda: self._draw_preview(look))
-        overlay.draw(self.viewport, self.session, self.reload, self._ready)
         if self._ready:
             readout_marks.draw(self.viewport)
             method_marks.draw(self.viewport, self.session.light.method)
         if self._ready and self.session.settings.cells:
             self.ray_cells.draw(self.viewport)
+        overlay.draw(self.viewport, self.session, self.reload, self._ready)
         imgui.end()
 
     def draw_panel(self) -> None:

@@ -1,0 +1,114 @@
+"""Small windows: nothing is cut off, nothing overlaps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from app.settings import Pin
+from app.window import label, legend
+from app.window.label_places import SLACK
+from tests.support import viewer_support as support
+from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
+
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
+pytest_plugins = ["tests.support.viewer_fixtures"]
+
+SMALL = replace(support.SETTINGS, size=(640, 480))
+
+
+def test_help_shows_its_texts_whole_in_a_small_window(play, monkeypatch):
+    from imgui_bundle import imgui
+
+    cut, seen = set(), set()
+
+    def noting(write):
+        def noted(text):
+            write(text)
+            if not imgui.internal.get_current_window().name.startswith("Help"):
+                return
+            seen.add(text)
+            if imgui.get_item_rect_max().x > imgui.get_window_draw_list().get_clip_rect_max().x + 1:
+                cut.add(text)
+
+        return noted
+
+    for name in ("text", "text_disabled", "text_wrapped"):
+        monkeypatch.setattr(imgui, name, noting(getattr(imgui, name)))
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.press(keys().h)
+        hand.ctx.yield_(5)
+        seen.clear()
+        cut.clear()  # the size is known from the second frame on
+        hand.ctx.yield_(5)
+        assert seen >= {"Right drag empty space", "save the scene with its poses and settings"}
+        assert not cut
+        window = hand.ctx.get_window_by_ref("//Help###Help")
+        assert window.pos.x >= 0 and window.pos.x + window.size.x <= 640
+        assert window.pos.y >= 0 and window.pos.y + window.size.y <= 480
+        assert window.scrollbar_y, "the rest is reached by scrolling"
+
+    assert errors(play(script, SMALL)) == []
+
+
+def test_labels_of_pins_keep_clear_of_the_legend_and_of_each_other(play, monkeypatch):
+    written = {}
+
+    monkeypatch.setattr(label, "draw", lambda text, at, *colour: written.update({text: at}))
+    floor = [(x, 0.0, z) for x in (0.1, 0.5, 0.9) for z in (0.2, 0.8)]
+    back = [(x, y, 0.0) for x in (0.1, 0.9) for y in (0.2, 0.5)]
+    pins = (
+        *(Pin(f"floor {k}", at, (0.0, 1.0, 0.0)) for k, at in enumerate(floor)),
+        *(Pin(f"wall {k}", at, (0.0, 0.0, 1.0)) for k, at in enumerate(back)),
+    )
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.wait(lambda: viewer.viewport.legend is not None)
+        written.clear()
+        hand.ctx.yield_(3)
+        view = viewer.viewport.view
+        boxes = {name: box for name, box in written.items() if name.startswith(("floor", "wall"))}
+        assert len(boxes) >= 6, "nearly all have room"
+        boxes["legend"] = legend.box(viewer.viewport.legend, view)
+        (x, y), (w, h) = view.origin, view.size
+        for name, (left, top, right, bottom) in boxes.items():
+            assert left >= x and top >= y and right <= x + w and bottom <= y + h, name
+        for a, one in boxes.items():
+            for b, other in boxes.items():
+                across = min(one[2], other[2]) - max(one[0], other[0])
+                down = min(one[3], other[3]) - max(one[1], other[1])
+                apart = min(across, down) <= 2 * SLACK
+                assert a == b or apart, (a, b)
+
+    settings = replace(SMALL, show="illuminance", pins=pins)
+    assert errors(play(script, settings)) == []
+
+
+def test_labels_wrap_inside_a_small_picture(play, monkeypatch):
+    boxes, box = {}, label.box
+
+    def noted(text, *more, **named):
+        boxes[text] = box(text, *more, **named)
+        return boxes[text]
+
+    monkeypatch.setattr(label, "box", noted)
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.wait(lambda: viewer.viewport.legend is not None)
+        view = viewer.viewport.view
+        boxes.clear()
+        hand.move(hand.at(BLOCK_FRONT))
+        hint = viewer.viewport.hint()
+        assert "Ctrl: turn" in hint and hint in boxes
+        left, top, right, bottom = boxes[hint]
+        (x, y), (w, h) = view.origin, view.size
+        assert left >= x and top >= y and right <= x + w and bottom <= y + h
+        one, legend_left = label.plate("Drag")[1], legend.box(viewer.viewport.legend, view)[0]
+        assert right <= legend_left and bottom - top > 1.5 * one, "in several lines beside the legend"
+
+    assert errors(play(script, replace(SMALL, show="illuminance"))) == []
