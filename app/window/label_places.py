@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
+ROWS, COLUMNS = 8, 2  # of boxes above and below a point, and on either side of it
 SLACK = 1.0  # points that neighbours may share
 Box = tuple[float, float, float, float]  # left, top, right, bottom [points]
 
@@ -28,16 +29,20 @@ class LabelPlaces:
                 return box
         return None
 
-    def beside(self, at: tuple[float, float], size: tuple[float, float], gap: float) -> list[Box]:
-        """Return boxes of a size around a point, the nearest first: right of it, left, above, below, farther away."""
-        (x, y), (width, height), (left, top, right, bottom) = at, size, self._area
-        boxes = []
-        for row in range(-int((y - top) / height), int((bottom - y) / height) + 1):
-            columns = [x + gap + k * width for k in range(int((right - x) / width) + 1)]
-            columns += [x - gap - (k + 1) * width for k in range(int((x - left) / width) + 1)]
-            columns += [x - width / 2] if row else []
-            boxes += [(a, y + (row - 0.5) * height, a + width, y + (row + 0.5) * height) for a in columns]
-        return sorted(boxes, key=lambda box: _distance(at, box))
+    def beside(self, at: tuple[float, float], size: tuple[float, float], gap: float) -> Iterator[Box]:
+        """Yield boxes of a size around a point, the nearest first: right of it, left, above, below, farther away."""
+        (x, y), (width, height) = at, size
+        right = [x + gap + k * width for k in range(COLUMNS)]
+        left = [x - gap - (k + 1) * width for k in range(COLUMNS)]
+        for start in (right[0], left[0]):
+            yield start, y - height / 2, start + width, y + height / 2
+        rows = ((row, row * height + y) for row in range(-ROWS, ROWS + 1))
+        boxes = [
+            (start, middle - height / 2, start + width, middle + height / 2)
+            for row, middle in rows
+            for start in (*right, *left, *([x - width / 2] if row else []))
+        ]
+        yield from sorted(boxes, key=lambda box: _distance(at, box))
 
 
 def _distance(at: tuple[float, float], box: Box) -> float:
