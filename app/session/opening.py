@@ -68,8 +68,10 @@ class Opening:
 
     @property
     def progress(self) -> tuple[str, float | None]:
-        """The phase in words, and the fraction done; None: unknown."""
-        return self.phase + (f": {self.detail}" if self.detail else ""), self.fraction
+        """The phase in words, with the fraction done or the time left; and the fraction, None: unknown."""
+        share = "" if self.fraction is None else f"{100 * self.fraction:.0f} %"
+        detail = self.detail or share
+        return self.phase + (f": {detail}" if detail else ""), self.fraction
 
     @property
     def done(self) -> bool:

@@ -37,9 +37,7 @@ def draw(viewport: Viewport, session: Session, reload: Reload, ready: bool) -> N
     if hint:
         label.write(hint, *corner, room=room)
     elif reload.progress is not None:
-        phase, fraction = reload.progress
-        text = phase if fraction is None else f"{phase} {100 * fraction:.0f} %"
-        label.write(text, *corner, theme.DIM, room=room)
+        label.write(reload.progress[0], *corner, theme.DIM, room=room)
 
 
 def _draw_shown(shown: Shown | None, wipe: Wipe, area: tuple[float, float, float, float], em: float) -> None:

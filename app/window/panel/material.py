@@ -58,7 +58,7 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     model = values.get("brdf") or (METAL_ROUGH if "roughness" in values else DIFFUSE)
     ui.label("Model")
     names = list(models())
-    changed, k = imgui.combo("##Model", names.index(model), [_title(name) for name in names])
+    changed, k = imgui.combo("##Model", names.index(model), [_title(name) for name in names], len(names))
     ui.tip("Model of reflection. Photons that met the surface are traced again; the picture stays until then.")
     if changed:
         actions.add(Refinish(facts.surface, starting(names[k], values)))
@@ -86,12 +86,15 @@ def starting(model: str, before: dict[str, Any]) -> Values:
 
 
 def _title(name: str) -> str:
-    return name.upper() if len(name) == 3 else name.replace("_", " ").capitalize()
+    """Return a model's name in words: perfect_diffuse, oren_nayar, ggx -> Perfect diffuse, Oren-Nayar, GGX."""
+    if name.startswith("perfect"):
+        return name.replace("_", " ").capitalize()
+    return name.upper() if len(name) == 3 else "-".join(part.capitalize() for part in name.split("_"))
 
 
 def _edit(name: str, p: Parameter, value: Any) -> tuple[Any, bool]:
     """Draw a parameter; return its value and whether it has been changed."""
-    shown = name.capitalize() if len(name) > 3 else name
+    shown = name.capitalize() if len(name) > 3 else {"ior": "IOR"}.get(name, name)
     if p.colour and p.high <= 1:
         rgb = list(value) if isinstance(value, tuple) else [value] * 3
         ui.label(shown)

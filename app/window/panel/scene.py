@@ -16,10 +16,10 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     imgui.text_wrapped(Path(s.document or s.scene).name)
     ui.tip(s.document or s.scene)
     if facts.loading is not None:
-        phase, fraction = facts.loading
+        _, fraction = facts.loading  # the phase is written over the picture
         # A negative fraction makes ImGui's bar oscillate: work of unknown duration.
         imgui.progress_bar(-imgui.get_time() if fraction is None else fraction, (-1, imgui.get_frame_height()), "")
-        ui.write_over(phase)
+        ui.write_over("opening" if fraction is None else f"{100 * fraction:.0f} %")
     elif imgui.button("Reload", (-1, 0)):
         actions.add("reload")
     ui.tip("Read the scene's files again; settings and poses stay. Key F5.\n"
