@@ -74,8 +74,8 @@ class RayCells:
         self._lines = tuple((edges(boxes.low[k], boxes.high[k], matrix), colour) for k, colour in shown)
         full = boxes.triangles[boxes.triangles > 0]
         self.text = (
-            f"{name}: {len(full):,} cells of {full.mean():.1f} triangles; the ray visits {on_ray.sum()} cells, "
-            f"which list {boxes.triangles[on_ray].sum():,} triangles"
+            f"{name}: {len(full):,} cells of {full.mean():.1f} triangles; cells on the ray: {on_ray.sum()}, "
+            f"triangles in them: {boxes.triangles[on_ray].sum():,}"
         )
 
 

@@ -138,7 +138,7 @@ def test_another_structure_of_rays_opens_the_scene_again(play, monkeypatch):
         first, lit = viewer.session, viewer.session.irradiance
         hand.open_research()
         hand.ctx.item_open("Rays")
-        hand.ctx.combo_click("##Structure/Bvh")
+        hand.ctx.combo_click("##Structure/BVH")
         hand.wait(lambda: viewer.session is not first)
         hand.wait_for_light()
         assert viewer.session.settings == replace(first.settings, rays="bvh")
@@ -152,7 +152,7 @@ def test_another_structure_of_rays_opens_the_scene_again(play, monkeypatch):
         middle = tuple(o + s / 2 for o, s in zip(viewport.view.origin, viewport.view.size, strict=True))
         viewer.ray_cells.update(viewport, middle)
         hand.ctx.yield_(2)
-        found = re.search(r"bvh: ([\d,]+) cells of .* the ray visits (\d+) cells", viewer.ray_cells.text)
+        found = re.search(r"bvh: ([\d,]+) cells of .* cells on the ray: (\d+)", viewer.ray_cells.text)
         assert found and int(found[2]) > 0
 
     assert errors(play(script)) == []

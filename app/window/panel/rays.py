@@ -10,12 +10,14 @@ from app.settings import Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
+LABELS = {"bvh": "BVH", "grid3d": "3D grid", "bsp": "BSP tree"}
+
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     from gi_core.rays.structures import DEFAULT, STRUCTURES  # already loaded here
 
     shown = replace(s, rays=s.rays or DEFAULT)
-    chosen = ui.choice(shown, "Structure", "rays", {key: ui.title(key) for key in STRUCTURES},
+    chosen = ui.choice(shown, "Structure", "rays", {key: LABELS.get(key, ui.title(key)) for key in STRUCTURES},
                        "Space partitioning that traces rays. A change opens the scene again;\n"
                        "the first time, kernels are compiled for half a minute.\n"
                        "It changes the time, not the light.")  # fmt: skip
