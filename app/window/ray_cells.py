@@ -25,6 +25,7 @@ class RayCells:
     def __init__(self) -> None:
         self._boxes: tuple[object, LeafBoxes | None] = (None, None)  # of a model
         self._asked: tuple | None = None
+        self._at = (0.5, 0.5)  # of the cursor, in picture coordinates
         self._lines: tuple[tuple[np.ndarray, tuple], ...] = ()  # picture coordinates and colour
         self.text = ""
 
@@ -45,13 +46,16 @@ class RayCells:
             label.write(self.text, x + em, y + 2.5 * em, VISITED[:3])
 
     def update(self, viewport: Viewport, mouse: tuple[float, float]) -> None:
-        """Find the cells for a position of the mouse [points]; keep the last ones where it is outside the picture."""
+        """Find the cells for a position of the mouse [points]; outside the picture, its last position counts."""
         from gi_core.rays.leaf_boxes import leaf_boxes, visited
 
-        model, camera = viewport.session.model, viewport.view.camera
-        u, v = ((m - o) / s for m, o, s in zip(mouse, viewport.view.origin, viewport.view.size, strict=True))
-        asked = model, camera, viewport.view.aspect, u, v
-        if asked == self._asked or not (0 <= u < 1 and 0 <= v < 1):
+        model, view = viewport.session.model, viewport.view
+        camera = view.camera
+        u, v = ((m - o) / s for m, o, s in zip(mouse, view.origin, view.size, strict=True))
+        self._at = (u, v) if 0 <= u < 1 and 0 <= v < 1 else self._at
+        u, v = self._at
+        asked = model, camera, view.aspect, u, v
+        if asked == self._asked:
             return
         self._asked = asked
         if self._boxes[0] is not model:
@@ -60,7 +64,7 @@ class RayCells:
         if boxes is None:
             self._lines, self.text = (), f"{name} has no cells to show: choose another structure"
             return
-        eye, direction = camera.ray(u, v, viewport.view.aspect)
+        eye, direction = camera.ray(u, v, view.aspect)
         eye = eye - model.origins[0]
         far = np.float32(4 * model.world.size)
         distance, _ = model.accelerator.nearest(0, eye[None], direction[None], np.array([far]))
@@ -69,7 +73,7 @@ class RayCells:
         off = np.abs(0.5 * (boxes.low + boxes.high) - point).max(axis=1)
         off[(boxes.triangles == 0) | on_ray] = np.inf
         near = np.argsort(off)[:NEAR]
-        matrix = camera.projection(viewport.view.aspect) @ camera.relative_to(model.origins[0]).view()
+        matrix = camera.projection(view.aspect) @ camera.relative_to(model.origins[0]).view()
         shown = (near[np.isfinite(off[near])], OTHER), (np.flatnonzero(on_ray), VISITED)
         self._lines = tuple((edges(boxes.low[k], boxes.high[k], matrix), colour) for k, colour in shown)
         full = boxes.triangles[boxes.triangles > 0]
