@@ -19,6 +19,7 @@ from tests.support.scene_builders import box_mobile, coloured_room
 
 N = 4000
 FAR = 10.0
+needs_embree = pytest.mark.skipif("embree" not in STRUCTURES, reason="Embree is not here")
 
 
 def soup(triangles: int, seed: int = 0) -> Mesh:
@@ -103,8 +104,9 @@ def test_structures_are_built_once(monkeypatch):
         assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
+@needs_embree
 def test_structures_are_freed(monkeypatch):
-    embree = pytest.importorskip("gi_core.rays.embree")
+    embree = STRUCTURES["embree"]
     given, release = [], embree._release_scene
     monkeypatch.setattr(embree, "_release_scene", lambda address: (given.append(address), release(address)))
     meshes = [(m.vertices, m.faces) for m in (soup(5), soup(0), soup(6))]
@@ -119,6 +121,7 @@ def test_structures_are_freed(monkeypatch):
     assert sorted(given) == sorted([first, last])
 
 
+@needs_embree
 @pytest.mark.parametrize(
     ("patch", "said"),
     [
