@@ -11,10 +11,11 @@ import numpy as np
 from gi_core.defaults.choose import choose
 from gi_core.discs.search import SEARCHES
 from gi_core.display.dilation import Drawn
+from gi_core.display.first_look import EarlyPicture, early_picture
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting, checked
 from gi_core.frames.background import Background, Photons
-from gi_core.frames.first_frame import FirstFrame
+from gi_core.frames.first_frame import FIRST_PICTURE, FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.light_source import LightSource
@@ -64,6 +65,7 @@ class Solver:
         store, black = Photons(self.model, self.seed, earlier), np.zeros((len(self.model.object_receivers.areas), 3))
         self.frame, self.budget = Frame(self.model.start_poses(), black, self.light_source.levels, store), FrameBudget()
         self._first_frame = FirstFrame(store, self.light_source, self.scene_size)
+        self._early: EarlyPicture | None = None
         self.configure(estimator=estimator, light=light, **others)
         self.set_lamps(lamps or {})
 
@@ -118,6 +120,10 @@ class Solver:
         """
         f, show = self._first_frame, partial(self._update, stop=stop)
         f.share(self.model)
+        if pictures and self._goal and self.frame.background is None and self.light_source.is_without_stored_light:
+            self._early = early_picture(
+                self.scene, self.model, self.levels, self.seed, self.chosen.grain, min(FIRST_PICTURE, self._goal)
+            )
         yield from f.steps(self.setting, lambda: self.frame, lambda: self._goal, pictures, show)
         yield Progress("done", 1.0, False)
 
@@ -226,8 +232,13 @@ class Solver:
         """Return irradiance (R, 3) as it is to be drawn: unreached receivers are filled from lit ones beside them.
 
         poses: that it belongs to, if not the current ones. The same array, and no weights, where light reaches all
-        receivers (`gi_core.display.dilation`), and until all photons wanted have been estimated.
+        receivers (`gi_core.display.dilation`), and until all photons wanted have been estimated. Where first photons
+        are noisy, their frame is drawn in the light of a few paths.
         """
+        f, early = self.frame, self._early
+        if early is not None and irradiance is f.irradiance and not f.gathered:
+            if early.is_better(f.photons, poses or f.poses, f.levels):
+                return early.drawn
         return self.light_source.dilated(irradiance, self.model.transforms(poses or self.poses))
 
     @property

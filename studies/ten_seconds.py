@@ -54,8 +54,9 @@ def _measure(what: str, points: int, noise: float) -> str:
     shown: list[tuple[float, str, np.ndarray]] = []  # time, parts and irradiance of each picture
 
     def look() -> None:
-        if not shown or solver.irradiance is not shown[-1][2]:
-            shown.append((clock(), _made_of(solver), solver.irradiance))
+        E = solver.drawn(solver.irradiance).irradiance
+        if not shown or E is not shown[-1][2]:
+            shown.append((clock(), _made_of(solver), E))
 
     gathering = Gathering(solver, clock)
     for progress in solver.solve_steps():

@@ -87,6 +87,11 @@ class LightSource:
     # -- static part ------------------------------------------------------------------------------
 
     @property
+    def is_without_stored_light(self) -> bool:
+        """Whether frames may take gathered light, and there is none yet."""
+        return self.light == "best" and self.gathered is None
+
+    @property
     def is_gathered(self) -> bool:
         """Whether frames start from gathered static light: `light` is "best", and it has less noise than photons."""
         return self.light == "best" and not self.prefix_only and self._less_noise
