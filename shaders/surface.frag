@@ -46,17 +46,36 @@ uniform vec3 albedo[17];    // of the lobe by the cosine of the view
 uniform vec3 taps[16];      // slopes of half vectors along the grain and across it; width that the ray stands for
 uniform int count;          // of taps
 
-// Where a ray from r, relative to the centre, leaves the surroundings: the point on it at their distance. Each step
-// reads the distance in the direction found before.
+// How far q, relative to the centre, lies beyond the surroundings in its direction.
+float beyond_surroundings(vec3 q) {
+    vec3 a = abs(q);
+    float far = length(q);
+    return far - textureLod(surroundings, q, 0.0).a * reach * far / max(a.x, max(a.y, a.z));
+}
+
+// Where a ray from r, relative to the centre, leaves the surroundings: steps of double length, then regula falsi.
 vec3 leaving(vec3 r, vec3 d) {
-    vec3 q = d;
-    float b = dot(r, d);
-    for (int k = 0; k < 5; ++k) {
-        vec3 a = abs(q);
-        float there = textureLod(surroundings, q, 0.0).a * reach * length(q) / max(a.x, max(a.y, a.z));
-        q = r + (sqrt(max(b * b - dot(r, r) + there * there, 0.0)) - b) * d;
+    float low = 0.0, high = reach / 64.0;
+    float inside = min(beyond_surroundings(r), -1e-4 * reach), outside = beyond_surroundings(r + high * d);
+    for (int k = 0; k < 7 && outside < 0.0; ++k) {
+        low = high;
+        inside = outside;
+        high *= 2.0;
+        outside = beyond_surroundings(r + high * d);
     }
-    return q;
+    if (outside < 0.0) return r + high * d;
+    for (int k = 0; k < 4; ++k) {
+        float middle = mix(low, high, clamp(inside / (inside - outside), 0.05, 0.95));
+        float there = beyond_surroundings(r + middle * d);
+        if (there < 0.0) {
+            low = middle;
+            inside = there;
+        } else {
+            high = middle;
+            outside = there;
+        }
+    }
+    return r + mix(low, high, clamp(inside / (inside - outside), 0.0, 1.0)) * d;
 }
 
 vec3 reflected(vec3 flat_normal) {

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 PLANE_UNIT, PROBE_UNIT = 2, 3  # texture units
 SIDE = 256  # texels along a face of a probe
 BIAS = 1e-4  # of the scene size: the reflected scene begins so far in front of its plane
+INSIDE = 0.6  # of the box of a probe's faces: what is nearer to its centre is left out. A ball hides no more than 0.58
 NEAR, FAR = 1e-3, 4.0  # of the scene size: clip planes of probes, and the distance of the background
 SEAMLESS = 0x884F  # GL_TEXTURE_CUBE_MAP_SEAMLESS
 
@@ -108,14 +109,17 @@ class GLMirrors:
             self._face = _Image(self._ctx, (SIDE, SIDE), 1)
         room = self._ctx.buffer(reserve=8 * SIDE * SIDE)
         for number, p in probes.items():
-            centre = models[p.object][:3, :3] @ p.reflector.centre + models[p.object][:3, 3]
+            turn = models[p.object][:3, :3]
+            centre, half = turn @ p.reflector.centre + models[p.object][:3, 3], np.diag(_half_box(p.reflector, turn))
             if number not in self._cubes:
                 self._cubes[number] = self._ctx.texture_cube((SIDE, SIDE), 4, dtype="f2")
             cube, blurs = self._cubes[number], _blurs(q.reflector for q in self._placed if q.shows_probe(number))
             cube.filter = _filter(blurs)
             for face, (forward, up) in enumerate(FACES):
                 self._face.begin()
-                draw(View(_quarter_view(centre, forward, up, self.size), centre, "ccw", False, 2.0, number))
+                near = INSIDE * float(np.abs(np.array(forward) @ half).max())
+                view = _quarter_view(centre, forward, up, max(near, NEAR * self.size), 2 * FAR * self.size)
+                draw(View(view, centre, "ccw", False, 2.0, number))
                 self._face.texture.read_into(room)
                 cube.write(face, room)
             if blurs:
@@ -274,10 +278,14 @@ def _eye_of(to_clip: np.ndarray) -> np.ndarray:
     return np.append(point, 1.0)
 
 
-def _quarter_view(centre: np.ndarray, forward, up, size: float) -> np.ndarray:
+def _half_box(reflector: Reflector, turn: np.ndarray) -> np.ndarray:
+    """Return half of the sides (3,) of the box around the turned box of a reflector."""
+    return np.abs(turn) @ (reflector.box[1] - reflector.box[0]) / 2
+
+
+def _quarter_view(centre: np.ndarray, forward, up, near: float, far: float) -> np.ndarray:
     """Return the matrix (4, 4) to clip space of a face of a probe."""
     f, u = np.array(forward, np.float64), np.array(up, np.float64)
-    near, far = NEAR * size, 2 * FAR * size
     view = np.eye(4)
     view[:3, :3] = np.stack([np.cross(f, u), u, -f])
     view[:3, 3] = -view[:3, :3] @ centre

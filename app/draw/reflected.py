@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from app.draw.raycast import PictureScene, Strip, above_textures, seen_radiance, visible_faces
+from app.draw.raycast import PIXEL_OFFSETS, PictureScene, Strip, above_textures, seen_radiance, visible_faces
 from app.draw.vertex_colours import DrawMesh
 from gi_core.base.vectors import dot
 from gi_core.bsdf.table import join
@@ -15,7 +15,7 @@ from gi_core.gloss.sharp import PLANAR, Reflector
 from gi_core.rays.accelerator import Accelerator, Transforms
 
 BOUNCES = 3  # between sharp surfaces; the last one shows moments
-RAYS = 16  # per ray of the picture, at the first bounce; a mirror has one
+RAYS = 32  # per ray of the picture, at the first bounce; a mirror has one
 OFFSET = 2e-5  # of the scene size: a reflected ray starts so far above its face
 _STEPS = np.array([0.8191725133961645, 0.6710436067037893, 0.5497004779019703])  # of the R3 sequence (Roberts 2018)
 
@@ -77,9 +77,10 @@ class Mirrors:
             rows = np.flatnonzero(of == k)
             count = RAYS if len(self._reflectors[k].lobe.taps) > 1 and bounce == 0 else 1
             many = np.repeat(rows, count)
-            # A sequence per ray of the picture, from a start of its own.
-            start = _hashed(keys[many], bounce)
-            numbers = (start + np.tile(np.arange(count), len(rows))[:, None] * _STEPS) % 1
+            # A sequence per pixel, from a start of its own; each of its samples draws another part.
+            pixel, sample = np.divmod(keys[many], len(PIXEL_OFFSETS))
+            place = sample * count + np.tile(np.arange(count), len(rows))
+            numbers = (_hashed(pixel, bounce) + place[:, None] * _STEPS) % 1
             seen = self._along(world, front, back, face[many], u[many], v[many], d[many], eyes[many], keys[many],
                                bounce, int(k), numbers)  # fmt: skip
             out[rows] = seen.reshape(len(rows), count, 3).mean(axis=1)

@@ -47,7 +47,12 @@ class Reflector(NamedTuple):
     lobe: SharpLobe
     faces: np.ndarray  # (n,) int64 of the object
     plane: np.ndarray  # (4,) float64, unit normal and its product with a point of the plane; PROBE: nan
-    centre: np.ndarray  # (3,) float64 [m], of the probe
+    box: np.ndarray  # (2, 3) float64 [m], of all faces that share the plane or probe
+
+    @property
+    def centre(self) -> np.ndarray:
+        """Return the place (3,) of the probe."""
+        return self.box.mean(axis=0)
 
 
 def noise_factor(lobe: np.ndarray, tables: Tables) -> float:
@@ -173,11 +178,10 @@ def _sharp_faces(s: Surfaces) -> tuple[list[SharpLobe], np.ndarray] | None:
 
 def _by_lobe(s: Surfaces, o: int, way, number, faces, of_face, lobes, plane) -> list[Reflector]:
     corners = s.vertices[o][s.faces[o][faces - s.first_face[o]].reshape(-1)]
-    centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    box = np.stack([corners.min(axis=0), corners.max(axis=0)])
     kinds = np.unique(of_face[faces])
     return [
-        Reflector(way, number, lobes[k], faces[of_face[faces] == k] - int(s.first_face[o]), plane, centre)
-        for k in kinds
+        Reflector(way, number, lobes[k], faces[of_face[faces] == k] - int(s.first_face[o]), plane, box) for k in kinds
     ]
 
 
@@ -209,7 +213,10 @@ def _planes(s: Surfaces, o: int, of_face: np.ndarray, size: float) -> list[tuple
 
 
 def _parts(s: Surfaces, o: int, of_face: np.ndarray, size: float) -> list[tuple[float, int, np.ndarray]]:
-    """Return area, object and global faces of the sharp parts of an object: all of a mobile, else connected ones."""
+    """Return area, object and global faces of the sharp parts of an object: all of a mobile, else connected ones.
+
+    A part whose middle lies in the box of a larger one belongs to it: seen from inside, it would hide the surroundings.
+    """
     faces = np.flatnonzero(of_face[s.face_range(o)] >= 0) + int(s.first_face[o])
     if not len(faces):
         return []
@@ -221,4 +228,17 @@ def _parts(s: Surfaces, o: int, of_face: np.ndarray, size: float) -> list[tuple[
     n = len(faces)
     links = np.stack([np.repeat(np.arange(n), 3), n + place.reshape(-1)], axis=1)
     part = components(links, n + int(place.max()) + 1)[:n]
-    return [(float(s.areas[faces[part == p]].sum()), o, faces[part == p]) for p in np.unique(part)]
+    found: list[tuple[float, np.ndarray, np.ndarray]] = []  # area, faces, box
+    area = np.bincount(part, s.areas[faces])
+    for p in np.argsort(-area):
+        some = faces[part == p]
+        points = s.vertices[o][corners[part == p].reshape(-1)]
+        box = np.stack([points.min(axis=0), points.max(axis=0)])
+        middle = box.mean(axis=0)
+        for k, (there, others, around) in enumerate(found):
+            if ((around[0] < middle) & (middle < around[1])).all():
+                found[k] = there + float(area[p]), np.concatenate([others, some]), around
+                break
+        else:
+            found.append((float(area[p]), some, box))
+    return [(a, o, some) for a, some, _ in found]

@@ -19,7 +19,7 @@ from gi_core.base.jit import cache_folder
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 DATA = {"scenes": (".toml", ".glb", ".ies", ".ldt"), "shaders": (".vert", ".frag", ".glsl")}
-MOST_MB = 5  # of generated meshes
+MOST_MB = 6  # of generated meshes
 
 
 @pytest.fixture(scope="module")

@@ -24,8 +24,19 @@ from gi_core.scene.pose import pose_at, to_world
 from scenes.key_frames import written
 
 SHARED = Path(__file__).parents[3] / "shared" / "scenes"
-GENERATORS = tuple(f"make_{name}" for name in "cornell furnace gallery living_room office second_tree tree".split())
-SHIPPED = {"cornell": 1, "furnace": 1, "gallery": 1, "living_room": 2, "office": 3, "second_tree": 1, "tree": 1}
+GENERATORS = tuple(
+    f"make_{name}" for name in "cornell furnace gallery living_room office second_tree showroom tree".split()
+)
+SHIPPED = {
+    "cornell": 1,
+    "furnace": 1,
+    "gallery": 1,
+    "living_room": 2,
+    "office": 3,
+    "second_tree": 1,
+    "showroom": 2,
+    "tree": 1,
+}
 SHIPPED["tree_worst"] = 1
 
 

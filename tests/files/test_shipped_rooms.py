@@ -10,13 +10,14 @@ import pytest
 
 from gi_core.files.load import load_scene
 from gi_core.geometry.error import luminance
-from gi_core.geometry.surfaces import face_normals
+from gi_core.geometry.surfaces import face_normals, flatten
 from gi_core.geometry.texture_filter import mean_colours
+from gi_core.gloss.sharp import ways
 from gi_core.model import Model
 from gi_core.photons.trace import trace_background
 from gi_core.scene.pose import pose_at, to_world
 from gi_core.scene.types import PhotometricLight, PointLight
-from scenes import make_gallery, make_living_room, make_office, make_second_tree
+from scenes import make_gallery, make_living_room, make_office, make_second_tree, make_showroom
 from scenes import office_furniture as furniture
 from tests.support.photometry import table_flux
 
@@ -34,6 +35,7 @@ FLUX = {
     },
     "office": make_office.lamp_flux(),
     "second_tree": {"sky": make_second_tree.SKY_FLUX, "lamp": make_second_tree.LAMP_FLUX},
+    "showroom": {"strips": make_showroom.STRIP_FLUX, "slots": make_showroom.SLOT_FLUX},
 }
 
 
@@ -246,3 +248,22 @@ def test_second_tree_has_a_tenth_of_the_triangles():
     for t in np.linspace(0, bauble.path.times[-1], 60):
         x, y, z = (to_world(pose_at(bauble.path, t), bauble.mesh.vertices)).T
         assert (y > make_second_tree.height(np.hypot(x, z))).all()  # above the hill
+
+
+def test_showroom_shows_each_kind_of_gloss_in_its_way():
+    """Lobes that cells carry, planes and probes; the vase is a Ward lacquer, the pebble polished metal."""
+    scene = load_scene("showroom")
+    surfaces, _ = flatten(scene)
+    worn = np.concatenate([m.face_material for m in (scene.static, *(m.mesh for m in scene.mobiles))])
+    noise, way = ways(surfaces)
+    named = {m.name: worn == k for k, m in enumerate(scene.materials)}
+    expected = {"floor": "moments", "velvet": "moments", "mirror": "planar", "piano": "planar"}
+    expected |= dict.fromkeys(("lacquer", "glass", "steel", "teal", "gold"), "probe")
+    assert {name: set(way[named[name]]) for name in expected} == {name: {kind} for name, kind in expected.items()}
+    assert np.isnan(noise[named["clay"]]).all()
+    assert [m.name for m in scene.mobiles] == ["vase", "bean"]
+    # The vase passes between turntable and camera; the pebble stands on its pedestal.
+    vase, bean = scene.mobiles
+    reach = np.hypot(*(vase.path.positions[:, [0, 2]] - np.array(make_showroom.TABLE)).T)
+    assert reach.min() > make_showroom.TABLE_RADIUS + 0.25
+    np.testing.assert_allclose(bean.pose.position, (make_showroom.PEDESTAL[0], 0.8, make_showroom.PEDESTAL[1]))
