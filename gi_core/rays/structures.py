@@ -29,7 +29,7 @@ try:
     from gi_core.rays import embree
 except (ImportError, OSError) as error:  # no wheel for this platform, or another version
     embree = None
-    problems.append(f"Embree cannot be loaded ({error}): rays are traced by bvh, in two to three times the time")
+    problems.append(f"Embree cannot be loaded ({error}): rays are traced by bvh, in up to 2.5 times the time")
 
 STRUCTURES: dict[str, Any] = ({"embree": embree} if embree else {}) | {
     "bvh": bvh,
