@@ -12,7 +12,7 @@ import time
 
 import numpy as np
 
-from gi_core.bsdf import table
+from gi_core.bsdf import table, tabulate
 from gi_core.bsdf.models import Lobe, lobe
 from tests.support.brdf_tables import direction, exact, nodes, values
 
@@ -71,9 +71,9 @@ def errors() -> None:
     print("| lobe | " + " | ".join(f"{angle:.0f}" for angle in ANGLES) + " | build [s] | [MB] |")
     print("|---" * (len(ANGLES) + 3) + "|")
     for name, lobes in CASES.items():
-        table.tabulate.cache_clear()
+        tabulate.tabulate.cache_clear()
         began = time.process_time()
-        made = table.tabulate(lobes, scale=True)
+        made = tabulate.tabulate(lobes, scale=True)
         spent = time.process_time() - began
         tables, row = table.join([made]), []
         for angle in ANGLES:
@@ -99,10 +99,10 @@ def plot(path: str) -> None:
         found, largest = lobe(model, parameters), 0.05
         for angle, colour in ((20.0, "#1b6ca8"), (50.0, "#d1495b"), (75.0, "#66a182")):
             i = direction(angle, 180.0)
-            kd = np.max(table.MODELS[model].diffuse(found.values())) / math.pi
+            kd = np.max(tabulate.MODELS[model].diffuse(found.values())) / math.pi
             f = (exact([found], i, o).max(axis=1) + kd) * o[:, 2]
             axis.plot(f * o[:, 0], f * o[:, 2], color=colour, linewidth=1.2)
-            albedo = float(table.MODELS[model].mirror(found.values(), i[2:]).max())
+            albedo = float(tabulate.MODELS[model].mirror(found.values(), i[2:]).max())
             if albedo > 1e-3:  # a mirror, its length the albedo
                 axis.plot([0, -albedo * i[0]], [0, albedo * i[2]], "--", color=colour, linewidth=1.0)
             largest = max(largest, f.max(), albedo if model == "perfect_specular" else 0.0)

@@ -12,7 +12,8 @@ import numpy as np
 
 from gi_core.base.vectors import cross, dot, length
 from gi_core.bsdf.ggx import MOST_BASE, under_gloss
-from gi_core.bsdf.table import Table, Tables, join, tabulate
+from gi_core.bsdf.table import Table, Tables, join
+from gi_core.bsdf.tabulate import tabulate
 from gi_core.geometry.receivers import Receivers, build_receivers, no_receivers
 from gi_core.geometry.texture_filter import mean_colours
 from gi_core.scene.errors import SceneError

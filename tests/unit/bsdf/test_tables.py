@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gi_core.bsdf import table
+from gi_core.bsdf import table, tabulate
 from gi_core.bsdf.models import MODELS, Lobe, lobe
 from tests.support.brdf_cases import ANGLES, lobes
 from tests.support.brdf_tables import densities, direction, draws, exact, nodes, values
@@ -37,8 +37,8 @@ class Case(NamedTuple):
 @pytest.fixture(scope="module", params=lobes(), ids=[name for name, _ in lobes()])
 def case(request) -> Case:
     name, found = request.param
-    made = table.tabulate((found,), scale=True)
-    return Case(name, found, made, table.join([table.tabulate((lobe("lewis", {"n": 3}),)), made]))
+    made = tabulate.tabulate((found,), scale=True)
+    return Case(name, found, made, table.join([tabulate.tabulate((lobe("lewis", {"n": 3}),)), made]))
 
 
 def _places(i, o):
@@ -173,9 +173,9 @@ def test_edges_of_the_numbers_give_valid_draws(case):
 def test_more_light_than_arrives_is_refused_or_darkened(model, values, sentence):
     found = (lobe(model, values),)
     with pytest.raises(ValueError, match=f"{model} reflects more light than arrives, {sentence}") as caught:
-        table.tabulate(found)
+        tabulate.tabulate(found)
     assert "\n" not in str(caught.value) and "or set scale = true" in str(caught.value)
-    made = table.tabulate(found, scale=True)
+    made = tabulate.tabulate(found, scale=True)
     assert str(caught.value).startswith(made.limited) and made.limited
     tables, room = table.join([made]), 1.0 - made.diffuse.max()
     survivals = [table.albedo(tables, 0, *direction(angle)) for angle in (0, 60, 85, 89)]
@@ -185,14 +185,14 @@ def test_more_light_than_arrives_is_refused_or_darkened(model, values, sentence)
 def test_darkening_leaves_other_angles_alone():
     """Phong is darkened from 75 degrees on; at 60 its values are those of the formula."""
     found = lobe("phong", {"ks": 0.98, "n": 20})
-    tables, i = table.join([table.tabulate((found,), scale=True)]), direction(60)
+    tables, i = table.join([tabulate.tabulate((found,), scale=True)]), direction(60)
     o, weights = nodes(i)
     assert table.albedo(tables, 0, *i) == pytest.approx(weights @ exact([found], i, o)[:, 0], rel=3e-3)
 
 
 def test_diffuse_parts_above_one_are_refused_even_if_scaled():
     with pytest.raises(ValueError, match="lewis \\+ perfect_diffuse has a diffuse albedo of 1.1"):
-        table.tabulate((lobe("lewis", {"kd": 0.5}), lobe("perfect_diffuse", {"kd": 0.6})), scale=True)
+        tabulate.tabulate((lobe("lewis", {"kd": 0.5}), lobe("perfect_diffuse", {"kd": 0.6})), scale=True)
 
 
 def test_linear_combination_is_the_sum_of_its_lobes():
@@ -203,7 +203,7 @@ def test_linear_combination_is_the_sum_of_its_lobes():
         lobe("perfect_specular", {"ks": 0.6}, 0.3),
         lobe("perfect_diffuse", {"kd": 0.5}, 0.4),
     )
-    made = table.tabulate(parts)
+    made = tabulate.tabulate(parts)
     tables, i = table.join([made]), direction(50, 20)
     np.testing.assert_allclose(made.diffuse, 0.2)
     o, weights = nodes(i)
@@ -222,28 +222,28 @@ def test_density_of_a_table_is_nearly_reciprocal():
     pairs[:, :, 2] = np.abs(pairs[:, :, 2]) + 0.3
     pairs /= np.linalg.norm(pairs, axis=2, keepdims=True)
     for model, parameters in (("ward", {"ax": 0.1, "ay": 0.4}), ("torrance_sparrow", {}), ("eon", {}), ("lewis", {})):
-        tables = table.join([table.tabulate((lobe(model, parameters),))])
+        tables = table.join([tabulate.tabulate((lobe(model, parameters),))])
         there = np.array([table.value(tables, 0, *i, *o) for i, o in pairs])
         back = np.array([table.value(tables, 0, *o, *i) for i, o in pairs])
         assert np.abs(there - back).max() < 0.02 * there.max()
 
 
 def test_isotropic_parameters_of_an_anisotropic_model_need_one_azimuth():
-    assert table.tabulate((lobe("ward", {"ax": 0.3, "ay": 0.3}),)).head[1] == 1
-    assert table.tabulate((lobe("ward", {"ax": 0.3, "ay": 0.31}),)).head[1] == table.ANISOTROPIC.phis
+    assert tabulate.tabulate((lobe("ward", {"ax": 0.3, "ay": 0.3}),)).head[1] == 1
+    assert tabulate.tabulate((lobe("ward", {"ax": 0.3, "ay": 0.31}),)).head[1] == tabulate.ANISOTROPIC.phis
 
 
 def test_tables_of_one_material_are_made_once_and_equal():
     found = (lobe("ward", {"ax": 0.123, "ay": 0.123}),)
-    made = table.tabulate(found)
-    assert table.tabulate((lobe("ward", {"ay": 0.123, "ax": 0.123}),)) is made
-    table.tabulate.cache_clear()
-    again = table.tabulate(found)
+    made = tabulate.tabulate(found)
+    assert tabulate.tabulate((lobe("ward", {"ay": 0.123, "ax": 0.123}),)) is made
+    tabulate.tabulate.cache_clear()
+    again = tabulate.tabulate(found)
     assert again is not made and np.array_equal(again.data, made.data) and np.array_equal(again.head, made.head)
 
 
 def test_a_scene_without_tables_has_empty_arrays():
-    empty, full = table.join([]), table.join([table.tabulate((lobe("lewis"),))])
+    empty, full = table.join([]), table.join([tabulate.tabulate((lobe("lewis"),))])
     assert empty.head.shape == (0, full.head.shape[1]) and empty.data.shape == (0,)
     assert (empty.head.dtype, empty.data.dtype) == (full.head.dtype, full.data.dtype)
 

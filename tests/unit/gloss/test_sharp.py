@@ -10,7 +10,8 @@ import pytest
 
 from app.measure.scene_info import material_lines
 from gi_core.bsdf.models import lobe
-from gi_core.bsdf.table import join, tabulate
+from gi_core.bsdf.table import join
+from gi_core.bsdf.tabulate import tabulate
 from gi_core.geometry.surfaces import flatten
 from gi_core.gloss.sharp import MOST_NOISE, PLANES, TAPS, noise_factor, reflectors, sharp_lobe
 from gi_core.scene.types import Gloss, Material, Mobile, Scene
