@@ -46,7 +46,7 @@ def show(scene: Scene, **settings) -> int:
 
     if reason := why_no_window():
         raise UsageError(f"no window: {reason}; app.render draws without one")
-    from app.window.viewer import run
+    from app.window.run import run
 
     def load(asked: Settings) -> Scene:
         return scene if asked.scene == scene.name else open_scene(asked)

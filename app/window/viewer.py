@@ -1,27 +1,14 @@
-"""The interactive viewer: one window, one loop: input, light, draw.
-
-run(settings)                       runs until the window is closed
-run(settings, frames=N)             closes N frames after the first picture
-run(settings, screenshot=path)      saves the whole window once all photons are traced, then closes
-"""
+"""The viewer: one window, one loop: input, light, draw."""
 
 from __future__ import annotations
 
-import contextlib
-import signal
-import sys
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import moderngl
-from imgui_bundle import hello_imgui, imgui, immapp, implot
+from imgui_bundle import imgui, implot
 
-from app.draw.renderer import Renderer
-from app.draw.vertex_colours import weights
 from app.session.log import Log
 from app.session.malloc_arenas import limit_arenas
 from app.session.moving_median import MovingMedian
@@ -29,21 +16,16 @@ from app.session.opening import Opening
 from app.session.reload import Reload
 from app.session.session import BUDGET, Session
 from app.settings import Settings, UsageError
-from app.window import keys, method_marks, overlay, panel, readout_marks, view_content, window
+from app.window import keys, method_marks, overlay, panel, readout_marks, window
 from app.window.actions import Request, act
-from app.window.actions.objects import insert, is_mesh
+from app.window.actions.files import drop, open_files
 from app.window.files import Files
 from app.window.menus import Menus
+from app.window.painter import Painter
 from app.window.preview import Preview
 from app.window.ray_cells import RayCells
 from app.window.viewport import Viewport
 
-if TYPE_CHECKING:
-    from app.session.first_look import FirstLook
-
-SAMPLES_PER_PIXEL = 4
-QUIET_FRAMES = 20  # unchanged frames before a software renderer draws with all samples, which takes it 50 ms
-SWITCH_SECONDS = 0.001  # interpreter switch interval; Python's default of 5 ms stutters
 LONGEST_WAIT = 0.02  # s per frame for refinement if drawing is slow
 SOFTWARE_GRACE = 0.2  # s per frame for a move if drawing takes the same cores
 LINGER = 1.0  # s of frames after the last input: tooltips come and fade
@@ -65,8 +47,7 @@ class Viewer:
         self.viewport = Viewport(self.session)
         self.ray_cells = RayCells()
         self.preview = Preview()
-        self.ctx: moderngl.Context | None = None  # of the window
-        self.renderer: Renderer | None = None
+        self.painter = Painter()
         self.files = Files()
         self.menus = Menus(self.files, self._do, self.open_scene)
         drawn = self.draw_viewport, self.draw_panel, self.draw_status, self.draw_menus
@@ -84,15 +65,12 @@ class Viewer:
         self.keyboard = keys.Keyboard()
         self.help_open = False
         self.metered = 0.0
-        self._uploaded = 0  # session.version in the colour buffers
         self.estimators: dict[str, str] = {}
         self._before = time.perf_counter()
         self._seconds = 0.0
         self._light_seconds = 0.0  # of the last frame: refinement or a move
-        self._quiet = 0  # frames since the last change
         self._awake_until = 0.0  # after input
         self.may_sleep = True  # between frames in which nothing changes
-        self._software = False
         self._ready = False
         self._waits_for_save = False
 
@@ -110,8 +88,7 @@ class Viewer:
         if len(imgui.get_current_context().input_events_trail) or imgui.is_any_item_active():
             self._awake_until = now + LINGER
         if self.frames == 0:
-            self.ctx = window.current_context()
-            self._software = window.is_software(self.ctx)
+            self.painter.open()
         self.frames += 1
         self.frame_seconds.add(self._seconds)
         if self.params.app_shall_exit and not self._may_leave:  # the window's close button
@@ -132,20 +109,18 @@ class Viewer:
             self.frames_left -= 1
             if self.frames_left <= 0:
                 self.leave(ask=False)
-        if self._ready and self.exit_when_refined and not self.session.refining and self._quiet > QUIET_FRAMES:
+        if self._ready and self.exit_when_refined and not self.session.refining and self.painter.is_done:
             self.leave(ask=False)
 
     def _end_frame(self) -> None:
-        if self._software:
-            # Without a screen it queues frames, and the next upload would wait for all of them.
-            self.ctx.finish()
+        self.painter.finish()
         if self.may_sleep:
             self._sleep()
 
     @property
     def _is_still(self) -> bool:
         """Whether the next frame would equal the last one."""
-        unchanged = self._quiet > (QUIET_FRAMES if self._software else 1) if self._ready else self.session.problem
+        unchanged = self.painter.is_done if self._ready else self.session.problem
         waits = self.session.opening is None and self.reload.coming is None and not self.params.app_shall_exit
         counted = self.frames_left is not None or self.exit_when_refined
         return bool(unchanged and waits and not counted and time.perf_counter() >= self._awake_until)
@@ -164,7 +139,7 @@ class Viewer:
             if self.files.changed_on_disk(time.monotonic()):
                 self._do("reload")
                 break
-            done = self.session.version != self._uploaded or self.session.light.all_done
+            done = self.session.version != self.painter.uploaded or self.session.light.all_done
             if resting and (done or time.perf_counter() >= refresh):
                 break
         self._before = max(self._before, time.perf_counter() - LONGEST_WAIT)
@@ -185,9 +160,10 @@ class Viewer:
             self._ready = True  # one attempt, even a failed one
             self._guard("start", lambda: self._adopt(self.session))
         if self._ready:
-            self._guard("drawing", self._draw_scene)
+            self._guard("drawing", lambda: self.painter.draw(self.session, self.viewport))
         elif (opening := self.session.opening) is not None and (look := opening.look) is not None:
-            self._guard("first look", lambda: self._draw_preview(look))
+            settings = self.session.settings
+            self._guard("first look", lambda: self.painter.draw_look(look, self.preview, settings))
         if self._ready:
             readout_marks.draw(self.viewport)
             method_marks.draw(self.viewport, self.session.light.method)
@@ -219,7 +195,7 @@ class Viewer:
         return panel.facts_of(*given, v.picture.scale, v.selected, v.pins.shown, v.clicked_material)
 
     def draw_menus(self) -> None:
-        self.menus.draw(self.ctx, self.session)
+        self.menus.draw(self.painter.ctx, self.session)
 
     def _draw_dialogs(self) -> None:
         """Draw open dialogs and act on their answers; reload files that have changed."""
@@ -240,27 +216,7 @@ class Viewer:
             self._do("reload")
 
     def open_scene(self, scene: str) -> None:
-        self._open([scene])
-
-    def _open(self, files: list[str]) -> None:
-        """Open a scene, after the question about unsaved changes."""
-
-        def other() -> None:
-            self.reload.other(self.session, files)
-
-        if self.files.has_changed(self.session):
-            self.files.question.ask("Open without saving", other)
-        else:
-            other()
-
-    def _drop(self, files: list[str]) -> None:
-        """Insert mesh files dropped on the picture; open others, and files dropped elsewhere, as a scene."""
-        at = self.viewport.place_at(imgui.get_mouse_pos()) if self.session.ready else None
-        if at is None or not all(is_mesh(name) for name in files):
-            self._open(files)
-            return
-        for name in files:
-            insert(self, name, at.point)
+        open_files(self, [scene])
 
     def leave(self, ask: bool = True) -> None:
         if ask and self.files.has_changed(self.session) and not self.files.question.is_open:
@@ -276,8 +232,7 @@ class Viewer:
         self.reload.close()
         self.viewport.close()
         self.session.close()
-        if self.renderer is not None:
-            self.renderer.release()
+        self.painter.close()
 
     # A frame ----------------------------------------------------------------------------------------
 
@@ -294,7 +249,7 @@ class Viewer:
         """Open dropped files; show a newly opened scene once it is ready."""
         if self._dropped:
             files, self._dropped[:] = list(self._dropped), []
-            self._drop(files)
+            drop(self, files)
         new = self.reload.tick(self.session)
         if new is None:
             return
@@ -311,17 +266,15 @@ class Viewer:
         """Show a ready session with its own geometry, camera and exposure."""
         from gi_core.estimators import ESTIMATORS
 
-        if self.renderer is None:
-            self.renderer = Renderer(self.ctx, SAMPLES_PER_PIXEL)
-        self.renderer.set_scene(new.meshes)
-        old, self.session, self._uploaded = self.session, new, 0
+        self.painter.adopt(new)
+        old, self.session = self.session, new
         self.viewport.adopt(new, keep_view=old is not new and self.reload.same)
         if old is new and self.preview.camera is not None:
             self.viewport.view.camera = self.preview.camera
         if old is not new:
             old.close(0.0)
             window.rename(new.settings.document or new.settings.scene)
-        if self._software:
+        if self.painter.software:
             new.light.grace = SOFTWARE_GRACE
         self.estimators = {key: kind.about for key, kind in ESTIMATORS.items()}
         if new.settings.exposure is None:
@@ -330,39 +283,6 @@ class Viewer:
             new.want(replace(new.settings, exposure=exposure))
         self.metered = new.settings.exposure
         self.files.adopt(new, same=old is not new and self.reload.same)
-
-    def _draw_preview(self, look: FirstLook) -> None:
-        if self.renderer is None:
-            self.renderer = Renderer(self.ctx, SAMPLES_PER_PIXEL)
-        samples = 1 if self._software else SAMPLES_PER_PIXEL
-        self.preview.draw(self.renderer, look, self.session.settings, samples)
-
-    def _draw_scene(self) -> None:
-        session = self.session
-        changed = self._uploaded != session.version
-        busy = changed or session.refining or session.dragging or session.playing or self.viewport.control.is_moving
-        self._quiet = 0 if busy else self._quiet + 1
-        if changed:
-            self._upload()
-            self._uploaded = session.version
-        self.viewport.read(at_rest=not busy)
-        self._quiet = 0 if self.viewport.scale_fit.is_fitting else self._quiet
-        samples = 1 if self._software and self._quiet < QUIET_FRAMES else SAMPLES_PER_PIXEL
-        self.viewport.draw(self.renderer, samples)
-
-    def _upload(self) -> None:
-        """Upload the colours, one layer per side of a wipe."""
-        session = self.session
-        self.viewport.shown = shown = view_content.shown(session)
-        self.renderer.dim(session.meshes)
-        self.renderer.set_gloss(session.light.snapshot.gloss)
-        for layer, side in enumerate(shown.sides):
-            for o, mesh in enumerate(session.meshes):
-                painted = view_content.paint(
-                    mesh, side, shown.errors, session.settings.show == "radiance", shown.recomputed
-                )
-                self.renderer.set_colours(o, *painted, layer, weights(mesh, side.weights))
-                self.renderer.set_irradiance(o, side.irradiance, layer)
 
     def _guard(self, stage: str, work: Callable[[], None]) -> None:
         """Run a stage of the frame; log its exception, the window goes on."""
@@ -378,60 +298,6 @@ class Viewer:
         self._guard(name, lambda: act(self, action))
 
 
-def run(
-    settings: Settings,
-    *,
-    frames: int | None = None,
-    screenshot: str | Path | None = None,
-    open_with: Callable | None = None,
-) -> int:
-    """Run the window until it closes. Return 0, or 1 if a defect of the program kept the scene from opening.
-
-    open_with: opens scenes in place of Opening.
-    Raises SceneError, UsageError or OSError for a scene that cannot be used, after closing the window. The command
-    line prints the sentence and exits with its code.
-    """
-    viewer = Viewer(settings, open_with)
-    viewer.frames_left = frames
-    viewer.exit_when_refined = screenshot is not None and frames is None
-    window.prepare()
-    interval = sys.getswitchinterval()
-    sys.setswitchinterval(SWITCH_SECONDS)
-    try:
-        with interruptible(viewer):
-            immapp.run(viewer.params)
-    finally:
-        sys.setswitchinterval(interval)
-    if screenshot is not None:
-        _write_window(Path(screenshot))
-    return finish(viewer)
-
-
-@contextlib.contextmanager
-def interruptible(viewer: Viewer):
-    """Close the window on Ctrl+C in the terminal, because no exception may cross the GUI's code."""
-
-    def close(*_) -> None:
-        viewer.leave(ask=False)
-
-    if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread may set a signal handler
-        return
-    before = signal.signal(signal.SIGINT, close)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def finish(viewer: Viewer) -> int:
-    """Return the exit code of a closed viewer, or raise the user's error that closed it."""
-    problem = viewer.session.problem
-    if is_user_error(problem):
-        raise problem
-    return 0 if problem is None else 1
-
-
 def is_user_error(problem: BaseException | None) -> bool:
     """Return whether a problem lies in the user's input; any other is a defect, shown in the window."""
     if problem is None:
@@ -439,9 +305,3 @@ def is_user_error(problem: BaseException | None) -> bool:
     from gi_core.scene import SceneError
 
     return isinstance(problem, (SceneError, UsageError, OSError))
-
-
-def _write_window(path: Path) -> None:
-    from app.draw.png import write_png
-
-    write_png(path, hello_imgui.final_app_window_screenshot(), {"software": "gi-viewer"})

@@ -273,7 +273,7 @@ def test_with_a_window_the_viewer_gets_the_settings(monkeypatch):
     seen = []
     monkeypatch.setattr(window, "why_no_window", lambda: None)
     monkeypatch.setitem(
-        sys.modules, "app.window.viewer", types.SimpleNamespace(run=lambda s, screenshot: seen.append(s) or 0)
+        sys.modules, "app.window.run", types.SimpleNamespace(run=lambda s, screenshot: seen.append(s) or 0)
     )
     assert cli.main([*FAST, "--exposure", "2"]) == 0
     assert seen == [Settings(photons=2000, exposure=2.0)]
@@ -312,7 +312,7 @@ def test_light_is_gathered_without_an_estimator_option(words, light):
 @pytest.mark.parametrize("name", ["estimator", "search", "rays"])
 @pytest.mark.parametrize("command", [[], ["render"], ["chart"], ["info"]])
 def test_unknown_names_are_refused_before_any_work(monkeypatch, capsys, command, name):
-    from app.window import viewer, window
+    from app.window import run, window
     from gi_core.instruments import compile_ahead
 
     def too_late(*_, **__):
@@ -320,6 +320,6 @@ def test_unknown_names_are_refused_before_any_work(monkeypatch, capsys, command,
 
     monkeypatch.setattr(compile_ahead, "compile_kernels", too_late)
     monkeypatch.setattr(window, "why_no_window", too_late)
-    monkeypatch.setattr(viewer, "run", too_late)
+    monkeypatch.setattr(run, "run", too_late)
     assert cli.main([*command, "no such file.glb", f"--{name}", "guess"]) == 2
     assert f"--{name} must be one of " in (line := one_line(capsys.readouterr().err)) and 'got "guess"' in line

@@ -83,11 +83,11 @@ def test_reprs_are_short(solver):
 
 
 def test_show_opens_the_window_with_the_scene(monkeypatch):
-    from app.window import viewer, window
+    from app.window import run, window
 
     asked = []
     monkeypatch.setattr(window, "why_no_window", lambda: None)
-    monkeypatch.setattr(viewer, "run", lambda settings, open_with: asked.append((settings, open_with)) or 0)
+    monkeypatch.setattr(run, "run", lambda settings, open_with: asked.append((settings, open_with)) or 0)
     scene = replace(room(), name="mine")
     assert app.show(scene, **FAST) == 0
     ((settings, open_with),) = asked

@@ -84,7 +84,7 @@ class Hand:
         """Read the picture back, on the window's thread: this one, the engine's, has no GL context."""
         self.ctx.yield_(2)
         read = []
-        self._jobs.append(lambda: read.append(self.viewer.renderer.pixels().copy()))
+        self._jobs.append(lambda: read.append(self.viewer.painter.renderer.pixels().copy()))
         self.wait(lambda: read)
         return read[0]
 

@@ -14,7 +14,6 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from app.window.viewer import QUIET_FRAMES
 from gi_core.photons.paths import PathStore
 from gi_core.retrace import cuts
 from gi_core.scene import SceneError
@@ -57,17 +56,17 @@ def test_frames_continue_while_the_scene_opens(play):
 def test_exception_in_a_stage_is_logged_and_frames_continue(play):
     def script(hand, viewer):
         hand.wait_for_light()
-        draw = viewer.renderer.draw
+        draw = viewer.painter.renderer.draw
 
         def broken(look):
             raise RuntimeError("GL has lost its mind")
 
-        viewer.renderer.draw = broken
+        viewer.painter.renderer.draw = broken
         viewer.viewport.redraw()
         hand.ctx.yield_(5)
         assert "GL has lost its mind" in viewer.log.last.text
         assert len(viewer.log.entries) == 2, "one line, not one a frame"
-        viewer.renderer.draw = draw
+        viewer.painter.renderer.draw = draw
         viewer.viewport.redraw()
         hand.ctx.yield_(5)
         frames = viewer.frames
@@ -82,14 +81,14 @@ def test_full_memory_keeps_the_picture_and_the_program(play, monkeypatch):
 
     def script(hand, viewer):
         hand.wait_for_light()
-        hand.wait(lambda: viewer._quiet > QUIET_FRAMES)  # drawn with all samples
+        hand.wait(lambda: viewer.painter.is_done)  # drawn with all samples
         session, picture = viewer.session, hand.pixels()
         light, start, front = session.irradiance, session.poses["block"], hand.at(BLOCK_FRONT)
         full = Mock(side_effect=MemoryError("Unable to allocate 9 GiB"))
 
         def old_picture_stays(problems: int) -> None:
             hand.wait(lambda: len(errors(viewer)) == problems)
-            hand.wait(lambda: viewer._quiet > QUIET_FRAMES)
+            hand.wait(lambda: viewer.painter.is_done)
             assert session.irradiance is light and session.poses["block"] == start
             assert np.array_equal(hand.pixels(), picture)
 
@@ -112,6 +111,7 @@ def test_full_memory_keeps_the_picture_and_the_program(play, monkeypatch):
 
 
 def test_unusable_scene_closes_the_window_with_its_sentence(monkeypatch):
+    import app.window.run
     import app.window.viewer
     from app.session.opening import Opening
 
@@ -120,7 +120,7 @@ def test_unusable_scene_closes_the_window_with_its_sentence(monkeypatch):
 
     monkeypatch.setattr(app.window.viewer, "Opening", lambda s: Opening(s, load=bad))
     with pytest.raises(SceneError, match="flux must be"):
-        app.window.viewer.run(support.SETTINGS)
+        app.window.run.run(support.SETTINGS)
 
 
 def test_defect_at_the_start_is_shown_in_the_window(play):
@@ -138,18 +138,19 @@ def test_defect_at_the_start_is_shown_in_the_window(play):
 
     viewer = play(script, open_with=lambda s: Opening(s, load=broken))
     assert errors(viewer) == ["opening: division by zero"]
-    from app.window.viewer import finish
+    from app.window.run import finish
 
     assert finish(viewer) == 1
 
 
 def test_run_for_a_number_of_frames_and_a_picture_of_the_window(monkeypatch, folder):
+    import app.window.run
     import app.window.viewer
     from app.session.opening import Opening
 
     monkeypatch.setattr(app.window.viewer, "Opening", lambda s: Opening(s, load=lambda _: support.room()))
-    assert app.window.viewer.run(support.SETTINGS, frames=5) == 0
-    assert app.window.viewer.run(support.SETTINGS, screenshot=folder / "window.png") == 0
+    assert app.window.run.run(support.SETTINGS, frames=5) == 0
+    assert app.window.run.run(support.SETTINGS, screenshot=folder / "window.png") == 0
     from PIL import Image
 
     with Image.open(folder / "window.png") as picture:
@@ -161,6 +162,7 @@ def test_run_for_a_number_of_frames_and_a_picture_of_the_window(monkeypatch, fol
 
 def test_ctrl_c_closes_the_window_as_its_button_does(monkeypatch):
     """While the scene is still being opened; afterwards the earlier handler is restored."""
+    import app.window.run
     import app.window.viewer
     from app.session.opening import Opening
 
@@ -179,7 +181,7 @@ def test_ctrl_c_closes_the_window_as_its_button_does(monkeypatch):
         os.kill(os.getpid(), signal.SIGINT)
 
     threading.Thread(target=interrupt, daemon=True).start()
-    assert app.window.viewer.run(support.SETTINGS) == 0
+    assert app.window.run.run(support.SETTINGS) == 0
     assert not loaded, "not until the loader is done"
     assert signal.getsignal(signal.SIGINT) is before
     never.set()

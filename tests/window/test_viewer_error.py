@@ -101,7 +101,7 @@ def test_reference_key_and_wipe_between_two_pictures(play):
         assert viewport.wipe.at == pytest.approx(0.3, abs=0.02)
         unmoved = viewport.view.camera == camera and viewer.session.poses["block"] == pose
         assert unmoved, "the line moves, nothing else does"
-        both, at = hand.pixels(), round(viewport.wipe.at * viewer.renderer.size[0])
+        both, at = hand.pixels(), round(viewport.wipe.at * viewer.painter.renderer.size[0])
         differs = (np.abs(both.astype(int) - estimate).max(axis=2) > 8).mean(axis=0)
         assert differs[: at - 1].mean() < 0.01 < 0.05 < differs[at + 1 :].mean()
 

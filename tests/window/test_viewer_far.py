@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.window.viewer import QUIET_FRAMES
 from gi_core.scene.origin import translated
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
@@ -31,7 +30,7 @@ def test_far_scenes_look_and_move_like_the_one_at_the_origin(play):
         hand.wait_for_light()
         assert hand.light_is_that_from_scratch()
         hand.move((5, 5))  # no outline
-        hand.wait(lambda: viewer._quiet > QUIET_FRAMES)  # drawn with all samples
+        hand.wait(lambda: viewer.painter.is_done)  # drawn with all samples
         shown.append(hand.pixels())
         pictures.append(shown)
         moved.append(np.subtract(session.poses["block"].position, start.position))

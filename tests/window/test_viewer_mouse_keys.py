@@ -28,14 +28,14 @@ def test_dragged_mobile_and_its_light_move_in_the_same_frame(play):
         hand.pixels()
 
         # A plain drag: another place at the same height. Each frame's picture belongs to that frame's pose.
-        upload = viewer.renderer.set_colours
+        upload = viewer.painter.renderer.set_colours
 
         def watched(o, front, back, layer, weights):
             if o == 0:
                 seen.append((session.version, session.poses["block"], session.irradiance))
             upload(o, front, back, layer, weights)
 
-        viewer.renderer.set_colours = watched
+        viewer.painter.renderer.set_colours = watched
         start_at = hand.at(BLOCK_FRONT)
         hand.drag(start_at, (start_at[0] + 90, start_at[1] - 8))
         moved = session.poses["block"]

@@ -89,7 +89,7 @@ def test_panel_controls(play):
         from app.draw.renderer import UNLIT
 
         grey = np.round(255 * np.array(UNLIT)).astype(int)
-        middle = hand.pixels()[viewer.renderer.size[1] // 2, viewer.renderer.size[0] // 2]
+        middle = hand.pixels()[viewer.painter.renderer.size[1] // 2, viewer.painter.renderer.size[0] // 2]
         assert np.array_equal(middle, grey), f"{middle}, not {grey}: the closed room from outside, its walls drawn"
 
         # Every control has a tooltip.

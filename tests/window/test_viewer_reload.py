@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from app.session.opening import Opening
-from app.window.viewer import QUIET_FRAMES
 from gi_core.scene import Camera, Pose, SceneError
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import errors, keys
@@ -101,7 +100,7 @@ def test_reload_keeps_the_users_settings_and_poses(play):
         )
         again(hand, viewer)
         session = viewer.session
-        assert session.poses == {"block": AWAY, "second": other.pose} and len(viewer.renderer._objects) == 3
+        assert session.poses == {"block": AWAY, "second": other.pose} and len(viewer.painter.renderer._objects) == 3
         assert session.irradiance[: len(light)].mean() > light.mean()
         assert viewer.viewport.view.camera == camera, "where the user looks"
         hand.press(keys().home)
@@ -176,8 +175,8 @@ def test_failed_upload_keeps_the_old_scene(play, monkeypatch):
 
     def script(hand, viewer):
         hand.wait_for_light()
-        hand.wait(lambda: viewer._quiet > QUIET_FRAMES)  # drawn with all samples
-        session, objects, picture = viewer.session, viewer.renderer._objects, hand.pixels()
+        hand.wait(lambda: viewer.painter.is_done)  # drawn with all samples
+        session, objects, picture = viewer.session, viewer.painter.renderer._objects, hand.pixels()
         made = renderer.DrawnObject
 
         def full(*arguments):
@@ -191,10 +190,10 @@ def test_failed_upload_keeps_the_old_scene(play, monkeypatch):
         hand.press(keys().f5)
         hand.wait(lambda: viewer.reload.problem)
         assert viewer.reload.problem == "the card is full" and viewer.reload.coming is None
-        assert viewer.session is session and viewer.renderer._objects is objects
+        assert viewer.session is session and viewer.painter.renderer._objects is objects
         monkeypatch.setattr(renderer, "DrawnObject", made)
         viewer.viewport.redraw()
-        hand.wait(lambda: viewer._quiet > QUIET_FRAMES)
+        hand.wait(lambda: viewer.painter.is_done)
         assert np.array_equal(hand.pixels(), picture)
 
     assert errors(play(script, open_with=files.open)) == [
@@ -247,10 +246,10 @@ def test_many_loads_leave_nothing_of_the_old_scenes(play):
         try:
             for _ in range(LOADS):
                 gone.append(weakref.ref(viewer.session.light._solver))
-                objects = viewer.renderer._objects
+                objects = viewer.painter.renderer._objects
                 again(hand, viewer)
-                assert viewer.renderer._objects is not objects
-                assert all(thing.glo for o in viewer.renderer._objects for thing in o._owned)
+                assert viewer.painter.renderer._objects is not objects
+                assert all(thing.glo for o in viewer.painter.renderer._objects for thing in o._owned)
                 assert all(isinstance(thing.mglo, moderngl.InvalidObject) for o in objects for thing in o._owned)
             hand.wait(lambda: not any(ref() is not None for ref in gone))
         finally:

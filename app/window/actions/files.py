@@ -11,12 +11,35 @@ from app.cli.writable import write_whole
 from app.session.log import WARNING
 from app.settings import UsageError
 from app.window import dialogs, screenshot, view_content
+from app.window.actions.objects import insert, is_mesh
 from app.window.actions.parts import Window
 
 
-def open_scene(window: Window) -> None:
+def choose_scene(window: Window) -> None:
     folder = str(Path(window.files.suggestion(window.session)).parent)
     window.files.dialog.open("Open a scene", folder, dialogs.SCENES, window.open_scene)
+
+
+def open_files(window: Window, names: list[str]) -> None:
+    """Open a scene, and further files as objects in it, after the question about unsaved changes."""
+
+    def other() -> None:
+        window.reload.other(window.session, names)
+
+    if window.files.has_changed(window.session):
+        window.files.question.ask("Open without saving", other)
+    else:
+        other()
+
+
+def drop(window: Window, names: list[str]) -> None:
+    """Insert mesh files dropped on the picture; open others, and files dropped elsewhere, as a scene."""
+    at = window.viewport.place_at(imgui.get_mouse_pos()) if window.session.ready else None
+    if at is None or not all(is_mesh(name) for name in names):
+        open_files(window, names)
+        return
+    for name in names:
+        insert(window, name, at.point)
 
 
 def save(window: Window) -> None:
@@ -67,7 +90,7 @@ def export(window: Window) -> None:
 def save_picture(window: Window, path: Path | None = None) -> None:
     """Save the picture with its parameters; path: None for the next free name in the working folder."""
     path = path or screenshot.next_free(Path.cwd())
-    viewport, renderer = window.viewport, window.renderer
+    viewport, renderer = window.viewport, window.painter.renderer
     metadata = viewport.picture.metadata(window.session.light.snapshot)
     look = viewport.look(outlined=False)
     try:

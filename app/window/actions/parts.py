@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from app.draw.renderer import Renderer
 from app.session.log import Log
 from app.session.reload import Reload
 from app.session.session import Session
 from app.window.files import Files
+from app.window.painter import Painter
 from app.window.viewport import Viewport
 
 
@@ -23,7 +23,7 @@ class Window(Protocol):
     session: Session
     reload: Reload
     viewport: Viewport
-    renderer: Renderer | None
+    painter: Painter
     estimators: dict[str, str]
 
     def open_scene(self, scene: str) -> None:

@@ -1,0 +1,94 @@
+"""The painter: a session's light becomes vertex colours, then the picture."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from app.draw.renderer import Renderer
+from app.draw.vertex_colours import weights
+from app.window import view_content, window
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from app.session.first_look import FirstLook
+    from app.session.session import Session
+    from app.settings import Settings
+    from app.window.preview import Preview
+    from app.window.viewport import Viewport
+
+SAMPLES_PER_PIXEL = 4
+QUIET_FRAMES = 20  # unchanged frames before a software renderer draws with all samples, which takes it 50 ms
+
+
+class Painter:
+    """`open` with the window, `adopt` with each session, `draw` once per frame, `close` with the window."""
+
+    def __init__(self) -> None:
+        self.ctx: moderngl.Context | None = None  # of the window
+        self.renderer: Renderer | None = None  # None before the first scene or look
+        self.software = False
+        self.uploaded = 0  # session.version in the colour buffers
+        self._quiet = 0  # frames since the last change
+
+    def open(self) -> None:
+        """Draw by the current context of OpenGL."""
+        self.ctx = window.current_context()
+        self.software = window.is_software(self.ctx)
+
+    def adopt(self, session: Session) -> None:
+        """Draw the meshes of a session."""
+        self._prepared().set_scene(session.meshes)
+        self.uploaded = 0
+
+    def draw_look(self, look: FirstLook, preview: Preview, settings: Settings) -> None:
+        """Draw a first look at a scene that opens."""
+        preview.draw(self._prepared(), look, settings, 1 if self.software else SAMPLES_PER_PIXEL)
+
+    def _prepared(self) -> Renderer:
+        if self.renderer is None:
+            self.renderer = Renderer(self.ctx, SAMPLES_PER_PIXEL)
+        return self.renderer
+
+    def draw(self, session: Session, viewport: Viewport) -> None:
+        """Draw the light of this frame; a software renderer takes all samples once nothing changes."""
+        changed = self.uploaded != session.version
+        busy = changed or session.refining or session.dragging or session.playing or viewport.control.is_moving
+        self._quiet = 0 if busy else self._quiet + 1
+        if changed:
+            self._upload(session, viewport)
+            self.uploaded = session.version
+        viewport.read(at_rest=not busy)
+        self._quiet = 0 if viewport.scale_fit.is_fitting else self._quiet
+        samples = 1 if self.software and self._quiet < QUIET_FRAMES else SAMPLES_PER_PIXEL
+        viewport.draw(self.renderer, samples)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the next frame would draw the same picture."""
+        return self._quiet > (QUIET_FRAMES if self.software else 1)
+
+    def finish(self) -> None:
+        """Wait for the frame, where the processor draws it.
+
+        Without a screen it queues frames, and the next upload would wait for all of them.
+        """
+        if self.software:
+            self.ctx.finish()
+
+    def _upload(self, session: Session, viewport: Viewport) -> None:
+        """Upload the colours, one layer per side of a wipe."""
+        viewport.shown = shown = view_content.shown(session)
+        self.renderer.dim(session.meshes)
+        self.renderer.set_gloss(session.light.snapshot.gloss)
+        for layer, side in enumerate(shown.sides):
+            for o, mesh in enumerate(session.meshes):
+                painted = view_content.paint(
+                    mesh, side, shown.errors, session.settings.show == "radiance", shown.recomputed
+                )
+                self.renderer.set_colours(o, *painted, layer, weights(mesh, side.weights))
+                self.renderer.set_irradiance(o, side.irradiance, layer)
+
+    def close(self) -> None:
+        if self.renderer is not None:
+            self.renderer.release()
