@@ -6,13 +6,11 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
+from app.draw.marks import PLATE, PLATE_OPACITY, ROUND_EM
 from app.window import theme
 
 if TYPE_CHECKING:
     from app.window.label_places import Box
-
-COLOUR = (0.06, 0.062, 0.068, 0.78)
-
 
 PAD_EM = (0.6, 0.3)  # of the plate
 MARGIN_EM = 1.0  # between plates and the edges of the window
@@ -49,14 +47,16 @@ def write(
     draw(text, box(text, x, y, centred, right, room), colour)
 
 
-def draw(text: str, at: Box, colour=theme.TEXT) -> None:
-    """Draw a text on its plate; at: box() of the text, or one of the size plate()."""
+def draw(text: str, at: Box, colour=theme.TEXT, opacity: float = 1.0) -> None:
+    """Draw a text in the middle of a plate; at: the plate's box."""
     left, top, right, bottom = at
-    (pad, vertical), size = _pads(), imgui.get_font_size()
-    drawing = imgui.get_window_draw_list()
-    drawing.add_rect_filled((left, top), (right, bottom), imgui.get_color_u32(COLOUR), 0.35 * size)
-    start, ink, wrap = (left + pad, top + vertical), imgui.get_color_u32((*colour, 1.0)), right - left - 2 * pad
-    drawing.add_text(imgui.get_font(), size, start, ink, text, wrap_width=wrap + 1.0)
+    size, (pad, _) = imgui.get_font_size(), _pads()
+    drawing, under = imgui.get_window_draw_list(), (*PLATE, PLATE_OPACITY * opacity)
+    drawing.add_rect_filled((left, top), (right, bottom), imgui.get_color_u32(under), ROUND_EM * size)
+    wrap = right - left - pad  # wider than the text of a plate, narrower than the plate
+    text_size = imgui.calc_text_size(text, wrap_width=wrap)
+    start = (left + right - text_size.x) / 2, (top + bottom - text_size.y) / 2
+    drawing.add_text(imgui.get_font(), size, start, imgui.get_color_u32((*colour, opacity)), text, wrap_width=wrap)
 
 
 def _pads() -> tuple[float, float]:

@@ -11,7 +11,8 @@ from imgui_bundle import imgui
 from app.draw.colour_map import UNKNOWN, signed_colours
 from app.draw.false_colour import LIGHT_FROM, LINE_OPACITY, LINE_PIXELS
 from app.draw.legend import COLOUR_STEPS, Legend
-from app.window import label, theme
+from app.draw.marks import PLATE, PLATE_OPACITY
+from app.window import theme
 from app.window.view_content import Errors
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def draw(legend: Legend, view: View) -> None:
     x, y, right, bottom = box(legend, view)
     drawing = imgui.get_window_draw_list()
     text, dim = imgui.get_color_u32((*theme.TEXT, 1.0)), imgui.get_color_u32((*theme.DIM, 1.0))
-    drawing.add_rect_filled((x, y), (right, bottom), imgui.get_color_u32(label.COLOUR), 0.35 * em)
+    drawing.add_rect_filled((x, y), (right, bottom), imgui.get_color_u32((*PLATE, PLATE_OPACITY)), 0.35 * em)
     for k, caption in enumerate(legend.lines):
         drawing.add_text((x + pad, y + pad + k * line), text if k == 0 else dim, caption)
     top = y + pad + (len(legend.lines) + 0.5) * line

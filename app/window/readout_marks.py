@@ -9,62 +9,90 @@ import numpy as np
 from imgui_bundle import imgui
 
 from app.draw.colour_map import sequential_colours
-from app.window import label, legend, theme
+from app.draw.marks import DOT_EM, LINE, LINE_EM, RIM_EM, RIM_OPACITY, Dot, Label, Marks
+from app.window import label, legend
 from app.window.label_places import LabelPlaces
 
 if TYPE_CHECKING:
+    from app.draw.marks import Point
     from app.rest.measuring_plane import PlaneLight
     from app.window.label_places import Box
+    from app.window.view import View
     from app.window.viewport import Viewport
 
-DOT_EM, GAP_EM = 0.28, 0.6  # radius of a dot, distance of its label
+GAP_EM = 0.6  # between a pin and its label
 MOST_NUMBERS = 300  # in the picture
-LINE = (*theme.ACCENT, 0.9)
 
 
 def draw(viewport: Viewport) -> None:
-    """Draw the measuring plane and the pins into the current window; their labels avoid the legend and each other."""
+    """Draw the measuring plane and the pins into the current window."""
     (x, y), (w, h) = viewport.view.origin, viewport.view.size
-    shown = viewport.legend
-    places = LabelPlaces((x, y, x + w, y + h), [] if shown is None else [legend.box(shown, viewport.view)])
-    drawing = imgui.get_window_draw_list()
+    drawing, found = imgui.get_window_draw_list(), marks(viewport)
+    em, line = found.em, imgui.get_color_u32((*LINE, 0.9))
     drawing.push_clip_rect((x, y), (x + w, y + h), True)
+    for a, b in found.lines:
+        drawing.add_line((x + a[0], y + a[1]), (x + b[0], y + b[1]), line, LINE_EM * em)
+    for (across, down), colour, opacity in found.dots:
+        at = x + across, y + down
+        drawing.add_circle_filled(at, DOT_EM * em, imgui.get_color_u32((*colour, opacity)))
+        rim = imgui.get_color_u32((0.0, 0.0, 0.0, RIM_OPACITY * opacity))
+        drawing.add_circle(at, DOT_EM * em, rim, 0, RIM_EM * em)
+    for text, (left, top, right, bottom), opacity in found.labels:
+        label.draw(text, (x + left, y + top, x + right, y + bottom), opacity=opacity)
+    drawing.pop_clip_rect()
+
+
+def marks(viewport: Viewport) -> Marks:
+    """Return the marks of measuring plane and pins; their labels avoid the legend and each other."""
+    view, shown, em = viewport.view, viewport.legend, imgui.get_font_size()
+    found = Marks(em, [], [], [])
+    places = LabelPlaces((0.0, 0.0, *view.size), [] if shown is None else [_in_picture(legend.box(shown, view), view)])
     pins = _labels_of_pins(viewport, places)
     s = viewport.session
     if (plane := s.settings.plane) is not None:
         from app.rest.measuring_plane import grid_of
 
-        _outline(viewport.view.on_screen(grid_of(plane, s.level).corners))
+        corners = _seen(viewport, grid_of(plane, s.level).corners)
+        around = zip(corners, [*corners[1:], corners[0]], strict=True)
+        found.lines.extend((a, b) for a, b in around if a is not None and b is not None)
         light = s.light.snapshot.rest.plane
         if light is not None and light.plane == plane:
-            _points(viewport, light, places)
+            _points(viewport, light, places, found)
     for at, text, box in pins:
-        _dot(at, theme.ACCENT, 1.0)
+        found.dots.append(Dot(at, LINE, 1.0))
         if box is not None:
-            _leader(at, box)
-            label.draw(text, box)
-    drawing.pop_clip_rect()
+            left, top, right, bottom = box
+            if not top <= at[1] <= bottom:  # not right beside its point
+                found.lines.append((at, (min(max(at[0], left), right), top if top > at[1] else bottom)))
+            found.labels.append(Label(text, box, 1.0))
+    return found
 
 
-def _labels_of_pins(viewport: Viewport, places: LabelPlaces) -> list[tuple[tuple[float, float], str, Box | None]]:
+def _in_picture(box: Box, view: View) -> Box:
+    """Return a box of the window relative to the picture's upper left corner."""
+    (x, y), (left, top, right, bottom) = view.origin, box
+    return left - x, top - y, right - x, bottom - y
+
+
+def _seen(viewport: Viewport, points: np.ndarray) -> list[Point | None]:
+    """Return where points (n, 3) [m] are in the picture; None behind the eye."""
+    x, y = viewport.view.origin
+    return [None if at is None else (at[0] - x, at[1] - y) for at in viewport.view.on_screen(points)]
+
+
+def _labels_of_pins(viewport: Viewport, places: LabelPlaces) -> list[tuple[Point, str, Box | None]]:
     """Return point, text and box of the label of each pin in the picture; a label without room has no box."""
-    em, seen = imgui.get_font_size(), []
-    for (pin, _, reading), at in zip(viewport.pins.shown, viewport.pins.places(viewport.view), strict=True):
-        if at is not None and viewport.view.contains(imgui.ImVec2(*at)):
+    em, found = imgui.get_font_size(), []
+    (w, h), pins = viewport.view.size, viewport.pins.shown
+    seen = _seen(viewport, np.array([p.position for p in pins]).reshape(-1, 3))
+    for (pin, _, reading), at in zip(pins, seen, strict=True):
+        if at is not None and 0 <= at[0] < w and 0 <= at[1] < h:
             known = reading is not None and math.isfinite(reading.irradiance)
             value = f": {number(reading.irradiance)} {reading.units.per_area}" if known else ""
-            seen.append((at, pin.name + value))
-    for (px, py), _ in seen:
-        places.take([(px - DOT_EM * em, py - DOT_EM * em, px + DOT_EM * em, py + DOT_EM * em)])
-    return [(at, text, places.take(places.beside(at, label.plate(text), GAP_EM * em))) for at, text in seen]
-
-
-def _leader(at: tuple[float, float], box: Box) -> None:
-    """Draw a line from a point to a label that is not right beside it."""
-    left, top, right, bottom = box
-    if not top <= at[1] <= bottom:
-        end = min(max(at[0], left), right), top if top > at[1] else bottom
-        imgui.get_window_draw_list().add_line(at, end, imgui.get_color_u32(LINE), theme.pixels(1.0))
+            found.append((at, pin.name + value))
+    for (x, y), _ in found:
+        places.take([(x - DOT_EM * em, y - DOT_EM * em, x + DOT_EM * em, y + DOT_EM * em)])
+    return [(at, text, places.take(places.beside(at, label.plate(text, w), GAP_EM * em))) for at, text in found]
 
 
 def number(value: float) -> str:
@@ -72,39 +100,23 @@ def number(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
-def _outline(corners: list[tuple[float, float] | None]) -> None:
-    for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
-        if a is not None and b is not None:
-            imgui.get_window_draw_list().add_line(a, b, imgui.get_color_u32(LINE), theme.pixels(1.5))
-
-
-def _points(viewport: Viewport, light: PlaneLight, places: LabelPlaces) -> None:
-    """Draw a dot per point, and its value where there is room."""
-    em, drawing = imgui.get_font_size(), imgui.get_window_draw_list()
+def _points(viewport: Viewport, light: PlaneLight, places: LabelPlaces, found: Marks) -> None:
+    """Add a dot per point, and its value where there is room."""
+    em = found.em
     known, scale = np.isfinite(light.values), viewport.picture.scale
     most = float(light.values[known].max(initial=0.0))
     position = light.values / max(most, 1e-300) if scale is None else scale.position(light.values)
     colours = sequential_colours(np.nan_to_num(position)).tolist()
-    alpha = 1.0 if light.is_current else 0.4
-    under = imgui.get_color_u32((*label.COLOUR[:3], label.COLOUR[3] * alpha))
-    text_colour = imgui.get_color_u32((*theme.TEXT, alpha))
-    written = 0
-    for k, at in enumerate(viewport.view.on_screen(light.grid.positions)):
-        if at is None or not known[k]:
+    opacity = 1.0 if light.is_current else 0.4
+    for at, is_known, (red, green, blue), value in zip(
+        _seen(viewport, light.grid.positions), known, colours, light.values.tolist(), strict=True
+    ):
+        if at is None or not is_known:
             continue
-        red, green, blue = colours[k]
-        _dot(at, (red, green, blue), alpha)
-        text = number(float(light.values[k]))
+        found.dots.append(Dot(at, (red, green, blue), opacity))
+        text = number(value)
         size = imgui.calc_text_size(text)
-        x, y = at[0] - size.x / 2, at[1] + 0.35 * em
-        box = x - 0.3 * em, y, x + size.x + 0.3 * em, y + size.y
-        if written < MOST_NUMBERS and places.take([box]) is not None:
-            written += 1
-            drawing.add_rect_filled((x - 0.2 * em, y), (x + size.x + 0.2 * em, y + size.y), under, 0.2 * em)
-            drawing.add_text((x, y), text_colour, text)
-
-
-def _dot(at: tuple[float, float], colour: tuple[float, float, float], alpha: float) -> None:
-    em, drawing = imgui.get_font_size(), imgui.get_window_draw_list()
-    drawing.add_circle_filled(at, DOT_EM * em, imgui.get_color_u32((*colour, alpha)))
-    drawing.add_circle(at, DOT_EM * em, imgui.get_color_u32((0.0, 0.0, 0.0, 0.8 * alpha)), 0, theme.pixels(1.2))
+        half, top = size.x / 2 + 0.3 * em, at[1] + 0.35 * em
+        box = at[0] - half, top, at[0] + half, top + size.y
+        if len(found.labels) < MOST_NUMBERS and places.take([box]) is not None:
+            found.labels.append(Label(text, box, opacity))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from app.draw.legend import Legend, with_legend
+from app.draw.marks import Marks, with_marks
 from app.draw.png import write_png
 from app.draw.renderer import Look, Renderer
 
@@ -20,9 +21,18 @@ def next_free(folder: Path) -> Path:
 
 
 def save(
-    renderer: Renderer, look: Look, legend: Legend | None, metadata: dict[str, str], path: Path, scale: int = 1
+    renderer: Renderer,
+    look: Look,
+    legend: Legend | None,
+    metadata: dict[str, str],
+    path: Path,
+    scale: int = 1,
+    marks: Marks | None = None,
+    pixels: float = 1.0,
 ) -> Path:
-    """Draw at `scale` times the viewport's size and write a PNG, with its legend. Raises OSError.
+    """Draw at `scale` times the viewport's size and write a PNG, with its legend and marks. Raises OSError.
+
+    pixels: of the viewport per point of the marks.
 
     A picture of 4 times the size has a quarter of SAMPLES_PER_PIXEL, so that it fits into memory.
     """
@@ -33,4 +43,5 @@ def save(
         picture = renderer.pixels()
     finally:
         renderer.resize(width, height, samples)
+    picture = picture if marks is None else with_marks(picture, marks, scale * pixels)
     return write_png(path, picture if legend is None else with_legend(picture, legend), metadata)

@@ -57,7 +57,7 @@ def test_help_shows_its_texts_whole_in_a_small_window(play, monkeypatch):
 def test_labels_of_pins_keep_clear_of_the_legend_and_of_each_other(play, monkeypatch):
     written = {}
 
-    monkeypatch.setattr(label, "draw", lambda text, at, *colour: written.update({text: at}))
+    monkeypatch.setattr(label, "draw", lambda text, at, *_, **__: written.update({text: at}))
     floor = [(x, 0.0, z) for x in (0.1, 0.5, 0.9) for z in (0.2, 0.8)]
     back = [(x, y, 0.0) for x in (0.1, 0.9) for y in (0.2, 0.5)]
     pins = (

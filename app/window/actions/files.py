@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 from app.cli.writable import write_whole
 from app.session.log import WARNING
 from app.settings import UsageError
-from app.window import dialogs, screenshot, view_content
+from app.window import dialogs, readout_marks, screenshot, view_content
 from app.window.actions.objects import insert, is_mesh
 from app.window.actions.parts import Window
 
@@ -95,7 +95,8 @@ def save_picture(window: Window, path: Path | None = None) -> None:
     look = viewport.look(outlined=False)
     try:
         scale = window.session.settings.picture_scale
-        screenshot.save(renderer, look, viewport.legend, metadata, path, scale)
+        marks, pixels = readout_marks.marks(viewport), renderer.size[1] / viewport.view.size[1]
+        screenshot.save(renderer, look, viewport.legend, metadata, path, scale, marks, pixels)
         window.log(f"saved {path}")
     except OSError as problem:
         _not_saved(window, problem, path)

@@ -1,0 +1,57 @@
+"""Pictures saved from the window show pins and measuring plane, where the window shows them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from app.draw.marks import LINE, Dot, Label, Marks, with_marks
+from app.settings import Pin
+from app.window import readout_marks
+from tests.support import viewer_support as support
+from tests.support.viewer_hand import errors, keys
+
+pytest_plugins = ["tests.support.viewer_fixtures"]
+
+
+def test_marks_are_drawn_where_they_are_at_any_scale():
+    grey = np.full((100, 160, 3), 128, np.uint8)
+    marks = Marks(16.0, [((0.0, 90.0), (160.0, 90.0))], [Dot((30.0, 40.0), (1.0, 0.0, 0.0), 1.0)],
+                  [Label("12", (60.0, 30.0, 100.0, 50.0), 1.0)])  # fmt: skip
+    for scale in (1, 2):
+        drawn = with_marks(np.repeat(np.repeat(grey, scale, axis=0), scale, axis=1), marks, scale)
+        assert drawn.shape == (100 * scale, 160 * scale, 3)
+        assert tuple(drawn[40 * scale, 30 * scale]) == (255, 0, 0)
+        assert drawn[32 * scale, 65 * scale].max() < 60, "the plate"
+        assert drawn[30 * scale : 50 * scale, 60 * scale : 100 * scale].max() > 200, "its text"
+        assert abs(drawn[90 * scale, 10 * scale, 0] / 255 - LINE[0]) < 0.06
+        assert (drawn[60 * scale : 80 * scale] == 128).all()
+    assert (with_marks(grey, Marks(16.0, [], [], []), 1.0) == grey).all()
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl")
+def test_a_saved_picture_shows_its_pins(play, folder):
+    pin = Pin("floor", (0.5, 0.0, 0.9), (0.0, 1.0, 0.0))
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.wait(lambda: viewer.viewport.pins.shown)
+        hand.ctx.mouse_move_to_pos((2, 2))
+        before = hand.pixels()
+        hand.press(keys().p)
+        hand.wait(lambda: (folder / "gi-viewer-001.png").exists())
+        saved = np.asarray(Image.open(folder / "gi-viewer-001.png").convert("RGB")).astype(int)
+        factor = viewer.painter.renderer.size[1] / viewer.viewport.view.size[1]
+        (dot,), (label,) = readout_marks.marks(viewer.viewport)[2:]
+        x, y = (round(factor * c) for c in dot.at)
+        assert np.abs(saved[y, x] - 255 * np.array(dot.colour)).max() < 3
+        left, top, right, bottom = (round(factor * side) for side in label.box)
+        plate = slice(top, bottom), slice(left, right)
+        assert saved[plate].max() > 200 and np.median(saved[plate]) < 0.6 * np.median(before[plate])
+        assert label.text.startswith("floor: ")
+
+    assert errors(play(script, replace(support.SETTINGS, pins=(pin,)))) == []
