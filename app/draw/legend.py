@@ -43,7 +43,7 @@ def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     font = ImageFont.load_default(em)
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image, "RGBA")
-    lines, labels = [_plain(line) for line in legend.lines], [(at, _plain(text)) for at, text in legend.ticks]
+    lines, labels = [plain(line) for line in legend.lines], [(at, plain(text)) for at, text in legend.ticks]
     margin = MARGIN_EM * em
     beside = (WIDTH_EM + 0.6) * em
     width = max(*(draw.textlength(t, font) for t in lines), *(beside + draw.textlength(t, font) for _, t in labels))
@@ -71,6 +71,6 @@ def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     return np.asarray(image)
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """Return text without characters that Pillow's font lacks."""
     return text.replace("²", "2").replace("\N{MINUS SIGN}", "-")

@@ -7,12 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from app.draw.legend import plain
+
 DOT_EM, LINE_EM, RIM_EM = 0.28, 0.09, 0.075  # radius of a dot, width of lines and of a dot's rim
 LINE = (0.918, 0.655, 0.298)
 RIM_OPACITY = 0.8
 PLATE, TEXT = (0.06, 0.062, 0.068), (0.870, 0.875, 0.885)
 PLATE_OPACITY, ROUND_EM = 0.78, 0.3
-LEAST_PIXELS = 6  # of a font
+FONT, LEAST_PIXELS = 0.86, 6  # size of Pillow's font, of the height of a line; least size
 
 Point = tuple[float, float]
 
@@ -46,7 +48,7 @@ def with_marks(picture: np.ndarray, marks: Marks, scale: float) -> np.ndarray:
     """Return a picture (h, w, 3) uint8 with the marks; scale: pixels per point."""
     image, em = Image.fromarray(picture), marks.em * scale
     draw = ImageDraw.Draw(image, "RGBA")
-    font = ImageFont.load_default(max(em, LEAST_PIXELS))
+    font = ImageFont.load_default(max(FONT * em, LEAST_PIXELS))
     for a, b in marks.lines:
         draw.line([(scale * x, scale * y) for x, y in (a, b)], _colour(LINE, 0.9), max(round(LINE_EM * em), 1))
     for (x, y), colour, opacity in marks.dots:
@@ -57,7 +59,7 @@ def with_marks(picture: np.ndarray, marks: Marks, scale: float) -> np.ndarray:
         left, top, right, bottom = (scale * side for side in box)
         middle = (left + right) / 2, (top + bottom) / 2
         draw.rounded_rectangle((left, top, right, bottom), ROUND_EM * em, _colour(PLATE, PLATE_OPACITY * opacity))
-        draw.text(middle, text, _colour(TEXT, opacity), font, anchor="mm")
+        draw.text(middle, plain(text), _colour(TEXT, opacity), font, anchor="mm")
     return np.asarray(image)
 
 

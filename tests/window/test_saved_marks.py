@@ -32,6 +32,14 @@ def test_marks_are_drawn_where_they_are_at_any_scale():
     assert (with_marks(grey, Marks(16.0, [], [], []), 1.0) == grey).all()
 
 
+def test_units_are_written_in_letters_that_the_font_has():
+    grey = np.full((40, 120, 3), 128, np.uint8)
+    one, other = (
+        with_marks(grey, Marks(16.0, [], [], [Label(f"2 W/m{two}", (5.0, 5.0, 115.0, 35.0), 1.0)]), 1.0) for two in "²2"
+    )
+    assert (one == other).all()
+
+
 @pytest.mark.gl
 @pytest.mark.usefixtures("gl")
 def test_a_saved_picture_shows_its_pins(play, folder):
