@@ -265,7 +265,8 @@ class LightSource:
         if self.light == "photons" or self.prefix_only:
             return
         levels = self.levels
-        begun = self._at_poses.begin(at, self.levels, photons, irradiance, self.static_irradiance(shown, photons))
+        light = irradiance, self.static_irradiance(shown, photons)
+        begun = self._at_poses.begin(at, self.levels, photons, *light, math.pi * shown.setting.radius**2)
 
         def static() -> Static | None:
             return (self._gathered_at(levels), self.gathered.deviation_at(levels)) if self.is_gathered else None

@@ -1,6 +1,7 @@
 """Path tracing kernels: next-event estimation and a cosine-sampled bounce per vertex.
 
-Emissive faces are found both ways, with weights of the balance heuristic (Veach 1997).
+Emissive faces are found both ways, with weights of the balance heuristic (Veach 1997). Paths may end in known light
+(`KnownLight`) at hits that are far from the vertex before.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from gi_core.base import random_numbers, strata
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
-from gi_core.base.vec import dot, rotate, row
+from gi_core.base.vec import barycentric, dot, rotate, row
 from gi_core.bsdf import lambertian, surface
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import (
@@ -51,6 +52,23 @@ class PathEnds(NamedTuple):
     density: np.ndarray  # (n,) float64 [1/sr], of the direction sampled at a glossy vertex; < 0: a mirror's
 
 
+class KnownLight(NamedTuple):
+    """Irradiance of the static part, in which paths end where a hit is farther than `least` [m] of its face.
+
+    Nearer hits lie in shadows that receivers do not resolve, such as that of a foot on the floor; paths go on there
+    (Jensen 2001, secondary final gathering).
+    """
+
+    points: np.ndarray  # (>= R, 3) float64 of the receivers [m], static ones first
+    corner_front: np.ndarray  # (F, 3) int32, receivers at the corners of a face, on its front
+    corner_back: np.ndarray  # (F, 3) int32, on its back
+    irradiance: np.ndarray  # (R, 3) float64 of the static receivers [W/m2]
+    least: np.ndarray  # (F,) float64 of static faces [m]; empty: paths end nowhere
+
+
+NOTHING_KNOWN = KnownLight(np.zeros((0, 3)), *np.zeros((2, 0, 3), np.int32), np.zeros((0, 3)), np.zeros(0))
+
+
 def starts(path, row, position, normal) -> PathEnds:
     """Return the starts of n paths that estimate irradiance, with views of the arrays given."""
     n = len(path)
@@ -58,12 +76,13 @@ def starts(path, row, position, normal) -> PathEnds:
     return PathEnds(path, row, position, normal, *one)
 
 
-def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, position, normal, light_sampling=True, m=0):
+def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, position, normal, light_sampling=True, m=0,
+           known: KnownLight = NOTHING_KNOWN):  # fmt: skip
     """Trace paths to their ends; return the estimate of each, (n, 3 G) float64 [W/m2] for `lights` of G lamps.
 
     path (n,) int64: path numbers, in sets of 2^m (see strata); position [m] and normal (n, 3) float64 of the starts,
     lifted off the surface. `light_sampling` False finds emissive faces by hits only. An estimate depends on its own
-    path alone.
+    path alone. known: of one lamp.
     """
     total = np.zeros((len(path), lights.channels))
     if not light_sampling:
@@ -74,13 +93,13 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
         for first in range(a, b, BLOCK):
             s = slice(first, min(first + BLOCK, b))
             ends = starts(path[s].copy(), np.arange(s.stop - first), position[s].copy(), normal[s].copy())
-            _follow(model, at, lights, seed, m, ends, total[s])
+            _follow(model, at, lights, seed, m, ends, known, total[s])
 
     run_ranges(work, len(path), model.threads, BLOCK // 2)
     return total
 
 
-def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnds, total) -> None:
+def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnds, known: KnownLight, total) -> None:
     """Trace a batch of paths; overwrites `ends`."""
     world, n = model.world, len(ends.path)
     far = float(np.float32(FAR * world.size))
@@ -92,7 +111,8 @@ def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnd
         scatter(world.bsdfs, seed, m, vertex, ends, origin, direction)
         limits = np.full(n, far, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
-        n = _arrive(world, at, lights.area, lights.sky, seed, m, vertex, ends, direction, distance, face, total)
+        hits = direction, distance, face
+        n = _arrive(world, at, lights.area, lights.sky, known, seed, m, vertex, ends, *hits, total)
         ends = PathEnds(*(a[:n] for a in ends))
         vertex += 1
 
@@ -141,7 +161,7 @@ def scatter(bsdfs, seed, m, vertex, ends, origin, direction):
 
 
 @kernel
-def _arrive(world, at, lights, sky, seed, m, vertex, ends, direction, distance, face, total):
+def _arrive(world, at, lights, sky, known, seed, m, vertex, ends, direction, distance, face, total):
     """Add emission and sky at the hits; move surviving paths to the front, return their number.
 
     With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho times
@@ -171,6 +191,15 @@ def _arrive(world, at, lights, sky, seed, m, vertex, ends, direction, distance, 
         elif not world.two_sided[f]:
             continue  # the back of a one-sided face is black
         rho, glossy = world.bsdfs.albedo[f], surface.is_glossy(world.bsdfs, f)
+        if not glossy and f < len(known.least) and distance[k] > known.least[f]:
+            i = known.corner_front[f] if facing > 0.0 else known.corner_back[f]
+            x, t = ends.position[k], float(distance[k])
+            there = x[0] + t * d[0], x[1] + t * d[1], x[2] + t * d[2]
+            u, v, w = barycentric(known.points[i[0]], known.points[i[1]], known.points[i[2]], there)
+            for c in range(3):
+                E = u * known.irradiance[i[0], c] + v * known.irradiance[i[1], c] + w * known.irradiance[i[2], c]
+                total[at_row, c] += ends.throughput[k, c] * lambertian.weight(rho[c]) * E
+            continue
         largest = max(rho[0], max(rho[1], rho[2]))
         survival = 1.0 if vertex < ROULETTE_FROM and largest > 0.0 else min(largest, MOST_SURVIVAL)
         if survival < 1.0 and not (strata.uniform(seed, path, vertex, SURVIVAL, m) < survival):

@@ -1,8 +1,13 @@
-"""Irradiance at one set of poses by whole paths, with mobiles in place: on mobiles, and where they change static light.
+"""Irradiance at one set of poses by paths, with mobiles in place: on mobiles, and where they change static light.
 
 Frames know the change from photons that mobiles cut, and the light of mobiles from single bounces. At rest, paths
-replace both without bias. Each path from a static receiver is traced twice with the same random numbers, with mobiles
-and without. Its difference is 0 unless it meets a mobile. Irradiance then has two unbiased estimates:
+replace both.
+
+A path from a mobile ends in the static part's light at its first hit that is farther than its face is long. Nearer hits
+lie in the mobile's own shadow, which the corners of the face do not resolve: there and on mobiles it goes on.
+
+Each path from a static receiver is traced twice with the same random numbers, with mobiles and without. Its difference
+is 0 unless it meets a mobile. Irradiance then has two unbiased estimates:
 
     W        the mean with mobiles; good in their shadow
     G + D    static light without mobiles, plus the mean difference; good where they change little
@@ -21,7 +26,7 @@ import numpy as np
 
 from gi_core.gather import static as static_gather
 from gi_core.gather.denoise import averaged, denoise
-from gi_core.gather.path_tracer import gather
+from gi_core.gather.path_tracer import NOTHING_KNOWN, KnownLight, gather
 from gi_core.gather.point_gather import PATHS_PER_POINT
 from gi_core.gather.reference import ReferenceState, Rounds
 from gi_core.geometry.error import DARK, luminance, noise_of_truth, relative_error, small_sample_bias
@@ -36,10 +41,13 @@ from gi_core.scene.pose import to_world_at
 STREAM = 0x70E5  # separates these random numbers from those of photons and reference with the same seed
 MORE = 1.3  # growth of rounds from one result to the next
 KEPT = 8  # poses with light
+COST = 5.0  # CPU time of a path from a static receiver, traced twice, over that of a path from a mobile
 MOST = 47  # rounds until the last result: twice those that noise is sized for
 FIRST = 3  # rounds before the first result: noise after denoising is understated with fewer
 CLEARLY = 2.0  # times the noise: difference from the frame's light, which contains both errors. At sqrt(2) both are as
 # good, but noise after denoising may be understated: living_room's mobile went from 3.1 to 3.9 % at first
+FAR_OFF, SURE = 0.15, 5.0  # or a vertex of a mobile is so far off, by so many standard errors: in gallery the mean is
+# good, but five vertices at feet are 16 to 24 % off
 
 Static = tuple[np.ndarray, np.ndarray]  # irradiance (n, 3) without mobiles, standard error (n,) of its luminance [W/m2]
 
@@ -53,12 +61,18 @@ class PoseGather:
     """
 
     def __init__(
-        self, points: ReceiverPoints, at: Transforms, lights: Lights, irradiance: np.ndarray, static: np.ndarray
-    ):
-        """lights: of one lamp; irradiance (R, 3) [W/m2] of the frame at these poses, static (n, 3) without mobiles."""
+        self, points: ReceiverPoints, at: Transforms, lights: Lights, irradiance: np.ndarray, static: np.ndarray,
+        disc_area: float,
+    ):  # fmt: skip
+        """lights: of one lamp; irradiance (R, 3) [W/m2] of the frame at these poses, static (n, 3) without mobiles.
+
+        disc_area [m2]: of the frame's estimator; the corners of a larger face say little about its light.
+        """
         self._points, self.rows = points, points.changed(irradiance, static)
         self._own = irradiance[self.rows]
-        self._paths = PosePaths(points, at, lights, self.rows)
+        self._paths = PosePaths(points, at, lights, self.rows, disc_area)
+        self._static, self._change = static, irradiance[: points.static] - static
+        self._paths.end_in(irradiance[: points.static])
         mobile = self._paths.mobile
         self._classes = [of for of in (mobile, ~mobile) if of.any()]
         areas = points.model.object_receivers.areas[self.rows]
@@ -68,7 +82,8 @@ class PoseGather:
             self._weights[of] = np.where(areas[of] > 0, areas[of], mean) / (mean * of.sum())
         light = luminance(self._own)
         dark = max(DARK * light.sum() / max(len(light), 1), 1e-300)
-        relative = self._weights / np.maximum(light, dark)  # distributes paths: the feet of mobiles are dark
+        # Paths are distributed by relative error, as feet are dark, and to each vertex of a mobile alike.
+        relative = np.where(mobile, 1.0 / max(mobile.sum(), 1), self._weights / COST) / np.maximum(light, dark)
         state = ReferenceState.empty(len(self.rows), channels=6)
         self._rounds = Rounds(
             self._paths.traced, _steadier, relative, state, static_gather.ROUNDS, self._paths.smoothed
@@ -97,8 +112,15 @@ class PoseGather:
                 self._seen = done
                 yield from self._result(static())
             else:
+                self._know(static())
                 self._rounds.step()
                 yield False
+
+    def _know(self, static: Static | None) -> None:
+        """Let the next paths from mobiles end in this light of the static part, changed by mobiles as at first."""
+        if static is not None and static[0] is not self._static:
+            self._static = static[0]
+            self._paths.end_in(np.maximum(self._static + self._change, 0.0))
 
     def _result(self, static: Static | None) -> Iterator[bool | None]:
         p, s, near = self._points, self._rounds.state, self._paths.near
@@ -110,7 +132,9 @@ class PoseGather:
             left = found.share * noise_of_truth(error, mean, self._weights, of)
             own = relative_error(self._own, found.irradiance, self._weights, of).l1
             shown[of], deviation[of] = found.irradiance[of], found.share * deviation[of]
-            used |= of & (own > CLEARLY * left)
+            off = np.abs(luminance(self._own - found.irradiance))
+            far_off = off > np.maximum(FAR_OFF * luminance(found.irradiance), SURE * deviation)
+            used |= of & ((own > CLEARLY * left) | (far_off & of & self._paths.mobile).any())
             most = max(most, left)
         self.mean, self.deviation, self.used, self.left = shown, deviation, used, most
         yield bool(used.any())
@@ -119,25 +143,37 @@ class PoseGather:
 class PosePaths:
     """Paths from some receivers at one set of poses. No part of a reference cycle, as it holds the scene."""
 
-    def __init__(self, points: ReceiverPoints, at: Transforms, lights: Lights, rows: np.ndarray):
-        """lights: of one lamp; rows (n,): receivers."""
+    def __init__(self, points: ReceiverPoints, at: Transforms, lights: Lights, rows: np.ndarray, disc_area: float):
+        """lights: of one lamp; rows (n,): receivers; disc_area [m2]: paths do not end on larger faces."""
         self._points, self._at, self._lights, self._rows = points, at, lights, rows
         self.mobile, self.near = rows >= points.static, points.near_rows(rows)
+        self._disc_area, self._known = disc_area, NOTHING_KNOWN
+
+    def end_in(self, static: np.ndarray) -> None:
+        """Let paths from mobiles end in this irradiance (n, 3) [W/m2] of the static part, mobiles in place."""
+        s, faces = self._points.model.surfaces, self._points.model.surfaces.face_range(0)
+        front, back = s.corner_front[faces], s.corner_back[faces]
+        black = ~(static > 0).any(axis=1)  # inside another object
+        unknown = black[front].any(axis=1) | (s.two_sided[faces] & black[back].any(axis=1))
+        unknown |= s.areas[faces] > self._disc_area
+        least = np.where(unknown, np.inf, self._points.face_lengths)
+        self._known = KnownLight(self._points.model.object_receivers.positions, front, back, static, least)
 
     def traced(self, rows: np.ndarray, first: int, count: int, m: int, stream: int) -> np.ndarray:
         """Return estimates (rows, count, 6): irradiance with mobiles, and that less the one without (0 on mobiles)."""
         p, receivers = self._points, self._rows[rows]
         path = receivers[:, None] * PATHS_PER_POINT + first + np.arange(count)
         positions, normals = p.at(receivers, self._at)
-        out = np.zeros((len(rows), count, 6))
-        for of, at in ((slice(None), self._at), (~self.mobile[rows], p.model.static)):
+
+        def irradiance(of: np.ndarray, at: Transforms, known: KnownLight = NOTHING_KNOWN) -> np.ndarray:
             start = (np.repeat(a[of], count, axis=0) for a in (positions, normals))
-            E = gather(p.model, at, self._lights, p.seed ^ (stream << 24), path[of].reshape(-1), *start, m=m)
-            E = E.reshape(-1, count, 3)
-            if at is self._at:
-                out[..., :3] = E
-            else:
-                out[of, :, 3:] = out[of, :, :3] - E
+            given = p.seed ^ (stream << 24), path[of].reshape(-1), *start
+            return gather(p.model, at, self._lights, *given, m=m, known=known).reshape(-1, count, 3)
+
+        out, mobile = np.zeros((len(rows), count, 6)), self.mobile[rows]
+        out[mobile, :, :3] = irradiance(mobile, self._at, self._known)
+        out[~mobile, :, :3] = irradiance(~mobile, self._at)
+        out[~mobile, :, 3:] = out[~mobile, :, :3] - irradiance(~mobile, p.model.static)
         return out
 
     def smoothed(self, pilot: np.ndarray) -> np.ndarray:
@@ -193,6 +229,13 @@ class ReceiverPoints:
         return points + ORIGIN_LIFT * self.model.world.size * normals, normals
 
     @cached_property
+    def face_lengths(self) -> np.ndarray:
+        """Longest edge (F,) of each static face [m]."""
+        s = self.model.surfaces
+        corners = self.model.object_receivers.positions[s.corner_front[s.face_range(0)]]
+        return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+
+    @cached_property
     def _corners(self) -> np.ndarray:
         return np.concatenate([self.model.corners(o) for o in range(self.model.surfaces.objects)])
 
@@ -236,8 +279,9 @@ class PoseGathers:
         return self._kept.get(_key(at, levels), (0, None))[1]
 
     def begin(
-        self, at: Transforms, levels: np.ndarray, photons: int, irradiance: np.ndarray, static: np.ndarray
-    ) -> PoseGather:
+        self, at: Transforms, levels: np.ndarray, photons: int, irradiance: np.ndarray, static: np.ndarray,
+        disc_area: float,
+    ) -> PoseGather:  # fmt: skip
         """Return the light at poses and levels, begun now if necessary; arguments as for PoseGather.
 
         photons: of the frame. Light that is not yet used begins again with the frame of another number of photons.
@@ -246,7 +290,7 @@ class PoseGathers:
         had, gather = self._kept.pop(key, (0, None))
         if gather is None or not (gather.used.any() or had == photons):
             lights = self._points.model.lights_at(levels)
-            had, gather = photons, PoseGather(self._points, at, lights, irradiance, static)
+            had, gather = photons, PoseGather(self._points, at, lights, irradiance, static, disc_area)
         self._kept = dict([*self._kept.items(), (key, (had, gather))][-KEPT:])
         return gather
 

@@ -13,9 +13,9 @@ from gi_core.gather import pose_gather, static
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance, relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
-from gi_core.scene import Pose
+from gi_core.scene import Mobile, Pose, Scene
 from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, coloured_room
+from tests.support.scene_builders import box, box_mobile, coloured_room, grey, lamp, merge, quad
 
 pytestmark = pytest.mark.slow
 
@@ -160,3 +160,31 @@ def test_gathering_ends_after_the_most_rounds(monkeypatch):
     light = gather_pose(solver)
     assert light.enough and light.fraction == 1.0 and light._rounds.state.rounds == 6
     assert np.array_equal(solver.irradiance, solver.from_scratch())
+
+
+def room_of_indirect_light() -> Scene:
+    """A room of fine walls, lit by a lamp that shines at its ceiling, and a fine box on its floor."""
+    walls = box((0, 0, 0), (1, 1, 1), 12, 0, inward=True)
+    uplight = quad((0.05, 0.05, 0.5), (0.2, 0, 0), (0, 0.2, 0), (1, 1), 1)
+    thing = Mobile("box", box((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1), 10), ON_FLOOR)
+    return Scene(merge(walls, uplight), (grey(0.6), lamp(10.0)), (thing,), up=(0.0, 0.0, 1.0), name="indirect")
+
+
+def test_no_vertex_is_far_off_in_the_first_light_of_a_pose():
+    """Whole paths to a lamp that mobiles do not see took five times as long to light them."""
+    solver = Solver(room_of_indirect_light(), photons=100_000, radius=0.06, light="best", threads=2)
+    solver.solve()
+    first = solver.surfaces.receiver_range(0).stop
+    points, normals = evaluation_points(solver.surfaces, solver.receivers)
+    side = (normals[:, 2] > -0.5) & (points[:, 2] < 0.1)
+    rows = first + np.flatnonzero(side[first:])[::2]
+    truth, error = (luminance(a) for a in reference(solver, rows, 9000))
+    assert len(rows) > 80 and (error / truth).max() < 0.04
+
+    def worst() -> float:
+        return float(np.abs(luminance(solver.irradiance[rows]) / truth - 1).max())
+
+    before = worst()
+    for _, _ in zip(range(220), solver.gather_pose_steps(), strict=False):
+        pass
+    assert before > 0.15 > worst()
