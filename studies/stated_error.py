@@ -43,7 +43,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="+")
     parser.add_argument("--points", type=int, default=400, help="receivers of the truth")
-    parser.add_argument("--noise", type=float, default=1.5, help="of the truth [%%]")
+    parser.add_argument("--noise", type=float, default=0.5, help="of the truth [%%]")
     parser.add_argument("--cpu", type=float, default=300.0, help="seconds of gathering per scene")
     asked = parser.parse_args()
     for scene in asked.scenes:

@@ -19,7 +19,7 @@ from gi_core.gather.denoise import denoise
 from gi_core.gather.final_gather import FinalGather
 from gi_core.gather.reference import ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import ReferenceSample, draw_by_area, gather_until
-from gi_core.geometry.error import luminance
+from gi_core.geometry.error import luminance, small_sample_bias
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.lights.mix import sum_of_lamps
@@ -29,7 +29,8 @@ ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation th
 LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
 ROUNDS = 24  # until 1 % noise; the first noise is known after two
 SAMPLE = 512  # receivers, drawn by area, that measure the error of phase 1 ...
-SAMPLE_NOISE = 2.5  # ... by paths of so many times its noise
+SAMPLE_NOISE = 1.0  # ... by paths of so many times its noise
+GROUPS = 8  # of receivers whose paths are alike in noise
 SAMPLE_STREAM = 0x5A3B  # separates their random numbers from those of phase 2
 
 LIGHT = (
@@ -54,6 +55,21 @@ class ErrorSample(NamedTuple):
     def reference(self) -> ReferenceSample:
         s = self.rounds.state
         return ReferenceSample(self.rows, self.times, s.mean, s.noise(self.times), 1.0)
+
+    def error(self, E: np.ndarray) -> float:
+        """Return the relative l1 error of irradiance E (R, 3) without the sample's noise.
+
+        Squares of noise are subtracted in GROUPS of like noise. If subtracted from all at once, noise of few receivers
+        would hide little of the error of the others, and twice the error would be left.
+        """
+        s, w = self.rounds.state, self.times
+        truth = luminance(s.mean[:, :3])
+        off = w * np.abs(luminance(E[self.rows]) - truth)
+        deviation = w * luminance(s.standard_error[:, :3]) / small_sample_bias(s.sets)
+        groups = np.array_split(np.argsort(deviation / w), GROUPS)
+        squares = [off[g].sum() ** 2 - 2 / math.pi * deviation[g].sum() ** 2 for g in groups]
+        light = float((w * truth).sum())
+        return float(np.sqrt(np.maximum(squares, 0.0)).sum()) / light if light > 0 else 0.0
 
 
 def _unbiased(E: np.ndarray, noise: float) -> Generator[bool, None, float]:
@@ -151,9 +167,7 @@ class StaticGather:
                 found = f.per_lamp, f.standard_error, f.lamp_error, f.noise
                 yield from self._take_over(*found, self._measure)
             measured = new and self._sample is not None  # else the light before has less noise
-            if not f.noise > LOW * ENOUGH or (
-                measured and self._sample.reference.error(f.mean) > math.sqrt(2) * f.noise
-            ):
+            if not f.noise > LOW * ENOUGH or (measured and self._sample.error(f.mean) > math.sqrt(2) * f.noise):
                 return
 
     def _measure(self, E: np.ndarray, noise: float) -> Generator[bool, None, float]:
@@ -168,7 +182,7 @@ class StaticGather:
         for _ in gather_until(s.rounds, s.times, SAMPLE_NOISE * noise):
             yield False
         # The error of the total is known best, as noise averages out there; the rest is only known to a part.
-        return max(s.reference.error(E), math.hypot(noise, s.reference.relative_total(E) - 1.0))
+        return max(s.error(E), math.hypot(noise, s.reference.relative_total(E) - 1.0))
 
     def _whole_paths(self) -> Iterator[bool | None]:
         given = self._model.scene, *self._points, self._seed, self._paid

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from gi_core.gather.reference import ReferenceState
 from gi_core.gather.reference_sample import draw_by_area, gather_sample
+from gi_core.gather.static import ErrorSample
 from gi_core.solver import Solver
 from tests.support.scene_builders import classroom
 
@@ -31,3 +35,21 @@ def test_stated_error_is_the_true_one_and_the_mean_is_right():
     assert len(stated) > 4 and max(true) > 0.04
     assert stated == pytest.approx(true, rel=1 / 3)
     assert truth.relative_total(solver.irradiance) == pytest.approx(1, abs=0.01)
+
+
+def test_noise_of_few_receivers_hides_no_error_of_the_others():
+    """A quarter of the receivers has nearly all noise of the sample, the others have the error."""
+    n, sets, found = 256, 8, []
+    noisy = np.arange(n) % 4 == 0
+    right, times = np.ones((n, 3)), np.ones(n)
+    E = right + 0.02 * np.where(np.arange(n) % 8 < 4, 1.0, -1.0)[:, None] * ~noisy[:, None]
+    for seed in range(20):
+        chance = np.random.default_rng(seed).standard_normal((sets, n, 1)) * np.where(noisy, 0.2, 0.01)[:, None]
+        squares = np.repeat(((chance - chance.mean(axis=0)) ** 2).sum(axis=0), 3, axis=1)
+        state = ReferenceState.empty(n)._replace(
+            sets=np.full(n, sets, np.int32), mean=right + chance.mean(axis=0), squares=squares
+        )
+        found.append(ErrorSample(np.arange(n), times, SimpleNamespace(state=state)))
+    true = 0.75 * 0.02
+    assert np.mean([s.error(E) for s in found]) == pytest.approx(true, rel=1 / 3)
+    assert np.mean([s.reference.error(E) for s in found]) > 4 / 3 * true, "noise subtracted from all at once"
