@@ -20,7 +20,7 @@ test *options:
 
 # Tests of the physics where embreex cannot be imported: rays are traced by bvh
 without-embreex *options:
-    PYTHONPATH={{justfile_directory()}}/tests/support/no_embreex {{python}} -m pytest tests/physics tests/unit/rays {{options}}
+    GI_EVERY_STRUCTURE=1 PYTHONPATH={{justfile_directory()}}/tests/support/no_embreex {{python}} -m pytest tests/physics tests/unit/rays {{options}}
 
 # Style, package order and types, as CI checks them
 lint:

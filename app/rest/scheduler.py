@@ -44,6 +44,8 @@ class RestWork:
         self._wants = Wants(settings.measure_errors, REFERENCE in settings.beside_estimate, other)
         unknown = math.isinf(self.gathering.progress.error) and GATHERING not in self.given_up
         gathering = (self.next_static,) * FIRST_TURNS if unknown else (self.next_static, self._gather_at_poses)
+        if settings.plane is None:
+            self.plane.next_work(None)  # its light goes at once, whichever job has its turn
         plane: Callable[[], Task | None] = functools.partial(self._measure_plane, settings.plane)
         jobs = [*gathering, plane, self._measure_errors, plane]  # two turns: the user waits for its numbers
         self._turn += 1
