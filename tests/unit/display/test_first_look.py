@@ -18,7 +18,7 @@ def test_light_of_a_first_look_is_close_to_the_reference():
     model = Model(scene)
     receivers = model.receivers_at(model.start_poses())
     points, normals = evaluation_points(model.surfaces, receivers)
-    truth, _ = reference_irradiance(scene, points, normals, 1 << 12, 1, model=model)
+    truth, _ = reference_irradiance(scene, points, normals, 1 << 10, 1, model=model)
     level = 0.25
     found = list(first_looks(scene, model, np.full((1, 3), level), 0))
     seen = np.minimum(*(1.0 if drawn.weights is None else drawn.weights for drawn in found)) == 1.0
