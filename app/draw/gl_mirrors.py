@@ -76,7 +76,7 @@ class GLMirrors:
         return bool(self._placed)
 
     def forget(self) -> None:
-        """Draw the probes anew: the light has changed."""
+        """Forget the probes: the light has changed, so the next picture draws them again."""
         self._key = None
 
     def draw(

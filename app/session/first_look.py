@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -38,8 +38,8 @@ class FirstLook(NamedTuple):
     gains: Gains
 
 
-def start(settings: Settings, surfaces: str) -> subprocess.Popen:
-    """Start the process; its standard output brings records, its standard input must stay open."""
+def start(settings: Settings, surfaces: str, errors: IO) -> subprocess.Popen:
+    """Start the process; its standard output brings records, its standard input must stay open; errors: a file."""
     import app
 
     process = subprocess.Popen(
@@ -47,7 +47,7 @@ def start(settings: Settings, surfaces: str) -> subprocess.Popen:
         cwd=Path(app.__file__).parent.parent,  # for `-m` to find app, installed or not
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
+        stderr=errors,
         creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
     )
     pickle.dump((settings, surfaces), process.stdin)

@@ -110,7 +110,7 @@ class Opening:
         meter, started = compile_ahead.Meter(surfaces), time.perf_counter()
         options = [compile_ahead.ALONE, compile_ahead.OF, surfaces]
         options += [compile_ahead.RAYS, self.settings.rays] if self.settings.rays else []
-        with tempfile.TemporaryFile("w+") as errors:
+        with tempfile.TemporaryFile("w+") as errors, tempfile.TemporaryFile("w+") as look_errors:
             compiler = subprocess.Popen(
                 [sys.executable, "-m", "gi_core.instruments.compile_ahead", *options],
                 cwd=Path(gi_core.__file__).parent.parent,  # for `-m` to find gi_core, installed or not
@@ -119,19 +119,19 @@ class Opening:
                 text=True,
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
             )
-            looking = first_look.start(self.settings, surfaces)
+            looking = first_look.start(self.settings, surfaces, look_errors)
             self._processes = compiler, looking
             threading.Thread(target=self._receive, args=(looking.stdout,), name="first look", daemon=True).start()
             while compiler.poll() is None:
                 self.fraction = meter.fraction
                 self.detail = _time_left(time.perf_counter() - started, self.fraction)
                 time.sleep(POLL)
+            if looking.poll() and self._load is open_scene:  # other scenes have no file to look at
+                self.warnings.append(f"the first look failed: {_last_line(look_errors, looking.returncode)}")
             looking.kill()
             if compiler.returncode and not self._cancelled:
                 # Not fatal: the kernels are then compiled at their first use, with a pause.
-                errors.seek(0)
-                last = (errors.read().strip().splitlines() or [f"exit code {compiler.returncode}"])[-1]
-                self.warnings.append(f"compiling ahead failed: {last}")
+                self.warnings.append(f"compiling ahead failed: {_last_line(errors, compiler.returncode)}")
         self._processes, self.detail = (), ""
         self._stop_if_cancelled()
 
@@ -175,6 +175,12 @@ class Opening:
     def _stop_if_cancelled(self) -> None:
         if self._cancelled:
             raise RuntimeError("cancelled")
+
+
+def _last_line(errors: IO[str], code: int) -> str:
+    """Return the last line of a process's errors, else its exit code."""
+    errors.seek(0)
+    return (errors.read().strip().splitlines() or [f"exit code {code}"])[-1]
 
 
 def _time_left(seconds: float, fraction: float) -> str:
