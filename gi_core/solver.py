@@ -171,7 +171,7 @@ class Solver:
         """Put several mobiles at new poses and update irradiance once.
 
         photons: one of `prefixes`, None: all; paths: per receiver of a mobile, where its light is gathered, one of
-        `gi_core.frames.light_source.PATHS`, None: 64; stop: called after each stage; where it is True, Interrupted
+        `gi_core.frames.light_source.PATHS`, None: 64; stop: called every few ms; where it is True, Interrupted
         (`gi_core.frames.progress`) breaks off the move. Raises SceneError for a name that no mobile has, a pose that is
         not rigid, and any other number of photons or paths. A move that any exception breaks off has not been made.
         """

@@ -50,8 +50,9 @@ class Gizmo:
             self._end(session)
             return
         o = 1 + session.model.names.index(name)
-        pose, origin = session.poses[name], session.model.origins[0]
-        points = session.model.vertices_at(o, session.poses)
+        poses = session.poses if self._held else session.light.snapshot.poses  # those of the picture
+        pose, origin = poses[name], session.model.origins[0]
+        points = session.model.vertices_at(o, poses)
         middle = (points.min(axis=0) + points.max(axis=0)) / 2 if not self._held else self._middle
         at = np.eye(4)
         at[:3, :3], at[:3, 3] = rotation(pose), middle - origin

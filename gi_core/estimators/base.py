@@ -8,7 +8,7 @@ Order of use: `build()` once; `add_background()` with the next photons and `prep
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Protocol
 
 import numpy as np
@@ -82,10 +82,11 @@ class Estimator(Protocol):
         mobiles: whether receivers on mobiles are estimated; False where they are path traced.
         """
 
-    def evaluate(self, frame: PoseChange) -> Evaluated:
+    def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
         """Return sums (R, 3 G), areas (R,) and changes at the frame's poses, from the photon subset `frame.photons`.
 
-        Valid until the next call. A call that raises has no effect on the next one.
+        Valid until the next call. A call that raises has no effect on the next one. pause: called every few ms; what
+        it raises leaves the call.
         """
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> Evaluated:

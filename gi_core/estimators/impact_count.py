@@ -6,7 +6,7 @@ their area. A hit therefore adds to the three receivers of its face on the side 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
@@ -97,13 +97,14 @@ class ImpactCount:
         """Return the needs of a frame: path changes only."""
         return Wanted.changes(self.model, mobiles)
 
-    def evaluate(self, frame: PoseChange) -> Evaluated:
+    def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
         """Return the frame's sums and areas, valid until the next call."""
         added, new_suffixes = self._frame.added[0], self._frame.new_suffixes[0]
         t = frame.removed_suffixes
         paths, removed = t.paths, (t.photon, t.vertex, *self._corners)
         try:
             _take_out(paths.side, paths.flux, paths.lamp, paths.offsets, *removed, added.flux, added.touched)
+            pause()
             self._deposit(frame.kept_prefixes, 1, added)
             self._deposit(frame.new_suffixes, 1, new_suffixes)
             return self._frame.collect(self.background(frame.photons)[0], self.area, frame.kept_prefixes)

@@ -17,7 +17,7 @@ hits lie on the other wall.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -118,7 +118,7 @@ class PhotonMap:
         """Return the needs of a frame: path changes only."""
         return Wanted.changes(self.model, mobiles)
 
-    def evaluate(self, frame: PoseChange) -> Evaluated:
+    def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
         """Return the frame's sums and areas."""
         background = self.prefixes[frame.photons]
         changed = [self._hits(s, frame.at) for s in (frame.kept_prefixes, frame.new_suffixes)]
@@ -142,7 +142,11 @@ class PhotonMap:
         try:
             background.cut_bounce[frame.removed_suffixes.photon] = frame.removed_suffixes.bounce
             grids = background.grid, added
-            sums[rows], area[rows], _ = self._query(rows, points, normals, grids, background.cut_bounce)
+            for first in range(0, len(rows), QUERY_STEP):
+                pause()
+                some = slice(first, first + QUERY_STEP)
+                given = rows[some], points[some], normals[some], grids, background.cut_bounce
+                sums[rows[some]], area[rows[some]], _ = self._query(*given)
         finally:
             background.cut_bounce[frame.removed_suffixes.photon] = NEVER
         changed = np.zeros(chunks_of(len(sums)), bool)

@@ -9,7 +9,7 @@ control estimates stale receivers in the same way: those whose regions a mobile 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +40,7 @@ from gi_core.retrace.cuts import PoseChange, Wanted, split_at_cuts
 from gi_core.retrace.removed_suffixes import RemovedSuffixes
 
 LINE_GRAIN = 1024  # segments per thread
+PIECE = 1 << 15  # segments between two pauses of evaluate()
 
 
 class SegmentBatch(NamedTuple):
@@ -129,7 +130,7 @@ class TangentPlane:
         """Return the segments that a frame at these poses needs; `mobiles`: for the light of mobiles too."""
         return self._contact.wanted(at, mobiles)
 
-    def evaluate(self, frame: PoseChange) -> Evaluated:
+    def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
         """Return the frame's sums and areas, valid until the next call."""
         added, removed_suffixes = self._frame.added, frame.removed_suffixes
         batches = [SegmentBatch(0, frame.new_suffixes, 1, self._frame.new_suffixes)]
@@ -142,7 +143,7 @@ class TangentPlane:
         contacts = self._contact.contacts_at(frame.at, mobiles=bool(frame.near_mobiles))
         try:
             with self._contact.regions_of(contacts):
-                self._accumulate(batches, frame.at, removed_suffixes)
+                self._accumulate(batches, frame.at, removed_suffixes, pause)
             rows, stale = self._contact.static_sums([frame.near_boxes], frame.at, contacts)
             added[0].touched[rows >> CHUNK_BITS] = True
             out = self._frame.collect(self.prefixes[frame.photons], self._areas_of(contacts), frame.kept_prefixes)
@@ -183,12 +184,21 @@ class TangentPlane:
         return Evaluated.of_all(sums, areas, new_flux, cut)
 
     def _accumulate(
-        self, batches: list[SegmentBatch], at: Transforms, removed_suffixes: RemovedSuffixes | None = None
-    ) -> None:
-        """Accumulate batches, and subtract removed suffixes from the frame's sums.
+        self, batches: list[SegmentBatch], at: Transforms, removed_suffixes: RemovedSuffixes | None = None,
+        pause: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
+        """Accumulate batches, and subtract removed suffixes from the frame's sums, with a pause after each PIECE.
 
         Each thread takes its share of each batch, so that all threads end at about the same time.
         """
+        for piece in _pieces(batches):
+            self._accumulate_piece(piece, at, removed_suffixes)
+            removed_suffixes = None
+            pause()
+
+    def _accumulate_piece(
+        self, batches: list[SegmentBatch], at: Transforms, removed_suffixes: RemovedSuffixes | None
+    ) -> None:
         threads = min(self.model.threads, 1 + sum(batch.segments.size for batch in batches) // LINE_GRAIN)
 
         def work(part, *_):
@@ -213,3 +223,18 @@ class TangentPlane:
         if segments.size and len(sums.flux):
             ready = lines(segments, at.rotation[o], at.position[o], self.model, self.radius)
             search.accumulate(ready, sign, sums, part, parts)
+
+
+def _pieces(batches: list[SegmentBatch]) -> Iterator[list[SegmentBatch]]:
+    """Split batches into lists of at most PIECE segments each; at least one list."""
+    piece: list[SegmentBatch] = []
+    room = PIECE
+    for batch in batches:
+        for first in range(0, batch.segments.size, PIECE):
+            part = batch._replace(segments=Segments(*(a[first : first + PIECE] for a in batch.segments)))
+            if part.segments.size > room:
+                yield piece
+                piece, room = [], PIECE
+            piece.append(part)
+            room -= part.segments.size
+    yield piece

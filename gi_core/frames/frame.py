@@ -6,6 +6,7 @@ frame, so it cannot drift. Receivers on mobiles: from all segments near them, or
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -126,7 +127,7 @@ class Frame(NamedTuple):
 class StageTimer:
     """Call it with the name of a stage when that stage ends; `seconds` sums the time per name.
 
-    Raises Interrupted at the end of a stage if `stop` returns True.
+    A stage may call it in between, too. Raises Interrupted if `stop` returns True.
     """
 
     def __init__(self, stop: Callable[[], bool] | None = None) -> None:
@@ -154,7 +155,7 @@ def next_frame(
     """Return the frame of a background at poses, from `size.photons` of its photons.
 
     shown: a frame at the same poses, whose sums are used again if they still exist. room: buffers that the frame's path
-    changes stay in, until the next frame overwrites them; stop: called after each stage. Raises Interrupted where
+    changes stay in, until the next frame overwrites them; stop: called every few ms. Raises Interrupted where
     `stop` returns True.
     """
     model, store, estimate, clock = b.model, b.store, b.estimate, StageTimer(stop)
@@ -169,7 +170,8 @@ def next_frame(
             wanted = wanted._replace(mobiles=True, reach=max(wanted.reach, cells.radius))
         clock("contact")
         changed = change(model, paths, coarse, at, store.seed, wanted, room, clock)
-        evaluated = b.evaluated = estimate.evaluate(changed._replace(near_mobiles=()) if size.paths else changed)
+        needed = changed._replace(near_mobiles=()) if size.paths else changed
+        evaluated = b.evaluated = estimate.evaluate(needed, functools.partial(clock, "estimate"))
         clock("estimate")
     E = _controlled(b, source, evaluated, size.photons) if size.photons else np.zeros((len(evaluated.area), 3))
     clock("read out")

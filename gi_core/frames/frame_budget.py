@@ -16,8 +16,7 @@ from gi_core.frames.light_source import PATHS, REST, FrameSize
 REMEMBERED = 9  # frames per size, whose median counts
 TIMED = 3  # frames timed per photon subset at rest: one of them may be disturbed by other load
 GATHERING = 0.5  # share of the budget, if mobiles gather their light
-FEWEST = 16  # a subset of 1/16 has four times the noise; smaller subsets are useless ...
-LEAST = 1 << 14  # ... and so are subsets of fewer photons: each cut photon leaves a dark blot
+LEAST = 1 << 14  # photons: of fewer, each cut photon leaves a dark blot
 FAR = 1.5  # times the budget: longer frames are late
 IN_A_ROW = 4  # late frames before fewer photons are used: one or two are disturbances
 
@@ -129,4 +128,4 @@ class FrameBudget:
 
 def good_enough(prefixes: Sequence[int]) -> list[int]:
     """Return the photon subsets with acceptable noise."""
-    return [n for n in prefixes if FEWEST * n >= prefixes[-1] and n >= min(LEAST, prefixes[-1])]
+    return [n for n in prefixes if n >= min(LEAST, prefixes[-1])]

@@ -14,4 +14,4 @@ class Progress(NamedTuple):
 
 
 class Interrupted(Exception):
-    """A frame was broken off between two stages, because its result is no longer wanted."""
+    """A frame was broken off, because its result is no longer wanted."""

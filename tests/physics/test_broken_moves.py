@@ -11,6 +11,8 @@ import pytest
 
 import gi_core
 from gi_core.base.threads import run_ranges
+from gi_core.estimators import photon_map, tangent_plane
+from gi_core.estimators.tangent_plane import TangentPlane
 from gi_core.frames.light_source import LIGHTS
 from gi_core.frames.progress import Interrupted
 from gi_core.scene.pose import axis_angle
@@ -93,14 +95,24 @@ def test_interrupted_move_changes_nothing(estimator, light):
 
 
 @pytest.mark.parametrize("light", LIGHTS)
-def test_frame_stopped_between_stages_changes_nothing(estimator, light):
+def test_frame_stopped_at_any_place_changes_nothing(estimator, light, monkeypatch):
     """In a move, and in a solve that may then go on with more photons."""
-    solver = solved(estimator, light)
-    for stages in range(5):
-        asked, before = iter(range(stages)), seen(solver)
+    monkeypatch.setattr(tangent_plane, "PIECE", 500)
+    monkeypatch.setattr(photon_map, "QUERY_STEP", 64)
+    solver, asked = solved(estimator, light), []
+    solver.move_all(NEXT, stop=lambda: asked.append(True))
+    light_there = solver.irradiance
+    assert len(asked) > 6 + 2 * (estimator != "impact_count")
+    solver.move("block", THERE)
+    for places in range(len(asked)):
+        left, before = iter(range(places)), seen(solver)
         with pytest.raises(Interrupted):
-            solver.move_all(NEXT, stop=lambda asked=asked: next(asked, None) is None)
+            solver.move_all(NEXT, stop=lambda left=left: next(left, None) is None)
         assert seen(solver) == before
+    solver.move_all(NEXT)
+    assert np.array_equal(solver.irradiance, light_there)
+    solver.move("block", THERE)
+    before = seen(solver)
     solver.configure(photons=4000)
     for _ in range(2):
         with pytest.raises(Interrupted):
@@ -109,6 +121,21 @@ def test_frame_stopped_between_stages_changes_nothing(estimator, light):
     solver.move("block", START)
     solver.solve()
     assert solver.frame.photons == 4000 and np.array_equal(solver.irradiance, solver.from_scratch())
+
+
+def test_a_drag_waits_for_few_segments(monkeypatch):
+    """The estimate of 1.5 million photons lasts a tenth of a second: a frame may be stopped within it."""
+    monkeypatch.setattr(tangent_plane, "PIECE", 500, raising=False)
+    solver, between, accumulate = solved("tangent_plane"), [0], TangentPlane._accumulate_part
+
+    def counted(self, o, segments, *others):
+        between[-1] += segments.size
+        accumulate(self, o, segments, *others)
+
+    monkeypatch.setattr(TangentPlane, "_accumulate_part", counted)
+    solver.move_all(NEXT, stop=lambda: between.append(0))
+    assert sum(between) > 2000 and max(between) <= 500
+    assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
 def test_move_before_tracing_sets_poses_alone():

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from app.session.log import ERROR
 from app.session.session import STILL, Session
 from gi_core.frames.frame_budget import IN_A_ROW, FrameBudget
 from gi_core.frames.light_source import FrameSize
+from gi_core.model import Model
 from gi_core.scene import Pose
 from tests.support import viewer_support as support
 
@@ -255,6 +257,28 @@ def test_esc_breaks_off_the_frame_of_its_drag():
     assert not [entry for entry in s.log.entries if entry.level == ERROR]
 
 
+@pytest.mark.parametrize("action", ["drag", "undo", "Esc"])
+def test_the_outline_stays_with_the_object_on_show(action):
+    """The object, its light and its outline have the poses of the picture, not those that are waited for."""
+    s = make(budget=50.0, photon_seconds=300e-6, step_seconds=0.1)
+    s.model = Model(s.scene)
+    s.begin_drag()
+    drag(s, 3)
+    if action == "undo":
+        s.end_drag()
+        for _ in range(200):
+            frame(s)
+    elif action == "drag":
+        s.move({"block": Pose((0.5, 0.3, 0.5))})
+    {"drag": lambda: None, "undo": s.undo, "Esc": lambda: s.end_drag(keep=False)}[action]()
+    waited = 0
+    while s.pose_list != [s.poses["block"]]:
+        assert np.array_equal(s.models()[1][:3, 3], s.light.snapshot.poses["block"].position)
+        waited += 1
+        frame(s)
+    assert waited and np.array_equal(s.models()[1][:3, 3], s.poses["block"].position)
+
+
 def test_repeated_undo_shows_pictures():
     """Each frame begins a motion; if the next undo broke it off, a held key would show nothing."""
     s = make(budget=50.0, photon_seconds=300e-6, step_seconds=0.05)
@@ -315,6 +339,7 @@ def test_prefix_never_falls_below_the_fewest_photons(monkeypatch):
     monkeypatch.setattr("gi_core.frames.frame_budget.LEAST", 1 << 14)
     for prefixes, enough in (
         ((4_096, 65_536, 131_072, 1_000_000), 65_536),
+        ((8_192, 16_384, 65_536, 131_072, 1_500_000), 16_384),
         ((4_096, 8_192, 16_384, 20_000), 16_384),
         ((4_096, 5_000), 5_000),
         ((1000,), 1000),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import pytest
@@ -68,7 +68,7 @@ class Toy:
     def wanted(self, at: Transforms, mobiles: bool) -> Wanted:
         return Wanted.changes(self.model, mobiles)
 
-    def evaluate(self, frame: PoseChange) -> Evaluated:
+    def evaluate(self, frame: PoseChange, pause: Callable[[], None] = lambda: None) -> Evaluated:
         sums = self._sums_of(frame.kept_prefixes, frame.new_suffixes) - self._sums_of(frame.removed_suffixes.segments())
         sums[self.model.surfaces.receiver_range(0)] += self.prefixes[frame.photons]
         return self._read(sums)
