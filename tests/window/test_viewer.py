@@ -280,14 +280,16 @@ def test_unwritable_config_folder_disables_window_settings(monkeypatch, folder):
 
 
 def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):
-    """Between two events the window waits; each event makes one frame, and no frame makes a picture."""
+    """Between two events the window waits; each event makes one frame, and no frame a picture or a job."""
     from app.draw.renderer import Renderer
+    from app.session.solver_thread import Solving
 
-    waits, viewers, draws, draw = [], [], [], Renderer.draw
+    waits, viewers, draws, jobs, draw, begin = [], [], [], [], Renderer.draw, Solving._begin
     monkeypatch.setattr(Renderer, "draw", lambda self, look: (draws.append(look), draw(self, look)))
+    monkeypatch.setattr(Solving, "_begin", lambda self, job: (jobs.append(job), begin(self, job)))
 
     def wait(seconds: float) -> bool:
-        waits.append((viewers[0].frames, len(draws)))
+        waits.append((viewers[0].frames, len(draws), len(jobs), seconds))
         return len(waits) % 50 == 0
 
     def script(hand, viewer):
@@ -298,9 +300,11 @@ def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):
         viewer.may_sleep = True
         hand.ctx.yield_(4)
         viewer.may_sleep = False
-        frames = [frames for frames, _ in waits]
+        frames, drawn, begun, seconds = zip(*waits, strict=True)
         assert len(waits) >= 150 and all(frames.count(n) == 50 for n in set(frames[:150]))
-        assert draws and len({drawn for _, drawn in waits}) == 1
+        assert draws and jobs and len(set(drawn)) == 1
+        assert len(set(zip(frames, begun, strict=True))) == len(set(frames)), "work without an event"
+        assert min(seconds) > 0.1, "waits of 0 s would use a core"
         hand.press(keys().space)
         viewer.may_sleep = True
         count = len(waits)
