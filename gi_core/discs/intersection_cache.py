@@ -7,20 +7,21 @@ them up instead of searching. An entry takes eight bytes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.jit import allocating, kernel
 from gi_core.photons.flux_sums import CHUNK_BITS, IntersectionLog, Sums
-from gi_core.photons.paths import Segments, grown
+from gi_core.photons.paths import Segments
 from gi_core.retrace.removed_suffixes import RemovedSuffixes
 
 MOST_PER_PHOTON = 64  # entries per photon: half a GB per million photons. Beyond it, frames search for removed suffixes
 MOST = 1 << 32  # entries: indices have 32 bits
 GUESS = 3  # entries per vertex, assumed before any are known
 ROOM = 4  # entries per segment in the first allocation
+STEP = 1 << 20  # entries merged or moved between two pauses
 
 
 class _Entries(NamedTuple):
@@ -70,28 +71,48 @@ class IntersectionCache:
         _by_vertex(segments.bounce, log, n, count, receiver, distance)
         self._parts.append(_Entries(int(segments.photon[0]), photons, count, receiver, distance))
 
-    def settle(self) -> None:
-        """Merge the parts, which now cover all photons up to some last one, for subtract()."""
-        photons, at, end = self._photons, self._vertices, int(self._first[self._vertices])
-        parts = sorted(self._parts, key=lambda part: part.photon)
-        photons += sum(p.photons for p in parts)
+    def settle(self) -> Iterator[None]:
+        """Merge the parts, which now cover all photons up to some last one, for subtract(), in steps of a few ms.
+
+        May be abandoned between steps and begun again.
+        """
+        at, end = self._vertices, int(self._first[self._vertices])
+        parts = self._parts = sorted(self._parts, key=lambda part: part.photon)
         n = end + sum(len(p.receiver) for p in parts)
-        if n > min(MOST_PER_PHOTON * photons, MOST - 1):
+        if n > min(MOST_PER_PHOTON * (self._photons + sum(p.photons for p in parts)), MOST - 1):
             self.__init__()
             self.complete = False
             return
-        self._first = grown(self._first, at + sum(len(p.count) for p in parts) + 1)
-        self._receiver, self._distance = grown(self._receiver, n), grown(self._distance, n)
-        for p in parts:
+        self._first = yield from _grown(self._first, at + 1, at + 1 + sum(len(p.count) for p in parts))
+        self._receiver = yield from _grown(self._receiver, end, n)
+        self._distance = yield from _grown(self._distance, end, n)
+        merged = 0
+        while parts:
+            p = parts.pop(0)
             rows, entries = slice(at + 1, at + 1 + len(p.count)), slice(end, end + len(p.receiver))
             self._first[rows] = np.cumsum(p.count, dtype=np.uint32) + np.uint32(end)
             self._receiver[entries], self._distance[entries] = p.receiver, p.distance
             at, end = at + len(p.count), entries.stop
-        self._photons, self._vertices, self._parts = photons, at, []
+            self._photons, self._vertices = self._photons + p.photons, at
+            if end // STEP > merged:
+                merged = end // STEP
+                yield
 
     def subtract(self, removed_suffixes: RemovedSuffixes, first: int, last: int, sums: Sums) -> int:
         """Subtract removed suffixes first .. last - 1 from the sums; return the number of intersections."""
         return _subtract(self._first, self._receiver, self._distance, removed_suffixes, first, last, sums)
+
+
+def _grown(array: np.ndarray, used: int, n: int) -> Generator[None, None, np.ndarray]:
+    """Return the array, reallocated in steps if it has fewer than n entries; `used` of them count."""
+    if n <= len(array):
+        return array
+    out = np.empty(max(n, len(array) * 5 // 4), array.dtype)
+    for first in range(0, used, STEP):
+        some = slice(first, min(first + STEP, used))
+        out[some] = array[some]
+        yield
+    return out
 
 
 @allocating

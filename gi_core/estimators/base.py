@@ -66,8 +66,8 @@ class Estimator(Protocol):
     def prepare(self, photons: int) -> Iterator[None]:
         """Estimate static receivers from all that was added, the first `photons`, in steps of a few ms.
 
-        The estimate is kept in `prefixes`, known once the steps have run through. Where sums are additive there are
-        no steps: `iter(())`.
+        The estimate is kept in `prefixes`, known once the steps have run through. They may be abandoned and
+        begun again.
         """
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:

@@ -116,11 +116,10 @@ class TangentPlane:
 
     def prepare(self, photons: int) -> Iterator[None]:
         """Store the sums of all that was added, the first `photons`, as a photon subset."""
+        yield from self._intersections.settle()
         self._added.move_to(self._background)
-        self._intersections.settle()
         self.prefixes[photons] = self._background.copy()
         self.photons = photons
-        return iter(())
 
     def background(self, photons: int) -> tuple[np.ndarray, np.ndarray]:
         """Return sums (n, 3 G) int64 and area (n,) [m2] of static receivers without mobiles, of a photon subset."""

@@ -119,6 +119,8 @@ class FirstFrame:
             yield from self.show(b, wanted(), show)
         schedule = Schedule(b, replaced, pictures)
         while b.added < (goal := self._affordable(wanted(), b)):
+            if is_level(b.added) and b.estimate.additive and b.added not in b.estimate.prefixes:
+                yield from _prepare(b, wanted())
             had = b.added
             work = self._photons.bring_in(b, schedule.next_goal(had, goal), goal, seconds)
             yield Progress(work.value, b.added / goal, False)
@@ -128,8 +130,6 @@ class FirstFrame:
                 yield from self.show(b, wanted(), show)
                 schedule.shown(b)
                 seconds = STEP_SECONDS if pictures else LONG_STEP_SECONDS
-            elif is_level(b.added) and b.estimate.additive:
-                yield from _prepare(b, wanted())
         f, as_asked = frame(), (self._source.size(goal), self._source.is_gathered)
         if b is not f.background or f.photons_at_rest != goal or (f.size, f.gathered) != as_asked:
             yield from self.show(b, wanted(), show)
