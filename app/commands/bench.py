@@ -24,7 +24,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--tables",
         action="store_true",
-        help="the report's tables 2.1 to 2.5 and its space partitionings, into --out; minutes",
+        help="the report's tables 2.1 to 2.5 and its space partitionings, over SCENE too, into --out; minutes",
     )
     add("--out", type=Path, metavar="DIR", help="where --sweep writes sweep.json and sweep.md, --tables tables.md")
 

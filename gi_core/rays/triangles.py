@@ -17,6 +17,7 @@ import numpy as np
 from gi_core.base.jit import inlined, kernel
 
 PADDING = 1e-6  # of the largest coordinate of an object: growth of triangles; float32 rounds by 6e-8, float64 by 1e-16
+ROUNDING = 1e-6  # of the padding: a face nearer than this holds the ray's origin, and is hit at distance 0 as by Embree
 LEAST_DIRECTION = 1e-20  # replaces smaller components, so that no inverse is infinite: 1e-14 m off after 1e6 m
 # Words of 4 bytes of a ray's buffer; Embree's own ray has the first 24.
 CELLS, TESTS = 24, 25  # int32 counters: cells entered and triangles tested, since they were last set to 0
@@ -101,8 +102,9 @@ def nearer(corners, k, face, r, best, found):
         det = u + v + w
         if det != 0.0:
             t = r.s2 * (u * az + v * bz + w * cz) / det
+            t = 0.0 if abs(t) <= ROUNDING * r.padding else t
             if (
-                t > 0.0
+                t >= 0.0
                 and (t < best or (t == best and (found < 0 or face < found)))
                 and _near(corners, k, r, u, v, w, t)
             ):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from gi_core.scene.types import Mesh
-from tests.support.scene_builders import box, merge, sphere
+from tests.support.scene_builders import box, merge, quad, sphere
 
 Rays = tuple[np.ndarray, np.ndarray]  # origins and directions (n, 3) float32
 
@@ -118,6 +118,22 @@ def _room(n: int) -> tuple[Mesh, Rays]:
     return room(), (rng.uniform(0.2, 0.8, (n, 3)).astype(np.float32), directions(rng, n))
 
 
+def _sheets(n: int) -> tuple[Mesh, Rays]:
+    """Two lattices of different triangles in one tilted plane, as the layers of some files."""
+    rng, where = np.random.default_rng(11), ((-1.0, -1.0, 0.3), (2.0, 0.1, 0.2), (0.3, 2.0, -0.4))
+    mesh = merge(quad(*where, (7, 7)), quad(*where, (5, 5)))
+    return mesh, (rng.uniform(-1, 1, (n, 3)).astype(np.float32), directions(rng, n))
+
+
+def strays(ours, theirs) -> int:
+    """Return how many rays' faces differ at distances that differ by more than 1e-5, of answers (distance, face, ...).
+
+    Where faces overlap in one plane, rounding decides which is hit.
+    """
+    far = np.abs(ours[0].astype(np.float64) - theirs[0]) > 1e-5 * np.abs(ours[0])
+    return int(((ours[1] != theirs[1]) & far).sum())
+
+
 def _few(n: int, triangles: int) -> tuple[Mesh, Rays]:
     return soup(triangles), _random(n)[1]
 
@@ -133,6 +149,7 @@ CASES: dict[str, Callable[[int], tuple[Mesh, Rays]]] = {
     "far origin": _far_origin,
     "on surfaces": _on_surfaces,
     "room": _room,
+    "sheets": _sheets,
     "scale 1e-3": lambda n: _random(n, 1e-3),
     "scale 1e3": lambda n: _random(n, 1e3),
     "empty": lambda n: _few(n, 0),

@@ -13,6 +13,7 @@ from app.measure.chart.figure import need_matplotlib
 if TYPE_CHECKING:
     from gi_core.instruments.ray_timing import Cost, Structure
     from gi_core.model import Model
+    from gi_core.scene.types import Camera
 
 SCENES = ("cornell", "living_room", "tree")
 RAYS = 20_000  # of each kind
@@ -30,9 +31,7 @@ def measured(model: Model, bar: Bar, rays: int = RAYS) -> list[tuple[Structure, 
     from gi_core.instruments.ray_timing import LEAVES, built, costs, rays_of
     from gi_core.rays.structures import STRUCTURES
 
-    poses = model.start_poses()
-    camera = from_camera(model.scene.camera, model.scene.up, scene_bounds(model, poses)).as_camera()
-    casts = rays_of(model, camera, rays)
+    casts = rays_of(model, scene_camera(model), rays)
     meshes = [(model.surfaces.vertices[0], model.surfaces.faces[0])]
     tried: list[Structure] = []
     for name in STRUCTURES:
@@ -40,6 +39,11 @@ def measured(model: Model, bar: Bar, rays: int = RAYS) -> list[tuple[Structure, 
             bar(f"{model.scene.name}: {name}", len(tried) / 30)
             tried.append(built(name, meshes, leaf))
     return list(zip(tried, costs(tried, casts), strict=True))
+
+
+def scene_camera(model: Model) -> Camera:
+    """Return the camera of a picture of the model's scene."""
+    return from_camera(model.scene.camera, model.scene.up, scene_bounds(model, model.start_poses())).as_camera()
 
 
 def best(found: list[tuple[Structure, dict[str, Cost]]]) -> list[tuple[Structure, dict[str, Cost]]]:

@@ -47,7 +47,8 @@ def tables(settings: Settings, out: Path) -> str:
             "second 20000": _times(second, 20_000, SECOND_RADII, {"whole": None}, bar),
         }
         pretests, estimators = _pretests(tree, bar), _estimators(tree, bar)
-        rays = {name: ray_tables.measured(Model(open_scene(Settings(scene=name))), bar) for name in ray_tables.SCENES}
+        asked = {name: Settings(scene=name) for name in ray_tables.SCENES} | {settings.scene: settings}
+        rays = {Path(name).stem: ray_tables.measured(Model(open_scene(s)), bar) for name, s in asked.items()}
     facts = {
         "machine": f"{processor()}, one thread, commit {commit() or 'unknown'}",
         "tree": f"{_static(tree):,} static triangles and a mobile of 500",
