@@ -24,6 +24,7 @@ REFERENCE = "reference"  # beside estimators, a choice of the wipe
 TONE_MAPS = ("aces", "reinhard", "clip")
 ILLUMINANCE = "illuminance"
 SHOWS = ("radiance", "irradiance", ILLUMINANCE)
+POINTED, CLICKED = "pointed", "clicked"  # the ray under the cursor; that of the last click, which stays
 ERROR_RANGES = (0.1, 0.3, 1.0)
 ERRORS = "error"  # one more in the window: needs the reference, see app/rest/live_error.py
 SIZE = (1280, 800)
@@ -111,7 +112,7 @@ class Settings:
     reference: bool = False  # show the reference instead of the estimate
     compare: str = ""  # right side of the wipe: an estimator, REFERENCE, or nothing
     measure_errors: bool = True  # measure errors at rest
-    cells: bool = False  # draw leaf cells of the structure of rays
+    cells: str = ""  # draw leaf cells of the structure of rays, and those on a ray: POINTED, CLICKED; "": none
     show_paths: bool = False  # draw paths of some photons
     show_disc: bool = False  # draw the disc of the receiver under the cursor, and the segments that cross it
     show_recomputed: bool = False  # colour receivers by what the last frame computed again

@@ -3,6 +3,7 @@
     python -m studies.ray_structures cornell tree room.glb --out out/rays    # rays.md and rays.svg
     python -m studies.ray_structures --growth 20000 1000000 --out out/rays   # growth.md and growth.svg: a terrain
     python -m studies.ray_structures --growth 20 2000 --out out/few          # where each becomes faster than `none`
+    python -m studies.ray_structures --threads 2 tree room.glb               # bvh and Embree, wall time
     python -m studies.ray_structures --agreement 1000000                     # exit code 1 if a bit differs
     python -m studies.ray_structures --agreement 200000 tree room.glb        # the same over scenes
 
@@ -16,6 +17,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +29,7 @@ from app.measure.bench.tables import table
 from app.measure.chart.figure import need_matplotlib
 from app.settings import Settings, open_scene
 from gi_core.geometry.surfaces import Surfaces, flatten
-from gi_core.instruments.ray_timing import Rays, built, costs, rays_of
+from gi_core.instruments.ray_timing import REPEATS, Rays, built, costs, rays_of
 from gi_core.model import Model
 from gi_core.rays.accelerator import Accelerator
 from gi_core.rays.structures import STRUCTURES
@@ -38,6 +40,7 @@ from tests.support.scene_builders import box_mobile, coloured_room
 
 STRAYS = 1e-5  # share of rays whose face and distance may differ from Embree's
 MEDIUM = 20_000  # rays per kind
+THREADED = 200_000  # rays per kind, divided among threads
 FEW = 5_000  # triangles up to which `none` is measured beside the others
 
 
@@ -105,6 +108,24 @@ def _draw(found: dict[str, list], out: Path) -> None:
     pyplot.close(figure)
 
 
+def on_threads(scene: str, threads: int) -> str:
+    """Return wall times of bvh and Embree per ray on several threads, the least of REPEATS in turn."""
+    model = Model(open_scene(Settings(scene=scene)))
+    asked = rays_of(model, scene_camera(model), THREADED)
+    tracers = {name: Accelerator(model.surfaces, threads, name) for name in ("embree", "bvh")}
+    least: dict[tuple[str, str], float] = {}
+    for _ in range(1 + REPEATS):  # the first one compiles
+        for kind, r in asked.items():
+            for name, tracer in tracers.items():
+                query, before = tracer.occluded if r.any_hit else tracer.nearest, time.perf_counter()
+                query(0, *r[:3])
+                spent = 1e6 * (time.perf_counter() - before) / len(r.origin)
+                least[kind, name] = min(spent, least.get((kind, name), math.inf))
+    pairs = {kind: (least[kind, "embree"], least[kind, "bvh"]) for kind in asked}
+    lines = [f"{kind} {embree:.3f}, {bvh:.3f}, {bvh / embree:.2f}" for kind, (embree, bvh) in pairs.items()]
+    return f"{Path(scene).stem}, us per ray on {threads} threads of embree, bvh, ratio: {'; '.join(lines)}"
+
+
 def agreement(rays: int) -> bool:
     """Print one line per case and structure; return whether all of them hold."""
     holds = True
@@ -159,12 +180,17 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("scenes", nargs="*")
     parser.add_argument("--growth", nargs=2, type=int, metavar=("LOW", "HIGH"))
+    parser.add_argument("--threads", type=int, metavar="N")
     parser.add_argument("--agreement", type=int, metavar="RAYS")
     parser.add_argument("--out", type=Path, default=Path("out/rays"), metavar="DIR")
     asked = parser.parse_args()
     if asked.agreement:
         over = [agreement_over(scene, asked.agreement) for scene in asked.scenes]
         return 0 if all(over or [agreement(asked.agreement)]) else 1
+    if asked.threads:
+        for scene in asked.scenes:
+            print(on_threads(scene, asked.threads), flush=True)
+        return 0
     asked.out.mkdir(parents=True, exist_ok=True)
     if asked.growth:
         print(growth(*asked.growth, asked.out))

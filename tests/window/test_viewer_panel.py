@@ -147,7 +147,7 @@ def test_another_structure_of_rays_opens_the_scene_again(play, monkeypatch):
 
         # Cells over the picture: of this structure, and the ray under the cursor visits some.
         assert not viewer.ray_cells.text
-        hand.ctx.item_check("Show cells")
+        hand.ctx.combo_click("##Cells/Ray under the cursor")
         viewport = viewer.viewport
         middle = tuple(o + s / 2 for o, s in zip(viewport.view.origin, viewport.view.size, strict=True))
         viewer.ray_cells.update(viewport, middle)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from imgui_bundle import imgui
-
-from app.settings import Settings
+from app.settings import CLICKED, POINTED, Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
@@ -24,7 +22,7 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     if chosen.rays != shown.rays:
         actions.add("reload")
         s = chosen
-    changed, cells = imgui.checkbox("Show cells", s.cells)
-    ui.tip("Draw leaf cells of the structure over the picture: grey near the point under the cursor,\n"
-           "yellow where its ray passes. Embree does not show its own.")  # fmt: skip
-    return replace(s, cells=cells) if changed else s
+    return ui.choice(s, "Cells", "cells", {"": "Hidden", POINTED: "Ray under the cursor", CLICKED: "Ray of a click"},
+                     "Leaf cells of the structure over the picture: grey near the point under the cursor,\n"
+                     "yellow where its ray passes, dim where they are empty. The ray of a click stays:\n"
+                     "click a surface, then orbit. Embree does not show its own.")  # fmt: skip
