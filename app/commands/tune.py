@@ -87,6 +87,7 @@ def command_line(settings: Settings, found: Tuned) -> str:
         "max-edge": settings.max_edge, "up": settings.up, "seed": settings.seed or None,
         "estimator": chosen.estimator, "photons": found.choice.photons, "radius": f"{chosen.radius:.4g}",
         "neighbours": chosen.neighbours, "budget": f"{settings.budget:g}", "light": settings.light_chosen,
+        "rays": settings.rays,
     }  # fmt: skip
     words += [w for name, value in values.items() if value is not None for w in (f"--{name}", str(value))]
     flags = {"--allow-outside": settings.allow_outside, "--no-control": not chosen.control}
