@@ -99,7 +99,7 @@ class RayCells:
             (np.flatnonzero(on_ray & full), FULL, THICK),
         )
         self._lines = (
-            *((on_picture(edges(boxes.low[k], boxes.high[k]), matrix), *look) for k, *look in shown),
+            *((on_picture(edges(boxes.low[k], boxes.high[k]), matrix), colour, width) for k, colour, width in shown),
             (on_picture(np.array([[eye, end]]), matrix), RAY, THICK),
         )
         self.text = (
