@@ -34,6 +34,7 @@ def rest(session, seconds: float = 0.0) -> None:
 
 def use(session, rng: random.Random, base) -> None:
     """Drag everything about and set something else, a few times over."""
+    from gi_core.estimators import ESTIMATORS
     from gi_core.scene import Pose
 
     for _ in range(6):
@@ -44,7 +45,7 @@ def use(session, rng: random.Random, base) -> None:
             session.move({name: Pose(where) for name in session.poses})
             session.tick(FRAME)
         session.end_drag()
-        estimator = rng.choice(["tangent_plane", "photon_map", "impact_count"])
+        estimator = rng.choice(list(ESTIMATORS))
         radius = session.chosen.scene_size * rng.choice([0.005, 0.01, 0.02, 0.04])
         photons = rng.choice([20_000, 50_000, 100_000])
         session.want(replace(base, estimator=estimator, radius=radius, photons=photons))

@@ -34,6 +34,8 @@ LEAST = 25.0  # MB
 
 def act(rng: random.Random, viewer, hand_over: dict) -> str:
     """Perform one random action of a user; return its name."""
+    from gi_core.estimators import ESTIMATORS
+
     session = viewer.session
     solver = session.light._solver
     name = rng.choice(list(session.poses)) if session.poses else None
@@ -64,7 +66,7 @@ def act(rng: random.Random, viewer, hand_over: dict) -> str:
     elif what == "setting":
         key, value = rng.choice(
             [
-                ("estimator", rng.choice(["tangent_plane", "photon_map", "impact_count"])),
+                ("estimator", rng.choice(list(ESTIMATORS))),
                 ("radius", solver.scene_size * rng.choice([0.005, 0.01, 0.02, 0.04])),
                 ("photons", rng.choice([20_000, 50_000, 100_000])),
                 ("neighbours", rng.choice([10, 50, 200])),

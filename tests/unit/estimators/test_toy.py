@@ -158,7 +158,7 @@ def test_window_lists_a_new_estimator(play):
         hand.press(keys()._1)
         hand.wait_for_light()
         assert session.light._solver.setting.estimator == list(ESTIMATORS)[0]
-        hand.press((keys()._1, keys()._2, keys()._3, keys()._4)[number])
+        hand.press(getattr(keys(), f"_{number + 1}"))
         hand.wait_for_light()
         assert session.light._solver.setting.estimator == "toy" and session.irradiance.any()
 

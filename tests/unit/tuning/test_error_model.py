@@ -11,6 +11,7 @@ import pytest
 
 from app import __main__ as cli
 from app.measure.tuning import tune
+from gi_core.estimators import ESTIMATORS
 from gi_core.estimators.setting import Setting
 from gi_core.scene import Pose
 from gi_core.solver import Solver
@@ -156,7 +157,7 @@ def test_tuned_choice_is_accepted_by_the_solver(solver, monkeypatch):
     found = tune(solver, 0.01, lambda *now: reports.append(now), error=0.2)
     shares = [share for _, share in reports]
     assert shares == sorted(shares) and 0 <= shares[0] and shares[-1] < 1
-    assert {model.setting.estimator for model in found.models} == {"tangent_plane", "photon_map", "impact_count"}
+    assert {model.setting.estimator for model in found.models} == set(ESTIMATORS)
     other = Solver(SCENE, photons=0)
     other.configure(photons=found.choice.photons, **found.choice.setting._asdict())
     other.solve()
