@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 
 SOLVER_SETTINGS = (
     "estimator", "photons", "radius", "neighbours", "control", "search", "border_correction", "textbook",
-    "light",
+    "light", "gloss",
 )  # fmt: skip
 LIGHTS = ("best", "photons")  # those of gi_core.frames.light_source
+GLOSS = ("quadtree", "list", "all_rays")  # those of gi_core.gloss.source
 REFERENCE = "reference"  # beside estimators, a choice of the wipe
 TONE_MAPS = ("aces", "reinhard", "clip")
 ILLUMINANCE = "illuminance"
@@ -91,6 +92,7 @@ class Settings:
     textbook: bool = False  # photon_map counts the k-th hit too
     search: str = "disc_index"  # a key of gi_core.discs.search.SEARCHES; pictures do not depend on it
     light: str | None = None  # one of LIGHTS; None: see `light_chosen`
+    gloss: str = "quadtree"  # one of GLOSS: how rays at glossy receivers are kept
     rays: str | None = None  # a key of gi_core.rays.structures.STRUCTURES; None: embree, else bvh
     seed: int = 0
     lamps: tuple[LampSetting, ...] = ()  # those that differ from the scene file
@@ -254,6 +256,7 @@ def make_solver(scene: Scene, settings: Settings, earlier: Photons | None = None
         border_correction=settings.border_correction,
         textbook=settings.textbook,
         light=settings.light_chosen,
+        gloss=settings.gloss,
         lamps=settings.levels(()),
         rays=settings.rays,
         earlier=earlier,

@@ -72,16 +72,22 @@ class Solver:
     __repr__ = _summary
 
     def configure(
-        self, photons: int | None = None, light: str | None = None, prefix_only: bool | None = None, **changes
+        self,
+        photons: int | None = None,
+        light: str | None = None,
+        prefix_only: bool | None = None,
+        gloss: str | None = None,
+        **changes,
     ) -> None:
         """Change settings. Paths stay; solve_steps() repeats only the work that depends on the change.
 
         light: as for Solver; prefix_only: frames of a photon subset take the static part's light from that subset too,
-        not from all photons (for measuring); changes: fields of `setting`; None keeps a value. Until solve_steps() has
-        run, frames go on with the old settings. Raises SceneError for a bad value.
+        not from all photons (for measuring); gloss: how rays at glossy receivers are kept, one of
+        `gi_core.gloss.source.WAYS`; changes: fields of `setting`; None keeps a value. Until solve_steps() has run,
+        frames go on with the old settings. Raises SceneError for a bad value.
         """
         photons, setting = checked("photons", photons, self.photons), self.setting.changed(CHOICES, **changes)
-        self.light_source.choose(light, prefix_only)
+        self.light_source.choose(light, prefix_only, gloss)
         self.photons, self.setting = photons, setting
 
     @property

@@ -20,15 +20,16 @@ uniform vec2 layout_of;   // lines of a column, cells; 0 lines: no gloss
 uniform vec3 eye;         // in object space
 in vec2 glossy;           // glossy receiver of front and back, from 1; 0: none
 in vec4 specular;         // F0 red, green, blue; F90
-in float alpha;           // < 0: a table, which the processor has evaluated; `specular` is its albedo
+in float alpha;           // < 0: a table, which the processor evaluates; `specular` is its albedo
 in vec3 front_lit;        // irradiance [W/m2]
 in vec3 back_lit;
 centroid out vec3 front_gloss;  // times its weight
 centroid out vec3 back_gloss;
 
-in vec3 front_table;      // radiance of the gloss of a table for the eye
-in vec3 back_table;
-uniform float mirrored_view;  // 1: in a plane, where tables show as diffuse surfaces; 2: in a probe, all gloss does
+in vec3 front_sent;       // radiance of gloss for the eye, where the processor evaluates it
+in vec3 back_sent;
+uniform float evaluated;  // 1: the processor evaluates all gloss, from single rays
+uniform float mirrored_view;  // 1: in a plane, where gloss of the processor shows as diffuse; 2: in a probe, all gloss does
 
 const float LEAST_ALPHA = 0.15;
 const float GRAZING = 0.05;
@@ -39,14 +40,15 @@ float smith(float cosine) {
     return 0.5 * (sqrt(1.0 + a * a * tan2) - 1.0);
 }
 
-vec3 gloss(float receiver, vec3 n, vec3 irradiance, vec3 table) {
+vec3 gloss(float receiver, vec3 n, vec3 irradiance, vec3 sent) {
+    bool is_sent = alpha < 0.0 || evaluated > 0.5;
     vec3 to_eye = eye - position;
     float at_eye = dot(to_eye, n);
     if (receiver < 0.5 || layout_of.x < 0.5) return vec3(0.0);
-    if (mirrored_view > 1.5 || (mirrored_view > 0.5 && alpha < 0.0)) {
+    if (mirrored_view > 1.5 || (mirrored_view > 0.5 && is_sent)) {
         return mix(specular.rgb, specular.aaa, 1.0 / 21.0) * irradiance / 3.14159265;  // smooth gloss under even light
     }
-    if (alpha < 0.0) return table;
+    if (is_sent) return sent;
     if (at_eye <= 0.0) return vec3(0.0);
     to_eye = normalize(to_eye);
     at_eye = max(dot(to_eye, n), GRAZING);
@@ -89,8 +91,8 @@ void main() {
     shading = mat3(model) * normal;
     grain = mat3(model) * along;
 #else
-    front_gloss = front.a * gloss(glossy.x, normal, front_lit, front_table);
-    back_gloss = back.a * gloss(glossy.y, -normal, back_lit, back_table);
+    front_gloss = front.a * gloss(glossy.x, normal, front_lit, front_sent);
+    back_gloss = back.a * gloss(glossy.y, -normal, back_lit, back_sent);
 #endif
 #ifdef TEXTURED
     uv = place;

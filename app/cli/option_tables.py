@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from app.cli import values
-from app.settings import LIGHTS, SHOWS, TONE_MAPS, Settings
+from app.settings import GLOSS, LIGHTS, SHOWS, TONE_MAPS, Settings
 
 SCENE: dict[str, dict[str, Any]] = {
     "mobiles": {"action": "append", "metavar": "FILE", "help": "mesh file that becomes a mobile"},
@@ -35,6 +35,9 @@ LIGHT: dict[str, dict[str, Any]] = {
     "light": {"choices": LIGHTS,
               "help": "best: gathered along paths, on mobiles per frame and on the static part at rest; photons: the"
                       " estimator alone, as in the report (photons with --estimator, else best)"},
+    "gloss": {"choices": GLOSS,
+              "help": "rays at glossy vertices: quadtree, summarised in cells of directions; list, one by one;"
+                      f" all_rays, one by one where the lobe is bright ({Settings.gloss})"},
     "lamps": {"action": "append", "type": values.lamp, "metavar": "NAME=LEVEL",
               "help": "level of a lamp: 0.5, or r,g,b; `gi-viewer info` lists lamps"},
     "rays": {"metavar": "NAME",

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from app.draw.gl_textures import GLTextures
     from app.draw.vertex_colours import DrawMesh
+    from gi_core.gloss.radiance import Directions
     from gi_core.gloss.sharp import Reflector
     from gi_core.scene.types import Texture
 
@@ -56,7 +57,7 @@ class Layer(NamedTuple):
     textured: moderngl.VertexArray | None  # for textures, None where there are none
     cut_out: moderngl.VertexArray | None  # the same for textures with holes
     irradiance: moderngl.Buffer | None  # of front and back, under gloss; None without gloss
-    tables: moderngl.Buffer | None  # radiance of tabulated gloss on front and back; None without tables
+    sent: moderngl.Buffer | None  # radiance of gloss on front and back that the processor evaluates; None without gloss
     sharp: moderngl.VertexArray | None  # with reflections, None where there are none
     sharp_textured: moderngl.VertexArray | None
 
@@ -90,12 +91,12 @@ class DrawnObject:
         self._gloss, self._mesh = None, mesh
         self._light: dict[int, np.ndarray] = {}  # by layer: irradiance
         self._along = None
-        # Vertices of faces that show light at vertices, evaluated by tables; others are seen in reflections alone.
-        self._tabulated = np.zeros(0, np.int64)
+        # Vertices of glossy faces that show light at vertices, and those of tables; the rest is seen in reflections.
+        self._shining = self._tabulated = np.zeros(0, np.int64)
         if mesh.lobe is not None:
             plain = mesh.triangles if mesh.reflector is None else mesh.triangles[mesh.reflector < 0]
-            shown = np.unique(plain)
-            self._tabulated = shown[mesh.lobe[shown, 4] < 0]
+            self._shining = np.unique(plain)
+            self._tabulated = self._shining[mesh.lobe[self._shining, 4] < 0]
             packed = np.c_[mesh.gloss + 1, mesh.normal, _with_albedo(mesh)].astype(np.float32)
             self._gloss = ctx.buffer(packed.tobytes())
             self._owned.append(self._gloss)
@@ -117,15 +118,14 @@ class DrawnObject:
             colours = self.ctx.buffer(bytes(max(self._colours.nbytes, 32)), dynamic=True)
             attributes = [(self._positions, "3f", "position"), (colours, "4f 4f", "front", "back")]
             sharp_attributes = attributes.copy()
-            irradiance = tables = None
+            irradiance = sent = None
             if self._gloss is not None:
                 irradiance = self.ctx.buffer(bytes(24 * len(self._colours)), dynamic=True)
                 attributes.append((self._gloss, "2f 3f 4f 1f", "glossy", "normal", "specular", "alpha"))
                 attributes.append((irradiance, "3f 3f", "front_lit", "back_lit"))
                 sharp_attributes.append((self._gloss, "2x4 3f 5x4", "normal"))
-            if self.has_tables:
-                tables = self.ctx.buffer(bytes(24 * len(self._colours)), dynamic=True)
-                attributes.append((tables, "3f 3f", "front_table", "back_table"))
+                sent = self.ctx.buffer(bytes(24 * len(self._colours)), dynamic=True)
+                attributes.append((sent, "3f 3f", "front_sent", "back_sent"))
             if self._along is not None:
                 sharp_attributes.append((self._along, "3f", "along"))
             lit = self.ctx.vertex_array(programs.surface, attributes, self._triangles)
@@ -140,7 +140,7 @@ class DrawnObject:
                 if self._mesh.reflectors:
                     more = [*sharp_attributes, place]
                     sharp_painted = self.ctx.vertex_array(programs.sharp_textured, more, self._triangles)
-            self._layers[k] = Layer(colours, lit, painted, holed, irradiance, tables, sharp, sharp_painted)
+            self._layers[k] = Layer(colours, lit, painted, holed, irradiance, sent, sharp, sharp_painted)
             self._owned += [thing for thing in self._layers[k] if thing is not None]
         return self._layers[k]
 
@@ -165,15 +165,16 @@ class DrawnObject:
 
     @property
     def has_tables(self) -> bool:
-        """Whether the processor evaluates gloss of this object."""
+        """Whether the processor evaluates gloss of this object for each eye."""
         return len(self._tabulated) > 0
 
-    def evaluate_tables(self, cells: np.ndarray, eye: np.ndarray) -> None:
-        """Upload the radiance of tabulated gloss towards an eye (3,) in the object's space; cells as GlossLight's."""
+    def evaluate(self, directions: Directions, eye: np.ndarray, all_gloss: bool) -> None:
+        """Upload the radiance of gloss towards an eye (3,) in the object's space: of tables, or of all gloss."""
+        which = self._shining if all_gloss else self._tabulated
         for layer, irradiance in self._light.items():
             seen = np.zeros((len(self._colours), 6), np.float32)
-            seen[self._tabulated] = np.c_[gloss_colours(self._mesh, cells, irradiance, eye, self._tabulated)]
-            self._layer(layer).tables.write(seen)
+            seen[which] = np.c_[gloss_colours(self._mesh, directions, irradiance, eye, which)]
+            self._layer(layer).sent.write(seen)
 
     @property
     def is_glossy(self) -> bool:

@@ -27,6 +27,7 @@ from gi_core.gloss.sharp import PLANAR, Reflector
 if TYPE_CHECKING:
     from app.draw.vertex_colours import DrawMesh
     from gi_core.gloss.cells import GlossLight
+    from gi_core.gloss.radiance import Directions
     from gi_core.scene.types import Texture
 
 BACKGROUND = (0.145, 0.15, 0.16)  # display values; lighter than an unlit black patch
@@ -154,10 +155,12 @@ class Renderer:
         targets, ctx = self._targets, self.ctx
         assert targets is not None, "resize first"
         self._set_up(look, targets.size)
+        directions: Directions | None = None
         if look.is_light and look.eye is not None and (light := self._gloss.light) is not None:
             for o, model in zip(self._objects, look.models, strict=True):
-                if o.has_tables:
-                    o.evaluate_tables(light.whole(), _in_object(model, look.eye))
+                if o.has_tables or (o.is_glossy and light.tree is not None):
+                    directions = light.directions() if directions is None else directions
+                    o.evaluate(directions, _in_object(model, look.eye), light.tree is not None)
         targets.drawn.use()
         targets.drawn.clear(*BACKGROUND, 1.0)
         for layer, area in _parts(targets.size, look.split):
@@ -193,6 +196,7 @@ class Renderer:
             program["reach"] = self._mirrors.size
             if "cells" in program:
                 program["cells"] = GLOSS_UNIT
+                program["evaluated"] = float(shown and self._gloss.light.tree is not None)
                 program["layout_of"] = (float(self._gloss.lines if shown else 0), float(CELLS))
             if "image" in program:
                 program["image"] = 0

@@ -16,7 +16,7 @@ from gi_core.base.grouping import group_of
 from gi_core.bsdf.table import Tables, join
 from gi_core.geometry.radiosity import exitant_radiance
 from gi_core.geometry.surfaces import Surfaces, glossy_receivers
-from gi_core.gloss.radiance import gloss_radiance, room_for
+from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
 from gi_core.gloss.sharp import Reflector, reflectors
 from gi_core.scene.types import Paint, Texture
 
@@ -188,11 +188,11 @@ def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = Tru
 
 
 def gloss_colours(
-    draw: DrawMesh, cells: np.ndarray, irradiance: np.ndarray, eye: np.ndarray, which=slice(None)
+    draw: DrawMesh, directions: Directions, irradiance: np.ndarray, eye: np.ndarray, which=slice(None)
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the radiance (D, 3) float32 that gloss adds to front and back, above any texture; None without gloss.
 
-    cells (n, CELLS, 6): `GlossLight.whole()`; irradiance (R, 3) [W/m2]; eye (3,): in the object's space; which: draw
+    directions: `GlossLight.directions()`; irradiance (R, 3) [W/m2]; eye (3,): in the object's space; which: draw
     vertices, None: all.
     """
     if draw.lobe is None:
@@ -203,7 +203,7 @@ def gloss_colours(
     for side, receivers in enumerate((draw.front, draw.back)):
         out, normal = room_for(len(positions)), normals if side == 0 else -normals
         E, rows = np.nan_to_num(irradiance[receivers[which]]), np.ascontiguousarray(draw.gloss[which, side])
-        gloss_radiance(cells, rows, E, positions, normal, lobes, tangent, tables, eye, out)
+        gloss_radiance(directions, rows, E, positions, normal, lobes, tangent, tables, eye, out)
         found.append(out.astype(np.float32))
     return found[0], found[1]
 
@@ -214,8 +214,9 @@ def gloss_towards(
     """Return gloss_colours() of all objects at their poses for an eye (3,) of the model's space."""
     if light is None:
         return [None] * len(meshes)
-    cells, eyes = light.whole(), [R.T @ (eye - position) for R, position in zip(at.rotation, at.position, strict=True)]
-    return [gloss_colours(mesh, cells, irradiance, eye) for mesh, eye in zip(meshes, eyes, strict=True)]
+    eyes = [R.T @ (eye - position) for R, position in zip(at.rotation, at.position, strict=True)]
+    directions = light.directions()
+    return [gloss_colours(mesh, directions, irradiance, eye) for mesh, eye in zip(meshes, eyes, strict=True)]
 
 
 def weights(draw: DrawMesh, of_receivers: np.ndarray | None) -> np.ndarray | None:

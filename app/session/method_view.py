@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from app.session.hemisphere_view import HemisphereView, hemisphere_view
 from gi_core.base.vectors import dot
 from gi_core.photons.flux_sums import CHUNK_BITS, NOT_ADDITIVE
 from gi_core.photons.paths import segments_at
@@ -62,6 +63,7 @@ class MethodView(NamedTuple):
     irradiance: np.ndarray  # (R, 3), to be compared by identity
     paths: Strokes | None = None
     disc: Disc | None = None
+    hemisphere: HemisphereView | None = None  # over that disc, where it is glossy
     recomputed: np.ndarray | None = None  # (R,) uint8; None: not asked for, or no longer known
 
 
@@ -77,7 +79,9 @@ def method_view(solver: Solver, look: Look) -> MethodView:
         paths = changed.removed_suffixes.paths
         view = view._replace(paths=_sample(solver, paths, changed) if look.paths else None)
         if look.receiver >= 0:
-            view = view._replace(disc=_disc(solver, look.receiver, paths, changed))
+            disc = _disc(solver, look.receiver, paths, changed)
+            over = hemisphere_view(solver, look.receiver, disc.crossings.ends, disc.crossings.kind)
+            view = view._replace(disc=disc, hemisphere=over)
     return view._replace(recomputed=recomputed(solver) if look.recomputed else None)
 
 

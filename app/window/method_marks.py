@@ -8,13 +8,13 @@ import numpy as np
 from imgui_bundle import imgui
 
 from app.session.method_view import ADDED, KEPT, REMOVED
-from app.window import label, theme
+from app.window import hemisphere_plot, label, theme
 
 if TYPE_CHECKING:
     from app.session.method_view import Disc, MethodView, Strokes
     from app.window.viewport import Viewport
 
-COLOURS = {
+COLOURS: dict[int, tuple[float, ...]] = {
     KEPT: (*theme.DIM, 0.55),
     REMOVED: (*theme.ERROR, 0.95),
     ADDED: (0.45, 0.85, 0.50, 0.95),
@@ -35,6 +35,8 @@ def draw(viewport: Viewport, view: MethodView | None) -> None:
     if view.disc is not None:
         _strokes(viewport, view.disc.crossings)
         _disc(viewport, view.disc)
+    if view.hemisphere is not None:
+        hemisphere_plot.draw(viewport, view.hemisphere, COLOURS)
     drawing.pop_clip_rect()
     em = imgui.get_font_size()
     for k, (kind, name) in enumerate(NAMES.items()):

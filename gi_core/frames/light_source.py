@@ -21,7 +21,9 @@ from gi_core.gather.pose_gather import PoseGather, PoseGathers, Static
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import noise_from_prefix, prefix_to_compare
-from gi_core.gloss.cells import GlossCells, GlossLight
+from gi_core.gloss import source
+from gi_core.gloss.cells import GlossLight
+from gi_core.gloss.source import GlossSource
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.mix import mix, sum_of_lamps
 from gi_core.model import Model
@@ -39,9 +41,6 @@ class FrameSize(NamedTuple):
 
     photons: int
     paths: int  # per receiver of a mobile; 0: photons light mobiles
-
-
-GLOSS_RADII = 2.0  # radius of gloss discs: directions need more rays than irradiance
 
 
 class LightSource:
@@ -68,7 +67,7 @@ class LightSource:
         self._coarse: tuple[Background, int, CoarseFaces] | None = None  # of the photons of a background
         self._reflectance: tuple[np.ndarray, np.ndarray] | None = None  # for static light, see `coarse_faces`
         self._poses: dict[int, bytes] = {}  # by number of paths, of its last frame
-        self._gloss: GlossCells | None = None
+        self.gloss_way, self.gloss_source = source.QUADTREE, GlossSource(model)
         self.rays_traced = False  # in the last frame: mobiles had moved
 
     def twin(self, fresh: bool) -> LightSource:
@@ -79,8 +78,9 @@ class LightSource:
             other._at_poses = PoseGathers(self._model, self._seed)
         return other
 
-    def choose(self, light: str | None, prefix_only: bool | None) -> None:
-        """Change the settings; None keeps one. Raises SceneError for an unknown light."""
+    def choose(self, light: str | None, prefix_only: bool | None, gloss: str | None) -> None:
+        """Change the settings; None keeps one. Raises SceneError for an unknown light or way of gloss."""
+        self.gloss_way = self.gloss_way if gloss is None else one_of(source.WAYS).check("gloss", gloss)
         self.light = self.light if light is None else one_of(LIGHTS).check("light", light)
         self.prefix_only = self.prefix_only if prefix_only is None else FLAG.check("prefix_only", prefix_only)
 
@@ -227,24 +227,10 @@ class LightSource:
 
     # -- gloss ------------------------------------------------------------------------------------
 
-    def gloss_cells(self, radius: float) -> GlossCells | None:
-        """Return the directional light of glossy receivers; radius [m]: of irradiance. None without glossy faces."""
-        radius *= GLOSS_RADII
-        if self._gloss is None or self._gloss.radius != radius:
-            self._gloss = GlossCells(self._model, radius)
-        return self._gloss if len(self._gloss.rows) else None
-
     def gloss(self, b: Background, change: PoseChange, clock: Callable[[str], None]) -> GlossLight | None:
         """Return the directional light of a frame; None without glossy faces. clock: called after each step."""
-        cells = self.gloss_cells(b.setting.radius)
-        if cells is None or not b.estimate.photons:
-            return None
-        paths, _ = b.store.prefix(b.estimate.photons)
-        for _ in cells.bring_in(b.store, paths, b.store.weights(self.levels)):
-            clock("gloss")
-        light = cells.evaluate(change)
-        clock("gloss")
-        return light
+        photons = b.store, b.store.prefix(b.estimate.photons)[0], b.store.weights(self.levels)
+        return self.gloss_source.light(self.gloss_way, b.setting.radius, photons, change, clock)
 
     # -- resting poses ----------------------------------------------------------------------------
 

@@ -20,15 +20,10 @@ import numpy as np
 from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
-from gi_core.discs.region import RAYS, WHOLE, Regions
-from gi_core.discs.search import SEARCHES
-from gi_core.discs.search.predicate import Discs, lines
-from gi_core.estimators.setting import Setting
-from gi_core.geometry.sides import NONE
-from gi_core.geometry.surfaces import glossy_receivers
+from gi_core.gloss.discs import GRAIN, GlossDiscs
 from gi_core.gloss.hemisphere import CELLS, cell_of, centres
-from gi_core.model import Model
-from gi_core.photons.flux_sums import IntersectionLog, Sums
+from gi_core.gloss.radiance import Directions
+from gi_core.gloss.rays import RayTree
 from gi_core.photons.paths import PathVertices, Segments, segments_of
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange
@@ -38,8 +33,6 @@ FLUX_SHIFT = 12  # bits of flux left out of moments ...
 DIRECTION_BITS = 14  # ... and bits of a direction: 2^34 at most per ray, 2^29 rays in 63 bits
 PART = 8192  # photons added at a time
 MOST_PHOTONS = 1 << 18  # in the sums: directions need no more
-ROOM = 4  # crossings per segment in the first record
-GRAIN = 1024  # segments per thread
 
 
 class GlossLight(NamedTuple):
@@ -53,48 +46,28 @@ class GlossLight(NamedTuple):
     resting: np.ndarray  # (n, CELLS, 6) float32, without mobiles; zeros of receivers on mobiles
     changed: np.ndarray  # (k,) int64 into rows, ascending
     cells: np.ndarray  # (k, CELLS, 6) float32, in place of `resting`
+    tree: RayTree | None = None  # the rays one by one, see `gi_core.gloss.rays`; None: cells alone
+    opened: float = 0.0  # see Directions
 
-    def whole(self) -> np.ndarray:
-        """Return the cells (n, CELLS, 6) float32 of all receivers."""
-        out = self.resting.copy()
-        out[self.changed] = self.cells
-        return out
+    def directions(self) -> Directions:
+        """Return the light of all receivers."""
+        cells, tree = self.resting.copy(), self.tree
+        cells[self.changed] = self.cells
+        if tree is None:
+            return Directions(cells, np.zeros(1, np.int64), np.empty((0, FIELDS), np.float32))
+        return Directions(cells, tree.offsets, tree.rays, self.opened)
 
 
 class GlossCells:
     """Sums of a scene's glossy receivers. Not thread safe."""
 
-    def __init__(self, model: Model, radius: float):
-        """radius [m]: of the discs. A scene without glossy faces has no receivers here, and costs nothing."""
-        self.model, self.radius, s = model, radius, model.surfaces
-        self.rows = glossy_receivers(s)
-        self._first = np.searchsorted(self.rows, s.first_receiver)  # (objects + 1,)
-        self._normals = np.ascontiguousarray(model.object_receivers.normals[self.rows])
-        self._searches = [self._search(o) for o in range(s.objects)] if len(self.rows) else []
-        static = int(self._first[1])
+    def __init__(self, discs: GlossDiscs):
+        self.discs, static = discs, discs.count(0)
         self._sums, self._delta = (np.zeros((static, CELLS, FIELDS), np.int64) for _ in range(2))
-        self._resting = np.zeros((len(self.rows), CELLS, FIELDS), np.float32)
+        self._resting = np.zeros((len(discs.rows), CELLS, FIELDS), np.float32)
         self._store: object = None  # of the photons in the sums
-        self._weights = np.ones((model.emitters.lamps.count, 3))
+        self._weights = np.ones((discs.model.emitters.lamps.count, 3))
         self.photons = self._rested = 0  # in the sums, and in `_resting`
-
-    @property
-    def on_mobiles(self) -> bool:
-        """Whether a mobile has glossy faces: its receivers need the segments near it."""
-        return len(self.rows) > self._first[1]
-
-    def _search(self, o: int):
-        rows = self.rows[self._first[o] : self._first[o + 1]]
-        r, n = self.model.object_receivers, len(rows)
-        region = Regions(
-            np.full(n, WHOLE, np.int32), np.empty((0, RAYS, 2), np.uint8), np.full(n, math.pi * self.radius**2)
-        )
-        positions, normals = (np.ascontiguousarray(a[rows], np.float32) for a in (r.positions, r.normals))
-        # The two sides of a face are discs of their own.
-        own, back = self.model.receiver_sides[rows], np.full(n, NONE, np.int32)
-        return SEARCHES[Setting._field_defaults["search"]](
-            Discs(positions, normals, own, back, np.float32(self.radius), region)
-        )
 
     def bring_in(self, store: object, paths: PathVertices, weights: np.ndarray) -> Iterator[None]:
         """Add the photons of `paths` that are not yet in the sums, in steps; weights (G, 3): of the lamps' flux.
@@ -104,43 +77,43 @@ class GlossCells:
         if store is not self._store or not np.array_equal(weights, self._weights):
             self._store, self._weights, self.photons, self._rested = store, weights.copy(), 0, 0
             self._sums[:] = 0
-        count, static = min(len(paths.offsets) - 1, MOST_PHOTONS), self.model.static
+        count, model = min(len(paths.offsets) - 1, MOST_PHOTONS), self.discs.model
         while self.photons < count:
             last = min(self.photons + PART, count)
-            segments = segments_of(paths, self.model.eps, self.photons, last)
-            self._deposit(0, segments, static, 1, self._sums)
+            segments = segments_of(paths, model.eps, self.photons, last)
+            self._deposit(0, segments, model.static, 1, self._sums)
             self.photons = last
             yield
         if self._rested != self.photons:
             resting, everything = self._resting.copy(), np.arange(len(self._sums))
-            _shares(self._sums, self._delta, 0.0, everything, self._normals[: len(everything)], centres(), resting)
+            _shares(self._sums, self._delta, 0.0, everything, self.discs.normals_of(0), centres(), resting)
             self._resting, self._rested = resting, self.photons
 
     def evaluate(self, change: PoseChange) -> GlossLight:
         """Return the light of a frame's poses. Its photons may be fewer or more than those in the sums."""
         touched = np.zeros(len(self._delta), bool)
-        removed = change.removed_suffixes.segments(self.model.threads)
+        removed = change.removed_suffixes.segments(self.discs.model.threads)
         for sign, segments in ((-1, removed), (1, change.new_suffixes)):
             touched[self._deposit(0, segments, change.at, sign, self._delta)] = True
         changed = np.flatnonzero(touched)
         cells = np.empty((len(changed), CELLS, FIELDS), np.float32)
         scale = self.photons / max(change.photons, 1)
-        _shares(self._sums, self._delta, scale, changed, self._normals, centres(), cells)
+        _shares(self._sums, self._delta, scale, changed, self.discs.normals_of(0), centres(), cells)
         self._delta[changed] = 0
         parts, rows = [cells], [changed]
         for o, segments in enumerate(change.near_mobiles, 1):
-            first, last = self._first[o], self._first[o + 1]
-            sums = np.zeros((last - first, CELLS, FIELDS), np.int64)
+            count = self.discs.count(o)
+            sums = np.zeros((count, CELLS, FIELDS), np.int64)
             self._deposit(o, segments, change.at, 1, sums)
-            parts.append(np.empty((last - first, CELLS, FIELDS), np.float32))
-            _shares(sums, sums, 0.0, np.arange(last - first), self._normals[first:last], centres(), parts[-1])
-            rows.append(np.arange(first, last))
-        return GlossLight(self.rows, self._resting, np.concatenate(rows), np.concatenate(parts))
+            parts.append(np.empty((count, CELLS, FIELDS), np.float32))
+            _shares(sums, sums, 0.0, np.arange(count), self.discs.normals_of(o), centres(), parts[-1])
+            rows.append(self.discs.first[o] + np.arange(count))
+        return GlossLight(self.discs.rows, self._resting, np.concatenate(rows), np.concatenate(parts))
 
     def current_sums(self, change: PoseChange) -> np.ndarray:
         """Return the sums (static rows, CELLS, 6) int64 of a frame of as many photons as are in the sums."""
         out = self._sums.copy()
-        removed = change.removed_suffixes.segments(self.model.threads)
+        removed = change.removed_suffixes.segments(self.discs.model.threads)
         for sign, segments in ((-1, removed), (1, change.new_suffixes)):
             self._deposit(0, segments, change.at, sign, out)
         return out
@@ -154,31 +127,16 @@ class GlossCells:
 
     def _deposit(self, o: int, segments: Segments, at: Transforms, sign: int, sums: np.ndarray) -> np.ndarray:
         """Add `sign` times the rays of segments to the cells of object o's receivers; return the receivers touched."""
-        if not (segments.size and len(sums)):
-            return np.empty(0, np.int64)
-        search, model = self._searches[o], self.model
-        normals = self._normals[self._first[o] : self._first[o + 1]]
-
-        def find(_, first, last):
-            part = Segments(*(a[first:last] for a in segments))
-            ready, room = lines(part, at.rotation[o], at.position[o], model, self.radius), ROOM * (last - first)
-            while True:
-                log = IntersectionLog.of(room)
-                search.accumulate(ready, 1, Sums.zeros(len(sums), model.emitters.lamps.channels)._replace(log=log))
-                if log.count[0] <= room:
-                    return ready, log
-                room = int(log.count[0])
-
-        found = run_ranges(find, segments.size, model.threads, GRAIN)
+        found, normals = self.discs.crossed(o, segments, at), self.discs.normals_of(o)
 
         def add(_, first, last):
-            for ready, log in found:
-                n = log.count[0]
-                rays = log.line[:n], log.receiver[:n], ready.direction, ready.flux, ready.lamp
+            for c in found:
+                rays = c.line, c.receiver, c.lines.direction, c.lines.flux, c.lines.lamp
                 _add(*rays, self._weights, normals, sign, first, last, sums)
 
-        run_ranges(add, len(sums), model.threads, GRAIN)
-        return np.unique(np.concatenate([log.receiver[: log.count[0]] for _, log in found]))
+        if found:
+            run_ranges(add, len(sums), self.discs.model.threads, GRAIN)
+        return np.unique(np.concatenate([np.empty(0, np.int32), *(c.receiver for c in found)]))
 
 
 @kernel

@@ -39,10 +39,28 @@ def cell_of(x, y, z):
 def centres() -> np.ndarray:
     """Return the directions (CELLS, 3) float64 of the middles of the cells."""
     a, b = ((2 * (m.reshape(-1) + 0.5) / SIDE - 1) for m in np.meshgrid(*[np.arange(SIDE)] * 2, indexing="ij"))
+    return directions(np.stack([a, b], axis=1))
+
+
+def on_disc(square: np.ndarray) -> np.ndarray:
+    """Return the places (n, 2) on the unit disc of points (n, 2) of the square [-1, 1]^2: the concentric map."""
+    a, b = square.T
     wide = np.abs(a) >= np.abs(b)
     r = np.where(wide, a, b)
     turn = np.pi / 4 * np.where(wide, b / np.where(a == 0, 1, a), a / np.where(b == 0, 1, b))
     x, y = np.where(wide, r * np.cos(turn), r * np.sin(turn)), np.where(wide, r * np.sin(turn), r * np.cos(turn))
-    z = 1 - r * r
-    flat = np.sqrt(np.maximum(1 - z * z, 0)) / np.maximum(np.abs(r), 1e-12)
-    return np.stack([flat * x, flat * y, z], axis=1)
+    return np.stack([x, y], axis=1)
+
+
+def directions(square: np.ndarray) -> np.ndarray:
+    """Return the unit directions (n, 3) of points (n, 2) of the square [-1, 1]^2."""
+    disc = on_disc(square)
+    r2 = (disc * disc).sum(axis=1)
+    return np.concatenate([disc * np.sqrt(np.maximum(2 - r2, 0))[:, None], 1 - r2[:, None]], axis=1)
+
+
+def disc_of(towards: np.ndarray) -> np.ndarray:
+    """Return the places (n, 2) on the unit disc of unit directions (n, 3); equal solid angles have equal areas."""
+    z = np.clip(towards[:, 2], 0, 1)
+    across = np.sqrt(np.maximum((towards[:, :2] ** 2).sum(axis=1), 1e-18))
+    return towards[:, :2] * (np.sqrt(1 - z) / across)[:, None]

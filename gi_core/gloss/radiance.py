@@ -1,11 +1,12 @@
-"""Radiance of gloss towards an eye, from directional light at receivers: the arithmetic of shaders/gloss.glsl.
+"""Radiance of gloss towards an eye, from directional light at receivers: the arithmetic of shaders/surface.vert.
 
-L = sum over cells of f(w, o) E_cell: a cell's share of the irradiance has its cosine in it already.
+L = sum over cells, or rays, of f(w, o) E_cell: a cell's share of the irradiance has its cosine in it already.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,76 +18,97 @@ LEAST_ALPHA = 0.15  # lobes are drawn no sharper: vertices and cells cannot carr
 GRAZING = 0.05  # least cosine of a direction
 
 
+class Directions(NamedTuple):
+    """Light at n glossy receivers by direction: cells, and their rays where these are kept."""
+
+    cells: np.ndarray  # (n, CELLS, 6) float32: shares of red, green and blue irradiance; mean direction of that light
+    offsets: np.ndarray  # (n CELLS + 1,) int64 into `rays`, see `gi_core.gloss.rays`; (1,): cells alone
+    rays: np.ndarray  # (m, 6) float32, as cells
+    opened: float = 0.0  # share of the light of all cells towards the eye, above which a cell's rays are read; < 0: all
+
+
 @kernel
-def gloss_radiance(cells, row, irradiance, position, normal, lobe, tangent, tables, eye, out):
+def gloss_radiance(directions, row, irradiance, position, normal, lobe, tangent, tables, eye, out):
     """Write the radiance (D, 3) [W/m2/sr] of gloss at D vertices.
 
-    cells (n, CELLS, 6): see `gi_core.gloss.cells.GlossLight`; row (D,): into it, -1: no gloss; irradiance (D, 3)
-    [W/m2]; position, normal, tangent (D, 3) and eye (3,) in the object's space; lobe (D, 5): F0, F90, alpha; alpha
-    -1 - k: table k of `tables`.
+    directions: a Directions; row (D,): receiver in it, -1: no gloss; irradiance (D, 3) [W/m2]; position, normal,
+    tangent (D, 3) and eye (3,) in the object's space; lobe (D, 5): F0, F90, alpha; alpha -1 - k: table k of `tables`.
     """
+    cells, offsets, rays, opened = directions
+    count, has_rays = cells.shape[1], len(offsets) > 1
     for v in range(len(row)):
         out[v, 0] = out[v, 1] = out[v, 2] = 0.0
-        if row[v] < 0:
-            continue
         n, k = normal[v], row[v]
         x, y, z = eye[0] - position[v, 0], eye[1] - position[v, 1], eye[2] - position[v, 2]
         size = math.sqrt(x * x + y * y + z * z)
-        if not size > 0.0:
+        if k < 0 or not size > 0.0 or x * n[0] + y * n[1] + z * n[2] <= 0.0:
             continue
-        x, y, z = x / size, y / size, z / size
-        at_eye = x * n[0] + y * n[1] + z * n[2]
-        if at_eye <= 0.0:
-            continue
-        if lobe[v, 4] < 0.0:
-            r, g, b = _from_table(tables, -1 - int(lobe[v, 4]), cells[k], n, tangent[v], (x, y, z))
-            out[v, 0], out[v, 1], out[v, 2] = r * irradiance[v, 0], g * irradiance[v, 1], b * irradiance[v, 2]
-            continue
-        at_eye = max(at_eye, GRAZING)
-        alpha = max(lobe[v, 4], LEAST_ALPHA)
-        far = ggx._lambda(alpha, at_eye)
+        view = _view(tables, lobe[v], n, tangent[v], (x / size, y / size, z / size))
         red = green = blue = 0.0
-        for c in range(cells.shape[1]):
-            r, g, b = cells[k, c, 0], cells[k, c, 1], cells[k, c, 2]
-            if r + g + b <= 0.0:
-                continue
-            wx, wy, wz = cells[k, c, 3], cells[k, c, 4], cells[k, c, 5]
-            at_light = max(wx * n[0] + wy * n[1] + wz * n[2], GRAZING)
-            hx, hy, hz = wx + x, wy + y, wz + z
-            size = max(math.sqrt(hx * hx + hy * hy + hz * hz), 1e-6)
-            cos_h = (hx * n[0] + hy * n[1] + hz * n[2]) / size
-            cos_d = (wx * hx + wy * hy + wz * hz) / size
-            f = ggx.distribution(alpha, cos_h) / (4.0 * at_light * at_eye * (1.0 + far + ggx._lambda(alpha, at_light)))
-            s = max(0.0, 1.0 - cos_d) ** 5
-            red += f * r * (lobe[v, 0] + (lobe[v, 3] - lobe[v, 0]) * s)
-            green += f * g * (lobe[v, 1] + (lobe[v, 3] - lobe[v, 1]) * s)
-            blue += f * b * (lobe[v, 2] + (lobe[v, 3] - lobe[v, 2]) * s)
+        if opened >= 0.0:
+            for c in range(count):
+                r, g, b = _sent(tables, lobe[v], n, view, cells[k], c)
+                red, green, blue = red + r, green + g, blue + b
+        if has_rays:
+            limit = opened * (red + green + blue)
+            red = green = blue = 0.0
+            for c in range(count):
+                r = g = b = math.inf
+                if opened >= 0.0:
+                    r, g, b = _sent(tables, lobe[v], n, view, cells[k], c)
+                if r + g + b > limit:
+                    r = g = b = 0.0
+                    for j in range(offsets[k * count + c], offsets[k * count + c + 1]):
+                        one, two, three = _sent(tables, lobe[v], n, view, rays, j)
+                        r, g, b = r + one, g + two, b + three
+                red, green, blue = red + r, green + g, blue + b
         out[v, 0], out[v, 1], out[v, 2] = red * irradiance[v, 0], green * irradiance[v, 1], blue * irradiance[v, 2]
 
 
 @kernel
-def _from_table(tables, m, cells, n, t, o):
-    """Return the radiance of a table towards o under irradiance 1. A mirror is shown as a lobe of LEAST_ALPHA."""
+def _view(tables, lobe, n, t, o):
+    """Return what all rays of a view share: tangent, bitangent, eye, its cosine, alpha, Smith's lambda, mirror share.
+
+    A mirror in a table is shown as a lobe of LEAST_ALPHA. The eye of a table is in the frame of its tangent.
+    """
     s = cross(n, t)
+    if lobe[4] >= 0.0:
+        alpha, at_eye = max(lobe[4], LEAST_ALPHA), max(dot(o, n), GRAZING)
+        return t, s, o, at_eye, alpha, ggx._lambda(alpha, at_eye), 0.0
+    m = -1 - int(lobe[4])
     ox, oy, oz = dot(o, t), dot(o, s), max(dot(o, n), GRAZING)
-    far, glass = ggx._lambda(LEAST_ALPHA, oz), table.mirror_share(tables, m, ox, oy, oz)
-    glass *= table.albedo(tables, m, ox, oy, oz)
-    red = green = blue = 0.0
-    for c in range(len(cells)):
-        r, g, b = cells[c, 0], cells[c, 1], cells[c, 2]
-        if r + g + b <= 0.0:
-            continue
-        w = cells[c, 3], cells[c, 4], cells[c, 5]
-        wx, wy, wz = dot(w, t), dot(w, s), max(dot(w, n), GRAZING)
-        f, h, p = table.value(tables, m, wx, wy, wz, ox, oy, oz)
+    glass = table.mirror_share(tables, m, ox, oy, oz) * table.albedo(tables, m, ox, oy, oz)
+    return t, s, (ox, oy, oz), oz, LEAST_ALPHA, ggx._lambda(LEAST_ALPHA, oz), glass
+
+
+@kernel
+def _sent(tables, lobe, n, view, rays, j):
+    """Return the radiance towards the eye from row j of `rays` (m, 6), under irradiance 1."""
+    r, g, b = rays[j, 0], rays[j, 1], rays[j, 2]
+    if r + g + b <= 0.0:
+        return 0.0, 0.0, 0.0
+    t, s, o, at_eye, alpha, far, glass = view
+    w = rays[j, 3], rays[j, 4], rays[j, 5]
+    at_light = max(dot(w, n), GRAZING)
+    if lobe[4] < 0.0:
+        wx, wy, wz = dot(w, t), dot(w, s), at_light
+        red, green, blue = table.value(tables, -1 - int(lobe[4]), wx, wy, wz, o[0], o[1], o[2])
         if glass > 0.0:
-            hx, hy, hz = wx + ox, wy + oy, wz + oz
+            hx, hy, hz = wx + o[0], wy + o[1], wz + o[2]
             cos_h = hz / max(math.sqrt(hx * hx + hy * hy + hz * hz), 1e-6)
-            more = 1.0 + far + ggx._lambda(LEAST_ALPHA, wz)
-            mirror = glass * ggx.distribution(LEAST_ALPHA, cos_h) / (4.0 * wz * oz * more)
-            f, h, p = f + mirror, h + mirror, p + mirror
-        red, green, blue = red + f * r, green + h * g, blue + p * b
-    return red, green, blue
+            more = 1.0 + far + ggx._lambda(alpha, wz)
+            mirror = glass * ggx.distribution(alpha, cos_h) / (4.0 * wz * at_eye * more)
+            red, green, blue = red + mirror, green + mirror, blue + mirror
+        return red * r, green * g, blue * b
+    hx, hy, hz = w[0] + o[0], w[1] + o[1], w[2] + o[2]
+    size = max(math.sqrt(hx * hx + hy * hy + hz * hz), 1e-6)
+    cos_h = (hx * n[0] + hy * n[1] + hz * n[2]) / size
+    cos_d = (w[0] * hx + w[1] * hy + w[2] * hz) / size
+    f = ggx.distribution(alpha, cos_h) / (4.0 * at_light * at_eye * (1.0 + far + ggx._lambda(alpha, at_light)))
+    f90 = max(0.0, 1.0 - cos_d) ** 5
+    red = f * r * (lobe[0] + (lobe[3] - lobe[0]) * f90)
+    green = f * g * (lobe[1] + (lobe[3] - lobe[1]) * f90)
+    return red, green, f * b * (lobe[2] + (lobe[3] - lobe[2]) * f90)
 
 
 def room_for(vertices: int) -> np.ndarray:

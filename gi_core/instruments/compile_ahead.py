@@ -160,7 +160,7 @@ def _trace(scene: Scene, rays: str | None) -> Solver:
 def _shine(solver: Solver) -> None:
     """Compile the evaluation of gloss."""
     solver.move("mobile", Pose((0.0, 0.0, 0.4)))
-    cells, one, narrow = solver.frame.gloss.whole(), np.ones((1, 3)), np.ones((1, 3), np.float32)
+    cells, one, narrow = solver.frame.gloss.directions(), np.ones((1, 3)), np.ones((1, 3), np.float32)
     tables = solver.surfaces.tables
     light = cells, np.zeros(1, np.int32), one, narrow, narrow, np.ones((1, 5), np.float32), narrow, tables
     gloss_radiance(*light, np.zeros(3), np.empty((1, 3)))

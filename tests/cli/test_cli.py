@@ -73,10 +73,10 @@ LAMPS = LampSetting("lamp", 0.5), LampSetting("red=lamp", 1.0, (1.0, 0.5, 0.0))
 LIGHT = ("estimator", "photons", "radius", "neighbours", "control", "search", "rays", "seed")
 PICTURE = ("size", "exposure", "white_balance", "tone_map", "show", "cull")
 OPTIONS = {  # per command: the fields of Settings that it reads besides the scene's
-    "": {*LIGHT, "lamps", "border_correction", "textbook", "light", "budget", *PICTURE},
-    "render": {*LIGHT, "lamps", "border_correction", "textbook", "light", *PICTURE},
+    "": {*LIGHT, "lamps", "border_correction", "textbook", "light", "gloss", "budget", *PICTURE},
+    "render": {*LIGHT, "lamps", "border_correction", "textbook", "light", "gloss", *PICTURE},
     "bake": {*LIGHT, "lamps", "border_correction", "textbook", "light", "exposure", "white_balance"},
-    "bench": {*LIGHT, "lamps", "border_correction", "textbook", "light"},
+    "bench": {*LIGHT, "lamps", "border_correction", "textbook", "light", "gloss"},
     "chart": {*LIGHT, "exposure"},
     "info": {*LIGHT, "lamps", "exposure"},
     "tune": {"photons", "radius", "control", "search", "light", "rays", "seed", "budget"},
@@ -92,6 +92,7 @@ WORDS = {
     "textbook": ("--textbook", True),
     "search": ("--search brute_force", "brute_force"),
     "light": ("--light best", "best"),
+    "gloss": ("--gloss list", "list"),
     "lamps": ("--lamp lamp=0.5 --lamp red=lamp=1,0.5,0", LAMPS),
     "rays": ("--rays bvh", "bvh"),
     "seed": ("--seed 7", 7),

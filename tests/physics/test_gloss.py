@@ -167,7 +167,7 @@ def test_a_new_surface_equals_a_solver_built_with_it():
         fresh = Solver(scene, **GIVEN)
         fresh.solve()
         assert np.array_equal(solver.irradiance, fresh.irradiance)
-        assert np.array_equal(solver.frame.gloss.whole(), fresh.frame.gloss.whole())
+        assert np.array_equal(solver.frame.gloss.directions().cells, fresh.frame.gloss.directions().cells)
 
 
 @pytest.mark.parametrize("name, alpha", [("gold", 0.2), ("varnish", 0.3)])
@@ -185,7 +185,7 @@ def test_a_ball_in_a_furnace_shows_its_directional_albedo(name, alpha):
         solver.move("ball", pose)
         mesh = draw_meshes(solver.surfaces, None, solver.model.object_receivers.normals)[1]
         eye = np.array([0.0, -0.9, 0.0])  # in the ball's space
-        front, _ = gloss_colours(mesh, solver.frame.gloss.whole(), solver.irradiance, eye)
+        front, _ = gloss_colours(mesh, solver.frame.gloss.directions(), solver.irradiance, eye)
         way = eye - mesh.positions
         cosine = (way * mesh.normal).sum(axis=1) / np.linalg.norm(way, axis=1)
         for low, high in ((0.9, 1.0), (0.5, 0.7)):

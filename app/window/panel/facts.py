@@ -70,6 +70,7 @@ class Facts:
     load_problem: str = ""  # of the last scene that failed to open
     surface: str = ""  # the mobile selected, or the material clicked; "": none
     material: tuple[tuple[str, Any], ...] = ()  # of that surface, as `gi_core.files.edits.Finish` has it
+    glossy: bool = False  # a face of the scene has gloss
     piece: bool = False  # a place of the static part has been clicked
 
 
@@ -109,6 +110,7 @@ def facts_of(
         new_segments=snapshot.changes.new_segments,
         triangles=sum(len(mesh.triangles) for mesh in session.meshes),
         receivers=len(snapshot.irradiance),
+        glossy=snapshot.gloss is not None,
         mobiles=tuple(m.name for m in session.scene.mobiles),
         poses=session.poses,
         selected=selected if selected in session.poses else "",

@@ -12,6 +12,7 @@ from app.window.panel.facts import Facts
 RADIUS_RANGE = (0.002, 0.2)  # of the scene size
 PHOTONS_RANGE = (1_000, 10_000_000)
 NEIGHBOURS_RANGE = (2, 1_000)
+GLOSS_NAMES = {"quadtree": "QuadTree (summarised)", "list": "List", "all_rays": "QuadTree (all rays)"}
 LIGHT_NAMES = {"best": "Best available", "photons": "Photons only"}
 
 
@@ -41,6 +42,12 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
                   "its noise is below the photons'.\n"
                   "Photons only, as in the report: the estimator lights everything. Choosing another estimator selects "
                   "this mode; each estimator keeps its own mode.")  # fmt: skip
+    if facts.glossy:
+        s = ui.choice(s, "Gloss", "gloss", GLOSS_NAMES,
+                      "How rays at glossy vertices are kept.\n"
+                      "QuadTree (summarised): sums in 64 cells of directions; the graphics card evaluates them.\n"
+                      "List: every ray, as in the report; the processor evaluates all of them for each view.\n"
+                      "QuadTree (all rays): single rays only in cells where the lobe is bright.")  # fmt: skip
     _progress("Static part", facts.gathered, "photons are better",
               "Error of the gathered light on the static part. Gathering ends at 0.7 %.")  # fmt: skip
     _progress("At mobiles", facts.at_poses if facts.gathered is not None else None, "frames are better",

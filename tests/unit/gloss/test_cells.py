@@ -10,7 +10,7 @@ import pytest
 from gi_core.bsdf import ggx
 from gi_core.bsdf.table import join
 from gi_core.gloss.hemisphere import CELLS, cell_of, centres
-from gi_core.gloss.radiance import gloss_radiance, room_for
+from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Pose
@@ -34,6 +34,10 @@ def test_cells_have_equal_solid_angles_and_hold_their_centres():
     assert abs(count - 1000).max() < 150  # 4.7 standard deviations
 
 
+def of_cells(cells: np.ndarray) -> Directions:
+    return Directions(cells.astype(np.float32), np.zeros(1, np.int64), np.empty((0, 6), np.float32))
+
+
 def solved(**more) -> Solver:
     solver = Solver(ROOM, **GIVEN | more)
     solver.solve()
@@ -43,7 +47,7 @@ def solved(**more) -> Solver:
 def test_sums_equal_those_from_scratch_after_many_moves(estimator):
     """Report 2.10.1 feared that a summary degrades with insertions and deletions: here not by one unit."""
     solver = solved(estimator=estimator)
-    cells = solver.light_source.gloss_cells(solver.setting.radius)
+    cells = solver.light_source.gloss_source.cells(solver.setting.radius)
     rng = np.random.default_rng(8)
     for _ in range(12):
         solver.move("ball", Pose(tuple(rng.random(3)), axis_angle((0, 1, 1), 360 * rng.random())))
@@ -56,12 +60,12 @@ def test_sums_equal_those_from_scratch_after_many_moves(estimator):
 
 def test_shares_sum_to_one_and_there_and_back_is_the_start():
     solver = solved()
-    begun = solver.frame.gloss.whole()
+    begun = solver.frame.gloss.directions().cells
     start = dict(solver.poses)
     solver.move("ball", Pose((0.5, 0.5, 0.5)))
-    moved = solver.frame.gloss.whole()
+    moved = solver.frame.gloss.directions().cells
     solver.move_all(start)
-    assert np.array_equal(solver.frame.gloss.whole(), begun)
+    assert np.array_equal(solver.frame.gloss.directions().cells, begun)
     assert not np.array_equal(moved, begun)
     for whole in (begun, moved):
         total = whole[:, :, :3].sum(axis=1)
@@ -74,7 +78,7 @@ def test_a_scene_without_gloss_has_none(small_pilot):
 
     solver = Solver(SCENE, photons=300, radius=0.2, neighbours=6)
     solver.solve()
-    assert solver.frame.gloss is None and solver.light_source.gloss_cells(0.2) is None
+    assert solver.frame.gloss is None and solver.light_source.gloss_source.cells(0.2) is None
 
 
 @pytest.mark.parametrize("cosine", [1.0, 0.7, 0.4])
@@ -92,7 +96,7 @@ def test_uniform_light_shows_the_directional_albedo(alpha, cosine):
     lobe, up = np.array([[0.5, 0.2, 0.04, 1.0, alpha]]), np.array([[0.0, 0.0, 1.0]])
     light = up, lobe, up, join([])
     eye, out = np.array([math.sqrt(1 - cosine**2), 0.0, cosine]), room_for(1)
-    gloss_radiance(cells, np.zeros(1, np.int32), np.full((1, 3), math.pi), 0 * up, *light, eye, out)
+    gloss_radiance(of_cells(cells), np.zeros(1, np.int32), np.full((1, 3), math.pi), 0 * up, *light, eye, out)
     black = np.zeros(3)
     numbers = np.random.default_rng(0).random((20_000, 4))
     drawn = [ggx.scattered(ggx.mean_fresnel(), lobe[0], black, *eye[[0, 1, 2]], *u)[3:] for u in numbers]
@@ -101,7 +105,7 @@ def test_uniform_light_shows_the_directional_albedo(alpha, cosine):
 
 def test_gloss_follows_the_eye_and_is_black_from_below():
     solver = solved()
-    cells, n = solver.frame.gloss.whole(), len(solver.frame.gloss.rows)
+    cells, n = solver.frame.gloss.directions().cells, len(solver.frame.gloss.rows)
     p = solver.receivers.positions[solver.frame.gloss.rows]
     normal = solver.model.object_receivers.normals[solver.frame.gloss.rows]
     lobe, E = np.tile([0.5, 0.5, 0.5, 1.0, 0.3], (n, 1)), np.ones((n, 3))
@@ -109,7 +113,16 @@ def test_gloss_follows_the_eye_and_is_black_from_below():
     for eye in ((0.2, 0.2, 0.9), (0.8, 0.8, 0.9), (0.5, 0.5, -5.0)):
         found.append(room_for(n))
         gloss_radiance(
-            cells, np.arange(n, dtype=np.int32), E, p, normal, lobe, normal, join([]), np.array(eye), found[-1]
+            of_cells(cells),
+            np.arange(n, dtype=np.int32),
+            E,
+            p,
+            normal,
+            lobe,
+            normal,
+            join([]),
+            np.array(eye),
+            found[-1],
         )
     floor = normal[:, 2] > 0.99
     assert (found[0][floor] > 0).any() and not np.allclose(found[0][floor], found[1][floor], rtol=0.05)

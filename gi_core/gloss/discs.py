@@ -1,0 +1,91 @@
+"""Rays that reach glossy receivers: segments that cross their discs, with any estimator."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.threads import run_ranges
+from gi_core.discs.region import RAYS, WHOLE, Regions
+from gi_core.discs.search import SEARCHES
+from gi_core.discs.search.predicate import Discs, Lines, lines
+from gi_core.estimators.setting import Setting
+from gi_core.geometry.sides import NONE
+from gi_core.geometry.surfaces import glossy_receivers
+from gi_core.model import Model
+from gi_core.photons.flux_sums import IntersectionLog, Sums
+from gi_core.photons.paths import Segments
+from gi_core.rays.accelerator import Transforms
+
+ROOM = 4  # crossings per segment in the first record
+GRAIN = 1024  # segments per thread
+
+
+class Crossings(NamedTuple):
+    """Crossings of some segments with the discs of an object's glossy receivers."""
+
+    receiver: np.ndarray  # (m,) int32, index among them
+    line: np.ndarray  # (m,) int32 into `lines`
+    lines: Lines  # in the object's space
+    photon: np.ndarray  # (S,) int64, of each line
+    bounce: np.ndarray  # (S,) int32
+
+
+class GlossDiscs:
+    """Discs of a scene's glossy receivers, object by object. Not thread safe."""
+
+    def __init__(self, model: Model, radius: float):
+        """radius [m]: of the discs. A scene without glossy faces has no receivers here, and costs nothing."""
+        self.model, self.radius, s = model, radius, model.surfaces
+        self.rows = glossy_receivers(s)  # (n,) int64, ascending
+        self.first = np.searchsorted(self.rows, s.first_receiver)  # (objects + 1,) into `rows`
+        self.normals = np.ascontiguousarray(model.object_receivers.normals[self.rows])  # (n, 3)
+        self._searches = [self._search(o) for o in range(s.objects)] if len(self.rows) else []
+
+    @property
+    def on_mobiles(self) -> bool:
+        """Whether a mobile has glossy faces: its receivers need the segments near it."""
+        return len(self.rows) > self.first[1]
+
+    def count(self, o: int) -> int:
+        """Return the number of glossy receivers of an object."""
+        return int(self.first[o + 1] - self.first[o])
+
+    def normals_of(self, o: int) -> np.ndarray:
+        """Return the normals (count, 3) of an object's glossy receivers, in its space."""
+        return self.normals[self.first[o] : self.first[o + 1]]
+
+    def _search(self, o: int):
+        rows = self.rows[self.first[o] : self.first[o + 1]]
+        r, n = self.model.object_receivers, len(rows)
+        region = Regions(
+            np.full(n, WHOLE, np.int32), np.empty((0, RAYS, 2), np.uint8), np.full(n, math.pi * self.radius**2)
+        )
+        positions, normals = (np.ascontiguousarray(a[rows], np.float32) for a in (r.positions, r.normals))
+        # The two sides of a face are discs of their own.
+        own, back = self.model.receiver_sides[rows], np.full(n, NONE, np.int32)
+        return SEARCHES[Setting._field_defaults["search"]](
+            Discs(positions, normals, own, back, np.float32(self.radius), region)
+        )
+
+    def crossed(self, o: int, segments: Segments, at: Transforms) -> list[Crossings]:
+        """Return the crossings of segments with object o's discs at poses, in parts."""
+        count, model = self.count(o), self.model
+        if not (segments.size and count):
+            return []
+        search = self._searches[o]
+
+        def find(_, first, last):
+            part = Segments(*(a[first:last] for a in segments))
+            ready, room = lines(part, at.rotation[o], at.position[o], model, self.radius), ROOM * (last - first)
+            while True:
+                log = IntersectionLog.of(room)
+                search.accumulate(ready, 1, Sums.zeros(count, model.emitters.lamps.channels)._replace(log=log))
+                if log.count[0] <= room:
+                    n = int(log.count[0])
+                    return Crossings(log.receiver[:n], log.line[:n], ready, part.photon, part.bounce)
+                room = int(log.count[0])
+
+        return run_ranges(find, segments.size, model.threads, GRAIN)

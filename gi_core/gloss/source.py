@@ -1,0 +1,62 @@
+"""Gloss of frames: cells alone, the list of rays of report 2.10, or the QuadTree that keeps all rays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gi_core.gloss.cells import GlossCells, GlossLight
+from gi_core.gloss.discs import GlossDiscs
+from gi_core.gloss.rays import RayLists
+from gi_core.model import Model
+from gi_core.photons.paths import PathVertices
+from gi_core.retrace.cuts import PoseChange
+
+QUADTREE, LIST, ALL_RAYS = WAYS = ("quadtree", "list", "all_rays")
+OPENED = {LIST: -1.0, ALL_RAYS: 1 / 64}  # decision 31
+RADII = 2.0  # radius of gloss discs: directions need more rays than irradiance
+
+
+class GlossSource:
+    """Directional light of a model's glossy receivers. Not thread safe."""
+
+    def __init__(self, model: Model):
+        self._model = model
+        self._cells: GlossCells | None = None
+        self._lists: RayLists | None = None
+
+    def cells(self, radius: float) -> GlossCells | None:
+        """Return the cells of glossy receivers; radius [m]: of irradiance. None without glossy faces."""
+        if self._cells is None or self._cells.discs.radius != radius * RADII:
+            self._cells, self._lists = GlossCells(GlossDiscs(self._model, radius * RADII)), None
+        return self._cells if len(self._cells.discs.rows) else None
+
+    def lists(self, radius: float) -> RayLists | None:
+        """Return the lists of rays; arguments as for cells()."""
+        cells = self.cells(radius)
+        if cells is not None and self._lists is None:
+            self._lists = RayLists(cells.discs)
+        return self._lists
+
+    def light(
+        self, way: str, radius: float, photons: tuple[object, PathVertices, np.ndarray], change: PoseChange,
+        clock: Callable[[str], None],
+    ) -> GlossLight | None:  # fmt: skip
+        """Return the directional light of a frame; None without glossy faces or photons.
+
+        way: one of WAYS; radius [m]: of irradiance; photons: as for GlossCells.bring_in(); clock: called after each
+        step.
+        """
+        cells = self.cells(radius)
+        if cells is None or len(photons[1].offsets) < 2:
+            return None
+        for _ in cells.bring_in(*photons):
+            clock("gloss")
+        light = cells.evaluate(change)
+        if way != QUADTREE and (lists := self.lists(radius)) is not None:
+            for _ in lists.bring_in(*photons):
+                clock("gloss")
+            light = light._replace(tree=lists.evaluate(change), opened=OPENED[way])
+        clock("gloss")
+        return light
