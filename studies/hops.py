@@ -112,7 +112,7 @@ def dragged_frame(scene: str) -> tuple[dict, dict]:
     def script(ctx) -> None:
         try:
             hand = Hand(viewer, ctx)
-            hand.wait(lambda: viewer._ready and not viewer.session.refining, 600)
+            hand.wait_for_light()
             x, y = hand.at(viewer.session.model.vertices_at(1, viewer.session.poses).mean(axis=0))
             hand.move((x, y))
             viewer.session.light.grace = PATIENCE

@@ -31,7 +31,7 @@ def draw(viewport: Viewport, view: HemisphereView, colours: dict[int, tuple[floa
     em, drawing = imgui.get_font_size(), imgui.get_window_draw_list()
     (x, y), (_, h) = viewport.view.origin, viewport.view.size
     radius = RADIUS_EM * em
-    middle = np.array([x + 1.5 * em + radius, y + h - 3.5 * em - radius])
+    middle = np.array([x + 1.5 * em + radius, y + h - 4.0 * em - radius])  # above the line of hints
 
     def places(disc: np.ndarray) -> Places:
         return [(float(a), float(b)) for a, b in middle + radius * disc * (1, -1)]
@@ -44,6 +44,7 @@ def draw(viewport: Viewport, view: HemisphereView, colours: dict[int, tuple[floa
         drawing.add_polyline(places(outline), imgui.get_color_u32(BORDER), 1.0, imgui.ImDrawFlags_.closed)
     ahead = view.rays[:, 2] > 0
     for place, kind in zip(places(disc_of(view.rays[ahead])), view.kind[ahead].tolist(), strict=True):
+        drawing.add_circle_filled(place, theme.pixels(2.6), imgui.get_color_u32(BORDER), 8)
         drawing.add_circle_filled(place, theme.pixels(1.6), imgui.get_color_u32(colours[kind]), 8)
     eye = viewport.view.camera.eye() - viewport.session.model.origins[0]
     values, grid = view.lobe_towards(eye, directions(_grid())), on_disc(_grid())
@@ -58,7 +59,7 @@ def draw(viewport: Viewport, view: HemisphereView, colours: dict[int, tuple[floa
         (at_eye,) = places(disc_of(seen[None]))
         drawing.add_circle(at_eye, theme.pixels(5.0), imgui.get_color_u32((*theme.ACCENT, 1.0)), 16, theme.pixels(2.0))
         label.write("eye", at_eye[0] + 0.5 * em, at_eye[1] - 0.5 * em)
-    label.write(NOTE, float(middle[0] - radius), float(middle[1] + radius + 0.5 * em))
+    label.write(NOTE, float(middle[0] - radius), float(middle[1] - radius - 2.2 * em))
 
 
 def _cell_outlines() -> list[np.ndarray]:

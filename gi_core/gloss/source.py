@@ -14,7 +14,7 @@ from gi_core.photons.paths import PathVertices
 from gi_core.retrace.cuts import PoseChange
 
 QUADTREE, LIST, ALL_RAYS = WAYS = ("quadtree", "list", "all_rays")
-OPENED = {LIST: -1.0, ALL_RAYS: 1 / 64}  # decision 31
+OPENED = {LIST: -1.0, ALL_RAYS: 1 / 16}  # decision 31
 RADII = 2.0  # radius of gloss discs: directions need more rays than irradiance
 
 

@@ -74,6 +74,7 @@ def _expected(tables, i):
     return (cells * weight[:, None, None] * weight).sum(axis=(1, 3)).ravel() * (2 * math.pi / (RINGS * SECTORS))
 
 
+@pytest.mark.slow
 def test_draws_follow_the_density_and_carry_its_weight(case):
     """Chi-square at 1 % for all angles of all sets together (Sidak); weights equal f cos / (pdf albedo)."""
     tables = case.tables

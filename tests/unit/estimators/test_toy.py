@@ -132,6 +132,7 @@ def test_sweep_and_tune_try_a_new_estimator():
     assert every == set(ESTIMATORS)
 
 
+@pytest.mark.slow
 def test_the_chart_draws_its_curve(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "reference"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from gi_core.frames import first_frame
 from gi_core.gather import static
@@ -52,6 +53,7 @@ def test_an_abandoned_switch_loses_nothing():
     assert solver.frame.background is first and np.array_equal(solver.irradiance, light)
 
 
+@pytest.mark.slow
 def test_gathered_light_returns_at_once_though_its_photons_were_few(monkeypatch):
     """Keys 1, 2, 1 while photons of the first estimator were still being estimated."""
     monkeypatch.setattr(static, "ENOUGH", 0.03)

@@ -65,6 +65,7 @@ def test_open_receivers_see_the_sky():
     assert len(top) and np.allclose(gather.mean[top], np.pi * np.array([1.0, 2.0, 3.0]), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_gather_over_true_light_equals_the_reference_within_its_noise():
     """Walls have many receivers, so that interpolation between them is accurate."""
     scene = fine_room()

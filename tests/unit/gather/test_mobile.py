@@ -70,6 +70,7 @@ def test_inside_a_hollow_mobile_light_goes_to_and_fro():
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_mobile_gather_equals_the_reference():
     """Walls have many receivers, so that interpolation between them is accurate; two objects, side by side."""
     places = {0.25: (0.4, 0.5, 0.3), 0.15: (0.62, 0.5, 0.35)}

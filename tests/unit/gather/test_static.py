@@ -44,6 +44,7 @@ def gathered() -> Solver:
         yield solver
 
 
+@pytest.mark.slow
 def test_static_gather_equals_the_reference_without_mobiles(gathered):
     bare = Solver(replace(SCENE, mobiles=()), photons=0)
     points, normals = evaluation_points(bare.surfaces, bare.receivers)
@@ -77,6 +78,7 @@ def test_unaffected_receivers_keep_gathered_light_and_frames_equal_scratch(gathe
     assert (gathered.irradiance >= 0).all()
 
 
+@pytest.mark.slow
 def test_resumed_run_ends_in_the_same_bits(gathered, monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 0.02)
     first = solved(5_000)
@@ -96,6 +98,7 @@ def test_resumed_run_ends_in_the_same_bits(gathered, monkeypatch):
     assert np.array_equal(later.irradiance, first.irradiance)
 
 
+@pytest.mark.slow
 def test_photons_are_shown_while_they_have_less_noise(monkeypatch):
     """The photons' noise is 0.001 until the first gathered light, and 0.01 afterwards."""
     photons = [0.001]
@@ -189,6 +192,7 @@ def test_light_without_noise_is_gathered_to_the_end():
     assert g.enough and g.left == 0 and solver.light_source.is_gathered
 
 
+@pytest.mark.slow
 def test_stored_light_of_less_noise_than_the_first_single_bounces_goes_on(gathered, monkeypatch):
     """The second launch of a scene: stored paths are in the picture before any photon, and gathering continues."""
     monkeypatch.setattr(static, "ENOUGH", 0.013)

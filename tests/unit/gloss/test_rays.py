@@ -18,6 +18,7 @@ from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Pose
 from gi_core.solver import Solver
 from tests.physics.test_gloss import GIVEN, ROOM
+from tests.support.quadtree_2003 import QuadTree2003
 from tests.unit.gloss.test_cells import directions, of_cells
 
 pytestmark = pytest.mark.usefixtures("small_pilot")
@@ -125,20 +126,31 @@ def test_list_sums_the_lobe_over_all_rays_and_the_tree_comes_close(alpha):
         cells, tree = random_light(400, seed)
         for cosine in (0.95, 0.6, 0.3):
             every = seen(Directions(cells.astype(np.float32), *tree, OPENED[LIST]), alpha, cosine)
-            one_by_one = sum(
-                seen(
-                    Directions(of_cells(cells).cells, np.minimum(np.arange(CELLS + 1), 1), ray[None], -1.0),
-                    alpha,
-                    cosine,
-                )
-                for ray in tree.rays
-            )
+            alone = of_cells(cells).cells, np.minimum(np.arange(CELLS + 1), 1)  # cell 0 has the one ray
+            one_by_one = sum(seen(Directions(*alone, ray[None], OPENED[LIST]), alpha, cosine) for ray in tree.rays)
             np.testing.assert_allclose(every, one_by_one, rtol=1e-4)
             opened = seen(Directions(cells.astype(np.float32), *tree, OPENED[ALL_RAYS]), alpha, cosine)
             summed = seen(of_cells(cells), alpha, cosine)
             worst[ALL_RAYS] = max(worst[ALL_RAYS], np.abs(opened / every - 1).max())
             worst["cells"] = max(worst["cells"], np.abs(summed / every - 1).max())
-    assert worst[ALL_RAYS] < 0.02 and worst["cells"] > 2 * worst[ALL_RAYS]
+    assert worst[ALL_RAYS] < 0.06 and worst["cells"] > 1.5 * worst[ALL_RAYS], worst
+
+
+def test_the_quadtree_of_2003_degrades_where_moments_do_not():
+    """Summaries of the report stay when their rays have gone, and their float means drift; integers do not."""
+    rng, literal, now, key = np.random.default_rng(4), QuadTree2003(), {}, 0
+    for _ in range(300):
+        away = [now.pop(k) for k in list(now) if rng.random() < 0.4]
+        fresh = []
+        for d in directions(4000)[rng.integers(0, 4000, rng.integers(0, 160))]:
+            fresh.append((key, cell_of(*d), rng.random(3).astype(np.float32) + 0.1, d.astype(np.float32)))
+            now[key], key = fresh[-1], key + 1
+        literal.update(away, fresh)
+    new = QuadTree2003()
+    new.update([], list(now.values()))
+    assert literal.needlessly_summarised > 5 and new.needlessly_summarised == 0
+    np.testing.assert_allclose(literal.rays()[:, :3].sum(axis=0), new.rays()[:, :3].sum(axis=0), rtol=1e-4)
+    assert len(literal.rays()) < len(new.rays())
 
 
 def test_an_unknown_way_is_refused():

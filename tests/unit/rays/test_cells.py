@@ -69,6 +69,7 @@ def furnished_room() -> Mesh:
 
 
 @pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.slow
 def test_a_furnished_room_costs_few_tests_per_ray(name, furnished_room):
     cells, tests = cost(name, furnished_room)
     assert 1 < cells < 60 and tests < 60

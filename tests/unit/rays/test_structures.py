@@ -41,6 +41,7 @@ def hits(surfaces: Surfaces, name: str, rays, limit=None):
 
 @pytest.mark.parametrize("name", OTHERS)
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.slow
 def test_a_structure_changes_no_bit(case, name):
     mesh, rays = CASES[case](2000)
     surfaces = surfaces_of(mesh)
@@ -169,6 +170,7 @@ def run(code: str, **environment) -> subprocess.CompletedProcess:
     )
 
 
+@pytest.mark.slow
 def test_kernels_of_structures_that_are_not_chosen_are_not_compiled():
     code = """
 from gi_core.photons.trace import _follow, _trace_paths
@@ -186,6 +188,7 @@ assert not others, others
     assert ran.returncode == 0, ran.stderr
 
 
+@pytest.mark.slow
 def test_without_embreex_rays_are_traced_by_bvh_and_one_line_says_so():
     """A subprocess that cannot import embreex: opens a scene, moves an object, equals the solution from scratch."""
     code = """

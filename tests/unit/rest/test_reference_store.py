@@ -97,6 +97,7 @@ def test_damaged_file_is_ignored():
     assert room().load() is not None
 
 
+@pytest.mark.slow
 def test_progress_ends_at_one():
     seen = [r for r in room().gather(0.004) if r.fraction > 0]
     assert len(seen) > 3
