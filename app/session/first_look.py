@@ -18,7 +18,8 @@ import numpy as np
 
 from app.draw.camera import Turntable, from_camera, matrices, scene_bounds
 from app.draw.white_balance import NEUTRAL, Gains, gains_for
-from app.settings import Settings, open_scene
+from app.settings import Settings, UsageError, open_scene
+from gi_core.scene.errors import SceneError
 
 if TYPE_CHECKING:
     from app.draw.vertex_colours import DrawMesh
@@ -39,7 +40,7 @@ class FirstLook(NamedTuple):
 
 
 def start(settings: Settings, surfaces: str, errors: IO) -> subprocess.Popen:
-    """Start the process; its standard output brings records, its standard input must stay open; errors: a file."""
+    """Start the process; it brings looks, or the error of a bad scene; its standard input must stay open; errors: a file."""
     import app
 
     process = subprocess.Popen(
@@ -94,10 +95,17 @@ def run() -> None:
 
     settings, surfaces = pickle.load(sys.stdin.buffer)
     compile_ahead.end_with_input()
-    for look in looks(open_scene(settings), settings):
-        pickle.dump(look, sys.stdout.buffer, pickle.HIGHEST_PROTOCOL)
-        sys.stdout.flush()
+    try:
+        for look in looks(open_scene(settings), settings):
+            _send(look)
+    except (SceneError, UsageError) as problem:  # nothing needs to be compiled for it
+        _send(problem)
     compile_ahead.compile_backwards(settings.rays, surfaces)
+
+
+def _send(record: FirstLook | Exception) -> None:
+    pickle.dump(record, sys.stdout.buffer, pickle.HIGHEST_PROTOCOL)
+    sys.stdout.flush()
 
 
 if __name__ == "__main__":

@@ -62,6 +62,7 @@ class Opening:
         self.warnings: list[str] = []
         self._cancelled = False
         self.look: FirstLook | None = None  # while kernels compile
+        self._refused: Exception | None = None  # the scene, by the process of the first look
         self._processes: tuple[subprocess.Popen, ...] = ()
         self._thread = threading.Thread(target=self._run, name="opening", daemon=True)
         self._thread.start()
@@ -122,10 +123,15 @@ class Opening:
             looking = first_look.start(self.settings, surfaces, look_errors)
             self._processes = compiler, looking
             threading.Thread(target=self._receive, args=(looking.stdout,), name="first look", daemon=True).start()
-            while compiler.poll() is None:
+            while compiler.poll() is None and self._refused is None:
                 self.fraction = meter.fraction
                 self.detail = _time_left(time.perf_counter() - started, self.fraction)
                 time.sleep(POLL)
+            if self._refused is not None:
+                compiler.kill()
+                compiler.wait()
+                looking.kill()
+                raise self._refused
             if looking.poll() and self._load is open_scene:  # other scenes have no file to look at
                 self.warnings.append(f"the first look failed: {_last_line(look_errors, looking.returncode)}")
             looking.kill()
@@ -139,7 +145,11 @@ class Opening:
         """Take over looks from a process until it ends."""
         with suppress(EOFError, OSError, pickle.UnpicklingError):
             while not self.done:
-                self.look = pickle.load(stream)
+                found = pickle.load(stream)
+                if not isinstance(found, Exception):
+                    self.look = found
+                elif self._load is open_scene:
+                    self._refused = found
 
     def _open(self, scene: Scene) -> Opened:
         from app.draw.picking import Picker

@@ -295,6 +295,25 @@ while not pathlib.Path({str(shown)!r}).exists():
     assert (COMPILING, 0.25, "s left") in seen and not programs
 
 
+def test_a_bad_scene_is_refused_before_kernels_are_compiled(monkeypatch, tmp_path):
+    """By the real process of the first look, while the compiler of another process goes on."""
+    from app.session.opening import Opening
+    from gi_core.instruments import compile_ahead
+
+    bad, real = tmp_path / "bad.toml", subprocess.Popen
+    bad.write_text("[static]\nmesh = 7\n")
+
+    def start(command, **others):
+        compiles = command[2] == compile_ahead.__name__
+        return real([command[0], "-c", "import time; time.sleep(600)"] if compiles else command, **others)
+
+    monkeypatch.setattr(compile_ahead, "is_warm", lambda rays, surfaces: False)
+    monkeypatch.setattr(subprocess, "Popen", start)
+    job = Opening(replace(support.SETTINGS, scene=str(bad)))
+    job._thread.join(support.PATIENCE)
+    assert job.done and "bad.toml" in str(job.problem) and "mesh" in str(job.problem)
+
+
 def test_meter_ignores_noise():
     """The median of a noisy first picture is too dark: plain metering was off by 0.3 EV on the Cornell box.
 
