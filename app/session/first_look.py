@@ -40,7 +40,7 @@ class FirstLook(NamedTuple):
 
 
 def start(settings: Settings, surfaces: str, errors: IO) -> subprocess.Popen:
-    """Start the process; it brings looks, or the error of a bad scene; its standard input must stay open; errors: a file."""
+    """Start the process. It writes looks, or the error of a bad scene. Its input must stay open; errors: a file."""
     import app
 
     process = subprocess.Popen(
