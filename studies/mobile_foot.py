@@ -29,7 +29,7 @@ SCENES = ("cornell", "living_room", "gallery", "office", "tree", "tree_worst", "
 BAR, REACH, LIFT = 0.15, 0.01, 1e-5  # relative error; [m]; [m]
 FREE = 0.75  # of the directions
 DARK = 0.02  # of the brightest tenth: less does not show
-FIRST, MOST = 256, 1 << 14  # paths per vertex
+FIRST, MOST = 256, 1 << 17  # paths per vertex
 SURE, SMALL = 3.0, 0.04  # standard errors; relative noise of the reference, at which an error beyond the bar counts
 SAMPLE = 4000  # vertices
 

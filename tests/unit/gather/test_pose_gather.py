@@ -119,6 +119,21 @@ def test_gathering_that_was_broken_off_ends_with_the_same_bits():
     assert np.array_equal(through.irradiance, broken.irradiance)
 
 
+def test_complete_static_light_gives_each_session_the_same_bits():
+    """Paths from mobiles end in static light, which is the same whenever a pose comes to rest."""
+    solver, lights = kept(), []
+    for steps in (0, 12):
+        solver.light_source._at_poses = pose_gather.PoseGathers(solver.model, solver.seed)
+        solver.move("box", ON_FLOOR)
+        for _, _ in zip(range(steps), solver.gather_pose_steps(), strict=False):
+            pass
+        solver.move("box", RAISED)
+        solver.move("box", ON_FLOOR)
+        assert gather_pose(solver).used.any()
+        lights.append(solver.irradiance)
+    assert np.array_equal(*lights)
+
+
 def test_light_of_the_last_poses_is_kept(monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 0.2)
     solver, lights = solved(False), []
