@@ -70,7 +70,7 @@ class Twin:
             d, length = _line(origin[0], end[0])
             segment = {
                 "photon": i, "bounce": bounce, "flux": tuple(q), "origin": origin[0], "end": end[0],
-                "low": m.eps, "high": length + m.eps if end_side[0] >= 0 else length,
+                "low": min(m.eps, F32(0.5) * F32(length)), "high": length + m.eps if end_side[0] >= 0 else length,
                 "start_side": int(side[0]), "end_side": int(end_side[0]), "cut_side": int(cut_side[0]),
                 "hit": end[0], "hit_side": int(end_side[0]),
             }  # fmt: skip
