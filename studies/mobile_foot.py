@@ -5,7 +5,8 @@ cosine-distributed directions are free for 1 cm, and it is not dark. Without sce
 at a vertex until its error is below the bar by three standard errors of the reference, or above it and the reference's
 noise is 4 %, or until MOST paths.
 A row per state of the light: single bounces, then light at the poses after `--seconds` of CPU time, at its end or,
-with `--each`, whenever it changes.
+with `--each`, whenever it changes. The worst vertices follow with the standard errors of truth and light (0: not
+known), and their heights.
 """
 
 from __future__ import annotations
@@ -108,6 +109,7 @@ def study(name: str, mobiles: list[str], gather: bool, seconds: float, each: boo
     rows = np.sort(np.random.default_rng(0).permutation(rows)[:SAMPLE])
     truth = Truth(solver, points[rows], normals[rows])
     dark = DARK * float(np.quantile(truth.mean, 0.9))
+    at = solver.model.transforms(solver.poses)
     up = np.asarray(solver.scene.up) / np.linalg.norm(solver.scene.up)
     heights = points @ up - (points @ up).min()
     what = " ".join([name, *(m.rpartition("/")[2] for m in mobiles)])
@@ -116,7 +118,10 @@ def study(name: str, mobiles: list[str], gather: bool, seconds: float, each: boo
     def row(state: str) -> int:
         found = errors(luminance(solver.irradiance[first:])[rows], truth, dark)
         worst = np.argsort(-np.abs(found.error))[:5]
-        text = ", ".join(f"{found.error[k]:+.0%} +- {found.sigma[k]:.0%} {heights[rows[k]]:.2f} m" for k in worst)
+        stated = solver.light_source.deviation(at)[first:][rows] / np.maximum(truth.mean, 1e-300)
+        text = ", ".join(
+            f"{found.error[k]:+.0%} +- {found.sigma[k]:.0%} +- {stated[k]:.0%} {heights[rows[k]]:.2f} m" for k in worst
+        )
         print(f"| {state} | {found.beyond.sum()} | {text} |", flush=True)
         return int(found.beyond.sum())
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from app.cli import saved_scene
 from app.draw.camera import Bounds, from_camera
+from app.window import gizmo
 from app.window.gizmo import MOVE, TURN, moved_pose, snap_step
+from gi_core.model import Model
 from gi_core.scene import Camera, Pose
 from gi_core.scene.pose import as_pose, axis_angle, quaternion_of, to_world
 from tests.support import viewer_support as support
@@ -47,6 +50,40 @@ def test_a_parallel_view_keeps_sizes_at_the_pivot_and_parallels_parallel():
     for camera in (flat, flat.with_fov(CAMERA.fov)):
         assert camera.dolly(0.0).distance == pytest.approx(camera.distance), "within the limits of the wheel"
     assert flat.with_fov(CAMERA.fov).eye() == pytest.approx(CAMERA.eye())
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_handles_wait_for_the_picture_unless_they_are_held(held, monkeypatch):
+    """After an undo the object stays until its light is there; handles that are held follow the cursor."""
+    places = []
+
+    def manipulate(view, projection, operation, mode, matrix, *_) -> bool:
+        places.append(matrix.values[12:15])
+        return False
+
+    names = "begin_frame", "allow_axis_flip", "set_drawlist", "set_rect", "set_gizmo_size_clip_space", "is_over"
+    fake = SimpleNamespace(
+        **{name: lambda *_: None for name in names}, manipulate=manipulate, is_using=lambda: held,
+        MODE=SimpleNamespace(world=0), Matrix16=gizmo.G.Matrix16,
+    )  # fmt: skip
+    monkeypatch.setattr(gizmo, "G", fake)
+    io = SimpleNamespace(key_ctrl=False)
+    given = {"get_window_draw_list": None, "get_font_size": 13.0, "get_io": io}
+    monkeypatch.setattr(gizmo, "imgui", SimpleNamespace(**{k: lambda v=v: v for k, v in given.items()}))
+    room = support.room(1)
+    shown, asked = room.mobiles[0].pose, Pose((0.7, 0.3, 0.5))
+    session = SimpleNamespace(
+        poses={"block": asked}, light=SimpleNamespace(snapshot=SimpleNamespace(poses={"block": shown})),
+        model=Model(room), chosen=SimpleNamespace(scene_size=1.0), begin_drag=lambda: None, playing=False,
+    )  # fmt: skip
+    view = SimpleNamespace(origin=(0, 0), size=(100, 100), camera=CAMERA, aspect=1.0)
+    handles = gizmo.Gizmo()
+    handles.mode = MOVE
+    handles.draw(session, view, "block", BOUNDS)
+    handles._middle = np.array(asked.position)  # where the cursor holds it
+    handles.draw(session, view, "block", BOUNDS)
+    assert places[0] == pytest.approx(shown.position, abs=1e-6)
+    assert places[1] == pytest.approx((asked if held else shown).position, abs=1e-6)
 
 
 @pytest.mark.parametrize("turn", [None, 40.0])
