@@ -78,7 +78,7 @@ class LightSource:
             other._at_poses = PoseGathers(self._model, self._seed)
         return other
 
-    def choose(self, light: str | None, prefix_only: bool | None, gloss: str | None) -> None:
+    def choose(self, light: str | None, prefix_only: bool | None, gloss: str | None = None) -> None:
         """Change the settings; None keeps one. Raises SceneError for an unknown light or way of gloss."""
         self.gloss_way = self.gloss_way if gloss is None else one_of(source.WAYS).check("gloss", gloss)
         self.light = self.light if light is None else one_of(LIGHTS).check("light", light)
