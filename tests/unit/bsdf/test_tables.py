@@ -14,6 +14,7 @@ from gi_core.bsdf.models import MODELS, Lobe, lobe
 from tests.support.brdf_cases import ANGLES, lobes
 from tests.support.brdf_tables import densities, direction, draws, exact, nodes, values
 
+pytestmark = pytest.mark.slow  # 80 tables take a CPU s each
 DRAWS = 20_000
 RINGS, SECTORS, INNER = 24, 16, 8  # cells of the chi-square test, and Gauss points per side of a cell
 LAST = 1.0 - 2.0**-53  # the largest number drawn
@@ -74,7 +75,6 @@ def _expected(tables, i):
     return (cells * weight[:, None, None] * weight).sum(axis=(1, 3)).ravel() * (2 * math.pi / (RINGS * SECTORS))
 
 
-@pytest.mark.slow
 def test_draws_follow_the_density_and_carry_its_weight(case):
     """Chi-square at 1 % for all angles of all sets together (Sidak); weights equal f cos / (pdf albedo)."""
     tables = case.tables

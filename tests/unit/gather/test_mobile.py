@@ -98,6 +98,7 @@ def test_mobile_gather_equals_the_reference():
 
 @settings(max_examples=10)
 @given(st.lists(moves, min_size=1, max_size=4), st.sampled_from(list(ESTIMATORS)))
+@pytest.mark.slow
 def test_any_history_equals_from_scratch_and_a_fresh_solver(history, estimator):
     solver = gathering(estimator=estimator)
     for name, pose in history:

@@ -134,6 +134,7 @@ def test_trial_predicts_the_error_of_more_photons(solver, monkeypatch):
     assert np.array_equal(solver.irradiance, before)
 
 
+@pytest.mark.slow
 def test_the_static_light_of_all_photons_helps_frames_of_few(monkeypatch):
     """Squared errors, summed over four seeds: at one seed the ratio of few receivers scatters from 0.8 to 1.5."""
     monkeypatch.setattr("gi_core.tuning.setting_trials.PHOTONS", 60_000)
