@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from gi_core.display.first_look import first_looks
 from gi_core.gather.reference import reference_irradiance
@@ -12,6 +13,7 @@ from gi_core.model import Model
 from tests.support.viewer_support import room
 
 
+@pytest.mark.slow
 def test_light_of_a_first_look_is_close_to_the_reference():
     """Within 8 % (l1, by area) on static part and mobile, 5 % measured; levels of lamps count."""
     scene = room()

@@ -109,6 +109,7 @@ def until_gathered(solver: Solver) -> None:
             break
 
 
+@pytest.mark.slow
 def test_frames_over_gathered_light_equal_from_scratch():
     solver = noisy()
     until_gathered(solver)
@@ -163,6 +164,7 @@ def test_scene_of_mobiles_alone_gathers_nothing():
     assert len(list(solver.gather_steps())) <= 2 and solver.light_source.gathered.enough and solver.irradiance.any()
 
 
+@pytest.mark.slow
 def test_whole_paths_replace_single_bounces_of_any_bias(monkeypatch):
     """Walls of few vertices: single bounces keep an error that their noise does not show."""
     monkeypatch.setattr(static, "ENOUGH", 0.02)

@@ -88,6 +88,7 @@ def test_standard_error_equals_the_scatter_of_seeds():
     assert np.median(scatter / stated) == pytest.approx(1, rel=0.15)
 
 
+@pytest.mark.slow
 def test_sets_and_weights_lower_the_error():
     """At equal numbers of paths: stratified against independent, and allocated by weight against uniform."""
     scene = build.coloured_room()

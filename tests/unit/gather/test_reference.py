@@ -132,6 +132,7 @@ def test_furnace(reflectance, light_sampling):
     z_test(E[:, 0], closed_form.furnace(2.0, reflectance), error[:, 0], "furnace")
 
 
+@pytest.mark.slow
 def test_light_sampling_changes_the_noise_only():
     """Sampling lamps and hitting them are two ways to one value; different seeds, so independent."""
     mobile = Mobile("box", build.box((-0.1,) * 3, (0.1,) * 3), Pose((0.3, 0.4, 0.2), axis_angle((1, 2, 3), 40)))

@@ -79,6 +79,7 @@ def test_noise_needs_a_prefix():
     assert prefix_to_compare((4096, 8192, 16384)) == 8192
 
 
+@pytest.mark.slow
 def test_estimated_noise_and_bias_equal_those_against_the_limit():
     """A room at 16,384 photons: the limit has 32 times as many of another seed; the truth is biased on purpose."""
     E, fewer, limit = [], [], []

@@ -50,6 +50,7 @@ def same(found: RayTree, scratch: RayTree) -> bool:
     )
 
 
+@pytest.mark.slow
 def test_lists_equal_those_from_scratch_after_many_moves(estimator):
     solver = solved(estimator=estimator)
     start = solver.frame.gloss.tree
@@ -61,6 +62,7 @@ def test_lists_equal_those_from_scratch_after_many_moves(estimator):
     assert np.array_equal(back.rays, start.rays) and np.array_equal(back.offsets, start.offsets)
 
 
+@pytest.mark.slow
 def test_a_frame_of_few_photons_has_their_rays_where_anything_changed():
     solver = solved(photons=20_000)
     lists, rest = solver.light_source.gloss_source.lists(solver.setting.radius), solver.frame.gloss.tree

@@ -142,6 +142,7 @@ def test_unusable_stored_file_counts_as_none(what, folder):
     assert file.load() is None
 
 
+@pytest.mark.slow
 def test_a_measuring_plane_is_measured_beside_all_other_work_and_again_at_other_poses():
     """Its light stays, marked as out of date, until that of the new poses is there; without a plane there is none."""
     from app.rest.scheduler import PLANE, RestWork
