@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from app.draw.vertex_colours import draw_meshes
 from app.rest import live_error as module
 from app.rest.live_error import LiveError, Wants
 from app.rest.measured_points import MeasuredPoints
@@ -22,6 +25,7 @@ from gi_core.frames.progress import Interrupted
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance, relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.scene import Mesh, Pose, Scene
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
 from tests.window.test_session import FRAME, frame, make
@@ -147,6 +151,43 @@ def test_large_scene_is_measured_at_sampled_receivers(solver, monkeypatch):
     assert np.isfinite(picture[lit]).all() and np.isnan(picture[~lit]).all()
     assert relative_error(solver.irradiance, picture, solver.receivers.areas, lit).l1 == pytest.approx(r.total, rel=0.3)
     assert live_error.report == r, "the numbers remain those of the choice"
+
+
+def beside_a_face_without_area() -> Scene:
+    """Return the room with its block low over a floor of which one face has no area: no path starts at its vertex."""
+    room = support.room()
+    vertices, faces, materials = room.static[:3]
+    i = int(np.abs(vertices - (0.5, 0.0, 0.5)).sum(axis=1).argmin())
+    face = faces[(faces == i).any(axis=1)][0]
+    middle = vertices[face[:2]].mean(axis=0)
+    static = Mesh(
+        np.vstack([vertices, middle]), np.vstack([faces, [*face[:2], len(vertices)]]), np.append(materials, 0)
+    )
+    (block,) = room.mobiles
+    return replace(room, static=static, mobiles=(block._replace(pose=Pose((0.5, 0.12, 0.5))),))
+
+
+@pytest.mark.filterwarnings("error")
+def test_map_reference_and_wipe_of_unknown_light_give_no_warning():
+    """The reference is nan where no path starts; numpy warned on the terminal as it was drawn."""
+    solver = Solver(beside_a_face_without_area(), photons=20_000, radius=0.06)
+    solver.solve()
+    live_error = LiveError(solver, time.perf_counter)
+    finish(live_error, Wants(picture=True))
+    E, known = live_error.picture.drawn.irradiance, solver.receivers.areas > 0
+    assert np.isnan(E).any() and np.isfinite(E[known]).all()
+    rest = SimpleNamespace(reference=live_error.picture, comparison=None)
+    snapshot = SimpleNamespace(
+        setting=solver.setting, photons=20_000, drawn=solver.drawn(solver.irradiance), rest=rest, method=None
+    )
+    light, meshes = SimpleNamespace(snapshot=snapshot, method=None), draw_meshes(solver.surfaces)
+    for chosen in ({"compare": "reference"}, {"show": "error"}, {"reference": True}):
+        session = SimpleNamespace(settings=Settings(**chosen), light=light, model=solver.model)
+        shown = view_content.shown(session)
+        assert len(shown.sides) == 1 + ("compare" in chosen) and (shown.errors is None) == ("show" not in chosen)
+        for mesh, side in itertools.product(meshes, shown.sides):
+            for colours in view_content.paint(mesh, side, shown.errors, True):
+                assert np.isfinite(colours).all()
 
 
 def test_comparison_equals_a_solver_of_that_estimator(solver):
