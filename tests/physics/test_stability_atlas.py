@@ -12,7 +12,7 @@ import math
 import numpy as np
 import pytest
 
-from app.measure.atlas import command, mobiles, others, photon_map, programs, ray_structures, tangent_plane
+from app.measure.atlas import command, gloss, mobiles, others, photon_map, programs, ray_structures, tangent_plane
 from app.measure.atlas import page as atlas_page
 from app.measure.atlas.row import AtlasRow, Number, View, near, over_seeds, solved
 from app.measure.atlas.shapes import BLACK, ball, beyond, box, fan, scene, sheet
@@ -57,6 +57,7 @@ FEWER = {
     others.bright_rooms: 4,
     others.beside_a_mobile: 2,
     programs.soup: 4,
+    gloss.blur: 4,
 }
 
 
@@ -70,6 +71,7 @@ def measured(monkeypatch):
 
         monkeypatch.setattr("app.measure.atlas.row.solved", fewer)
         monkeypatch.setattr(others, "solved", fewer)
+        monkeypatch.setattr(gloss, "solved", fewer)
         found = rows()
         return [found] if isinstance(found, AtlasRow) else list(found)
 
@@ -100,6 +102,8 @@ ROWS = [
     pytest.param(programs.drift, marks=pytest.mark.slow),
     pytest.param(programs.soup, marks=pytest.mark.slow),
     mobiles.rows,
+    gloss.noise,
+    gloss.blur,
     ray_structures.rows,
 ]
 
