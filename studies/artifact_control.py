@@ -15,8 +15,9 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from app.draw import raycast
+from app.draw.draw_mesh import draw_meshes
 from app.draw.shot import home_camera
-from app.draw.vertex_colours import colours, draw_meshes
+from app.draw.vertex_colours import colours
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.scene.types import Camera

@@ -46,8 +46,8 @@ def open_once(what: str, gather: float = 0.0) -> dict[str, float]:
     def mark() -> None:
         passed[STAGES[len(passed)]] = time.process_time()
 
+    from app.draw.draw_mesh import draw_meshes
     from app.draw.picking import Picker
-    from app.draw.vertex_colours import draw_meshes
     from app.rest.reference_store import StaticStore
     from app.rest.static_job import load
     from app.settings import Settings, make_solver, open_scene

@@ -16,7 +16,8 @@ import numpy as np
 from PIL import Image
 
 from app.draw.camera import Turntable
-from app.draw.vertex_colours import DrawMesh, colours, mean_radiance
+from app.draw.draw_mesh import DrawMesh
+from app.draw.vertex_colours import colours, mean_radiance
 from app.draw.white_balance import NEUTRAL, Gains
 from gi_core.files.formats.glb_writer import GlbWriter
 from gi_core.files.formats.gltf_file import NEAREST, WRAPS

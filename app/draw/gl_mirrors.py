@@ -17,7 +17,7 @@ from app.draw.tonemap import srgb_decode
 from gi_core.gloss.sharp import PLANAR, TAPS, Reflector
 
 if TYPE_CHECKING:
-    from app.draw.vertex_colours import DrawMesh
+    from app.draw.draw_mesh import DrawMesh
 
 PLANE_UNIT, PROBE_UNIT = 2, 3  # texture units
 SIDE = 256  # texels along a face of a probe

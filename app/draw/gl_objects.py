@@ -14,8 +14,8 @@ from gi_core.gloss.sharp import hemispherical_albedo
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from app.draw.draw_mesh import DrawMesh
     from app.draw.gl_textures import GLTextures
-    from app.draw.vertex_colours import DrawMesh
     from gi_core.gloss.radiance import Directions
     from gi_core.gloss.sharp import Reflector
     from gi_core.scene.types import Texture

@@ -16,7 +16,7 @@ from app.draw.tonemap import meter, view_weights
 from app.draw.vertex_colours import mean_radiance
 
 if TYPE_CHECKING:
-    from app.draw.vertex_colours import DrawMesh
+    from app.draw.draw_mesh import DrawMesh
     from gi_core.geometry.receivers import Receivers
 
 PATCH_SIZE = 0.1  # of the scene size

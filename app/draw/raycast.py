@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from app.draw.camera import Turntable
+from app.draw.draw_mesh import DrawMesh, part_of
 from app.draw.false_colour import Scale, false_colours
 from app.draw.tonemap import to_display
-from app.draw.vertex_colours import DrawMesh, colours, part_of, weights
+from app.draw.vertex_colours import colours, weights
 from app.draw.white_balance import NEUTRAL, Gains
 from gi_core.base.vectors import cross, dot
 from gi_core.display.dilation import Drawn

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.draw.camera import Bounds, from_camera
+from app.draw.draw_mesh import part_of
 from app.draw.picking import Hit
 from app.draw.raycast import barycentrics, pixel_steps, place, seen_radiance, weighted
 from app.draw.units import Units, units_of
-from app.draw.vertex_colours import colours, part_of, weights
+from app.draw.vertex_colours import colours, weights
 from app.settings import Pin
 from gi_core.geometry.error import luminance
 from gi_core.rays.accelerator import Transforms
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from app.draw.camera import Turntable
+    from app.draw.draw_mesh import DrawMesh
     from app.draw.picking import Picker
-    from app.draw.vertex_colours import DrawMesh
     from gi_core.display.dilation import Drawn
     from gi_core.model import Model
     from gi_core.scene import Pose, Scene

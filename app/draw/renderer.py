@@ -25,7 +25,7 @@ from gi_core.gloss.hemisphere import CELLS
 from gi_core.gloss.sharp import PLANAR, Reflector
 
 if TYPE_CHECKING:
-    from app.draw.vertex_colours import DrawMesh
+    from app.draw.draw_mesh import DrawMesh
     from gi_core.gloss.cells import GlossLight
     from gi_core.gloss.radiance import Directions
     from gi_core.scene.types import Texture

@@ -9,13 +9,14 @@ import numpy as np
 
 from app.draw import raycast
 from app.draw.camera import Bounds, Turntable, from_camera
+from app.draw.draw_mesh import DrawMesh, dimmed, draw_meshes
 from app.draw.false_colour import Scale, automatic_scale, fixed_scale
 from app.draw.legend import of_scale, with_legend
 from app.draw.metering import metered
 from app.draw.reflected import Mirrors
 from app.draw.tonemap import srgb_decode
 from app.draw.units import units_of
-from app.draw.vertex_colours import DrawMesh, colours, dimmed, draw_meshes, gloss_towards, weights
+from app.draw.vertex_colours import colours, gloss_towards, weights
 from app.draw.white_balance import NEUTRAL, gains_for
 from app.settings import ILLUMINANCE, Settings
 

@@ -1,169 +1,23 @@
-"""Draw meshes: vertices split by light and paint, with their colours.
+"""Colours of draw vertices: linear radiance per side.
 
-A mesh vertex is drawn once per combination of front receiver, back receiver, reflectance, emission and texture
-coordinate. Colours are linear radiance per side. Under a texture they are E / pi times the texture's factor, without
-emission.
+Under a texture they are E / pi times the texture's factor, without emission.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gi_core.base.grouping import group_of
-from gi_core.bsdf.table import Tables, join
+from app.draw.draw_mesh import DrawMesh
+from gi_core.bsdf.table import join
 from gi_core.geometry.radiosity import exitant_radiance
-from gi_core.geometry.surfaces import Surfaces, glossy_receivers
 from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
-from gi_core.gloss.sharp import Reflector, reflectors
-from gi_core.scene.types import Paint, Texture
 
 if TYPE_CHECKING:
     from gi_core.gloss.cells import GlossLight
     from gi_core.rays.accelerator import Transforms
-
-
-class DrawMesh(NamedTuple):
-    """Vertex data of one object, in object space."""
-
-    positions: np.ndarray  # (D, 3) float32 [m]
-    triangles: np.ndarray  # (F, 3) int32, into positions
-    front: np.ndarray  # (D,) int32 receiver on the front
-    back: np.ndarray  # (D,) int32 receiver on the back, -1 where one-sided
-    reflectance: np.ndarray  # (D, 3) float64 rho, or the texture's factor
-    emission: np.ndarray  # (D, 3) float64 Le [W/m2/sr]
-    textures: tuple[Texture, ...] = ()  # empty: the three below are None
-    texture: np.ndarray | None = None  # (D,) int32 into textures, -1: none; a triangle's vertices agree
-    uv: np.ndarray | None = None  # (D, 2) float32
-    texel: np.ndarray | None = None  # (D, 3) float64, mean of the texture around the vertex, 1 without texture
-    lamp: np.ndarray | None = None  # (D,) int32, of emissive vertices; None: all are the first lamp
-    lobe: np.ndarray | None = None  # (D, 5) float32: F0, F90, alpha; None: no vertex is glossy, the next two are None
-    gloss: np.ndarray | None = None  # (D, 2) int32, glossy receiver on front and back (row of GlossLight), -1: none
-    normal: np.ndarray | None = None  # (D, 3) float32 unit, of the receiver on the front
-    tangent: np.ndarray | None = None  # (D, 3) float32 unit; None: no vertex has a table ...
-    tables: Tables | None = None  # ... of these
-    reflectors: tuple[Reflector, ...] = ()  # of faces too sharp for light at vertices
-    reflector: np.ndarray | None = None  # (F,) int32 into them, -1: none; None: there are none
-
-
-def draw_meshes(
-    surfaces: Surfaces, lamp: np.ndarray | None = None, normals: np.ndarray | None = None
-) -> tuple[DrawMesh, ...]:
-    """Return one DrawMesh per object: the static part, then the mobiles in order.
-
-    lamp (F,): of emissive faces; normals (R, 3): of receivers, in object space; None: pictures have no gloss.
-    """
-    lamp = np.zeros(len(surfaces.areas), np.int32) if lamp is None else lamp
-    meshes = tuple(_draw_mesh(surfaces, lamp, o) for o in range(len(surfaces.vertices)))
-    if normals is None or np.isnan(surfaces.lobe).all():
-        return tuple(mesh._replace(lobe=None, tangent=None, tables=None) for mesh in meshes)
-    glossy = glossy_receivers(surfaces)
-    meshes = tuple(_with_gloss(mesh, glossy, normals) for mesh in meshes)
-    return tuple(_with_reflectors(mesh, some) for mesh, some in zip(meshes, reflectors(surfaces), strict=True))
-
-
-def _with_reflectors(mesh: DrawMesh, some: tuple[Reflector, ...]) -> DrawMesh:
-    if not some:
-        return mesh
-    of_face = np.full(len(mesh.triangles), -1, np.int32)
-    for k, r in enumerate(some):
-        of_face[r.faces] = k
-    return mesh._replace(reflectors=some, reflector=of_face)
-
-
-def _with_gloss(mesh: DrawMesh, glossy: np.ndarray, normals: np.ndarray) -> DrawMesh:
-    """Return the mesh with glossy receivers and normals, or without lobes where no vertex is glossy."""
-    if np.isnan(mesh.lobe).all():
-        return mesh._replace(lobe=None, tangent=None, tables=None)
-    sides = np.stack([mesh.front, mesh.back], axis=1)
-    has = (sides >= 0) & ~np.isnan(mesh.lobe[:, 4:])
-    rows = np.where(has, np.searchsorted(glossy, sides), -1).astype(np.int32)
-    return mesh._replace(gloss=rows, normal=normals[mesh.front].astype(np.float32))
-
-
-def dimmed(meshes: tuple[DrawMesh, ...], levels: np.ndarray) -> tuple[DrawMesh, ...]:
-    """Return the meshes with emission at levels (G, 3) of the lamps."""
-    lit = (m.emission * levels[0 if m.lamp is None else m.lamp] for m in meshes)
-    return tuple(m._replace(emission=emission) for m, emission in zip(meshes, lit, strict=True))
-
-
-def part_of(mesh: DrawMesh, faces: np.ndarray) -> DrawMesh:
-    """Return the mesh of some faces (n,) in their order, each with its own vertices."""
-    rows = mesh.triangles[faces].reshape(-1)
-    of_light = ("front", "back", "reflectance", "emission", "lamp", "lobe", "gloss", "normal", "tangent")
-    per_vertex = ("positions", "texture", "uv", "texel", *of_light)
-    values = {name: getattr(mesh, name) for name in per_vertex}
-    values = {name: None if a is None else a[rows] for name, a in values.items()}
-    triangles = np.arange(len(rows), dtype=np.int32).reshape(-1, 3)
-    return mesh._replace(triangles=triangles, reflectors=(), reflector=None, **values)
-
-
-def _draw_mesh(surfaces: Surfaces, lamp: np.ndarray, o: int) -> DrawMesh:
-    faces = surfaces.faces[o]
-    of = slice(int(surfaces.first_face[o]), int(surfaces.first_face[o + 1]))
-    front, back = surfaces.corner_front[of].reshape(-1), surfaces.corner_back[of].reshape(-1)
-    corner = faces.reshape(-1)
-    if not len(corner):
-        none = np.zeros(0, np.int32)
-        return DrawMesh(np.zeros((0, 3), np.float32), faces, none, none, np.zeros((0, 3)), np.zeros((0, 3)))
-
-    paint, emission, lamp, lobe = surfaces.paint[o], surfaces.emission[of], lamp[of], surfaces.lobe[of]
-    if paint is None:
-        plain = np.concatenate([surfaces.reflectance[of], emission, lamp[:, None], lobe], axis=1)
-        kind = np.repeat(_alike(plain), 3)
-    else:
-        kind = _painted_kind(paint, _alike(np.concatenate([emission, lamp[:, None], lobe], axis=1)))
-    # In pairs: four numbers together exceed 64 bits.
-    draw = group_of((group_of((corner, front)), group_of((back, kind))))
-    first = np.empty(int(draw.max()) + 1, np.int64)
-    first[draw[::-1]] = np.arange(len(draw))[::-1]
-    reflectance = surfaces.reflectance[of]
-    mesh = DrawMesh(
-        positions=surfaces.vertices[o][corner[first]].astype(np.float32),
-        triangles=draw.reshape(-1, 3).astype(np.int32),
-        front=front[first].astype(np.int32),
-        back=back[first].astype(np.int32),
-        reflectance=reflectance[first // 3] if paint is None else _tints(paint)[first],
-        emission=emission[first // 3],
-        lamp=lamp[first // 3],
-        lobe=lobe[first // 3].astype(np.float32),
-        tables=surfaces.tables if len(surfaces.tangent) else None,
-        tangent=surfaces.tangent[of][first // 3].astype(np.float32) if len(surfaces.tangent) else None,
-    )
-    if paint is None or not (paint.face_texture >= 0).any():
-        return mesh
-    count = np.bincount(draw.reshape(-1), minlength=len(first))
-    # Texture factor in the product of colour and texture that light uses.
-    under = np.maximum(paint.corner_colour.mean(axis=1), 1e-6)
-    texels = np.where((paint.face_texture < 0)[:, None], 1.0, np.minimum(reflectance / under, 1.0)).repeat(3, axis=0)
-    return mesh._replace(
-        textures=paint.textures,
-        texture=paint.face_texture[first // 3].astype(np.int32),
-        uv=np.ascontiguousarray(paint.corner_uv.reshape(-1, 2)[first], np.float32),
-        texel=np.stack([np.bincount(draw.reshape(-1), texels[:, k]) / count for k in range(3)], axis=1),
-    )
-
-
-def _tints(paint: Paint) -> np.ndarray:
-    """Return the texture's factor per corner (3 F, 3) float64."""
-    return paint.corner_colour.reshape(-1, 3).astype(np.float64)
-
-
-def _painted_kind(paint: Paint, emission: np.ndarray) -> np.ndarray:
-    """Return class numbers (3 F,) of corners of equal paint and emission; `emission` (F,) holds class numbers."""
-    kind = np.repeat(group_of((emission, paint.face_texture)), 3)
-    colour, uv = (np.ascontiguousarray(c, np.float32) for c in (paint.corner_colour, paint.corner_uv))
-    bits = [*colour.reshape(-1, 3).view(np.int32).T, uv.reshape(-1, 2).view(np.int64)[:, 0]]
-    for column in bits:
-        kind = group_of((kind, np.unique(column, return_inverse=True)[1].reshape(-1)))
-    return kind
-
-
-def _alike(rows: np.ndarray) -> np.ndarray:
-    """Return class numbers (n,) of equal rows (n, c)."""
-    return group_of([np.unique(column, return_inverse=True)[1].reshape(-1) for column in rows.T])
 
 
 def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = True) -> tuple[np.ndarray, np.ndarray]:

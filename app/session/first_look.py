@@ -22,7 +22,7 @@ from app.settings import Settings, UsageError, open_scene
 from gi_core.scene.errors import SceneError
 
 if TYPE_CHECKING:
-    from app.draw.vertex_colours import DrawMesh
+    from app.draw.draw_mesh import DrawMesh
     from gi_core.display.dilation import Drawn
     from gi_core.scene import Scene
 
@@ -58,8 +58,9 @@ def start(settings: Settings, surfaces: str, errors: IO) -> subprocess.Popen:
 
 def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     """Yield a scene without light, then in its first light. Raises SceneError."""
+    from app.draw.draw_mesh import draw_meshes
     from app.draw.metering import metered
-    from app.draw.vertex_colours import colours, draw_meshes
+    from app.draw.vertex_colours import colours
     from gi_core.display.dilation import Drawn
     from gi_core.model import Model
 

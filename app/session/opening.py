@@ -152,8 +152,8 @@ class Opening:
                     self._refused = found
 
     def _open(self, scene: Scene) -> Opened:
+        from app.draw.draw_mesh import draw_meshes
         from app.draw.picking import Picker
-        from app.draw.vertex_colours import draw_meshes
         from gi_core.base.kernel_cache import problems
 
         self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None

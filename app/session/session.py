@@ -26,8 +26,8 @@ from gi_core.scene import Pose
 from gi_core.scene.pose import pose_at
 
 if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
+    from app.draw.draw_mesh import DrawMesh
     from app.draw.picking import Picker
-    from app.draw.vertex_colours import DrawMesh
     from app.rest.measuring_plane import Level
     from app.session.method_view import Look
     from gi_core.defaults.choose import Chosen
@@ -103,7 +103,7 @@ class Session:
     @property
     def meshes(self) -> tuple[DrawMesh, ...]:
         """Draw meshes, the static part first; lamps emit at the levels of the light on show."""
-        from app.draw.vertex_colours import dimmed
+        from app.draw.draw_mesh import dimmed
 
         levels = self.light.snapshot.levels
         if self._lit[0] is not levels:

@@ -12,11 +12,13 @@ from imgui_bundle import imgui
 from PIL import Image
 
 from app.session.session import Session
+from app.window import theme
 from app.window.actions import ACTIONS
 from app.window.files import Files
 
 SHIPPED, RECENT, WATCHES, VIEWS, LINE = "Shipped scenes", "Open recent", "Reload changed files", "Kept views", ""
-MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the five above
+SIZE = "Interface size"
+MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the six above
     "File": (
         "open", SHIPPED, RECENT, "reload", WATCHES, LINE, "save", "save as", "copy command", LINE,
         "save picture", "save picture as", "export", LINE, "quit",
@@ -28,6 +30,7 @@ MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the five ab
     "View": (
         "reset view", "frame", "top", "front", "side", "parallel", LINE, "bookmark", VIEWS, LINE,
         "meter", "reference", LINE, "show paths", "show disc", "show recomputed", LINE, "toggle panel", "full screen",
+        SIZE,
     ),
     "Help": ("help",),
 }  # fmt: skip
@@ -66,6 +69,10 @@ class Menus:
         elif entry == VIEWS:
             if imgui.begin_menu(VIEWS, bool(session.settings.cameras)):
                 self._views(session)
+                imgui.end_menu()
+        elif entry == SIZE:
+            if imgui.begin_menu(SIZE):
+                _sizes()
                 imgui.end_menu()
         elif entry == WATCHES:
             _, self._files.watches = imgui.menu_item(WATCHES, "", self._files.watches)
@@ -120,3 +127,11 @@ class Menus:
         for texture in self._thumbnails.values():
             texture.release()
         self._thumbnails.clear()
+
+
+def _sizes() -> None:
+    """Draw the sizes of font and layout."""
+    style = imgui.get_style()
+    for size in theme.SIZES:
+        if imgui.menu_item(f"{100 * size:.0f} %", "", style.font_scale_main == size)[0]:
+            style.font_scale_main = size

@@ -15,8 +15,8 @@ from gi_core.scene.pose import three
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from app.draw.draw_mesh import DrawMesh
     from app.draw.readout import Pinned
-    from app.draw.vertex_colours import DrawMesh
     from app.rest.results import ReferencePicture
     from app.session.session import Session
     from app.settings import Settings

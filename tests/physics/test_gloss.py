@@ -9,7 +9,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from app.draw.vertex_colours import draw_meshes, gloss_colours
+from app.draw.draw_mesh import draw_meshes
+from app.draw.vertex_colours import gloss_colours
 from gi_core.bsdf import ggx
 from gi_core.bsdf.models import lobe
 from gi_core.estimators import ESTIMATORS

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.draw.camera import Bounds, from_camera
-from app.draw.vertex_colours import DrawMesh
+from app.draw.draw_mesh import DrawMesh
 from gi_core.scene import Camera
 from tests.support import viewer_support as support
 

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.draw.vertex_colours import draw_meshes
+from app.draw.draw_mesh import draw_meshes
 from app.rest import live_error as module
 from app.rest.live_error import LiveError, Wants
 from app.rest.measured_points import MeasuredPoints

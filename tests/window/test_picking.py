@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from app.draw.camera import Bounds, from_camera
+from app.draw.draw_mesh import draw_meshes
 from app.draw.picking import Picker
-from app.draw.vertex_colours import draw_meshes
 from gi_core.geometry.surfaces import flatten
 from gi_core.scene import Camera, Material, Mesh, Mobile, Pose, Scene
 from gi_core.scene.pose import axis_angle, rotation

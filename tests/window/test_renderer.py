@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from app.draw.draw_mesh import DrawMesh, draw_meshes
 from app.draw.false_colour import Scale, false_colours
 from app.draw.tonemap import TONE_MAPS, to_display
-from app.draw.vertex_colours import DrawMesh, colours, draw_meshes
+from app.draw.vertex_colours import colours
 from gi_core.geometry.surfaces import flatten
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, rotation

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from app.draw.draw_mesh import DrawMesh
 from app.draw.tonemap import to_display
-from app.draw.vertex_colours import DrawMesh
 from gi_core.geometry.texture_filter import lookup
 from gi_core.scene import Texture
 from tests.support.gl_drawing import EYE, HALF_TURN, SIZE, square

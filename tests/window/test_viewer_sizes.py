@@ -54,6 +54,26 @@ def test_help_shows_its_texts_whole_in_a_small_window(play, monkeypatch):
     assert errors(play(script, SMALL)) == []
 
 
+def test_the_interface_size_is_kept_from_one_start_to_the_next(play):
+    from imgui_bundle import imgui
+
+    sizes = []
+
+    def choose(hand, viewer):
+        hand.wait_for_light()
+        sizes.append(imgui.get_font_size())
+        hand.ctx.menu_click("View/Interface size/150 %")
+        hand.ctx.yield_(3)
+        sizes.append(imgui.get_font_size())
+
+    def look(hand, viewer):
+        hand.wait_for_light()
+        sizes.append(imgui.get_font_size())
+
+    assert errors(play(choose)) == [] and errors(play(look)) == []
+    assert sizes[1] == pytest.approx(1.5 * sizes[0]) and sizes[2] == sizes[1]
+
+
 def test_labels_of_pins_keep_clear_of_the_legend_and_of_each_other(play, monkeypatch):
     written = {}
 
