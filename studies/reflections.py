@@ -11,7 +11,7 @@ import time
 import numpy as np
 
 from app.cli import values
-from app.draw import raycast
+from app.draw import visible
 from app.draw.renderer import Renderer
 from app.draw.shot import Shot
 from app.draw.tonemap import srgb_decode
@@ -83,8 +83,8 @@ def _faces(shot: Shot) -> np.ndarray:
     """Return the face (h, w) that all rays of a pixel see, -1 along edges."""
     model, (width, height) = shot.solver.model, shot.settings.size
     at = model.transforms(shot.solver.poses)
-    world, camera = raycast.place(shot.meshes, at), shot.camera.relative_to(model.origins[0])
-    strips = raycast.strips(model.accelerator, at, world, camera, shot.settings.size)
+    world, camera = visible.place(shot.meshes, at), shot.camera.relative_to(model.origins[0])
+    strips = visible.strips(model.accelerator, at, world, camera, shot.settings.size)
     rays = np.concatenate([s.face for s in strips]).reshape(height, width, -1)
     return np.where((rays == rays[..., :1]).all(axis=2), rays[..., 0], -1)
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.draw import raycast
+from app.draw import raycast, visible
 from app.draw.shot import Shot
 from app.draw.vertex_colours import colours
 
@@ -27,7 +27,7 @@ def layers(shot: Shot, progress: Callable[[float], None] = lambda fraction: None
     solver, meshes, (width, height) = shot.solver, shot.meshes, shot.settings.size
     model, drawn = solver.model, solver.drawn(solver.irradiance)
     at, eye = model.transforms(solver.poses), shot.camera.relative_to(model.origins[0])
-    world = raycast.place(meshes, at)
+    world = visible.place(meshes, at)
     by_vertex = [shot.weights(o) for o in range(len(meshes))]
     radiance = raycast.both_sides([colours(mesh, drawn.irradiance) for mesh in meshes], by_vertex)
     above = raycast.above_textures(meshes, shot.gloss(), by_vertex)
@@ -37,7 +37,7 @@ def layers(shot: Shot, progress: Callable[[float], None] = lambda fraction: None
     steps = raycast.pixel_steps(eye, width, height) if world.textures else None
     dark = world._replace(emission=np.zeros_like(world.emission))
     out = Layers(*(np.zeros((height, width, k), np.float32) for k in (3, 3, 3, 1)))
-    for strip in raycast.strips(model.accelerator, at, world, eye, (width, height), shot.settings.cull, progress):
+    for strip in visible.strips(model.accelerator, at, world, eye, (width, height), shot.settings.cull, progress):
         hit = np.flatnonzero(strip.face >= 0)
         seen = strip.seen(hit)
         light, facing = raycast.seen_radiance(world, *radiance, *seen, steps, strip.eye)

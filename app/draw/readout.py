@@ -10,9 +10,10 @@ import numpy as np
 from app.draw.camera import Bounds, from_camera
 from app.draw.draw_mesh import part_of
 from app.draw.picking import Hit
-from app.draw.raycast import barycentrics, pixel_steps, place, seen_radiance, weighted
+from app.draw.raycast import pixel_steps, seen_radiance, weighted
 from app.draw.units import Units, units_of
 from app.draw.vertex_colours import colours, weights
+from app.draw.visible import barycentrics, place
 from app.settings import Pin
 from gi_core.geometry.error import luminance
 from gi_core.rays.accelerator import Transforms

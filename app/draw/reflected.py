@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from app.draw.draw_mesh import DrawMesh
-from app.draw.raycast import PIXEL_OFFSETS, PictureScene, Strip, above_textures, seen_radiance, visible_faces
+from app.draw.raycast import above_textures, seen_radiance
+from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, visible_faces
 from gi_core.base.vectors import dot
 from gi_core.bsdf.table import join
 from gi_core.gloss.lobe_rays import draw_lobe

@@ -50,12 +50,12 @@ def scene(gloss: Gloss = MIRROR) -> Scene:
 
 def faces_seen(shot: Shot) -> np.ndarray:
     """Return the face (h, w) that all rays of a pixel see, -1 along edges."""
-    from app.draw import raycast
+    from app.draw import visible
 
     model = shot.solver.model
     at = model.transforms(shot.solver.poses)
-    world, (width, height) = raycast.place(shot.meshes, at), shot.settings.size
-    strips = raycast.strips(model.accelerator, at, world, shot.camera, (width, height))
+    world, (width, height) = visible.place(shot.meshes, at), shot.settings.size
+    strips = visible.strips(model.accelerator, at, world, shot.camera, (width, height))
     rays = np.concatenate([s.face for s in strips]).reshape(height, width, -1)
     return np.where((rays == rays[..., :1]).all(axis=2), rays[..., 0], -1)
 

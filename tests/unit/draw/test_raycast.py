@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.draw import raycast
+from app.draw import raycast, visible
 from app.draw.shot import Shot
 from app.settings import Settings
 from gi_core.solver import Solver
@@ -17,7 +17,7 @@ def test_visible_irradiance_is_that_of_all_faces_placed(cull, monkeypatch):
     solver = Solver(room(24), photons=2_000, radius=0.06)
     solver.solve()
     shot, model, drawn = Shot(solver, Settings(show="illuminance")), solver.model, solver.drawn(solver.irradiance)
-    at, counts, place = model.transforms(solver.poses), [], raycast.place
+    at, counts, place = model.transforms(solver.poses), [], visible.place
 
     def counted(meshes, at):
         counts.append(sum(len(mesh.triangles) for mesh in meshes))

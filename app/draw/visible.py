@@ -1,0 +1,185 @@
+"""Faces that the rays of a picture see: behind culled faces and through holes of textures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from app.draw.camera import Turntable
+from app.draw.draw_mesh import DrawMesh
+from gi_core.geometry.cutouts import covered
+from gi_core.rays.accelerator import Accelerator, Transforms, nearest_in_world
+from gi_core.scene.types import Texture
+
+# Offsets of a pixel's rays: a rotated grid, so that edges near the axes get all four levels.
+PIXEL_OFFSETS = np.array([[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]])
+RAYS_PER_BATCH = 1 << 17  # enough for Embree, small enough for the cache
+MAX_CULLED = 64  # culled faces along a ray
+CULLED_OFFSET = 4e-6  # of the scene size and the distance: step beyond a culled face (float32: 6e-8)
+
+
+class PictureScene(NamedTuple):
+    """All objects at their poses, faces in global order."""
+
+    corners: np.ndarray  # (F, 3, 3) float32 [m]
+    normals: np.ndarray  # (F, 3) float32, any length, towards the front
+    draw: np.ndarray  # (F, 3) int64 into the colours of all objects
+    one_sided: np.ndarray  # (F,) bool
+    size: float  # [m] longest side of the box around everything
+    textures: tuple[Texture, ...]
+    texture: np.ndarray  # (F,) int64 into textures, -1: none; or (0,): none at all
+    uv: np.ndarray  # (F, 3, 2) float32, or (0, 3, 2)
+    emission: np.ndarray  # (F, 3) float64 that a texture does not colour, or (0, 3)
+
+
+class Strip(NamedTuple):
+    """The rays of some rows of a picture, and the faces that they see."""
+
+    rows: slice  # of the picture
+    eye: np.ndarray  # (3,) float32
+    directions: np.ndarray  # (n, 3) float32, by row, column, sample
+    face: np.ndarray  # (n,) int32, -1: none
+    u: np.ndarray  # (n,) float32, barycentric weight of corner 1
+    v: np.ndarray  # (n,) float32, of corner 2
+
+    def seen(self, hit: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return faces, weights and directions of some rays."""
+        return self.face[hit], self.u[hit], self.v[hit], self.directions[hit]
+
+    def resolved(self, values: np.ndarray) -> np.ndarray:
+        """Return the means (rows, width, channels) float32 over the samples of each pixel of values (n, channels)."""
+        shape = self.rows.stop - self.rows.start, -1, len(PIXEL_OFFSETS), values.shape[-1]
+        return values.reshape(shape).mean(axis=2, dtype=np.float32)
+
+
+Placed = Callable[[np.ndarray], tuple[PictureScene, np.ndarray]]
+
+
+def place(meshes: Sequence[DrawMesh], at: Transforms) -> PictureScene:
+    """Return the draw meshes (static part first) in world space."""
+    corners, draw, one_sided, first = [], [], [], 0
+    for o, mesh in enumerate(meshes):
+        points = mesh.positions.astype(np.float64) @ at.rotation[o].T + at.position[o]
+        corners.append(points[mesh.triangles])
+        draw.append(mesh.triangles.astype(np.int64) + first)
+        one_sided.append(mesh.back[mesh.triangles[:, 0]] < 0)
+        first += len(mesh.positions)
+    p = np.concatenate(corners)
+    normals = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    box = p.reshape(-1, 3)
+    size = float(np.ptp(box, axis=0).max()) if len(box) else 1.0
+    return PictureScene(
+        p.astype(np.float32),
+        normals.astype(np.float32),
+        np.concatenate(draw),
+        np.concatenate(one_sided),
+        size,
+        *_textures(meshes),
+    )
+
+
+def _textures(meshes: Sequence[DrawMesh]):
+    """Return the textures of all objects, and the texture, corner coordinates and emission of each face."""
+    textures = tuple(t for mesh in meshes for t in mesh.textures)
+    if not textures:
+        return (), np.zeros(0, np.int64), np.zeros((0, 3, 2), np.float32), np.zeros((0, 3))
+    texture, uv, emission, first = [], [], [], 0
+    for mesh in meshes:
+        corner = mesh.triangles[:, 0]
+        plain = mesh.texture is None
+        number = np.full(len(corner), -1) if plain else mesh.texture[corner].astype(np.int64)
+        texture.append(np.where(number < 0, -1, number + first))
+        uv.append(np.zeros((len(corner), 3, 2), np.float32) if plain else mesh.uv[mesh.triangles])
+        emission.append(mesh.emission[corner])
+        first += len(mesh.textures)
+    return textures, np.concatenate(texture), np.concatenate(uv), np.concatenate(emission)
+
+
+def strips(
+    accelerator: Accelerator,
+    at: Transforms,
+    world: PictureScene,
+    camera: Turntable,
+    size: tuple[int, int],
+    cull: bool = True,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> Iterator[Strip]:
+    """Cast the rays of a picture of `size` (width, height) pixels, strip by strip."""
+    width, height = size
+    rows = max(1, RAYS_PER_BATCH // (width * len(PIXEL_OFFSETS)))
+    for top in range(0, height, rows):
+        progress(top / height)
+        bottom = min(top + rows, height)
+        origins, directions = pixel_rays(camera, width, height, top, bottom)
+        seen = visible_faces(accelerator, at, lambda hit: (world, hit), origins, directions, cull)
+        yield Strip(slice(top, bottom), origins[0], directions, *seen)
+
+
+def pixel_rays(camera: Turntable, width: int, height: int, top: int, bottom: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return origins and unit directions (n, 3) float32 of rows top..bottom: row, column, sample."""
+    right, upward, forward = camera.basis()
+    t = np.tan(camera.fov / 2)
+    x = (np.arange(width)[:, None] + PIXEL_OFFSETS[:, 0]) / width  # (width, samples)
+    y = (np.arange(top, bottom)[:, None] + PIXEL_OFFSETS[:, 1]) / height
+    across = ((2 * x - 1) * t * width / height)[None, :, :, None]
+    along = ((1 - 2 * y) * t)[:, None, :, None]
+    d = (forward + across * right + along * upward).reshape(-1, 3)
+    d /= np.sqrt((d * d).sum(axis=1))[:, None]
+    origins = np.broadcast_to(camera.eye().astype(np.float32), d.shape)
+    return np.ascontiguousarray(origins), d.astype(np.float32)
+
+
+def visible_faces(accelerator, at, placed: Placed, origins, directions, cull: bool):
+    """Return the visible face (n,) int32 per ray, -1 for none, and barycentric weights u, v of corners 1, 2.
+
+    placed: returns for faces (n,) a scene that has them, and their rows there.
+    """
+    n = len(origins)
+    face, u, v = np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32)
+    going, o, d = np.arange(n), origins, directions
+    for _ in range(MAX_CULLED):
+        far = np.full(len(going), np.inf, np.float32)
+        t, hit = nearest_in_world(accelerator, at, o, d, far)
+        found = hit >= 0
+        going, o, d, t, hit = going[found], o[found], d[found], t[found], hit[found]
+        hidden = np.zeros(len(hit), bool)
+        world, at_hit = placed(hit)
+        if cull:
+            hidden = world.one_sided[at_hit] & ((world.normals[at_hit] * d).sum(axis=1) >= 0)
+        hidden |= _cut_away(world, at_hit, o, d)
+        seen = ~hidden
+        rows = going[seen]
+        face[rows] = hit[seen]
+        u[rows], v[rows] = barycentrics(world.corners[at_hit[seen]], o[seen], d[seen])
+        if not hidden.any():
+            break
+        # Continue behind culled faces and through holes.
+        past = t[hidden] * (1 + CULLED_OFFSET) + np.float32(CULLED_OFFSET * world.size)
+        going, d = going[hidden], d[hidden]
+        o = o[hidden] + past[:, None] * d
+    return face, u, v
+
+
+def _cut_away(world: PictureScene, hit: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return whether hits (n,) lie in holes of textures."""
+    away = np.zeros(len(hit), bool)
+    for t, texture in enumerate(world.textures):
+        rows = np.flatnonzero(world.texture[hit] == t) if texture.cover is not None else ()
+        if len(rows):
+            f = hit[rows]
+            u, v = (w.astype(np.float64)[:, None] for w in barycentrics(world.corners[f], o[rows], d[rows]))
+            uv = world.uv[f].astype(np.float64)
+            away[rows] = ~covered(texture, (1 - u - v) * uv[:, 0] + u * uv[:, 1] + v * uv[:, 2])
+    return away
+
+
+def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return barycentric weights of corners 1 and 2 at a ray's hit, clamped to the triangle."""
+    e1, e2, s = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], o - corners[:, 0]
+    h, q = np.cross(d, e2), np.cross(s, e1)
+    det = (e1 * h).sum(axis=1)
+    inverse = np.where(det != 0, 1 / np.where(det != 0, det, 1), 0)
+    u = np.clip((s * h).sum(axis=1) * inverse, 0, 1)
+    return u, np.clip((d * q).sum(axis=1) * inverse, 0, 1 - u)
