@@ -54,7 +54,7 @@ FEWER = {
     tangent_plane.larger_than_the_room: 4,
     tangent_plane.curved_inside: 4,
     tangent_plane.lamp_near_a_surface: 4,
-    others.bright_rooms: 4,
+    others.bright_rooms: 8,
     others.beside_a_mobile: 2,
     programs.soup: 4,
     gloss.blur: 4,
