@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import resources
 from pathlib import Path
 
 import moderngl
 import numpy as np
-from imgui_bundle import imgui
+from imgui_bundle import hello_imgui, imgui
 from PIL import Image
 
 from app.session.session import Session
-from app.window import theme
 from app.window.actions import ACTIONS
 from app.window.files import Files
 
@@ -34,18 +34,30 @@ MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the six abo
     ),
     "Help": ("help",),
 }  # fmt: skip
+PREFERENCE = "interface size"  # in the window's ini file
+SIZES = (0.8, 1.0, 1.25, 1.5, 2.0)  # of font and layout, besides the screen's own scale
 THUMBNAIL_EM = (6.5, 4.06)
 
 
 class Menus:
-    """`draw` once per frame; `release` before the window closes."""
+    """`load_preferences` after the window opens, `draw` once per frame, both others before it closes."""
 
     def __init__(self, files: Files, do: Callable[[str], None], open_scene: Callable[[str], None]) -> None:
         self._files, self._do, self._open = files, do, open_scene
         self._thumbnails: dict[str, moderngl.Texture] = {}
+        self._size = 1.0  # of the interface
+
+    def load_preferences(self) -> None:
+        with suppress(ValueError):
+            size = float(hello_imgui.load_user_pref(PREFERENCE) or 1.0)
+            self._size = size if size in SIZES else 1.0
+
+    def save_preferences(self) -> None:
+        hello_imgui.save_user_pref(PREFERENCE, f"{self._size:g}")
 
     def draw(self, ctx: moderngl.Context | None, session: Session) -> None:
         """Draw the menu bar."""
+        imgui.get_style().font_scale_main = self._size
         for title, entries in MENUS.items():
             if imgui.begin_menu(title):
                 for entry in entries:
@@ -72,7 +84,7 @@ class Menus:
                 imgui.end_menu()
         elif entry == SIZE:
             if imgui.begin_menu(SIZE):
-                _sizes()
+                self._sizes()
                 imgui.end_menu()
         elif entry == WATCHES:
             _, self._files.watches = imgui.menu_item(WATCHES, "", self._files.watches)
@@ -94,6 +106,12 @@ class Menus:
                 if imgui.menu_item(f"{name}##{k}", "", False)[0]:
                     session.edit(cameras=views[:k] + views[k + 1 :])
             imgui.end_menu()
+
+    def _sizes(self) -> None:
+        """Draw the sizes of font and layout."""
+        for size in SIZES:
+            if imgui.menu_item(f"{100 * size:.0f} %", "", self._size == size)[0]:
+                self._size = size
 
     def _shipped(self, ctx: moderngl.Context | None) -> None:
         from gi_core.files.find import shipped_scenes
@@ -127,11 +145,3 @@ class Menus:
         for texture in self._thumbnails.values():
             texture.release()
         self._thumbnails.clear()
-
-
-def _sizes() -> None:
-    """Draw the sizes of font and layout."""
-    style = imgui.get_style()
-    for size in theme.SIZES:
-        if imgui.menu_item(f"{100 * size:.0f} %", "", style.font_scale_main == size)[0]:
-            style.font_scale_main = size

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 from imgui_bundle import hello_imgui, imgui
 
 WINDOW = (0.110, 0.114, 0.122)
@@ -18,25 +16,12 @@ TEXT = (0.870, 0.875, 0.885)
 DIM = (0.580, 0.595, 0.620)
 WARNING = (0.950, 0.760, 0.350)
 ERROR = (0.960, 0.450, 0.400)
-INTERFACE_SIZE = "interface size"  # in the window's ini file
-SIZES = (0.8, 1.0, 1.25, 1.5, 2.0)  # of font and layout, besides the screen's own scale
 FONT_PIXELS = 16.0  # at 96 dots per inch; HelloImGui scales it with the screen
 
 
 def pixels(n: float) -> float:
     """Return a length of n pixels at 96 dots per inch on this screen and at interface size 1 [points]."""
     return n * imgui.get_style().font_scale_dpi * imgui.get_style().font_scale_main
-
-
-def load_size() -> None:
-    """Set the interface size that the last session saved."""
-    with suppress(ValueError):
-        size = float(hello_imgui.load_user_pref(INTERFACE_SIZE) or 1.0)
-        imgui.get_style().font_scale_main = size if size in SIZES else 1.0
-
-
-def save_size() -> None:
-    hello_imgui.save_user_pref(INTERFACE_SIZE, f"{imgui.get_style().font_scale_main:g}")
 
 
 def load_fonts() -> None:

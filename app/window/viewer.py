@@ -16,7 +16,7 @@ from app.session.opening import Opening
 from app.session.reload import Reload
 from app.session.session import BUDGET, Session
 from app.settings import Settings, UsageError
-from app.window import keys, method_marks, overlay, panel, readout_marks, theme, window
+from app.window import keys, method_marks, overlay, panel, readout_marks, window
 from app.window.actions import Request, act
 from app.window.actions.files import drop, open_files
 from app.window.files import Files
@@ -78,7 +78,7 @@ class Viewer:
 
     def _begin(self) -> None:
         implot.create_context()
-        theme.load_size()
+        self.menus.load_preferences()
         self.folds.load()
         self.files.load_preferences()
         window.on_drop(self._dropped.extend)
@@ -226,7 +226,7 @@ class Viewer:
         self._may_leave = self.params.app_shall_exit = True
 
     def _close(self) -> None:
-        theme.save_size()
+        self.menus.save_preferences()
         self.folds.save()
         self.files.save_preferences()
         self.menus.release()

@@ -62,6 +62,7 @@ def test_the_interface_size_is_kept_from_one_start_to_the_next(play):
     def choose(hand, viewer):
         hand.wait_for_light()
         sizes.append(imgui.get_font_size())
+        hand.ctx.set_ref("##MainMenuBar")
         hand.ctx.menu_click("View/Interface size/150 %")
         hand.ctx.yield_(3)
         sizes.append(imgui.get_font_size())
@@ -70,7 +71,7 @@ def test_the_interface_size_is_kept_from_one_start_to_the_next(play):
         hand.wait_for_light()
         sizes.append(imgui.get_font_size())
 
-    assert errors(play(choose)) == [] and errors(play(look)) == []
+    assert errors(play(choose, keep_ini=True)) == [] and errors(play(look, keep_ini=True)) == []
     assert sizes[1] == pytest.approx(1.5 * sizes[0]) and sizes[2] == sizes[1]
 
 
