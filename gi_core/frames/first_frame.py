@@ -130,8 +130,9 @@ class FirstFrame:
                 yield from self.show(b, wanted(), show)
                 schedule.shown(b)
                 seconds = STEP_SECONDS if pictures else LONG_STEP_SECONDS
-        f, as_asked = frame(), (self._source.size(goal), self._source.is_gathered)
-        if b is not f.background or f.photons_at_rest != goal or (f.size, f.gathered) != as_asked:
+        f, as_asked = frame(), (self._source.size(goal), self._source.is_gathered, True)
+        found = f.size, f.gathered, self._source.is_of_gloss(f.gloss)
+        if b is not f.background or f.photons_at_rest != goal or found != as_asked:
             yield from self.show(b, wanted(), show)
 
     def _affordable(self, wanted: int, b: Background) -> int:

@@ -232,6 +232,10 @@ class LightSource:
         photons = b.store, b.store.prefix(b.estimate.photons)[0], b.store.weights(self.levels)
         return self.gloss_source.light(self.gloss_way, b.setting.radius, photons, change, clock)
 
+    def is_of_gloss(self, light: GlossLight | None) -> bool:
+        """Return whether a frame's directional light is kept in the way that is chosen."""
+        return light is None or light.opened == source.OPENED[self.gloss_way]
+
     # -- resting poses ----------------------------------------------------------------------------
 
     def pose_gather(self, at: Transforms) -> PoseGather | None:

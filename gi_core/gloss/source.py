@@ -14,7 +14,7 @@ from gi_core.photons.paths import PathVertices
 from gi_core.retrace.cuts import PoseChange
 
 QUADTREE, LIST, ALL_RAYS = WAYS = ("quadtree", "list", "all_rays")
-OPENED = {LIST: -1.0, ALL_RAYS: 1 / 16}  # decision 31
+OPENED = {QUADTREE: 0.0, LIST: -1.0, ALL_RAYS: 1 / 16}  # share of light above which rays are read, decision 31
 RADII = 2.0  # radius of gloss discs: directions need more rays than irradiance
 
 

@@ -9,17 +9,23 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from app.draw.camera import from_camera
 from app.draw.draw_mesh import draw_meshes
+from app.draw.shot import Shot
+from app.draw.tonemap import srgb_decode
 from app.draw.vertex_colours import gloss_colours
+from app.settings import Settings
 from gi_core.bsdf import ggx
-from gi_core.bsdf.models import lobe
+from gi_core.bsdf.models import MODELS, Lobe, lobe
 from gi_core.estimators import ESTIMATORS
 from gi_core.gather.reference import reference_irradiance
 from gi_core.model import Model
 from gi_core.photons.trace import trace_background
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import Gloss, Material, Mobile, PointLight, Pose, Scene
+from gi_core.scene.types import Camera, Gloss, Material, Mobile, PointLight, Pose, Scene
 from gi_core.solver import Solver, edited_solver
+from tests.support.brdf_cases import COPPER
+from tests.support.brdf_tables import exact, nodes
 from tests.support.reference_twins import Twin
 from tests.support.scene_builders import box, merge, quad, sphere
 
@@ -196,3 +202,67 @@ def test_a_ball_in_a_furnace_shows_its_directional_albedo(name, alpha):
             drawn = [ggx.scattered(ggx.mean_fresnel(), surface, np.zeros(3), *i, *u)[3:] for u in numbers]
             radiance = solver.irradiance[mesh.front[seen]].mean() / np.pi  # of the walls, as the estimator has it
             np.testing.assert_allclose(front[seen].mean(axis=0), radiance * np.mean(drawn, axis=0), rtol=0.1)
+
+
+TILES, SIDE, CORNER = 4, 0.15, -0.3  # tiles along a side of the slab, their size [m], the first one's corner [m]
+FURNACE = {  # a set of each model
+    "perfect_diffuse": {"kd": (0.7, 0.5, 0.3)},
+    "perfect_specular": {"ks": (0.8, 0.5, 0.3)},
+    "phong": {"n": 10, "ks": 0.1, "kd": 0.3},
+    "blinn": {"n": 20, "ks": 0.6, "kd": 0.2},
+    "torrance_sparrow": {"m": 0.3, "n": 0, "k": 1},
+    "poulin_fournier": {"d": 4, "h": 1, "n": 20, "ks": (0.9, 0.4, 0.1)},
+    "he": {"sigma": 0.3, "tau": 1.5, **COPPER},
+    "ward": {"ax": 0.4, "ay": 0.2, "ks": (0.9, 0.4, 0.1)},
+    "lewis": {"n": 10, "ks": 0.5, "kd": 0.3},
+    "schlick": {"r": 0.2, "C": 0.3},
+    "oren_nayar": {"sigma": 0.5, "rho": (0.9, 0.4, 0.1)},
+    "strauss": {"s": 0.5, "m": 0, "C": (0.5, 0.3, 0.2)},
+    "lafortune": {"n": 5, "cx": -0.9, "cy": -0.9, "cz": 0.6, "kd": 0.4},
+    "eon": {"r": 0.6, "rho": (0.9, 0.4, 0.1)},
+    "ggx": {"alpha": 0.3, "f0": (0.9, 0.4, 0.1)},
+}
+
+
+def furnace_of_models() -> Scene:
+    """Walls of radiance 0.5, and a slab as a mobile: a tile per model, and no tile lights another."""
+    lobes = [lobe(name, values) for name, values in FURNACE.items()]
+    of_tiles = (Material(k.model, brdf=(k,), scaled=k.model == "strauss") for k in lobes)
+    tiles = []
+    for k in range(len(lobes)):
+        x, y = (CORNER + SIDE * step for step in (k % TILES, k // TILES))
+        tiles.append(quad((x, y, 0), (SIDE, 0, 0), (0, SIDE, 0), (3, 3), k + 1))
+    walls = box((-1, -1, -1), (1, 1, 1), 3, 0, inward=True)
+    materials = (Material("wall", (0, 0, 0), (0.5, 0.5, 0.5)), *of_tiles)
+    return Scene(walls, materials, (Mobile("slab", merge(*tiles)),), up=(0, 0, 1), name="furnace")
+
+
+def expected_share(found: Lobe, eye: np.ndarray) -> np.ndarray:
+    """Return the integral of f cos (3,) over all light for a unit direction (3,) to the eye, from the formulas."""
+    i, weights = nodes(eye, 64, 64)
+    model, p = MODELS[found.model], found.values()
+    return weights @ exact([found], i, np.tile(eye, (len(i), 1))) + model.diffuse(p) + model.mirror(p, eye[2:])[0]
+
+
+def test_a_mobile_of_every_model_in_a_furnace_shows_its_directional_albedo():
+    """Two poses, two eyes each: every tile of the picture shows the integral of f cos of its model within 6 %."""
+    assert set(FURNACE) == set(MODELS)
+    scene = furnace_of_models()
+    solver = Solver(scene, photons=200_000, radius=0.1, seed=2, light="best")
+    solver.solve()
+    shot = Shot(solver, Settings(size=(160, 160), exposure=0.0, tone_map="clip"))
+    for pose in (Pose(), Pose((0.2, -0.1, 0.1), axis_angle((0, 1, 1), 40.0))):
+        solver.move("slab", pose)
+        at = solver.model.transforms(solver.poses)
+        R, place = at.rotation[1], at.position[1] + solver.model.origins[0]
+        for local in ((0.1, -0.2, 0.7), (0.5, 0.3, 0.5)):
+            view = Camera(tuple(place + R @ local), tuple(place), 60.0)
+            shot.camera = from_camera(view, scene.up, shot.camera.bounds)
+            picture = srgb_decode(shot.take() / 255)
+            for k, (name, values) in enumerate(FURNACE.items()):
+                middle = np.array([*(CORNER + SIDE * (step + 0.5) for step in (k % TILES, k // TILES)), 0.0])
+                x, y = (int(160 * share) for share in shot.camera.project(R @ middle + place, 1.0))
+                seen = picture[y - 3 : y + 4, x - 3 : x + 4].mean(axis=(0, 1))
+                towards = (local - middle) / np.linalg.norm(local - middle)
+                expected = 0.5 * expected_share(lobe(name, values), towards)
+                np.testing.assert_allclose(seen, expected, rtol=0.06, atol=0.003, err_msg=f"{name}, {pose}, {local}")

@@ -127,6 +127,37 @@ def test_all_searches_show_the_same_light(play):
     assert errors(play(script)) == []
 
 
+def test_the_combo_of_gloss_changes_the_rays_of_the_picture(play):
+    """Cells, list, all rays and cells again: the same photons, other rays, another picture, and no other irradiance."""
+    from gi_core.bsdf.models import lobe
+    from gi_core.gloss.source import ALL_RAYS, LIST, OPENED, QUADTREE
+
+    room = support.room()
+    satin = lobe("ward", {"kd": 0.3, "ks": 0.5, "ax": 0.25, "ay": 0.25})
+    glossy = room.materials[0]._replace(brdf=(satin,), scaled=True)
+    glossy_room = replace(room, materials=(glossy, *room.materials[1:]))
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.open_research()
+        session, pictures, lit = viewer.session, [], viewer.session.irradiance
+        for name, way in (("List", LIST), ("QuadTree (all rays)", ALL_RAYS), ("QuadTree (summarised)", QUADTREE)):
+            pictures.append(hand.pixels().astype(int))
+            hand.ctx.combo_click(f"##Gloss/{name}")
+            hand.wait_for_light()
+            light = session.light.snapshot.gloss
+            assert viewer.session is session and session.settings.gloss == way
+            assert (light.tree is None) == (way == QUADTREE) and light.opened == OPENED[way]
+            assert light.tree is None or len(light.tree.rays) > 1000
+            assert np.array_equal(session.irradiance, lit)
+        cells, rays, both = pictures
+        again = hand.pixels().astype(int)
+        assert (np.abs(rays - cells) > 2).sum() > (np.abs(both - rays) > 2).sum() > 0
+        assert np.array_equal(again, cells)
+
+    assert errors(play(script, open_with=support.opening(glossy_room))) == []
+
+
 def test_another_structure_of_rays_opens_the_scene_again(play, monkeypatch):
     """The section "Rays": poses and settings stay, and the light is the same but for stray rays."""
     from gi_core.instruments import compile_ahead

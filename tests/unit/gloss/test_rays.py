@@ -11,7 +11,7 @@ from gi_core.bsdf.table import join
 from gi_core.gloss.hemisphere import CELLS, cell_of
 from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
 from gi_core.gloss.rays import RayTree
-from gi_core.gloss.source import ALL_RAYS, LIST, OPENED
+from gi_core.gloss.source import ALL_RAYS, LIST, OPENED, QUADTREE
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
@@ -158,3 +158,16 @@ def test_the_quadtree_of_2003_degrades_where_moments_do_not():
 def test_an_unknown_way_is_refused():
     with pytest.raises(SceneError, match="gloss must be one of quadtree, list, all_rays"):
         Solver(ROOM, **GIVEN, gloss="octree")
+
+
+def test_another_way_is_shown_at_once_where_all_photons_are_traced():
+    """The light at rest is that of the way chosen last; nothing else changes."""
+    solver = solved()
+    for way in (ALL_RAYS, QUADTREE, LIST):
+        before = solver.frame
+        solver.configure(gloss=way)
+        solver.solve()
+        light = solver.frame.gloss
+        assert light.opened == OPENED[way] and (light.tree is None) == (way == QUADTREE)
+        assert np.array_equal(light.resting, before.gloss.resting)
+        assert np.array_equal(solver.irradiance, before.irradiance)
