@@ -51,7 +51,7 @@ class Look:
     exposure: float = 0.0  # [EV]
     tone_map: str = "aces"
     cull: bool = True
-    outlined: int = -1  # object with an outline
+    outlined: tuple[int, ...] = ()  # objects with an outline
     outline_width: float = 2.0  # pixels
     textured: bool = True  # multiply colours by textures
     as_is: bool = False  # colours are display colours: no exposure, no tone map
@@ -172,8 +172,8 @@ class Renderer:
         targets.drawn.scissor = None  # it would clip the copy too
         if targets.drawn is not targets.picture:
             ctx.copy_framebuffer(targets.picture, targets.drawn)
-        if look.outlined >= 0:
-            self._draw_outline(targets, look)
+        for number in look.outlined:
+            self._draw_outline(targets, look, number)
         ctx.enable_only(ctx.NOTHING)
         self._default.use()
 
@@ -254,12 +254,12 @@ class Renderer:
 
             o.draw_calls(self._textures, look.cull, layer, sharp, left_out)
 
-    def _draw_outline(self, targets: _Targets, look: Look) -> None:
+    def _draw_outline(self, targets: _Targets, look: Look, number: int) -> None:
         ctx = self.ctx
         ctx.front_face = "ccw"
-        o = self._objects[look.outlined]
+        o = self._objects[number]
         # The filter reads 25 texels per pixel: the scissor limits it to the object.
-        model = look.models[look.outlined]
+        model = look.models[number]
         area = o.rectangle(look.view_projection @ model, targets.size, look.outline_width)
         targets.mask.use()
         targets.mask.clear()

@@ -6,7 +6,7 @@ The window calls `tick` once per frame and draws the snapshot when `version` has
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -145,6 +145,12 @@ class Session:
     def pose_list(self) -> list[Pose]:
         """Poses of the light on show, in the scene's order."""
         return [self.light.snapshot.poses[m.name] for m in self.scene.mobiles]
+
+    def box_of(self, names: Iterable[str], poses: Mapping[str, Pose] | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Return the corners (3,) [m] of the box round mobiles at poses, by default the present ones."""
+        numbers = [1 + self.model.names.index(name) for name in names]
+        points = [self.model.vertices_at(o, self.poses if poses is None else poses) for o in numbers]
+        return np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)
 
     @property
     def irradiance(self) -> np.ndarray:
@@ -345,14 +351,14 @@ class Session:
             self._finishes[name, material] = finish_of(self.scene, self.model.surfaces, name, material)
         return self._finishes[name, material]
 
-    def change_scene(self, edit: Edit) -> None:
-        """Change the scene; `Reload` opens it in the background, this picture staying until then."""
+    def change_scene(self, *edits: Edit) -> None:
+        """Change the scene, one step of undo; `Reload` opens it in the background, this picture staying until then."""
         from gi_core.files.edits import Finish
 
         self.playing = False
-        before, last = self.edits, self.edits[-1:]
+        before, last, edit = self.edits, self.edits[-1:], edits[0]
         again = last and isinstance(edit, Finish) and isinstance(last[0], Finish) and last[0].name == edit.name
-        self.edits = (*(before[:-1] if again else before), edit)
+        self.edits = (*(before[:-1] if again else before), *edits)
         poses: dict[Any, Any] = dict(self.poses)
         self.history.push({Field("edits"): before, **poses}, {Field("edits"): self.edits, **dict.fromkeys(poses)})
         self.asked = Asked(self.edits, {})

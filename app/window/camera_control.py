@@ -112,13 +112,12 @@ class CameraControl:
     def go_home(self) -> None:
         self.fly_to(self.home)
 
-    def frame(self, name: str) -> None:
-        """Show the object of a name, or everything without one, from the present direction."""
+    def frame(self, names: tuple[str, ...]) -> None:
+        """Show objects by name, or everything without one, from the present direction."""
         s, camera, bounds, margin = self.session, self.view.camera, self._lit, 1.0
-        if name in s.poses:
-            o = 1 + [m.name for m in s.scene.mobiles].index(name)
-            points = s.model.vertices_at(o, s.poses)
-            bounds, margin = Bounds(three(points.min(axis=0)), three(points.max(axis=0))), MARGIN
+        if names:
+            low, high = s.box_of(names)
+            bounds, margin = Bounds(three(low), three(high)), MARGIN
         distance = margin * bounds.radius / math.sin(camera.fov / 2)
         self.fly_to(replace(camera, pivot=three(bounds.centre), distance=distance))
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from app.draw.camera import Bounds, Turntable, frame_of
 from gi_core.scene import Pose
-from gi_core.scene.pose import axis_angle, four, multiply_quaternions, three
+from gi_core.scene.pose import axis_angle, carried, four, multiply_quaternions, three
 
 SLIDE, RAISE, FACE, TURN = "slide", "raise", "face", "turn"
 MODES = {
@@ -37,8 +37,9 @@ class Grab(NamedTuple):
     camera: Turntable
     u: float  # the cursor in the picture, (0, 0) top left, (1, 1) bottom right
     v: float
-    low: np.ndarray  # (3,) the mobile's box in the world, at the press
+    low: np.ndarray  # (3,) box in the world, at the press, of all mobiles that move
     high: np.ndarray
+    pivot: np.ndarray | None = None  # (3,) of a turn [m]; None: the mobile's own position
 
 
 def room_for(bounds: Bounds, up) -> Bounds:
@@ -60,7 +61,11 @@ def dragged(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> Po
     if grab.mode == TURN:
         q = axis_angle(grab.camera.up, (u - grab.u) * aspect * TURN_SPEED)
         turned = np.array(multiply_quaternions(q, grab.pose.quaternion))
-        return grab.pose._replace(quaternion=four(turned / np.linalg.norm(turned)))
+        pose = grab.pose._replace(quaternion=four(turned / np.linalg.norm(turned)))
+        if grab.pivot is None:
+            return pose
+        about = Pose(three(grab.pivot))
+        return carried({"": grab.pose}, about, about._replace(quaternion=q))[""]
     if (u, v) == (grab.u, grab.v):
         return grab.pose
     target = _TARGETS[grab.mode](grab, u, v, aspect, bounds)

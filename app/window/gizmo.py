@@ -1,4 +1,4 @@
-"""Handles over the selected object: arrows that move it, rings that turn it (ImGuizmo)."""
+"""Handles over the selected objects: arrows that move them, rings that turn them (ImGuizmo)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from imgui_bundle import imgui, imguizmo
 
 from gi_core.scene import Pose
-from gi_core.scene.pose import as_pose, rotation, three
+from gi_core.scene.pose import as_pose, carried, rotation, three
 
 if TYPE_CHECKING:
     from app.draw.camera import Bounds
@@ -33,7 +33,7 @@ class Gizmo:
         self.snaps = False  # also while Ctrl is held
         self._held = False
         self._shown = False
-        self._middle = np.zeros(3)  # of the object that is held
+        self._middle = np.zeros(3)  # of the objects that are held
 
     def next_mode(self) -> None:
         self.mode = MODES[(MODES.index(self.mode) + 1) % len(MODES)]
@@ -43,17 +43,16 @@ class Gizmo:
         """Whether the mouse is over a handle, or holds one."""
         return self._shown and (G.is_over() or G.is_using())
 
-    def draw(self, session: Session, view: View, name: str, room: Bounds) -> None:
-        """Draw the handles of an object; move it inside a box when they are dragged. name: "" for no object."""
-        self._shown = bool(self.mode) and name in session.poses
+    def draw(self, session: Session, view: View, names: tuple[str, ...], room: Bounds) -> None:
+        """Draw the handles of objects that move as one; move them inside a box when they are dragged."""
+        self._shown = bool(self.mode) and bool(names)
         if not self._shown:
             self._end(session)
             return
-        o = 1 + session.model.names.index(name)
+        name = names[-1]
         poses = session.poses if self._held else session.light.snapshot.poses  # those of the picture
         pose, origin = poses[name], session.model.origins[0]
-        points = session.model.vertices_at(o, poses)
-        middle = (points.min(axis=0) + points.max(axis=0)) / 2 if not self._held else self._middle
+        middle = np.mean(session.box_of(names, poses), axis=0) if not self._held else self._middle
         at = np.eye(4)
         at[:3, :3], at[:3, 3] = rotation(pose), middle - origin
         G.begin_frame()
@@ -74,10 +73,10 @@ class Gizmo:
             moved = np.array(matrix.values, np.float64).reshape(4, 4).T
             to = moved[:3, 3] + origin
             to = np.clip(to, np.minimum(room.low, self._middle), np.maximum(room.high, self._middle))
-            pose = moved_pose(pose, middle, to, moved[:3, :3] if self.mode == TURN else None)
+            after = moved_pose(pose, middle, to, moved[:3, :3] if self.mode == TURN else None)
             self._middle = to
-            if pose != session.poses[name]:
-                session.move({name: pose})
+            if after != session.poses[name]:
+                session.move({**carried({other: poses[other] for other in names}, pose, after), name: after})
         if not G.is_using():
             self._end(session)
 

@@ -13,6 +13,7 @@ MOUSE = (
     ("Shift + drag it", "move it up and down"),
     ("Alt or right drag it", "move it in the image plane"),
     ("Ctrl + drag it", "turn it about the vertical axis"),
+    ("Ctrl or Shift + click it", "select several objects, which then move as one"),
     ("Drag empty space", "orbit"),
     ("Right drag empty space", "look around; with W A S D fly, Q and E down and up, Shift faster"),
     ("Shift or middle drag", "pan"),

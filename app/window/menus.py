@@ -24,8 +24,8 @@ MENUS: dict[str, tuple[str, ...]] = {  # names of actions, or one of the six abo
         "save picture", "save picture as", "export", LINE, "quit",
     ),
     "Edit": (
-        "undo", "redo", LINE, "insert", "duplicate", "remove", LINE, "promote", "freeze", LINE, "pin", "unpin", LINE,
-        "gizmo", "rest", "reset poses", "reset settings",
+        "undo", "redo", LINE, "select all", "insert", "duplicate", "remove", LINE, "promote", "freeze", LINE,
+        "pin", "unpin", LINE, "gizmo", "rest", "reset poses", "reset settings",
     ),
     "View": (
         "reset view", "frame", "top", "front", "side", "parallel", LINE, "bookmark", VIEWS, LINE,

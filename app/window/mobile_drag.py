@@ -1,4 +1,4 @@
-"""A drag on a mobile: the mouse moves it until the button is released."""
+"""A drag on mobiles: the mouse moves them until the button is released."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 from imgui_bundle import imgui
 
 from app.window import drag
+from gi_core.scene.pose import carried
 
 if TYPE_CHECKING:
     from app.draw.camera import Bounds
     from app.draw.picking import Hit
     from app.session.session import Session
     from app.window.view import View
+    from gi_core.scene import Pose
 
 THRESHOLD_PIXELS = 2.0  # shorter motions are a click
 LEFT, RIGHT = 0, 1  # buttons that drag
@@ -24,19 +26,21 @@ class MobileDrag:
     def __init__(self, room: Bounds | None = None) -> None:
         self.room = room
         self.grab: drag.Grab | None = None  # None: nothing is dragged
+        self.others: dict[str, Pose] = {}  # poses at the press of mobiles that move with the grabbed one
 
-    def begin(self, session: Session, view: View, hit: Hit, mode: str) -> None:
-        """Grab a mobile where the cursor meets it."""
+    def begin(self, session: Session, view: View, hit: Hit, mode: str, names: tuple[str, ...] = ()) -> None:
+        """Grab a mobile where the cursor meets it; names: mobiles that move as one, the grabbed one among them."""
         mobile = session.scene.mobiles[hit.object - 1].name
+        self.others = {name: session.poses[name] for name in names if name != mobile}
         u, v = view.uv(imgui.get_io().mouse_pos)
         session.playing = False
         session.begin_drag()
-        box = session.model.vertices_at(hit.object, session.poses)
-        low, high = box.min(axis=0), box.max(axis=0)
-        self.grab = drag.Grab(mobile, mode, hit.point, session.poses[mobile], view.camera, u, v, low, high)
+        low, high = session.box_of((mobile, *self.others))
+        pivot = (low + high) / 2 if self.others else None
+        self.grab = drag.Grab(mobile, mode, hit.point, session.poses[mobile], view.camera, u, v, low, high, pivot)
 
     def follow(self, session: Session, view: View) -> None:
-        """Move the mobile to the cursor; end when the button is released."""
+        """Move the mobiles to the cursor; end when the button is released."""
         button = LEFT if imgui.is_mouse_down(LEFT) else RIGHT
         if not imgui.is_mouse_down(button):
             self.grab = None
@@ -47,10 +51,10 @@ class MobileDrag:
             grab = self.grab._replace(camera=view.camera)
             pose = drag.dragged(grab, *view.uv(imgui.get_io().mouse_pos), view.aspect, self.room)
             if pose != session.poses[grab.mobile]:
-                session.move({grab.mobile: pose})
+                session.move({grab.mobile: pose, **carried(self.others, grab.pose, pose)})
 
     def cancel(self, session: Session) -> bool:
-        """Restore the mobile's pose; return False without a drag."""
+        """Restore the poses; return False without a drag."""
         if self.grab is None:
             return False
         self.grab = None

@@ -46,7 +46,7 @@ class Viewport:
         self.scale_fit = ScaleFit()
         self.wipe = Wipe()
         self.gizmo = Gizmo()
-        self.selected = ""  # name of a mobile
+        self._selection: tuple[str, ...] = ()  # names of mobiles
         self.clicked: Hit | None = None  # place of the static part, unless a mobile was selected since
         self.shown: Shown | None = None  # content of the colour buffers
         self._pressed: tuple[Turntable, Hit | None] | None = None  # camera and static place at a press
@@ -62,8 +62,17 @@ class Viewport:
         self.control.adopt(session, keep_view)
         self.pointer, self.pins = Pointer(), Pins()
         self.mobile_drag = MobileDrag(drag.room_for(self.control.bounds, session.scene.up))
-        if self.selected not in session.poses:
-            self.selected = next(iter(session.poses)) if len(session.poses) == 1 else ""
+        if not self.selection and len(session.poses) == 1:
+            self.select(tuple(session.poses))
+
+    @property
+    def selection(self) -> tuple[str, ...]:
+        """Names of the selected mobiles of this scene, the last selected one last."""
+        return tuple(name for name in self._selection if name in self.session.poses)
+
+    def select(self, names: tuple[str, ...]) -> None:
+        """Select mobiles, and no place of the static part."""
+        self._selection, self.clicked = names, None
 
     def redraw(self) -> None:
         """Draw again in the next frame; call after other use of the renderer."""
@@ -87,8 +96,10 @@ class Viewport:
         control.advance(seconds)
         if self._may_wipe and self.wipe.handle(io, view.origin[0], view.size[0], hovered):
             self.pointer.leave()
-        elif self.mobile_drag.grab is not None:
+        elif (grab := self.mobile_drag.grab) is not None:
             self.mobile_drag.follow(self.session, view)
+            if self.mobile_drag.grab is None:
+                self._select_by(grab)
         elif control.is_steering:
             if not control.steer(io, seconds):
                 self._release()
@@ -141,9 +152,26 @@ class Viewport:
             self.control.begin(PAN, MIDDLE)
 
     def _begin_drag(self, mode: str) -> None:
+        """Grab the mobile under the cursor, and with a selected one the whole selection."""
         self.control.stop()
-        self.mobile_drag.begin(self.session, self.view, self.pointer.hover, mode)
-        self.selected, self.clicked = self.mobile_drag.grab.mobile, None
+        name = self.session.scene.mobiles[self.pointer.hover.object - 1].name
+        if name not in self.selection and mode not in (drag.RAISE, drag.TURN):
+            self.select((name,))
+        moves = self.selection if name in self.selection else (name,)
+        self.mobile_drag.begin(self.session, self.view, self.pointer.hover, mode, moves)
+        self.clicked = None
+
+    def _select_by(self, grab: drag.Grab) -> None:
+        """Select after a drag or a click: Ctrl + click adds or removes an object, Shift + click adds it."""
+        name, others = grab.mobile, tuple(n for n in self.selection if n != grab.mobile)
+        if self.session.poses != self.session.before_drag:
+            self.select(self.selection if name in self.selection else (name,))
+        elif grab.mode == drag.TURN and name in self.selection:
+            self.select(others)
+        elif grab.mode in (drag.TURN, drag.RAISE):
+            self.select((*others, name))
+        elif grab.mode == drag.SLIDE:
+            self.select((name,))
 
     def _release(self) -> None:
         """Note the place of a click: a press and a release by the same camera."""
@@ -201,12 +229,15 @@ class Viewport:
         self.pins.read(self.session, self.shown)
 
     @property
-    def _marked(self) -> int:
-        """The object with an outline, -1 for none."""
-        grab, hover = self.mobile_drag.grab, self.pointer.hover
+    def _marked(self) -> tuple[int, ...]:
+        """The objects with an outline: the one under the cursor, and several selected ones."""
+        grab, hover, names = self.mobile_drag.grab, self.pointer.hover, self.session.model.names
+        marked = {1 + names.index(name) for name in self.selection} if len(self.selection) > 1 else set()
         if grab is not None:
-            return 1 + [m.name for m in self.session.scene.mobiles].index(grab.mobile)
-        return -1 if hover is None else hover.object
+            marked.add(1 + names.index(grab.mobile))
+        elif hover is not None:
+            marked.add(hover.object)
+        return tuple(sorted(marked))
 
     def look(self, outlined: bool = True) -> Look:
         """Return the current picture for the renderer."""
@@ -219,7 +250,7 @@ class Viewport:
             settings.exposure or 0.0,
             settings.tone_map,
             settings.cull,
-            self._marked if outlined else -1,
+            self._marked if outlined else (),
             OUTLINE_PIXELS * pixels,
             textured=settings.show == "radiance",
             as_is=self.shown is not None and (self.shown.errors is not None or self.shown.recomputed is not None),
@@ -239,7 +270,7 @@ class Viewport:
             renderer.draw(self.look())
             self._drawn = wanted
         imgui.image(imgui.ImTextureRef(renderer.texture), size, (0, 1), (1, 0))
-        free = self.selected if self.mobile_drag.grab is None else ""
+        free = self.selection if self.mobile_drag.grab is None else ()
         self.gizmo.draw(self.session, self.view, free, self.mobile_drag.room)
 
     def _show_cursor(self, hovered: bool, io) -> None:
@@ -262,7 +293,9 @@ class Viewport:
         if self.pins.waiting:
             return "Click a surface to pin a read-out  ·  Esc cancels"
         if grab is not None:
-            return f"{grab.mobile} {drag.MODES[grab.mode]}  ·  Esc cancels"
+            several = len(self.mobile_drag.others)
+            subject = f"{grab.mobile} and {several} more:" if several else grab.mobile
+            return f"{subject} {drag.MODES[grab.mode]}  ·  Esc cancels"
         if hover is not None:
             name = self.session.scene.mobiles[hover.object - 1].name
             mode = drag.mode_of(io.key_shift, io.key_alt, io.key_ctrl)

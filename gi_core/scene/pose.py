@@ -6,7 +6,7 @@ last bit with the number of rows, and then a frame would differ from the same po
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -90,6 +90,24 @@ def quaternion_of(R: np.ndarray) -> tuple[float, float, float, float]:
     q = K[int(np.argmax(np.diag(K)))]
     q = q / np.linalg.norm(q)
     return four(q if q[0] >= 0 else -q)
+
+
+def carried(poses: Mapping[str, Pose], before: Pose, after: Pose) -> dict[str, Pose]:
+    """Return poses by name after the rigid motion that takes the pose `before` to `after`.
+
+    A motion without a turn keeps quaternions bit for bit.
+    """
+    if before.quaternion == after.quaternion:
+        shift = np.subtract(after.position, before.position)
+        return {name: pose._replace(position=three(np.add(pose.position, shift))) for name, pose in poses.items()}
+    w, x, y, z = before.quaternion
+    turn = multiply_quaternions(after.quaternion, (w, -x, -y, -z))
+    out = {}
+    for name, pose in poses.items():
+        away = Pose((0.0, 0.0, 0.0), turn), np.subtract(pose.position, before.position)[None]
+        position = np.add(after.position, to_world(*away)[0])
+        out[name] = as_pose(Pose(three(position), multiply_quaternions(turn, pose.quaternion)), f"mobile {shown(name)}")
+    return out
 
 
 def three(values: Iterable[float]) -> tuple[float, float, float]:

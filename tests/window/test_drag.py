@@ -8,7 +8,7 @@ import pytest
 from app.draw.camera import Bounds, Turntable, frame_of, from_camera
 from app.window import drag
 from gi_core.scene import Camera, Pose
-from gi_core.scene.pose import rotation
+from gi_core.scene.pose import axis_angle, carried, rotation, to_world
 
 ASPECT = 1.5
 ROOM = Bounds((-2.0, -2.0, -2.0), (2.0, 2.0, 2.0))
@@ -127,3 +127,37 @@ def test_on_plane():
     )
     assert drag.on_plane(np.zeros(3), np.array([0, 0, -1.0]), np.array([0, 0, 2.0]), np.array([0, 0, 1.0])) is None
     assert drag.on_plane(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, 0, 2.0]), np.array([0, 0, 1.0])) is None
+
+
+def test_a_turn_of_several_goes_round_their_middle():
+    c, middle = camera(), np.array([1.0, 5.0, -0.5])
+    u, v = c.project(POINT, ASPECT)
+    g = grab(drag.TURN, c)._replace(pivot=middle)
+    after = drag.dragged(g, u + 0.1, v, ASPECT, ROOM)
+    alone = drag.dragged(grab(drag.TURN, c), u + 0.1, v, ASPECT, ROOM)
+    assert after.quaternion == pytest.approx(alone.quaternion) and alone.position == POSE.position
+    up = frame_of(c.up)[2]
+    before, now = (np.array(p.position) - middle for p in (POSE, after))
+    assert now @ up == pytest.approx(before @ up) and np.linalg.norm(now) == pytest.approx(np.linalg.norm(before))
+    degrees = 0.1 * ASPECT * drag.TURN_SPEED
+    flat = [x - (x @ up) * up for x in (before, now)]
+    assert flat[0] @ flat[1] / (flat[0] @ flat[0]) == pytest.approx(np.cos(np.radians(degrees)))
+    assert drag.dragged(g, u, v, ASPECT, ROOM) == POSE, "back at the press: bit for bit"
+
+
+@pytest.mark.parametrize("turn", [0.0, 70.0])
+def test_others_are_carried_by_one_rigid_motion(turn):
+    q = axis_angle((1, 2, 3), turn)
+    others = {"a": Pose((1.0, 2.0, 3.0), (0.6, 0.0, 0.8, 0.0)), "b": POSE}
+    after = carried({"": POSE}, Pose((0.3, 0.2, 0.1)), Pose((0.5, 0.2, -0.4), q))[""]
+    moved = carried(others, POSE, after)
+    assert moved["b"].position == pytest.approx(after.position)
+    corners = np.random.default_rng(1).normal(size=(4, 3))
+    groups = [
+        np.concatenate([to_world(p, corners) for p in (*given, last)])
+        for *given, last in ((others["a"], others["b"], POSE), (moved["a"], moved["b"], after))
+    ]
+    lengths = [np.linalg.norm(g[:, None] - g, axis=2) for g in groups]
+    np.testing.assert_allclose(*lengths, atol=1e-12)
+    if turn == 0.0:
+        assert moved["a"].quaternion == others["a"].quaternion, "bit for bit"

@@ -126,7 +126,7 @@ def test_a_mobile_is_drawn_at_its_pose(draw):
 @pytest.mark.gl
 def test_the_outline_is_outside_the_object(draw):
     bare = draw([square((0.3, 0.3, 0.3))])
-    outlined = draw([square((0.3, 0.3, 0.3))], outlined=0)
+    outlined = draw([square((0.3, 0.3, 0.3))], outlined=(0,))
     changed = (bare != outlined).any(axis=2)
     inside = (bare != background().astype(np.uint8)).any(axis=2)
     assert changed.any() and not (changed & inside).any()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from app.cli import saved_scene
 from app.draw.camera import Bounds, from_camera
+from app.session.session import Session
 from app.window import gizmo
 from app.window.gizmo import MOVE, TURN, moved_pose, snap_step
 from gi_core.model import Model
@@ -76,12 +78,13 @@ def test_handles_wait_for_the_picture_unless_they_are_held(held, monkeypatch):
         poses={"block": asked}, light=SimpleNamespace(snapshot=SimpleNamespace(poses={"block": shown})),
         model=Model(room), chosen=SimpleNamespace(scene_size=1.0), begin_drag=lambda: None, playing=False,
     )  # fmt: skip
+    session.box_of = partial(Session.box_of, session)
     view = SimpleNamespace(origin=(0, 0), size=(100, 100), camera=CAMERA, aspect=1.0)
     handles = gizmo.Gizmo()
     handles.mode = MOVE
-    handles.draw(session, view, "block", BOUNDS)
+    handles.draw(session, view, ("block",), BOUNDS)
     handles._middle = np.array(asked.position)  # where the cursor holds it
-    handles.draw(session, view, "block", BOUNDS)
+    handles.draw(session, view, ("block",), BOUNDS)
     assert places[0] == pytest.approx(shown.position, abs=1e-6)
     assert places[1] == pytest.approx((asked if held else shown).position, abs=1e-6)
 
@@ -189,7 +192,7 @@ def test_an_arrow_moves_the_selected_object_along_its_axis(play):
         hand.wait_for_light()
         viewport.view.camera = viewport.view.camera.orbit(0.12, 0.1)
         hand.press(K.g)
-        assert viewport.gizmo.mode == MOVE and viewport.selected == "block"
+        assert viewport.gizmo.mode == MOVE and viewport.selection == ("block",)
         start = session.poses["block"]
         middle, beside = (np.array(hand.at(np.array(start.position) + x)) for x in ((0, 0, 0), (0.1, 0, 0)))
         along = (beside - middle) / np.linalg.norm(beside - middle)

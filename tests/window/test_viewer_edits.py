@@ -85,7 +85,7 @@ def test_a_colour_is_edited_undone_and_done_again(play):
 def test_objects_are_copied_removed_frozen_and_made_movable(play):
     def script(hand, viewer):
         hand.wait_for_light()
-        viewer.viewport.selected = "block"
+        viewer.viewport.select(("block",))
         change(hand, viewer, lambda: viewer._do("duplicate"))
         assert list(viewer.session.poses) == ["block", "block 2"]
         assert viewer.session.poses["block 2"].position == pytest.approx((0.74, 0.3, 0.5))
@@ -93,7 +93,7 @@ def test_objects_are_copied_removed_frozen_and_made_movable(play):
         viewer.session.move({"block": Pose((0.3, 0.12, 0.3))})
         hand.wait_for_light()
 
-        viewer.viewport.selected = "block"
+        viewer.viewport.select(("block",))
         change(hand, viewer, lambda: viewer._do("freeze"))
         assert list(viewer.session.poses) == ["block 2"]
         assert viewer.session.settings.edits[-1] == Freeze("block", Pose((0.3, 0.12, 0.3)))
@@ -107,7 +107,7 @@ def test_objects_are_copied_removed_frozen_and_made_movable(play):
         assert list(viewer.session.poses) == ["block 2", "white"]
         assert viewer.session.poses["white"].position == pytest.approx((0.3, 0.0, 0.3), abs=1e-6)
 
-        viewer.viewport.selected = "block 2"
+        viewer.viewport.select(("block 2",))
         change(hand, viewer, lambda: viewer._do("remove"))
         assert list(viewer.session.poses) == ["white"]
         for names in (["block 2", "white"], ["block 2"], ["block", "block 2"]):
@@ -126,7 +126,8 @@ def test_a_copy_appears_in_gathered_light(play):
         source = viewer.session.light._solver.light_source
         hand.wait(lambda: source.gathered is not None and source.gathered.state is not None and source.is_gathered)
         hand.wait(lambda: source.gathered.state.rounds > 1)
-        viewer.viewport.selected, first = "block", viewer.session
+        first = viewer.session
+        viewer.viewport.select(("block",))
         viewer._do("duplicate")
         hand.wait(lambda: viewer.session is not first)
         assert viewer.session.light._solver.light_source.gathered.state.rounds > 1

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from app.session.opening import Opening
 from app.session.resting import resting_pose
+from app.session.undo import History
+from app.settings import Settings
+from app.window.actions import objects as actions
 from app.window.panel.objects import angles_of, turned
+from gi_core.files.edits import edited
 from gi_core.scene import Pose
 from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation
 from gi_core.solver import Solver
 from tests.support import viewer_support as support
-from tests.support.viewer_hand import keys
+from tests.support.viewer_hand import errors, keys
 
 pytest_plugins = ["tests.support.viewer_fixtures"]
 
@@ -29,7 +36,7 @@ def test_an_object_is_selected_and_moved_by_numbers(play):
         start = session.poses["block"]
         ctx.set_ref("Panel")
         ctx.item_click("**/block")
-        assert viewport.selected == "block"
+        assert viewport.selection == ("block",)
         ctx.item_input_value("##Position x", 0.62)
         hand.wait_for_light()
         assert session.poses["block"].position == (0.62, *start.position[1:]) and not session.dragging
@@ -75,6 +82,124 @@ def test_an_object_is_selected_and_moved_by_numbers(play):
         assert np.isfinite(session.irradiance).all() and np.isfinite(session.poses["block"].position).all()
 
     play(script)
+
+
+def two_blocks():
+    room = support.room(4)
+    (block,) = room.mobiles
+    left, right = (
+        block._replace(name=name, pose=Pose((x, y, 0.5)), path=None)
+        for name, x, y in (("left", 0.25, 0.3), ("right", 0.75, 0.6))
+    )
+    return replace(room, mobiles=(left, right))
+
+
+def open_edited(settings: Settings, earlier=None) -> Opening:
+    return Opening(settings, load=lambda settings: edited(two_blocks(), settings.edits), earlier=earlier)
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_several_objects_are_selected_and_move_as_one(play):
+    K = keys()
+    undo = int(K.mod_ctrl) | int(K.z)
+
+    def script(hand, viewer):
+        session, ctx, viewport = viewer.session, hand.ctx, viewer.viewport
+        hand.wait_for_light()
+        start = session.poses
+
+        def front(name):
+            x, y, z = session.poses[name].position
+            return hand.at((x, y, z + 0.12))
+
+        def click(name, modifier=None):
+            hand.drag(front(name), front(name), modifier=modifier, steps=1)
+
+        click("left")
+        assert viewport.selection == ("left",)
+        click("right", K.mod_ctrl)
+        assert viewport.selection == ("left", "right") and viewport._marked == (1, 2)
+        click("right", K.mod_ctrl)
+        assert viewport.selection == ("left",)
+        click("right", K.mod_shift)
+        click("right", K.mod_shift)
+        assert viewport.selection == ("left", "right") and session.poses == start and not viewer.session.history.undo()
+
+        # A drag of one of them moves both; one step of undo.
+        at = front("left")
+        hand.drag(at, (at[0] + 30, at[1]))
+        shifts = [np.subtract(session.poses[name].position, start[name].position) for name in start]
+        assert shifts[0][0] > 0.02 and np.array_equal(*np.round(shifts, 12)) and viewport.selection == ("left", "right")
+        slid = session.poses
+        at = front("right")
+        hand.drag(at, (at[0] + 40, at[1]), modifier=K.mod_ctrl)
+        turned_by = session.poses
+        assert turned_by["left"].quaternion == pytest.approx(turned_by["right"].quaternion)
+        middle, now = (np.mean([p.position for p in poses.values()], axis=0) for poses in (slid, turned_by))
+        assert now == pytest.approx(middle, abs=1e-9) and turned_by["left"].position[2] != slid["left"].position[2]
+        assert hand.light_is_that_from_scratch()
+        for before in (slid, start):
+            hand.press(undo)
+            assert session.poses == before
+
+        # Numbers, rest on the floor, the list.
+        ctx.set_ref("Panel")
+        ctx.item_input_value("##Position z", 0.55)
+        hand.wait_for_light()
+        assert [p.position[2] for p in session.poses.values()] == pytest.approx([0.55, 0.55])
+        ctx.item_click("Rest on floor")
+        hand.wait_for_light()
+        assert [p.position[1] for p in session.poses.values()] == pytest.approx([0.12, 0.12], abs=1e-4)
+        hand.press(undo)
+        hand.press(undo)
+        assert session.poses == start
+        ctx.item_click("**/left")
+        assert viewport.selection == ("left",)
+        ctx.key_down(K.mod_shift)
+        ctx.item_click("**/right")
+        ctx.key_up(K.mod_shift)
+        assert viewport.selection == ("left", "right")
+        ctx.key_down(K.mod_ctrl)
+        ctx.item_click("**/left")
+        ctx.key_up(K.mod_ctrl)
+        assert viewport.selection == ("right",)
+        hand.press(int(K.mod_ctrl) | int(K.a))
+        assert viewport.selection == ("left", "right")
+
+        # Copies and removal, each one step.
+        viewer._do("duplicate")
+        hand.wait(lambda: viewer.session is not session)
+        hand.wait_for_light()
+        copied = viewer.session
+        assert list(copied.poses) == ["left", "right", "left 2", "right 2"]
+        width = 0.75 - 0.25 + 0.24
+        for name in start:
+            assert copied.poses[f"{name} 2"].position[0] == pytest.approx(start[name].position[0] + width)
+        viewer._do("remove")
+        hand.wait(lambda: viewer.session is not copied)
+        hand.wait_for_light()
+        removed = viewer.session
+        assert list(removed.poses) == ["left 2", "right 2"] and viewport.selection == ()
+        hand.press(undo)
+        hand.wait(lambda: viewer.session is not removed)
+        hand.wait_for_light()
+        assert viewer.session.poses == copied.poses and viewport.selection == ("left", "right")
+
+    assert errors(play(script, open_with=open_edited)) == []
+
+
+def test_the_lower_of_two_objects_rests_first():
+    """A stack above the floor rests as a stack."""
+    scene = two_blocks()
+    stacked = {"left": Pose((0.5, 0.8, 0.5)), "right": Pose((0.5, 0.5, 0.5))}
+    session = SimpleNamespace(model=Solver(scene, photons=10, radius=0.1).model, scene=scene, poses=stacked)
+    moved: dict[str, Pose] = {}
+    session.move, session.history = moved.update, History()
+    viewport = SimpleNamespace(selection=("left", "right"))
+    actions.rest(SimpleNamespace(session=session, viewport=viewport, log=print))
+    assert [moved[name].position[1] for name in ("right", "left")] == pytest.approx([0.12, 0.36], abs=1e-4)
+    assert len(session.history._done) == 1
 
 
 def test_angles_are_those_of_the_rotation():

@@ -36,8 +36,8 @@ class Action(NamedTuple):
 def act(window: Window, name: str | Request) -> None:
     """Run an action or a request of the panel; without a scene, only an action that needs none."""
     match name:
-        case Select(selected):
-            objects.select(window, selected)
+        case Select(names):
+            window.viewport.select(names)
         case Refinish(surface, material):
             objects.refinish(window, surface, material)
         case Move():
@@ -88,12 +88,19 @@ ACTIONS = {
     "reset view": Action(views.reset_view, (K.home,), "Home", "reset the view", label="Reset view"),
     "rest": Action(objects.rest, label="Rest on floor"),
     "insert": Action(objects.choose_and_insert, label="Insert object..."),
-    "duplicate": Action(objects.duplicate, (_ctrl(K.d),), "Ctrl+D", "duplicate the selected object", label="Duplicate"),
+    "duplicate": Action(
+        objects.duplicate, (_ctrl(K.d),), "Ctrl+D", "duplicate the selected objects", label="Duplicate"
+    ),
     "remove": Action(
-        objects.remove, (int(K.mod_shift) | int(K.delete),), "Shift+Del", "remove the selected object", label="Remove"),
+        objects.remove, (int(K.mod_shift) | int(K.delete),), "Shift+Del", "remove the selected objects", label="Remove"
+    ),
+    "select all": Action(
+        lambda w: w.viewport.select(tuple(w.session.poses)), (_ctrl(K.a),), "Ctrl+A", "select all objects",
+        label="Select all",
+    ),
     "promote": Action(objects.promote, label="Make clicked object movable"),
     "freeze": Action(objects.freeze, label="Make object static"),
-    "frame": Action(views.frame, (K.f,), "F", "show the selected object, or everything", label="Frame selected"),
+    "frame": Action(views.frame, (K.f,), "F", "show the selected objects, or everything", label="Frame selected"),
     "top": Action(partial(views.look_along, None), label="Top"),
     "front": Action(partial(views.look_along, 0), label="Front"),
     "side": Action(partial(views.look_along, 1), label="Side"),
@@ -103,7 +110,7 @@ ACTIONS = {
     "bookmark": Action(views.bookmark, (K.b,), "B", "keep this view", label="Keep this view"),
     **{f"view {k}": Action(partial(views.show_bookmark, k), (_ctrl(key),)) for k, key in enumerate(ESTIMATOR_KEYS)},
     "gizmo": Action(
-        lambda w: w.viewport.gizmo.next_mode(), (K.g,), "G", "handles that move or turn the selected object",
+        lambda w: w.viewport.gizmo.next_mode(), (K.g,), "G", "handles that move or turn the selected objects",
         label="Move or turn handles",
     ),
     "full screen": Action(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,23 +13,23 @@ from app.session.log import WARNING
 from app.window import dialogs
 from app.window.actions.parts import Window
 from app.window.panel.objects import Move
+from gi_core.scene import Pose
+from gi_core.scene.pose import carried, three
 
 if TYPE_CHECKING:
     from gi_core.files.edits import Values
 
 
-def select(window: Window, name: str) -> None:
-    window.viewport.selected, window.viewport.clicked = name, None
-
-
 def move(window: Window, asked: Move) -> None:
-    """Move an object by the panel's fields."""
-    session = window.session
+    """Move an object by the panel's fields, and other selected ones with it."""
+    session, names = window.session, window.viewport.selection
     if asked.first and not session.dragging:
         session.playing = False
         session.begin_drag()
-    if asked.pose != session.poses[asked.name]:
-        session.move({asked.name: asked.pose})
+    before = session.poses[asked.name]
+    if asked.pose != before:
+        others = {name: session.poses[name] for name in names if name != asked.name}
+        session.move({asked.name: asked.pose, **carried(others, before, asked.pose)})
     if asked.last and session.dragging:
         session.end_drag()
 
@@ -41,19 +42,25 @@ def refinish(window: Window, surface: str, material: Values) -> None:
 
 
 def rest(window: Window) -> None:
-    """Lower the selected object onto what lies below it."""
+    """Lower each selected object onto what lies below it, the lowest one first."""
     from app.session.resting import resting_pose
 
-    session, name = window.session, window.viewport.selected
-    if name not in session.poses:
-        return
-    pose = resting_pose(session.model, session.poses, name)
-    if pose is None:
-        window.log(f"nothing lies below {name}", WARNING)
-        return
-    before = session.poses
-    session.move({name: pose})
-    session.history.push(before, {**before, name: pose})
+    session = window.session
+    before, up = session.poses, np.array(session.scene.up)
+    rested: dict[str, Pose] = {}
+
+    def bottom(name: str) -> float:
+        return float((session.model.vertices_at(1 + session.model.names.index(name), before) @ up).min())
+
+    for name in sorted(window.viewport.selection, key=bottom):
+        pose = resting_pose(session.model, {**before, **rested}, name)
+        if pose is None:
+            window.log(f"nothing lies below {name}", WARNING)
+        else:
+            rested[name] = pose
+    if rested:
+        session.move(rested)
+        session.history.push(before, {**before, **rested})
 
 
 def is_mesh(name: str) -> bool:
@@ -66,8 +73,6 @@ def is_mesh(name: str) -> bool:
 def insert(window: Window, name: str, place: np.ndarray | None = None) -> None:
     """Add a mobile from a mesh file, upright at a place (3,) [m]; None: on the floor."""
     from gi_core.files.edits import Insert
-    from gi_core.scene import Pose
-    from gi_core.scene.pose import three
 
     pose = None if place is None else Pose(three(place))
     window.session.change_scene(Insert(_free_name(window, Path(name).stem), name, pose))
@@ -79,41 +84,42 @@ def choose_and_insert(window: Window) -> None:
 
 
 def duplicate(window: Window) -> None:
-    """Put a copy of the selected object beside it."""
+    """Put copies of the selected objects beside them."""
     from gi_core.files.edits import Duplicate
 
-    session, name = window.session, _selected(window)
-    if not name:
+    session, names = window.session, _selected(window)
+    if not names:
         return
-    names = [m.name for m in session.scene.mobiles]
-    v, pose = session.model.vertices_at(1 + names.index(name), session.poses), session.poses[name]
+    low, high = session.box_of(names)
     up = session.scene.up
     axis = min(range(3), key=lambda k: abs(up[k]))  # horizontal
-    place = list(pose.position)
-    place[axis] += float(v[:, axis].max() - v[:, axis].min())
-    at = pose._replace(position=(place[0], place[1], place[2]))
-    session.change_scene(Duplicate(_free_name(window, name), name, at))
+    aside = np.eye(3)[axis] * (high - low)
+    edits: list[Duplicate] = []
+    for name in names:
+        pose = session.poses[name]
+        at = pose._replace(position=three(pose.position + aside))
+        edits.append(Duplicate(_free_name(window, name, (edit.name for edit in edits)), name, at))
+    session.change_scene(*edits)
 
 
 def remove(window: Window) -> None:
     from gi_core.files.edits import Remove
 
-    if name := _selected(window):
-        window.session.change_scene(Remove(name))
+    if names := _selected(window):
+        window.session.change_scene(*map(Remove, names))
 
 
 def freeze(window: Window) -> None:
-    """Join the selected object, where it is, to the static part."""
+    """Join the selected objects, where they are, to the static part."""
     from gi_core.files.edits import Freeze
 
-    if name := _selected(window):
-        window.session.change_scene(Freeze(name, window.session.poses[name]))
+    if names := _selected(window):
+        window.session.change_scene(*(Freeze(name, window.session.poses[name]) for name in names))
 
 
 def promote(window: Window) -> None:
     """Make the connected static piece that was clicked a mobile."""
     from gi_core.files.edits import Promote
-    from gi_core.scene.pose import three
 
     at, material = window.viewport.clicked, window.viewport.clicked_material
     if at is None:
@@ -137,18 +143,16 @@ def redo(window: Window) -> None:
     window.session.redo()
 
 
-def _free_name(window: Window, name: str) -> str:
+def _free_name(window: Window, name: str, taken: Iterable[str] = ()) -> str:
     """Return a name for a new object; those of edits that are still to come are taken too."""
     from gi_core.files.load import free_name
 
     session = window.session
-    return free_name((*(m.name for m in session.scene.mobiles), *(edit.name for edit in session.edits)), name)
+    return free_name((*(m.name for m in session.scene.mobiles), *(edit.name for edit in session.edits), *taken), name)
 
 
-def _selected(window: Window) -> str:
-    """Return the name of the selected object, "" with a line in the log without one."""
-    name = window.viewport.selected
-    if name in window.session.poses:
-        return name
-    window.log("select an object first", WARNING)
-    return ""
+def _selected(window: Window) -> tuple[str, ...]:
+    """Return the names of the selected objects, () with a line in the log without one."""
+    if not (names := window.viewport.selection):
+        window.log("select an object first", WARNING)
+    return names

@@ -11,8 +11,8 @@ def look_along(quarter_turns: int | None, window: Window) -> None:
 
 
 def frame(window: Window) -> None:
-    """Show the selected object, or everything."""
-    window.viewport.control.frame(window.viewport.selected)
+    """Show the selected objects, or everything."""
+    window.viewport.control.frame(window.viewport.selection)
 
 
 def bookmark(window: Window) -> None:

@@ -45,7 +45,7 @@ class Facts:
     receivers: int
     mobiles: tuple[str, ...]  # names
     poses: Mapping[str, Pose]
-    selected: str  # name of an object; "": none
+    selection: tuple[str, ...]  # names of objects, the last selected one last
     playing: bool
     moving: bool  # objects are in motion, or their light is
     all_done: bool  # no work is left at rest
@@ -73,6 +73,11 @@ class Facts:
     glossy: bool = False  # a face of the scene has gloss
     piece: bool = False  # a place of the static part has been clicked
 
+    @property
+    def selected(self) -> str:
+        """The object selected last, "" for none."""
+        return self.selection[-1] if self.selection else ""
+
 
 def facts_of(
     session: Session,
@@ -81,7 +86,7 @@ def facts_of(
     frame_seconds: float,
     metered: float,
     scale: Scale | None = None,
-    selected: str = "",
+    selection: tuple[str, ...] = (),
     pinned: tuple[Pinned, ...] = (),
     clicked: str = "",
 ) -> Facts:
@@ -91,6 +96,7 @@ def facts_of(
     from gi_core.geometry.error import luminance
 
     snapshot, emitters = session.light.snapshot, session.model.emitters
+    surface = clicked or (selection[-1] if selection else "")
     return Facts(
         estimators=estimators,
         scene_size=session.chosen.scene_size,
@@ -113,7 +119,7 @@ def facts_of(
         glossy=snapshot.gloss is not None,
         mobiles=tuple(m.name for m in session.scene.mobiles),
         poses=session.poses,
-        selected=selected if selected in session.poses else "",
+        selection=selection,
         playing=session.playing,
         moving=session.playing or session.dragging or session.light.is_moving or session.light.partial,
         all_done=session.light.all_done and not session.refining,
@@ -139,7 +145,7 @@ def facts_of(
         search_summary=snapshot.search_summary,
         loading=reload.progress,
         load_problem=reload.problem,
-        surface=clicked or (selected if selected in session.poses else ""),
-        material=session.finish_of(clicked or selected, bool(clicked)),
+        surface=surface,
+        material=session.finish_of(surface, bool(clicked)),
         piece=bool(clicked),
     )

@@ -19,13 +19,13 @@ ROWS = 5  # of the list; more objects scroll
 
 
 class Select(NamedTuple):
-    """Request to select an object."""
+    """Request to select objects, the last one last."""
 
-    name: str
+    names: tuple[str, ...]
 
 
 class Move(NamedTuple):
-    """Request to move an object; one drag from `first` to `last` is one step of undo."""
+    """Request to move an object and the other selected ones; from `first` to `last` is one step of undo."""
 
     name: str
     pose: Pose
@@ -53,11 +53,11 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
     if imgui.button("Rest on floor", (half, 0)):
         actions.add("rest")
-    ui.tip("Lower the object until it stands on what lies below it.")
+    ui.tip("Lower each selected object until it stands on what lies below it.")
     imgui.same_line()
     if imgui.button("Frame", (half, 0)):
         actions.add("frame")
-    ui.tip("Let the camera show the object. Key F.")
+    ui.tip("Let the camera show the selected objects. Key F.")
     imgui.end_disabled()
     imgui.begin_disabled(not facts.mobiles)
     if imgui.button(("Pause" if facts.playing else "Play") + "###Play", (half, 0)):
@@ -78,9 +78,9 @@ def _edits(facts: Facts, actions: set[Any], half: float) -> None:
         actions.add("insert")
     ui.tip("Add an object from a mesh file. Files may be dropped on the picture too.")
     for name, action, enabled, about in (
-        ("Duplicate", "duplicate", bool(facts.selected), "Put a copy beside the selected object."),
-        ("Remove", "remove", bool(facts.selected), "Remove the selected object."),
-        ("Make static", "freeze", bool(facts.selected), "Join the selected object, where it is, to the static part."),
+        ("Duplicate", "duplicate", bool(facts.selected), "Put copies beside the selected objects."),
+        ("Remove", "remove", bool(facts.selected), "Remove the selected objects."),
+        ("Make static", "freeze", bool(facts.selected), "Join the selected objects to the static part."),
         ("Make movable", "promote", facts.piece, "Click on a static object, then make the connected piece movable."),
     ):
         if action in ("duplicate", "freeze"):
@@ -106,6 +106,18 @@ def turned(pose: Pose, angles: tuple[float, float, float]) -> Pose:
     return pose._replace(quaternion=multiply_quaternions(z, multiply_quaternions(y, x)))
 
 
+def selection_after(facts: Facts, name: str, ctrl: bool, shift: bool) -> tuple[str, ...]:
+    """Return the selection after a click on a name in the list; Shift selects from the first selected one."""
+    if ctrl:
+        others = tuple(n for n in facts.selection if n != name)
+        return others if name in facts.selection else (*others, name)
+    if shift and facts.selection:
+        first, last = (facts.mobiles.index(n) for n in (facts.selection[0], name))
+        step = 1 if last >= first else -1
+        return tuple(facts.mobiles[k] for k in range(first, last + step, step))
+    return (name,)
+
+
 def _list(facts: Facts, actions: set[Any]) -> None:
     if not facts.mobiles:
         imgui.text_disabled("No movable object: add one with --mobile FILE.")
@@ -113,6 +125,9 @@ def _list(facts: Facts, actions: set[Any]) -> None:
     rows = min(len(facts.mobiles), ROWS)
     imgui.begin_child("##objects", (-1, rows * imgui.get_text_line_height_with_spacing()))
     for name in facts.mobiles:
-        if imgui.selectable(name, name == facts.selected)[0]:
-            actions.add(Select(name))
+        if imgui.selectable(name, name in facts.selection)[0]:
+            io = imgui.get_io()
+            actions.add(Select(selection_after(facts, name, io.key_ctrl, io.key_shift)))
+        if len(facts.mobiles) > 1:
+            ui.tip("Ctrl adds or removes an object, Shift selects a range, Ctrl+A all.")
     imgui.end_child()
