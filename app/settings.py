@@ -24,7 +24,9 @@ GLOSS = ("quadtree", "list", "all_rays")  # those of gi_core.gloss.source
 REFERENCE = "reference"  # beside estimators, a choice of the wipe
 TONE_MAPS = ("aces", "reinhard", "clip")
 ILLUMINANCE = "illuminance"
-SHOWS = ("radiance", "irradiance", ILLUMINANCE)
+LUMINANCE = "luminance"
+FALSE_COLOURS = ILLUMINANCE, LUMINANCE
+SHOWS = ("radiance", "irradiance", *FALSE_COLOURS)
 POINTED, CLICKED = "pointed", "clicked"  # the ray under the cursor; that of the last click, which stays
 ERROR_RANGES = (0.1, 0.3, 1.0)
 ERRORS = "error"  # one more in the window: needs the reference, see app/rest/live_error.py
@@ -106,7 +108,8 @@ class Settings:
     tone_map: str = "aces"  # one of TONE_MAPS
     show: str = "radiance"  # one of SHOWS: with reflectance, E / pi alone, false colours; in the window ERRORS too
     illuminance_range: tuple[float, float] | None = None  # of the false colours [lx or W/m2]; None: of the view
-    isolines: tuple[float, ...] | None = None  # over false colours [lx or W/m2]; (): at round values; None: without
+    luminance_range: tuple[float, float] | None = None  # the same [cd/m2 or W/m2/sr]
+    isolines: tuple[float, ...] | None = None  # of illuminance [lx or W/m2]; (): at round values; None: without
     error_range: float | None = None  # ends of the error map, relative; None: of the view; see ERROR_RANGES
     cull: bool = True  # the backs of one-sided faces are not drawn: rooms can be seen from outside
 
@@ -156,6 +159,21 @@ class Settings:
             name: tuple(lamp.dim * c * lit[name] for c in lamp.colour)  # type: ignore[misc]
             for name, lamp in given.items()
         }
+
+    @property
+    def shows_radiance(self) -> bool:
+        """Whether the picture has reflectance, textures and gloss: as radiance, or as false colours of luminance."""
+        return self.show in ("radiance", LUMINANCE)
+
+    @property
+    def false_colour_range(self) -> tuple[float, float] | None:
+        """Ends of the false colours on show; None: those of the view."""
+        return self.luminance_range if self.show == LUMINANCE else self.illuminance_range
+
+    @property
+    def false_colour_lines(self) -> tuple[float, ...] | None:
+        """Isolines on show: luminance has none, textures would tear them."""
+        return self.isolines if self.show == ILLUMINANCE else None
 
     @property
     def light_chosen(self) -> str:

@@ -5,6 +5,7 @@
 uniform vec3 exposure;   // factor: 2^EV times the gain of the white balance
 uniform int tone_map;    // 0 clip, 1 Reinhard, 2 ACES, 3 none: display colours, 4 false colours, 5 a reflection: linear, 6: c / (1 + max c)
 uniform vec3 scale;      // of false colours: low, high, 1 if logarithmic
+uniform bool of_luminance;  // the scale is of radiance, else of irradiance: colours are E / pi
 uniform vec3 map[33];    // display colours from low to high
 uniform float lines[16];  // values of the isolines
 uniform int line_count;
@@ -135,13 +136,14 @@ vec3 srgb(vec3 c) {
     return mix(1.055 * pow(max(c, 0.0031308), vec3(1.0 / 2.4)) - 0.055, 12.92 * c, vec3(lessThanEqual(c, vec3(0.0031308))));
 }
 
-float irradiance(vec3 radiance) {
-    return 3.14159265 * dot(radiance, vec3(0.2126, 0.7152, 0.0722));
+// Of the scale of false colours.
+float value_of(vec3 radiance) {
+    return (of_luminance ? 1.0 : 3.14159265) * dot(radiance, vec3(0.2126, 0.7152, 0.0722));
 }
 
-// slope: change of E per pixel
+// slope: change of the value per pixel
 vec3 false_colour(vec3 radiance, float slope) {
-    float E = irradiance(radiance);
+    float E = value_of(radiance);
     float ratio = scale.z > 0.5 ? log(max(E, 1e-30) / scale.x) / log(scale.y / scale.x) : (E - scale.x) / (scale.y - scale.x);
     float at = 32.0 * clamp(ratio, 0.0, 1.0);
     int k = min(int(at), 31);
@@ -155,7 +157,7 @@ vec3 false_colour(vec3 radiance, float slope) {
 void main() {
     vec4 seen = gl_FrontFacing ? front_radiance : back_radiance;
     vec3 radiance = seen.rgb / seen.a;
-    float E = irradiance(radiance);  // of neighbours too: before any branch
+    float E = value_of(radiance);  // of neighbours too: before any branch
     float slope = length(vec2(dFdx(E), dFdy(E)));
 #ifdef TEXTURED
     vec2 at = mix(uv, 1.0 - abs(mod(uv, 2.0) - 1.0), mirrored);
@@ -172,7 +174,7 @@ void main() {
     vec3 more = reflected(flat_normal);
 #else
     vec3 more = vec3(0.0);
-    bool gloss = tone_map < 3 || tone_map > 4;
+    bool gloss = tone_map < 3 || tone_map > 4 || (tone_map == 4 && of_luminance);
     if (radiance.r >= -0.5 && gloss) radiance += (gl_FrontFacing ? front_gloss : back_gloss) / seen.a;
 #endif
     if (tone_map > 4) {
@@ -184,7 +186,8 @@ void main() {
     } else if (tone_map == 3) {
         colour = vec4(radiance, 1.0);
     } else if (tone_map == 4) {
-        colour = vec4(false_colour(radiance, slope), 1.0);
+        vec3 shown = max(radiance, 0.0) + (of_luminance ? more / exposure : vec3(0.0));
+        colour = vec4(false_colour(shown, slope), 1.0);
     } else {
         colour = vec4(srgb(tone_mapped(max(radiance, 0.0) * exposure + more)), 1.0);
     }

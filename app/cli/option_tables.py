@@ -52,12 +52,14 @@ PICTURE: dict[str, dict[str, Any]] = {
     "white_balance": {"action": "store_false", "help": "draw coloured lamps coloured instead of neutral"},
     "tone_map": {"choices": TONE_MAPS, "help": f"({Settings.tone_map})"},
     "show": {"choices": SHOWS, 
-             "help": f"with reflectance, without, or false colours of irradiance with a legend ({Settings.show})"},
+             "help": "with reflectance, without, or false colours with a legend: of the light on surfaces, or of that"
+                     f" seen by the camera ({Settings.show})"},
     "illuminance_range": {"type": values.value_range, "metavar": "LOW,HIGH",
                           "help": "ends of the false colours [lx or W/m2]; a logarithmic scale if HIGH is 30 LOW or"
                                   " more (that of the view)"},
+    "luminance_range": {"type": values.value_range, "metavar": "LOW,HIGH", "help": "the same [cd/m2 or W/m2/sr]"},
     "isolines": {"type": values.isolines, "metavar": "auto|E1,E2,...",
-                 "help": "lines of equal light over the false colours, at round or at given values [lx or W/m2]"},
+                 "help": "lines of equal illuminance over its false colours, at round or at given values [lx or W/m2]"},
     "cull": {"action": "store_false", "help": "draw the backs of one-sided faces too, dark grey"},
 }  # fmt: skip
 WINDOW: dict[str, dict[str, Any]] = {

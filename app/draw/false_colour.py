@@ -1,4 +1,4 @@
-"""False colours of irradiance or illuminance: scale, ticks, isolines, and the map from values to colours."""
+"""False colours of illuminance or luminance: scale, ticks, isolines, and the map from values to colours."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.draw.colour_map import sequential_colours
+from app.settings import ILLUMINANCE, LUMINANCE
 from gi_core.geometry.error import luminance
 
 if TYPE_CHECKING:
@@ -27,12 +28,13 @@ LIGHT_FROM = 0.55  # of the scale: from there on lines are black, below white
 
 
 class Scale(NamedTuple):
-    """Ends and kind of a scale of irradiance [W/m2] or illuminance [lx]."""
+    """Ends and kind of a scale of illuminance [W/m2 or lx] or luminance [W/m2/sr or cd/m2]."""
 
     low: float  # over 0 if logarithmic
     high: float
     logarithmic: bool
     lines: tuple[float, ...] = ()  # values of the isolines, ascending
+    quantity: str = ILLUMINANCE  # or LUMINANCE
 
     def with_lines(self, values: tuple[float, ...] | None) -> Scale:
         """Return the scale with isolines at these values, at most MOST_LINES; (): at round numbers; None: without."""
@@ -88,13 +90,20 @@ class Scale(NamedTuple):
 
     def title(self, units: Units) -> list[str]:
         """Return the lines above a legend."""
-        return [f"{units.on_surface} [{units.per_area}]", "logarithmic" if self.logarithmic else "linear"]
+        name, unit = self._named(units)
+        return [f"{name} [{unit}]", "logarithmic" if self.logarithmic else "linear"]
 
     def text(self, units: Units) -> str:
         """Return the scale as one line, for metadata."""
         kind = "logarithmic" if self.logarithmic else "linear"
-        text = f"{units.on_surface} in {units.per_area}, {self.low:g} to {self.high:g}, {kind}, viridis"
+        name, unit = self._named(units)
+        text = f"{name} in {unit}, {self.low:g} to {self.high:g}, {kind}, viridis"
         return f"{text}, isolines at {', '.join(f'{v:g}' for v in self.lines)}" if self.lines else text
+
+    def _named(self, units: Units) -> tuple[str, str]:
+        if self.quantity == LUMINANCE:
+            return units.from_surface.capitalize(), units.per_solid_angle
+        return units.on_surface, units.per_area
 
     def position(self, values: np.ndarray) -> np.ndarray:
         """Return the position (n,) in 0 .. 1 of values (n,) on the scale; nan stays nan."""
@@ -105,39 +114,45 @@ class Scale(NamedTuple):
         return np.clip(t, 0.0, 1.0)
 
 
-def fixed_scale(low: float, high: float) -> Scale:
+def fixed_scale(low: float, high: float, quantity: str = ILLUMINANCE) -> Scale:
     """Return the scale between two values, logarithmic if they are far apart."""
-    return Scale(low, high, low > 0 and high >= LOGARITHMIC * low)
+    return Scale(low, high, low > 0 and high >= LOGARITHMIC * low, (), quantity)
 
 
-def automatic_scale(values: np.ndarray) -> Scale:
-    """Return a scale with round ends for irradiance (n,) of the visible surface, as of `raycast.visible_irradiance`.
+def per_radiance(quantity: str) -> float:
+    """Return the value of a quantity per radiance of the picture: that of illuminance shows E / pi."""
+    return 1.0 if quantity == LUMINANCE else math.pi
+
+
+def automatic_scale(values: np.ndarray, quantity: str = ILLUMINANCE) -> Scale:
+    """Return a scale with round ends for light (n,) of the visible surface, as of `raycast.visible_light`.
 
     A linear scale starts at 0; a logarithmic one is for a wide range of values.
     """
     values = values[np.isfinite(values)]
     low, high = np.quantile(values, QUANTILES).tolist() if len(values) else (0.0, 0.0)
     if high <= 0:
-        return Scale(0.0, 1.0, False)
+        return Scale(0.0, 1.0, False, (), quantity)
     if low * LOGARITHMIC <= high:
-        return Scale(*_round_ends(max(low, high / 10.0**MOST_DECADES), high), True)
+        return Scale(*_round_ends(max(low, high / 10.0**MOST_DECADES), high), True, (), quantity)
     step = _step(high)
-    return Scale(0.0, _rounded(step * math.ceil(high / step - 1e-9)), False)
+    return Scale(0.0, _rounded(step * math.ceil(high / step - 1e-9)), False, (), quantity)
 
 
 def false_colours(
     radiance: np.ndarray, scale: Scale, gradient: np.ndarray | None = None, to_middle: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return display colours (n, 3) uint8 of surfaces that show E / pi (n, 3), as surface.frag does.
+    """Return display colours (n, 3) uint8 of radiance (n, 3), E / pi for illuminance, as surface.frag does.
 
-    gradient (n, 2): change of the luminance of E / pi per pixel right and down, for isolines; None: without. to_middle
+    gradient (n, 2): change of its luminance per pixel right and down, for isolines; None: without. to_middle
     (n, 2): offset to the middle of the pixel, where a line is drawn or not; None: 0.
     """
-    E = math.pi * luminance(radiance)
+    factor = per_radiance(scale.quantity)
+    E = factor * luminance(radiance)
     t = scale.position(E)
     colours = sequential_colours(t)
     if scale.lines and gradient is not None:
-        change = math.pi * gradient
+        change = factor * gradient
         slope = np.sqrt((change * change).sum(axis=1))
         there = E if to_middle is None else E + (change * to_middle).sum(axis=1)
         off = np.abs(there[:, None] - scale.lines).min(axis=1)

@@ -6,24 +6,28 @@ renderer, so the two pictures differ only along edges.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.draw.camera import Turntable
 from app.draw.draw_mesh import DrawMesh, part_of
-from app.draw.false_colour import Scale, false_colours
+from app.draw.false_colour import Scale, false_colours, per_radiance
 from app.draw.tonemap import to_display
-from app.draw.vertex_colours import colours, weights
+from app.draw.vertex_colours import colours, gloss_towards, mean_radiance, weights
 from app.draw.visible import PIXEL_OFFSETS, PictureScene, Strip, pixel_rays, place, strips, visible_faces
 from app.draw.white_balance import NEUTRAL, Gains
+from app.settings import ILLUMINANCE, LUMINANCE
 from gi_core.base.vectors import cross, dot
 from gi_core.display.dilation import Drawn
 from gi_core.geometry.error import luminance
 from gi_core.geometry.texture_filter import lookup
 from gi_core.geometry.texture_footprint import footprints
 from gi_core.rays.accelerator import Accelerator, Transforms
+
+if TYPE_CHECKING:
+    from gi_core.gloss.cells import GlossLight
 
 BACKGROUND = (0.145, 0.15, 0.16)  # display values, those of the renderer (a test compares them)
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face without culling
@@ -55,7 +59,7 @@ def picture(
 
     `colours` has linear radiance of front and back (D, 3) per object; `size` is (width, height) pixels.
     `textured`: multiply by textures; `weights` has the interpolation weights of front and back (D, 2) per object,
-    None for all 1; `scale`: false colours in place of the tone map, of `colours` E / pi; `gains`: white balance;
+    None for all 1; `scale`: false colours in place of the tone map; `gains`: white balance;
     `gloss`: radiance (D, 3) above the texture of front and back per object, None where there is none; `sharp`: returns
     which of some hits of a strip reflect sharply, and the radiance of their gloss in place of `gloss`.
     """
@@ -96,7 +100,7 @@ def above_textures(
     return both_sides([black if g is None else g for black, g in zip(none, gloss, strict=True)], weights)
 
 
-def visible_irradiance(
+def visible_light(
     accelerator: Accelerator,
     at: Transforms,
     meshes: Sequence[DrawMesh],
@@ -104,10 +108,13 @@ def visible_irradiance(
     camera: Turntable,
     aspect: float,
     cull: bool = True,
+    quantity: str = ILLUMINANCE,
+    gloss: GlossLight | None = None,
 ) -> np.ndarray:
-    """Return the irradiance (n,) of the surface at a grid of rays over the picture, as luminance of RGB [W/m2].
+    """Return the light (n,) of the surface at a grid of rays over the picture, as luminance of RGB.
 
-    drawn: irradiance (R, 3) [W/m2] and weights of the picture; aspect: its width over its height.
+    drawn: irradiance (R, 3) [W/m2] and weights of the picture; aspect: its width over its height; quantity: ILLUMINANCE
+    [W/m2], or LUMINANCE [W/m2/sr] with mean textures and with `gloss` of light at vertices.
     """
     size = float(np.subtract(camera.bounds.high, camera.bounds.low).max())
 
@@ -120,10 +127,22 @@ def visible_irradiance(
     hit = np.flatnonzero(face >= 0)
     some, rows = _parts(meshes, face[hit])
     world = place(some, at)
-    pairs = [colours(mesh, drawn.irradiance, False) for mesh in some]
+    pairs = [colours(mesh, drawn.irradiance, quantity == LUMINANCE) for mesh in some]
+    if quantity == LUMINANCE:
+        above = gloss_towards(some, gloss, drawn.irradiance, at, camera.eye())
+        pairs = [
+            with_gloss(mean_radiance(mesh, *pair), more) for mesh, pair, more in zip(some, pairs, above, strict=True)
+        ]
     front, back = both_sides(pairs, [weights(mesh, drawn.weights) for mesh in some])
     radiance, facing = seen_radiance(world, front, back, rows, u[hit], v[hit], directions[hit], None, origins[0])
-    return math.pi * luminance(radiance[facing | ~world.one_sided[rows]])
+    return per_radiance(quantity) * luminance(radiance[facing | ~world.one_sided[rows]])
+
+
+def with_gloss(
+    sides: tuple[np.ndarray, np.ndarray], gloss: tuple[np.ndarray, np.ndarray] | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return radiance (D, 3) of front and back with that of gloss; None: without."""
+    return sides if gloss is None else (sides[0] + gloss[0], sides[1] + gloss[1])
 
 
 def _parts(meshes: Sequence[DrawMesh], faces: np.ndarray) -> tuple[list[DrawMesh], np.ndarray]:

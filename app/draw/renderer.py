@@ -20,6 +20,7 @@ from app.draw.gl_mirrors import GLMirrors, View
 from app.draw.gl_objects import DrawnObject, Programs
 from app.draw.gl_textures import GLTextures
 from app.draw.white_balance import NEUTRAL, Gains
+from app.settings import LUMINANCE
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.gloss.hemisphere import CELLS
 from gi_core.gloss.sharp import PLANAR, Reflector
@@ -56,15 +57,15 @@ class Look:
     textured: bool = True  # multiply colours by textures
     as_is: bool = False  # colours are display colours: no exposure, no tone map
     line_scale: float = 1.0  # of the width of isolines, for fine screens
-    scale: Scale | None = None  # of false colours, in place of the tone map; colours are E / pi
+    scale: Scale | None = None  # of false colours, in place of the tone map
     split: float | None = None  # of the width; the second layer of colours is right of it
     gains: Gains = NEUTRAL  # of the white balance
     eye: np.ndarray | None = None  # (3,) [m], for gloss; None: there is none
 
     @property
     def is_light(self) -> bool:
-        """Whether the picture shows radiance, not display or false colours."""
-        return self.textured and not self.as_is and self.scale is None
+        """Whether the picture shows radiance, or false colours of it."""
+        return self.textured and not self.as_is and (self.scale is None or self.scale.quantity == LUMINANCE)
 
 
 class Renderer:
@@ -189,6 +190,7 @@ class Renderer:
             program["exposure"] = tuple(2.0**look.exposure * gain for gain in look.gains)
             program["map"].write(SEQUENTIAL.astype(np.float32).tobytes())  # type: ignore[union-attr]
             program["scale"] = scale[:3]
+            program["of_luminance"] = scale.quantity == LUMINANCE
             program["lines"] = (*scale.lines, *[0.0] * (MOST_LINES - len(scale.lines)))
             program["line_count"] = len(scale.lines)
             program["line_look"] = LINE_PIXELS * look.line_scale, LINE_OPACITY, LIGHT_FROM

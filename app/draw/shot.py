@@ -18,7 +18,7 @@ from app.draw.tonemap import srgb_decode
 from app.draw.units import units_of
 from app.draw.vertex_colours import colours, gloss_towards, weights
 from app.draw.white_balance import NEUTRAL, gains_for
-from app.settings import ILLUMINANCE, Settings
+from app.settings import FALSE_COLOURS, Settings
 
 if TYPE_CHECKING:
     from gi_core.solver import Solver
@@ -47,7 +47,7 @@ class Shot:
     def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
         """Return linear radiance of front and back (D, 3) of object o."""
         drawn = self.solver.drawn(self.solver.irradiance).irradiance
-        return colours(self.meshes[o], drawn, self.settings.show == "radiance")
+        return colours(self.meshes[o], drawn, self.settings.shows_radiance)
 
     def gloss(self, eye: np.ndarray | None = None) -> list[tuple[np.ndarray, np.ndarray] | None]:
         """Return the radiance (D, 3) of gloss on front and back of each object; None: it has none.
@@ -55,7 +55,7 @@ class Shot:
         eye (3,): of the model's space; None: that of the camera.
         """
         s = self.solver
-        light = s.frame.gloss if self.settings.show == "radiance" else None
+        light = s.frame.gloss if self.settings.shows_radiance else None
         eye = self.camera.relative_to(s.model.origins[0]).eye() if eye is None else eye
         at, E = s.model.transforms(s.poses), s.drawn(s.irradiance).irradiance
         return gloss_towards(self.meshes, light, E, at, eye)
@@ -63,7 +63,7 @@ class Shot:
     def sharp(self) -> raycast.Sharp | None:
         """Return reflections in sharp gloss; None: there are none."""
         s, meshes, camera = self.solver, self.meshes, self.camera.relative_to(self.solver.model.origins[0])
-        if s.frame.gloss is None or self.settings.show != "radiance" or not any(m.reflectors for m in meshes):
+        if s.frame.gloss is None or not self.settings.shows_radiance or not any(m.reflectors for m in meshes):
             return None
         weights = [self.weights(o) for o in range(len(meshes))]
         around = srgb_decode(np.array(raycast.BACKGROUND)) / (2.0 ** (self.exposure or 0.0) * np.array(self.gains))
@@ -92,7 +92,7 @@ class Shot:
             s.tone_map,
             s.cull,
             progress,
-            s.show == "radiance",
+            s.shows_radiance,
             [self.weights(o) for o in range(len(self.meshes))],
             self.scale,
             self.gains,
@@ -113,20 +113,20 @@ class Shot:
     def fitted_scale(self) -> Scale | None:
         """Return the scale of false colours that the settings give or that suits the picture; None: other pictures."""
         s, solver = self.settings, self.solver
-        if s.show != ILLUMINANCE:
+        if s.show not in FALSE_COLOURS:
             return None
-        if s.illuminance_range is not None:
-            return fixed_scale(*s.illuminance_range).with_lines(s.isolines)
+        if (ends := s.false_colour_range) is not None:
+            return fixed_scale(*ends, s.show).with_lines(s.false_colour_lines)
         model, drawn = solver.model, solver.drawn(solver.irradiance)
         at, camera = model.transforms(solver.poses), self.camera.relative_to(model.origins[0])
         width, height = s.size
-        cull, aspect = s.cull, width / height
-        seen = raycast.visible_irradiance(model.accelerator, at, self.meshes, drawn, camera, aspect, cull)
-        return automatic_scale(seen).with_lines(s.isolines)
+        view = model.accelerator, at, self.meshes, drawn, camera, width / height, s.cull
+        seen = raycast.visible_light(*view, s.show, solver.frame.gloss)
+        return automatic_scale(seen, s.show).with_lines(s.false_colour_lines)
 
     def metered(self) -> float:
         """Return the exposure [EV] that suits the picture."""
-        s, textured = self.solver, self.settings.show == "radiance"
+        s, textured = self.solver, self.settings.shows_radiance
         gloss = self.gloss()
         return metered(s.receivers, self.meshes, self.colours, gloss, textured, s.scene_size, self.camera)
 

@@ -407,14 +407,14 @@ class Session:
         """Return linear radiance (D, 3) float32 of front and back of an object's draw vertices."""
         from app.draw.vertex_colours import colours
 
-        return colours(self.meshes[o], self.light.snapshot.drawn.irradiance, self.settings.show == "radiance")
+        return colours(self.meshes[o], self.light.snapshot.drawn.irradiance, self.settings.shows_radiance)
 
     def metered(self, camera: Turntable) -> float:
         """Return the metered exposure [EV] of a view of the light on show."""
         from app.draw.metering import metered
         from app.draw.vertex_colours import gloss_towards
 
-        snapshot, textured = self.light.snapshot, self.settings.show == "radiance"
+        snapshot, textured = self.light.snapshot, self.settings.shows_radiance
         eye, at = camera.relative_to(self.model.origins[0]).eye(), self.model.transforms(snapshot.poses)
         gloss = gloss_towards(self.meshes, snapshot.gloss if textured else None, snapshot.drawn.irradiance, at, eye)
         receivers = self.model.receivers_at(snapshot.poses)

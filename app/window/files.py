@@ -17,7 +17,7 @@ from app.window.viewport import Viewport
 MOST_RECENT = 10
 RECENT, WATCHES = "recent", "reload when files change"  # preferences in the window's ini file
 # Ways of looking at a scene: keys change them all the time.
-LOOKS = ("show", "estimator", "light", "illuminance_range", "isolines")
+LOOKS = ("show", "estimator", "light", "illuminance_range", "luminance_range", "isolines")
 NAMED = ("lamps", "light_scenes", "pins", "cameras", "plane")  # in tables of their own, as poses
 COUNTED = tuple(field for field in saved_scene.SAVED if field not in LOOKS)
 

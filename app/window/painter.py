@@ -84,7 +84,7 @@ class Painter:
         for layer, side in enumerate(shown.sides):
             for o, mesh in enumerate(session.meshes):
                 painted = view_content.paint(
-                    mesh, side, shown.errors, session.settings.show == "radiance", shown.recomputed
+                    mesh, side, shown.errors, session.settings.shows_radiance, shown.recomputed
                 )
                 self.renderer.set_colours(o, *painted, layer, weights(mesh, side.weights))
                 self.renderer.set_irradiance(o, side.irradiance, layer)

@@ -6,8 +6,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from app.draw.false_colour import Scale, automatic_scale, fixed_scale
-from app.draw.raycast import visible_irradiance
-from app.settings import ILLUMINANCE
+from app.draw.raycast import visible_light
+from app.settings import FALSE_COLOURS
 from app.worker import Call, Worker
 from gi_core.display.dilation import Drawn
 
@@ -38,24 +38,36 @@ class ScaleFit:
     def update(self, s: Session, view: View, shown: Shown | None, at_rest: bool) -> None:
         """Fit the scale to the picture: at rest, so that colours do not flicker in motion."""
         at_rest, self._seen_from = at_rest and view.camera == self._seen_from, view.camera  # the wheel turns, or not
-        if s.settings.show != ILLUMINANCE or shown is None:
+        if s.settings.show not in FALSE_COLOURS or shown is None:
             self.scale = self._asked = self._fitting = None
             return
-        given = s.settings.illuminance_range, s.settings.isolines
+        given = s.settings.show, s.settings.false_colour_range, s.settings.false_colour_lines
         asked = s.version, view.camera, view.aspect, s.settings.cull, *given
         if self._fitting is None and asked != self._asked and (at_rest or self.scale is None):
             self._asked = asked
-            if given[0] is not None:
-                self.scale = fixed_scale(*given[0]).with_lines(given[1])
+            quantity, ends, lines = given
+            if ends is not None:
+                self.scale = fixed_scale(*ends, quantity).with_lines(lines)
                 return
             at, camera = s.model.transforms(s.light.snapshot.poses), view.camera.relative_to(s.model.origins[0])
             drawn, cull = Drawn(shown.sides[0].irradiance, shown.sides[0].weights), s.settings.cull
             self._fitting = self._worker.submit(
-                partial(_fitted, s.model.accelerator, at, s.meshes, drawn, camera, view.aspect, cull)
+                partial(
+                    _fitted,
+                    s.model.accelerator,
+                    at,
+                    s.meshes,
+                    drawn,
+                    camera,
+                    view.aspect,
+                    cull,
+                    quantity,
+                    s.light.snapshot.gloss,
+                )
             )
         if self._fitting is not None and self._fitting.wait(FIRST_FIT if self.scale is None else 0.0):
             fitting, self._fitting = self._fitting, None
-            self.scale = fitting.result().with_lines(s.settings.isolines)
+            self.scale = fitting.result().with_lines(s.settings.false_colour_lines)
 
     def forget(self) -> None:
         """Fit again in the next frame."""
@@ -67,5 +79,6 @@ class ScaleFit:
 
 
 def _fitted(*view) -> Scale:
-    """Return the scale that suits a view; arguments of visible_irradiance()."""
-    return automatic_scale(visible_irradiance(*view))
+    """Return the scale that suits a view; arguments of visible_light()."""
+    *_, quantity, _ = view
+    return automatic_scale(visible_light(*view), quantity)

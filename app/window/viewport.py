@@ -16,7 +16,7 @@ from app.draw.units import units_of
 from app.draw.white_balance import NEUTRAL
 from app.session.picture import Picture
 from app.session.session import Session
-from app.settings import ILLUMINANCE
+from app.settings import FALSE_COLOURS
 from app.window import drag
 from app.window.camera_control import LOOK, ORBIT, PAN, CameraControl
 from app.window.gizmo import Gizmo
@@ -212,7 +212,7 @@ class Viewport:
         """Parameters of the current picture."""
         split = self.wipe.at if self.shown is not None and len(self.shown.sides) == 2 else None
         s = self.session
-        scale = self.scale_fit.scale if s.settings.show == ILLUMINANCE else None
+        scale = self.scale_fit.scale if s.settings.show in FALSE_COLOURS else None
         return Picture(s.settings, self.view.camera, s.version, split, scale, units_of(s.scene.units))
 
     @property
@@ -252,7 +252,7 @@ class Viewport:
             settings.cull,
             self._marked if outlined else (),
             OUTLINE_PIXELS * pixels,
-            textured=settings.show == "radiance",
+            textured=settings.shows_radiance,
             as_is=self.shown is not None and (self.shown.errors is not None or self.shown.recomputed is not None),
             scale=scale,
             line_scale=pixels,

@@ -16,6 +16,7 @@ from app.draw.tonemap import to_display
 from app.draw.vertex_colours import colours
 from app.session.picture import metadata_of
 from app.settings import Settings, make_solver
+from gi_core.geometry.error import luminance
 from gi_core.geometry.surfaces import flatten
 from gi_core.scene import Camera, Material, Mesh, Mobile, Paint, Pose, Scene, Texture
 from tests.support.gl_drawing import gl_picture
@@ -111,6 +112,21 @@ def test_false_colours_of_a_known_irradiance_are_those_of_the_map():
         settings = replace(SMALL, show="illuminance", illuminance_range=ends, exposure=3.0)
         expected = bytes_of(sequential_colours(np.array([position]))[0])
         np.testing.assert_allclose(centre(shot_of(card(), settings, 30.0).take()), expected, atol=1)
+
+
+def test_false_colours_of_luminance_are_those_of_the_radiance_seen():
+    """L = rho E / pi + Le of a card, in closed form: at any exposure and white balance."""
+    rho, Le, E = np.array([0.5, 0.4, 0.3]), np.array([2.0, 1.0, 0.5]), np.array([30.0, 20.0, 60.0])
+    L = float(luminance(rho * E / np.pi + Le))
+    for ends, position in (((0.0, 10.0), L / 10), ((0.1, 100.0), np.log(L / 0.1) / np.log(1000))):
+        settings = replace(SMALL, show="luminance", luminance_range=ends, exposure=-3.0)
+        expected = bytes_of(sequential_colours(np.array([position]))[0])
+        shot = shot_of(card(emission=tuple(Le.tolist())), settings, E)
+        np.testing.assert_allclose(centre(shot.take()), expected, atol=1)
+    assert metadata_of(shot)["false_colours"] == "Radiance in W/m²/sr, 0.1 to 100, logarithmic, viridis"
+    fitted = shot_of(card(), replace(SMALL, show="luminance"), E)
+    fitted.take()
+    assert fitted.scale.quantity == "luminance" and 0.9 * fitted.scale.high <= luminance(rho * E / np.pi) * 1.3
 
 
 def test_false_colours_belong_to_interpolated_values():
@@ -250,6 +266,7 @@ def test_ray_cast_picture_equals_the_opengl_picture():
     solver = make_solver(room(), SMALL)
     solver.solve()
     shown = replace(SMALL, show="irradiance"), replace(SMALL, show="illuminance", illuminance_range=(0.0, 20.0))
+    shown = *shown, replace(SMALL, show="luminance", luminance_range=(0.01, 20.0))
     for settings in (SMALL, replace(SMALL, cull=False, tone_map="reinhard"), *shown):
         shot = Shot(solver, replace(settings, size=(192, 144)))
         ours = shot.take()

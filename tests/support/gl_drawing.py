@@ -78,5 +78,5 @@ def look_of(shot):
     s = shot.settings
     width, height = s.size
     view_projection = shot.camera.projection(width / height) @ shot.camera.view()
-    look = Look(view_projection, tuple(models), shot.exposure, s.tone_map, s.cull, textured=s.show == "radiance")
+    look = Look(view_projection, tuple(models), shot.exposure, s.tone_map, s.cull, textured=s.shows_radiance)
     return replace(look, scale=shot.scale, gains=shot.gains, eye=shot.camera.eye())

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.draw.colour_map import sequential_colours
 from app.draw.shot import Shot
 from app.draw.tonemap import srgb_decode
 from app.settings import Settings, make_solver
+from gi_core.geometry.error import luminance
 from gi_core.scene.types import Camera, Gloss, Material, Mobile, Pose, Scene
 from tests.support.gl_drawing import gl_picture
 from tests.support.scene_builders import box, merge, quad, sphere
@@ -81,6 +83,24 @@ def test_a_sharp_ball_in_a_furnace_shows_its_albedo(alpha):
     expected = 0.5 * reflector.lobe.albedo[-1]
     radiance = srgb_decode(shot.take()[76:84, 116:124] / 255).mean(axis=(0, 1))
     np.testing.assert_allclose(radiance, expected, rtol=0.02, atol=0.003)
+
+
+@pytest.mark.gl
+def test_false_colours_of_luminance_show_sharp_gloss():
+    """The ball of the furnace reflects 0.5 times its albedo, a closed form: traced, by OpenGL, at any exposure."""
+    gloss = Gloss((0.8, 0.5, 0.2), 0.0, 0.8)
+    materials = (Material("wall", (0, 0, 0), (0.5, 0.5, 0.5)), Material("ball", (0, 0, 0), gloss=gloss))
+    ball = Mobile("ball", sphere((0, 0, 0), 0.3, 3, 1))
+    room = box((-1, -1, -1), (1, 1, 1), 2, 0, inward=True)
+    furnace = Scene(
+        room, materials, (ball,), camera=Camera((0, -0.9, 0), (0, 0, 0), 40.0), up=(0, 0, 1), name="furnace"
+    )
+    shown = replace(SETTINGS, exposure=2.0, show="luminance", luminance_range=(0.0, 1.0))
+    shot = shot_of(furnace, shown)
+    (reflector,) = shot.meshes[1].reflectors
+    expected = 255 * sequential_colours(luminance(0.5 * reflector.lobe.albedo[-1][None]))[0]
+    for picture in (shot.take(), gl_picture(shot)):
+        np.testing.assert_allclose(picture[76:84, 116:124].mean(axis=(0, 1)), expected, atol=4)
 
 
 @pytest.mark.gl

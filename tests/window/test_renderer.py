@@ -31,7 +31,10 @@ def test_pixels_are_those_of_the_picture_without_a_window(draw, tone_map, exposu
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("scale", [Scale(0.0, 3.0, False), Scale(0.5, 2.0, False), Scale(0.01, 10.0, True)])
+@pytest.mark.parametrize(
+    "scale",
+    [Scale(0.0, 3.0, False), Scale(0.5, 2.0, False), Scale(0.01, 10.0, True), Scale(0.0, 2.0, False, (), "luminance")],
+)
 def test_false_colours_are_those_of_the_picture_without_a_window(draw, scale):
     for radiance in [(0, 0, 0), (1e-4, 2e-3, 0.03), (0.2, 0.5, 0.9), (0.3, 0.3, 0.3), (3.0, 0.4, 40.0)]:
         got = middle(draw([square(radiance)], exposure=2.0, scale=scale))

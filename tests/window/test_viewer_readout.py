@@ -147,7 +147,21 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
         hand.wait(lambda: viewport.picture.scale == scale)
 
         viewer.session.want(replace(viewer.session.settings, illuminance_range=(10.0, 1000.0)))
-        hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True, ()))
+        hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True, (), "illuminance"))
+
+        # Luminance of the diffuse floor, without a lamp in view: rho E / pi.
+        hand.ctx.combo_click("##Show/Luminance")
+        hand.wait(lambda: viewport.picture.scale is not None and viewport.picture.scale.quantity == "luminance")
+        hand.ctx.yield_(25)
+        scale, picture = viewport.picture.scale, hand.pixels()
+        assert viewport.legend.lines[0] == "Luminance [cd/m²]"
+        for x, y in ((0.33, -0.21), (-0.9, 0.62)):
+            L = 0.5 * closed_form.point_over_plane(INTENSITY, HEIGHT, math.hypot(x, y)) / math.pi
+            expected = 255 * sequential_colours(scale.position(np.array([L])))[0]
+            column, row = (int(c - o) for c, o in zip(hand.at((x, y, 0.0)), viewport.view.origin, strict=True))
+            assert np.abs(picture[row, column] - expected).max() <= 6, (L, picture[row, column])
+        hand.ctx.combo_click("##Show/Illuminance")
+        hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True, (), "illuminance"))
 
         # Lines of equal light are circles about the lamp's foot, on known radii.
         hand.ctx.item_check("Isolines")
@@ -172,13 +186,13 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
 def test_nothing_is_measured_again_while_false_colours_rest(play, monkeypatch):
     from app.window import scale_fit as module
 
-    calls, visible = [], module.visible_irradiance
+    calls, visible = [], module.visible_light
 
     def counted(*given):
         calls.append(threading.current_thread().name)
         return visible(*given)
 
-    monkeypatch.setattr(module, "visible_irradiance", counted)
+    monkeypatch.setattr(module, "visible_light", counted)
 
     def script(hand, viewer):
         hand.wait_for_light()

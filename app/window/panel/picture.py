@@ -9,13 +9,27 @@ from typing import Any
 from imgui_bundle import imgui
 
 from app.cli import values
-from app.settings import ERROR_RANGES, ERRORS, ILLUMINANCE, PICTURE_SCALES, SHOWS, TONE_MAPS, Settings
+from app.settings import (
+    ERROR_RANGES,
+    ERRORS,
+    FALSE_COLOURS,
+    ILLUMINANCE,
+    LUMINANCE,
+    PICTURE_SCALES,
+    SHOWS,
+    TONE_MAPS,
+    Settings,
+)
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
 EXPOSURE_MARGIN = 10.0  # EV on either side of the exposure metered at load
 TONE_MAP_NAMES = {"aces": "ACES (filmic)", "reinhard": "Reinhard", "clip": "Clip"}
-SHOW_NAMES = {"radiance": "Radiance", "irradiance": "Irradiance", ILLUMINANCE: "Illuminance", ERRORS: "Error map"}
+SHOW_NAMES = {
+    "radiance": "Radiance", "irradiance": "Irradiance", ILLUMINANCE: "Illuminance", LUMINANCE: "Luminance",
+    ERRORS: "Error map",
+}  # fmt: skip
+UNITS = {ILLUMINANCE: ("W/m²", "lx"), LUMINANCE: ("W/m²/sr", "cd/m²")}  # radiometric, photometric
 AUTOMATIC = "Automatic"
 SWITCHES = {
     "white_balance": (
@@ -37,8 +51,9 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     ui.tip("Exposure in stops; +1 EV doubles brightness. Metered at load, then fixed.")
     s = ui.choice(s, "Show", "show", {k: SHOW_NAMES.get(k, k) for k in (*SHOWS, ERRORS)},
                 "Radiance: the picture. Irradiance: the light on surfaces, drawn as if all were white. "
-                "Illuminance: false colours of it, with a scale in lx or W/m². Error map: "
-                "the error of irradiance against the reference.")  # fmt: skip
+                "Illuminance: false colours of it, with a scale in lx or W/m². Luminance: false colours of the light "
+                "that reaches the camera, gloss and textures included. Error map: the error of irradiance against "
+                "the reference.")  # fmt: skip
     s = _scale(s, facts)
     s = ui.choice(s, "Tone map", "tone_map", {k: TONE_MAP_NAMES.get(k, k) for k in TONE_MAPS},
                 "Map from radiance to display colour. ACES keeps highlights, Reinhard keeps hue, Clip is exact below "
@@ -64,18 +79,20 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
 
 def _scale(s: Settings, facts: Facts) -> Settings:
     """Draw the choice of the scale: of false colours, of the error map; disabled without either."""
-    imgui.begin_disabled(s.show not in (ERRORS, ILLUMINANCE))
+    imgui.begin_disabled(s.show not in (ERRORS, *FALSE_COLOURS))
     if s.show == ERRORS:
         names: dict = {None: AUTOMATIC, **{r: f"±{100 * r:.0f} %" for r in ERROR_RANGES}}
         s = ui.choice(s, "Scale", "error_range", names, "Ends of the colours of the error map.")
     else:
-        fixed = s.illuminance_range or (facts.scale and facts.scale[:2])
+        field = "luminance_range" if s.show == LUMINANCE else "illuminance_range"
+        fixed = s.false_colour_range or (facts.scale and facts.scale[:2])
         names = {None: AUTOMATIC}
         if fixed:
-            names[fixed] = f"{fixed[0]:g} to {fixed[1]:g} {'lx' if facts.photometric else 'W/m²'}"
-        s = ui.choice(s, "Scale", "illuminance_range", names,
+            unit = UNITS.get(s.show, UNITS[ILLUMINANCE])[facts.photometric]
+            names[fixed] = f"{fixed[0]:g} to {fixed[1]:g} {unit}"
+        s = ui.choice(s, "Scale", field, names,
                       "Automatic: fitted to the view at rest. Fixed: the present ends stay; "
-                      "--illuminance-range sets others.")  # fmt: skip
+                      f"--{field.replace('_', '-')} sets others.")  # fmt: skip
     imgui.end_disabled()
     imgui.begin_disabled(s.show != ILLUMINANCE)
     s = _isolines(s)
@@ -89,7 +106,7 @@ _typed = [""]  # values of the isolines
 def _isolines(s: Settings) -> Settings:
     """Draw the switch of the isolines and a field for their values."""
     changed, on = imgui.checkbox("Isolines", s.isolines is not None)
-    ui.tip("Lines of equal light over the false colours.")
+    ui.tip("Lines of equal illuminance over its false colours.")
     if changed:
         s = replace(s, isolines=() if on else None)
     imgui.same_line(ui.LABEL_EM * imgui.get_font_size())

@@ -24,12 +24,12 @@ def test_visible_irradiance_is_that_of_all_faces_placed(cull, monkeypatch):
         return place(meshes, at)
 
     monkeypatch.setattr(raycast, "place", counted)
-    seen = raycast.visible_irradiance(model.accelerator, at, shot.meshes, drawn, shot.camera, 1.5, cull)
+    seen = raycast.visible_light(model.accelerator, at, shot.meshes, drawn, shot.camera, 1.5, cull)
     rays = 24 * 16 * 4
     assert len(seen) <= rays and max(counts) <= rays < sum(len(mesh.triangles) for mesh in shot.meshes)
 
     world = place(shot.meshes, at)
     monkeypatch.setattr(raycast, "_parts", lambda meshes, faces: (meshes, faces))
     monkeypatch.setattr(raycast, "place", lambda meshes, at: world)
-    whole = raycast.visible_irradiance(model.accelerator, at, shot.meshes, drawn, shot.camera, 1.5, cull)
+    whole = raycast.visible_light(model.accelerator, at, shot.meshes, drawn, shot.camera, 1.5, cull)
     np.testing.assert_allclose(seen, whole, rtol=1e-5)
