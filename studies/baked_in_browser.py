@@ -107,7 +107,7 @@ def main() -> None:
         gather(solver, a.seconds, bar)
     shot = Shot(solver, settings)
     ours = shot.take()
-    glb = baked(solver, shot.meshes, solver.irradiance, shot.camera, None, shot.gains, shot.exposure)
+    glb = baked(solver, shot.meshes, solver.irradiance, shot.camera, None, shot.gains, shot.exposure).glb
     background = "#" + "".join(f"{v:02x}" for v in ours[0, 0])
     theirs = drawn_by_three(glb, a.three, settings.size, background)
     every, flat = difference(ours, theirs)

@@ -10,6 +10,7 @@ from app.settings import MOST_PIXELS, LampSetting, MeasuringPlane
 
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_ISOLINES = 16
+LEAST_LIGHT_MAP = 16  # pixels per side
 MOST_GRID_POINTS = 100  # along an axis of a measuring plane
 LEAST_EXPOSURE, MOST_EXPOSURE = -64.0, 64.0  # EV; beyond, every picture is black or white
 
@@ -50,6 +51,12 @@ def positive_int(text: str) -> int:
     value = positive(text)
     _require(value == int(value), "a whole number", text)
     return int(value)
+
+
+def light_map_pixels(text: str) -> int:
+    value = positive_int(text)
+    _require(LEAST_LIGHT_MAP <= value <= MOST_PIXELS, f"in {LEAST_LIGHT_MAP} .. {MOST_PIXELS} pixels", text)
+    return value
 
 
 def seed(text: str) -> int:

@@ -1,4 +1,4 @@
-"""`gi-viewer bake`: a GLB file with light in its vertices, for other programs."""
+"""`gi-viewer bake`: a GLB file with light in its vertices, and a light map if asked for, for other programs."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from app.cli import cluster, options, values
 from app.cli.exit_codes import OK
+from app.cli.extras import need
 from app.cli.option_tables import LIGHT
 from app.cli.options import settings_of
 from app.cli.progress import Bar, opened, solve
@@ -36,32 +37,43 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.seconds(add)
     add("--error", type=values.positive, metavar="PCT",
         help="bake the unbiased reference instead, at this noise relative to the light [%%]")  # fmt: skip
+    add("--light-map", type=values.light_map_pixels, metavar="PIXELS",
+        help="a second UV set, and irradiance over it as an image of about PIXELS per side: FILE.exr")  # fmt: skip
     cluster.options(parser.add_argument_group("machines, for --error").add_argument)
 
 
 def run(arguments: argparse.Namespace) -> int:
     a = arguments
     with cluster.opened(a.workers, a.scheduler) as machines:
-        print(bake(settings_of(a), a.out, a.seconds, a.error and a.error / 100, machines))
+        for path in bake(settings_of(a), a.out, a.seconds, a.error and a.error / 100, machines, a.light_map):
+            print(path)
     return OK
 
 
 def bake(
     settings: Settings, out: Path, seconds: float | None = None, error: float | None = None,
-    machines: Machines | None = None,
-) -> Path:  # fmt: skip
-    """Write the scene with its light to a GLB file; return its full path.
+    machines: Machines | None = None, pixels: int | None = None,
+) -> list[Path]:  # fmt: skip
+    """Write the scene with its light to a GLB file, and its light map beside it; return their full paths.
 
     seconds: for gathering light before, see `gather`; error: of the reference [relative l1], to be baked instead;
-    machines: trace its paths. Raises SceneError, UsageError, OSError.
+    machines: trace its paths; pixels: per side of the light map, about, None: without. Raises SceneError, UsageError,
+    OSError.
     """
     from app.draw.baking import baked
+    from app.draw.exr import write_channels
     from app.draw.shot import Shot
+    from app.draw.units import units_of
     from app.rest.within import gather
 
     if out.suffix.lower() != ".glb":
         raise UsageError(f"--out must name a .glb file, got {out}")
     check_writable("--out", out)
+    image = out.with_suffix(".exr")
+    if pixels is not None:
+        need("xatlas", "unwraps meshes for light maps")
+        need("OpenEXR", "writes .exr files")
+        check_writable("--out", image)
     with opened(settings, open_scene) as (bar, scene):
         solver = make_solver(scene, settings)
         solve(solver, bar)
@@ -73,8 +85,14 @@ def bake(
         shot = Shot(solver, replace(settings, exposure=None))
         shot.expose()
         light = shot.meshes, solver.irradiance, shot.camera, settings.exposure, shot.gains, shot.exposure
-        write_whole(out, baked(solver, *light))
-    return out.resolve()
+        found = baked(solver, *light, None if pixels is None else (pixels, image.name))
+        write_whole(out, found.glb)
+        if found.light_map is None:
+            return [out.resolve()]
+        E, coverage = found.light_map
+        channels = dict(zip("RGB", (E[..., k].copy() for k in range(3)), strict=True)) | {"A": coverage}
+        unit = units_of(scene.units).per_area
+        return [out.resolve(), write_channels(image, channels, {"content": f"irradiance [{unit}]", "glb": out.name})]
 
 
 def _reference(

@@ -17,6 +17,7 @@ from PIL import Image
 
 from app.draw.camera import Turntable
 from app.draw.draw_mesh import DrawMesh
+from app.draw.light_map import LightMap, Unwrapped, light_map, unwrap
 from app.draw.vertex_colours import colours, mean_radiance
 from app.draw.white_balance import NEUTRAL, Gains
 from gi_core.files.formats.glb_writer import GlbWriter
@@ -30,6 +31,13 @@ CODES = {name: code for code, name in WRAPS.items()}
 CUTOFF = 0.5  # of the alpha of a texture with holes
 UNLIT = "KHR_materials_unlit"
 UP = np.array([0.0, 1.0, 0.0])  # of a glTF file
+
+
+class Baked(NamedTuple):
+    """A file of light, and its light map, if one was asked for."""
+
+    glb: bytes
+    light_map: LightMap | None
 
 
 class Side(NamedTuple):
@@ -51,24 +59,31 @@ def baked(
     exposure: float | None = None,
     gains: Gains = NEUTRAL,
     picture: float = 0.0,
-) -> bytes:
+    light_map: tuple[int, str] | None = None,
+) -> Baked:
     """Return a GLB file of the scene with its light; mobiles are nodes at their poses.
 
     meshes: of `draw_meshes`, with emission at the solver's levels; irradiance (R, 3) [W/m2] at the solver's poses;
     exposure [EV]: of COLOR_0, None: by default; gains: as in `tonemap.to_display`; picture: the exposure of a picture
-    [EV], noted in the file.
+    [EV], noted in the file; light_map: pixels per side, about, and name of the light map's file.
+    Raises UsageError if that many pixels do not suffice.
     """
     baking = _Baking(solver, meshes, irradiance, np.array(gains))
+    if light_map is not None:
+        baking.unwrap(light_map[0])
     exposure = baking.default_exposure() if exposure is None else exposure
     notes = {"exposure": exposure, "picture_exposure": picture, "gains": list(gains), "units": solver.scene.units}
-    return baking.file(camera, exposure, notes)
+    if light_map is not None:
+        notes["light_map"] = {"file": light_map[1], "texCoord": 1}
+    return Baked(baking.file(camera, exposure, notes), baking.light_map())
 
 
 class _Baking:
     def __init__(self, solver: Solver, meshes, irradiance: np.ndarray, gains: np.ndarray) -> None:
         self.model, self.poses, self.meshes, self.factor = solver.model, solver.poses, meshes, gains
         self.irradiance = irradiance.astype(np.float32)
-        self.drawn = solver.drawn(irradiance).irradiance  # unreached vertices filled, as in the picture
+        drawn = solver.drawn(irradiance)  # unreached vertices filled, as in the picture
+        self.drawn, self.weights = drawn.irradiance, drawn.weights
         self.parts = [self.model.scene.static, *(m.mesh for m in self.model.scene.mobiles)]
         self.out = GlbWriter()
         self.materials: list[dict] = []
@@ -76,11 +91,46 @@ class _Baking:
         self.textures: list[dict] = []
         self.samplers: list[dict] = []
         self.of_texture: dict[Texture, int] = {}
+        self.unwrapped: list[Unwrapped] = []  # of all sides, in order; []: without a light map
+        self.map_size = 0, 0
+
+    def _all_sides(self) -> Iterator[tuple[int, Side]]:
+        return ((o, side) for o, mesh in enumerate(self.parts) for side in self._sides(o, mesh))
+
+    def unwrap(self, pixels: int) -> None:
+        """Prepare the light map."""
+        meshes = []
+        for o, side in self._all_sides():
+            rows, corners = self._triangles(o, side)
+            meshes.append((self.meshes[o].positions[rows], corners))
+        self.unwrapped, self.map_size = unwrap(meshes, pixels)
+
+    def light_map(self) -> LightMap | None:
+        """Return the irradiance over the second texture coordinates; None without them."""
+        if not self.unwrapped:
+            return None
+        parts = []
+        for (o, side), part in zip(self._all_sides(), self.unwrapped, strict=True):
+            receivers = self._receivers(o, side)[self._triangles(o, side)[0][part.vertices]]
+            weights = np.ones(len(receivers)) if self.weights is None else self.weights[receivers]
+            parts.append((part, self.drawn[receivers], weights))
+        return light_map(self.map_size, parts)
+
+    def _receivers(self, o: int, side: Side) -> np.ndarray:
+        """Return the receiver of each draw vertex of an object on a side."""
+        return self.meshes[o].back if side.back else self.meshes[o].front
+
+    def _triangles(self, o: int, side: Side) -> tuple[np.ndarray, np.ndarray]:
+        """Return the draw vertices (m,) of a side, and its triangles (n, 3) in these, counter-clockwise from it."""
+        triangles = self.meshes[o].triangles[side.faces]
+        rows, corners = np.unique(triangles, return_inverse=True)
+        corners = corners.reshape(-1, 3)
+        return rows, corners[:, ::-1] if side.back else corners
 
     def default_exposure(self) -> float:
         """Return the highest exposure [EV] at which no colour exceeds 1, lamps left out; 0 without light."""
-        dark = ((o, s) for o, mesh in enumerate(self.parts) for s in self._sides(o, mesh) if not s.lamp)
-        most = max((float(self._colours(o, s)[1].max(initial=0.0)) for o, s in dark), default=0.0)
+        dark = ((o, s) for o, s in self._all_sides() if not s.lamp)
+        most = max((float(self._colours(o, s).max(initial=0.0)) for o, s in dark), default=0.0)
         return -math.log2(most) if most > 0 else 0.0
 
     def file(self, camera: Turntable, exposure: float, notes: dict) -> bytes:
@@ -90,8 +140,9 @@ class _Baking:
         nodes: list[dict] = [{"name": scene.name, "children": list(range(1, len(parts) + 2))}]
         nodes[0] |= _placed(_turn(np.array(scene.up)), _turn(np.array(scene.up)) @ self.model.origins[0])
         given: list[dict] = []
+        unwrapped = iter(self.unwrapped)
         for o, (name, mesh) in enumerate(zip(names, parts, strict=True)):
-            primitives = [self._primitive(o, side) for side in self._sides(o, mesh)]
+            primitives = [self._primitive(o, side, next(unwrapped, None)) for side in self._sides(o, mesh)]
             nodes.append({"name": name} | _placed(at.rotation[o], at.position[o]))
             if primitives:
                 nodes[-1]["mesh"] = len(given)
@@ -129,19 +180,20 @@ class _Baking:
             if len(backs := faces[two_sided[faces]]):
                 yield Side(int(m), int(t), tinted, False, True, backs)
 
-    def _colours(self, o: int, side: Side) -> tuple[np.ndarray, np.ndarray]:
-        """Return the draw vertices (n,) of a side, and their colours (n, 3)."""
-        draw, rows = self.meshes[o], np.unique(self.meshes[o].triangles[side.faces])
+    def _colours(self, o: int, side: Side) -> np.ndarray:
+        """Return the colours (m, 3) of the draw vertices of a side."""
+        draw, rows = self.meshes[o], self._triangles(o, side)[0]
         pair = colours(draw, self.drawn, side.tinted)
         if side.lamp:  # with the mean of its texture
             pair = mean_radiance(draw, *pair)
-        return rows, pair[side.back][rows] * self.factor
+        return pair[side.back][rows] * self.factor
 
-    def _primitive(self, o: int, side: Side) -> dict:
-        draw = self.meshes[o]
-        rows, colour = self._colours(o, side)
-        corners = np.searchsorted(rows, draw.triangles[side.faces])
-        receivers = (draw.back if side.back else draw.front)[rows]
+    def _primitive(self, o: int, side: Side, unwrapped: Unwrapped | None) -> dict:
+        draw, colour = self.meshes[o], self._colours(o, side)
+        rows, corners = self._triangles(o, side)
+        if unwrapped is not None:
+            rows, colour, corners = rows[unwrapped.vertices], colour[unwrapped.vertices], unwrapped.corners
+        receivers = self._receivers(o, side)[rows]
         normals = self.model.object_receivers.normals[receivers].astype(np.float32)
         normals[~normals.any(axis=1)] = UP
         store = self.out.accessor
@@ -153,7 +205,10 @@ class _Baking:
         }
         if side.texture >= 0:
             attributes["TEXCOORD_0"] = store(draw.uv[rows].astype(np.float32))
-        indices = store((corners[:, ::-1] if side.back else corners).astype(np.uint32).reshape(-1))
+        if unwrapped is not None:
+            attributes["TEXCOORD_1"] = store(unwrapped.uv)
+            attributes.setdefault("TEXCOORD_0", attributes["TEXCOORD_1"])  # glTF numbers them without gaps
+        indices = store(corners.astype(np.uint32).reshape(-1))
         return {"attributes": attributes, "indices": indices, "material": self._material(o, side)}
 
     def _material(self, o: int, side: Side) -> int:

@@ -24,6 +24,7 @@ from gi_core.scene.pose import axis_angle
 from tests.cli.test_render import checkered_room
 from tests.support.cli_support import FAST, one_line
 from tests.support.scene_builders import quad
+from tests.unit.draw.test_light_map import bilinear
 
 SETTINGS = Settings(photons=4000, radius=0.06, size=(192, 144), light="photons", tone_map="clip", exposure=1.0)
 TURN = axis_angle((0.3, 1.0, 0.2), 40.0)
@@ -46,7 +47,7 @@ def solved(scene: Scene, settings: Settings = SETTINGS) -> Shot:
 
 def glb_of(shot: Shot, exposure: float | None = None) -> bytes:
     shot.expose()
-    return baked(shot.solver, shot.meshes, shot.solver.irradiance, shot.camera, exposure, shot.gains, shot.exposure)
+    return baked(shot.solver, shot.meshes, shot.solver.irradiance, shot.camera, exposure, shot.gains, shot.exposure).glb
 
 
 def described(glb: bytes) -> dict:
@@ -191,3 +192,30 @@ def test_the_command_writes_a_file_and_refuses_others(tmp_path, capsys, monkeypa
     capsys.readouterr()
     assert cli.main([*command, "a.obj"]) == 2
     assert one_line(capsys.readouterr().err) == "gi-viewer: --out must name a .glb file, got a.obj\n"
+
+
+def test_a_light_map_has_the_light_of_the_vertices(tmp_path, capsys, monkeypatch):
+    """The image beside the file, read at the second UV set, against _IRRADIANCE: at every vertex of every side."""
+    import OpenEXR
+
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["bake", *FAST, "--seconds", "0", "--light-map", "512", "--out", "a.glb"]) == 0
+    assert capsys.readouterr().out.split() == [str((tmp_path / name).resolve()) for name in ("a.glb", "a.exr")]
+    file = Document(tmp_path / "a.glb", (tmp_path / "a.glb").read_bytes(), "a.glb", Boundary(tmp_path))
+    assert file.json["scenes"][0]["extras"]["light_map"] == {"file": "a.exr", "texCoord": 1}
+    with OpenEXR.File("a.exr", separate_channels=True) as image:
+        channels = {name: c.pixels for name, c in image.channels().items()}
+        assert image.header()["gi-viewer content"] == "irradiance [W/m²]"
+    light = np.stack([channels[c] for c in "RGB"], axis=2)
+    assert light.dtype == np.float32 and 0.2 < channels["A"].mean() <= 1 and 400 < max(light.shape) < 700
+    found, expected = [], []
+    for mesh in file.json["meshes"]:
+        for p in mesh["primitives"]:
+            uv, E = (file.accessor(p["attributes"][name]) for name in ("TEXCOORD_1", "_IRRADIANCE"))
+            corners = file.accessor(p["indices"]).reshape(-1, 3)
+            found.append(bilinear(light, uv[corners].astype(float).mean(axis=1)))
+            expected.append(E[corners].mean(axis=1))
+    found, expected = np.concatenate(found), np.concatenate(expected)
+    lit = expected.min(axis=1) > 0.1 * expected.mean()
+    off = np.abs(found - expected)[lit] / expected[lit]
+    assert lit.sum() > 5000 and np.median(off) < 0.01 and np.abs(found - expected)[lit].sum() < 0.03 * expected.sum()
