@@ -41,6 +41,10 @@ class Machines:
         """Processes at present, at least 1."""
         return max(len(self.client.scheduler_info(n_workers=-1)["workers"]), 1)
 
+    def ask(self, question: Callable[[], Any]) -> list[Any]:
+        """Return the answer of each process."""
+        return list(self.client.run(question).values())
+
     def crew(self, prepare: Callable, job: Any) -> Crew:
         """Give a job to all processes. Each calls prepare(job, threads) once, before its first task."""
         with warnings.catch_warnings():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from app.cli import options, values
+from app.cli import cluster, options, values
 from app.cli.exit_codes import OK
 from app.cli.options import settings_of
 
@@ -22,11 +22,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--points", type=values.positive_int, metavar="N", help="receivers per pose at which errors are measured (1500)"
     )
+    cluster.options(parser.add_argument_group("machines, which time the frames").add_argument)
 
 
 def run(arguments: argparse.Namespace) -> int:
     a = arguments
     from app.measure.chart.command import chart
 
-    print(chart(settings_of(a), a.out, a.quick, a.frames, a.points))
+    with cluster.opened(a.workers, a.scheduler) as machines:
+        print(chart(settings_of(a), a.out, a.quick, a.frames, a.points, machines))
     return OK

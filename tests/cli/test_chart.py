@@ -17,6 +17,7 @@ from app.measure.chart.figure import draw, front, styles
 from app.measure.chart.measure import Walk, errors, flicker, make_walk
 from app.measure.chart.report import REPORT, beside, choice_like
 from app.measure.chart.results import KEY, Results
+from app.measure.chart.rows import Measurer
 from app.measure.chart.run import rival_choices
 from app.measure.chart.settings import FULL, TUNED, Choice, choices
 from app.measure.chart.truth import PoseTruth, choose, steady_and_moved
@@ -66,8 +67,8 @@ def test_a_run_is_measured_once_resumed_and_drawn(small, tmp_path, capsys, monke
     pytest.importorskip("matplotlib")
     out = tmp_path / "chart"
     measured = []
-    row = chart_run.Run._row
-    monkeypatch.setattr(chart_run.Run, "_row", lambda self, c, *a: measured.append(c) or row(self, c, *a))
+    row = Measurer._row
+    monkeypatch.setattr(Measurer, "_row", lambda self, c, *a: measured.append(c) or row(self, c, *a))
     assert command(out) == 0
     first = table(out)
     assert {r["curve"] for r in first} == set(styles()) - {TUNED} and len(measured) == 13 and len(first) == 13 + 2

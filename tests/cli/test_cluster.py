@@ -15,6 +15,8 @@ from app import __main__ as cli
 from app.cli import cluster
 from app.cli.cluster import Crew, Machines
 from app.commands import bake, reference, render
+from app.measure.chart.page import _processes
+from app.measure.chart.run import Run
 from app.rest import spread_paths
 from app.rest.static_job import restore
 from app.rest.within import gather
@@ -24,6 +26,7 @@ from gi_core.scene import Pose
 from tests.cli.test_render import checkered_room
 from tests.cli.test_render_files import ticking
 from tests.support.cli_support import one_line
+from tests.support.small_charts import small_charts
 
 SMALL = Settings(photons=4000, radius=0.06, size=(96, 72))
 FRAMES = 4
@@ -87,6 +90,30 @@ def test_reference_and_baked_light_are_the_same_files(machines, a_scene, one_is_
         bake.bake(SMALL, tmp_path / f"{name}.glb", 0.0, error=0.2, machines=team)
         found.append((files(tmp_path / name), (tmp_path / f"{name}.glb").read_bytes()))
     assert one_is_killed and len(found[0][0]) == 2 and found[0] == found[1]
+
+
+TIMES = "frame_ms", "frame_p95_ms", "first_frame_ms", "process", "threads"  # not functions of the seed
+
+
+def test_charts_have_the_same_errors_though_a_process_is_killed(
+    machines, a_scene, one_is_killed, tmp_path, monkeypatch
+):
+    small_charts(monkeypatch)
+    settings, rows = replace(SMALL, estimator="impact_count", photons=None), []
+    for name, team in (("here", None), ("there", machines)):
+        scene = checkered_room(2.0)
+        (tmp_path / name).mkdir()
+        run = Run(scene, settings, True, 3, 60, tmp_path / name, lambda *_: None, team)
+        run.measure()
+        rows.append(run.results.rows)
+        assert all(r["frame_ms"] > 0 and r["threads"] >= 1 for r in rows[-1])
+    plain = [[{k: str(v) for k, v in row.items() if k not in TIMES} for row in found] for found in rows]
+    assert plain[0] == plain[1] and all(0 < r["total all"] < 1 for r in rows[0])
+    assert one_is_killed and len(rows[0]) == 4
+    here, there = ({r["process"] for r in found} for found in rows)
+    assert len(here) == 1 and not here & there and str(one_is_killed[0]) not in {p.split(":")[-1] for p in here}
+    words = _processes(rows[1] + rows[0], {"threads": 2})
+    assert words.startswith(f"timed by {len(here | there)} processes: ") and next(iter(here)) in words
 
 
 def test_restored_light_is_what_it_was():

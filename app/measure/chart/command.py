@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from app.cli.progress import opened
 from app.settings import Settings, open_moving_scene
 
+if TYPE_CHECKING:
+    from app.cli.cluster import Machines
+
 
 def chart(
-    settings: Settings, out: Path, quick: bool = False, frames: int | None = None, points: int | None = None
-) -> str:
+    settings: Settings, out: Path, quick: bool = False, frames: int | None = None, points: int | None = None,
+    machines: Machines | None = None,
+) -> str:  # fmt: skip
     """Measure the settings missing in `out`/results.csv, draw all of them; return a summary with the files.
+
+    machines: measure the settings in their processes.
 
     Raises SceneError, UsageError (a scene without mobiles, no matplotlib), OSError.
     """
@@ -24,7 +31,7 @@ def chart(
     need_matplotlib()
     out.mkdir(parents=True, exist_ok=True)
     with opened(settings, open_moving_scene) as (bar, scene):
-        run = Run(scene, settings, quick, frames, points, out, bar)
+        run = Run(scene, settings, quick, frames, points, out, bar, machines)
         try:
             run.measure()
         except KeyboardInterrupt:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from html import escape
 from pathlib import Path
 
@@ -40,8 +41,17 @@ def _summary(rows: list[dict], about: dict) -> str:
     return (
         f"{len(rows)} settings, {about['frames']} frames each, mobiles move 1.5 % of the scene per frame; "
         f"{about['triangles']:,} triangles, {about['receivers']:,} receivers; {about['processor']}, "
-        f"{about['threads']} threads, commit {about['commit']}, seed {about['seed']}."
+        f"{_processes(rows, about)}, commit {about['commit']}, seed {about['seed']}."
     )
+
+
+def _processes(rows: list[dict], about: dict) -> str:
+    """Return the processes that have timed the frames, in words."""
+    timed = Counter((r["process"], r["threads"]) for r in rows if r.get("process"))
+    if len(timed) < 2:
+        return f"{about['threads']} threads"
+    each = ", ".join(f"{name} ({threads} threads) {n} settings" for (name, threads), n in sorted(timed.items()))
+    return f"timed by {len(timed)} processes: {each}"
 
 
 def _notes(about: dict) -> str:

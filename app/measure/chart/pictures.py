@@ -44,7 +44,7 @@ def best_rows(rows: list[dict]) -> list[dict]:
 def pictures(run: Run, rows: list[dict]) -> list[PagePicture]:
     """Return the truth and the best row of each estimator, at the first pose where errors were measured."""
     poses = run.lap[run.truth_frames[0]]
-    solver = run.base.twin()
+    solver = run.measurer.base.twin()
     solver.move_all(poses)
     store = ReferenceStore(solver.model, solver.poses, seed=run.settings.seed)
     for reached in store.gather(run.effort.picture_truth):
@@ -57,7 +57,7 @@ def pictures(run: Run, rows: list[dict]) -> list[PagePicture]:
     for row in best_rows(rows):
         run.bar(f"picture of {row['estimator']}", 0.0)
         choice = Choice.of(row)
-        solver, _ = run.solved(choice)
+        solver, _ = run.measurer.solved(choice)
         solver.move_all(poses, *choice.frame)
         shot = Shot(solver, settings)
         error = signed_error(solver.irradiance, truth, areas)
