@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -87,12 +88,23 @@ def bake(
         light = shot.meshes, solver.irradiance, shot.camera, settings.exposure, shot.gains, shot.exposure
         found = baked(solver, *light, None if pixels is None else (pixels, image.name))
         write_whole(out, found.glb)
+        if note := _left_out(scene):
+            print(f"gi-viewer: {note}", file=sys.stderr)
         if found.light_map is None:
             return [out.resolve()]
         E, coverage = found.light_map
         channels = dict(zip("RGB", (E[..., k].copy() for k in range(3)), strict=True)) | {"A": coverage}
         unit = units_of(scene.units).per_area
         return [out.resolve(), write_channels(image, channels, {"content": f"irradiance [{unit}]", "glb": out.name})]
+
+
+def _left_out(scene: Scene) -> str:
+    """Return a sentence about the materials whose gloss is not in the file; empty: there are none."""
+    names = [f'"{m.name}"' for m in scene.materials if m.gloss is not None or m.brdf]
+    if not names:
+        return ""
+    return (f"gloss depends on the view and is not baked: {', '.join(names)} have their diffuse light; metallic, "
+            "roughness and extras of these materials describe the rest")  # fmt: skip
 
 
 def _reference(

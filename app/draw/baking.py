@@ -1,8 +1,9 @@
 """Light baked into the vertices of a GLB file: unlit materials times vertex colours.
 
 Each vertex has COLOR_0 and _IRRADIANCE [W/m2 or lx], both linear float32. A material's base colour times its texture
-times COLOR_0 is the radiance at an exposure, with white balance. glTF requires values of COLOR_0 up to 1, so those
-above are cut off; by default the exposure is the highest at which lamps alone are.
+times COLOR_0 is the diffuse radiance at an exposure, with white balance. glTF requires values of COLOR_0 up to 1, so
+those above are cut off; by default the exposure is the highest at which lamps alone are. Gloss depends on the view and
+is not baked: materials keep metallic and roughness, from which an engine adds reflections of its own.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from app.draw.vertex_colours import colours, mean_radiance
 from app.draw.white_balance import NEUTRAL, Gains
 from gi_core.files.formats.glb_writer import GlbWriter
 from gi_core.files.formats.gltf_file import NEAREST, WRAPS
+from gi_core.files.formats.metallic_roughness import as_metal_rough
 from gi_core.scene.pose import quaternion_of
 from gi_core.scene.types import Material, Mesh, Texture
 from gi_core.solver import Solver
@@ -186,6 +188,9 @@ class _Baking:
         pair = colours(draw, self.drawn, side.tinted)
         if side.lamp:  # with the mean of its texture
             pair = mean_radiance(draw, *pair)
+        base = self.model.scene.materials[side.material]
+        if not side.tinted and base.gloss is not None:
+            pair = tuple(c * (1 - as_metal_rough(np.array(base.reflectance), base.gloss).metallic) for c in pair)
         return pair[side.back][rows] * self.factor
 
     def _primitive(self, o: int, side: Side, unwrapped: Unwrapped | None) -> dict:
@@ -221,10 +226,17 @@ class _Baking:
         return self.known[key]
 
     def _described(self, base: Material, texture: Texture | None, tinted: bool) -> dict:
-        factor = (1.0, 1.0, 1.0) if tinted else base.reflectance
-        pbr: dict[str, Any] = {"baseColorFactor": [*factor, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0}
+        metal = None if base.gloss is None else as_metal_rough(np.array(base.reflectance), base.gloss)
+        factor = np.ones(3) if tinted else np.array(base.reflectance) if metal is None else metal.base
+        share, roughness = (0.0, 1.0) if metal is None else (metal.metallic, metal.roughness)
+        pbr: dict[str, Any] = {"baseColorFactor": [*factor.tolist(), 1.0]}
+        pbr |= {"metallicFactor": share, "roughnessFactor": roughness}
         out: dict[str, Any] = {"name": base.name, "pbrMetallicRoughness": pbr, "extensions": {UNLIT: {}}}
         out["extras"] = {"reflectance": base.reflectance, "emission": base.emission}
+        if base.gloss is not None:
+            out["extras"]["gloss"] = base.gloss._asdict()
+        if base.brdf:
+            out["extras"]["brdf"] = [dict(k.parameters) | {"model": k.model, "factor": k.factor} for k in base.brdf]
         if texture is not None:
             pbr["baseColorTexture"] = {"index": self._texture(texture)}
             if texture.cover is not None:

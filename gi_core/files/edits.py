@@ -6,7 +6,6 @@ photon paths that an edit does not touch.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from gi_core.files.completion.completion import complete
 from gi_core.files.completion.pilot import bottom_centre
 from gi_core.files.formats.materials_table import FINISH, checked, overridden
 from gi_core.files.formats.mesh_file import compact
+from gi_core.files.formats.metallic_roughness import as_metal_rough
 from gi_core.files.formats.toml_fields import Table
 from gi_core.files.load import finished, join, with_mobile_file
 from gi_core.geometry.cutouts import without_holes
@@ -32,7 +32,6 @@ from gi_core.scene.types import Mesh, Mobile, Pose, Scene
 from gi_core.scene.validate import check_scene
 
 Values = tuple[tuple[str, Any], ...]  # keys and values of [materials.NAME] in a scene file
-METAL = 0.2  # reflected share along the normal, above which gloss is shown as metal
 
 
 class Finish(NamedTuple):
@@ -216,10 +215,9 @@ def finish_of(scene: Scene, surfaces: Surfaces, name: str, of_static: bool) -> V
     base = ("reflectance", three(np.minimum(area @ surfaces.reflectance[surfaces.face_range(o)] / area.sum(), 0.98)))
     if m.gloss is None:
         return (base,)
-    f0, roughness = float(np.mean(m.gloss.f0)), ("roughness", math.sqrt(m.gloss.alpha))
-    if f0 > METAL:
-        return ("reflectance", three(np.minimum(m.gloss.f0, 0.98))), ("metallic", 1.0), roughness
-    return base, ("metallic", 0.0), roughness, ("ior", (1 + math.sqrt(f0)) / (1 - math.sqrt(f0)))
+    found = as_metal_rough(np.array(base[1]), m.gloss)
+    colour = ("reflectance", three(np.minimum(found.base, 0.98)))
+    return colour, ("metallic", found.metallic), ("roughness", found.roughness), ("ior", found.ior)
 
 
 # Objects --------------------------------------------------------------------------------------------

@@ -12,15 +12,19 @@ import pytest
 import trimesh
 
 from app import __main__ as cli
+from app.commands import bake
 from app.draw.baking import baked
 from app.draw.shot import Shot
 from app.settings import Settings, make_solver
+from gi_core.bsdf.models import lobe
 from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.gltf_buffers import Document
 from gi_core.files.formats.mesh_file import read_mesh_file
+from gi_core.files.formats.metallic_roughness import metallic_roughness
 from gi_core.scene import Material, Mobile, Pose, Scene
 from gi_core.scene.origin import translated
 from gi_core.scene.pose import axis_angle
+from gi_core.scene.types import Gloss
 from tests.cli.test_render import checkered_room
 from tests.support.cli_support import FAST, one_line
 from tests.support.scene_builders import quad
@@ -132,6 +136,47 @@ def test_textures_and_materials_stay(shot):
     assert {m["name"] for m in textured} == {"white", "red", "green"} and len(document["images"]) == 2
     wraps = {(s["wrapS"], s["wrapT"]) for s in document["samplers"]}
     assert wraps == {(10497, 10497), (33648, 33071)}
+
+
+def test_glossy_materials_keep_their_factors(tmp_path):
+    """Base colour times COLOR_0 is the diffuse radiance; base colour, metallic and roughness are those given."""
+    room = checkered_room()
+    plastic = metallic_roughness(Material("plastic", (0.8, 0.4, 0.2)), 0.25, 0.3)
+    gold = metallic_roughness(Material("gold", (0.9, 0.6, 0.2)), 1.0, 0.4)
+    brushed = Material("brushed", brdf=(lobe("ward", {"ks": 0.5, "ax": 0.1, "ay": 0.4}),))
+    leaves = [
+        quad((-0.1, -0.1, 0.1 * k), (0.2, 0, 0), (0, 0.2, 0), (1, 1), material=len(room.materials) + k)
+        for k in range(3)
+    ]
+    mobiles = tuple(Mobile(f"leaf {k}", leaf, Pose((0.3, 0.5, 0.4))) for k, leaf in enumerate(leaves))
+    scene = replace(room, materials=(*room.materials, plastic, gold, brushed), mobiles=mobiles)
+    shot = solved(scene)
+    glb = glb_of(shot, 0.0)
+    file = Document(tmp_path / "a.glb", glb, "a.glb", Boundary(tmp_path))
+    found = {m["name"]: m for m in file.json["materials"]}
+    for name, base, metallic, roughness in (("plastic", [0.8, 0.4, 0.2], 0.25, 0.3), ("gold", [0.9, 0.6, 0.2], 1, 0.4)):
+        pbr = found[name]["pbrMetallicRoughness"]
+        assert pbr["baseColorFactor"] == pytest.approx([*base, 1.0])
+        assert (pbr["metallicFactor"], pbr["roughnessFactor"]) == pytest.approx((metallic, roughness))
+    assert found["gold"]["extras"]["gloss"]["alpha"] == pytest.approx(0.16)
+    assert found["brushed"]["extras"]["brdf"][0]["ax"] == 0.1
+    for p in (p for mesh in file.json["meshes"] for p in mesh["primitives"]):
+        described_by = file.json["materials"][p["material"]]
+        if described_by["name"] in ("plastic", "gold"):
+            colour, E = (file.accessor(p["attributes"][a]) for a in ("COLOR_0", "_IRRADIANCE"))
+            base = np.array(described_by["pbrMetallicRoughness"]["baseColorFactor"][:3])
+            rho = np.array(described_by["extras"]["reflectance"])
+            np.testing.assert_allclose(base * colour, rho * E / np.pi * shot.gains, rtol=1e-5, atol=1e-7)
+            assert E.min() > 0
+    (tmp_path / "a.glb").write_bytes(glb)
+    assert all(m.gloss is None for m in read_mesh_file(tmp_path / "a.glb").materials)  # unlit
+
+
+def test_the_command_names_gloss_that_is_left_out():
+    materials = Material("wall"), Material("gold", gloss=Gloss()), Material("velvet", brdf=(lobe("oren_nayar", {}),))
+    assert bake._left_out(Scene(quad((0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1)), materials[:1])) == ""
+    note = bake._left_out(Scene(quad((0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1)), materials))
+    assert '"gold", "velvet"' in note and "wall" not in note
 
 
 def test_the_file_looks_like_the_picture(shot, tmp_path):

@@ -178,7 +178,7 @@ class _Reader:
             self.notes.append(f'material "{name}" is transparent in the file: taken as opaque{holes}')
         base = np.array(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], np.float64).reshape(3)
         plain = Material(name, three(base), three(emission), bool(m.get("doubleSided", False)))
-        return self._glossy(plain, pbr, extensions)
+        return plain if "KHR_materials_unlit" in extensions else self._glossy(plain, pbr, extensions)
 
     def _glossy(self, plain: Material, pbr: dict, extensions: dict) -> Material:
         """Return the material with the gloss of its metallic-roughness description; textures count by their mean."""

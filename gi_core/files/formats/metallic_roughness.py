@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
 from gi_core.scene.pose import three
 from gi_core.scene.types import Gloss, Material
+
+COAT = 0.04  # reflected share of light along the normal of the part that is no metal, in glTF
+MOST_COAT = 0.2  # of a grey coat of another index of refraction; more is metal's
 
 
 def metallic_roughness(
     material: Material,
     metallic: float,
     roughness: float,
-    f0: float | np.ndarray = 0.04,
+    f0: float | np.ndarray = COAT,
     f90: float = 1.0,
     colour: np.ndarray | None = None,
 ) -> Material:
@@ -25,3 +31,30 @@ def metallic_roughness(
     coat = (1 - metallic) * np.broadcast_to(np.minimum(f0, 1.0), 3)
     gloss = Gloss(three(metal + coat), roughness * roughness, metallic + (1 - metallic) * f90)
     return material._replace(reflectance=three((1 - metallic) * base), gloss=gloss)
+
+
+class MetalRough(NamedTuple):
+    """A glossy surface as glTF describes it; `ior` is that of the part that is no metal."""
+
+    base: np.ndarray  # (3,) float64, base colour
+    metallic: float
+    roughness: float
+    ior: float
+
+
+def as_metal_rough(reflectance: np.ndarray, gloss: Gloss) -> MetalRough:
+    """Return base colour, metallic and roughness of a surface: metallic_roughness() inverted.
+
+    reflectance (3,): of the diffuse base. A grey gloss up to MOST_COAT is a coat, any other is a mixture of metal and a
+    coat of COAT, exact for surfaces that were described so.
+    """
+    rho, f0, roughness = np.asarray(reflectance, np.float64), np.array(gloss.f0), math.sqrt(gloss.alpha)
+    f = float(f0.mean())
+    if np.ptp(f0) < 1e-6 and f <= MOST_COAT:
+        return MetalRough(rho, 0.0, roughness, (1 + math.sqrt(f)) / (1 - math.sqrt(f)))
+    # f = m / (1 - m) rho + (1 - m) COAT, for the share 1 - m.
+    both = float(rho.mean()) + f
+    rest = (both - math.sqrt(max(both * both - 4 * COAT * float(rho.mean()), 0.0))) / (2 * COAT)
+    metallic = 1 - min(max(rest, 0.0), 1.0)
+    base = f0 if metallic == 1 else np.clip(rho / (1 - metallic), 0, 1)
+    return MetalRough(base, metallic, roughness, 1.5)
