@@ -103,7 +103,9 @@ ROWS = [
     pytest.param(programs.soup, marks=pytest.mark.slow),
     mobiles.rows,
     gloss.noise,
+    gloss.grazing,
     gloss.blur,
+    gloss.shading_normals,
     ray_structures.rows,
 ]
 

@@ -3,81 +3,150 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from app.measure.atlas.row import SEEDS, AtlasRow, over_seeds, solved
 from app.measure.atlas.shapes import BLACK, joined, scene, sheet
 from gi_core.gloss.hemisphere import CELLS
-from gi_core.gloss.radiance import gloss_radiance, room_for
+from gi_core.gloss.radiance import GRAZING, Directions, gloss_radiance, room_for
 from gi_core.gloss.source import LIST, OPENED, RADII
-from gi_core.scene import Material, SkyLight
+from gi_core.photons.paths import segments_of
+from gi_core.scene import DirectionalLight, Material, SkyLight
 from gi_core.scene.types import Gloss
+from gi_core.solver import Solver
 
 RADIUS = 0.1  # of irradiance [m]; gloss has RADII times that
-NODES = 2000  # of an integral over the polar angle
+F0 = 0.04
+NODES, SECTORS = 1000, 128  # of an integral over polar angle and azimuth
+FAR = 1e5  # [m], of an eye
+GRAZING_VIEW = 60.0  # degrees
+LARGE = 0.2  # [m]: many rays, for means
 SMALL = 0.02  # [m]: a few rays per disc, which are as uneven as random ones; more Sobol photons are more even
 HEIGHT = 1.0  # of the strip [m]
+TURN = 10.0  # degrees
 
 
 def rows() -> Iterator[AtlasRow]:
     """Measure every failure of gloss."""
     yield from noise()
+    yield grazing()
     yield blur()
+    yield shading_normals()
 
 
 def noise() -> Iterator[AtlasRow]:
     """The noise of radiance is F times that of irradiance from the same rays: the noise factor of docs/brdfs.md."""
+    for alpha, views in ((0.15, (0.0,)), (0.3, (0.0, GRAZING_VIEW))):
+
+        def run(seed, alpha=alpha, views=views):
+            seen, count = _under_the_sky(alpha, views, seed, SMALL)
+            # All photons of the sky have the same flux: irradiance is proportional to the number of rays.
+            return [_noise(radiance * count) / _noise(count) for radiance in seen]
+
+        for view, measured in zip(views, over_seeds(run, 2 * SEEDS), strict=True):
+            _, f, weights = _lobe(alpha, view)
+            predicted = math.sqrt(math.pi * float(weights @ f**2)) / float(weights @ f)
+            yield AtlasRow(
+                f"gloss_noise_{alpha}_{view:.0f}",
+                f"gloss of alpha {alpha} by single rays, seen at {view:.0f} degrees under an even sky",
+                "F = sqrt(pi integral of f^2 cos) / (integral of f cos)",
+                predicted,
+                measured,
+                "64 cells instead of rays; reflections where F is above 2 along the normal",
+                known=0.03 * predicted,
+                quantity="noise of radiance / noise of irradiance",
+                title="Gloss from few rays",
+            )
+
+
+def grazing() -> AtlasRow:
+    """Views closer to the surface than a cosine of GRAZING divide by GRAZING: radiance is too small."""
+    alpha, view = 0.3, 89.0
+    _, f, weights = _lobe(alpha, view)
+    _, clamped, _ = _lobe(alpha, view, GRAZING)
+
+    def run(seed):
+        seen, count = _under_the_sky(alpha, (view,), seed, LARGE)
+        return (float((seen[0] * count).sum() / count.sum()) * math.pi / float(weights @ f),)
+
+    (measured,) = over_seeds(run, SEEDS)
+    return AtlasRow(
+        "gloss_grazing",
+        f"gloss of alpha {alpha} seen at {view:.0f} degrees under an even sky",
+        "masking and 1 / cos are those of cos = 0.05",
+        float(weights @ clamped) / float(weights @ f),
+        measured,
+        "none; without the limit single rays near the horizon would be bright dots",
+        known=0.02,
+        quantity="radiance / truth",
+        title="Gloss at grazing views",
+    )
+
+
+def _under_the_sky(alpha: float, views: Sequence[float], seed: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the radiance (views, n) of gloss of n small sheets, under irradiance 1, and their numbers (n,) of rays.
+
+    views: angles of the eye [degrees]; radius [m]: of irradiance.
+    """
     sky = SkyLight("sky", (1 / math.pi,) * 3)
     places = [(i, j, 0.0) for i in range(12) for j in range(12)]
-    for alpha in (0.15, 0.3):
-        satin = Material("satin", (0.2,) * 3, gloss=Gloss((0.04,) * 3, alpha))
-        field = scene(joined(*(sheet(p, (0.02, 0, 0), (0, 0.02, 0)) for p in places)), (satin,), (6, -9, 9), (6, 6, 0),
-                      (sky,))  # fmt: skip
+    satin = Material("satin", (0.2,) * 3, gloss=Gloss((F0,) * 3, alpha))
+    field = scene(joined(*(sheet(p, (0.02, 0, 0), (0, 0.02, 0)) for p in places)), (satin,), (6, -9, 9), (6, 6, 0),
+                  (sky,))  # fmt: skip
+    solver = solved(field, 200_000, seed, radius=radius, gloss=LIST)
+    given, row, corner = _rays_of(solver)
+    seen = [_seen(solver, given, row, corner, _eye(math.radians(view)))[:, 1] for view in views]
+    return np.array(seen, float), np.diff(given.offsets[::CELLS])[row]
 
-        def run(seed, field=field):
-            solver = solved(field, 200_000, seed, radius=SMALL, gloss=LIST)
-            light, s = solver.frame.gloss, solver.surfaces
-            corner = s.corner_front[::2, 0]  # one receiver per sheet: discs of two sheets do not overlap
-            row = np.searchsorted(light.rows, corner).astype(np.int32)
-            position, normal = solver.receivers.positions[corner], solver.receivers.normals[corner]
-            given = light.directions()._replace(opened=OPENED[LIST])
-            fixed = np.ones((len(row), 3)), position, normal, s.lobe[::2], normal, s.tables
-            seen = room_for(len(row))
-            gloss_radiance(given, row, *fixed, np.array([6.0, 6.0, 1e5]), seen)
-            count = np.diff(given.offsets[::CELLS])[row]
-            # All photons of the sky have the same flux: irradiance is proportional to the number of rays.
-            return (_noise(seen[:, 1] * count) / _noise(count),)
 
-        (measured,) = over_seeds(run, 2 * SEEDS)
-        yield AtlasRow(
-            f"gloss_noise_{alpha}",
-            f"gloss of alpha {alpha} by single rays, seen along the normal under an even sky",
-            "F = sqrt(pi integral of f^2 cos) / (integral of f cos)",
-            _factor(alpha),
-            measured,
-            "64 cells instead of rays; reflections where F is above 2",
-            known=0.03 * _factor(alpha),
-            quantity="noise of radiance / noise of irradiance",
-            title="Gloss from few rays",
-        )
+def _rays_of(solver: Solver) -> tuple[Directions, np.ndarray, np.ndarray]:
+    """Return single rays, and one receiver (n,) per sheet: as a row of these rays, and among all receivers."""
+    light, corner = solver.frame.gloss, solver.surfaces.corner_front[::2, 0]
+    row = np.searchsorted(light.rows, corner).astype(np.int32)
+    return light.directions()._replace(opened=OPENED[LIST]), row, corner
+
+
+def _eye(angle: float) -> np.ndarray:
+    return FAR * np.array([math.sin(angle), 0.0, math.cos(angle)])
+
+
+def _seen(solver: Solver, given: Directions, row: np.ndarray, receiver: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    """Return the radiance (n, 3) of gloss under irradiance 1; all faces have the first one's lobe."""
+    s, n = solver.surfaces, len(row)
+    position, normal = solver.receivers.positions[receiver], solver.receivers.normals[receiver]
+    lobes, seen = np.tile(s.lobe[0], (n, 1)), room_for(n)
+    gloss_radiance(given, row, np.ones((n, 3)), position, normal, lobes, normal, s.tables, eye, seen)
+    return seen
 
 
 def _noise(values: np.ndarray) -> float:
     return float(np.std(values, ddof=1) / np.mean(values))
 
 
-def _factor(alpha: float) -> float:
-    """Return the noise factor F along the normal: GGX with height-correlated Smith and F0 = 0.04."""
+def _lobe(alpha: float, view: float, least: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return directions w (n, 3), f (n,) and weights cos dw (n,): GGX, height-correlated Smith, Schlick's F of F0.
+
+    view: angle of the eye [degrees]; least: cosine of the eye at least, in masking and in 1 / cos.
+    """
     theta = (np.arange(NODES) + 0.5) * (0.5 * math.pi / NODES)
-    cos, sin = np.cos(theta), np.sin(theta)
-    half = np.cos(0.5 * theta)
-    d = alpha**2 / (math.pi * (half**2 * (alpha**2 - 1) + 1) ** 2)
-    smith = 0.5 * (np.sqrt(1 + alpha**2 * (sin / cos) ** 2) - 1)
-    f = d / (4 * cos * (1 + smith)) * (0.04 + 0.96 * (1 - half) ** 5)
-    weight = 2 * math.pi * sin * cos * (0.5 * math.pi / NODES)
-    return math.sqrt(math.pi * float(weight @ f**2)) / float(weight @ f)
+    phi = (np.arange(SECTORS) + 0.5) * (2 * math.pi / SECTORS)
+    t, p = (a.reshape(-1) for a in np.meshgrid(theta, phi, indexing="ij"))
+    w = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=1)
+    v = math.radians(view)
+    o = np.array([math.sin(v), 0.0, math.cos(v)])
+    h = w + o
+    h /= np.linalg.norm(h, axis=1)[:, None]
+    at_eye = max(o[2], least)
+    d = alpha**2 / (math.pi * (h[:, 2] ** 2 * (alpha**2 - 1) + 1) ** 2)
+    smith = 1 + _smith(alpha, at_eye) + _smith(alpha, w[:, 2])
+    f = d / (4 * w[:, 2] * at_eye * smith) * (F0 + (1 - F0) * (1 - (w * h).sum(axis=1)) ** 5)
+    return w, f, w[:, 2] * np.sin(t) * (0.5 * math.pi / NODES) * (2 * math.pi / SECTORS)
+
+
+def _smith(alpha: float, cos):
+    return 0.5 * (np.sqrt(1 + alpha**2 * (1 - cos**2) / cos**2) - 1)
 
 
 def blur() -> AtlasRow:
@@ -109,4 +178,42 @@ def blur() -> AtlasRow:
         known=0.01 * RADII * RADIUS / HEIGHT,  # receivers lie 0 to 2 cm off the strip's middle
         quantity="standard deviation of the slope of rays",
         title="Reflections blurred by the disc",
+    )
+
+
+def shading_normals() -> AtlasRow:
+    """Parallel light along the normals of mirrors of metal, whose normals for shading are turned by TURN.
+
+    The picture reflects it about those, photons are reflected by the faces: highlight and caustic lie 2 TURN apart.
+    """
+    turn = math.radians(TURN)
+    metal = Material("metal", (0.0,) * 3, gloss=Gloss((1.0,) * 3, 0.15))
+    sun = DirectionalLight("sun", (0, 0, -1.0), (1.0,) * 3)
+    sheets = joined(*(sheet((0.5 * i, 0.0, 0.0), (0.3, 0, 0), (0, 0.3, 0)) for i in range(8)))
+    normals = np.broadcast_to([math.sin(turn), 0.0, math.cos(turn)], (len(sheets.faces), 3, 3))
+    field = scene(sheets._replace(corner_normals=normals), (metal,), (2, -4, 2), (2, 0, 0), (sun,))
+
+    def run(seed):
+        solver = solved(field, 50_000, seed, radius=RADIUS, gloss=LIST)
+        rays = _rays_of(solver)
+        angles = np.radians(np.arange(0.0, 40.0, 0.25))
+        seen = [float(_seen(solver, *rays, _eye(angle))[:, 1].sum()) for angle in angles]
+        paths, _ = solver.frame.store.prefix(solver.frame.photons)
+        found = segments_of(paths, solver.model.eps, 0, solver.frame.photons)
+        bounced = found.bounce == 1
+        way = (found.end - found.origin)[bounced].astype(float)
+        caustic = way.sum(axis=0) / np.linalg.norm(way, axis=1).max()
+        return (math.degrees(angles[np.argmax(seen)] - math.atan2(caustic[0], caustic[2])),)
+
+    (measured,) = over_seeds(run, 4)
+    return AtlasRow(
+        "gloss_shading_normals",
+        f"parallel light on metal whose vertex normals are turned by {TURN:.0f} degrees from its faces",
+        "the picture reflects about vertex normals, photons about faces: 2 x the turn",
+        2 * TURN,
+        measured,
+        "a finer mesh: normals of vertices approach those of faces",
+        known=0.5,
+        quantity="angle between highlight and caustic [degrees]",
+        title="Gloss and normals for shading",
     )
