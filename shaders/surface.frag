@@ -100,9 +100,20 @@ vec3 reflected(vec3 flat_normal) {
     } else {
         first = leaving(r, mean);
     }
-    if (count == 1) {
-        vec3 c = (planar ? textureLod(plane_image, here, 0.0) : textureLod(surroundings, first, 0.0)).rgb;
+    if (count == 1 && planar) {
+        vec3 c = textureLod(plane_image, here, 0.0).rgb;
         return share * (compressed ? c / max(1.0 - max(c.r, max(c.g, c.b)), 1e-4) : c);
+    }
+    if (count == 1) {
+        // Curved mirrors show lamps as lines thinner than a pixel: four looks, as far apart as samples of a pixel.
+        vec3 right = dFdx(first), up = dFdy(first), c = vec3(0.0);
+        for (int j = 0; j < 4; ++j) {
+            vec2 part = vec2(j & 1, j >> 1) - 0.5;
+            part = 0.5 * part + 0.25 * vec2(part.y, -part.x);
+            vec3 look = share * textureLod(surroundings, first + part.x * right + part.y * up, 0.0).rgb;
+            c += 0.25 * look / (1.0 + max(look.r, max(look.g, look.b)));  // so that lamps end as smoothly as other edges
+        }
+        return c / max(1.0 - max(c.r, max(c.g, c.b)), 1e-4);
     }
     float around = length(first - r);  // of the surroundings, for all taps
     vec3 sum = vec3(0.0);

@@ -14,7 +14,7 @@ import numpy as np
 
 from app.draw.raycast import BACKGROUND
 from app.draw.tonemap import srgb_decode
-from gi_core.gloss.sharp import PLANAR, TAPS, Reflector
+from gi_core.gloss.sharp import PLANAR, PROBE, TAPS, Reflector
 
 if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
@@ -37,7 +37,7 @@ class View(NamedTuple):
     view_projection: np.ndarray  # (4, 4) float64 world to clip
     eye: np.ndarray  # (3,) float64 [m]
     front_face: str
-    mirrors: bool  # whether sharp gloss is shown in it
+    mirrors: tuple[str, ...]  # ways of sharp gloss that are shown in it
     gloss: float  # 0: seen from this eye; 1: in a plane, tables as diffuse surfaces; 2: in a probe, all gloss so
     skipped: int  # number of the probe whose own faces are left out, -1: none
     compressed: bool = False  # the image holds c / (1 + max c): edges of lamps are then as smooth as in the picture
@@ -66,10 +66,12 @@ class GLMirrors:
         self._placed = [_placed(o, mesh, r) for o, mesh in enumerate(meshes) for r in mesh.reflectors]
         boxes = [mesh.positions for mesh in meshes if len(mesh.positions)]
         self.size = max((float(np.ptp(p, axis=0).max()) for p in boxes), default=1.0)
-        self._planes: dict[int, _Image] = {}
+        self._planes: dict[int, _Image] = {}  # of the picture
+        self._planes_in_probes: dict[int, _Image] = {}
+        self._images = self._planes  # those that are read now
         self._cubes: dict[int, moderngl.TextureCube] = {}
         self._face: _Image | None = None
-        self._seen: set[int] = set()  # planes drawn for this picture
+        self._seen: set[int] = set()  # planes that have an image for this view
         self._key: tuple | None = None  # of the light and the poses in the probes
 
     def __bool__(self) -> bool:
@@ -95,10 +97,8 @@ class GLMirrors:
         light and poses that the images depend on.
         """
         self._draw_probes(draw, models, (*key, *(m.tobytes() for m in models)))
-        self._seen = set()
-        for p in self._placed:
-            if p.reflector.way == PLANAR and p.reflector.number not in self._seen:
-                self._draw_plane(p, draw, view_projection, eye, models[p.object], size, samples)
+        self._images = self._planes
+        self._draw_planes(draw, View(view_projection, eye, "cw", (PROBE,), 1.0, -1), models, size, samples)
 
     def _draw_probes(self, draw: Callable[[View], None], models: Sequence[np.ndarray], key: tuple) -> None:
         probes = {p.reflector.number: p for p in self._placed if p.reflector.way != PLANAR}
@@ -116,31 +116,40 @@ class GLMirrors:
             cube, blurs = self._cubes[number], _blurs(q.reflector for q in self._placed if q.shows_probe(number))
             cube.filter = _filter(blurs)
             for face, (forward, up) in enumerate(FACES):
-                self._face.begin()
                 near = INSIDE * float(np.abs(np.array(forward) @ half).max())
                 view = _quarter_view(centre, forward, up, max(near, NEAR * self.size), 2 * FAR * self.size)
-                draw(View(view, centre, "ccw", False, 2.0, number))
+                self._images = self._planes_in_probes
+                self._draw_planes(draw, View(view, centre, "cw", (), 2.0, -1), models, (SIDE, SIDE), 1)
+                self._face.begin()
+                draw(View(view, centre, "ccw", (PLANAR,), 2.0, number))
                 self._face.texture.read_into(room)
                 cube.write(face, room)
             if blurs:
                 cube.build_mipmaps()  # half of the time of a software renderer
         room.release()
 
-    def _draw_plane(self, p: Placed, draw, view_projection, eye, model, size, samples) -> None:
-        normal = model[:3, :3] @ p.reflector.plane[:3]
+    def _draw_planes(self, draw, behind: View, models: Sequence[np.ndarray], size: tuple[int, int], samples: int):
+        """Draw the images of all planes that a view shows; behind: how it shows what lies behind a plane."""
+        self._seen = set()
+        for p in self._placed:
+            if p.reflector.way == PLANAR and p.reflector.number not in self._seen:
+                self._draw_plane(p, draw, behind, models[p.object], size, samples)
+
+    def _draw_plane(self, p: Placed, draw, behind: View, model: np.ndarray, size: tuple[int, int], samples: int):
+        normal, eye = model[:3, :3] @ p.reflector.plane[:3], behind.eye
         offset = p.reflector.plane[3] + normal @ model[:3, 3]
         height = float(normal @ eye - offset)
         corners = p.corners @ model[:3, :3].T + model[:3, 3]
-        area = _rectangle(corners, view_projection, size)
+        area = _rectangle(corners, behind.view_projection, size)
         if area is None or abs(height) < BIAS * self.size or (p.one_sided and height < 0):
             return
         number = p.reflector.number
         self._seen.add(number)
-        image = self._planes.get(number)
+        image = self._images.get(number)
         if image is None or (image.size, image.samples) != (size, samples):
             if image is not None:
                 image.release()
-            image = self._planes[number] = _Image(self._ctx, size, samples)
+            image = self._images[number] = _Image(self._ctx, size, samples)
         mirror = np.eye(4)
         mirror[:3, :3] -= 2 * np.outer(normal, normal)
         mirror[:3, 3] = 2 * offset * normal
@@ -148,7 +157,8 @@ class GLMirrors:
         clip[3] -= BIAS * self.size
         image.begin(area)
         blurs = _blurs(q.reflector for q in self._placed if q.shows_plane(number))
-        draw(View(_clipped(view_projection @ mirror, clip), eye - 2 * height * normal, "cw", True, 1.0, -1, not blurs))
+        through = _clipped(behind.view_projection @ mirror, clip)
+        draw(behind._replace(view_projection=through, eye=eye - 2 * height * normal, compressed=not blurs))
         image.finish(blurs)
 
     def shows(self, reflector: Reflector) -> bool:
@@ -157,16 +167,17 @@ class GLMirrors:
             return reflector.number in self._seen
         return reflector.number in self._cubes
 
-    def set_up(self, program, size: tuple[int, int]) -> None:
+    def set_up(self, program) -> None:
         """Set the uniforms of a program that all reflectors share."""
         program["plane_image"], program["surroundings"] = PLANE_UNIT, PROBE_UNIT
-        program["picture"] = tuple(map(float, size))
 
     def use(self, program, reflector: Reflector, model: np.ndarray) -> None:
         """Bind the image of a reflector and set the program's uniforms for it."""
         planar, lobe = reflector.way == PLANAR, reflector.lobe
         if planar:
-            self._planes[reflector.number].texture.use(PLANE_UNIT)
+            image = self._images[reflector.number]
+            image.texture.use(PLANE_UNIT)
+            program["picture"] = tuple(map(float, image.size))
         else:
             self._cubes[reflector.number].use(PROBE_UNIT)
             self._ctx.enable_direct(SEAMLESS)
@@ -182,11 +193,12 @@ class GLMirrors:
         program["albedo"].write(lobe.albedo.astype(np.float32).tobytes())
 
     def release(self) -> None:
-        for image in (*self._planes.values(), *([] if self._face is None else [self._face])):
+        planes = *self._planes.values(), *self._planes_in_probes.values()
+        for image in (*planes, *([] if self._face is None else [self._face])):
             image.release()
         for cube in self._cubes.values():
             cube.release()
-        self._planes, self._cubes, self._face, self._key = {}, {}, None, None
+        self._planes, self._planes_in_probes, self._cubes, self._face, self._key = {}, {}, {}, None, None
 
 
 class _Image:

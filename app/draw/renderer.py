@@ -23,7 +23,7 @@ from app.draw.white_balance import NEUTRAL, Gains
 from app.settings import LUMINANCE
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.gloss.hemisphere import CELLS
-from gi_core.gloss.sharp import PLANAR, Reflector
+from gi_core.gloss.sharp import PLANAR, PROBE, Reflector
 
 if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
@@ -155,7 +155,7 @@ class Renderer:
         """Draw a picture of the size set by `resize`."""
         targets, ctx = self._targets, self.ctx
         assert targets is not None, "resize first"
-        self._set_up(look, targets.size)
+        self._set_up(look)
         directions: Directions | None = None
         if look.is_light and look.eye is not None and (light := self._gloss.light) is not None:
             for o, model in zip(self._objects, look.models, strict=True):
@@ -165,7 +165,7 @@ class Renderer:
         targets.drawn.use()
         targets.drawn.clear(*BACKGROUND, 1.0)
         for layer, area in _parts(targets.size, look.split):
-            mirrors = self._draw_mirrors(look, layer)
+            mirrors = (PLANAR, PROBE) if self._draw_mirrors(look, layer) else ()
             self._state()
             targets.drawn.use()
             targets.drawn.scissor = area
@@ -182,7 +182,7 @@ class Renderer:
         self.ctx.enable_only(self.ctx.DEPTH_TEST)
         self.ctx.depth_func, self.ctx.front_face, self.ctx.cull_face = "<", "ccw", "back"
 
-    def _set_up(self, look: Look, size: tuple[int, int]) -> None:
+    def _set_up(self, look: Look) -> None:
         """Set the uniforms that all views of a picture share."""
         scale = look.scale or NO_SCALE
         shown = look.textured and look.eye is not None and self._gloss.use(GLOSS_UNIT)
@@ -206,7 +206,7 @@ class Renderer:
                 program["painted"] = float(look.textured)
         for program in (self._programs.sharp, self._programs.sharp_textured):
             if program is not None and look.eye is not None:
-                self._mirrors.set_up(program, size)
+                self._mirrors.set_up(program)
 
     def _draw_mirrors(self, look: Look, layer: int) -> bool:
         """Draw what sharp gloss reflects; return whether the picture shows it."""
@@ -245,8 +245,7 @@ class Renderer:
                 _place(program, view.view_projection, model, view.eye)
 
             def sharp(program, reflector: Reflector, model=model) -> bool:
-                # A plane's image is that of the picture: other views show it as light at vertices.
-                if not view.mirrors or (mirrored and reflector.way == PLANAR) or not self._mirrors.shows(reflector):
+                if reflector.way not in view.mirrors or not self._mirrors.shows(reflector):
                     return False
                 self._mirrors.use(program, reflector, model)
                 return True

@@ -186,30 +186,34 @@ def _by_lobe(s: Surfaces, o: int, way, number, faces, of_face, lobes, plane) -> 
 
 
 def _planes(s: Surfaces, o: int, of_face: np.ndarray, size: float) -> list[tuple[float, int, np.ndarray, np.ndarray]]:
-    """Return area, object, global faces and plane of the large flat sharp parts of an object."""
-    found: list[tuple[float, int, np.ndarray, np.ndarray]] = []
+    """Return area, object, global faces and plane of the large flat sharp parts of an object, as a floor of tiles."""
     faces = np.flatnonzero(of_face[s.face_range(o)] >= 0) + int(s.first_face[o])
     if not len(faces):
         return []
-    _, patch = np.unique(s.patch[faces], return_inverse=True)
-    area = np.bincount(patch.reshape(-1), s.areas[faces])
-    for p in np.argsort(-area)[: 4 * PLANES]:
-        some = faces[patch.reshape(-1) == p]
-        normal = (s.normals[some] * s.areas[some, None]).sum(axis=0) / max(float(area[p]), 1e-300)
-        if normal @ normal < 0.99:
+    patch = np.unique(s.patch[faces], return_inverse=True)[1].reshape(-1)
+    n = int(patch.max()) + 1
+    area = np.bincount(patch, s.areas[faces])
+    turned = (s.normals[faces] * s.areas[faces, None]).T
+    normal = np.stack([np.bincount(patch, part) for part in turned], axis=1) / np.maximum(area, 1e-300)[:, None]
+    length = np.sqrt((normal * normal).sum(axis=1))
+    normal /= np.maximum(length, 1e-300)[:, None]
+    heights = np.einsum("fkc,fc->fk", s.vertices[o][s.faces[o][faces - s.first_face[o]]], normal[patch])
+    low, high = np.full(n, np.inf), np.full(n, -np.inf)
+    np.minimum.at(low, patch, heights.min(axis=1))
+    np.maximum.at(high, patch, heights.max(axis=1))
+    planes, count, plane_of = np.zeros((n, 4)), 0, np.full(n, -1)
+    for p in np.argsort(-area):
+        if length[p] < 0.99 or high[p] - low[p] > FLAT * size:
             continue
-        normal /= math.sqrt(normal @ normal)
-        heights = s.vertices[o][s.faces[o][some - s.first_face[o]].reshape(-1)] @ normal
-        if np.ptp(heights) > FLAT * size:
-            continue
-        plane = np.append(normal, heights.mean())
-        for k, (there, _, others, other) in enumerate(found):
-            if normal @ other[:3] > 1 - 1e-6 and abs(plane[3] - other[3]) < FLAT * size:
-                found[k] = there + area[p], o, np.concatenate([others, some]), other
-                break
-        else:
-            found.append((float(area[p]), o, some, plane))
-    return [part for part in found if part[0] >= PLANE_AREA * size * size]
+        height, known = (low[p] + high[p]) / 2, planes[:count]
+        same = (known[:, :3] @ normal[p] > 1 - 1e-6) & (np.abs(known[:, 3] - height) < FLAT * size)
+        plane_of[p] = np.argmax(same) if same.any() else count
+        planes[plane_of[p]] = planes[plane_of[p]] if same.any() else (*normal[p], height)
+        count += not same.any()
+    of = plane_of[patch]
+    total = np.bincount(of[of >= 0], s.areas[faces[of >= 0]], minlength=count)
+    large = np.flatnonzero(total >= PLANE_AREA * size * size)
+    return [(float(total[k]), o, faces[of == k], planes[k]) for k in large]
 
 
 def _parts(s: Surfaces, o: int, of_face: np.ndarray, size: float) -> list[tuple[float, int, np.ndarray]]:

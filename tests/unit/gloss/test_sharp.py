@@ -90,6 +90,16 @@ def test_flat_parts_are_planes_and_others_probes():
     assert (cube.way, len(cube.faces)) == ("probe", 12) and satin == ()
 
 
+def test_tiles_of_a_floor_are_one_plane():
+    """36 tiles with joints between them: each is small, and one plane reflects for all of them."""
+    tiles = [quad((0.1 + 0.3 * i, 0.01, 0.1 + 0.3 * j), (0, 0, 0.28), (0.28, 0, 0), (1, 1), 1)
+             for i in range(6) for j in range(6)]  # fmt: skip
+    scene = replace(hall(0), static=merge(box((0, 0, 0), (2, 2, 2), 2, 0, inward=True), *tiles))
+    (floor,) = reflectors(flatten(scene)[0])[0]
+    assert floor.way == "planar" and len(floor.faces) == 72
+    np.testing.assert_allclose(floor.plane, (0, 1, 0, 0.01), atol=1e-9)
+
+
 def test_a_closed_tube_is_no_plane():
     """Its normals cancel: no direction remains that could be a plane's."""
     a = 2 * np.pi * np.arange(13) / 12
