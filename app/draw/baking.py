@@ -190,7 +190,8 @@ class _Baking:
             pair = mean_radiance(draw, *pair)
         base = self.model.scene.materials[side.material]
         if not side.tinted and base.gloss is not None:
-            pair = tuple(c * (1 - as_metal_rough(np.array(base.reflectance), base.gloss).metallic) for c in pair)
+            diffuse = 1 - as_metal_rough(np.array(base.reflectance), base.gloss).metallic
+            pair = pair[0] * diffuse, pair[1] * diffuse
         return pair[side.back][rows] * self.factor
 
     def _primitive(self, o: int, side: Side, unwrapped: Unwrapped | None) -> dict:
