@@ -16,8 +16,8 @@ from app.session.opening import Opening
 from app.session.reload import Reload
 from app.session.session import BUDGET, Session
 from app.settings import Settings, UsageError
-from app.window import keys, method_marks, overlay, panel, readout_marks, window
-from app.window.actions import Request, act
+from app.window import keys, method_marks, overlay, panel, panel_handle, readout_marks, window
+from app.window.actions import Request, act, views
 from app.window.actions.files import drop, open_files
 from app.window.files import Files
 from app.window.menus import Menus
@@ -171,6 +171,10 @@ class Viewer:
         if self._ready and self.session.settings.cells:
             self.ray_cells.draw(self.viewport)
         overlay.draw(self.viewport, self.session, self.reload, self._ready)
+        if self._ready:
+            self.viewport.covered = panel_handle.box(self.viewport.view)
+            if panel_handle.draw(self.viewport.view, views.panel_of(self).is_visible):
+                self._do("toggle panel")
         imgui.end()
 
     def draw_panel(self) -> None:

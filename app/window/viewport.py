@@ -20,6 +20,7 @@ from app.settings import FALSE_COLOURS
 from app.window import drag
 from app.window.camera_control import LOOK, ORBIT, PAN, CameraControl
 from app.window.gizmo import Gizmo
+from app.window.label_places import Box
 from app.window.legend import of_errors
 from app.window.mobile_drag import MobileDrag
 from app.window.pins import Pins
@@ -49,6 +50,7 @@ class Viewport:
         self._selection: tuple[str, ...] = ()  # names of mobiles
         self.clicked: Hit | None = None  # place of the static part, unless a mobile was selected since
         self.shown: Shown | None = None  # content of the colour buffers
+        self.covered: Box | None = None  # by a control, where the mouse is not for the picture
         self._pressed: tuple[Turntable, Hit | None] | None = None  # camera and static place at a press
         self._drawn: tuple | None = None  # parameters of the last draw
 
@@ -92,7 +94,7 @@ class Viewport:
         if view.camera is None:
             return
         io = imgui.get_io()
-        hovered = imgui.is_window_hovered() and view.contains(io.mouse_pos)
+        hovered = imgui.is_window_hovered() and view.contains(io.mouse_pos) and not self._is_covered(io.mouse_pos)
         control.advance(seconds)
         if self._may_wipe and self.wipe.handle(io, view.origin[0], view.size[0], hovered):
             self.pointer.leave()
@@ -112,6 +114,10 @@ class Viewport:
         if hovered and io.mouse_wheel:
             control.zoom(io.mouse_wheel)
         self._show_cursor(hovered, io)
+
+    def _is_covered(self, mouse) -> bool:
+        left, top, right, bottom = self.covered or (0.0, 0.0, 0.0, 0.0)
+        return left <= mouse[0] < right and top <= mouse[1] < bottom
 
     @property
     def _may_wipe(self) -> bool:

@@ -16,6 +16,7 @@ from app.settings import Settings
 TITLE = "gi-viewer"
 GL_VERSION = (3, 3)  # macOS has at most 4.1
 PANEL_EM = 22
+NARROW_EM = 45  # of a window; a narrower one starts without the panel
 RENDER_HINT = "`gi-viewer render SCENE --out a.png` needs no window"
 
 
@@ -175,6 +176,7 @@ def runner_params(
     shown.call_begin_end = False  # its zero padding must be set before `begin`
     beside = hello_imgui.DockableWindow("Panel", "Side", panel, can_be_closed_=False)
     beside.remember_is_visible = False
+    beside.is_visible = settings.size[0] >= NARROW_EM * theme.FONT_PIXELS
     params.docking_params.dockable_windows = [shown, beside]
     return params
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from app.settings import Pin
-from app.window import label, legend
+from app.window import label, legend, panel_handle
 from app.window.label_places import SLACK
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors, keys
@@ -50,6 +50,27 @@ def test_help_shows_its_texts_whole_in_a_small_window(play, monkeypatch):
         assert window.pos.x >= 0 and window.pos.x + window.size.x <= 640
         assert window.pos.y >= 0 and window.pos.y + window.size.y <= 480
         assert window.scrollbar_y, "the rest is reached by scrolling"
+
+    assert errors(play(script, SMALL)) == []
+
+
+def test_a_narrow_window_starts_without_the_panel_and_a_handle_shows_it(play):
+    def script(hand, viewer):
+        view, session = viewer.viewport.view, viewer.session
+        hand.wait_for_light()
+        assert view.size[0] == 640
+        camera, poses = view.camera, session.poses
+        for width in (320, 640, 320):
+            left, top, right, bottom = panel_handle.box(view)
+            hand.move(((left + right) / 2, (top + bottom) / 2))
+            hand.ctx.mouse_down(0)
+            hand.move(((left + right) / 2 + 3, (top + bottom) / 2 + 3))
+            hand.ctx.mouse_up(0)
+            hand.ctx.yield_(5)
+            assert view.size[0] == pytest.approx(width, abs=3)
+        assert (view.camera, session.poses) == (camera, poses), "the mouse was not for the picture"
+        hand.ctx.set_ref("Panel")
+        hand.ctx.item_click("Reset poses")
 
     assert errors(play(script, SMALL)) == []
 

@@ -36,8 +36,13 @@ def toggle_parallel(window: Window) -> None:
     window.viewport.control.toggle_parallel()
 
 
+def panel_of(window: Window):
+    """Return the panel's window."""
+    return window.params.docking_params.dockable_window_of_name("Panel")
+
+
 def toggle_panel(window: Window) -> None:
-    panel = window.params.docking_params.dockable_window_of_name("Panel")
+    panel = panel_of(window)
     panel.is_visible = not panel.is_visible
 
 
