@@ -1,4 +1,4 @@
-"""Error of the changes that mobiles cause, in frames of few photons, with and without shrinkage.
+"""Error of the changes that mobiles cause, in frames of few photons: as measured, and smoothed and shrunk.
 
     python -m studies.change_error living_room cornell tree
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from app.draw import motion
 from app.settings import STEP, Settings, make_solver, open_moving_scene
-from gi_core.frames.control_variate import frame_irradiance
+from gi_core.frames.control_variate import AROUND, frame_irradiance
 from gi_core.geometry.error import luminance, relative_error
 from gi_core.photons.flux_sums import NOT_ADDITIVE, Evaluated
 from gi_core.solver import Solver
@@ -35,7 +35,8 @@ def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
         sums = sums._replace(new_flux=np.full_like(sums.new_flux, NOT_ADDITIVE))
     resting, better = (solver.frame.background.resting(n) for n in (photons, PHOTONS))
     flux_unit = solver.model.emitters.unit_flux / photons
-    given = sums, flux_unit, estimate.background(photons)[0], resting, better, solver.levels, 1
+    near = solver.light_source.around(AROUND * solver.setting.radius)
+    given = sums, flux_unit, estimate.background(photons)[0], resting, better, solver.levels, near, 1
     return frame_irradiance(*given)[: len(better)]
 
 
@@ -66,7 +67,7 @@ def report(name: str) -> None:
                 E = read(solver, photons, keep_all)
                 rows = (~touched, touched, np.ones_like(touched))
                 found[k] += [relative_error(E, truth, weights, r).l1 / len(PLACES) for r in rows]
-        for label, row in zip(("all of the change", "less chance"), found, strict=True):
+        for label, row in zip(("as measured", "smoothed and shrunk"), found, strict=True):
             cells = " | ".join(f"{100 * e:.2f}" for e in row)
             print(f"| {name} | {photons:,} | {label} | {cells} |", flush=True)
 
@@ -74,7 +75,7 @@ def report(name: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="+")
-    print("| scene | photons | kept | hardly changed | changed | all (%) |\n|---|---|---|---|---|---|")
+    print("| scene | photons | change | hardly changed | changed | all (%) |\n|---|---|---|---|---|---|")
     for name in parser.parse_args().scenes:
         report(name)
 

@@ -11,15 +11,18 @@ shadow, where F = 0 and E must be 0. The ratio alone is undefined where B = 0. W
 so there is no division by zero, and E is never negative. If segments are blocked independently, F / B is an unbiased
 share for any number of segments but zero.
 
-Most receivers hardly change, and their measured change is noise of a few photons. The change E - G is therefore shrunk
-by its estimated noise (James and Stein 1961, positive part), with the factor
+A few photons measure the change E - G with much noise. Its variance, in flux and summed over channels, is
 
-    1 - v / d^2,   d = A - T,   v = q (T (B - T + q) / (B + q) + A)
+    v = q (T (B - T + q) / (B + q) + A)
 
-in flux, summed over channels: T removed from B, A added by new suffixes, q the flux per photon. Photons are
-independent. The variance of the removed share follows Laplace's rule, so one of one removed photon is no evidence of
-full shadow, but eight of eight are. The factor is continuous: 0 for changes within noise, nearly 1 far above it.
-docs/archive/measurements.md has the measurements.
+for T removed from B, A added by new suffixes, q the flux per photon. Photons are independent; that of the removed share
+follows Laplace's rule, so one of one removed photon is no evidence of full shadow, but eight of eight are. In
+proportion to this noise, changes are averaged over receivers around (`denoise.smooth`), so edges of shadows stay.
+Then a change d is shrunk by the variance v that is left (James and Stein 1961, positive part), with the factor
+
+    1 - CORRELATED v / d^2
+
+which is 0 for changes within noise and nearly 1 far above it. docs/decisions 9 and 32 have the measurements.
 """
 
 from __future__ import annotations
@@ -28,8 +31,14 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
+from gi_core.gather.denoise import smooth
+from gi_core.geometry.mesh_neighbours import Neighbours
 from gi_core.lights.mix import mixed
 from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Evaluated
+
+AROUND = 4.0  # disc radii: distance of the receivers over which changes are averaged
+REACH = 4.0  # standard deviations, see `denoise.smooth`
+CORRELATED = 4.0  # true variance over that of independent neighbours: discs share photons
 
 
 @inlined
@@ -40,50 +49,74 @@ def _combined(frame, resting, better):
 
 
 @inlined
-def _shrinkage(taken, new_flux, before, flux_per_cut):
-    """Return the James-Stein factor of a change, 0 .. 1; fluxes are summed over channels."""
-    difference = new_flux - taken
+def _chance(taken, new_flux, before, flux_per_cut):
+    """Return the variance of a change of flux; fluxes are summed over channels."""
     chance = flux_per_cut * new_flux
     if taken > 0.0:
         chance += flux_per_cut * taken * (before - taken + flux_per_cut) / (before + flux_per_cut)
-    return max(1.0 - chance / (difference * difference), 0.0) if difference != 0.0 else 0.0
+    return chance
 
 
 @inlined
-def _certain(sums, background, new_flux, levels, flux_per_cut, r):
-    """Return the factor of receiver r's change; levels (G,): means over channels."""
-    if new_flux[r, 0] == NOT_ADDITIVE:
-        return 1.0
+def _noise(sums, background, new_flux, levels, flux_per_cut, r):
+    """Return the variance of receiver r's change of flux, summed over channels; levels (G,): means over channels."""
     before = now = new = 0.0
     for g in range(len(levels)):
         before += levels[g] * (background[r, 3 * g] + background[r, 3 * g + 1] + background[r, 3 * g + 2])
         now += levels[g] * (sums[r, 3 * g] + sums[r, 3 * g + 1] + sums[r, 3 * g + 2])
         new += levels[g] * new_flux[r, g]
-    return _shrinkage(before + new - now, new, before, flux_per_cut)
+    return _chance(before + new - now, new, before, flux_per_cut)
 
 
 @kernel
-def _read_out(
-    changed, background, resting, better, same, sums, new_flux, levels, mean_levels, flux_per_cut, scale, area, first,
-    last, out,
-):  # fmt: skip
-    """Write irradiance of the changed chunks among first .. last - 1."""
-    static = len(resting)
+def _read_out(changed, sums, levels, scale, area, static, first, last, out):
+    """Write irradiance of the receivers from `static` on, in the changed chunks among first .. last - 1."""
     for chunk in range(first, last):
-        start, stop = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(out))
         if not changed[chunk]:
             continue
-        for r in range(start, stop):
+        for r in range(max(chunk << CHUNK_BITS, static), min((chunk + 1) << CHUNK_BITS, len(out))):
             # Area 0: no light can reach the receiver, or it has no face.
             factor = scale / area[r] if area[r] > 0.0 else 0.0
             x, y, z = mixed(sums, r, levels)
-            if same or r >= static:
-                out[r, 0], out[r, 1], out[r, 2] = x * factor, y * factor, z * factor
+            out[r, 0], out[r, 1], out[r, 2] = x * factor, y * factor, z * factor
+
+
+@kernel
+def _measure(
+    changed, background, resting, better, sums, new_flux, levels, mean_levels, flux_per_cut, scale, area, first, last,
+    change, variance, additive,
+):  # fmt: skip
+    """Write the change of static receivers in the changed chunks among first .. last - 1, and its variance."""
+    for chunk in range(first, last):
+        if not changed[chunk]:
+            continue
+        for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(better))):
+            factor = scale / area[r] if area[r] > 0.0 else 0.0
+            frame, before, after = 0.0, 0.0, 0.0
+            for c, flux in enumerate(mixed(sums, r, levels)):
+                change[r, c] = _combined(flux * factor, resting[r, c], better[r, c]) - better[r, c]
+                frame, before, after = frame + flux * factor, before + resting[r, c], after + better[r, c]
+            if new_flux[r, 0] == NOT_ADDITIVE:
+                additive[r] = frame == before  # as in chunks that nothing changes
                 continue
-            kept = _certain(sums, background, new_flux, mean_levels, flux_per_cut, r)
-            for c, flux in enumerate((x, y, z)):
-                E, at_rest = _combined(flux * factor, resting[r, c], better[r, c]), better[r, c]
-                out[r, c] = at_rest + kept * (E - at_rest) if kept < 1.0 else E
+            if frame < before:
+                factor *= after / before
+            noise = _noise(sums, background, new_flux, mean_levels, flux_per_cut, r)
+            variance[r] = noise * factor * factor / 3.0  # of grey photons, the sum over channels of their variances
+
+
+@kernel
+def _add(changed, better, change, variance, first, last, out):
+    """Write better light with the shrunk change of static receivers in the changed chunks among first .. last - 1."""
+    for chunk in range(first, last):
+        if not changed[chunk]:
+            continue
+        for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(better))):
+            d, kept = change[r, 0] + change[r, 1] + change[r, 2], 1.0
+            if variance[r] > 0.0:
+                kept = max(1.0 - 3.0 * CORRELATED * variance[r] / (d * d), 0.0) if d != 0.0 else 0.0
+            for c in range(3):
+                out[r, c] = max(better[r, c] + kept * change[r, c], 0.0)
 
 
 def frame_irradiance(
@@ -93,25 +126,39 @@ def frame_irradiance(
     resting: np.ndarray,
     better: np.ndarray,
     levels: np.ndarray,
+    near: Neighbours,
     threads: int,
 ) -> np.ndarray:
     """Return E (R, 3) [W/m2] of a frame at levels (G, 3) of its lamps; flux_unit [W] of its sums.
 
     background: sums (n, 3 G) int64 of static receivers without mobiles, of the frame's photons. resting, better:
     irradiance (n, 3) [W/m2] without mobiles, of the frame's photons and of the better source. The same array for both
-    gives the frame's own light unchanged.
+    gives the frame's own light unchanged. near: static receivers within some AROUND radii of each.
     """
-    same, out = better is resting, np.empty((len(frame.sums), 3))
-    mean_levels = levels.mean(axis=1)
-    flux_per_cut = frame.cut.per_photon(mean_levels)
+    out, static = np.empty((len(frame.sums), 3)), 0 if better is resting else len(better)
 
-    def work(_, first, last):
+    def read(_, first, last):
         rows = slice(first << CHUNK_BITS, min(last << CHUNK_BITS, len(better)))
         out[rows] = better[rows]  # receivers of unchanged chunks keep their light at rest
-        _read_out(
-            frame.changed, background, resting, better, same, frame.sums, frame.new_flux, levels, mean_levels,
-            flux_per_cut, flux_unit, frame.area, first, last, out,
+        _read_out(frame.changed, frame.sums, levels, flux_unit, frame.area, static, first, last, out)
+
+    run_ranges(read, len(frame.changed), threads, CHUNK_GRAIN)
+    if not static:
+        return out
+    mean_levels = levels.mean(axis=1)
+    flux_per_cut = frame.cut.per_photon(mean_levels)
+    change, variance, additive = np.zeros((static, 3)), np.zeros(static), np.ones(static, bool)
+
+    def measure(_, first, last):
+        _measure(
+            frame.changed, background, resting, better, frame.sums, frame.new_flux, levels, mean_levels, flux_per_cut,
+            flux_unit, frame.area, first, last, change, variance, additive,
         )  # fmt: skip
 
-    run_ranges(work, len(frame.changed), threads, CHUNK_GRAIN)
+    def add(_, first, last):
+        _add(frame.changed, better, change, variance, first, last, out)
+
+    run_ranges(measure, len(frame.changed), threads, CHUNK_GRAIN)
+    smooth(change, variance, REACH, near, additive, threads)
+    run_ranges(add, len(frame.changed), threads, CHUNK_GRAIN)
     return out

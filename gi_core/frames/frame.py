@@ -17,7 +17,7 @@ import numpy as np
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.display.probes import probe_irradiance
 from gi_core.frames.background import Background, Photons
-from gi_core.frames.control_variate import frame_irradiance
+from gi_core.frames.control_variate import AROUND, frame_irradiance
 from gi_core.frames.light_source import FrameSize, LightSource
 from gi_core.frames.progress import Interrupted
 from gi_core.geometry.radiosity import irradiance
@@ -189,7 +189,8 @@ def _controlled(b: Background, source: LightSource, sums: Evaluated, photons: in
     model, better = b.model, source.static_irradiance(b, photons)
     scale, background = model.emitters.unit_flux / photons, b.estimate.background(photons)[0]
     resting = b.resting(photons, source.levels)
-    return frame_irradiance(sums, scale, background, resting, better, b.store.weights(source.levels), model.threads)
+    given = sums, scale, background, resting, better, b.store.weights(source.levels)
+    return frame_irradiance(*given, source.around(AROUND * b.setting.radius), model.threads)
 
 
 def light_from_scratch(shown: Frame, b: Background, source: LightSource, poses: dict[str, Pose]) -> np.ndarray:

@@ -21,6 +21,7 @@ from gi_core.gather.pose_gather import PoseGather, PoseGathers, Static
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import noise_from_prefix, prefix_to_compare
+from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
 from gi_core.gloss import source
 from gi_core.gloss.cells import GlossLight
 from gi_core.gloss.source import GlossSource
@@ -63,6 +64,7 @@ class LightSource:
         self._lights: Lights | None = None  # of one lamp, at these levels
         self._mobile: MobileGather | None = None
         self._mixed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # light per lamp, levels, and their light
+        self._around: tuple[float, Neighbours] | None = None  # distance, and static receivers within it
         self._at_poses = PoseGathers(model, seed)
         self._coarse: tuple[Background, int, CoarseFaces] | None = None  # of the photons of a background
         self._reflectance: tuple[np.ndarray, np.ndarray] | None = None  # for static light, see `coarse_faces`
@@ -152,6 +154,16 @@ class LightSource:
         if self._mixed is None or self._mixed[0] is not light or not np.array_equal(self._mixed[1], levels):
             self._mixed = light, levels, mix(light, levels, self._model.threads)
         return self._mixed[2]
+
+    def around(self, distance: float) -> Neighbours:
+        """Return some of the static receivers within a distance [m] of each; the last answer is kept."""
+        if self._around is None or self._around[0] != distance:
+            model = self._model
+            static = model.surfaces.receiver_range(0)
+            near = neighbours(model.corners(0), static.stop)
+            points, normals = (a[static] for a in model.object_receivers[:2])
+            self._around = distance, scattered_neighbours(near, points, normals, distance, model.threads)
+        return self._around[1]
 
     @contextmanager
     def dimmed_to(self, levels: np.ndarray) -> Iterator[None]:

@@ -18,7 +18,6 @@ import numpy as np
 
 from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
-from gi_core.base.vec import difference, dot
 from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
 
@@ -54,9 +53,9 @@ def denoise(
     best, least, reached = mean, noise, 0.0
     yield
     for reach in REACHES:
-        E = _filtered(mean, variance, reach, near, lit, threads)
+        E = _smoothed(mean, variance, reach, near, lit, threads)
         yield
-        answer = luminance(_filtered(more, variance, reach, near, lit, threads) - E) / LITTLE
+        answer = luminance(_smoothed(more, variance, reach, near, lit, threads) - E) / LITTLE
         moved = luminance(E - mean)
         risk = float((weights * (moved**2 + 2 * sigma * chance * answer)).sum()) - noise
         if risk < min(least, CLEAR * noise):
@@ -66,7 +65,7 @@ def denoise(
         best = per_lamp
         if reached:
             joined = np.concatenate([mean, per_lamp], axis=1)
-            best = _filtered(joined, variance, reached, near, lit, threads)[:, 3:]
+            best = _smoothed(joined, variance, reached, near, lit, threads)[:, 3:]
             yield
     return Denoised(best, float(np.sqrt(max(least, 0.0) / noise)) if noise > 0 else 1.0)
 
@@ -90,36 +89,49 @@ def _average(first, of, values, lit, start, stop, out):
         out[i] = total / count
 
 
-def _filtered(E: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, lit, threads: int) -> np.ndarray:
-    """Return E (n, 3 or more) after all passes; the first three channels decide. variance (n,): their sum."""
+def _smoothed(E: np.ndarray, variance: np.ndarray, *others) -> np.ndarray:
+    out = E.copy()
+    smooth(out, variance.copy(), *others)
+    return out
+
+
+def smooth(E: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, lit: np.ndarray, threads: int) -> None:
+    """Average E (n, 3 or more) and its variance (n,) with neighbours, in place; the first three channels decide.
+
+    variance: summed over these channels; reach: standard deviations. Receivers without noise, or not lit (n,) bool,
+    stay; those that are not lit have no weight for neighbours.
+    """
+    rows = np.flatnonzero(lit & (variance > 0))
+    out, left = np.empty((len(rows), E.shape[1])), np.empty(len(rows))
     for _ in range(PASSES):
-        given, out, left = (E, variance), E.copy(), variance.copy()
-
-        def work(_, a, b, given=given, out=out, left=left):
-            _pass(*near, *given, lit, reach * reach, a, b, out, left)
-
-        run_ranges(work, len(lit), threads, GRAIN)
-        E, variance = out, left
-    return E
+        run_ranges(
+            lambda _, a, b: _pass(*near, E, variance, lit, reach * reach, rows, a, b, out, left),
+            len(rows), threads, GRAIN,
+        )  # fmt: skip
+        E[rows], variance[rows] = out, left
 
 
 @kernel
-def _pass(first, of, E, variance, lit, reach, start, stop, out, left):
-    for i in range(start, stop):
-        if not lit[i]:
-            continue
+def _pass(first, of, E, variance, lit, reach, rows, start, stop, out, left):
+    for row in range(start, stop):
+        i = rows[row]
         total, v = 1.0, variance[i]
+        for c in range(E.shape[1]):
+            out[row, c] = E[i, c]
+        x, y, z = E[i, 0], E[i, 1], E[i, 2]
         for k in range(first[i], first[i + 1]):
             j = of[k]
-            change = difference(E[i], E[j])
+            dx, dy, dz = E[i, 0] - E[j, 0], E[i, 1] - E[j, 1], E[i, 2] - E[j, 2]
             farthest = reach * (variance[i] + variance[j])
-            d = dot(change, change)
-            if lit[j] and d < farthest:
-                w = (1.0 - d / farthest) * (1.0 - d / farthest)
-                total += w
-                v += w * w * variance[j]
-                for c in range(E.shape[1]):
-                    out[i, c] += w * E[j, c]
+            d = dx * dx + dy * dy + dz * dz
+            w = max(1.0 - d / farthest, 0.0) * lit[j]
+            w *= w
+            total += w
+            v += w * w * variance[j]
+            x, y, z = x + w * E[j, 0], y + w * E[j, 1], z + w * E[j, 2]
+            for c in range(3, E.shape[1]):
+                out[row, c] += w * E[j, c]
+        out[row, 0], out[row, 1], out[row, 2] = x, y, z
         for c in range(E.shape[1]):
-            out[i, c] /= total
-        left[i] = v / (total * total)
+            out[row, c] /= total
+        left[row] = v / (total * total)

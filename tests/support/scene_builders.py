@@ -143,9 +143,9 @@ def box_mobile(name: str = "box", size: float = 0.2, material: int = 0) -> Mobil
     return Mobile(name, box((-h, -h, -h), (h, h, h), 2, material))
 
 
-def coloured_room(mobiles=()):
-    """A room of coloured walls, small lamp, point light inside, two-sided shelf."""
-    room = box((0, 0, 0), (1, 1, 1), 2, 0, inward=True)
+def coloured_room(mobiles=(), grid=2):
+    """A room of coloured walls of grid x grid squares, small lamp, point light inside, two-sided shelf."""
+    room = box((0, 0, 0), (1, 1, 1), grid, 0, inward=True)
     panel = quad((0.4, 0.4, 0.95), (0, 0.3, 0), (0.2, 0, 0), (1, 1), 1)
     shelf = quad((0.6, 0.1, 0.5), (0.3, 0, 0.1), (0, 0.6, 0), (1, 1), 2)
     wall = grey(0.6)._replace(reflectance=(0.8, 0.5, 0.2))

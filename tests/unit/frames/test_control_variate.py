@@ -7,6 +7,7 @@ import pytest
 
 from gi_core.frames.control_variate import frame_irradiance
 from gi_core.geometry.error import relative_error
+from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
 from gi_core.photons.flux_sums import CHUNK, NOT_ADDITIVE, CutFlux, Evaluated
 from gi_core.photons.prefixes import LOWEST
 from gi_core.scene import Pose, SceneError
@@ -86,7 +87,8 @@ def read_out(resting, better, frame, new_flux, flux_per_cut) -> np.ndarray:
     still, many = np.zeros((CHUNK, 3)), np.zeros((CHUNK, 3))
     still[0], many[0] = resting, better
     frame_sums, full = Evaluated(sums, area, np.array([True]), new, cut), np.ones((1, 3))
-    out = frame_irradiance(frame_sums, 1e-3, background, still, many, full, threads=1)
+    alone = Neighbours(np.zeros(CHUNK + 1, np.int64), np.zeros(0, np.int32))
+    out = frame_irradiance(frame_sums, 1e-3, background, still, many, full, alone, threads=1)
     assert not out[1:].any()
     return out[0]
 
@@ -96,13 +98,13 @@ def read_out(resting, better, frame, new_flux, flux_per_cut) -> np.ndarray:
     [
         (8.0, 8.0, 0.0, 0.0),  # nothing added, nothing removed
         (8.0, 8.0, 2.0, 0.0),  # as much added as removed
-        (8.0, 0.0, 0.0, 1 - 8 / 9 / 64),  # all of eight: hardly any doubt
-        (1.0, 0.0, 0.0, 1 - 1 / 2),  # one of one: that may be chance
-        (8.0, 4.0, 0.0, 1 - 20 / 9 / 16),  # half of eight: 4 +- nearly sqrt 2
-        (8.0, 7.0, 0.0, 1 - 8 / 9),  # one of eight: hardly any information
-        (8.0, 17.0, 9.0, 1 - 9 / 81),  # nine came
+        (8.0, 0.0, 0.0, 1 - 4 * 8 / 9 / 64),  # all of eight: hardly any doubt
+        (1.0, 0.0, 0.0, 0.0),  # one of one: that may be chance
+        (8.0, 4.0, 0.0, 1 - 4 * 20 / 9 / 16),  # half of eight: 4 +- nearly sqrt 2
+        (8.0, 7.0, 0.0, 0.0),  # one of eight: hardly any information
+        (8.0, 17.0, 9.0, 1 - 4 * 9 / 81),  # nine came
         (8.0, 9.0, 1.0, 0.0),  # one added: may be chance
-        (0.0, 4.0, 4.0, 1 - 4 / 16),
+        (0.0, 8.0, 8.0, 1 - 4 * 8 / 64),
         (8.0, 10.0, 6.0, 0.0),  # six added, four removed: a difference of 2 with a deviation of sqrt(6 + 2)
     ],
 )
@@ -114,39 +116,62 @@ def test_changes_are_shrunk_by_their_noise(resting, frame, new_flux, share):
     )
 
 
-@pytest.mark.parametrize(
-    ("estimator", "unchanged", "changed"), [("tangent_plane", 0.4, 0.85), ("impact_count", 0.95, 1.2)]
-)
-def test_shrunk_changes_have_less_error(monkeypatch, estimator, unchanged, changed):
-    """Errors against all photons, with shrinkage over without: at receivers that hardly change, and at the others.
+@pytest.mark.parametrize("estimator", ["tangent_plane", "impact_count"])
+def test_smoothed_and_shrunk_changes_have_less_error(monkeypatch, estimator):
+    """Errors against all photons, over those as measured: at receivers that hardly change, and at the others.
 
-    Means of three seeds: some 10 to 20 receivers change, too few for one.
+    Means of three seeds: some 90 receivers change. Measured: 0.26 and 0.63, impact_count 0.35 and 0.75.
     """
     from gi_core.frames import control_variate
 
-    read_out = control_variate._read_out
+    measure = control_variate._measure
 
-    def all_kept(changed, background, resting, better, same, sums, new_flux, *others):
-        return read_out(changed, background, resting, better, same, sums, np.full_like(new_flux, NOT_ADDITIVE), *others)
+    def as_measured(changed, background, resting, better, sums, new_flux, *others):
+        return measure(changed, background, resting, better, sums, np.full_like(new_flux, NOT_ADDITIVE), *others)
 
-    shrunk, whole = [], []
+    smoothed, whole = [], []
     for seed in range(3):
-        solver = Solver(SCENE, estimator=estimator, photons=PHOTONS, radius=0.06, seed=seed)
+        scene = coloured_room((box_mobile(size=0.1),), grid=12)
+        solver = Solver(scene, estimator=estimator, photons=4 * PHOTONS, radius=0.06, seed=seed)
         solver.solve()
-        resting = solver.frame.background.resting(PHOTONS)
+        resting = solver.resting_irradiance
         static, weights = slice(0, len(resting)), solver.receivers.areas[: len(resting)]
         solver.move("box", POSE)
         truth = solver.irradiance[static]
         rows = np.abs(truth - resting).sum(axis=1) > 0.05 * truth.mean()
-        for kernel, errors in ((read_out, shrunk), (all_kept, whole)):
-            monkeypatch.setattr(control_variate, "_read_out", kernel)
+        assert rows.sum() > 50
+        for kernel, errors in ((measure, smoothed), (as_measured, whole)):
+            monkeypatch.setattr(control_variate, "_measure", kernel)
             solver.move_all({"box": POSE}, photons=LOWEST)
             assert solver.frame.photons == LOWEST
             E = solver.irradiance[static]
             errors.append([relative_error(E, truth, weights, some).l1 for some in (~rows, rows)])
         monkeypatch.undo()
-    share = np.mean(shrunk, axis=0) / np.mean(whole, axis=0)
-    assert share[0] < unchanged and share[1] < changed
+    share = np.mean(smoothed, axis=0) / np.mean(whole, axis=0)
+    assert share[0] < 0.5 and share[1] < 0.85
+
+
+def test_edges_of_clear_changes_stay_and_noise_goes():
+    """A strip of receivers: half in full shadow of many photons, the other half noisy without change in the mean."""
+    n, rng = 64, np.random.default_rng(1)
+    i = np.arange(n - 2)
+    points = np.stack([np.arange(n) / n, np.arange(n) % 2 / n, np.zeros(n)], axis=1)
+    near = neighbours(np.stack([i, i + 1, i + 2], axis=1), n)
+    near = scattered_neighbours(near, points, np.tile((0.0, 0.0, 1.0), (n, 1)), 8 / n, 1)
+    background = np.full((n, 3), 1_000_000)
+    new = np.zeros((n, 1), np.int64)
+    sums = background.copy()
+    sums[: n // 2] = 0
+    added, removed = rng.poisson(10.0, (2, n // 2))  # photons of 3,000
+    sums[n // 2 :] += 1000 * (added - removed)[:, None]
+    new[n // 2 :, 0] = 3000 * added
+    cut = CutFlux(np.array([3000]), np.array([1]))
+    frame = Evaluated(sums, np.ones(n), np.ones(n // CHUNK, bool), new, cut)
+    resting, better = np.full((n, 3), 1e-6 * background[0, 0]), np.full((n, 3), 1.0)
+    E = frame_irradiance(frame, 1e-6, background, resting, better, np.ones((1, 3)), near, threads=1)
+    assert (E[: n // 2] < 1e-3).all()
+    measured = 1e-3 * np.abs(added - removed).mean()
+    assert measured > 3e-3 and np.abs(E[n // 2 :] - 1).mean() < 0.3 * measured
 
 
 def test_another_source_is_refused():
