@@ -19,7 +19,7 @@ COLOURS: dict[int, tuple[float, ...]] = {
     REMOVED: (*theme.ERROR, 0.95),
     ADDED: (0.45, 0.85, 0.50, 0.95),
 }
-NAMES = {KEPT: "photons as without objects", REMOVED: "removed: an object blocks them", ADDED: "added: from there on"}
+NAMES = {KEPT: "as without objects", REMOVED: "removed: an object blocks them", ADDED: "added: from there on"}
 CORNERS = 48  # of a drawn disc
 
 

@@ -55,7 +55,7 @@ def _compare(s: Settings, facts: Facts) -> Settings:
     s = ui.choice(
         s, "Compare with", "compare", names,
         "Show another estimator of the same photons, or the reference, right of a line that you drag across the "
-        "picture. It is computed while nothing moves.",
+        "picture. It is computed while nothing moves. With an estimator, both sides show the light of photons alone.",
     )  # fmt: skip
     changed, reference = imgui.checkbox("Show reference", s.reference)
     if changed:

@@ -13,7 +13,7 @@ from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
 BRIGHTEST = 4.0  # times the level of the scene file
-
+ROWS = 5  # lamps in view; more scroll
 
 _typed = [""]  # name of the light scene to keep
 
@@ -22,6 +22,9 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     s = _light_scenes(s, facts, actions)
     given = {lamp.name: lamp for lamp in s.lamps}
     solo = s.solo
+    scrolls = len(facts.lamps) > ROWS  # the read-outs below stay in view
+    if scrolls:
+        imgui.begin_child("##lamps", (-1, 2 * ROWS * imgui.get_frame_height_with_spacing()))
     for k, name in enumerate(facts.lamps):
         imgui.push_id(name)
         lamp = given.get(name, LampSetting(name))
@@ -29,6 +32,8 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         if changed:
             given[name] = lamp
         imgui.pop_id()
+    if scrolls:
+        imgui.end_child()
     s = replace(s, lamps=tuple(lamp for lamp in given.values() if lamp != LampSetting(lamp.name)), solo=solo)
     flux = sum(_flux(given.get(name, LampSetting(name)), solo, k, facts) for k, name in enumerate(facts.lamps))
     ui.number("Together", _shown(flux, facts), "Flux of all lamps at their levels.")

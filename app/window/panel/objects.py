@@ -120,7 +120,7 @@ def selection_after(facts: Facts, name: str, ctrl: bool, shift: bool) -> tuple[s
 
 def _list(facts: Facts, actions: set[Any]) -> None:
     if not facts.mobiles:
-        imgui.text_disabled("No movable object: add one with --mobile FILE.")
+        imgui.text_disabled("None: insert one, or click and make movable.")
         return
     rows = min(len(facts.mobiles), ROWS)
     imgui.begin_child("##objects", (-1, rows * imgui.get_text_line_height_with_spacing()))

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from imgui_bundle import imgui
 
 from app.cli.values import MOST_GRID_POINTS
+from app.draw.units import PHOTOMETRIC, RADIOMETRIC
 from app.settings import MeasuringPlane, Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
@@ -27,10 +28,11 @@ class Edit(NamedTuple):
 
 
 def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
-    unit = "lx" if facts.photometric else "W/m²"
+    units = PHOTOMETRIC if facts.photometric else RADIOMETRIC
+    unit, surface = units.per_area, units.on_surface
     for name, E in facts.probes.items():
         red, green, blue = (f"{float(c):.4g}" for c in E)
-        tip = f"Irradiance at the probe: red {red}, green {green}, blue {blue}."
+        tip = f"{surface} at the probe: red {red}, green {green}, blue {blue}."
         ui.number(name, f"{float(luminance(E)):.4g} {unit}", tip)
     _pins(s, facts, actions)
     if imgui.button("Pin a read-out", (-1, 0)):
