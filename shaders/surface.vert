@@ -15,7 +15,7 @@ centroid out vec4 back_radiance;
 
 in vec3 normal;         // of the front
 #ifndef SHARP
-uniform sampler2D cells;  // a line per glossy receiver, two texels per cell: shares of irradiance, direction
+uniform sampler2D cells;  // a line per glossy receiver, two texels per cell: shares of irradiance, mean direction
 uniform vec2 layout_of;   // lines of a column, cells; 0 lines: no gloss
 uniform vec3 eye;         // in object space
 in vec2 glossy;           // glossy receiver of front and back, from 1; 0: none
@@ -33,6 +33,7 @@ uniform float mirrored_view;  // 1: in a plane, where gloss of the processor sho
 
 const float LEAST_ALPHA = 0.15;
 const float GRAZING = 0.05;
+const float SPREAD = 0.5;
 
 float smith(float cosine) {
     float tan2 = max(0.0, 1.0 - cosine * cosine) / (cosine * cosine);
@@ -60,10 +61,13 @@ vec3 gloss(float receiver, vec3 n, vec3 irradiance, vec3 sent) {
         vec3 share = texelFetch(cells, at + ivec2(2 * c, 0), 0).rgb;
         if (share.r + share.g + share.b <= 0.0) continue;
         vec3 w = texelFetch(cells, at + ivec2(2 * c + 1, 0), 0).rgb;
+        float length_of = max(length(w), 1e-6);
+        w /= length_of;
+        float wide = a2 + SPREAD * max(1.0 - length_of, 0.0);
         float at_light = max(dot(w, n), GRAZING);
         vec3 h = normalize(w + to_eye);
-        float cos_h = dot(h, n), t = cos_h * cos_h * (a2 - 1.0) + 1.0;
-        float f = a2 / (3.14159265 * t * t) / (4.0 * at_light * at_eye * (1.0 + far + smith(at_light)));
+        float cos_h = dot(h, n), t = cos_h * cos_h * (wide - 1.0) + 1.0;
+        float f = wide / (3.14159265 * t * t) / (4.0 * at_light * at_eye * (1.0 + far + smith(at_light)));
         float s = pow(max(0.0, 1.0 - dot(w, h)), 5.0);
         sum += f * share * (specular.rgb + (specular.a - specular.rgb) * s);
     }

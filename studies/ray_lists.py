@@ -21,9 +21,9 @@ from app.measure.chart.figure import need_matplotlib
 from app.settings import Settings, make_solver, open_scene
 from gi_core.base.random_numbers import basis
 from gi_core.bsdf.table import join
-from gi_core.gloss.cells import FIELDS
+from gi_core.gloss.cells import DIRECTION_BITS, FIELDS
 from gi_core.gloss.hemisphere import CELLS, disc_of
-from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
+from gi_core.gloss.radiance import GRAZING, Directions, gloss_radiance, room_for
 from gi_core.gloss.rays import RECEIVER_BIT
 from gi_core.gloss.sharp import MOMENTS, ways
 from gi_core.gloss.source import LIST, OPENED
@@ -118,10 +118,11 @@ def _cells(given: Directions, rows: np.ndarray, normals: np.ndarray, depth: int)
     place = np.minimum((0.5 * (_square(disc_of(local)) + 1) * side).astype(np.int64), side - 1)
     cell = (receiver * side + place[:, 0]) * side + place[:, 1]
     out = np.zeros((n * side * side, 6))
+    weight = given.rays[:, :3].sum(axis=1) / np.sqrt(np.maximum(local[:, 2], GRAZING))
     for c in range(3):
         out[:, c] = np.bincount(cell, given.rays[:, c], minlength=len(out))
-        out[:, 3 + c] = np.bincount(cell, given.rays[:, :3].sum(axis=1) * given.rays[:, 3 + c], minlength=len(out))
-    out[:, 3:] /= np.maximum(np.linalg.norm(out[:, 3:], axis=1), 1e-30)[:, None]
+        out[:, 3 + c] = np.bincount(cell, weight * given.rays[:, 3 + c], minlength=len(out))
+    out[:, 3:] /= np.maximum(np.bincount(cell, weight, minlength=len(out)), 1e-30)[:, None]
     return out.reshape(n, side * side, 6).astype(np.float32)
 
 
@@ -184,9 +185,9 @@ def drift(moves: int, out: Path) -> None:
         every = np.array([np.concatenate(ray[2:]) for ray in now.values()], np.float32)
         moments = sums[receiver].astype(np.float64)
         moments = moments[moments[:, :3].sum(axis=1) > 0]
-        moments[:, 3:] /= np.maximum(np.linalg.norm(moments[:, 3:], axis=1), 1e-30)[:, None]
+        moments[:, 3:6] /= moments[:, 6:] * (1 << DIRECTION_BITS)
         exact = _seen(every, normal)
-        errors = [_l1(_seen(r, normal), exact) for r in (moments, fresh.rays(), literal.rays())]
+        errors = [_l1(_seen(r, normal), exact) for r in (moments[:, :6], fresh.rays(), literal.rays())]
         rows.append((move + 1, *errors, literal.needlessly_summarised))
         print(f"{move + 1:6} moves: cells {100 * errors[0]:5.2f} %, new QuadTree of 2003 {100 * errors[1]:5.2f} %, "
               f"updated {100 * errors[2]:6.2f} %, {rows[-1][4]} cells needlessly summarised", flush=True)  # fmt: skip

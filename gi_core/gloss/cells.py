@@ -22,15 +22,16 @@ from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
 from gi_core.gloss.discs import GRAIN, GlossDiscs
 from gi_core.gloss.hemisphere import CELLS, cell_of, centres
-from gi_core.gloss.radiance import Directions
+from gi_core.gloss.radiance import GRAZING, Directions
 from gi_core.gloss.rays import RayTree
 from gi_core.photons.paths import PathVertices, Segments, segments_of
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange
 
-FIELDS = 6  # of a cell: flux of three channels, and total flux times direction (x, y, z) in the object's space
+FIELDS = 6  # of a cell, see GlossLight
+SUMS = 7  # of a cell: flux of three channels, weight times direction (x, y, z) in the object's space, and weight
 FLUX_SHIFT = 12  # bits of flux left out of moments ...
-DIRECTION_BITS = 14  # ... and bits of a direction: 2^34 at most per ray, 2^29 rays in 63 bits
+DIRECTION_BITS = 14  # ... and bits of a direction: 2^36.2 at most per ray, 2^26 rays in 63 bits
 PART = 8192  # photons added at a time
 MOST_PHOTONS = 1 << 18  # in the sums: directions need no more
 
@@ -39,7 +40,8 @@ class GlossLight(NamedTuple):
     """Directional light of a frame at n glossy receivers. The arrays are never written to again.
 
     A cell holds the share of irradiance that arrives through it, per channel, and the mean direction towards that light
-    in the object's space: (red, green, blue, x, y, z).
+    in the object's space: (red, green, blue, x, y, z). The mean is shorter than 1 where directions spread. Rays weigh
+    flux / sqrt(cos), between irradiance and radiance.
     """
 
     rows: np.ndarray  # (n,) int64, receivers, ascending
@@ -63,7 +65,7 @@ class GlossCells:
 
     def __init__(self, discs: GlossDiscs):
         self.discs, static = discs, discs.count(0)
-        self._sums, self._delta = (np.zeros((static, CELLS, FIELDS), np.int64) for _ in range(2))
+        self._sums, self._delta = (np.zeros((static, CELLS, SUMS), np.int64) for _ in range(2))
         self._resting = np.zeros((len(discs.rows), CELLS, FIELDS), np.float32)
         self._store: object = None  # of the photons in the sums
         self._weights = np.ones((discs.model.emitters.lamps.count, 3))
@@ -103,7 +105,7 @@ class GlossCells:
         parts, rows = [cells], [changed]
         for o, segments in enumerate(change.near_mobiles, 1):
             count = self.discs.count(o)
-            sums = np.zeros((count, CELLS, FIELDS), np.int64)
+            sums = np.zeros((count, CELLS, SUMS), np.int64)
             self._deposit(o, segments, change.at, 1, sums)
             parts.append(np.empty((count, CELLS, FIELDS), np.float32))
             _shares(sums, sums, 0.0, np.arange(count), self.discs.normals_of(o), centres(), parts[-1])
@@ -111,7 +113,7 @@ class GlossCells:
         return GlossLight(self.discs.rows, self._resting, np.concatenate(rows), np.concatenate(parts))
 
     def current_sums(self, change: PoseChange) -> np.ndarray:
-        """Return the sums (static rows, CELLS, 6) int64 of a frame of as many photons as are in the sums."""
+        """Return the sums (static rows, CELLS, SUMS) int64 of a frame of as many photons as are in the sums."""
         out = self._sums.copy()
         removed = change.removed_suffixes.segments(self.discs.model.threads)
         for sign, segments in ((-1, removed), (1, change.new_suffixes)):
@@ -119,7 +121,7 @@ class GlossCells:
         return out
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> np.ndarray:
-        """Return the sums (static rows, CELLS, 6) int64 from all current segments; current_sums() must equal them."""
+        """Return the sums (static rows, CELLS, SUMS) int64 from all current segments: those of current_sums()."""
         out = np.zeros_like(self._sums)
         for segments in parts:
             self._deposit(0, segments, at, 1, out)
@@ -155,10 +157,11 @@ def _add(line, receiver, direction, flux, lamp, weights, normals, sign, first, l
             q = np.int64(flux[k, c] * weights[lamp[k], c] + 0.5)
             total += q
             sums[i, cell, c] += sign * q
-        total >>= FLUX_SHIFT
-        sums[i, cell, 3] += sign * total * np.int64(math.floor(x * (1 << DIRECTION_BITS) + 0.5))
-        sums[i, cell, 4] += sign * total * np.int64(math.floor(y * (1 << DIRECTION_BITS) + 0.5))
-        sums[i, cell, 5] += sign * total * np.int64(math.floor(z * (1 << DIRECTION_BITS) + 0.5))
+        weight = np.int64((total >> FLUX_SHIFT) / math.sqrt(max(w, GRAZING)) + 0.5)
+        sums[i, cell, 6] += sign * weight
+        sums[i, cell, 3] += sign * weight * np.int64(math.floor(x * (1 << DIRECTION_BITS) + 0.5))
+        sums[i, cell, 4] += sign * weight * np.int64(math.floor(y * (1 << DIRECTION_BITS) + 0.5))
+        sums[i, cell, 5] += sign * weight * np.int64(math.floor(z * (1 << DIRECTION_BITS) + 0.5))
 
 
 @kernel
@@ -181,7 +184,10 @@ def _shares(sums, delta, scale, rows, normals, middles, out):
             y = sums[i, c, 4] + scale * delta[i, c, 4]
             z = sums[i, c, 5] + scale * delta[i, c, 5]
             size = math.sqrt(x * x + y * y + z * z)
-            if not size > 0.0:
+            whole = (sums[i, c, 6] + scale * delta[i, c, 6]) * (1 << DIRECTION_BITS)
+            if size > 0.0:
+                size = max(size, whole)
+            else:
                 m = middles[c]
                 x = m[0] * ax + m[1] * bx + m[2] * n[0]
                 y = m[0] * ay + m[1] * by + m[2] * n[1]

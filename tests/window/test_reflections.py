@@ -119,6 +119,15 @@ def test_the_opengl_picture_is_that_of_traced_rays(alpha):
 
 
 @pytest.mark.gl
+def test_the_vertex_shader_shows_gloss_as_its_twin_does():
+    """A ball of alpha 0.3 has light at vertices; half floats and edges of triangles alone differ."""
+    shot = shot_of(scene(Gloss((0.9, 0.7, 0.3), 0.3)))
+    seen = kind_of(shot) == 3
+    twin, drawn = (srgb_decode(picture / 255)[seen] for picture in (shot.take(), gl_picture(shot)))
+    assert seen.sum() > 1000 and np.abs(twin - drawn).sum() < 0.02 * twin.sum()
+
+
+@pytest.mark.gl
 @pytest.mark.parametrize("alpha, most", [(0.0, 0.06), (0.05, 0.08)])
 def test_a_ball_shows_a_mirror_and_what_it_reflects(alpha, most):
     """Seen from the mirror: as a diffuse surface of its albedo, the mirror in the ball made 10 and 12 % of error."""
