@@ -31,7 +31,7 @@ import numpy as np
 
 from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
-from gi_core.gather.denoise import smooth
+from gi_core.gather.denoise import NO_WEIGHT, VARIANCE, smooth
 from gi_core.geometry.mesh_neighbours import Neighbours
 from gi_core.lights.mix import mixed
 from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Evaluated
@@ -84,7 +84,7 @@ def _read_out(changed, sums, levels, scale, area, static, first, last, out):
 @kernel
 def _measure(
     changed, background, resting, better, sums, new_flux, levels, mean_levels, flux_per_cut, scale, area, first, last,
-    change, variance, additive,
+    change,
 ):  # fmt: skip
     """Write the change of static receivers in the changed chunks among first .. last - 1, and its variance."""
     for chunk in range(first, last):
@@ -97,24 +97,26 @@ def _measure(
                 change[r, c] = _combined(flux * factor, resting[r, c], better[r, c]) - better[r, c]
                 frame, before, after = frame + flux * factor, before + resting[r, c], after + better[r, c]
             if new_flux[r, 0] == NOT_ADDITIVE:
-                additive[r] = frame == before  # as in chunks that nothing changes
+                change[r, VARIANCE] = 0.0 if frame == before else NO_WEIGHT  # 0 as in chunks that nothing changes
                 continue
             if frame < before:
                 factor *= after / before
             noise = _noise(sums, background, new_flux, mean_levels, flux_per_cut, r)
-            variance[r] = noise * factor * factor / 3.0  # of grey photons, the sum over channels of their variances
+            change[r, VARIANCE] = (
+                noise * factor * factor / 3.0
+            )  # of grey photons, the sum over channels of their variances
 
 
 @kernel
-def _add(changed, better, change, variance, first, last, out):
+def _add(changed, better, change, first, last, out):
     """Write better light with the shrunk change of static receivers in the changed chunks among first .. last - 1."""
     for chunk in range(first, last):
         if not changed[chunk]:
             continue
         for r in range(chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(better))):
-            d, kept = change[r, 0] + change[r, 1] + change[r, 2], 1.0
-            if variance[r] > 0.0:
-                kept = max(1.0 - 3.0 * CORRELATED * variance[r] / (d * d), 0.0) if d != 0.0 else 0.0
+            d, variance, kept = change[r, 0] + change[r, 1] + change[r, 2], change[r, VARIANCE], 1.0
+            if variance > 0.0:
+                kept = max(1.0 - 3.0 * CORRELATED * variance / (d * d), 0.0) if d != 0.0 else 0.0
             for c in range(3):
                 out[r, c] = max(better[r, c] + kept * change[r, c], 0.0)
 
@@ -147,18 +149,18 @@ def frame_irradiance(
         return out
     mean_levels = levels.mean(axis=1)
     flux_per_cut = frame.cut.per_photon(mean_levels)
-    change, variance, additive = np.zeros((static, 3)), np.zeros(static), np.ones(static, bool)
+    change = np.zeros((static, 4))  # and its variance
 
     def measure(_, first, last):
         _measure(
             frame.changed, background, resting, better, frame.sums, frame.new_flux, levels, mean_levels, flux_per_cut,
-            flux_unit, frame.area, first, last, change, variance, additive,
+            flux_unit, frame.area, first, last, change,
         )  # fmt: skip
 
     def add(_, first, last):
-        _add(frame.changed, better, change, variance, first, last, out)
+        _add(frame.changed, better, change, first, last, out)
 
     run_ranges(measure, len(frame.changed), threads, CHUNK_GRAIN)
-    smooth(change, variance, REACH, near, additive, threads)
+    smooth(change, REACH, near, threads)
     run_ranges(add, len(frame.changed), threads, CHUNK_GRAIN)
     return out

@@ -26,6 +26,7 @@ PASSES = 2
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
 CLEAR = 0.7  # of the risk without smoothing; a smaller gain is not trusted, since few receivers make the estimate rough
 GRAIN = 4096  # receivers per thread
+VARIANCE, NO_WEIGHT = 3, -1.0  # column of smooth(), and its value at receivers that do not count
 
 
 class Denoised(NamedTuple):
@@ -89,49 +90,43 @@ def _average(first, of, values, lit, start, stop, out):
         out[i] = total / count
 
 
-def _smoothed(E: np.ndarray, variance: np.ndarray, *others) -> np.ndarray:
-    out = E.copy()
-    smooth(out, variance.copy(), *others)
-    return out
+def _smoothed(E: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, lit: np.ndarray, threads: int):
+    light = np.concatenate([E[:, :3], np.where(lit, variance, NO_WEIGHT)[:, None], E[:, 3:]], axis=1)
+    smooth(light, reach, near, threads)
+    return np.delete(light, VARIANCE, axis=1)
 
 
-def smooth(E: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, lit: np.ndarray, threads: int) -> None:
-    """Average E (n, 3 or more) and its variance (n,) with neighbours, in place; the first three channels decide.
+def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> None:
+    """Average light (n, 4 or more) with neighbours, in place.
 
-    variance: summed over these channels; reach: standard deviations. Receivers without noise, or not lit (n,) bool,
-    stay; those that are not lit have no weight for neighbours.
+    Columns: three channels that decide, the sum of their variances, more channels. Receivers of variance 0 stay, as do
+    those of NO_WEIGHT, which do not count for neighbours. reach: standard deviations.
     """
-    rows = np.flatnonzero(lit & (variance > 0))
-    out, left = np.empty((len(rows), E.shape[1])), np.empty(len(rows))
+    rows = np.flatnonzero(light[:, VARIANCE] > 0)
+    out = np.empty((len(rows), light.shape[1]))
     for _ in range(PASSES):
-        run_ranges(
-            lambda _, a, b: _pass(*near, E, variance, lit, reach * reach, rows, a, b, out, left),
-            len(rows), threads, GRAIN,
-        )  # fmt: skip
-        E[rows], variance[rows] = out, left
+        run_ranges(lambda _, a, b: _pass(*near, light, reach * reach, rows, a, b, out), len(rows), threads, GRAIN)
+        light[rows] = out
 
 
 @kernel
-def _pass(first, of, E, variance, lit, reach, rows, start, stop, out, left):
+def _pass(first, of, light, reach, rows, start, stop, out):
     for row in range(start, stop):
-        i = rows[row]
-        total, v = 1.0, variance[i]
-        for c in range(E.shape[1]):
-            out[row, c] = E[i, c]
-        x, y, z = E[i, 0], E[i, 1], E[i, 2]
+        i, total = rows[row], 1.0
+        x, y, z, v = light[i, 0], light[i, 1], light[i, 2], light[i, 3]
+        for c in range(4, light.shape[1]):
+            out[row, c] = light[i, c]
         for k in range(first[i], first[i + 1]):
             j = of[k]
-            dx, dy, dz = E[i, 0] - E[j, 0], E[i, 1] - E[j, 1], E[i, 2] - E[j, 2]
-            farthest = reach * (variance[i] + variance[j])
-            d = dx * dx + dy * dy + dz * dz
-            w = max(1.0 - d / farthest, 0.0) * lit[j]
-            w *= w
+            variance = light[j, 3]
+            dx, dy, dz = light[i, 0] - light[j, 0], light[i, 1] - light[j, 1], light[i, 2] - light[j, 2]
+            w = max(1.0 - (dx * dx + dy * dy + dz * dz) / (reach * (light[i, 3] + abs(variance))), 0.0)
+            w = w * w if variance >= 0.0 else 0.0
             total += w
-            v += w * w * variance[j]
-            x, y, z = x + w * E[j, 0], y + w * E[j, 1], z + w * E[j, 2]
-            for c in range(3, E.shape[1]):
-                out[row, c] += w * E[j, c]
-        out[row, 0], out[row, 1], out[row, 2] = x, y, z
-        for c in range(E.shape[1]):
+            v += w * w * variance
+            x, y, z = x + w * light[j, 0], y + w * light[j, 1], z + w * light[j, 2]
+            for c in range(4, light.shape[1]):
+                out[row, c] += w * light[j, c]
+        out[row, 0], out[row, 1], out[row, 2], out[row, 3] = x / total, y / total, z / total, v / (total * total)
+        for c in range(4, light.shape[1]):
             out[row, c] /= total
-        left[row] = v / (total * total)
