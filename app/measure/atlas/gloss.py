@@ -45,7 +45,7 @@ def noise() -> Iterator[AtlasRow]:
             # All photons of the sky have the same flux: irradiance is proportional to the number of rays.
             return [_noise(radiance * count) / _noise(count) for radiance in seen]
 
-        for view, measured in zip(views, over_seeds(run, 2 * SEEDS), strict=True):
+        for view, measured in zip(views, over_seeds(run, 3 * SEEDS), strict=True):
             _, f, weights = _lobe(alpha, view)
             predicted = math.sqrt(math.pi * float(weights @ f**2)) / float(weights @ f)
             yield AtlasRow(
@@ -205,7 +205,7 @@ def shading_normals() -> AtlasRow:
         caustic = way.sum(axis=0) / np.linalg.norm(way, axis=1).max()
         return (math.degrees(angles[np.argmax(seen)] - math.atan2(caustic[0], caustic[2])),)
 
-    (measured,) = over_seeds(run, 4)
+    (measured,) = over_seeds(run, SEEDS)
     return AtlasRow(
         "gloss_shading_normals",
         f"parallel light on metal whose vertex normals are turned by {TURN:.0f} degrees from its faces",
