@@ -102,9 +102,8 @@ def _measure(
             if frame < before:
                 factor *= after / before
             noise = _noise(sums, background, new_flux, mean_levels, flux_per_cut, r)
-            change[r, VARIANCE] = (
-                noise * factor * factor / 3.0
-            )  # of grey photons, the sum over channels of their variances
+            # The sum over channels of the variances of grey photons is a third of the variance of their sum.
+            change[r, VARIANCE] = noise * factor * factor / 3.0
 
 
 @kernel
