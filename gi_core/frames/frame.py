@@ -165,9 +165,9 @@ def next_frame(
     else:
         b.evaluated = None
         paths, coarse = store.prefix(size.photons)
-        wanted, cells = estimate.wanted(at, mobiles=not size.paths), source.gloss_source.cells(b.setting.radius)
-        if cells is not None and cells.discs.on_mobiles:
-            wanted = wanted._replace(mobiles=True, reach=max(wanted.reach, cells.discs.radius))
+        wanted = estimate.wanted(at, mobiles=not size.paths)
+        if reach := source.gloss_source.reach(b.setting.radius, source.gloss_way):
+            wanted = wanted._replace(mobiles=True, reach=max(wanted.reach, reach))
         clock("contact")
         changed = change(model, paths, coarse, at, store.seed, wanted, room, clock)
         needed = changed._replace(near_mobiles=()) if size.paths else changed

@@ -150,9 +150,9 @@ def _tangents(normals: np.ndarray, grain: np.ndarray) -> np.ndarray:
     return along
 
 
-def glossy_receivers(surfaces: Surfaces) -> np.ndarray:
-    """Return the receivers at the corners of glossy faces, ascending. (n,) int64."""
-    glossy = ~np.isnan(surfaces.lobe[:, 4])
+def glossy_receivers(surfaces: Surfaces, besides: np.ndarray | None = None) -> np.ndarray:
+    """Return the receivers at the corners of glossy faces, ascending, (n,) int64; besides (F,) bool: without these."""
+    glossy = ~np.isnan(surfaces.lobe[:, 4]) & (True if besides is None else ~besides)
     corners = np.concatenate([surfaces.corner_front[glossy].reshape(-1), surfaces.corner_back[glossy].reshape(-1)])
     return np.unique(corners[corners >= 0]).astype(np.int64)
 

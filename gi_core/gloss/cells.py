@@ -6,7 +6,7 @@ times direction. Inserting and removing a ray cancel exactly, so no history degr
 
 Cells describe how light is distributed over directions; its irradiance comes from the frame, so gloss shares the
 estimator, gathered light and artifact control of the diffuse part. Rays are the segments that cross the receiver's
-disc, with any estimator.
+disc, with any estimator. A frame takes its rays in the order of receivers, and computes only the cells that they reach.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import numpy as np
 from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
-from gi_core.gloss.discs import GRAIN, GlossDiscs
-from gi_core.gloss.hemisphere import CELLS, cell_of, centres
+from gi_core.gloss.discs import GlossDiscs
+from gi_core.gloss.hemisphere import CELLS, cell_of, even_light
 from gi_core.gloss.radiance import GRAZING, Directions
 from gi_core.gloss.rays import RayTree
 from gi_core.photons.paths import PathVertices, Segments, segments_of
@@ -32,7 +32,9 @@ FIELDS = 6  # of a cell, see GlossLight
 SUMS = 7  # of a cell: flux of three channels, weight times direction (x, y, z) in the object's space, and weight
 FLUX_SHIFT = 12  # bits of flux left out of moments ...
 DIRECTION_BITS = 14  # ... and bits of a direction: 2^36.2 at most per ray, 2^26 rays in 63 bits
+RAY = 8  # numbers of a ray, see _weigh()
 PART = 8192  # photons added at a time
+GRAIN = 256  # receivers per thread
 MOST_PHOTONS = 1 << 18  # in the sums: directions need no more
 
 
@@ -45,7 +47,7 @@ class GlossLight(NamedTuple):
     """
 
     rows: np.ndarray  # (n,) int64, receivers, ascending
-    resting: np.ndarray  # (n, CELLS, 6) float32, without mobiles; zeros of receivers on mobiles
+    resting: np.ndarray  # (n, CELLS, 6) float32, without mobiles; no light on mobiles, even light where probes show it
     changed: np.ndarray  # (k,) int64 into rows, ascending
     cells: np.ndarray  # (k, CELLS, 6) float32, in place of `resting`
     tree: RayTree | None = None  # the rays one by one, see `gi_core.gloss.rays`; None: cells alone
@@ -60,16 +62,36 @@ class GlossLight(NamedTuple):
         return Directions(cells, tree.offsets, tree.rays, self.opened)
 
 
+class _Arrivals(NamedTuple):
+    """Rays of segments at an object's receivers, in the order of receivers."""
+
+    rows: np.ndarray  # (k,) int64, receivers that rays reach, ascending
+    first: np.ndarray  # (k + 1,) int64 into `line`, first ray of each
+    line: np.ndarray  # (m,) int32 into the next two
+    rays: np.ndarray  # (S, RAY) int64, see _weigh()
+    direction: np.ndarray  # (S, 3) float32, of the segments, in the object's space
+
+
 class GlossCells:
     """Sums of a scene's glossy receivers. Not thread safe."""
 
-    def __init__(self, discs: GlossDiscs):
-        self.discs, static = discs, discs.count(0)
-        self._sums, self._delta = (np.zeros((static, CELLS, SUMS), np.int64) for _ in range(2))
-        self._resting = np.zeros((len(discs.rows), CELLS, FIELDS), np.float32)
+    def __init__(self, discs: GlossDiscs, glossy: np.ndarray):
+        """discs: of the receivers that have cells; glossy: all glossy receivers, ascending. Others have even light."""
+        self.discs, self.rows, static = discs, glossy, discs.count(0)
+        self._place = np.searchsorted(glossy, discs.rows)
+        self._sums = np.zeros((static, CELLS, SUMS), np.int64)
+        self._totals = np.zeros((static, 3))  # of the cells, without mobiles
+        self._resting = self._unlit()
         self._store: object = None  # of the photons in the sums
         self._weights = np.ones((discs.model.emitters.lamps.count, 3))
         self.photons = self._rested = 0  # in the sums, and in `_resting`
+
+    def _unlit(self) -> np.ndarray:
+        """Return the light (n, CELLS, 6) of all glossy receivers before any ray: none where there are cells."""
+        out = np.empty((len(self.rows), CELLS, FIELDS), np.float32)
+        _turn(even_light(), self.discs.model.object_receivers.normals[self.rows], out)
+        out[self._place, :, :3] = 0.0
+        return out
 
     def bring_in(self, store: object, paths: PathVertices, weights: np.ndarray) -> Iterator[None]:
         """Add the photons of `paths` that are not yet in the sums, in steps; weights (G, 3): of the lamps' flux.
@@ -82,115 +104,202 @@ class GlossCells:
         count, model = min(len(paths.offsets) - 1, MOST_PHOTONS), self.discs.model
         while self.photons < count:
             last = min(self.photons + PART, count)
-            segments = segments_of(paths, model.eps, self.photons, last)
-            self._deposit(0, segments, model.static, 1, self._sums)
+            self._deposit([(1, segments_of(paths, model.eps, self.photons, last))], model.static, self._sums)
             self.photons = last
             yield
         if self._rested != self.photons:
-            resting, everything = self._resting.copy(), np.arange(len(self._sums))
-            _shares(self._sums, self._delta, 0.0, everything, self.discs.normals_of(0), centres(), resting)
+            resting = self._unlit()
+            _rest(self._sums, self._place, resting, self._totals)
             self._resting, self._rested = resting, self.photons
 
     def evaluate(self, change: PoseChange) -> GlossLight:
         """Return the light of a frame's poses. Its photons may be fewer or more than those in the sums."""
-        touched = np.zeros(len(self._delta), bool)
-        removed = change.removed_suffixes.segments(self.discs.model.threads)
-        for sign, segments in ((-1, removed), (1, change.new_suffixes)):
-            touched[self._deposit(0, segments, change.at, sign, self._delta)] = True
-        changed = np.flatnonzero(touched)
-        cells = np.empty((len(changed), CELLS, FIELDS), np.float32)
-        scale = self.photons / max(change.photons, 1)
-        _shares(self._sums, self._delta, scale, changed, self.discs.normals_of(0), centres(), cells)
-        self._delta[changed] = 0
-        parts, rows = [cells], [changed]
-        for o, segments in enumerate(change.near_mobiles, 1):
-            count = self.discs.count(o)
-            sums = np.zeros((count, CELLS, SUMS), np.int64)
-            self._deposit(o, segments, change.at, 1, sums)
-            parts.append(np.empty((count, CELLS, FIELDS), np.float32))
-            _shares(sums, sums, 0.0, np.arange(count), self.discs.normals_of(o), centres(), parts[-1])
-            rows.append(self.discs.first[o] + np.arange(count))
-        return GlossLight(self.discs.rows, self._resting, np.concatenate(rows), np.concatenate(parts))
+        scale, normals = self.photons / max(change.photons, 1), self.discs.normals_of
+        parts = [self._changes(change), *([(1, segments)] for segments in change.near_mobiles)]
+        arrivals = [self._arrivals(o, rays, change.at) for o, rays in enumerate(parts)]
+        places = [self._place[self.discs.first[o] : self.discs.first[o + 1]] for o in range(len(parts))]
+        rows = np.concatenate([place[a.rows] for place, a in zip(places, arrivals, strict=True)])
+        cells, begin = np.empty((len(rows), CELLS, FIELDS), np.float32), 0
+        for o, (place, a) in enumerate(zip(places, arrivals, strict=True)):
+            rest = self._sums[: len(place) * (o == 0)], self._totals, place, self._resting
+            out = cells[begin : begin + len(a.rows)]
+            begin += len(a.rows)
+
+            def work(_, first, last, o=o, a=a, rest=rest, out=out):
+                room = np.zeros((CELLS, SUMS), np.int64), np.empty((CELLS, SUMS)), np.empty(CELLS, np.int64)
+                _evaluate(a, first, last, normals(o), *rest, scale if o == 0 else 1.0, *room, out)
+
+            run_ranges(work, len(a.rows), self.discs.model.threads, GRAIN)
+        return GlossLight(self.rows, self._resting, rows, cells)
+
+    def _changes(self, change: PoseChange) -> list[tuple[int, Segments]]:
+        return [(-1, change.removed_suffixes.segments(self.discs.model.threads)), (1, change.new_suffixes)]
 
     def current_sums(self, change: PoseChange) -> np.ndarray:
         """Return the sums (static rows, CELLS, SUMS) int64 of a frame of as many photons as are in the sums."""
         out = self._sums.copy()
-        removed = change.removed_suffixes.segments(self.discs.model.threads)
-        for sign, segments in ((-1, removed), (1, change.new_suffixes)):
-            self._deposit(0, segments, change.at, sign, out)
+        self._deposit(self._changes(change), change.at, out)
         return out
 
     def from_scratch(self, parts: Iterable[Segments], at: Transforms) -> np.ndarray:
         """Return the sums (static rows, CELLS, SUMS) int64 from all current segments: those of current_sums()."""
         out = np.zeros_like(self._sums)
-        for segments in parts:
-            self._deposit(0, segments, at, 1, out)
+        self._deposit([(1, segments) for segments in parts], at, out)
         return out
 
-    def _deposit(self, o: int, segments: Segments, at: Transforms, sign: int, sums: np.ndarray) -> np.ndarray:
-        """Add `sign` times the rays of segments to the cells of object o's receivers; return the receivers touched."""
-        found, normals = self.discs.crossed(o, segments, at), self.discs.normals_of(o)
+    def _deposit(self, parts: list[tuple[int, Segments]], at: Transforms, sums: np.ndarray) -> None:
+        """Add the rays of segments, times their sign, to the cells of the static part's receivers."""
+        a = self._arrivals(0, parts, at)
 
-        def add(_, first, last):
-            for c in found:
-                rays = c.line, c.receiver, c.lines.direction, c.lines.flux, c.lines.lamp
-                _add(*rays, self._weights, normals, sign, first, last, sums)
+        def work(_, begin, end):
+            _deposit(a, begin, end, self.discs.normals_of(0), sums)
 
-        if found:
-            run_ranges(add, len(sums), self.discs.model.threads, GRAIN)
-        return np.unique(np.concatenate([np.empty(0, np.int32), *(c.receiver for c in found)]))
+        run_ranges(work, len(a.rows), self.discs.model.threads, GRAIN)
+
+    def _arrivals(self, o: int, parts: list[tuple[int, Segments]], at: Transforms) -> _Arrivals:
+        """Return the rays of segments, each part with its sign, at object o's receivers."""
+        found = [(sign, c) for sign, segments in parts for c in self.discs.crossed(o, segments, at)]
+        n, sizes = self.discs.count(o), [len(c.lines.low) for _, c in found]
+        rays, receiver = np.empty((sum(sizes), RAY), np.int64), [np.empty(0, np.int32)]
+        direction, lines = [np.empty((0, 3), np.float32)], [np.empty(0, np.int32)]
+        for (sign, c), last in zip(found, np.cumsum(sizes), strict=True):
+            first = int(last) - len(c.lines.low)
+            _weigh(c.lines.direction, c.lines.flux, c.lines.lamp, self._weights, sign, rays[first:last])
+            receiver.append(c.receiver)
+            direction.append(c.lines.direction)
+            lines.append(c.line + np.int32(first))
+        at_receiver, along = np.concatenate(receiver), np.concatenate(lines)
+        counts = np.bincount(at_receiver, minlength=n)
+        cursor, ordered = np.cumsum(counts) - counts, np.empty_like(along)
+        rows = np.flatnonzero(counts)
+        starts = np.append(cursor[rows], len(along))
+        _order(at_receiver, along, cursor, ordered)
+        return _Arrivals(rows, starts, ordered, rays, np.concatenate(direction))
 
 
 @kernel
-def _add(line, receiver, direction, flux, lamp, weights, normals, sign, first, last, sums):
-    """Add rays to the cells of receivers first .. last - 1."""
-    for j in range(len(line)):
-        i, k = receiver[j], line[j]
-        if i < first or i >= last:
-            continue
-        x, y, z = -float(direction[k, 0]), -float(direction[k, 1]), -float(direction[k, 2])
+def _turn(even, normals, out):
+    """Write even light (CELLS, 6) around normals (n, 3) to out (n, CELLS, 6)."""
+    for i in range(len(normals)):
         n = normals[i]
         ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
-        u, v, w = x * ax + y * ay + z * az, x * bx + y * by + z * bz, x * n[0] + y * n[1] + z * n[2]
-        cell, total = cell_of(u, v, w), np.int64(0)
+        for c in range(CELLS):
+            e = even[c]
+            out[i, c, 0], out[i, c, 1], out[i, c, 2] = e[0], e[1], e[2]
+            out[i, c, 3] = e[3] * ax + e[4] * bx + e[5] * n[0]
+            out[i, c, 4] = e[3] * ay + e[4] * by + e[5] * n[1]
+            out[i, c, 5] = e[3] * az + e[4] * bz + e[5] * n[2]
+
+
+@kernel
+def _weigh(direction, flux, lamp, weights, sign, out):
+    """Write rays (S, RAY): sign x flux per channel, direction towards the light, weight before its cosine, sign."""
+    for k in range(len(out)):
+        total = np.int64(0)
         for c in range(3):
             q = np.int64(flux[k, c] * weights[lamp[k], c] + 0.5)
             total += q
-            sums[i, cell, c] += sign * q
-        weight = np.int64((total >> FLUX_SHIFT) / math.sqrt(max(w, GRAZING)) + 0.5)
-        sums[i, cell, 6] += sign * weight
-        sums[i, cell, 3] += sign * weight * np.int64(math.floor(x * (1 << DIRECTION_BITS) + 0.5))
-        sums[i, cell, 4] += sign * weight * np.int64(math.floor(y * (1 << DIRECTION_BITS) + 0.5))
-        sums[i, cell, 5] += sign * weight * np.int64(math.floor(z * (1 << DIRECTION_BITS) + 0.5))
+            out[k, c] = sign * q
+            out[k, 3 + c] = np.int64(math.floor(0.5 - float(direction[k, c]) * (1 << DIRECTION_BITS)))
+        out[k, 6], out[k, 7] = total >> FLUX_SHIFT, sign
 
 
 @kernel
-def _shares(sums, delta, scale, rows, normals, middles, out):
-    """Write shares and mean directions of sums + scale x delta of some rows (k,) to out (k, CELLS, 6)."""
-    for j in range(len(rows)):
-        i = rows[j]
-        red = green = blue = 0.0
+def _order(receiver, line, cursor, out):
+    """Write lines in the order of receivers; cursor (n,): place of the first of each, advanced."""
+    for j in range(len(receiver)):
+        out[cursor[receiver[j]]] = line[j]
+        cursor[receiver[j]] += 1
+
+
+@kernel
+def _add(arrivals, j, n, to):
+    """Add the rays at row j, a receiver of normal n, to its cells (CELLS, SUMS); return the cells reached as bits."""
+    ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
+    reached = np.uint64(0)
+    for e in range(arrivals.first[j], arrivals.first[j + 1]):
+        k = arrivals.line[e]
+        d, ray = arrivals.direction[k], arrivals.rays[k]
+        x, y, z = -float(d[0]), -float(d[1]), -float(d[2])
+        w = x * n[0] + y * n[1] + z * n[2]
+        cell = cell_of(x * ax + y * ay + z * az, x * bx + y * by + z * bz, w)
+        weight = ray[7] * np.int64(ray[6] / math.sqrt(max(w, GRAZING)) + 0.5)
+        for c in range(3):
+            to[cell, c] += ray[c]
+            to[cell, 3 + c] += weight * ray[3 + c]
+        to[cell, 6] += weight
+        reached |= np.uint64(1) << np.uint64(cell)
+    return reached
+
+
+@kernel
+def _deposit(arrivals, first, last, normals, sums):
+    """Add the rays at receivers, rows first .. last - 1, to their sums."""
+    for j in range(first, last):
+        i = arrivals.rows[j]
+        _add(arrivals, j, normals[i], sums[i])
+
+
+@kernel
+def _mean(x, y, z, weight, out):
+    """Write the mean direction of a cell's sums, if there is any light."""
+    size = math.sqrt(x * x + y * y + z * z)
+    if size > 0.0:
+        size = max(size, weight * (1 << DIRECTION_BITS))
+        out[3], out[4], out[5] = x / size, y / size, z / size
+
+
+@kernel
+def _rest(sums, place, out, totals):
+    """Write shares and mean directions of sums (n, CELLS, SUMS) to rows place (n,) of out, and totals (n, 3)."""
+    for i in range(len(sums)):
+        of, to = sums[i], out[place[i]]
+        for k in range(3):
+            total = 0.0
+            for c in range(CELLS):
+                total += of[c, k]
+            for c in range(CELLS):
+                to[c, k] = of[c, k] / total if total > 0.0 else 0.0
+            totals[i, k] = total
         for c in range(CELLS):
-            red += max(0.0, sums[i, c, 0] + scale * delta[i, c, 0])
-            green += max(0.0, sums[i, c, 1] + scale * delta[i, c, 1])
-            blue += max(0.0, sums[i, c, 2] + scale * delta[i, c, 2])
-        n = normals[i]
-        ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
+            _mean(float(of[c, 3]), float(of[c, 4]), float(of[c, 5]), float(of[c, 6]), to[c])
+
+
+@kernel
+def _evaluate(arrivals, first, last, normals, sums, totals, place, resting, scale, room, now, listed, out):
+    """Write shares and mean directions of receivers, rows first .. last - 1, to rows of out (k, CELLS, 6).
+
+    sums, totals: without these rays, which count `scale` times; no sums: zeros. Scratch memory: room (CELLS, SUMS),
+    zeros before and after; now (CELLS, SUMS), listed (CELLS,).
+    """
+    for j in range(first, last):
+        i = arrivals.rows[j]
+        lit, rest, to, n = i < len(sums), resting[place[i]], out[j], 0
+        reached = _add(arrivals, j, normals[i], room)
         for c in range(CELLS):
-            out[j, c, 0] = max(0.0, sums[i, c, 0] + scale * delta[i, c, 0]) / red if red > 0.0 else 0.0
-            out[j, c, 1] = max(0.0, sums[i, c, 1] + scale * delta[i, c, 1]) / green if green > 0.0 else 0.0
-            out[j, c, 2] = max(0.0, sums[i, c, 2] + scale * delta[i, c, 2]) / blue if blue > 0.0 else 0.0
-            x = sums[i, c, 3] + scale * delta[i, c, 3]
-            y = sums[i, c, 4] + scale * delta[i, c, 4]
-            z = sums[i, c, 5] + scale * delta[i, c, 5]
-            size = math.sqrt(x * x + y * y + z * z)
-            whole = (sums[i, c, 6] + scale * delta[i, c, 6]) * (1 << DIRECTION_BITS)
-            if size > 0.0:
-                size = max(size, whole)
-            else:
-                m = middles[c]
-                x = m[0] * ax + m[1] * bx + m[2] * n[0]
-                y = m[0] * ay + m[1] * by + m[2] * n[1]
-                z = m[0] * az + m[1] * bz + m[2] * n[2]
-                size = 1.0
-            out[j, c, 3], out[j, c, 4], out[j, c, 5] = x / size, y / size, z / size
+            if (reached >> np.uint64(c)) & np.uint64(1):
+                listed[n] = c
+                n += 1
+        red, green, blue = (totals[i, 0], totals[i, 1], totals[i, 2]) if lit else (0.0, 0.0, 0.0)
+        r, g, b = red, green, blue
+        for m in range(n):
+            c = listed[m]
+            for k in range(SUMS):
+                now[c, k] = scale * room[c, k] + (float(sums[i, c, k]) if lit else 0.0)
+                room[c, k] = 0
+            for k in range(3):
+                now[c, k] = max(0.0, now[c, k])
+            r += now[c, 0] - (float(sums[i, c, 0]) if lit else 0.0)
+            g += now[c, 1] - (float(sums[i, c, 1]) if lit else 0.0)
+            b += now[c, 2] - (float(sums[i, c, 2]) if lit else 0.0)
+        # Shares of the cells that no ray reaches change with the totals alone.
+        red, green, blue = red / r if r > 0.0 else 0.0, green / g if g > 0.0 else 0.0, blue / b if b > 0.0 else 0.0
+        for c in range(CELLS):
+            to[c, 0], to[c, 1], to[c, 2] = red * rest[c, 0], green * rest[c, 1], blue * rest[c, 2]
+            to[c, 3], to[c, 4], to[c, 5] = rest[c, 3], rest[c, 4], rest[c, 5]
+        for m in range(n):
+            c = listed[m]
+            to[c, 0] = now[c, 0] / r if r > 0.0 else 0.0
+            to[c, 1] = now[c, 1] / g if g > 0.0 else 0.0
+            to[c, 2] = now[c, 2] / b if b > 0.0 else 0.0
+            _mean(now[c, 3], now[c, 4], now[c, 5], now[c, 6], to[c])

@@ -13,14 +13,13 @@ from gi_core.discs.search import SEARCHES
 from gi_core.discs.search.predicate import Discs, Lines, lines
 from gi_core.estimators.setting import Setting
 from gi_core.geometry.sides import NONE
-from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.model import Model
 from gi_core.photons.flux_sums import IntersectionLog, Sums
 from gi_core.photons.paths import Segments
 from gi_core.rays.accelerator import Transforms
 
 ROOM = 4  # crossings per segment in the first record
-GRAIN = 1024  # segments per thread
+GRAIN = 256  # segments per thread
 
 
 class Crossings(NamedTuple):
@@ -34,12 +33,11 @@ class Crossings(NamedTuple):
 
 
 class GlossDiscs:
-    """Discs of a scene's glossy receivers, object by object. Not thread safe."""
+    """Discs of glossy receivers, object by object. Not thread safe."""
 
-    def __init__(self, model: Model, radius: float):
-        """radius [m]: of the discs. A scene without glossy faces has no receivers here, and costs nothing."""
-        self.model, self.radius, s = model, radius, model.surfaces
-        self.rows = glossy_receivers(s)  # (n,) int64, ascending
+    def __init__(self, model: Model, radius: float, rows: np.ndarray):
+        """radius [m]: of the discs; rows (n,) int64: the receivers, ascending. Without any it costs nothing."""
+        self.model, self.radius, self.rows, s = model, radius, rows, model.surfaces
         self.first = np.searchsorted(self.rows, s.first_receiver)  # (objects + 1,) into `rows`
         self.normals = np.ascontiguousarray(model.object_receivers.normals[self.rows])  # (n, 3)
         self._searches = [self._search(o) for o in range(s.objects)] if len(self.rows) else []

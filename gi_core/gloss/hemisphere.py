@@ -13,6 +13,7 @@ from gi_core.base.jit import kernel
 
 SIDE = 8  # cells along a side of the square: three divisions
 CELLS = SIDE * SIDE
+FINE = 8  # points along a side of a cell, for its means
 
 
 @kernel
@@ -40,6 +41,16 @@ def centres() -> np.ndarray:
     """Return the directions (CELLS, 3) float64 of the middles of the cells."""
     a, b = ((2 * (m.reshape(-1) + 0.5) / SIDE - 1) for m in np.meshgrid(*[np.arange(SIDE)] * 2, indexing="ij"))
     return directions(np.stack([a, b], axis=1))
+
+
+def even_light() -> np.ndarray:
+    """Return the cells (CELLS, 6) float64 of a `GlossLight` under equal radiance from everywhere, normal z."""
+    fine = (2 * (np.arange(SIDE * FINE) + 0.5) / (SIDE * FINE) - 1).reshape(SIDE, FINE)
+    points = np.stack(np.broadcast_arrays(fine[:, None, :, None], fine[None, :, None, :]), axis=-1)
+    rays = directions(points.reshape(-1, 2)).reshape(CELLS, FINE * FINE, 3)
+    cosine, weight = rays[:, :, 2], np.sqrt(rays[:, :, 2:])
+    share = cosine.sum(axis=1) / cosine.sum()
+    return np.c_[share, share, share, (weight * rays).sum(axis=1) / weight.sum(axis=1)]
 
 
 def on_disc(square: np.ndarray) -> np.ndarray:

@@ -145,6 +145,15 @@ def reflectors(surfaces: Surfaces) -> tuple[tuple[Reflector, ...], ...]:
     return tuple(map(tuple, kept))
 
 
+def in_probes(surfaces: Surfaces) -> np.ndarray:
+    """Return the faces (F,) bool whose gloss pictures show from a probe."""
+    out = np.zeros(len(surfaces.lobe), bool)
+    for o, some in enumerate(reflectors(surfaces)):
+        for r in some:
+            out[r.faces + int(surfaces.first_face[o])] = r.way == PROBE
+    return out
+
+
 def ways(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
     """Return the noise factor (F,) of the gloss of each face, nan for diffuse ones, and its way (F,) in pictures."""
     noise, way = np.full(len(surfaces.lobe), math.nan), np.full(len(surfaces.lobe), MOMENTS, object)

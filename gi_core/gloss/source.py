@@ -6,9 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.cells import GlossCells, GlossLight
 from gi_core.gloss.discs import GlossDiscs
 from gi_core.gloss.rays import RayLists
+from gi_core.gloss.sharp import in_probes
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices
 from gi_core.retrace.cuts import PoseChange
@@ -24,20 +26,32 @@ class GlossSource:
     def __init__(self, model: Model):
         self._model = model
         self._cells: GlossCells | None = None
+        self._kept: tuple[float, bool] = (0.0, True)  # radius and way of the cells
         self._lists: RayLists | None = None
 
-    def cells(self, radius: float) -> GlossCells | None:
-        """Return the cells of glossy receivers; radius [m]: of irradiance. None without glossy faces."""
-        if self._cells is None or self._cells.discs.radius != radius * RADII:
-            self._cells, self._lists = GlossCells(GlossDiscs(self._model, radius * RADII)), None
-        return self._cells if len(self._cells.discs.rows) else None
+    def cells(self, radius: float, way: str = QUADTREE) -> GlossCells | None:
+        """Return the cells of glossy receivers; radius [m]: of irradiance. None without glossy faces.
+
+        way: one of WAYS. With cells alone, receivers whose gloss pictures show from probes have none.
+        """
+        if self._cells is None or self._kept != (radius, way == QUADTREE):
+            s = self._model.surfaces
+            rows = glossy_receivers(s, besides=in_probes(s) if way == QUADTREE else None)
+            self._cells = GlossCells(GlossDiscs(self._model, radius * RADII, rows), glossy_receivers(s))
+            self._kept, self._lists = (radius, way == QUADTREE), None
+        return self._cells if len(self._cells.rows) else None
 
     def lists(self, radius: float) -> RayLists | None:
         """Return the lists of rays; arguments as for cells()."""
-        cells = self.cells(radius)
+        cells = self.cells(radius, LIST)
         if cells is not None and self._lists is None:
             self._lists = RayLists(cells.discs)
         return self._lists
+
+    def reach(self, radius: float, way: str) -> float:
+        """Return the distance [m] within which rays near mobiles matter, 0: none do; arguments as for cells()."""
+        cells = self.cells(radius, way)
+        return cells.discs.radius if cells is not None and cells.discs.on_mobiles else 0.0
 
     def light(
         self, way: str, radius: float, photons: tuple[object, PathVertices, np.ndarray], change: PoseChange,
@@ -48,7 +62,7 @@ class GlossSource:
         way: one of WAYS; radius [m]: of irradiance; photons: as for GlossCells.bring_in(); clock: called after each
         step.
         """
-        cells = self.cells(radius)
+        cells = self.cells(radius, way)
         if cells is None or len(photons[1].offsets) < 2:
             return None
         for _ in cells.bring_in(*photons):

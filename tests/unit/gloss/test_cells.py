@@ -9,8 +9,11 @@ import pytest
 
 from gi_core.bsdf import ggx
 from gi_core.bsdf.table import join
-from gi_core.gloss.hemisphere import CELLS, cell_of, centres
+from gi_core.geometry.surfaces import glossy_receivers
+from gi_core.gloss.hemisphere import CELLS, cell_of, centres, even_light
 from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
+from gi_core.gloss.sharp import in_probes
+from gi_core.gloss.source import LIST
 from gi_core.retrace.cuts import current_segments
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Pose
@@ -72,6 +75,33 @@ def test_shares_sum_to_one_and_there_and_back_is_the_start():
         assert np.abs(total[total > 0] - 1).max() < 1e-5
         length = np.linalg.norm(whole[:, :, 3:], axis=2)
         assert length.max() < 1 + 1e-5 and 0.9 < length.min() < 0.99  # cells are small
+
+
+def test_gloss_that_pictures_show_from_probes_costs_no_rays():
+    """It has even light, for luminance and for reflections of reflections; lists hold its rays all the same."""
+    solver, even = solved(), even_light()
+    s, kept = solver.surfaces, solver.frame.gloss
+    probed = np.setdiff1d(kept.rows, glossy_receivers(s, besides=in_probes(s)))
+    place = np.searchsorted(kept.rows, probed)
+    assert len(probed) > 10
+    solver.move("ball", Pose((0.5, 0.5, 0.5)))
+    moved = solver.frame.gloss
+    assert not np.isin(place, moved.changed).any() and len(moved.changed)
+    np.testing.assert_allclose(moved.resting[place, :, :3], np.broadcast_to(even[:, :3], (len(place), CELLS, 3)), 1e-6)
+    solver.configure(gloss=LIST)
+    solver.solve()
+    assert np.abs(solver.frame.gloss.directions().cells[place, :, :3] - even[:, :3]).max() > 0.02
+
+
+def test_even_light_is_that_of_uniform_rays():
+    rays, even = directions(160_000), even_light()
+    cell = np.array([cell_of(*d) for d in rays])
+    share = np.bincount(cell, rays[:, 2], minlength=CELLS)
+    np.testing.assert_allclose(even[:, 1], share / share.sum(), rtol=0.06)
+    weight = np.sqrt(rays[:, 2])
+    for c in range(3):
+        mean = np.bincount(cell, weight * rays[:, c]) / np.bincount(cell, weight)
+        np.testing.assert_allclose(even[:, 3 + c], mean, atol=0.02)
 
 
 def test_a_scene_without_gloss_has_none(small_pilot):
