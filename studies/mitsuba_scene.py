@@ -92,6 +92,44 @@ def main() -> None:
         write_png(given.out, shot.take(), {})
 
 
+def described(solver: Solver) -> dict[str, np.ndarray]:
+    """Return the triangles of all objects at their poses, and the materials that they have, for mitsuba_paths.py."""
+    s, at, worn = solver.surfaces, solver.model.transforms(solver.poses), solver.scene.materials
+    material = np.concatenate([m.face_material for m in (solver.scene.static, *(o.mesh for o in solver.scene.mobiles))])
+    of_faces = np.c_[s.lobe, s.reflectance, s.emission]
+    _, first, kind = np.unique(of_faces, axis=0, return_index=True, return_inverse=True)
+    lobe, table, cosines = s.lobe[first], ggx.mean_fresnel(), (*np.linspace(0, 1, ggx.NODES), -1.0)
+    through = np.array([[ggx.passed(table, np.nan_to_num(row), cos) for cos in cosines] for row in lobe])
+    metal_rough, ward = np.zeros((len(first), 5)), np.zeros((len(first), 8))
+    for k, m in enumerate(material[first]):
+        if worn[m].gloss is not None:
+            found = as_metal_rough(np.array(worn[m].reflectance), worn[m].gloss)
+            metal_rough[k] = *found.base, found.metallic, found.roughness
+        if worn[m].brdf:
+            values = worn[m].brdf[0].values()
+            ward[k] = (
+                *np.broadcast_to(values["kd"], 3),
+                *np.broadcast_to(values["ks"], 3),
+                values["ax"],
+                values["bounded"],
+            )
+    corners = [s.vertices[o][s.faces[o]] @ at.rotation[o].T + at.position[o] for o in range(s.objects)]
+    return {
+        "corners": np.concatenate(corners), "material": kind.reshape(-1), "ward": ward,
+        "rho": s.reflectance[first], "emission": s.emission[first], "f0": lobe[:, :3], "f90": lobe[:, 3],
+        "alpha": lobe[:, 4], "through": through[:, :-1], "mean": through[:, -1], "metal_rough": metal_rough,
+    }  # fmt: skip
+
+
+def traced(scene: dict, python: str, folder: Path) -> dict[str, np.ndarray]:
+    """Return Mitsuba's irradiance at points, its standard errors, the radiance along rays, and the version."""
+    np.savez(folder / "scene.npz", **scene)
+    script = Path(__file__).with_name("mitsuba_paths.py")
+    subprocess.run([python, script, folder / "scene.npz", folder / "found.npz"], check=True)
+    with np.load(folder / "found.npz") as found:
+        return dict(found)
+
+
 class Truth:
     """Mitsuba's irradiance at points of the walls, and gloss of the floor towards EYES."""
 
@@ -120,7 +158,7 @@ class Truth:
             directions.append(d)
             self.factors.append(factors)
         rays = {"origins": np.concatenate(origins), "directions": np.concatenate(directions)}
-        scene = self._described(solver) | {"paths": PATHS, "points": at, "normals": normals} | rays
+        scene = described(solver) | {"paths": PATHS, "points": at, "normals": normals} | rays
         ours = reference_irradiance(solver.scene, at, normals, PATHS, 5, model=solver.model)
         self.mean, along = self._compared(scene | {"principled": False}, ours, python, folder)
         self._compared(scene | {"principled": True}, ours, python, folder)
@@ -131,39 +169,16 @@ class Truth:
 
     def _compared(self, scene: dict, ours: tuple[np.ndarray, np.ndarray], python: str, folder: Path):
         """Run Mitsuba, compare irradiance with paths of the program; return it and the radiance along rays."""
-        np.savez(folder / "scene.npz", **scene)
-        script = Path(__file__).with_name("mitsuba_paths.py")
-        subprocess.run([python, script, folder / "scene.npz", folder / "found.npz"], check=True)
-        with np.load(folder / "found.npz") as found:
-            mean, error, along, version = (found[k] for k in ("mean", "error", "along", "version"))
+        found = traced(scene, python, folder)
+        mean, error, along, version = (found[k] for k in ("mean", "error", "along", "version"))
         apart, both = np.abs(ours[0] - mean), np.sqrt(error**2 + ours[1] ** 2)
         beyond = (apart > 3 * both + 0.01 * mean).any(axis=1).sum()
         model = "principled" if scene["principled"] else "the same formulas"
-        total = mean.sum()
         total, ratio = mean.sum(), ours[0].sum() / mean.sum()
         print(f"Mitsuba {version}, {model}: irradiance of {POINTS} points, paths / Mitsuba {ratio:.4f}, mean noise "
               f"{100 * both.sum() / total:.2f} %, l1 {100 * apart.sum() / total:.2f} %, {beyond} points beyond 3 "
               "standard errors + 1 %", flush=True)  # fmt: skip
         return mean, along
-
-    def _described(self, solver: Solver) -> dict[str, np.ndarray]:
-        """Return the triangles, and the materials that they have."""
-        s = solver.surfaces
-        of_faces = np.c_[s.lobe, s.reflectance, s.emission]
-        _, first, kind = np.unique(of_faces, axis=0, return_index=True, return_inverse=True)
-        lobe, table, cosines = s.lobe[first], ggx.mean_fresnel(), (*np.linspace(0, 1, ggx.NODES), -1.0)
-        through = np.array([[ggx.passed(table, np.nan_to_num(row), cos) for cos in cosines] for row in lobe])
-        metal_rough = np.zeros((len(first), 5))
-        for k, m in enumerate(solver.scene.static.face_material[first]):
-            worn = solver.scene.materials[m]
-            if worn.gloss is not None:
-                found = as_metal_rough(np.array(worn.reflectance), worn.gloss)
-                metal_rough[k] = *found.base, found.metallic, found.roughness
-        return {
-            "corners": s.vertices[0][s.faces[0]], "material": kind.reshape(-1),
-            "rho": s.reflectance[first], "emission": s.emission[first], "f0": lobe[:, :3], "f90": lobe[:, 3],
-            "alpha": lobe[:, 4], "through": through[:, :-1], "mean": through[:, -1], "metal_rough": metal_rough,
-        }  # fmt: skip
 
     def report(self, name: str, solver: Solver) -> None:
         """Print the error of a solver's frame."""
