@@ -177,7 +177,7 @@ class PosePaths:
         return out
 
     def smoothed(self, pilot: np.ndarray) -> np.ndarray:
-        """Return pilots (n, 2) averaged over neighbours: eight paths in a dark crease may miss all of its light."""
+        """Return pilots (n, 2) averaged over neighbours: a pilot in a dark crease may miss all of its light."""
         everywhere, threads = np.ones(len(pilot), bool), self._points.model.threads
         mean, variance = (averaged(self.near, a, everywhere, threads) for a in (pilot[:, 0], pilot[:, 1] ** 2))
         return np.stack([mean, np.sqrt(variance)], axis=1)

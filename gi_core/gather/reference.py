@@ -22,11 +22,13 @@ from gi_core.geometry.error import luminance, noise_of_truth, small_sample_bias
 from gi_core.model import Model
 from gi_core.scene.types import Pose, Scene
 
-PILOT = 8  # independent paths per point
+# Independent paths of the pilot: of all points together, then the bounds per point. Light by way of a mirror may come
+# on one path in fifty; eight paths missed it (decision 33).
+PILOT, FEWEST, MOST = 1 << 18, 8, 64
 PILOT_STREAM = 0x9107  # separates their random numbers
 AIM = 0.01  # relative l1 error for which sets are sized, assuming independent paths ...
 ROUNDS = 8  # ... in this many rounds; stratified sets need about half of them
-FLOOR = 0.1  # of the mean deviation: least deviation of a point, since eight paths may all miss
+FLOOR = 0.1  # of the mean deviation: least deviation of a point, since a pilot's paths may all miss
 EVEN_SET = 4  # log2 of the paths per point and round without weights
 PATHS_PER_STEP = 1 << 13  # some 30 ms: a drag waits for one step at most
 
@@ -124,8 +126,9 @@ class Rounds:
         if not len(s.sets):
             return
         if self._weights is not None and len(rows := np.flatnonzero(np.isnan(s.pilot[:, 0]))):
-            rows = rows[: max(1, paths // PILOT)]
-            light = self._pilot(self.paths(rows, 0, PILOT, 0, PILOT_STREAM))
+            pilot = min(max(PILOT // len(s.sets), FEWEST), MOST)
+            rows = rows[: max(1, paths // pilot)]
+            light = self._pilot(self.paths(rows, 0, pilot, 0, PILOT_STREAM))
             s.pilot[rows] = np.stack([light.mean(axis=1), light.std(axis=1, ddof=1)], axis=1)
             return
         if s.log2_set.min() < 0:
@@ -179,10 +182,10 @@ class ReferenceRounds(Rounds):
         if state is not None and state.mean.shape[1] != channels:
             raise ValueError(f"the state has {state.mean.shape[1]} channels, but there are {channels}")
         state = ReferenceState.empty(n, channels) if state is None else ReferenceState(*(a.copy() for a in state))
-        super().__init__(gatherer.paths, _luminance_of_all, weights, state, rounds)
+        super().__init__(gatherer.paths, luminance_of_all, weights, state, rounds)
 
 
-def _luminance_of_all(values: np.ndarray) -> np.ndarray:
+def luminance_of_all(values: np.ndarray) -> np.ndarray:
     """Return the luminance (n, count) of estimates (n, count, channels) of all lamps together."""
     return luminance(values[..., :3])
 

@@ -174,3 +174,19 @@ def test_noise_of_few_rounds_is_unbiased():
         noise[sets] = gathered(scene, sets, 0, points).noise(weights)
     assert noise[2] == pytest.approx(2 * noise[8], rel=0.05)
     assert rounds.ROUNDS > 4  # far more than two
+
+
+def test_a_pilot_sees_rare_light():
+    """Light by way of a mirror comes on one path in fifty; eight paths saw none at most points."""
+    rng, rare = np.random.default_rng(1), np.arange(400) % 2 == 1
+
+    def paths(rows, first, count, m, stream):
+        light = np.where(rare[rows, None], 50.0 * (rng.random((len(rows), count)) < 1 / 50), 1.0 + rng.random(count))
+        return np.repeat(light[:, :, None], 3, axis=2)
+
+    gathered = rounds.Rounds(paths, rounds.luminance_of_all, np.ones(400), ReferenceState.empty(400))
+    while gathered.state.rounds < 1:
+        gathered.step()
+    m = gathered.state.log2_set.astype(int)
+    # 1 - (1 - 1/50)^64 = 0.73 of the pilots meet the light; of those with eight paths 0.15.
+    assert (m[rare] > m[~rare].max() + 1).mean() > 0.6
