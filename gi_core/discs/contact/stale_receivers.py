@@ -102,17 +102,17 @@ class ContactDiscs:
     def regions_of(self, contacts: PoseContacts) -> Iterator[None]:
         """Use the shortened regions of discs on mobiles in this context; searches must not copy regions."""
         contacts, before = contacts.regions, []
-        for discs, contact in zip(self._discs[1:], contacts[1:], strict=True):
-            row, reach, _ = discs.regions
-            before.append(row[contact.rows])
-            spare = len(reach) - len(row)
-            if len(contact.rows):
-                reach[spare + contact.rows] = contact.reach
-                row[contact.rows] = spare + contact.rows
         try:
+            for discs, contact in zip(self._discs[1:], contacts[1:], strict=True):
+                row, reach, _ = discs.regions
+                before.append(row[contact.rows])
+                spare = len(reach) - len(row)
+                if len(contact.rows):
+                    reach[spare + contact.rows] = contact.reach
+                    row[contact.rows] = spare + contact.rows
             yield
-        finally:
-            for discs, contact, rows in zip(self._discs[1:], contacts[1:], before, strict=True):
+        finally:  # an interrupt may come before all are shortened
+            for discs, contact, rows in zip(self._discs[1:], contacts[1:], before, strict=False):
                 discs.regions.row[contact.rows] = rows
 
     def areas_of(self, contacts: PoseContacts) -> tuple[np.ndarray, np.ndarray]:
