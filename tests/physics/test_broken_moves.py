@@ -36,7 +36,7 @@ class BrokenOff(BaseException):
 def watched(call, break_at: int = 0) -> int:
     """Call, and raise when the n-th function of the program begins or ends; return the number of such events.
 
-    Not where a generator yields: raised there by a profiler, an exception skips its `finally`. No interrupt comes there.
+    Not where a generator yields: an exception of a profiler skips its `finally`, and no interrupt comes there.
     """
     count = 0
 
