@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+from gi_core.defaults import choose
 from gi_core.estimators import ESTIMATORS
 from gi_core.instruments import compile_ahead
 
@@ -35,6 +37,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path not in first)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def bytecode_of_children(tmp_path_factory):
+    """Keep bytecode of child processes outside the tree, even where it is switched off: 0.3 s per process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
+        patch.setenv("PYTHONPYCACHEPREFIX", str(tmp_path_factory.mktemp("bytecode")))
+        yield
+
+
 @pytest.fixture(autouse=True)
 def numpy_raises():
     """Overflow, invalid operations and divisions by zero are errors in tests."""
@@ -53,9 +64,20 @@ def estimator(request) -> str:
     return request.param
 
 
-@pytest.fixture(scope="module")
-def small_pilot():
-    """Choose defaults from few photons: for files that make hundreds of solvers of given photons and radius."""
+@pytest.fixture(scope="session", autouse=True)
+def brief_pilot():
+    """Trace 64 pilot photons for a solver of given photons and radius, which chooses nothing.
+
+    The pilot then gives the scene size alone. With all photons it is half the work of most solvers in tests.
+    """
+    chosen, one_at_a_time = choose.choose, threading.RLock()
+
+    def brief(model, photons, radius, neighbours):
+        with one_at_a_time, pytest.MonkeyPatch.context() as patch:
+            if photons is not None and radius is not None:
+                patch.setattr(choose, "PILOT_PHOTONS", 64)
+            return chosen(model, photons, radius, neighbours)
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gi_core.defaults.choose.PILOT_PHOTONS", 64)
+        patch.setattr("gi_core.solver.choose", brief)
         yield

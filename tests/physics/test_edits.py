@@ -22,7 +22,6 @@ from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
 from tests.support.photometry import luminaire
 from tests.support.scene_builders import box, merge, quad, sphere
 
-pytestmark = pytest.mark.usefixtures("small_pilot")
 GIVEN = {"photons": 6000, "radius": 0.15, "neighbours": 6, "seed": 5}
 TURNED = Pose((0.4, 0.6, 0.2), axis_angle((0, 0, 1), 30))
 

@@ -29,8 +29,6 @@ from tests.support.brdf_tables import exact, nodes
 from tests.support.reference_twins import Twin
 from tests.support.scene_builders import box, merge, quad, sphere
 
-pytestmark = pytest.mark.usefixtures("small_pilot")
-
 GIVEN = {"photons": 4000, "radius": 0.2, "neighbours": 12, "seed": 5}
 SURFACES = {
     "varnish": Material("", (0.6, 0.3, 0.2), gloss=Gloss(alpha=0.1)),

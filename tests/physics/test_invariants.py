@@ -26,8 +26,6 @@ from tests.support.photometry import luminaire
 from tests.support.reference_twins import Twin
 from tests.support.scene_builders import box, merge, quad, sphere
 
-pytestmark = pytest.mark.usefixtures("small_pilot")
-
 PHOTONS, RADIUS, NEIGHBOURS, SEED = 300, 0.2, 6, 11
 AWAY = Pose((50.0, 50.0, 50.0))
 

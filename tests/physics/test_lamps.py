@@ -18,8 +18,6 @@ from gi_core.scene.types import LightScene, Material, Mobile, PointLight, Pose, 
 from gi_core.solver import Solver
 from tests.support.scene_builders import box, merge, quad, sphere
 
-pytestmark = pytest.mark.usefixtures("small_pilot")
-
 GIVEN = {"photons": 4000, "radius": 0.2, "neighbours": 12, "seed": 5}
 MOVED = {"box": Pose((0.35, 0.6, 0.0), axis_angle((0, 0, 1), 30.0)), "ball": Pose((0.5, 0.5, 0.3))}
 LAMPS = ("bulb", "firmament", "lamp", "strip")

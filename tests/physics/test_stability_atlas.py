@@ -46,18 +46,21 @@ def check(row: AtlasRow) -> None:
 
 # The page has more photons than these tests need: divisors, with which `check` still has power for each row.
 FEWER = {
-    photon_map.thin_wall: 4,
-    photon_map.corners: 2,
-    tangent_plane.walls_and_corners: 2,
-    tangent_plane.table_leg: 2,
-    tangent_plane.curved_outside: 8,
-    tangent_plane.larger_than_the_room: 4,
-    tangent_plane.curved_inside: 4,
-    tangent_plane.lamp_near_a_surface: 4,
-    others.bright_rooms: 8,
-    others.beside_a_mobile: 2,
-    programs.soup: 4,
-    gloss.blur: 4,
+    photon_map.small_surfaces: 2,
+    photon_map.thin_wall: 8,
+    photon_map.corners: 4,
+    tangent_plane.walls_and_corners: 4,
+    tangent_plane.table_leg: 8,
+    tangent_plane.curved_outside: 16,
+    tangent_plane.larger_than_the_room: 8,
+    tangent_plane.curved_inside: 8,
+    tangent_plane.lamp_near_a_surface: 16,
+    tangent_plane.shadow_edge: 4,
+    others.textbook: 4,
+    others.bright_rooms: 16,
+    others.beside_a_mobile: 8,
+    programs.soup: 8,
+    gloss.blur: 8,
 }
 
 

@@ -16,8 +16,6 @@ from gi_core.scene.types import Camera, Gloss, Material, Mobile, Pose, Scene
 from tests.support.gl_drawing import gl_picture
 from tests.support.scene_builders import box, merge, quad, sphere
 
-pytestmark = pytest.mark.usefixtures("small_pilot")
-
 SETTINGS = Settings(size=(240, 160), photons=4000, radius=0.2, exposure=-1.0, tone_map="clip", light="photons")
 MIRROR = Gloss((0.9, 0.9, 0.9), 0.0, 0.9)
 

@@ -136,6 +136,7 @@ def test_complete_static_light_gives_each_session_the_same_bits():
 
 def test_light_of_the_last_poses_is_kept(monkeypatch):
     monkeypatch.setattr(static, "ENOUGH", 0.2)
+    monkeypatch.setattr(pose_gather, "KEPT", 3)
     solver, lights = solved(False), []
     for pose in POSES[: pose_gather.KEPT + 1]:
         solver.move("box", pose)

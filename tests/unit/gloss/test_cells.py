@@ -20,8 +20,6 @@ from gi_core.scene.types import Pose
 from gi_core.solver import Solver
 from tests.physics.test_gloss import GIVEN, ROOM
 
-pytestmark = pytest.mark.usefixtures("small_pilot")
-
 
 def directions(n: int) -> np.ndarray:
     """Return directions uniform over the hemisphere, (n, 3)."""
@@ -104,7 +102,7 @@ def test_even_light_is_that_of_uniform_rays():
         np.testing.assert_allclose(even[:, 3 + c], mean, atol=0.02)
 
 
-def test_a_scene_without_gloss_has_none(small_pilot):
+def test_a_scene_without_gloss_has_none():
     from tests.physics.test_invariants import SCENE
 
     solver = Solver(SCENE, photons=300, radius=0.2, neighbours=6)

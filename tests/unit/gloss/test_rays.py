@@ -23,8 +23,6 @@ from tests.physics.test_gloss import GIVEN, ROOM
 from tests.support.quadtree_2003 import QuadTree2003
 from tests.unit.gloss.test_cells import directions, of_cells
 
-pytestmark = pytest.mark.usefixtures("small_pilot")
-
 
 def solved(**more) -> Solver:
     solver = Solver(ROOM, **GIVEN | {"gloss": LIST} | more)

@@ -24,7 +24,7 @@ from gi_core.scene.types import (
 from gi_core.solver import Solver
 from tests.support.scene_builders import box_mobile, grey, plane_scene
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_pilot")]
+pytestmark = pytest.mark.slow
 
 NAN, INF = float("nan"), float("inf")
 HUGE = 10**400  # no float holds it
