@@ -21,6 +21,7 @@ from app.rest import spread_paths
 from app.rest.static_job import restore
 from app.rest.within import gather
 from app.settings import Settings, make_solver
+from gi_core.defaults.choose import choose
 from gi_core.gather.static import StaticGather
 from gi_core.scene import Pose
 from tests.cli.test_render import checkered_room
@@ -30,6 +31,12 @@ from tests.support.small_charts import small_charts
 
 SMALL = Settings(photons=4000, radius=0.06, size=(96, 72))
 FRAMES = 4
+
+
+@pytest.fixture(autouse=True)
+def whole_pilot(monkeypatch):
+    """Other processes trace all pilot photons, so this one does."""
+    monkeypatch.setattr("gi_core.solver.choose", choose)
 
 
 @pytest.fixture(scope="module")

@@ -61,6 +61,7 @@ FEWER = {
     others.beside_a_mobile: 8,
     programs.soup: 8,
     gloss.blur: 8,
+    gloss.noise: 2,
 }
 
 

@@ -31,7 +31,15 @@ def quick(monkeypatch, tmp_path):
 
 
 def opened(light: str = "best") -> Session:
-    settings = Settings(estimator="tangent_plane", photons=3000, radius=0.06, neighbours=20, exposure=0.0, light=light)
+    settings = Settings(
+        estimator="tangent_plane",
+        photons=3000,
+        radius=0.06,
+        neighbours=20,
+        exposure=0.0,
+        light=light,
+        measure_errors=False,
+    )
     solver = Solver(SCENE, photons=3000, radius=0.06)
     solver.configure(light=light)
     session = Session(settings, Log(), open_with=lambda settings: None)

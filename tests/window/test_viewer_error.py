@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.rest import live_error
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import errors, keys
 
@@ -14,6 +15,13 @@ pytest_plugins = ["tests.support.viewer_fixtures"]
 pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl", "folder")]
 
 MEASURED = replace(support.SETTINGS, measure_errors=True, size=(960, 640))
+
+
+@pytest.fixture(autouse=True)
+def rough_reference(monkeypatch):
+    """References of 4 % noise: the tests compare pictures of it with themselves."""
+    monkeypatch.setattr(live_error, "PICTURE_NOISE", 0.04)
+    monkeypatch.setattr(live_error, "NOISE_OF_ERROR", 0.5)
 
 
 def report(viewer):
@@ -40,8 +48,8 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         hand.ctx.set_ref("Panel")
         hand.ctx.combo_click("##Show/Error map")
         hand.wait(lambda: shown(viewer).errors is not None and not shown(viewer).coming)
-        live_error = viewer.session.light._work.live_error
-        next_task, live_error.next_task = live_error.next_task, lambda *_: None  # or the map would keep improving
+        errors_of = viewer.session.light._work.live_error
+        next_task, errors_of.next_task = errors_of.next_task, lambda *_: None  # or the map would keep improving
         hand.wait(lambda: viewer.session.light.all_done)  # also the task under way, which may improve it
         picture = hand.pixels()
         assert words and words[-1][0] == "Error of irradiance" and (picture != light).any()
@@ -60,7 +68,7 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         )
         hand.ctx.combo_click("##Scale/\N{PLUS-MINUS SIGN}10 %")
         hand.wait(lambda: shown(viewer).errors.scale == 0.1)
-        live_error.next_task = next_task
+        errors_of.next_task = next_task
         hand.ctx.combo_click("##Show/Radiance")
 
         # It disappears with a move, and returns.

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.rest import live_error
 from app.rest.reference_store import SAVE_SECONDS, StateFile, StaticStore
 from app.session.log import ERROR, Log
 from app.session.opening import Opened
@@ -27,7 +28,9 @@ TASK = 0.4 * SAVE_SECONDS  # s of the test's clock that each task takes: every t
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "empty"))
-    monkeypatch.setattr(static, "ENOUGH", 0.06)
+    monkeypatch.setattr(static, "ENOUGH", 0.1)
+    monkeypatch.setattr(live_error, "NOISE_OF_ERROR", 0.5)
+    monkeypatch.setattr(live_error, "PICTURE_NOISE", 0.05)
     return tmp_path / "empty"
 
 
