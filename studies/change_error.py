@@ -9,21 +9,20 @@ receivers whose change is less than TOUCHED of the mean, the others, and all.
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from app.draw import motion
-from app.settings import STEP, Settings, make_solver, open_moving_scene
+from app.settings import Settings, make_solver, open_moving_scene
 from gi_core.frames.control_variate import AROUND, frame_irradiance
-from gi_core.geometry.error import luminance, relative_error
+from gi_core.geometry.error import relative_error
 from gi_core.photons.flux_sums import NOT_ADDITIVE, Evaluated
 from gi_core.solver import Solver
+from studies.mobile_changes import FRAMES, places, print_rows, touched, with_change
 
-PHOTONS, FRAMES = 1 << 20, (1 << 14, 1 << 16)
+PHOTONS = 1 << 20
 TRUTH, TRUTH_SEED = 1 << 22, 99
-STEPS, PLACES = 40, (6, 20, 33)  # of the path, and those measured
 TOUCHED = 0.03
 
 
@@ -40,8 +39,8 @@ def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
     return frame_irradiance(*given)[: len(better)]
 
 
-def report(name: str) -> None:
-    """Print the table of a scene."""
+def rows_of(name: str) -> Iterator[str]:
+    """Yield the rows of a scene."""
     settings = Settings(scene=name, photons=PHOTONS, light="best")
     scene = open_moving_scene(settings)
     solver, judge = (
@@ -50,35 +49,23 @@ def report(name: str) -> None:
     solver.solve()
     judge.solve()
     static = solver.surfaces.receiver_range(0)
-    weights, still = solver.receivers.areas[static], judge.resting_irradiance
-    lap = motion.walk(motion.paths_of(solver), STEP * solver.scene_size, STEPS)
+    weights, still, every = solver.receivers.areas[static], judge.resting_irradiance, places(solver)
     for photons in FRAMES:
         found = np.zeros((2, 3))
-        for place in PLACES:
-            judge.move_all(lap[place], paths=4)
+        for poses in every:
+            judge.move_all(poses, paths=4)
             after = judge.irradiance[static]
-            better = solver.frame.background.resting(PHOTONS)
-            share = np.divide(after, still, out=np.ones_like(after), where=still > 0)
-            truth = np.where(after < still, better * share, better + after - still)
-            change = np.abs(luminance(after) - luminance(still))
-            touched = change >= TOUCHED * np.average(luminance(still), weights=weights)
-            solver.move_all(lap[place], photons, 4)
+            truth = with_change(after, still, solver.frame.background.resting(PHOTONS))
+            changed = touched(after, still, weights, TOUCHED)
+            solver.move_all(poses, photons, 4)
             for k, keep_all in enumerate((True, False)):
                 E = read(solver, photons, keep_all)
-                rows = (~touched, touched, np.ones_like(touched))
-                found[k] += [relative_error(E, truth, weights, r).l1 / len(PLACES) for r in rows]
+                rows = (~changed, changed, np.ones_like(changed))
+                found[k] += [relative_error(E, truth, weights, r).l1 / len(every) for r in rows]
         for label, row in zip(("as measured", "smoothed and shrunk"), found, strict=True):
             cells = " | ".join(f"{100 * e:.2f}" for e in row)
-            print(f"| {name} | {photons:,} | {label} | {cells} |", flush=True)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="+")
-    print("| scene | photons | change | hardly changed | changed | all (%) |\n|---|---|---|---|---|---|")
-    for name in parser.parse_args().scenes:
-        report(name)
+            yield f"{photons:,} | {label} | {cells}"
 
 
 if __name__ == "__main__":
-    main()
+    print_rows(__doc__, "change | hardly changed | changed | all (%)", rows_of)

@@ -12,22 +12,20 @@ alone, over all light; time of a frame of all light.
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from app.draw import motion
-from app.settings import STEP, Settings, open_moving_scene
+from app.settings import Settings, open_moving_scene
 from gi_core.gather.reference_sample import draw_by_area, gather_sample
-from gi_core.geometry.error import luminance, relative_error
+from gi_core.geometry.error import relative_error
 from gi_core.model import Model
 from gi_core.scene import Mesh, Scene
 from gi_core.solver import Solver
+from studies.mobile_changes import FRAMES, PLACES, places, print_rows, touched, with_change
 
-FRAMES = (1 << 14, 1 << 16)  # photons
 RADII = (1.0, 2.0, 4.0)  # over the default
-STEPS, PLACES = 40, (6, 20, 33)  # of the path, and those measured
 TOUCHED = 0.01
 POINTS, NOISE, SEED = 300, 0.01, 77
 SCOUT = 1 << 21  # photons that find changed receivers
@@ -44,36 +42,27 @@ def black(scene: Scene) -> Scene:
     return replace(scene, static=dark(scene.static), materials=materials, mobiles=mobiles)
 
 
-def with_change(frame: np.ndarray, rest: np.ndarray, better: np.ndarray) -> np.ndarray:
-    """Return better light at rest with the change of a frame, as gi_core.frames.control_variate measures it."""
-    share = np.divide(frame, rest, out=np.ones_like(frame), where=rest > 0)
-    return np.where(frame < rest, better * share, better + frame - rest)
-
-
 def truth(scene: Scene, poses: dict, rows: np.ndarray, weights: np.ndarray, seed: int) -> np.ndarray:
     """Return path traced irradiance (n, 3) [W/m2] at static receivers of a scene."""
     *_, sample = gather_sample(Model(scene), poses, rows, weights, seed, NOISE)
     return sample.irradiance
 
 
-def report(name: str) -> None:
-    """Print the rows of a scene."""
+def rows_of(name: str) -> Iterator[str]:
+    """Yield the rows of a scene."""
     scene = open_moving_scene(Settings(scene=name))
     dark = black(scene)
     scout = Solver(scene, photons=SCOUT, light="photons")
     scout.solve()
     radius, static = scout.setting.radius, scout.surfaces.receiver_range(0)
-    areas, still = scout.receivers.areas[static], luminance(scout.resting_irradiance)
-    lap = motion.walk(motion.paths_of(scout), STEP * scout.scene_size, STEPS)
-    cases = []
-    for place in PLACES:
-        scout.move_all(lap[place])
-        change = np.abs(luminance(scout.irradiance[static]) - still)
-        changed = np.flatnonzero((areas > 0) & (change > TOUCHED * np.average(still, weights=areas)))
-        rows, weights = draw_by_area(changed, areas, POINTS, place)
-        moved = [truth(s, lap[place], rows, weights, SEED) for s in (scene, dark)]
+    areas, cases = scout.receivers.areas[static], []
+    for place, poses in zip(PLACES, places(scout), strict=True):
+        scout.move_all(poses)
+        changed = touched(scout.irradiance[static], scout.resting_irradiance, areas, TOUCHED)
+        rows, weights = draw_by_area(np.flatnonzero((areas > 0) & changed), areas, POINTS, place)
+        moved = [truth(s, poses, rows, weights, SEED) for s in (scene, dark)]
         rest = [truth(replace(s, mobiles=()), {}, rows, weights, SEED + 1) for s in (scene, dark)]
-        cases.append((lap[place], rows, weights, *moved, *rest))
+        cases.append((poses, rows, weights, *moved, *rest))
     del scout
     for photons in FRAMES:
         for factor in RADII:
@@ -92,16 +81,8 @@ def report(name: str) -> None:
                 light = (every, direct + T - Td, Td + rest)
                 found += [relative_error(E, T, weights).l1 / len(cases) for E in light]
             cells = " | ".join(f"{100 * e:.1f}" for e in found)
-            print(f"| {name} | {photons:,} | {factor:g} | {cells} | {ms:.1f} |", flush=True)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="+")
-    print("| scene | photons | radius | all | direct | indirect | ms |\n|---|---|---|---|---|---|---|")
-    for name in parser.parse_args().scenes:
-        report(name)
+            yield f"{photons:,} | {factor:g} | {cells} | {ms:.1f}"
 
 
 if __name__ == "__main__":
-    main()
+    print_rows(__doc__, "radius | all | direct | indirect | ms", rows_of)

@@ -1,4 +1,4 @@
-"""An open scene: opening, settings, moves, undo, playing. No window, no GL.
+"""The user's requests to an open scene: opening, settings, moves, undo, playing. No window, no GL.
 
 The window calls `tick` once per frame and draws the snapshot when `version` has changed.
 """
@@ -6,17 +6,13 @@ The window calls `tick` once per frame and draws the snapshot when `version` has
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
-from app.draw.camera import Turntable, matrices
-from app.draw.white_balance import NEUTRAL, Gains, gains_for
 from app.rest.measured_points import MeasuredPoints
 from app.session.log import WARNING, Log
+from app.session.open_scene import OpenScene
 from app.session.opening import Opened, Opening
 from app.session.solver_thread import Solving
 from app.session.undo import Field, History
@@ -26,14 +22,7 @@ from gi_core.scene import Pose
 from gi_core.scene.pose import pose_at
 
 if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
-    from app.draw.draw_mesh import DrawMesh
-    from app.draw.picking import Picker
-    from app.rest.measuring_plane import Level
-    from app.session.method_view import Look
-    from gi_core.defaults.choose import Chosen
-    from gi_core.files.edits import Edit, Values
-    from gi_core.model import Model
-    from gi_core.scene import Scene
+    from gi_core.files.edits import Edit
 
 BUDGET = 0.008  # s per frame for refinement
 FADE = 1.0  # s of a cross-fade between light scenes
@@ -54,7 +43,7 @@ class Asked(NamedTuple):
     poses: dict[str, Pose]
 
 
-class Session:
+class Session(OpenScene):
     """`ready` is True once there is a solver; until then only `opening` and `problem` change."""
 
     def __init__(
@@ -65,30 +54,19 @@ class Session:
         clock: Callable[[], float] = time.perf_counter,
         worker: Worker | None = None,
     ) -> None:
-        self.settings = settings  # the user's
+        super().__init__(settings)
         self.log = log
         self.clock = clock
         self.opening: Opening | None = open_with(settings)
         self.problem: BaseException | None = None  # of the opening
-        self.scene: Scene
-        self.model: Model
-        self.chosen: Chosen
-        self.gains: Gains = NEUTRAL  # of the white balance
-        self._meshes: tuple[DrawMesh, ...] = ()
         self._fade: tuple[dict, float] | None = None  # levels at the start of a cross-fade, and its time
         self._dimmed = settings.lamps, settings.solo  # in the light on show, or asked for
-        self._lit: tuple[np.ndarray | None, tuple[DrawMesh, ...]] = None, ()  # levels, and the meshes at these
-        self.picker: Picker | None = None
         self.dragging = False
-        self.receiver = -1  # under the cursor; -1: none
         self.before_drag: dict[str, Pose] = {}  # poses when the drag, or playing, began
         self.playing = False
         self.history = History()
         self._before_edit: dict[Field, Any] = {}  # fields when an edit began
-        self._finishes: dict[tuple[str, bool], Values] = {}
-        self.edits = settings.edits  # those on show, and those asked for
         self.asked: Asked | None = None  # until `Reload` opens the scene with these edits
-        self.light: Solving | None = None
         self.points = MeasuredPoints()  # of the error chart
         self.lights: dict[str | None, str | None] = {}  # by estimator, as they were left
         self._refreshed = 0  # redraws of the same light
@@ -98,24 +76,6 @@ class Session:
         self._changed_at = 0.0
         self._moved_at = 0.0
         self._path_time = 0.0
-        self._paths: dict = {}
-
-    @property
-    def meshes(self) -> tuple[DrawMesh, ...]:
-        """Draw meshes, the static part first; lamps emit at the levels of the light on show."""
-        from app.draw.draw_mesh import dimmed
-
-        levels = self.light.snapshot.levels
-        if self._lit[0] is not levels:
-            self._lit = levels, dimmed(self._meshes, levels)
-        return self._lit[1]
-
-    @cached_property
-    def level(self) -> Level:
-        """The lit box along the axes of the scene, for measuring planes."""
-        from app.rest.measuring_plane import level_of
-
-        return level_of(self.chosen.low, self.chosen.high, self.scene.up)
 
     @property
     def ready(self) -> bool:
@@ -129,33 +89,6 @@ class Session:
     def version(self) -> int:
         """A number that grows with each new picture."""
         return self.light.version + self._refreshed
-
-    @property
-    def poses(self) -> dict[str, Pose]:
-        """Poses of the mobiles, those of moves under way included."""
-        return self.light.poses
-
-    @property
-    def moved(self) -> dict[str, Pose]:
-        """Poses of the mobiles that differ from the scene file's."""
-        asked = dict(self.settings.poses)
-        return {name: p for name, p in self.poses.items() if name in asked or p != self._start[name]}
-
-    @property
-    def pose_list(self) -> list[Pose]:
-        """Poses of the light on show, in the scene's order."""
-        return [self.light.snapshot.poses[m.name] for m in self.scene.mobiles]
-
-    def box_of(self, names: Iterable[str], poses: Mapping[str, Pose] | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Return the corners (3,) [m] of the box round mobiles at poses, by default the present ones."""
-        numbers = [1 + self.model.names.index(name) for name in names]
-        points = [self.model.vertices_at(o, self.poses if poses is None else poses) for o in numbers]
-        return np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)
-
-    @property
-    def irradiance(self) -> np.ndarray:
-        """Irradiance (R, 3) [W/m2] of the light on show."""
-        return self.light.snapshot.irradiance
 
     # Once a frame -----------------------------------------------------------------------------------
 
@@ -183,16 +116,6 @@ class Session:
         elif self.clock() - self._moved_at >= STILL:
             self.light.settle()
         self.light.show_method(self._look)
-
-    @property
-    def _look(self) -> Look | None:
-        """Parts of the method that the settings ask for."""
-        s = self.settings
-        if not (s.show_paths or s.show_disc or s.show_recomputed):
-            return None
-        from app.session.method_view import Look
-
-        return Look(s.show_paths, self.receiver if s.show_disc else -1, s.show_recomputed)
 
     def _dim(self) -> None:
         """Follow the settings of the lamps, at once or in a cross-fade."""
@@ -246,21 +169,12 @@ class Session:
 
     def adopt(self, opened: Opened) -> None:
         """Show a scene that has its first picture."""
-        from app.draw.motion import paths_of
-
         # Changes made in the panel meanwhile stay; open settings get their values.
         filled = {k: v for k, v in vars(opened.settings).items() if getattr(self.settings, k) is None}
         self.filled = {name: value for name, value in filled.items() if value is not None}
         self.settings = self._applied = replace(self.settings, **filled)
-        self._meshes, self.picker = opened.meshes, opened.picker
-        # These records never change; the solver's thread alone touches the rest.
-        solver = opened.solver
-        self.scene, self.model, self.chosen = solver.scene, solver.model, solver.chosen
-        self.gains = gains_for(solver.model.emitters.total_flux)
-        self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
         self._dimmed = opened.settings.lamps, opened.settings.solo
-        self.light = Solving(solver, self.log, self.clock, self._worker)
-        self._start = self.light.snapshot.poses
+        self._show(opened, Solving(opened.solver, self.log, self.clock, self._worker))
         for note in self.scene.notes:
             self.log(note)
 
@@ -340,17 +254,6 @@ class Session:
 
     # Edits ------------------------------------------------------------------------------------------
 
-    def finish_of(self, name: str, material: bool) -> Values:
-        """Return the reflection of a mobile, or of a material in the static part, as an edit gives it."""
-        from gi_core.files.edits import Finish, finish_of
-
-        for edit in reversed(self.edits):
-            if isinstance(edit, Finish) and edit.name == name:
-                return edit.material
-        if (name, material) not in self._finishes:
-            self._finishes[name, material] = finish_of(self.scene, self.model.surfaces, name, material)
-        return self._finishes[name, material]
-
     def change_scene(self, *edits: Edit) -> None:
         """Change the scene, one step of undo; `Reload` opens it in the background, this picture staying until then."""
         from gi_core.files.edits import Finish
@@ -378,11 +281,6 @@ class Session:
 
     # Playing ----------------------------------------------------------------------------------------
 
-    @property
-    def paths(self) -> dict:
-        """Paths by mobile: the scene's, else a circle for the first mobile."""
-        return self._paths
-
     def toggle_play(self) -> None:
         if not self.playing and not self.paths:
             self.log("this scene has no mobile to play", WARNING)
@@ -400,29 +298,6 @@ class Session:
 
         self._path_time += seconds
         self.move({name: pose_at(path, play_head(path, self._path_time)) for name, path in self.paths.items()})
-
-    # To be drawn ------------------------------------------------------------------------------------
-
-    def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return linear radiance (D, 3) float32 of front and back of an object's draw vertices."""
-        from app.draw.vertex_colours import colours
-
-        return colours(self.meshes[o], self.light.snapshot.drawn.irradiance, self.settings.shows_radiance)
-
-    def metered(self, camera: Turntable) -> float:
-        """Return the metered exposure [EV] of a view of the light on show."""
-        from app.draw.metering import metered
-        from app.draw.vertex_colours import gloss_towards
-
-        snapshot, textured = self.light.snapshot, self.settings.shows_radiance
-        eye, at = camera.relative_to(self.model.origins[0]).eye(), self.model.transforms(snapshot.poses)
-        gloss = gloss_towards(self.meshes, snapshot.gloss if textured else None, snapshot.drawn.irradiance, at, eye)
-        receivers = self.model.receivers_at(snapshot.poses)
-        return metered(receivers, self.meshes, self.colours, gloss, textured, self.chosen.scene_size, camera)
-
-    def models(self) -> tuple[np.ndarray, ...]:
-        """Return the (4, 4) object-to-world matrix of each object; the static part's is the identity."""
-        return tuple(matrices(self.model.transforms(self.light.snapshot.poses)))
 
     def close(self, patience: float = PATIENCE) -> None:
         """Stop all work, waiting for at most `patience` seconds per job. Nothing else may be called afterwards."""

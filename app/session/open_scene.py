@@ -1,0 +1,147 @@
+"""The scene on show: its poses, meshes, colours and exposure, read from the snapshot of its light."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.draw.camera import Turntable, matrices
+from app.draw.white_balance import NEUTRAL, Gains, gains_for
+from app.session.opening import Opened
+from app.session.solver_thread import Solving
+from app.settings import Settings
+from gi_core.scene import Pose
+
+if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
+    from app.draw.draw_mesh import DrawMesh
+    from app.draw.picking import Picker
+    from app.rest.measuring_plane import Level
+    from app.session.method_view import Look
+    from gi_core.defaults.choose import Chosen
+    from gi_core.files.edits import Values
+    from gi_core.model import Model
+    from gi_core.scene import Scene
+
+
+class OpenScene:
+    """A scene and its light; nothing here changes them. Before `_show` there is no light."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings  # the user's
+        self.scene: Scene
+        self.model: Model
+        self.chosen: Chosen
+        self.gains: Gains = NEUTRAL  # of the white balance
+        self.picker: Picker | None = None
+        self.light: Solving | None = None
+        self.receiver = -1  # under the cursor; -1: none
+        self.edits = settings.edits  # those on show, and those asked for
+        self._meshes: tuple[DrawMesh, ...] = ()
+        self._lit: tuple[np.ndarray | None, tuple[DrawMesh, ...]] = None, ()  # levels, and the meshes at these
+        self._finishes: dict[tuple[str, bool], Values] = {}
+        self._paths: dict = {}
+
+    def _show(self, opened: Opened, light: Solving) -> None:
+        """Take the records of an opened scene; they never change, and the solver's thread alone touches the rest."""
+        from app.draw.motion import paths_of
+
+        solver, self.light = opened.solver, light
+        self._meshes, self.picker = opened.meshes, opened.picker
+        self.scene, self.model, self.chosen = solver.scene, solver.model, solver.chosen
+        self.gains = gains_for(solver.model.emitters.total_flux)
+        self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
+        self._start = light.snapshot.poses
+
+    @property
+    def meshes(self) -> tuple[DrawMesh, ...]:
+        """Draw meshes, the static part first; lamps emit at the levels of the light on show."""
+        from app.draw.draw_mesh import dimmed
+
+        levels = self.light.snapshot.levels
+        if self._lit[0] is not levels:
+            self._lit = levels, dimmed(self._meshes, levels)
+        return self._lit[1]
+
+    @cached_property
+    def level(self) -> Level:
+        """The lit box along the axes of the scene, for measuring planes."""
+        from app.rest.measuring_plane import level_of
+
+        return level_of(self.chosen.low, self.chosen.high, self.scene.up)
+
+    @property
+    def poses(self) -> dict[str, Pose]:
+        """Poses of the mobiles, those of moves under way included."""
+        return self.light.poses
+
+    @property
+    def moved(self) -> dict[str, Pose]:
+        """Poses of the mobiles that differ from the scene file's."""
+        asked = dict(self.settings.poses)
+        return {name: p for name, p in self.poses.items() if name in asked or p != self._start[name]}
+
+    @property
+    def pose_list(self) -> list[Pose]:
+        """Poses of the light on show, in the scene's order."""
+        return [self.light.snapshot.poses[m.name] for m in self.scene.mobiles]
+
+    def box_of(self, names: Iterable[str], poses: Mapping[str, Pose] | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Return the corners (3,) [m] of the box round mobiles at poses, by default the present ones."""
+        numbers = [1 + self.model.names.index(name) for name in names]
+        points = [self.model.vertices_at(o, self.poses if poses is None else poses) for o in numbers]
+        return np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """Irradiance (R, 3) [W/m2] of the light on show."""
+        return self.light.snapshot.irradiance
+
+    @property
+    def paths(self) -> dict:
+        """Paths by mobile: the scene's, else a circle for the first mobile."""
+        return self._paths
+
+    @property
+    def _look(self) -> Look | None:
+        """Parts of the method that the settings ask for."""
+        s = self.settings
+        if not (s.show_paths or s.show_disc or s.show_recomputed):
+            return None
+        from app.session.method_view import Look
+
+        return Look(s.show_paths, self.receiver if s.show_disc else -1, s.show_recomputed)
+
+    def finish_of(self, name: str, material: bool) -> Values:
+        """Return the reflection of a mobile, or of a material in the static part, as an edit gives it."""
+        from gi_core.files.edits import Finish, finish_of
+
+        for edit in reversed(self.edits):
+            if isinstance(edit, Finish) and edit.name == name:
+                return edit.material
+        if (name, material) not in self._finishes:
+            self._finishes[name, material] = finish_of(self.scene, self.model.surfaces, name, material)
+        return self._finishes[name, material]
+
+    def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return linear radiance (D, 3) float32 of front and back of an object's draw vertices."""
+        from app.draw.vertex_colours import colours
+
+        return colours(self.meshes[o], self.light.snapshot.drawn.irradiance, self.settings.shows_radiance)
+
+    def metered(self, camera: Turntable) -> float:
+        """Return the metered exposure [EV] of a view of the light on show."""
+        from app.draw.metering import metered
+        from app.draw.vertex_colours import gloss_towards
+
+        snapshot, textured = self.light.snapshot, self.settings.shows_radiance
+        eye, at = camera.relative_to(self.model.origins[0]).eye(), self.model.transforms(snapshot.poses)
+        gloss = gloss_towards(self.meshes, snapshot.gloss if textured else None, snapshot.drawn.irradiance, at, eye)
+        receivers = self.model.receivers_at(snapshot.poses)
+        return metered(receivers, self.meshes, self.colours, gloss, textured, self.chosen.scene_size, camera)
+
+    def models(self) -> tuple[np.ndarray, ...]:
+        """Return the (4, 4) object-to-world matrix of each object; the static part's is the identity."""
+        return tuple(matrices(self.model.transforms(self.light.snapshot.poses)))
