@@ -121,7 +121,8 @@ class GlossCells:
         rows = np.concatenate([place[a.rows] for place, a in zip(places, arrivals, strict=True)])
         cells, begin = np.empty((len(rows), CELLS, FIELDS), np.float32), 0
         for o, (place, a) in enumerate(zip(places, arrivals, strict=True)):
-            rest = self._sums[: len(place) * (o == 0)], self._totals, place, self._resting
+            # Mobiles have no light at rest.
+            rest = self._sums if o == 0 else self._sums[:0], self._totals, place, self._resting
             out = cells[begin : begin + len(a.rows)]
             begin += len(a.rows)
 
