@@ -99,6 +99,39 @@ def test_interrupted_move_changes_nothing(estimator, light):
     assert seen(solver)[:2] != before[:2]
 
 
+def broken_in_line(call, function: str, break_at: int) -> int:
+    """Call, and raise at the n-th line that a generator runs before it yields; return the number of such lines."""
+    lines, yielded = 0, False
+
+    def on_line(frame, event, argument):
+        nonlocal lines, yielded
+        yielded |= event == "return"
+        if event == "line" and not yielded:
+            lines += 1
+            if lines == break_at:
+                raise BrokenOff
+        return on_line
+
+    sys.settrace(lambda frame, event, argument: on_line if frame.f_code.co_name == function else None)
+    try:
+        call()
+    finally:
+        sys.settrace(None)
+    return lines
+
+
+def test_interrupt_while_discs_are_shortened_restores_them():
+    """The next frame found those already shortened at the poses of the interrupted one."""
+    solver = solved("tangent_plane")
+    lines = broken_in_line(lambda: solver.move_all(NEXT), "regions_of", 0)
+    assert lines > 5
+    for line in range(1, lines + 1):
+        solver.move("block", THERE)
+        with pytest.raises(BrokenOff):
+            broken_in_line(lambda: solver.move_all(NEXT), "regions_of", line)
+        assert np.array_equal(solver.irradiance, solver.from_scratch()), f"line {line} of {lines}"
+
+
 @pytest.mark.parametrize("light", LIGHTS)
 def test_frame_stopped_at_any_place_changes_nothing(estimator, light, monkeypatch):
     """In a move, and in a solve that may then go on with more photons."""
