@@ -12,7 +12,7 @@ from app.cli.options import settings_of
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     options.scene(parser)
-    options.light(parser, "estimator", "photons", "radius", "neighbours", "control", "search", "rays", "seed")
+    options.light(parser, "estimator", "photons", "radius", "neighbours", "control", "search", "rays", "lamps", "seed")
     options.picture(parser, "exposure")
     add = options.measuring(parser)
     add("--out", type=Path, default=Path("chart"), metavar="DIR",

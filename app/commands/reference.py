@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     options.scene(parser)
-    options.light(parser, "rays", "seed")
+    options.light(parser, "lamps", "rays", "seed")
     add = options.measuring(parser)
     add("--error", type=values.positive, default=1.0, metavar="PCT",
         help="stop at this noise, relative to the light [%%] (1)")  # fmt: skip
@@ -50,7 +50,10 @@ def reference(settings: Settings, error: float, machines: Machines | None = None
 
     check_folder(FOLDER_VARIABLE, reference_folder())
     with opened(settings, open_scene) as (bar, scene):
-        store = ReferenceStore(Model(scene, rays=settings.rays), seed=settings.seed)
+        model = Model(scene, rays=settings.rays)
+        lamps = model.emitters.lamps
+        levels = lamps.changed(lamps.full(), settings.levels(()), scene.name)
+        store = ReferenceStore(model, seed=settings.seed, levels=levels)
         started, first = time.monotonic(), None
         try:
             for reached in gather(store, error, machines, scene, settings.rays):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     options.scene(parser)
-    options.light(parser, "photons", "radius", "control", "search", "light", "rays", "seed")
+    options.light(parser, "photons", "radius", "control", "search", "light", "rays", "lamps", "seed")
     add = options.measuring(parser)
     options.budget(add, "")
     add("--error", type=values.positive, metavar="PCT", help="choose the fastest settings with this error at rest [%%]")
@@ -83,6 +83,8 @@ def command_line(settings: Settings, found: Tuned) -> str:
     words = ["gi-viewer", settings.scene, *(w for file in settings.mobiles for w in ("--mobile", file))]
     for name, numbers in settings.poses:
         words += ["--pose", f"{name}={','.join(map(str, numbers))}"]
+    for name, level in settings.levels(()).items():
+        words += ["--lamp", f"{name}={','.join(map(str, level))}"]
     values = {
         "max-edge": settings.max_edge, "up": settings.up, "seed": settings.seed or None,
         "estimator": chosen.estimator, "photons": found.choice.photons, "radius": f"{chosen.radius:.4g}",

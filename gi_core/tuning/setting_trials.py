@@ -55,7 +55,8 @@ def reference_samples(
         wanted = inside & (classes["affected"] | classes["mobile"])
         rows = np.flatnonzero(wanted if wanted.any() else inside)
         rows, weights = draw_by_area(rows, receivers.areas, RECEIVERS, [seed, k])
-        given = solver.model, dict(solver.poses), rows, weights, 1000 * seed + k, NOISE, MOST_PATHS * len(rows)
+        most = MOST_PATHS * len(rows)
+        given = solver.model, dict(solver.poses), rows, weights, 1000 * seed + k, NOISE, most, solver.levels
         for sample in gather_sample(*given):
             progress((k + sample.fraction) / len(frames))
         out.append((dict(solver.poses), sample))

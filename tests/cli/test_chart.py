@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app import __main__ as cli
-from app.measure.chart import measure, tuned
+from app.measure.chart import measure, rival, tuned
 from app.measure.chart import run as chart_run
 from app.measure.chart.figure import draw, front, styles
 from app.measure.chart.measure import Walk, errors, flicker, make_walk
@@ -20,15 +20,15 @@ from app.measure.chart.results import KEY, Results
 from app.measure.chart.rows import Measurer
 from app.measure.chart.run import rival_choices
 from app.measure.chart.settings import FULL, TUNED, Choice, choices
-from app.measure.chart.truth import PoseTruth, choose, steady_and_moved
+from app.measure.chart.truth import PoseTruth, cases, choose, steady_and_moved
 from app.measure.chart.tuned import nearness
-from app.settings import Settings, make_solver, open_scene
+from app.settings import LampSetting, Settings, make_solver, open_scene
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.receiver_classes import CLASSES
 from tests.support.small_charts import small_charts
 
 SMALL = Settings("cornell", max_edge=0.2, photons=8192)
-UNDER = dict(zip(KEY, ("room", "abc", "cpu", 0, 3, 40), strict=True))
+UNDER = dict(zip(KEY, ("room", "abc", "cpu", 0, 3, 40, ""), strict=True))
 
 
 @pytest.fixture(scope="module")
@@ -195,6 +195,29 @@ def test_receivers_without_area_are_not_watched(tmp_path):
     walk = make_walk(solver, [solver.poses, solver.poses], [], 0)
     assert len(solver.scene.probes) and (solver.receivers.areas[walk.watched] > 0).all()
     assert walk.steady.sum() + walk.moved.sum() <= len(walk.watched) and walk.change == 0
+
+
+def test_the_truth_has_the_levels_of_the_lamps(small):
+    """Also those of a saved scene: the truth of a dimmed lamp was that of the full one."""
+    settings = replace(SMALL, lamps=(LampSetting("lamp", 0.25),))
+    solvers = [make_solver(open_scene(s), s) for s in (SMALL, settings)]
+    for solver in solvers:
+        solver.solve()
+    full, dimmed = (cases(s, [s.poses], [0], 20, 0.3, 0, lambda *_: None)[0] for s in solvers)
+    assert np.array_equal(full.rows, dimmed.rows)
+    assert np.array_equal(0.25 * full.truth, dimmed.truth)
+    walk = Walk([solvers[0].poses], [full], full.rows, full.weights, *[np.ones(len(full.rows), bool)] * 2, 1.0)
+    assert np.array_equal(*(scale * rival.seen(s, walk, 1, 0)[0] for s, scale in zip(solvers, (0.25, 1), strict=True)))
+
+
+def test_rows_of_other_levels_are_not_used(tmp_path):
+    """Rows of a table without the column have the levels of the scene file."""
+    old = {k: v for k, v in UNDER.items() if k != "lamps"}
+    Results(tmp_path, old, ("photons",)).add({"photons": 8})
+    assert Results(tmp_path, UNDER, ("photons",)).has({"photons": 8})
+    dimmed = UNDER | {"lamps": chart_run.lamps_of(Settings(lamps=(LampSetting("lamp", 0.25),)))}
+    assert dimmed["lamps"] == "lamp 0.25, 0.25, 0.25"
+    assert not Results(tmp_path, dimmed, ("photons",)).has({"photons": 8})
 
 
 def test_the_choice_of_receivers_stands_for_all():

@@ -77,10 +77,10 @@ OPTIONS = {  # per command: the fields of Settings that it reads besides the sce
     "render": {*LIGHT, "lamps", "border_correction", "textbook", "light", "gloss", *PICTURE},
     "bake": {*LIGHT, "lamps", "border_correction", "textbook", "light", "exposure", "white_balance"},
     "bench": {*LIGHT, "lamps", "border_correction", "textbook", "light", "gloss"},
-    "chart": {*LIGHT, "exposure"},
+    "chart": {*LIGHT, "lamps", "exposure"},
     "info": {*LIGHT, "lamps", "exposure"},
-    "tune": {"photons", "radius", "control", "search", "light", "rays", "seed", "budget"},
-    "reference": {"rays", "seed"},
+    "tune": {"photons", "radius", "control", "search", "light", "rays", "lamps", "seed", "budget"},
+    "reference": {"lamps", "rays", "seed"},
 }
 WORDS = {
     "estimator": ("--estimator impact_count", "impact_count"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import types
 
+import pytest
 from PIL import Image
 
 from app import __main__ as cli
@@ -62,6 +63,19 @@ def test_measure_refuses_a_bad_table_before_the_work(capsys, tmp_path, monkeypat
         assert reason in one_line(capsys.readouterr().err)
     assert cli.main(["measure", "cornell", "--plane", "0,0,1"]) == 2
     assert "must be A0,B0,A1,B1,HEIGHT[,M,N]" in capsys.readouterr().err
+
+
+def test_the_reference_has_the_levels_of_the_lamps(capsys, tmp_path, monkeypatch):
+    """At one noise, the same paths; their light is proportional to the lamp's level."""
+    monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path))
+    light = []
+    for lamp in ([], ["--lamp", "furnace=0.25"]):
+        assert cli.main(["reference", "furnace", "--error", "30", *lamp]) == 0
+        [line] = [s for s in capsys.readouterr().out.splitlines() if s.startswith("mean irradiance")]
+        light.append([float(c) for c in line.removeprefix("mean irradiance: ").removesuffix(" W/m2").split(", ")])
+    assert light[1] == pytest.approx([0.25 * c for c in light[0]], rel=1e-4) and min(light[0]) > 1
+    assert cli.main(["reference", "furnace", "--lamp", "sun=2"]) == 3
+    assert "no lamp is called 'sun'; there is \"furnace\"" in one_line(capsys.readouterr().err)
 
 
 def test_info_lists_contents_and_reasons(capsys, estimator):

@@ -38,10 +38,11 @@ def write_page(run: Run, rows: list[dict], about: dict, out: Path) -> None:
 
 
 def _summary(rows: list[dict], about: dict) -> str:
+    lamps = f", lamps at {about['lamps']}" if about["lamps"] else ""
     return (
         f"{len(rows)} settings, {about['frames']} frames each, mobiles move 1.5 % of the scene per frame; "
         f"{about['triangles']:,} triangles, {about['receivers']:,} receivers; {about['processor']}, "
-        f"{_processes(rows, about)}, commit {about['commit']}, seed {about['seed']}."
+        f"{_processes(rows, about)}, commit {about['commit']}, seed {about['seed']}{lamps}."
     )
 
 

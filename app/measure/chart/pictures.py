@@ -46,7 +46,7 @@ def pictures(run: Run, rows: list[dict]) -> list[PagePicture]:
     poses = run.lap[run.truth_frames[0]]
     solver = run.measurer.base.twin()
     solver.move_all(poses)
-    store = ReferenceStore(solver.model, solver.poses, seed=run.settings.seed)
+    store = ReferenceStore(solver.model, solver.poses, seed=run.settings.seed, levels=solver.levels)
     for reached in store.gather(run.effort.picture_truth):
         run.bar("truth of the pictures", reached.fraction)
     truth, areas = reached.state.mean, store.weights

@@ -9,7 +9,7 @@ from pathlib import Path
 from app.cli.writable import write_whole
 
 FILE = "results.csv"
-KEY = ("scene", "commit", "processor", "seed", "frames", "asked_points")  # conditions of a row
+KEY = ("scene", "commit", "processor", "seed", "frames", "asked_points", "lamps")  # conditions of a row
 
 
 class Results:
@@ -27,7 +27,7 @@ class Results:
     @property
     def rows(self) -> list[dict]:
         """Rows of these conditions, with typed values."""
-        return [_typed(r) for r in self.every if all(r.get(k) == v for k, v in self._under.items())]
+        return [_typed(r) for r in self.every if all(r.get(k, "") == v for k, v in self._under.items())]
 
     def has(self, setting: dict) -> bool:
         """Return whether a setting has been measured."""

@@ -42,4 +42,4 @@ def times(solver: Solver, walk: Walk, paths: int) -> dict[str, float]:
 def _gatherer(solver: Solver, poses, seed: int) -> Gatherer:
     everywhere = {**solver.poses, **poses}
     points = evaluation_points(solver.surfaces, solver.model.receivers_at(everywhere))
-    return Gatherer(solver.scene, *points, seed, everywhere, model=solver.model)
+    return Gatherer(solver.scene, *points, seed, everywhere, model=solver.model, levels=solver.levels)

@@ -55,6 +55,7 @@ class Run:
             settings.seed,
             self.frames,
             self.points,
+            lamps_of(settings),
         )
         self.results = Results(out, dict(zip(KEY, under, strict=True)), Choice._fields)
         self.lap = motion.walk(motion.paths_of(self.base), STEP * self.base.scene_size, self.frames)
@@ -108,6 +109,11 @@ class Run:
         seed = self.settings.seed
         found = truth.cases(finest, self.lap, self.truth_frames, self.points, self.effort.truth, seed, self.bar)
         return measure.make_walk(finest, self.lap, found, seed)
+
+
+def lamps_of(settings: Settings) -> str:
+    """Return the levels of lamps that differ from the scene file, by name; "" if none does."""
+    return "; ".join(f"{name} {', '.join(f'{c:g}' for c in level)}" for name, level in settings.levels(()).items())
 
 
 class Job(NamedTuple):

@@ -51,7 +51,7 @@ def cases(
         areas = solver.receivers.areas
         sides = receiver_classes(solver.surfaces, solver.receivers, solver.irradiance, background)
         rows, weights, kind = choose(sides, areas, points, np.random.default_rng([seed, frame]))
-        store = ReferenceStore(solver.model, solver.poses, rows, seed, weights=weights)
+        store = ReferenceStore(solver.model, solver.poses, rows, seed, weights=weights, levels=solver.levels)
         for reached in store.gather(error):
             progress(f"truth {k + 1} of {len(frames)}", (k + reached.fraction) / len(frames))
         out.append(PoseTruth(frame, rows, weights, kind, reached.state.mean, reached.state.standard_error))

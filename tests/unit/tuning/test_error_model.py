@@ -183,15 +183,17 @@ def test_the_printed_command_line_opens_the_window_with_the_choice():
     from app.cli.options import settings_of
     from app.commands.tune import command_line
     from app.measure.tuning import Tuned
-    from app.settings import Settings
+    from app.settings import LampSetting, Settings
 
     chosen = {"estimator": "photon_map", "photons": 123_456, "radius": 0.0123, "neighbours": 80, "control": False}
     asked = Settings(
         scene="my room.glb", mobiles=("chair.glb",), poses=(("chair", (1.0, 0.5, -2.0)),), up="z", seed=3, budget=20.0,
-        light="best", rays="octree",
+        light="best", rays="octree", lamps=(LampSetting("desk lamp", 0.5), LampSetting("sun", 1.0, (1.0, 0.5, 0.0))),
     )  # fmt: skip
     setting = Setting("photon_map", 0.0123, 80, control=False)
     found = Tuned(TunedChoice(setting, 123_456, 8192, 0.01, 0.02, 0.03, True), (), {}, 16)
     command, *words = shlex.split(command_line(asked, found))
     assert command == "gi-viewer"
-    assert settings_of(parse(words)) == replace(asked, **chosen, light="best")
+    read = settings_of(parse(words))
+    assert replace(read, lamps=asked.lamps) == replace(asked, **chosen, light="best")
+    assert read.levels(()) == asked.levels(())
