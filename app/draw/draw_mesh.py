@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from app.draw.quads import NO_QUADS, Quads, quads_of
 from gi_core.base.grouping import group_of
 from gi_core.bsdf.table import Tables
 from gi_core.geometry.surfaces import Surfaces, glossy_receivers
@@ -38,6 +39,8 @@ class DrawMesh(NamedTuple):
     tables: Tables | None = None  # ... of these
     reflectors: tuple[Reflector, ...] = ()  # of faces too sharp for light at vertices
     reflector: np.ndarray | None = None  # (F,) int32 into them, -1: none; None: there are none
+    quads: Quads = NO_QUADS
+    beside: np.ndarray | None = None  # (F,) int32, the other triangle of a quad drawn with its other diagonal, or -1
 
 
 def draw_meshes(
@@ -48,6 +51,19 @@ def draw_meshes(
     lamp (F,): of emissive faces; normals (R, 3): of receivers, in object space; None: pictures have no gloss.
     """
     lamp = np.zeros(len(surfaces.areas), np.int32) if lamp is None else lamp
+    meshes = _with_gloss_and_reflectors(surfaces, lamp, normals)
+    return tuple(mesh._replace(quads=_quads(mesh)) for mesh in meshes)
+
+
+def _quads(mesh: DrawMesh) -> Quads:
+    """Return the quads of a mesh; sharp reflections keep their faces."""
+    usable = None if mesh.reflector is None else mesh.reflector < 0
+    return quads_of(mesh.positions, mesh.triangles, mesh.uv, usable)
+
+
+def _with_gloss_and_reflectors(
+    surfaces: Surfaces, lamp: np.ndarray, normals: np.ndarray | None
+) -> tuple[DrawMesh, ...]:
     meshes = tuple(_draw_mesh(surfaces, lamp, o) for o in range(len(surfaces.vertices)))
     if normals is None or np.isnan(surfaces.lobe).all():
         return tuple(mesh._replace(lobe=None, tangent=None, tables=None) for mesh in meshes)
@@ -83,13 +99,17 @@ def dimmed(meshes: tuple[DrawMesh, ...], levels: np.ndarray) -> tuple[DrawMesh, 
 
 def part_of(mesh: DrawMesh, faces: np.ndarray) -> DrawMesh:
     """Return the mesh of some faces (n,) in their order, each with its own vertices."""
-    rows = mesh.triangles[faces].reshape(-1)
+    return with_vertices(mesh, mesh.triangles[faces].reshape(-1), np.arange(3 * len(faces)).reshape(-1, 3))
+
+
+def with_vertices(mesh: DrawMesh, rows: np.ndarray, triangles) -> DrawMesh:
+    """Return a mesh of some draw vertices, rows (n,), and of triangles (m, 3) into these; without sharp reflections."""
     of_light = ("front", "back", "reflectance", "emission", "lamp", "lobe", "gloss", "normal", "tangent")
     per_vertex = ("positions", "texture", "uv", "texel", *of_light)
     values = {name: getattr(mesh, name) for name in per_vertex}
     values = {name: None if a is None else a[rows] for name, a in values.items()}
-    triangles = np.arange(len(rows), dtype=np.int32).reshape(-1, 3)
-    return mesh._replace(triangles=triangles, reflectors=(), reflector=None, **values)
+    triangles = np.asarray(triangles, np.int32).reshape(-1, 3)
+    return mesh._replace(triangles=triangles, reflectors=(), reflector=None, quads=NO_QUADS, beside=None, **values)
 
 
 def _draw_mesh(surfaces: Surfaces, lamp: np.ndarray, o: int) -> DrawMesh:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import moderngl
 import numpy as np
 
+from app.draw.diagonals import other_diagonals, with_diagonals
 from app.draw.vertex_colours import gloss_colours
 from gi_core.gloss.sharp import hemispherical_albedo
 
@@ -53,6 +54,7 @@ class Layer(NamedTuple):
     """One set of vertex colours of an object, and the vertex arrays that use it."""
 
     colours: moderngl.Buffer  # radiance and weight of front and back
+    triangles: moderngl.Buffer  # with the diagonals for these colours
     lit: moderngl.VertexArray  # without textures
     textured: moderngl.VertexArray | None  # for textures, None where there are none
     cut_out: moderngl.VertexArray | None  # the same for textures with holes
@@ -73,6 +75,11 @@ class DrawnObject:
         self._one_sided = mesh.back < 0
         order, self._calls = _draw_calls(mesh)
         self.indices = 3 * len(order)
+        places = np.argsort(order)
+        # The mesh with its faces in the order of the draw calls.
+        self._ordered = mesh._replace(
+            triangles=mesh.triangles[order], quads=mesh.quads._replace(faces=places[mesh.quads.faces])
+        )
         self._one_sided_indices = sum(call.indices for call in self._calls if call.one_sided)
         self._colours = np.ones((len(mesh.positions), 8), np.float32)
         self._corners = np.zeros((0, 3))  # of its box, object space
@@ -81,7 +88,8 @@ class DrawnObject:
             self._corners = np.array(list(itertools.product(*low_high)), np.float64)
         # GL has no empty buffers; a scene may have an empty object.
         self._positions = ctx.buffer(np.ascontiguousarray(mesh.positions, np.float32).tobytes() or bytes(12))
-        self._triangles = ctx.buffer(mesh.triangles[order].astype(np.int32).tobytes() or bytes(12))
+        self._triangles = ctx.buffer(_indices(self._ordered))
+        self._others: dict[int, np.ndarray] = {}  # by layer: quads drawn with their other diagonal
         self._marked = ctx.vertex_array(programs.mask, [(self._positions, "3f", "position")], self._triangles)
         self._owned = [self._positions, self._triangles, self._marked]
         self._places = None
@@ -115,6 +123,8 @@ class DrawnObject:
         """Return a layer, creating it at first use."""
         if k not in self._layers:
             programs = self._programs
+            triangles = self.ctx.buffer(_indices(self._ordered), dynamic=True)
+            self._others[k] = np.zeros(len(self._mesh.quads.faces), bool)
             colours = self.ctx.buffer(bytes(max(self._colours.nbytes, 32)), dynamic=True)
             attributes = [(self._positions, "3f", "position"), (colours, "4f 4f", "front", "back")]
             sharp_attributes = attributes.copy()
@@ -128,19 +138,19 @@ class DrawnObject:
                 attributes.append((sent, "3f 3f", "front_sent", "back_sent"))
             if self._along is not None:
                 sharp_attributes.append((self._along, "3f", "along"))
-            lit = self.ctx.vertex_array(programs.surface, attributes, self._triangles)
+            lit = self.ctx.vertex_array(programs.surface, attributes, triangles)
             painted = holed = sharp = sharp_painted = None
             if self._mesh.reflectors:
-                sharp = self.ctx.vertex_array(programs.sharp, sharp_attributes, self._triangles)
+                sharp = self.ctx.vertex_array(programs.sharp, sharp_attributes, triangles)
             if self._places is not None:
                 place = (self._places, "2f", "place")
-                painted = self.ctx.vertex_array(programs.textured, [*attributes, place], self._triangles)
+                painted = self.ctx.vertex_array(programs.textured, [*attributes, place], triangles)
                 if self.has_holes:
-                    holed = self.ctx.vertex_array(programs.cut_out, [*attributes, place], self._triangles)
+                    holed = self.ctx.vertex_array(programs.cut_out, [*attributes, place], triangles)
                 if self._mesh.reflectors:
                     more = [*sharp_attributes, place]
-                    sharp_painted = self.ctx.vertex_array(programs.sharp_textured, more, self._triangles)
-            self._layers[k] = Layer(colours, lit, painted, holed, irradiance, sent, sharp, sharp_painted)
+                    sharp_painted = self.ctx.vertex_array(programs.sharp_textured, more, triangles)
+            self._layers[k] = Layer(colours, triangles, lit, painted, holed, irradiance, sent, sharp, sharp_painted)
             self._owned += [thing for thing in self._layers[k] if thing is not None]
         return self._layers[k]
 
@@ -153,8 +163,14 @@ class DrawnObject:
         self._colours[:, 4:7] = back
         self._colours[self._one_sided, 4:7] = -1.0  # see surface.frag
         self._colours[:, 3::4] = 1.0 if weights is None else weights
-        if len(self._colours):
-            self._layer(layer).colours.write(self._colours)
+        if not len(self._colours):
+            return
+        of = self._layer(layer)
+        of.colours.write(self._colours)
+        others = other_diagonals(self._mesh, front, back, weights)
+        if not np.array_equal(others, self._others[layer]):
+            of.triangles.write(_indices(with_diagonals(self._ordered, others)))
+            self._others[layer] = others
 
     def light(self, irradiance: np.ndarray, layer: int = 0) -> None:
         """Upload irradiance (R, 3) [W/m2] under gloss."""
@@ -256,6 +272,11 @@ def _with_albedo(mesh: DrawMesh) -> np.ndarray:
         albedo = hemispherical_albedo(np.array([0, 0, 0, 0, number], np.float64), mesh.tables)
         out[rows, :4] = *albedo, albedo.mean()
     return out
+
+
+def _indices(mesh: DrawMesh) -> bytes:
+    """Return the contents of an index buffer. GL has no empty buffers."""
+    return mesh.triangles.astype(np.int32).tobytes() or bytes(12)
 
 
 def _draw_calls(mesh: DrawMesh) -> tuple[np.ndarray, list[DrawCall]]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.draw.camera import Turntable
+from app.draw.diagonals import along_light
 from app.draw.draw_mesh import DrawMesh, part_of
 from app.draw.false_colour import Scale, false_colours, per_radiance
 from app.draw.tonemap import to_display
@@ -64,8 +65,8 @@ def picture(
     which of some hits of a strip reflect sharply, and the radiance of their gloss in place of `gloss`.
     """
     width, height = size
-    world = place(meshes, at)
     weights = [None] * len(meshes) if weights is None else weights
+    world = place([along_light(mesh, *c, w) for mesh, c, w in zip(meshes, colours, weights, strict=True)], at)
     front, back = both_sides(colours, weights)
     above = above_textures(meshes, gloss, weights)
     out = np.empty((height, width, 3), np.uint8)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from app.draw.camera import Bounds, from_camera
-from app.draw.draw_mesh import part_of
+from app.draw.diagonals import along_light, quad_around
 from app.draw.picking import Hit
 from app.draw.raycast import pixel_steps, seen_radiance, weighted
 from app.draw.units import Units, units_of
@@ -124,17 +124,19 @@ def read(
     (R, 3) [W/m2] and interpolation weights (R,) that the picture shows.
     """
     o = hit.object
-    one, at = part_of(mesh, np.array([hit.face])), model.transforms(poses)
+    one, at = quad_around(mesh, hit.face), model.transforms(poses)
+    one = along_light(one, *colours(one, drawn.irradiance, with_reflectance=True), weights(one, drawn.weights))
     world = place([one], Transforms(at.rotation[o : o + 1], at.position[o : o + 1]))
     camera = camera.relative_to(model.origins[0])
     eye, d = camera.eye().astype(np.float32), direction.astype(np.float32)[None]
-    u, v = barycentrics(world.corners, eye[None], d)
+    face = world.met(np.zeros(1, np.int64), eye[None], d)
+    u, v = barycentrics(world.corners[face], eye[None], d)
 
     def seen(with_reflectance: bool) -> tuple[float, bool]:
         sides, w = colours(one, drawn.irradiance, with_reflectance), weights(one, drawn.weights)
         front, back = (weighted(c, w, side) for side, c in enumerate(sides))
         steps = pixel_steps(camera, 1, height) if with_reflectance and world.textures else None
-        radiance, facing = seen_radiance(world, front, back, np.zeros(1, np.int64), u, v, d, steps, eye)
+        radiance, facing = seen_radiance(world, front, back, face, u, v, d, steps, eye)
         return float(luminance(radiance[0])), bool(facing[0] or not world.one_sided[0])
 
     E, is_lit = seen(with_reflectance=False)

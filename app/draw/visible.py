@@ -28,10 +28,20 @@ class PictureScene(NamedTuple):
     draw: np.ndarray  # (F, 3) int64 into the colours of all objects
     one_sided: np.ndarray  # (F,) bool
     size: float  # [m] longest side of the box around everything
+    beside: np.ndarray  # (F,) int64, the other face where rays may meet either of two, -1: none
     textures: tuple[Texture, ...]
     texture: np.ndarray  # (F,) int64 into textures, -1: none; or (0,): none at all
     uv: np.ndarray  # (F, 3, 2) float32, or (0, 3, 2)
     emission: np.ndarray  # (F, 3) float64 that a texture does not colour, or (0, 3)
+
+    def met(self, face: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+        """Return the faces (n,) that rays meet; face (n,): by the diagonals of the structure of rays."""
+        out, rows = face, np.flatnonzero(self.beside[face] >= 0)
+        if len(rows):
+            out, other = face.copy(), self.beside[face[rows]]
+            inside = (_inside(self.corners[f], o[rows], d[rows]) for f in (face[rows], other))
+            out[rows] = np.where(np.less(*inside), other, face[rows])
+        return out
 
 
 class Strip(NamedTuple):
@@ -59,13 +69,15 @@ Placed = Callable[[np.ndarray], tuple[PictureScene, np.ndarray]]
 
 def place(meshes: Sequence[DrawMesh], at: Transforms) -> PictureScene:
     """Return the draw meshes (static part first) in world space."""
-    corners, draw, one_sided, first = [], [], [], 0
+    corners, draw, one_sided, beside, first, faces = [], [], [], [], 0, 0
     for o, mesh in enumerate(meshes):
         points = mesh.positions.astype(np.float64) @ at.rotation[o].T + at.position[o]
         corners.append(points[mesh.triangles])
         draw.append(mesh.triangles.astype(np.int64) + first)
         one_sided.append(mesh.back[mesh.triangles[:, 0]] < 0)
-        first += len(mesh.positions)
+        none = np.full(len(mesh.triangles), -1)
+        beside.append(none if mesh.beside is None else np.where(mesh.beside < 0, -1, mesh.beside + faces))
+        first, faces = first + len(mesh.positions), faces + len(mesh.triangles)
     p = np.concatenate(corners)
     normals = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     box = p.reshape(-1, 3)
@@ -76,6 +88,7 @@ def place(meshes: Sequence[DrawMesh], at: Transforms) -> PictureScene:
         np.concatenate(draw),
         np.concatenate(one_sided),
         size,
+        np.concatenate(beside),
         *_textures(meshes),
     )
 
@@ -146,6 +159,8 @@ def visible_faces(accelerator, at, placed: Placed, origins, directions, cull: bo
         going, o, d, t, hit = going[found], o[found], d[found], t[found], hit[found]
         hidden = np.zeros(len(hit), bool)
         world, at_hit = placed(hit)
+        met = world.met(at_hit, o, d)
+        hit, at_hit = hit + met - at_hit, met
         if cull:
             hidden = world.one_sided[at_hit] & ((world.normals[at_hit] * d).sum(axis=1) >= 0)
         hidden |= _cut_away(world, at_hit, o, d)
@@ -177,9 +192,21 @@ def _cut_away(world: PictureScene, hit: np.ndarray, o: np.ndarray, d: np.ndarray
 
 def barycentrics(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return barycentric weights of corners 1 and 2 at a ray's hit, clamped to the triangle."""
+    u, v = _weights(corners, o, d)
+    u = np.clip(u, 0, 1)
+    return u, np.clip(v, 0, 1 - u)
+
+
+def _inside(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return the least barycentric weight (n,) at a ray's hit: negative outside the triangle."""
+    u, v = _weights(corners, o, d)
+    return np.minimum(np.minimum(u, v), 1 - u - v)
+
+
+def _weights(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return barycentric weights of corners 1 and 2 where rays meet the planes of triangles."""
     e1, e2, s = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], o - corners[:, 0]
     h, q = np.cross(d, e2), np.cross(s, e1)
     det = (e1 * h).sum(axis=1)
     inverse = np.where(det != 0, 1 / np.where(det != 0, det, 1), 0)
-    u = np.clip((s * h).sum(axis=1) * inverse, 0, 1)
-    return u, np.clip((d * q).sum(axis=1) * inverse, 0, 1 - u)
+    return (s * h).sum(axis=1) * inverse, (d * q).sum(axis=1) * inverse
