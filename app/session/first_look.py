@@ -11,7 +11,6 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import IO, TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ import numpy as np
 from app.draw.camera import Turntable, from_camera, matrices, scene_bounds
 from app.draw.white_balance import NEUTRAL, Gains, gains_for
 from app.settings import Settings, UsageError, open_scene
+from gi_core.instruments import child
 from gi_core.scene.errors import SceneError
 
 if TYPE_CHECKING:
@@ -41,16 +41,7 @@ class FirstLook(NamedTuple):
 
 def start(settings: Settings, surfaces: str, errors: IO) -> subprocess.Popen:
     """Start the process. It writes looks, or the error of a bad scene. Its input must stay open; errors: a file."""
-    import app
-
-    process = subprocess.Popen(
-        [sys.executable, "-m", "app.session.first_look"],
-        cwd=Path(app.__file__).parent.parent,  # for `-m` to find app, installed or not
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=errors,
-        creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-    )
+    process = child.start("app.session.first_look", stdout=subprocess.PIPE, stderr=errors)
     pickle.dump((settings, surfaces), process.stdin)
     process.stdin.flush()
     return process
@@ -92,15 +83,15 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
 
 def run() -> None:
     """Be that process."""
-    from gi_core.instruments import compile_ahead
-
     settings, surfaces = pickle.load(sys.stdin.buffer)
-    compile_ahead.end_with_input()
+    child.prepare()
     try:
         for look in looks(open_scene(settings), settings):
             _send(look)
     except (SceneError, UsageError) as problem:  # nothing needs to be compiled for it
         _send(problem)
+    from gi_core.instruments import compile_ahead
+
     compile_ahead.compile_backwards(settings.rays, surfaces)
 
 

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import pickle
 import subprocess
-import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 from typing import IO, TYPE_CHECKING, NamedTuple
 
 from app.rest.static_job import load
@@ -101,26 +99,18 @@ class Opening:
 
     def _compile(self, surfaces: str) -> None:
         """Compile the kernels for a kind of surfaces that the disk cache lacks; show a first look meanwhile."""
-        import gi_core
         from app.session import first_look
-        from gi_core.instruments import compile_ahead
+        from gi_core.instruments import child, compile_ahead
 
         if compile_ahead.is_warm(self.settings.rays, surfaces):
             return
         self.phase, self.fraction = COMPILING, 0.0
         meter, started = compile_ahead.Meter(surfaces), time.perf_counter()
-        options = [compile_ahead.ALONE, compile_ahead.OF, surfaces]
+        options = [compile_ahead.BESIDE_LOOK, compile_ahead.OF, surfaces]
         options += [compile_ahead.RAYS, self.settings.rays] if self.settings.rays else []
         with tempfile.TemporaryFile("w+") as errors, tempfile.TemporaryFile("w+") as look_errors:
-            compiler = subprocess.Popen(
-                [sys.executable, "-m", "gi_core.instruments.compile_ahead", *options],
-                cwd=Path(gi_core.__file__).parent.parent,  # for `-m` to find gi_core, installed or not
-                stdin=subprocess.DEVNULL,
-                stderr=errors,
-                text=True,
-                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-            )
             looking = first_look.start(self.settings, surfaces, look_errors)
+            compiler = child.start(compile_ahead.__name__, *options, stderr=errors)
             self._processes = compiler, looking
             threading.Thread(target=self._receive, args=(looking.stdout,), name="first look", daemon=True).start()
             while compiler.poll() is None and self._refused is None:

@@ -27,7 +27,7 @@ from gi_core.lights.next_event import (
     share_of_bounce,
 )
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world, occluded_in_world
+from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world, occluded_in_world, rays_to_object
 
 BLOCK = 1 << 14  # paths per batch: their arrays fit into a core's cache, and Embree needs 10,000 rays or more
 SHADOW_GAP = 4 * ORIGIN_LIFT  # of the world's size: gap between the end of a shadow ray and its light
@@ -135,6 +135,19 @@ def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
     if n:
         blocked = occluded_in_world(model.accelerator, at, rays.origin[:n], rays.direction[:n], rays.limit[:n])
         add_lit(rays.row, rays.value, rays.lamp, blocked, total)
+
+
+def last_kernels_first(model: Model) -> None:
+    """Call the kernels of paths from the last one on, for no path: another process begins with the first one."""
+    world, at, lights = model.world, model.static, model.lights
+    none, points, rays = np.zeros(0, np.int64), np.zeros((0, 3)), room_for_shadows(0)
+    ends = starts(none, none, points, points)
+    hits = rays.direction, rays.limit, np.zeros(0, np.int32)
+    _arrive(world, at, lights.area, lights.sky, NOTHING_KNOWN, 0, 0, 0, ends, *hits, points)
+    scatter(world.bsdfs, 0, 0, 0, ends, rays.origin, rays.direction)
+    add_lit(rays.row, rays.value, rays.lamp, np.zeros(0, bool), points)
+    rays_to_object(at, 0, rays.origin, rays.direction)
+    occluded_in_world(model.accelerator, at, rays.origin, rays.direction, rays.limit)
 
 
 @kernel

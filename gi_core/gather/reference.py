@@ -140,7 +140,7 @@ class Rounds:
         m = int(s.log2_set[due].min())
         rows = due[s.log2_set[due] == m][: max(1, paths // (sets << m))]
         values = self.paths(rows, now << m, sets << m, m, 0)
-        _take_in(values, 1 << m, rows, s.sets, s.mean, s.squares)
+        take_in(values, 1 << m, rows, s.sets, s.mean, s.squares)
 
 
 class ReferenceRounds(Rounds):
@@ -207,7 +207,7 @@ def set_sizes(pilot: np.ndarray, weights: np.ndarray, rounds: int = ROUNDS) -> n
 
 
 @kernel
-def _take_in(values, size, rows, sets, mean, squares):
+def take_in(values, size, rows, sets, mean, squares):
     """Add sets of `size` paths, values (rows, paths, channels), to the running means and squares (Welford 1962)."""
     for k in range(len(rows)):
         i = rows[k]

@@ -4,17 +4,16 @@
 structure of rays and one kind of surfaces. The window stays responsive and finds the kernels in the disk cache. A stamp
 in the cache folder marks these sources as compiled.
 
-With a second core, another process takes the steps in reverse order, unless `--alone` is given. Each kernel is compiled
-by the process that reaches it first; the other reads it from the cache.
+With a second core, another process takes the steps in reverse order. Each kernel is compiled by the process that
+reaches it first; the other reads it from the cache. With `--beside-look` the other process is that of a first look: the
+kernels of its light come first, from the last one on.
 """
 
 from __future__ import annotations
 
 import functools
-import os
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
@@ -22,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gi_core.base import strata
 from gi_core.base.jit import cache_folder
 from gi_core.base.kernel_cache import KernelCache
 from gi_core.base.nearest_points import count_within, nearest
@@ -33,18 +33,20 @@ from gi_core.files.completion.pilot import Rays, useful_box
 from gi_core.files.completion.refinement import refined
 from gi_core.gather.denoise import denoise
 from gi_core.gather.mobile import MobileGather
-from gi_core.gather.reference import ReferenceRounds
+from gi_core.gather.path_tracer import last_kernels_first
+from gi_core.gather.reference import ReferenceRounds, take_in
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.geometry.texture_filter import lookup
 from gi_core.geometry.texture_footprint import footprints
 from gi_core.gloss.lobe_rays import draw_lobe
 from gi_core.gloss.radiance import gloss_radiance
+from gi_core.instruments import child
 from gi_core.model import Model
 from gi_core.rays.structures import checked
 from gi_core.scene.types import Gloss, Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, Texture
 from gi_core.solver import Solver
 
-FROM_BEHIND, ALONE, RAYS, OF = "--from-behind", "--alone", "--rays", "--surfaces"
+FROM_BEHIND, BESIDE_LOOK, RAYS, OF = "--from-behind", "--beside-look", "--rays", "--surfaces"
 SURFACES = DIFFUSE, GLOSS, TABLES = "diffuse", "gloss", "tables"
 STAMP = "complete"
 # Bytes of compiled kernels that a kind adds to the cache folder: the end of the progress bar.
@@ -87,14 +89,17 @@ def is_warm(rays: str | None = None, surfaces: str = DIFFUSE) -> bool:
 
 
 def compile_kernels(
-    rays: str | None = None, surfaces: str = DIFFUSE, alone: bool = False
+    rays: str | None = None, surfaces: str = DIFFUSE, beside_look: bool = False
 ) -> Iterator[tuple[str, float]]:
     """Run a tiny scene through every kernel; yield the name of each step and the fraction done before it.
 
-    alone: without another process, as one compiles the same kernels already.
+    beside_look: a process compiles the kernels of a first look, and then steps in reverse order; help it first.
     """
     meter = Meter(surfaces)
-    with nullcontext() if alone else _from_behind(rays, surfaces):
+    with nullcontext() if beside_look else _from_behind(rays, surfaces):
+        if beside_look:
+            yield "first look", 0.0
+            _light_backwards(_tiny_scene(surfaces), rays)
         for name, run in _parts(rays, surfaces):
             yield name.replace("_", " "), meter.fraction
             run()
@@ -123,14 +128,9 @@ def _from_behind(rays: str | None, surfaces: str) -> Iterator[None]:
     if available_cores() == 1:
         yield
         return
-    process = subprocess.Popen(
-        [sys.executable, "-m", "gi_core.instruments.compile_ahead", FROM_BEHIND, RAYS, checked(rays), OF, surfaces],
-        cwd=Path(__file__).parents[2],  # gi_core is importable there, installed or not
-        stdin=subprocess.PIPE,  # closes when this process ends for any reason
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-    )
+    options = FROM_BEHIND, RAYS, checked(rays), OF, surfaces
+    output = dict.fromkeys(("stdout", "stderr"), subprocess.DEVNULL)
+    process = child.start("gi_core.instruments.compile_ahead", *options, **output)
     try:
         yield
     finally:
@@ -143,11 +143,6 @@ def compile_backwards(rays: str | None, surfaces: str) -> None:
     """Run the steps in reverse order."""
     for _, run in reversed(_parts(rays, surfaces)):
         run()
-
-
-def end_with_input() -> None:
-    """End this process when its standard input ends, as it does when the parent ends for any reason."""
-    threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
 
 
 def _trace(scene: Scene, rays: str | None) -> Solver:
@@ -221,9 +216,25 @@ def _gather(scene: Scene, rays: str | None) -> None:
     mobiles = mobile, mobile._replace(name="above it", pose=Pose((0.0, 0.0, 0.7)))
     model = Model(replace(scene, mobiles=mobiles), rays=rays)
     MobileGather(model, 0).irradiance(model.transforms(model.start_poses()), np.zeros((model.first_probe, 3)), 1)
-    # Smooth three receivers of one face.
+    _smooth()
+
+
+def _smooth() -> None:
+    """Smooth three receivers of one face."""
     for _ in denoise(*np.ones((2, 3, 3)), np.ones(3), neighbours(np.array([[0, 1, 2]]), 3), 0, 1):
         pass
+
+
+def _light_backwards(scene: Scene, rays: str | None) -> None:
+    """Compile the kernels of a first look's light, from the last one on: its process begins with the first one."""
+    strata.uniform(0, 0, 0, 0, 0)  # many kernels contain it
+    neighbours(np.zeros((0, 3)), 0)
+    plain = replace(scene, static=scene.static._replace(paint=None))
+    model = Model(plain, rays=rays)  # its kernels come from that process
+    none = np.zeros((0, 3))
+    take_in(none[None], 1, np.zeros(0, np.int64), np.zeros(0, np.int32), none, none)
+    last_kernels_first(model)
+    _smooth()
 
 
 def _see_texture() -> None:
@@ -238,8 +249,10 @@ if __name__ == "__main__":
     chosen = sys.argv[sys.argv.index(RAYS) + 1] if RAYS in sys.argv else None
     kind = sys.argv[sys.argv.index(OF) + 1] if OF in sys.argv else DIFFUSE
     if FROM_BEHIND in sys.argv:
-        end_with_input()
+        child.prepare()
         compile_backwards(chosen, kind)
     else:
-        for _ in compile_kernels(chosen, kind, ALONE in sys.argv):
+        if BESIDE_LOOK in sys.argv:
+            child.prepare()
+        for _ in compile_kernels(chosen, kind, BESIDE_LOOK in sys.argv):
             pass

@@ -11,6 +11,8 @@ import pytest
 from gi_core.discs.search import SEARCHES
 from gi_core.instruments import compile_ahead
 
+ROOT = Path(__file__).parents[3]
+
 
 @pytest.mark.parametrize("name", SEARCHES)
 def test_the_warm_up_runs_every_search(name, monkeypatch):
@@ -26,9 +28,40 @@ def test_the_warm_up_runs_every_search(name, monkeypatch):
     assert calls
 
 
+HELPED = """
+import numpy as np
+from gi_core.base import strata
+from gi_core.display.first_look import first_looks
+from gi_core.gather import denoise, path_tracer, reference
+from gi_core.geometry import mesh_neighbours
+from gi_core.instruments import compile_ahead
+from gi_core.lights import next_event
+from gi_core.model import Model
+from gi_core.rays import accelerator
+from tests.support.viewer_support import room
+
+kernels = [strata.uniform, mesh_neighbours._join, mesh_neighbours._pack, reference.take_in, path_tracer._arrive]
+kernels += [path_tracer.scatter, next_event.add_lit, accelerator._carry, accelerator._occluded, denoise._average]
+kernels += [denoise._pass]
+compile_ahead._light_backwards(compile_ahead._tiny_scene(), None)
+before = [k.signatures for k in kernels]
+assert all(len(s) == 1 for s in before), before
+model = Model(room())
+next(first_looks(room(), model, np.ones((1, 3)), 0))
+assert [k.signatures for k in kernels] == before
+"""
+
+
 @pytest.mark.slow
-def test_background_compiler_ends_with_its_parent():
-    command = [sys.executable, "-m", "gi_core.instruments.compile_ahead", compile_ahead.FROM_BEHIND]
-    with subprocess.Popen(command, cwd=Path(__file__).parents[3], stdin=subprocess.PIPE) as process:
+def test_kernels_compiled_beside_a_first_look_are_those_that_it_needs():
+    """In a process of its own: others may have loaded kernels for other types."""
+    subprocess.run([sys.executable, "-c", HELPED], cwd=ROOT, check=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("option", [compile_ahead.FROM_BEHIND, compile_ahead.BESIDE_LOOK])
+def test_background_compiler_ends_with_its_parent(option):
+    command = [sys.executable, "-m", "gi_core.instruments.compile_ahead", option]
+    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE) as process:
         process.stdin.close()
         assert process.wait(timeout=60) == 0
