@@ -64,7 +64,9 @@ def _packed(columns: Sequence[np.ndarray], n: int) -> np.ndarray | None:
 
 @allocating
 def _components(pairs, n):
-    above = np.arange(n)  # parent: a smaller node of the same component, or the node itself
+    above = np.empty(n, np.int64)  # parent: a smaller node of the same component, or the node itself
+    for i in range(n):  # np.arange would take as long to compile as all of this
+        above[i] = i
     for k in range(len(pairs)):
         a, b = pairs[k, 0], pairs[k, 1]
         while above[a] != a:

@@ -75,6 +75,19 @@ def bounce_numbers(seed, photon, bounce):
 
 
 @kernel
+def picked(cdf, u):
+    """Return the first index whose cumulative probability, ascending to 1, exceeds u in [0, 1)."""
+    low, high = 0, len(cdf) - 1
+    while low < high:
+        middle = (low + high) >> 1
+        if cdf[middle] > u:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@kernel
 def basis(nx, ny, nz):
     """Return two unit vectors that complete a unit normal (Duff et al. 2017)."""
     sign = math.copysign(1.0, nz)

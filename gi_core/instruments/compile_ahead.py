@@ -227,8 +227,8 @@ def _smooth() -> None:
 
 def _light_backwards(scene: Scene, rays: str | None) -> None:
     """Compile the kernels of a first look's light, from the last one on: its process begins with the first one."""
-    strata.uniform(0, 0, 0, 0, 0)  # many kernels contain it
-    neighbours(np.zeros((0, 3)), 0)
+    neighbours(np.zeros((0, 3)), 0)  # that process needs these two before this one can help with the others
+    strata.uniform(0, 0, 0, 0, 0)
     plain = replace(scene, static=scene.static._replace(paint=None))
     model = Model(plain, rays=rays)  # its kernels come from that process
     none = np.zeros((0, 3))

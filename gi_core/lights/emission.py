@@ -174,7 +174,7 @@ def _emit(seed, i, kind, parameters, face, cdf, units, lamps, tables, origin, di
     """Write photon i into row k."""
     u, v = random_numbers.position_numbers(seed, i)
     s, t = random_numbers.direction_numbers(seed, i)
-    e = min(np.searchsorted(cdf, u, side="right"), len(cdf) - 1)
+    e = random_numbers.picked(cdf, u)
     before = cdf[e - 1] if e > 0 else 0.0
     # The rest of the number, scaled to [0, 1), is uniform again.
     u = min((u - before) / (cdf[e] - before), 1.0)

@@ -178,7 +178,7 @@ def add_lit(row, value, lamp, blocked, total):
 @inlined
 def _point_on_lamp(lights, u, v):
     """Return the emissive face that u in [0, 1) picks, the density [1/m2], and a point on the face [m]."""
-    e = min(np.searchsorted(lights.cdf, u, side="right"), len(lights.cdf) - 1)
+    e = random_numbers.picked(lights.cdf, u)
     before = lights.cdf[e - 1] if e > 0 else 0.0
     share = lights.cdf[e] - before
     # The rest of the number, scaled to [0, 1), is uniform again.

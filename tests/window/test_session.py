@@ -277,7 +277,7 @@ while not pathlib.Path({str(shown)!r}).exists():
     time.sleep(0.01)
 """
     look = "import pickle, sys, time; pickle.dump('a look', sys.stdout.buffer); sys.stdout.flush(); time.sleep(600)"
-    programs = [compiler, look, "raise SystemExit('no compiler here')", "raise SystemExit('no look')"]
+    programs = [look, compiler, "raise SystemExit('no look')", "raise SystemExit('no compiler here')"]
     monkeypatch.setattr(compile_ahead, "is_warm", lambda rays, surfaces: False)
     monkeypatch.setattr(compile_ahead, "cache_folder", lambda: tmp_path)
     monkeypatch.setitem(compile_ahead.CODE, compile_ahead.DIFFUSE, 100)

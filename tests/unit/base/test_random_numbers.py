@@ -24,6 +24,14 @@ USED = range(owen_sobol.DIMENSIONS)
 PROJECTIONS = [p for d in (2, 3) for p in itertools.combinations(USED, d)]
 
 
+def test_picked_is_the_first_index_above_a_number():
+    weight = np.random.default_rng(0).random(7)
+    weight[[0, 3, 4]] = 0.0  # never picked
+    cdf = np.cumsum(weight) / weight.sum()
+    for u in [*np.linspace(0, 1, 1000, endpoint=False), *cdf[:-1], np.nextafter(1.0, 0.0)]:
+        assert random_numbers.picked(cdf, u) == np.searchsorted(cdf, u, side="right")
+
+
 # -- projections ------------------------------------------------------------------------------------
 
 
