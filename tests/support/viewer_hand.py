@@ -29,6 +29,7 @@ class Hand:
         limit = time.monotonic() + PATIENCE
         while not what():
             assert time.monotonic() < limit, "waited too long"
+            assert not self.ctx.is_error(), "the engine draws no more frames"
             time.sleep(PAUSE)
             self.ctx.yield_()
 

@@ -145,9 +145,10 @@ def drive(viewer, script: Callable, quits: bool = False, keep_ini: bool = False)
     """Run a viewer without a screen; `script(ctx)` clicks and types in it with ImGui's test engine.
 
     `quits`: the script ends by closing the window, which the engine would count as a failure; `keep_ini`: settings
-    of the window are written to the test's folder.
+    of the window are written to the test's folder. An exception of a frame ends the script and is raised here: from
+    a callback, it would leave the script to wait for frames that never come, and then abort the process.
     """
-    from imgui_bundle import hello_imgui
+    from imgui_bundle import hello_imgui, imgui
     from imgui_bundle.imgui import test_engine
     from imgui_bundle.immapp import testing
 
@@ -158,12 +159,41 @@ def drive(viewer, script: Callable, quits: bool = False, keep_ini: bool = False)
         io = test_engine.get_io(hello_imgui.get_imgui_test_engine())
         io.config_watchdog_warning = io.config_watchdog_kill_test = np.finfo(np.float32).max.item()
 
+    failed: list[Exception] = []
+
+    def guarded(callback: Callable[[], None]) -> Callable[[], None]:
+        def call() -> None:
+            draws = imgui.get_current_context().within_frame_scope
+            state = imgui.internal.ErrorRecoveryState()
+            if draws:
+                imgui.internal.error_recovery_store_state(state)
+            try:
+                callback()
+            except Exception as problem:
+                failed.append(problem)
+                test_engine.abort_current_test(hello_imgui.get_imgui_test_engine())  # what waits for frames fails
+                if draws:  # end the windows that were begun
+                    imgui.get_io().config_error_recovery_enable_assert = False
+                    imgui.internal.error_recovery_try_to_recover_state(state)
+
+        return call
+
+    for holder, names in (
+        (viewer.params.callbacks, ("show_gui", "show_menus", "show_status", "after_swap")),
+        *((shown, ("gui_function",)) for shown in viewer.params.docking_params.dockable_windows),
+    ):
+        for name in names:
+            setattr(holder, name, guarded(getattr(holder, name)))
     viewer.params.callbacks.register_tests = without_watchdog
     viewer.may_sleep = False  # the engine needs frames
     viewer.params.ini_disable = not keep_ini
     viewer.params.app_window_params.restore_previous_geometry = False
     window.prepare()
-    testing.run(test_function=script, runner_params=viewer.params, raise_on_error=not quits)
+    try:
+        testing.run(test_function=script, runner_params=viewer.params, raise_on_error=not quits)
+    finally:
+        if failed:
+            raise failed[0]
 
 
 class Clock:

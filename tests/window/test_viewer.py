@@ -53,6 +53,20 @@ def test_frames_continue_while_the_scene_opens(play):
     assert errors(viewer) == []
 
 
+@pytest.mark.parametrize("where", ["draw", "draw_status"])
+def test_exception_of_a_frame_fails_its_test(play, monkeypatch, where):
+    """The script does not wait for frames that never come, and the process lives on."""
+    from app.window import overlay
+
+    def script(hand, viewer):
+        hand.ctx.yield_(2)
+        monkeypatch.setattr(overlay, where, lambda *_: 1 / 0)
+        hand.wait(lambda: False)
+
+    with pytest.raises(ZeroDivisionError):
+        play(script)
+
+
 def test_exception_in_a_stage_is_logged_and_frames_continue(play):
     def script(hand, viewer):
         hand.wait_for_light()
