@@ -12,7 +12,7 @@ from imgui_bundle import imgui, implot
 from app.session.log import Log
 from app.session.malloc_arenas import limit_arenas
 from app.session.moving_median import MovingMedian
-from app.session.opening import Opening
+from app.session.opening import COMPILING, Opening
 from app.session.reload import Reload
 from app.session.session import BUDGET, Session
 from app.settings import Settings, UsageError
@@ -30,7 +30,8 @@ LONGEST_WAIT = 0.02  # s per frame for refinement if drawing is slow
 SOFTWARE_GRACE = 0.2  # s per frame for a move if drawing takes the same cores
 LINGER = 1.0  # s of frames after the last input: tooltips come and fade
 REFRESH = 0.5  # s between frames while work at rest changes numbers alone
-OPENING_PAUSE = 0.05  # s between frames while a first scene opens: compilers need the cores
+OPENING_PAUSE = 0.05  # s between frames while a first scene opens ...
+COMPILING_PAUSE = 0.25  # ... and while kernels compile, without input: software GL took a seventh of two cores
 PAUSE = 0.5  # s that an idle window waits for input before it checks for signals
 LONGEST_STEP = 0.1  # s per frame of an animation: it does not jump after a pause of the program
 
@@ -129,7 +130,7 @@ class Viewer:
     def _sleep(self) -> None:
         """Wait for input or new light while nothing changes; work at rest goes on."""
         if not self._ready and self.session.opening is not None:
-            window.wait_for_input(OPENING_PAUSE)
+            window.wait_for_input(COMPILING_PAUSE if self.session.opening.phase == COMPILING else OPENING_PAUSE)
         refresh = time.perf_counter() + REFRESH
         while self._is_still:
             resting = self._ready and not self.session.light.all_done
