@@ -6,13 +6,17 @@ at a time, and no other thread uses the solver meanwhile.
 
 from __future__ import annotations
 
+import atexit
 import queue
 import threading
+import time
+import weakref
 from collections.abc import Callable
 from concurrent.futures import Future, wait
 from typing import NamedTuple
 
 PATIENCE = 0.25  # s that closing waits for a running step
+LAST_PATIENCE = 5.0  # s that the end of the program waits for it
 
 
 class Task(NamedTuple):
@@ -55,7 +59,8 @@ class Worker:
     def submit(self, call: Callable) -> Call:
         if not self._started:
             self._started = True
-            threading.Thread(target=_work, args=(self._calls,), name=self._name, daemon=True).start()
+            start(self._name, _work, self._calls)
+            _queues.add(self._calls)
         future: Future = Future()
         self._calls.put((future, call))
         return Call(future)
@@ -73,6 +78,31 @@ def _work(calls: queue.SimpleQueue) -> None:
         except BaseException as problem:
             future.set_exception(problem)
         item = future = call = None  # frees the call's objects while the thread waits
+
+
+def start(name: str, target: Callable, *arguments) -> threading.Thread:
+    """Start a daemon thread that the end of the program awaits for LAST_PATIENCE.
+
+    Before version 3.14, Python's end unwinds a daemon thread where it takes the interpreter's lock. Within np.unique,
+    which is C++, the process then aborts: "terminate called without an active exception", in 4 of 8 runs.
+    """
+    thread = threading.Thread(target=target, args=arguments, name=name, daemon=True)
+    _threads.add(thread)
+    thread.start()
+    return thread
+
+
+_threads: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
+_queues: weakref.WeakSet[queue.SimpleQueue] = weakref.WeakSet()  # of Workers
+
+
+@atexit.register
+def _await_threads() -> None:
+    for calls in list(_queues):
+        calls.put(None)
+    end = time.monotonic() + LAST_PATIENCE
+    for thread in list(_threads):
+        thread.join(max(end - time.monotonic(), 0))
 
 
 def without_frames(problem: BaseException) -> BaseException:

@@ -19,7 +19,7 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 
 from app.rest.static_job import load
 from app.settings import Settings, make_solver, open_scene
-from app.worker import without_frames
+from app.worker import start, without_frames
 
 if TYPE_CHECKING:
     from app.draw.picking import Picker
@@ -62,8 +62,7 @@ class Opening:
         self.look: FirstLook | None = None  # while kernels compile
         self._refused: Exception | None = None  # the scene, by the process of the first look
         self._processes: tuple[subprocess.Popen, ...] = ()
-        self._thread = threading.Thread(target=self._run, name="opening", daemon=True)
-        self._thread.start()
+        self._thread = start("opening", self._run)
 
     @property
     def progress(self) -> tuple[str, float | None]:
