@@ -148,20 +148,22 @@ def corner_view(angle: float) -> float:
 
 
 def disc_nodes(centre, normal, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (m, 3) and weights (m,) whose weighted sum of a field is its mean over a disc.
+    """Return points (..., m, 3) and weights (m,) whose weighted sum of a field is its mean over a disc.
 
-    Gauss-Legendre in r^2 (the area grows with it), trapezoid in the angle (periodic: exact fast).
+    centre, normal (..., 3). Gauss-Legendre in r^2 (the area grows with it), trapezoid in the angle (periodic: exact
+    fast).
     """
-    n = np.asarray(normal, float) / np.linalg.norm(normal)
-    a = np.cross(n, [1.0, 0, 0] if abs(n[0]) < 0.7 else [0, 1.0, 0])
-    a /= np.linalg.norm(a)
+    n = np.asarray(normal, float)
+    n = n / np.linalg.norm(n, axis=-1, keepdims=True)
+    a = np.cross(n, np.where(np.abs(n[..., :1]) < 0.7, [1.0, 0, 0], [0, 1.0, 0]))
+    a /= np.linalg.norm(a, axis=-1, keepdims=True)
     b = np.cross(n, a)
     s, w = np.polynomial.legendre.leggauss(RADIAL)
     r = radius * np.sqrt((s + 1) / 2)
     phi = 2 * math.pi * (np.arange(ANGULAR) + 0.5) / ANGULAR
-    along = np.cos(phi)[:, None] * a + np.sin(phi)[:, None] * b
-    points = np.asarray(centre, float) + r[:, None, None] * along
-    return points.reshape(-1, 3), np.repeat(w / 2 / ANGULAR, ANGULAR)
+    along = np.cos(phi)[:, None] * a[..., None, :] + np.sin(phi)[:, None] * b[..., None, :]
+    points = np.asarray(centre, float)[..., None, None, :] + r[:, None, None] * along[..., None, :, :]
+    return points.reshape(*n.shape[:-1], -1, 3), np.repeat(w / 2 / ANGULAR, ANGULAR)
 
 
 def disc_mean(field, centre, normal, radius: float) -> float:
@@ -174,16 +176,19 @@ def disc_mean(field, centre, normal, radius: float) -> float:
     return float(weights @ field(points))
 
 
-def sector_nodes(centre, normal, first, angle: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """As disc_nodes(), over the sector that turns from the direction `first` by `angle` [rad] about `normal`."""
-    f = np.asarray(first, float) / np.linalg.norm(first)
+def sector_nodes(centre, normal, first, angle, radius) -> tuple[np.ndarray, np.ndarray]:
+    """As disc_nodes(), over sectors that turn from the directions `first` (n, 3) by `angle` (n,) [rad] about `normal`.
+
+    centre, normal (n, 3); radius (n,).
+    """
+    f = first / np.linalg.norm(first, axis=1, keepdims=True)
     g = np.cross(normal, f)
     s, w = np.polynomial.legendre.leggauss(4)
-    r = radius * np.sqrt((s + 1) / 2)
-    phi = angle * (s + 1) / 2
-    along = np.cos(phi)[:, None] * f + np.sin(phi)[:, None] * g
-    points = np.asarray(centre, float) + r[:, None, None] * along
-    return points.reshape(-1, 3), np.outer(w, w).reshape(-1) / 4
+    r = radius[:, None] * np.sqrt((s + 1) / 2)
+    phi = angle[:, None] * (s + 1) / 2
+    along = np.cos(phi)[..., None] * f[:, None] + np.sin(phi)[..., None] * g[:, None]
+    points = centre[:, None, None] + r[:, :, None, None] * along[:, None]
+    return points.reshape(len(centre), -1, 3), np.outer(w, w).reshape(-1) / 4
 
 
 def triangle_mean(field, corners) -> float:

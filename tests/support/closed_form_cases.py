@@ -26,7 +26,7 @@ class ClosedFormCase(NamedTuple):
     groups: Callable  # receivers -> {name: (R,) bool}
     photons: int
     radius: float  # [m]
-    neighbours: int = 250
+    neighbours: int = 125
     dark: Callable | None = None  # receivers -> (R,) bool: those that get exactly nothing
 
 
@@ -142,7 +142,7 @@ CASES = {
         point_over_plane,
         lambda p, n: closed_form.point_over_plane(1.0, 0.6, np.hypot(p[:, 0], p[:, 1])),
         rings(0, 0.4, 0.7, 1.2),
-        120_000,
+        60_000,
         0.12,
     ),
     "spot over a plane": ClosedFormCase(
@@ -151,25 +151,25 @@ CASES = {
             1.0, 1.0, np.hypot(p[:, 0], p[:, 1]), math.cos(math.radians(20)), math.cos(math.radians(40))
         ),
         rings(0, 0.36, 0.8),
-        100_000,
+        50_000,
         0.12,
-        400,
+        200,
     ),
     "luminaire over a plane": ClosedFormCase(
-        luminaire_over_plane, from_luminaire, rings(0, 0.4, 0.7, 1.2), 120_000, 0.12
+        luminaire_over_plane, from_luminaire, rings(0, 0.4, 0.7, 1.2), 60_000, 0.12
     ),
     "oblique parallel light": ClosedFormCase(
         directional_plane,
         lambda p, n: np.full(len(p), closed_form.directional(3.0, (1, 0.5, -1), (0, 0, 1))),
         lambda r: {"all": within(r, 0.15)},
-        100_000,
+        50_000,
         0.12,
     ),
     "overcast sky": ClosedFormCase(
         sky_plane,
         lambda p, n: np.full(len(p), closed_form.sky(1.0)),
         lambda r: {"all": within(r, 0.15)},
-        120_000,
+        60_000,
         0.12,
     ),
     "parallel rectangles": ClosedFormCase(
@@ -180,15 +180,16 @@ CASES = {
         rings(0, 0.4, 0.8, 1.2),
         150_000,
         0.12,
+        250,
     ),
     "furnace": ClosedFormCase(
-        furnace, lambda p, n: np.full(len(p), closed_form.furnace(1.0, 0.5)), furnace_groups, 40_000, 1 / 16
+        furnace, lambda p, n: np.full(len(p), closed_form.furnace(1.0, 0.5)), furnace_groups, 40_000, 1 / 16, 250
     ),
     "two-sided sphere in parallel light": ClosedFormCase(
         sphere_in_sun,
         lambda p, n: closed_form.directional(1.0, (0, 0, -1), n),
         bands(0.1, 0.5, 0.8, 1.0),
-        100_000,
+        50_000,
         0.11,
         dark=inside,
     ),
@@ -196,7 +197,7 @@ CASES = {
         sphere_by_lamp,
         lambda p, n: closed_form.point_light(1.0, (0, 0, 2.5), p, n),
         bands(0.5, 0.8, 1.0),
-        300_000,
+        150_000,
         0.11,
         dark=inside,
     ),
@@ -206,5 +207,6 @@ CASES = {
         lambda r: {"plate": np.linalg.norm(r.positions - PLATE_POSE.position, axis=1) < 0.4},
         120_000,
         0.1,
+        250,
     ),
 }

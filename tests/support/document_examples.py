@@ -35,6 +35,7 @@ OF_COMMAND = {"view": [*PHOTONS, "--size", "64x40"], "render": [*PHOTONS, "--siz
               "info": PHOTONS, "tune": PHOTONS, "reference": ["--error", "30"],
               "chart": [*PHOTONS, "--quick", "--frames", "2", "--points", "50"]}  # fmt: skip
 FRAMES = ["--frames", "2"]
+TEXELS = ["--light-map", "128"]
 CHEAPEST = ["--estimator", "impact_count"]
 CHOOSE_THEMSELVES = ("reference", "tune")  # commands without --estimator
 
@@ -110,6 +111,7 @@ def run(arguments: list[str]) -> int:
     name = arguments[0] if arguments and arguments[0] in cli.COMMANDS else "view"
     more = [*SMALL, *OF_COMMAND[name]]  # the last one counts where an option is given twice
     more += FRAMES if "--frames" in arguments else []
+    more += TEXELS if "--light-map" in arguments else []
     more += CHEAPEST if "--estimator" not in arguments and name not in CHOOSE_THEMSELVES else []
     code = cli.main([*arguments, *more])
     for option in ("--out", "--json", "--screenshot"):

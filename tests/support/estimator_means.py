@@ -24,11 +24,8 @@ def tangent_plane(solver: Solver, field) -> np.ndarray:
     only where something hides a part of the disc.
     """
     receivers = solver.receivers
-    out = np.empty(len(receivers.areas))
-    for r, (p, n) in enumerate(zip(receivers.positions, receivers.normals, strict=True)):
-        points, weights = closed_form.disc_nodes(p, n, solver.setting.radius)
-        out[r] = weights @ field(points, np.broadcast_to(n, points.shape))
-    return out
+    points, weights = closed_form.disc_nodes(receivers.positions, receivers.normals, solver.setting.radius)
+    return _at(field, points, receivers.normals) @ weights
 
 
 def impact_count(solver: Solver, field) -> np.ndarray:
@@ -58,14 +55,15 @@ def photon_map(solver: Solver, field) -> np.ndarray:
     r2 = (solver.setting.neighbours - 1) * a_photon / (math.pi * np.maximum(at_receiver, 1e-30))
     r = np.sqrt(np.minimum(r2, solver.setting.radius**2))
     out = np.zeros(len(positions))
-    for corners, _, n, receivers in _faces(solver):
-        for k, i in enumerate(receivers):
-            u, v = corners[(k + 1) % 3] - corners[k], corners[(k + 2) % 3] - corners[k]
-            # On the back the same sector has the opposite sense of rotation.
-            u, v = (u, v) if np.cross(u, v) @ n > 0 else (v, u)
-            angle = math.atan2(np.linalg.norm(np.cross(u, v)), u @ v)
-            points, weights = closed_form.sector_nodes(corners[k], n, u, angle, r[i])
-            out[i] += angle / (2 * math.pi) * (weights @ field(points, np.broadcast_to(n, points.shape)))
+    corners, _, n, receivers = (np.array(of_all) for of_all in zip(*_faces(solver), strict=True))
+    for k in range(3):
+        u, v = (corners[:, (k + j) % 3] - corners[:, k] for j in (1, 2))
+        # On the back the same sector has the opposite sense of rotation.
+        front = (np.cross(u, v) * n).sum(axis=1, keepdims=True) > 0
+        u, v = np.where(front, u, v), np.where(front, v, u)
+        angle = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), (u * v).sum(axis=1))
+        points, weights = closed_form.sector_nodes(corners[:, k], n, u, angle, r[receivers[:, k]])
+        np.add.at(out, receivers[:, k], angle / (2 * math.pi) * (_at(field, points, n) @ weights))
     return out
 
 
@@ -85,6 +83,12 @@ MEANS = {"tangent_plane": tangent_plane, "impact_count": impact_count, "photon_m
 
 # Relative bias that an estimator is allowed, because its mean is known only up to it.
 UNKNOWN = {"photon_map": half_a_hit}
+
+
+def _at(field, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return a field (n, m) at points (n, m, 3) with normals (n, 3)."""
+    n = np.broadcast_to(normals[:, None], points.shape).reshape(-1, 3)
+    return field(points.reshape(-1, 3), n).reshape(points.shape[:2])
 
 
 def _faces(solver: Solver):
