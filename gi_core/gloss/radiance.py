@@ -11,12 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.jit import kernel
+from gi_core.base.random_numbers import basis
 from gi_core.base.vec import cross, dot
 from gi_core.bsdf import ggx, table
 
 LEAST_ALPHA = 0.15  # lobes are drawn no sharper: vertices and cells cannot carry more
 GRAZING = 0.05  # least cosine of a direction
 SPREAD = 0.5  # of alpha^2 per missing length of a mean direction: 64 cells differ from the list by a fifth less
+POINTS = 3  # of a table's lobe around a mean direction, as far off as the missing length says: decision 34
+ONE = 1e-3  # missing length of a single ray, as float32 and half floats have it
 
 
 class Directions(NamedTuple):
@@ -72,14 +75,35 @@ def _view(tables, lobe, n, t, o):
 
     A mirror in a table is shown as a lobe of LEAST_ALPHA. The eye of a table is in the frame of its tangent.
     """
-    s = cross(n, t)
     if lobe[4] >= 0.0:
         alpha, at_eye = max(lobe[4], LEAST_ALPHA), max(dot(o, n), GRAZING)
-        return t, s, o, at_eye, alpha, ggx._lambda(alpha, at_eye), 0.0
+        return o, o, o, at_eye, alpha, ggx._lambda(alpha, at_eye), 0.0
+    # The tangent is that of a face: beside the vertex normal it would shift the lobe, on a ball by a quarter of it.
+    across = dot(t, n)
+    t = t[0] - across * n[0], t[1] - across * n[1], t[2] - across * n[2]
+    size = max(math.sqrt(dot(t, t)), 1e-6)
+    t = t[0] / size, t[1] / size, t[2] / size
+    s = cross(n, t)
     m = -1 - int(lobe[4])
     ox, oy, oz = dot(o, t), dot(o, s), max(dot(o, n), GRAZING)
     glass = table.mirror_share(tables, m, ox, oy, oz) * table.albedo(tables, m, ox, oy, oz)
     return t, s, (ox, oy, oz), oz, LEAST_ALPHA, ggx._lambda(LEAST_ALPHA, oz), glass
+
+
+@kernel
+def _by_table(tables, m, n, view, w):
+    """Return f of table m for the eye and light from w, of any length."""
+    t, s, o, at_eye, alpha, far, glass = view
+    size = math.sqrt(dot(w, w))
+    wx, wy, wz = dot(w, t) / size, dot(w, s) / size, max(dot(w, n) / size, GRAZING)
+    red, green, blue = table.value(tables, m, wx, wy, wz, o[0], o[1], o[2])
+    if glass > 0.0:
+        hx, hy, hz = wx + o[0], wy + o[1], wz + o[2]
+        cos_h = hz / max(math.sqrt(hx * hx + hy * hy + hz * hz), 1e-6)
+        more = 1.0 + far + ggx._lambda(alpha, wz)
+        mirror = glass * ggx.distribution(alpha, cos_h) / (4.0 * wz * at_eye * more)
+        red, green, blue = red + mirror, green + mirror, blue + mirror
+    return red, green, blue
 
 
 @kernel
@@ -88,21 +112,23 @@ def _sent(tables, lobe, n, view, rays, j):
     r, g, b = rays[j, 0], rays[j, 1], rays[j, 2]
     if r + g + b <= 0.0:
         return 0.0, 0.0, 0.0
-    t, s, o, at_eye, alpha, far, glass = view
+    _, _, o, at_eye, alpha, far, _ = view
     x, y, z = rays[j, 3], rays[j, 4], rays[j, 5]
     length = max(math.sqrt(x * x + y * y + z * z), 1e-6)
     w = x / length, y / length, z / length
     at_light = max(dot(w, n), GRAZING)
     if lobe[4] < 0.0:
-        wx, wy, wz = dot(w, t), dot(w, s), at_light
-        red, green, blue = table.value(tables, -1 - int(lobe[4]), wx, wy, wz, o[0], o[1], o[2])
-        if glass > 0.0:
-            hx, hy, hz = wx + o[0], wy + o[1], wz + o[2]
-            cos_h = hz / max(math.sqrt(hx * hx + hy * hy + hz * hz), 1e-6)
-            more = 1.0 + far + ggx._lambda(alpha, wz)
-            mirror = glass * ggx.distribution(alpha, cos_h) / (4.0 * wz * at_eye * more)
-            red, green, blue = red + mirror, green + mirror, blue + mirror
-        return red * r, green * g, blue * b
+        red = green = blue = 0.0
+        spread = math.sqrt(2.0 * SPREAD * max(1.0 - length, 0.0))
+        points = POINTS if 1.0 - length > ONE else 1
+        ax, ay, az, bx, by, bz = basis(w[0], w[1], w[2])
+        for k in range(points):
+            turn = 2.0 * math.pi * (k + 0.25) / POINTS
+            p, q = (spread * math.cos(turn), spread * math.sin(turn)) if points > 1 else (0.0, 0.0)
+            v = w[0] + p * ax + q * bx, w[1] + p * ay + q * by, w[2] + p * az + q * bz
+            one, two, three = _by_table(tables, -1 - int(lobe[4]), n, view, v)
+            red, green, blue = red + one, green + two, blue + three
+        return red / points * r, green / points * g, blue / points * b
     hx, hy, hz = w[0] + o[0], w[1] + o[1], w[2] + o[2]
     size = max(math.sqrt(hx * hx + hy * hy + hz * hz), 1e-6)
     cos_h = (hx * n[0] + hy * n[1] + hz * n[2]) / size

@@ -156,3 +156,20 @@ def test_gloss_follows_the_eye_and_is_black_from_below():
     floor = normal[:, 2] > 0.99
     assert (found[0][floor] > 0).any() and not np.allclose(found[0][floor], found[1][floor], rtol=0.05)
     assert not found[2][floor & (p[:, 2] < 0.02)].any()
+
+
+def test_a_tangent_of_a_face_does_not_shift_the_lobe_at_a_vertex():
+    """A ball of Ward 0.2 was up to 10 % off in total: tangents of faces leaned out of the plane at vertices."""
+    from gi_core.bsdf.models import lobe
+    from gi_core.bsdf.tabulate import tabulate
+
+    tables = join([tabulate((lobe("ward", {"kd": 0.1, "ks": 0.4, "ax": 0.2, "ay": 0.2}),))])
+    rays = directions(300)
+    cells = np.concatenate([np.full((300, 3), 1 / 300), rays], axis=1)[None]
+    up, eye = np.array([[0.0, 0.0, 1.0]]), np.array([0.5, 0.2, 0.9])
+    given = np.zeros(1, np.int32), np.ones((1, 3)), 0 * up, up, np.array([[0.0, 0.0, 0.0, 0.0, -1.0]])
+    found = []
+    for tangent in ((1.0, 0.0, 0.0), (math.cos(0.1), 0.0, math.sin(0.1))):
+        found.append(room_for(1))
+        gloss_radiance(of_cells(cells), *given, np.array([tangent]), tables, eye, found[-1])
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-6)
