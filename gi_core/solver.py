@@ -155,7 +155,7 @@ class Solver:
         """
         f, refresh = self.frame, partial(self._update, stop=stop)
         at = self.model.transforms(f.poses)
-        yield from self.light_source.pose_steps(f.background, f.photons, f.irradiance, at, refresh)
+        yield from self.light_source.pose_steps(f.background, f.photons, f.irradiance, f.gloss, at, refresh)
         yield Progress("done", 1.0, False)
 
     @property

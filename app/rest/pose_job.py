@@ -19,7 +19,7 @@ class PoseGathering:
     def __init__(self, solver: Solver, stop: Callable[[], bool] | None = None) -> None:
         self._solver, self._stop = solver, stop
         self._steps: Iterator[Progress] | None = None
-        self._begun: tuple | None = None  # poses and photons of the steps
+        self._begun: tuple | None = None  # poses, photons and levels of the steps
 
     @property
     def light(self) -> PoseGather | None:
@@ -32,7 +32,7 @@ class PoseGathering:
         solver = self._solver
         if solver.light != "best" or not solver.model.names or not solver.frame.photons:
             return None
-        if self._begun != (now := (solver.poses, solver.frame.photons)):
+        if self._begun != (now := (solver.poses, solver.frame.photons, solver.levels.tobytes())):
             self._begun, self._steps = now, solver.gather_pose_steps(self._stop)
         return None if self._steps is None else self._step
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from app.rest.results import GatherProgress
+from gi_core.frames.gathered_gloss import STAGE as GLOSS
 
 if TYPE_CHECKING:
     from app.rest.reference_store import StaticStore
@@ -29,8 +30,9 @@ class Gathering:
 
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""
-        g = self._solver.light_source.gathered
+        g, source = self._solver.light_source.gathered, self._solver.light_source
         finished = self._steps is None and g is not None and g.enough  # its light is in the picture
+        finished = finished and not source.lacks_gloss(self._solver.frame.background)
         return None if self._solver.light != "best" or finished else self._step
 
     def _step(self) -> bool:
@@ -64,7 +66,7 @@ def load(solver: Solver) -> Iterator[Progress]:
     state = StaticStore(solver.model, solver.seed).load()
     if state is not None and state.rounds > 1:
         for progress in solver.gather_steps(state):
-            if solver.light_source.gathered.state is not state:
+            if solver.light_source.gathered.state is not state or progress.stage == GLOSS:
                 return  # this step has traced new paths
             yield progress
 

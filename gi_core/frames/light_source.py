@@ -13,6 +13,7 @@ import numpy as np
 
 from gi_core.display.dilation import NONE_UNREACHED, Dilation, Drawn, dilated
 from gi_core.frames.background import Background
+from gi_core.frames.gathered_gloss import GatheredGloss
 from gi_core.frames.progress import Progress
 from gi_core.gather import coarse_faces
 from gi_core.gather.coarse_faces import CoarseFaces
@@ -70,6 +71,7 @@ class LightSource:
         self._reflectance: tuple[np.ndarray, np.ndarray] | None = None  # for static light, see `coarse_faces`
         self._poses: dict[int, bytes] = {}  # by number of paths, of its last frame
         self.gloss_way, self.gloss_source = source.QUADTREE, GlossSource(model)
+        self._gathered_gloss = GatheredGloss(model, seed, self.gloss_source)
         self.rays_traced = False  # in the last frame: mobiles had moved
 
     def twin(self, fresh: bool) -> LightSource:
@@ -78,6 +80,7 @@ class LightSource:
         if fresh:
             other.gathered, other._less_noise = None, False
             other._at_poses = PoseGathers(self._model, self._seed)
+            other._gathered_gloss = GatheredGloss(self._model, self._seed, self.gloss_source)
         return other
 
     def choose(self, light: str | None, prefix_only: bool | None, gloss: str | None = None) -> None:
@@ -121,6 +124,18 @@ class LightSource:
             if used := bool(new) and self.compare(shown()):
                 yield from (p._replace(fraction=g.fraction) for p in refresh())
             yield Progress("gathering", g.fraction, used)
+            if used and self._gathers_gloss:
+                light, levels = self._gathered_at(self.levels), self.levels
+                given = shown(), self._model.static, levels, light, np.arange(len(light))
+                for p in self._gathered_gloss.steps(*given):
+                    if p.picture:
+                        yield from refresh()
+                    yield p
+
+    def lacks_gloss(self, shown: Background | None) -> bool:
+        """Whether gather_steps() has directions of gathered light to gather, besides the light itself."""
+        ready = shown is not None and shown.estimate.photons and self.is_gathered and self._gathers_gloss
+        return bool(ready) and not self._gathered_gloss.is_enough(shown, self.levels)
 
     def compare(self, shown: Background | None) -> bool:
         """Compare the noise of gathered light and of all photons; return whether frames start from gathered light.
@@ -242,7 +257,16 @@ class LightSource:
     def gloss(self, b: Background, change: PoseChange, clock: Callable[[str], None]) -> GlossLight | None:
         """Return the directional light of a frame; None without glossy faces. clock: called after each step."""
         photons = b.store, b.store.prefix(b.estimate.photons)[0], b.store.weights(self.levels)
-        return self.gloss_source.light(self.gloss_way, b.setting.radius, photons, change, clock)
+        rest = self._gathered_gloss.at_rest(b, self.levels) if self.is_gathered and self._gathers_gloss else None
+        light = self.gloss_source.light(self.gloss_way, b.setting.radius, photons, change, clock, rest)
+        if light is None or not self._gathers_gloss:
+            return light
+        return self._gathered_gloss.settle(light, b, change.at, self.levels)
+
+    @property
+    def _gathers_gloss(self) -> bool:
+        """Whether frames take gathered directions: single rays come from photons."""
+        return self.light == "best" and not self.prefix_only and self.gloss_way == source.QUADTREE
 
     def is_of_gloss(self, light: GlossLight | None) -> bool:
         """Return whether a frame's directional light is kept in the way that is chosen."""
@@ -255,11 +279,12 @@ class LightSource:
         return self._at_poses.find(at, self.levels) if self.light == "best" and not self.prefix_only else None
 
     def pose_steps(
-        self, shown: Background | None, photons: int, irradiance: np.ndarray, at: Transforms,
+        self, shown: Background | None, photons: int, irradiance: np.ndarray, gloss: GlossLight | None, at: Transforms,
         refresh: Callable[[], None],
     ) -> Iterator[Progress]:  # fmt: skip
         """Gather light at poses, see `PoseGather.steps`; irradiance (R, 3) [W/m2] of the frame of `photons` there.
 
+        gloss: of that frame; its directions come first, as they take few paths.
         refresh: computes the frame again. Nothing for a frame of few photons, and where frames take no gathered light.
         """
         if shown is None or not 0 < photons == shown.estimate.photons or not self._model.names:
@@ -267,6 +292,12 @@ class LightSource:
         if self.light == "photons" or self.prefix_only:
             return
         levels = self.levels
+        if gloss is not None and self._gathers_gloss:
+            changed = gloss.rows[gloss.changed]
+            for p in self._gathered_gloss.steps(shown, at, levels, irradiance, changed):
+                if p.picture:
+                    refresh()
+                yield p
         light = irradiance, self.static_irradiance(shown, photons)
         begun = self._at_poses.begin(at, self.levels, photons, *light, math.pi * shown.setting.radius**2)
 

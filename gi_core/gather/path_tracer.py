@@ -93,18 +93,19 @@ def gather(model: Model, at: Transforms, lights: Lights, seed: int, path, positi
         for first in range(a, b, BLOCK):
             s = slice(first, min(first + BLOCK, b))
             ends = starts(path[s].copy(), np.arange(s.stop - first), position[s].copy(), normal[s].copy())
-            _follow(model, at, lights, seed, m, ends, known, total[s])
+            follow(model, at, lights, seed, m, ends, known, total[s])
 
     run_ranges(work, len(path), model.threads, BLOCK // 2)
     return total
 
 
-def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnds, known: KnownLight, total) -> None:
-    """Trace a batch of paths; overwrites `ends`."""
+def follow(
+    model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnds, known: KnownLight, total, vertex=0
+) -> None:
+    """Trace a batch of paths from vertex `vertex` on; overwrites `ends`."""
     world, n = model.world, len(ends.path)
     far = float(np.float32(FAR * world.size))
     rays = room_for_shadows(n)
-    vertex = 0
     while n:
         join_lights(model, at, lights, seed, m, vertex, ends, rays, total)
         origin, direction = rays.origin[:n], rays.direction[:n]
@@ -112,7 +113,7 @@ def _follow(model: Model, at: Transforms, lights: Lights, seed, m, ends: PathEnd
         limits = np.full(n, far, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
         hits = direction, distance, face
-        n = _arrive(world, at, lights.area, lights.sky, known, seed, m, vertex, ends, *hits, total)
+        n = arrive(world, at, lights.area, lights.sky, known, seed, m, vertex, ends, *hits, total)
         ends = PathEnds(*(a[:n] for a in ends))
         vertex += 1
 
@@ -174,7 +175,7 @@ def scatter(bsdfs, seed, m, vertex, ends, origin, direction):
 
 
 @kernel
-def _arrive(world, at, lights, sky, known, seed, m, vertex, ends, direction, distance, face, total):
+def arrive(world, at, lights, sky, known, seed, m, vertex, ends, direction, distance, face, total):
     """Add emission and sky at the hits; move surviving paths to the front, return their number.
 
     With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho times

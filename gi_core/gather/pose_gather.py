@@ -276,7 +276,7 @@ class PoseGathers:
 
     def find(self, at: Transforms, levels: np.ndarray) -> PoseGather | None:
         """Return the light at poses and levels (G, 3), None if it has not been begun."""
-        return self._kept.get(_key(at, levels), (0, None))[1]
+        return self._kept.get(key_of(at, levels), (0, None))[1]
 
     def begin(
         self, at: Transforms, levels: np.ndarray, photons: int, irradiance: np.ndarray, static: np.ndarray,
@@ -286,7 +286,7 @@ class PoseGathers:
 
         photons: of the frame. Light that is not yet used begins again with the frame of another number of photons.
         """
-        key = _key(at, levels)
+        key = key_of(at, levels)
         had, gather = self._kept.pop(key, (0, None))
         if gather is None or not (gather.used.any() or had == photons):
             lights = self._points.model.lights_at(levels)
@@ -295,5 +295,6 @@ class PoseGathers:
         return gather
 
 
-def _key(at: Transforms, levels: np.ndarray) -> bytes:
+def key_of(at: Transforms, levels: np.ndarray) -> bytes:
+    """Return a key of poses and levels (G, 3) of the lamps."""
     return at.rotation.tobytes() + at.position.tobytes() + levels.tobytes()

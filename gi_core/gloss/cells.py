@@ -35,7 +35,7 @@ DIRECTION_BITS = 14  # ... and bits of a direction: 2^36.2 at most per ray, 2^26
 RAY = 8  # numbers of a ray, see _weigh()
 PART = 8192  # photons added at a time
 GRAIN = 256  # receivers per thread
-MOST_PHOTONS = 1 << 18  # in the sums: directions need no more
+MOST_PHOTONS = 1 << 20  # in the sums: a fourth of them leaves twice the error, decision 34
 
 
 class GlossLight(NamedTuple):
@@ -62,6 +62,22 @@ class GlossLight(NamedTuple):
         return Directions(cells, tree.offsets, tree.rays, self.opened)
 
 
+def settled(light: GlossLight, place: np.ndarray, cells: np.ndarray) -> GlossLight:
+    """Return the light with other cells (n, CELLS, 6) at rows place (n,), ascending."""
+    other = np.flatnonzero(~np.isin(light.changed, place))
+    changed = np.concatenate([light.changed[other], place])
+    order = np.argsort(changed)
+    return light._replace(changed=changed[order], cells=np.concatenate([light.cells[other], cells])[order])
+
+
+def as_light(sums: np.ndarray) -> np.ndarray:
+    """Return cells (n, CELLS, 6) float32, as of a GlossLight, of gathered sums (n, CELLS, SUMS), see `GlossGather`."""
+    scaled = sums * np.array([1.0] * 3 + [1 << DIRECTION_BITS] * 3 + [1.0])
+    out = np.zeros((len(sums), CELLS, FIELDS), np.float32)
+    _rest(scaled, np.arange(len(sums)), out, np.empty((len(sums), 3)))
+    return out
+
+
 class _Arrivals(NamedTuple):
     """Rays of segments at an object's receivers, in the order of receivers."""
 
@@ -70,6 +86,18 @@ class _Arrivals(NamedTuple):
     line: np.ndarray  # (m,) int32 into the next two
     rays: np.ndarray  # (S, RAY) int64, see _weigh()
     direction: np.ndarray  # (S, 3) float32, of the segments, in the object's space
+
+
+class _Rest(NamedTuple):
+    """Light without mobiles."""
+
+    of: np.ndarray | None  # the gathered light, None: of photons
+    sums: (
+        np.ndarray
+    )  # (static rows, CELLS, SUMS) float64 of gathered light in units of the photons' sums; else (0, ...)
+    totals: np.ndarray  # (static rows, 3), of the cells
+    light: np.ndarray  # (n, CELLS, FIELDS), see GlossLight.resting
+    photons: int = 0  # of these units
 
 
 class GlossCells:
@@ -82,6 +110,7 @@ class GlossCells:
         self._sums = np.zeros((static, CELLS, SUMS), np.int64)
         self._totals = np.zeros((static, 3))  # of the cells, without mobiles
         self._resting = self._unlit()
+        self._gathered: _Rest | None = None
         self._store: object = None  # of the photons in the sums
         self._weights = np.ones((discs.model.emitters.lamps.count, 3))
         self.photons = self._rested = 0  # in the sums, and in `_resting`
@@ -112,9 +141,28 @@ class GlossCells:
             _rest(self._sums, self._place, resting, self._totals)
             self._resting, self._rested = resting, self.photons
 
-    def evaluate(self, change: PoseChange) -> GlossLight:
-        """Return the light of a frame's poses. Its photons may be fewer or more than those in the sums."""
+    def _base(self, gathered: np.ndarray | None) -> _Rest:
+        """Return the light without mobiles: of photons, or gathered (static rows, CELLS, SUMS), see `GlossGather`."""
+        if gathered is None:
+            return _Rest(None, np.empty((0, CELLS, SUMS)), self._totals, self._resting)
+        if self._gathered is None or self._gathered.of is not gathered or self._gathered.photons != self.photons:
+            unit = self.discs.model.emitters.unit_flux / max(self.photons, 1) / (math.pi * self.discs.radius**2)
+            weight = 1.0 / (unit * (1 << FLUX_SHIFT))
+            sums = gathered * np.array([1 / unit] * 3 + [weight * (1 << DIRECTION_BITS)] * 3 + [weight])
+            totals, light = np.empty_like(self._totals), self._unlit()
+            _rest(sums, self._place, light, totals)
+            self._gathered = _Rest(gathered, sums, totals, light, self.photons)
+        return self._gathered
+
+    def evaluate(self, change: PoseChange, gathered: np.ndarray | None = None) -> GlossLight:
+        """Return the light of a frame's poses. Its photons may be fewer or more than those in the sums.
+
+        gathered (static rows, CELLS, SUMS): light without mobiles by paths, in place of photons; see `GlossGather`.
+        Mobiles then take the share of a cell's light that they take of its photons: a difference would leave the
+        noise of photons in shadows.
+        """
         scale, normals = self.photons / max(change.photons, 1), self.discs.normals_of
+        base = self._base(gathered)
         parts = [self._changes(change), *([(1, segments)] for segments in change.near_mobiles)]
         arrivals = [self._arrivals(o, rays, change.at) for o, rays in enumerate(parts)]
         places = [self._place[self.discs.first[o] : self.discs.first[o + 1]] for o in range(len(parts))]
@@ -122,16 +170,17 @@ class GlossCells:
         cells, begin = np.empty((len(rows), CELLS, FIELDS), np.float32), 0
         for o, (place, a) in enumerate(zip(places, arrivals, strict=True)):
             # Mobiles have no light at rest.
-            rest = self._sums if o == 0 else self._sums[:0], self._totals, place, self._resting
+            rest = self._sums if o == 0 else self._sums[:0], base.sums, base.totals, place, base.light
             out = cells[begin : begin + len(a.rows)]
             begin += len(a.rows)
 
             def work(_, first, last, o=o, a=a, rest=rest, out=out):
-                room = np.zeros((CELLS, SUMS), np.int64), np.empty((CELLS, SUMS)), np.empty(CELLS, np.int64)
+                zeros, now = np.zeros((2, CELLS, SUMS), np.int64), np.empty((CELLS, SUMS))
+                room = zeros[0], zeros[1], now, np.empty(CELLS, np.int64)
                 _evaluate(a, first, last, normals(o), *rest, scale if o == 0 else 1.0, *room, out)
 
             run_ranges(work, len(a.rows), self.discs.model.threads, GRAIN)
-        return GlossLight(self.rows, self._resting, rows, cells)
+        return GlossLight(self.rows, base.light, rows, cells)
 
     def _changes(self, change: PoseChange) -> list[tuple[int, Segments]]:
         return [(-1, change.removed_suffixes.segments(self.discs.model.threads)), (1, change.new_suffixes)]
@@ -214,8 +263,11 @@ def _order(receiver, line, cursor, out):
 
 
 @kernel
-def _add(arrivals, j, n, to):
-    """Add the rays at row j, a receiver of normal n, to its cells (CELLS, SUMS); return the cells reached as bits."""
+def _add(arrivals, j, n, to, gone):
+    """Add the rays at row j, a receiver of normal n, to its cells (CELLS, SUMS); return the cells reached as bits.
+
+    Removed rays are subtracted from `gone` (CELLS, SUMS), which may be `to`.
+    """
     ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
     reached = np.uint64(0)
     for e in range(arrivals.first[j], arrivals.first[j + 1]):
@@ -225,10 +277,11 @@ def _add(arrivals, j, n, to):
         w = x * n[0] + y * n[1] + z * n[2]
         cell = cell_of(x * ax + y * ay + z * az, x * bx + y * by + z * bz, w)
         weight = ray[7] * np.int64(ray[6] / math.sqrt(max(w, GRAZING)) + 0.5)
+        out = to[cell] if ray[7] > 0 else gone[cell]
         for c in range(3):
-            to[cell, c] += ray[c]
-            to[cell, 3 + c] += weight * ray[3 + c]
-        to[cell, 6] += weight
+            out[c] += ray[c]
+            out[3 + c] += weight * ray[3 + c]
+        out[6] += weight
         reached |= np.uint64(1) << np.uint64(cell)
     return reached
 
@@ -238,7 +291,7 @@ def _deposit(arrivals, first, last, normals, sums):
     """Add the rays at receivers, rows first .. last - 1, to their sums."""
     for j in range(first, last):
         i = arrivals.rows[j]
-        _add(arrivals, j, normals[i], sums[i])
+        _add(arrivals, j, normals[i], sums[i], sums[i])
 
 
 @kernel
@@ -267,16 +320,37 @@ def _rest(sums, place, out, totals):
 
 
 @kernel
-def _evaluate(arrivals, first, last, normals, sums, totals, place, resting, scale, room, now, listed, out):
+def _before(sums, better, lit, i, c, k):
+    """Return number k of cell c of receiver i without mobiles."""
+    if not lit:
+        return 0.0
+    return better[i, c, k] if len(better) else float(sums[i, c, k])
+
+
+@kernel
+def _now(sums, better, lit, i, c, k, scale, added, gone):
+    """Return number k of cell c of receiver i at a frame's poses."""
+    if not (lit and len(better)):
+        return scale * (added[c, k] + gone[c, k]) + _before(sums, better, lit, i, c, k)
+    of = k if k < 3 else 6  # directions lose the share that their weight does
+    left = 1.0 + scale * gone[c, of] / sums[i, c, of] if sums[i, c, of] > 0 else 1.0
+    return max(0.0, left) * better[i, c, k] + scale * added[c, k]
+
+
+@kernel
+def _evaluate(
+    arrivals, first, last, normals, sums, better, totals, place, resting, scale, added, gone, now, listed, out
+):
     """Write shares and mean directions of receivers, rows first .. last - 1, to rows of out (k, CELLS, 6).
 
-    sums, totals: without these rays, which count `scale` times; no sums: zeros. Scratch memory: room (CELLS, SUMS),
-    zeros before and after; now (CELLS, SUMS), listed (CELLS,).
+    sums: of photons, without these rays, which count `scale` times; no sums: zeros. better, totals: sums of the light
+    at rest, and of its cells; no `better`: photons. Scratch memory: added and gone (CELLS, SUMS), zeros before and
+    after; now (CELLS, SUMS), listed (CELLS,).
     """
     for j in range(first, last):
         i = arrivals.rows[j]
         lit, rest, to, n = i < len(sums), resting[place[i]], out[j], 0
-        reached = _add(arrivals, j, normals[i], room)
+        reached = _add(arrivals, j, normals[i], added, gone)
         for c in range(CELLS):
             if (reached >> np.uint64(c)) & np.uint64(1):
                 listed[n] = c
@@ -286,13 +360,14 @@ def _evaluate(arrivals, first, last, normals, sums, totals, place, resting, scal
         for m in range(n):
             c = listed[m]
             for k in range(SUMS):
-                now[c, k] = scale * room[c, k] + (float(sums[i, c, k]) if lit else 0.0)
-                room[c, k] = 0
+                now[c, k] = _now(sums, better, lit, i, c, k, scale, added, gone)
+            for k in range(SUMS):
+                added[c, k] = gone[c, k] = 0
             for k in range(3):
                 now[c, k] = max(0.0, now[c, k])
-            r += now[c, 0] - (float(sums[i, c, 0]) if lit else 0.0)
-            g += now[c, 1] - (float(sums[i, c, 1]) if lit else 0.0)
-            b += now[c, 2] - (float(sums[i, c, 2]) if lit else 0.0)
+            r += now[c, 0] - _before(sums, better, lit, i, c, 0)
+            g += now[c, 1] - _before(sums, better, lit, i, c, 1)
+            b += now[c, 2] - _before(sums, better, lit, i, c, 2)
         # Shares of the cells that no ray reaches change with the totals alone.
         red, green, blue = red / r if r > 0.0 else 0.0, green / g if g > 0.0 else 0.0, blue / b if b > 0.0 else 0.0
         for c in range(CELLS):

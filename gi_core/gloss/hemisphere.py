@@ -37,6 +37,22 @@ def cell_of(x, y, z):
     return SIDE * i + j
 
 
+@kernel
+def direction_of(a, b):
+    """Return the unit direction (x, y, z) of a point of the square [-1, 1]^2 in the frame of a normal."""
+    r, x, y = 0.0, 0.0, 0.0
+    if abs(a) >= abs(b):
+        r = a
+        turn = 0.25 * math.pi * b / a if a != 0.0 else 0.0
+        x, y = r * math.cos(turn), r * math.sin(turn)
+    else:
+        r = b
+        turn = 0.25 * math.pi * a / b
+        x, y = r * math.sin(turn), r * math.cos(turn)
+    flat = math.sqrt(max(0.0, 2.0 - r * r))
+    return flat * x, flat * y, 1.0 - r * r
+
+
 def centres() -> np.ndarray:
     """Return the directions (CELLS, 3) float64 of the middles of the cells."""
     a, b = ((2 * (m.reshape(-1) + 0.5) / SIDE - 1) for m in np.meshgrid(*[np.arange(SIDE)] * 2, indexing="ij"))

@@ -55,19 +55,19 @@ class GlossSource:
 
     def light(
         self, way: str, radius: float, photons: tuple[object, PathVertices, np.ndarray], change: PoseChange,
-        clock: Callable[[str], None],
+        clock: Callable[[str], None], gathered: np.ndarray | None = None,
     ) -> GlossLight | None:  # fmt: skip
         """Return the directional light of a frame; None without glossy faces or photons.
 
         way: one of WAYS; radius [m]: of irradiance; photons: as for GlossCells.bring_in(); clock: called after each
-        step.
+        step; gathered: as for GlossCells.evaluate().
         """
         cells = self.cells(radius, way)
         if cells is None or len(photons[1].offsets) < 2:
             return None
         for _ in cells.bring_in(*photons):
             clock("gloss")
-        light = cells.evaluate(change)
+        light = cells.evaluate(change, gathered)
         if way != QUADTREE and (lists := self.lists(radius)) is not None:
             for _ in lists.bring_in(*photons):
                 clock("gloss")

@@ -1,0 +1,233 @@
+"""Directions of light at glossy receivers by paths: the cells of `gi_core.gloss.cells` without photons' noise and blur.
+
+A receiver sends the same number of rays through each of its cells, spread evenly over the cell's solid angle. A ray
+ends in the light that frames know at its first diffuse hit; glossy surfaces scatter it on by their own law. Lamps are
+sampled besides, and both ways are weighted by the balance heuristic (Veach 1997), as for irradiance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from gi_core.base import strata
+from gi_core.base.jit import kernel
+from gi_core.base.random_numbers import basis
+from gi_core.base.threads import run_ranges
+from gi_core.base.vec import rotate, rotate_back, weighted
+from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V, KnownLight, PathEnds, arrive, follow, starts
+from gi_core.gather.pose_gather import KEPT, key_of
+from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.gloss.cells import SUMS
+from gi_core.gloss.discs import GlossDiscs
+from gi_core.gloss.hemisphere import CELLS, SIDE, cell_of, direction_of
+from gi_core.gloss.radiance import GRAZING
+from gi_core.lights.light_sampling import Lights
+from gi_core.lights.next_event import join_area, join_delta, light_samples, room_for_shadows
+from gi_core.model import Model
+from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world, occluded_in_world
+from gi_core.scene.pose import to_world_at
+
+STREAM = 0x6105  # separates these random numbers from those of photons and reference with the same seed
+LOG2_RAYS = 8  # of a receiver and round: four per cell
+RAYS = 1 << LOG2_RAYS
+ROUNDS = 4
+PART = 16  # receivers per thread and call: 4,096 rays
+RECEIVERS_PER_STEP = 64  # some 30 ms
+MOST_DELTA = 64  # delta lights that a receiver samples per round
+
+
+class GlossGather:
+    """Directional light at n glossy receivers at one set of poses.
+
+    rows (n,) int64, ascending: receivers. mean (n, CELLS, SUMS) float64: per cell its irradiance (3) [W/m2], and its
+    weight times direction (3) in the object's space, and weight, as in GlossCells. rounds: complete ones.
+    """
+
+    def __init__(self, model: Model, seed: int, rows: np.ndarray, at: Transforms, lights: Lights, known: KnownLight):
+        """lights: of one lamp; known: of all objects at the poses `at`."""
+        self.rows, self.rounds, self.mean = rows, 0, np.zeros((len(rows), CELLS, SUMS))
+        self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
+        self._at, self._lights, self._known = at, lights, known
+        receivers = model.object_receivers
+        self._object = np.searchsorted(model.surfaces.first_receiver[1:], rows, side="right")
+        self._normals = receivers.normals[rows]
+        points, normals = (a[rows] for a in evaluation_points(model.surfaces, receivers))
+        R, p = at.rotation[self._object], at.position[self._object]
+        self._points = to_world_at(R, p, points + ORIGIN_LIFT * model.world.size * normals)
+        self._up = to_world_at(R, 0 * p, normals)  # 0: black
+
+    @property
+    def enough(self) -> bool:
+        """Whether gathering has ended."""
+        return self.rounds >= ROUNDS or not len(self.rows)
+
+    def steps(self) -> Iterator[bool]:
+        """Gather until it is enough, in steps of some 30 ms; yields True where `mean` is new, an array of its own.
+
+        The generator may be dropped and restarted: an unfinished round is then gathered again.
+        """
+        while not self.enough:
+            found = np.empty_like(self.mean)
+            for first in range(0, len(self.rows), RECEIVERS_PER_STEP):
+                last = min(first + RECEIVERS_PER_STEP, len(self.rows))
+
+                def work(_, a, b, first=first, found=found):
+                    for i in range(first + a, first + b, PART):
+                        part = slice(i, min(i + PART, first + b))
+                        found[part] = self._round(part)
+
+                run_ranges(work, last - first, self._model.threads, PART)
+                yield False
+            self.mean = (self.mean * self.rounds + found) / (self.rounds + 1)
+            self.rounds += 1
+            yield True
+
+    def _round(self, part: slice) -> np.ndarray:
+        """Return the light (k, CELLS, SUMS) of the next round at some receivers."""
+        model, lights, at, seed = self._model, self._lights, self._at, self._seed
+        world, size, k = model.world, model.world.size, part.stop - part.start
+        far, gap = float(np.float32(FAR * size)), 4 * ORIGIN_LIFT * size
+        own = self._normals[part], at.rotation[self._object[part]]
+        number = (self.rows[part] * ROUNDS + self.rounds)[:, None] * RAYS
+        path = number + np.arange(RAYS)
+        out, rays = np.zeros((k, CELLS, SUMS)), room_for_shadows(k * RAYS)
+
+        # Join the receivers with lamps: a point on an area light per ray, and every delta light once.
+        ends = starts(path.reshape(-1), *(np.repeat(a, RAYS, axis=0) for a in self._starts(part)))
+        if len(lights.area.cdf):
+            samples = light_samples(seed, LOG2_RAYS, 0, path.reshape(-1, 1), lights)
+            self._join(rays, join_area(world.bsdfs, samples, ends, lights.area, gap, rays), 1 / RAYS, own, out)
+        if delta := min(len(lights.delta.kind), MOST_DELTA):
+            samples = light_samples(seed, 0, 0, path[:, :delta], lights)
+            few, room = starts(path[:, 0].copy(), *self._starts(part)), room_for_shadows(k * delta)
+            n = join_delta(world.bsdfs, samples, delta, few, lights.delta, far, gap, 0, room)
+            self._join(room, n, 1 / delta, own, out)
+
+        # Send rays through the cells, and on from glossy surfaces.
+        total, origin, direction = np.zeros((k * RAYS, 3)), rays.origin, rays.direction
+        _aim(seed, ends, *own, origin, direction)
+        sent, distance, face = direction.copy(), *nearest_in_world(
+            model.accelerator, at, origin, direction, np.full(k * RAYS, far, np.float32)
+        )  # fmt: skip
+        hits = direction, distance, face
+        n = arrive(world, at, lights.area, lights.sky, self._known, seed, LOG2_RAYS, 0, ends, *hits, total)
+        rest = PathEnds(*(a[:n] for a in ends))
+        follow(model, at, lights, seed, LOG2_RAYS, rest, self._known, total, 1)
+        _add_rays(sent, total, *own, out)
+        return out
+
+    def _starts(self, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return np.arange(part.stop - part.start), self._points[part], self._up[part]
+
+    def _join(self, rays, n: int, share: float, own, out: np.ndarray) -> None:
+        """Add the light of the first n shadow rays that are not blocked, `share` of it, to cells."""
+        if n:
+            given = self._at, rays.origin[:n], rays.direction[:n], rays.limit[:n]
+            _add_lit(rays.row, rays.direction, rays.value, occluded_in_world(self._model.accelerator, *given), share,
+                     *own, out)  # fmt: skip
+
+
+class GlossGathers:
+    """Directional light of the static part without mobiles, and at the last KEPT poses, at levels of the lamps.
+
+    It belongs to the discs of some cells: with others it begins anew.
+    """
+
+    def __init__(self, model: Model, seed: int):
+        self._model, self._seed = model, seed
+        self._kept: dict[bytes, tuple[GlossDiscs, GlossGather]] = {}
+
+    def find(self, discs: GlossDiscs, at: Transforms, levels: np.ndarray) -> GlossGather | None:
+        """Return the light at poses and levels (G, 3) once it has a result, None before."""
+        of, found = self._kept.get(key_of(at, levels), (None, None))
+        return found if of is discs and found is not None and (found.rounds or found.enough) else None
+
+    def begin(
+        self, discs: GlossDiscs, at: Transforms, levels: np.ndarray, rows: np.ndarray, irradiance: np.ndarray,
+        disc_area: float,
+    ) -> GlossGather:  # fmt: skip
+        """Return the light at poses and levels, begun now if necessary, at receivers rows (n,) int64, ascending.
+
+        irradiance: of the objects in `at` [W/m2]; disc_area [m2]: of the frame's estimator, see known_light().
+        """
+        of, found = self._kept.pop(key := key_of(at, levels), (None, None))
+        if of is not discs or found is None:
+            lights, known = self._model.lights_at(levels), known_light(self._model, at, irradiance, disc_area)
+            found = GlossGather(self._model, self._seed, rows, at, lights, known)
+        self._kept = dict([*self._kept.items(), (key, (discs, found))][-KEPT - 1 :])
+        return found
+
+
+def known_light(model: Model, at: Transforms, irradiance: np.ndarray, disc_area: float) -> KnownLight:
+    """Return the light in which rays end: irradiance (R, 3) [W/m2] of the objects in `at`.
+
+    Rays go on from faces with a black corner, which is inside another object, and from faces larger than a disc, whose
+    corners say little about their light.
+    """
+    s, objects = model.surfaces, len(at.position)
+    faces, receivers = slice(0, int(s.first_face[objects])), slice(0, int(s.first_receiver[objects]))
+    points, front, back = model.object_receivers.positions[receivers], s.corner_front[faces], s.corner_back[faces]
+    of = np.searchsorted(s.first_receiver[1:], np.arange(len(points)), side="right")
+    black = ~(irradiance[receivers] > 0).any(axis=1)
+    unknown = black[front].any(axis=1) | (s.two_sided[faces] & black[back].any(axis=1))
+    unknown |= s.areas[faces] > disc_area
+    there = to_world_at(at.rotation[of], at.position[of], points)
+    return KnownLight(there, front, back, irradiance[receivers], np.where(unknown, np.inf, 0.0))
+
+
+@kernel
+def _aim(seed, ends, normals, rotations, origin, direction):
+    """Write the rays of receivers through their cells; ends: RAYS paths per receiver, with their throughput set."""
+    along = int(math.sqrt(RAYS // CELLS))  # rays along a side of a cell
+    solid = 2.0 * math.pi / CELLS
+    for j in range(len(ends.path)):
+        i, k = ends.row[j], j % RAYS
+        cell, part = k // (RAYS // CELLS), k % (RAYS // CELLS)
+        u = strata.uniform(seed, ends.path[j], 0, SCATTER_U, 0)
+        v = strata.uniform(seed, ends.path[j], 0, SCATTER_V, 0)
+        a = 2.0 * (cell // SIDE + (part // along + u) / along) / SIDE - 1.0
+        b = 2.0 * (cell % SIDE + (part % along + v) / along) / SIDE - 1.0
+        n = normals[i]
+        ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
+        x, y, z = direction_of(a, b)
+        d = rotate(rotations[i], weighted((x, y, z), (ax, ay, az), (bx, by, bz), n))
+        direction[j, 0], direction[j, 1], direction[j, 2] = d[0], d[1], d[2]
+        ends.row[j] = j
+        for c in range(3):
+            origin[j, c] = ends.position[j, c]
+            ends.throughput[j, c] = z * solid / math.pi  # the mean of pi L over the rays of a cell is its irradiance
+
+
+@kernel
+def _deposit(d, value, share, n, rotation, to):
+    """Add light `value` times share from the world's direction d to the cells of a receiver."""
+    x, y, z = rotate_back(rotation, d)
+    ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
+    w = x * n[0] + y * n[1] + z * n[2]
+    cell = cell_of(x * ax + y * ay + z * az, x * bx + y * by + z * bz, w)
+    weight = share * (value[0] + value[1] + value[2]) / math.sqrt(max(w, GRAZING))
+    for c in range(3):
+        to[cell, c] += share * value[c]
+    to[cell, 3] += weight * x
+    to[cell, 4] += weight * y
+    to[cell, 5] += weight * z
+    to[cell, 6] += weight
+
+
+@kernel
+def _add_lit(rows, direction, value, blocked, share, normals, rotations, out):
+    for j in range(len(blocked)):
+        if not blocked[j]:
+            i = rows[j]
+            _deposit(direction[j], value[j], share, normals[i], rotations[i], out[i])
+
+
+@kernel
+def _add_rays(direction, value, normals, rotations, out):
+    share = 1.0 / (RAYS // CELLS)
+    for j in range(len(value)):
+        i = j // RAYS
+        _deposit(direction[j], value[j], share, normals[i], rotations[i], out[i])
