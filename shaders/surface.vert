@@ -15,7 +15,8 @@ centroid out vec4 back_radiance;
 
 in vec3 normal;         // of the front
 #ifndef SHARP
-uniform sampler2D cells;  // a line per glossy receiver, two texels per cell: shares of irradiance, mean direction
+uniform sampler2D owners; // the line of `cells` that each glossy receiver reads
+uniform sampler2D cells;  // a line per owner of cells, two texels per cell: shares of irradiance, mean direction
 uniform vec2 layout_of;   // lines of a column, cells; 0 lines: no gloss
 uniform vec3 eye;         // in object space
 in vec2 glossy;           // glossy receiver of front and back, from 1; 0: none
@@ -55,6 +56,7 @@ vec3 gloss(float receiver, vec3 n, vec3 irradiance, vec3 sent) {
     at_eye = max(dot(to_eye, n), GRAZING);
     float far = smith(at_eye), a = max(alpha, LEAST_ALPHA), a2 = a * a;
     int k = int(receiver) - 1, lines = int(layout_of.x), count = int(layout_of.y);
+    k = int(texelFetch(owners, ivec2(k / lines, k % lines), 0).r + 0.5);
     ivec2 at = ivec2(2 * count * (k / lines), k % lines);
     vec3 sum = vec3(0.0);
     for (int c = 0; c < count; ++c) {

@@ -1,4 +1,4 @@
-"""The texture of directional light that the vertex shader reads, and its upload where light has changed."""
+"""The textures of directional light that the vertex shader reads, and their upload where light has changed."""
 
 from __future__ import annotations
 
@@ -15,12 +15,16 @@ GAP = 16  # unchanged receivers between changed ones that are uploaded with them
 
 
 class GlossTexture:
-    """Light of the glossy receivers: a line per receiver in columns of LINES, two texels per cell (RGBA16F)."""
+    """Light of the glossy receivers: a line per owner of cells in columns of LINES, two texels per cell (RGBA16F).
+
+    A second texture (R32F) has the owner of each receiver, a line per receiver in columns of a texel.
+    """
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx
         self.lines = min(LINES, ctx.info["GL_MAX_TEXTURE_SIZE"])
         self._texture: moderngl.Texture | None = None
+        self._owners: moderngl.Texture | None = None
         self._shown: GlossLight | None = None
 
     @property
@@ -40,6 +44,8 @@ class GlossTexture:
             self._texture, before = self._ctx.texture(size, 4, dtype="f2"), None
             self._texture.filter = moderngl.NEAREST, moderngl.NEAREST
             self._shown = light
+        if before is None or before.place is not light.place:
+            self._write_owners(light.place)
         if before is None or before.resting is not light.resting:
             rows = np.arange(n)
         else:
@@ -50,6 +56,16 @@ class GlossTexture:
         place[light.changed] = np.arange(len(light.changed))
         for run in np.split(rows, np.flatnonzero((np.diff(rows) > GAP) | (np.diff(rows // self.lines) > 0)) + 1):
             self._write(light, place, int(run[0]), int(run[-1]) + 1)
+
+    def _write_owners(self, place: np.ndarray) -> None:
+        if self._owners is not None:
+            self._owners.release()
+        columns, lines = -(-len(place) // self.lines), min(len(place), self.lines)
+        whole = np.zeros(columns * lines, np.float32)
+        whole[: len(place)] = place
+        texels = np.ascontiguousarray(whole.reshape(columns, lines).T)
+        self._owners = self._ctx.texture((columns, lines), 1, texels.tobytes(), dtype="f4")
+        self._owners.filter = moderngl.NEAREST, moderngl.NEAREST
 
     def _write(self, light: GlossLight, place: np.ndarray, first: int, last: int) -> None:
         """Upload receivers first .. last - 1, all of one column."""
@@ -63,14 +79,17 @@ class GlossTexture:
         assert self._texture is not None
         self._texture.write(texels.tobytes(), viewport=(2 * cells * column, line, 2 * cells, count))
 
-    def use(self, unit: int) -> bool:
-        """Bind the texture; return whether there is one."""
-        if self._texture is None or self._shown is None:
+    def use(self, unit: int, owners: int) -> bool:
+        """Bind the textures; return whether there are any."""
+        if self._texture is None or self._owners is None or self._shown is None:
             return False
         self._texture.use(unit)
+        self._owners.use(owners)
         return True
 
     def release(self) -> None:
         if self._texture is not None:
             self._texture.release()
-        self._texture = self._shown = None
+        if self._owners is not None:
+            self._owners.release()
+        self._texture = self._owners = self._shown = None

@@ -35,7 +35,7 @@ BACKGROUND = (0.145, 0.15, 0.16)  # display values; lighter than an unlit black 
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
 TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
-GLOSS_UNIT = 1  # texture unit of directional light
+GLOSS_UNIT, OWNERS_UNIT = 1, 4  # texture units of directional light and of its owners; 2 and 3 are reflections
 AS_IS = 3  # there: display colours
 FALSE_COLOURS = 4
 LINEAR, COMPRESSED = 5, 6  # of reflections
@@ -185,7 +185,7 @@ class Renderer:
     def _set_up(self, look: Look) -> None:
         """Set the uniforms that all views of a picture share."""
         scale = look.scale or NO_SCALE
-        shown = look.textured and look.eye is not None and self._gloss.use(GLOSS_UNIT)
+        shown = look.textured and look.eye is not None and self._gloss.use(GLOSS_UNIT, OWNERS_UNIT)
         for program in self._programs.of_surfaces:
             program["exposure"] = tuple(2.0**look.exposure * gain for gain in look.gains)
             program["map"].write(SEQUENTIAL.astype(np.float32).tobytes())  # type: ignore[union-attr]
@@ -197,7 +197,7 @@ class Renderer:
             program["unlit"] = UNLIT
             program["reach"] = self._mirrors.size
             if "cells" in program:
-                program["cells"] = GLOSS_UNIT
+                program["cells"], program["owners"] = GLOSS_UNIT, OWNERS_UNIT
                 program["evaluated"] = float(shown and self._gloss.light.tree is not None)
                 program["layout_of"] = (float(self._gloss.lines if shown else 0), float(CELLS))
             if "image" in program:

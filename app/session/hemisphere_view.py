@@ -51,9 +51,10 @@ def hemisphere_view(solver: Solver, receiver: int, ends: np.ndarray, kind: np.nd
     row = -1 if light is None else int(np.searchsorted(light.rows, receiver))
     if light is None or row == len(light.rows) or light.rows[row] != receiver:
         return None
-    place = int(np.searchsorted(light.changed, row))
-    is_changed = place < len(light.changed) and light.changed[place] == row
-    cells = (light.cells[place] if is_changed else light.resting[row]).copy()
+    owner = int(light.place[row])
+    place = int(np.searchsorted(light.changed, owner))
+    is_changed = place < len(light.changed) and light.changed[place] == owner
+    cells = (light.cells[place] if is_changed else light.resting[owner]).copy()
     faces = (s.corner_front == receiver).any(axis=1) | (s.corner_back == receiver).any(axis=1)
     face = int(np.flatnonzero(faces & ~np.isnan(s.lobe[:, 4]))[0])
     o, normal = int(np.searchsorted(s.first_receiver[1:], receiver, "right")), model.object_receivers.normals[receiver]

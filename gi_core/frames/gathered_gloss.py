@@ -40,7 +40,9 @@ class GatheredGloss:
         """Return the light of a frame with the directions gathered at its poses, if there are any."""
         cells = self._source.cells(b.setting.radius)
         found = None if cells is None or len(at.position) == 1 else self._gathers.find(cells.discs, at, levels)
-        return light if found is None else settled(light, np.searchsorted(light.rows, found.rows), as_light(found.mean))
+        return (
+            light if found is None else settled(light, np.searchsorted(light.owners, found.rows), as_light(found.mean))
+        )
 
     def steps(
         self, b: Background, at: Transforms, levels: np.ndarray, irradiance: np.ndarray, changed: np.ndarray

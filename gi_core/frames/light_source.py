@@ -293,7 +293,7 @@ class LightSource:
             return
         levels = self.levels
         if gloss is not None and self._gathers_gloss:
-            changed = gloss.rows[gloss.changed]
+            changed = gloss.owners[gloss.changed]
             for p in self._gathered_gloss.steps(shown, at, levels, irradiance, changed):
                 if p.picture:
                     refresh()

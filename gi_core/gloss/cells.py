@@ -39,7 +39,7 @@ MOST_PHOTONS = 1 << 20  # in the sums: a fourth of them leaves twice the error, 
 
 
 class GlossLight(NamedTuple):
-    """Directional light of a frame at n glossy receivers. The arrays are never written to again.
+    """Directional light of a frame at n glossy receivers, held by m of them. The arrays are never written to again.
 
     A cell holds the share of irradiance that arrives through it, per channel, and the mean direction towards that light
     in the object's space: (red, green, blue, x, y, z). The mean is shorter than 1 where directions spread. Rays weigh
@@ -47,8 +47,10 @@ class GlossLight(NamedTuple):
     """
 
     rows: np.ndarray  # (n,) int64, receivers, ascending
-    resting: np.ndarray  # (n, CELLS, 6) float32, without mobiles; no light on mobiles, even light where probes show it
-    changed: np.ndarray  # (k,) int64 into rows, ascending
+    owners: np.ndarray  # (m,) int64, receivers whose cells these are, ascending
+    place: np.ndarray  # (n,) int32 into owners
+    resting: np.ndarray  # (m, CELLS, 6) float32, without mobiles; no light on mobiles, even light where probes show it
+    changed: np.ndarray  # (k,) int64 into owners, ascending
     cells: np.ndarray  # (k, CELLS, 6) float32, in place of `resting`
     tree: RayTree | None = None  # the rays one by one, see `gi_core.gloss.rays`; None: cells alone
     opened: float = 0.0  # see Directions
@@ -58,12 +60,12 @@ class GlossLight(NamedTuple):
         cells, tree = self.resting.copy(), self.tree
         cells[self.changed] = self.cells
         if tree is None:
-            return Directions(cells, np.zeros(1, np.int64), np.empty((0, FIELDS), np.float32))
-        return Directions(cells, tree.offsets, tree.rays, self.opened)
+            return Directions(cells, np.zeros(1, np.int64), np.empty((0, FIELDS), np.float32), 0.0, self.place)
+        return Directions(cells, tree.offsets, tree.rays, self.opened, self.place)
 
 
 def settled(light: GlossLight, place: np.ndarray, cells: np.ndarray) -> GlossLight:
-    """Return the light with other cells (n, CELLS, 6) at rows place (n,), ascending."""
+    """Return the light with other cells (n, CELLS, 6) of owners place (n,), ascending."""
     other = np.flatnonzero(~np.isin(light.changed, place))
     changed = np.concatenate([light.changed[other], place])
     order = np.argsort(changed)
@@ -103,10 +105,13 @@ class _Rest(NamedTuple):
 class GlossCells:
     """Sums of a scene's glossy receivers. Not thread safe."""
 
-    def __init__(self, discs: GlossDiscs, glossy: np.ndarray):
-        """discs: of the receivers that have cells; glossy: all glossy receivers, ascending. Others have even light."""
-        self.discs, self.rows, static = discs, glossy, discs.count(0)
-        self._place = np.searchsorted(glossy, discs.rows)
+    def __init__(self, discs: GlossDiscs, glossy: np.ndarray, owners: np.ndarray, place: np.ndarray):
+        """discs: of the owners that have cells, others have even light; glossy (n,): all glossy receivers, ascending.
+
+        owners (m,), ascending, and place (n,): see GlossLight.
+        """
+        self.discs, self.rows, self.owners, self.place, static = discs, glossy, owners, place, discs.count(0)
+        self._place = np.searchsorted(owners, discs.rows)
         self._sums = np.zeros((static, CELLS, SUMS), np.int64)
         self._totals = np.zeros((static, 3))  # of the cells, without mobiles
         self._resting = self._unlit()
@@ -116,9 +121,9 @@ class GlossCells:
         self.photons = self._rested = 0  # in the sums, and in `_resting`
 
     def _unlit(self) -> np.ndarray:
-        """Return the light (n, CELLS, 6) of all glossy receivers before any ray: none where there are cells."""
-        out = np.empty((len(self.rows), CELLS, FIELDS), np.float32)
-        _turn(even_light(), self.discs.model.object_receivers.normals[self.rows], out)
+        """Return the light (m, CELLS, 6) of all owners before any ray: none where there are cells."""
+        out = np.empty((len(self.owners), CELLS, FIELDS), np.float32)
+        _turn(even_light(), self.discs.model.object_receivers.normals[self.owners], out)
         out[self._place, :, :3] = 0.0
         return out
 
@@ -180,7 +185,7 @@ class GlossCells:
                 _evaluate(a, first, last, normals(o), *rest, scale if o == 0 else 1.0, *room, out)
 
             run_ranges(work, len(a.rows), self.discs.model.threads, GRAIN)
-        return GlossLight(self.rows, base.light, rows, cells)
+        return GlossLight(self.rows, self.owners, self.place, base.light, rows, cells)
 
     def _changes(self, change: PoseChange) -> list[tuple[int, Segments]]:
         return [(-1, change.removed_suffixes.segments(self.discs.model.threads)), (1, change.new_suffixes)]

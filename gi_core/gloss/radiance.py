@@ -25,10 +25,11 @@ ONE = 1e-3  # missing length of a single ray, as float32 and half floats have it
 class Directions(NamedTuple):
     """Light at n glossy receivers by direction: cells, and their rays where these are kept."""
 
-    cells: np.ndarray  # (n, CELLS, 6) float32: see GlossLight
+    cells: np.ndarray  # (m, CELLS, 6) float32: see GlossLight
     offsets: np.ndarray  # (n CELLS + 1,) int64 into `rays`, see `gi_core.gloss.rays`; (1,): cells alone
     rays: np.ndarray  # (m, 6) float32, as cells
     opened: float = 0.0  # share of the light of all cells towards the eye, above which a cell's rays are read; < 0: all
+    place: np.ndarray = np.zeros(0, np.int32)  # (n,) int32 into `cells`; empty: each receiver has its own
 
 
 @kernel
@@ -38,7 +39,7 @@ def gloss_radiance(directions, row, irradiance, position, normal, lobe, tangent,
     directions: a Directions; row (D,): receiver in it, -1: no gloss; irradiance (D, 3) [W/m2]; position, normal,
     tangent (D, 3) and eye (3,) in the object's space; lobe (D, 5): F0, F90, alpha; alpha -1 - k: table k of `tables`.
     """
-    cells, offsets, rays, opened = directions
+    cells, offsets, rays, opened, place = directions
     count, has_rays = cells.shape[1], len(offsets) > 1
     for v in range(len(row)):
         out[v, 0] = out[v, 1] = out[v, 2] = 0.0
@@ -47,11 +48,12 @@ def gloss_radiance(directions, row, irradiance, position, normal, lobe, tangent,
         size = math.sqrt(x * x + y * y + z * z)
         if k < 0 or not size > 0.0 or x * n[0] + y * n[1] + z * n[2] <= 0.0:
             continue
+        of = cells[place[k] if len(place) else k]
         view = _view(tables, lobe[v], n, tangent[v], (x / size, y / size, z / size))
         red = green = blue = 0.0
         if opened >= 0.0:
             for c in range(count):
-                r, g, b = _sent(tables, lobe[v], n, view, cells[k], c)
+                r, g, b = _sent(tables, lobe[v], n, view, of, c)
                 red, green, blue = red + r, green + g, blue + b
         if has_rays:
             limit = opened * (red + green + blue)
@@ -59,7 +61,7 @@ def gloss_radiance(directions, row, irradiance, position, normal, lobe, tangent,
             for c in range(count):
                 r = g = b = math.inf
                 if opened >= 0.0:
-                    r, g, b = _sent(tables, lobe[v], n, view, cells[k], c)
+                    r, g, b = _sent(tables, lobe[v], n, view, of, c)
                 if r + g + b > limit:
                     r = g = b = 0.0
                     for j in range(offsets[k * count + c], offsets[k * count + c + 1]):

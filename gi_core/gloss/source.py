@@ -11,6 +11,7 @@ from gi_core.gloss.cells import GlossCells, GlossLight
 from gi_core.gloss.discs import GlossDiscs
 from gi_core.gloss.rays import RayLists
 from gi_core.gloss.sharp import in_probes
+from gi_core.gloss.sites import sites
 from gi_core.model import Model
 from gi_core.photons.paths import PathVertices
 from gi_core.retrace.cuts import PoseChange
@@ -32,12 +33,21 @@ class GlossSource:
     def cells(self, radius: float, way: str = QUADTREE) -> GlossCells | None:
         """Return the cells of glossy receivers; radius [m]: of irradiance. None without glossy faces.
 
-        way: one of WAYS. With cells alone, receivers whose gloss pictures show from probes have none.
+        way: one of WAYS. With cells alone, receivers whose gloss pictures show from probes have none, and others share
+        those of a site.
         """
         if self._cells is None or self._kept != (radius, way == QUADTREE):
             s = self._model.surfaces
-            rows = glossy_receivers(s, besides=in_probes(s) if way == QUADTREE else None)
-            self._cells = GlossCells(GlossDiscs(self._model, radius * RADII, rows), glossy_receivers(s))
+            glossy = owners = rows = glossy_receivers(s)
+            place = np.arange(len(glossy), dtype=np.int32)
+            if way == QUADTREE:  # a list is that of its receiver
+                own = glossy_receivers(s, besides=in_probes(s))
+                rows, site = sites(self._model, own, radius * RADII)
+                even = np.setdiff1d(glossy, own)
+                owners = np.union1d(rows, even)
+                place[np.searchsorted(glossy, even)] = np.searchsorted(owners, even)
+                place[np.searchsorted(glossy, own)] = np.searchsorted(owners, rows)[site]
+            self._cells = GlossCells(GlossDiscs(self._model, radius * RADII, rows), glossy, owners, place)
             self._kept, self._lists = (radius, way == QUADTREE), None
         return self._cells if len(self._cells.rows) else None
 

@@ -85,7 +85,7 @@ def test_cells_are_the_sums_of_their_rays():
     solver = solved()
     wander(solver, 2)
     light = solver.frame.gloss
-    cells, offsets, rays, _ = light.directions()
+    cells, offsets, rays, *_ = light.directions()
     lit = np.flatnonzero(np.diff(offsets) > 0)
     sums = np.add.reduceat(rays, offsets[lit], axis=0)
     np.testing.assert_allclose(sums[:, :3], cells.reshape(-1, 6)[lit, :3], atol=2e-5)
