@@ -46,6 +46,8 @@ uniform vec3 centre;        // of the probe
 uniform vec3 albedo[17];    // of the lobe by the cosine of the view
 uniform vec3 taps[16];      // slopes of half vectors along the grain and across it; width that the ray stands for
 uniform int count;          // of taps
+vec3 looks[4];              // of a pixel into a probe, in place of the samples that other edges have
+bool has_looks = false;
 
 // How far q, relative to the centre, lies beyond the surroundings in its direction.
 float beyond_surroundings(vec3 q) {
@@ -111,8 +113,10 @@ vec3 reflected(vec3 flat_normal) {
             vec2 part = vec2(j & 1, j >> 1) - 0.5;
             part = 0.5 * part + 0.25 * vec2(part.y, -part.x);
             vec3 look = share * textureLod(surroundings, first + part.x * right + part.y * up, 0.0).rgb;
+            looks[j] = look;
             c += 0.25 * look / (1.0 + max(look.r, max(look.g, look.b)));  // so that lamps end as smoothly as other edges
         }
+        has_looks = true;
         return c / max(1.0 - max(c.r, max(c.g, c.b)), 1e-4);
     }
     float around = length(first - r);  // of the surroundings, for all taps
@@ -200,6 +204,14 @@ void main() {
         vec3 shown = max(radiance, 0.0) + (of_luminance ? more / exposure : vec3(0.0));
         colour = vec4(false_colour(shown, slope), 1.0);
     } else {
-        colour = vec4(srgb(tone_mapped(max(radiance, 0.0) * exposure + more)), 1.0);
+        vec3 base = max(radiance, 0.0) * exposure;
+        colour = vec4(srgb(tone_mapped(base + more)), 1.0);
+#ifdef SHARP
+        if (has_looks) {  // samples of other edges are averaged as display colours too
+            vec3 sum = vec3(0.0);
+            for (int j = 0; j < 4; ++j) sum += 0.25 * srgb(tone_mapped(base + looks[j]));
+            colour.rgb = sum;
+        }
+#endif
     }
 }
