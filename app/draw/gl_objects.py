@@ -99,12 +99,12 @@ class DrawnObject:
         self._gloss, self._mesh = None, mesh
         self._light: dict[int, np.ndarray] = {}  # by layer: irradiance
         self._along = None
-        # Vertices of glossy faces that show light at vertices, and those of tables; the rest is seen in reflections.
-        self._shining = self._tabulated = np.zeros(0, np.int64)
+        # Vertices of tables that show light at vertices; the rest is seen in reflections.
+        self._tabulated = np.zeros(0, np.int64)
         if mesh.lobe is not None:
             plain = mesh.triangles if mesh.reflector is None else mesh.triangles[mesh.reflector < 0]
-            self._shining = np.unique(plain)
-            self._tabulated = self._shining[mesh.lobe[self._shining, 4] < 0]
+            shining = np.unique(plain)
+            self._tabulated = shining[mesh.lobe[shining, 4] < 0]
             packed = np.c_[mesh.gloss + 1, mesh.normal, _with_albedo(mesh)].astype(np.float32)
             self._gloss = ctx.buffer(packed.tobytes())
             self._owned.append(self._gloss)
@@ -184,9 +184,9 @@ class DrawnObject:
         """Whether the processor evaluates gloss of this object for each eye."""
         return len(self._tabulated) > 0
 
-    def evaluate(self, directions: Directions, eye: np.ndarray, all_gloss: bool) -> None:
-        """Upload the radiance of gloss towards an eye (3,) in the object's space: of tables, or of all gloss."""
-        which = self._shining if all_gloss else self._tabulated
+    def evaluate(self, directions: Directions, eye: np.ndarray) -> None:
+        """Upload the radiance of gloss of tables towards an eye (3,) in the object's space."""
+        which = self._tabulated
         for layer, irradiance in self._light.items():
             seen = np.zeros((len(self._colours), 6), np.float32)
             seen[which] = np.c_[gloss_colours(self._mesh, directions, irradiance, eye, which)]

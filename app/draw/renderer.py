@@ -35,7 +35,7 @@ BACKGROUND = (0.145, 0.15, 0.16)  # display values; lighter than an unlit black 
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face
 OUTLINE = (1.0, 0.78, 0.32, 0.95)
 TONE_MAP_CODES = {"clip": 0, "reinhard": 1, "aces": 2}  # as in surface.frag
-GLOSS_UNIT, OWNERS_UNIT = 1, 4  # texture units of directional light and of its owners; 2 and 3 are reflections
+GLOSS_UNITS = {"cells": 1, "owners": 4, "rays": 5, "offsets": 6}  # texture units; 2 and 3 are reflections
 AS_IS = 3  # there: display colours
 FALSE_COLOURS = 4
 LINEAR, COMPRESSED = 5, 6  # of reflections
@@ -159,9 +159,9 @@ class Renderer:
         directions: Directions | None = None
         if look.is_light and look.eye is not None and (light := self._gloss.light) is not None:
             for o, model in zip(self._objects, look.models, strict=True):
-                if o.has_tables or (o.is_glossy and light.tree is not None):
+                if o.has_tables:
                     directions = light.directions() if directions is None else directions
-                    o.evaluate(directions, _in_object(model, look.eye), light.tree is not None)
+                    o.evaluate(directions, _in_object(model, look.eye))
         targets.drawn.use()
         targets.drawn.clear(*BACKGROUND, 1.0)
         for layer, area in _parts(targets.size, look.split):
@@ -185,7 +185,7 @@ class Renderer:
     def _set_up(self, look: Look) -> None:
         """Set the uniforms that all views of a picture share."""
         scale = look.scale or NO_SCALE
-        shown = look.textured and look.eye is not None and self._gloss.use(GLOSS_UNIT, OWNERS_UNIT)
+        shown = look.textured and look.eye is not None and self._gloss.use(**GLOSS_UNITS)
         for program in self._programs.of_surfaces:
             program["exposure"] = tuple(2.0**look.exposure * gain for gain in look.gains)
             program["map"].write(SEQUENTIAL.astype(np.float32).tobytes())  # type: ignore[union-attr]
@@ -197,8 +197,9 @@ class Renderer:
             program["unlit"] = UNLIT
             program["reach"] = self._mirrors.size
             if "cells" in program:
-                program["cells"], program["owners"] = GLOSS_UNIT, OWNERS_UNIT
-                program["evaluated"] = float(shown and self._gloss.light.tree is not None)
+                for name, unit in GLOSS_UNITS.items():
+                    program[name] = unit
+                program["opened"] = self._gloss.opened
                 program["layout_of"] = (float(self._gloss.lines if shown else 0), float(CELLS))
             if "image" in program:
                 program["image"] = 0

@@ -143,6 +143,18 @@ def test_the_vertex_shader_shows_gloss_as_its_twin_does():
 
 
 @pytest.mark.gl
+@pytest.mark.parametrize("way", ["list", "all_rays"])
+def test_the_vertex_shader_reads_single_rays_as_its_twin_does(way):
+    """A camera move calls nothing of the processor: the rays lie in textures."""
+    room = scene(Gloss((0.9, 0.7, 0.3), 0.3))
+    shot, cells = (shot_of(room, replace(SETTINGS, gloss=one)) for one in (way, "quadtree"))
+    seen = kind_of(shot) == 3
+    twin, drawn, other = (srgb_decode(p / 255)[seen] for p in (shot.take(), gl_picture(shot), gl_picture(cells)))
+    assert seen.sum() > 1000 and np.abs(twin - drawn).sum() < 0.02 * twin.sum()
+    assert np.abs(other - drawn).sum() > np.abs(twin - drawn).sum(), "cells differ from their rays"
+
+
+@pytest.mark.gl
 @pytest.mark.parametrize("alpha, most", [(0.0, 0.06), (0.05, 0.08)])
 def test_a_ball_shows_a_mirror_and_what_it_reflects(alpha, most):
     """Seen from the mirror: as a diffuse surface of its albedo, the mirror in the ball made 10 and 12 % of error."""
