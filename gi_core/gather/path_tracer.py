@@ -144,7 +144,7 @@ def last_kernels_first(model: Model) -> None:
     none, points, rays = np.zeros(0, np.int64), np.zeros((0, 3)), room_for_shadows(0)
     ends = starts(none, none, points, points)
     hits = rays.direction, rays.limit, np.zeros(0, np.int32)
-    _arrive(world, at, lights.area, lights.sky, NOTHING_KNOWN, 0, 0, 0, ends, *hits, points)
+    arrive(world, at, lights.area, lights.sky, NOTHING_KNOWN, 0, 0, 0, ends, *hits, points)
     scatter(world.bsdfs, 0, 0, 0, ends, rays.origin, rays.direction)
     add_lit(rays.row, rays.value, rays.lamp, np.zeros(0, bool), points)
     rays_to_object(at, 0, rays.origin, rays.direction)
