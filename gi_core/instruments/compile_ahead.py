@@ -31,6 +31,7 @@ from gi_core.discs.search import SEARCHES
 from gi_core.estimators import CHEAPEST, DEFAULT, ESTIMATORS
 from gi_core.files.completion.pilot import Rays, useful_box
 from gi_core.files.completion.refinement import refined
+from gi_core.frames.gathered_gloss import GatheredGloss
 from gi_core.gather.denoise import denoise
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.path_tracer import last_kernels_first
@@ -153,8 +154,12 @@ def _trace(scene: Scene, rays: str | None) -> Solver:
 
 
 def _shine(solver: Solver) -> None:
-    """Compile the evaluation of gloss."""
+    """Compile the evaluation of gloss, and the gathering of its directions."""
     solver.move("mobile", Pose((0.0, 0.0, 0.4)))
+    gathered = GatheredGloss(solver.model, 0, solver.light_source.gloss_source)
+    at, irradiance = solver.model.transforms(solver.poses), solver.irradiance
+    for _ in gathered.steps(solver.frame.background, at, solver.levels, irradiance, np.arange(len(irradiance))):
+        pass
     cells, one, narrow = solver.frame.gloss.directions(), np.ones((1, 3)), np.ones((1, 3), np.float32)
     tables = solver.surfaces.tables
     light = cells, np.zeros(1, np.int32), one, narrow, narrow, np.ones((1, 5), np.float32), narrow, tables
