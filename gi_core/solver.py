@@ -269,7 +269,8 @@ def edited_solver(solver: Solver, scene: Scene) -> Solver:
     these settings, bit for bit. Raises SceneError.
     """
     given = solver.setting._asdict() | {"photons": solver.photons, "light": solver.light, "seed": solver.seed}
-    model = solver.model
+    model, source = solver.model, solver.light_source
+    given |= {"prefix_only": source.prefix_only, "gloss": source.gloss_way}
     other = Solver(scene, threads=model.threads, rays=model.accelerator.rays, earlier=photons_of(solver), **given)
     other.move_all({name: pose for name, pose in solver.poses.items() if name in other.poses})
     levels = zip(solver.lamps.names, solver.levels.tolist(), strict=True)

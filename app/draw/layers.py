@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.draw import raycast, visible
+from app.draw.diagonals import along_light
 from app.draw.shot import Shot
 from app.draw.vertex_colours import colours
 
@@ -27,9 +28,10 @@ def layers(shot: Shot, progress: Callable[[float], None] = lambda fraction: None
     solver, meshes, (width, height) = shot.solver, shot.meshes, shot.settings.size
     model, drawn = solver.model, solver.drawn(solver.irradiance)
     at, eye = model.transforms(solver.poses), shot.camera.relative_to(model.origins[0])
-    world = visible.place(meshes, at)
     by_vertex = [shot.weights(o) for o in range(len(meshes))]
-    radiance = raycast.both_sides([colours(mesh, drawn.irradiance) for mesh in meshes], by_vertex)
+    lit_by = [colours(mesh, drawn.irradiance) for mesh in meshes]
+    world = visible.place([along_light(m, *c, w) for m, c, w in zip(meshes, lit_by, by_vertex, strict=True)], at)
+    radiance = raycast.both_sides(lit_by, by_vertex)
     above = raycast.above_textures(meshes, shot.gloss(), by_vertex)
     sharp = shot.sharp()
     white = raycast.both_sides([colours(mesh, drawn.irradiance, False) for mesh in meshes], by_vertex)

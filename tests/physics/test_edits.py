@@ -186,6 +186,13 @@ def test_a_promoted_piece_looks_as_before_and_freezes_back():
     assert np.allclose(triangles(back), triangles(scene))
 
 
+def test_settings_stay():
+    solver = solved(room(), light="best", gloss="list", prefix_only=True, search="brute_force")
+    other = edited_solver(solver, edited(room(), [EDITS["material"]]))
+    assert other.setting == solver.setting and other.light == "best" and other.photons == solver.photons
+    assert other.light_source.gloss_way == "list" and other.light_source.prefix_only
+
+
 def test_levels_of_lamps_stay():
     solver = solved(room())
     solver.set_lamps({"bulb": 0.5, "lamp": 0.25})
