@@ -16,7 +16,7 @@ from app.draw.renderer import Renderer
 from app.draw.shot import Shot
 from app.draw.tonemap import srgb_decode
 from app.settings import Settings, make_solver, open_scene
-from gi_core.gloss.sharp import MOMENTS, ways
+from gi_core.gloss.sharp import BY_CELLS, ways
 from tests.support.gl_drawing import look_of, upload
 from tests.support.viewer_support import standalone_context
 
@@ -42,7 +42,7 @@ def main() -> None:
     for k, m in enumerate(scene.materials):
         for kind in np.unique(way[(worn == k) & ~np.isnan(noise)]):
             seen = (face >= 0) & (worn[face] == k) & (way[face] == kind)
-            if seen.sum() > 50 and kind != MOMENTS:
+            if seen.sum() > 50 and kind != BY_CELLS:
                 apart, level = (drawn - traced)[seen], traced[seen].sum()
                 print(f"{m.name:12} {kind:8} {seen.sum():7,} pixels, l1 {100 * np.abs(apart).sum() / level:5.1f} %, "
                       f"bias {100 * apart.sum() / level:+5.1f} %")  # fmt: skip

@@ -15,7 +15,7 @@ from gi_core.gloss.lobe_rays import draw_lobe
 from gi_core.gloss.sharp import PLANAR, Reflector
 from gi_core.rays.accelerator import Accelerator, Transforms
 
-BOUNCES = 3  # between sharp surfaces; the last one shows moments
+BOUNCES = 3  # between sharp surfaces; the last one shows cells
 RAYS = 32  # per ray of the picture, at the first bounce; a mirror has one
 OFFSET = 2e-5  # of the scene size: a reflected ray starts so far above its face
 _STEPS = np.array([0.8191725133961645, 0.6710436067037893, 0.5497004779019703])  # of the R3 sequence (Roberts 2018)

@@ -14,7 +14,7 @@ from app.cli.progress import opened
 from app.cli.version import version
 from app.settings import Settings, make_solver, open_scene
 from gi_core.geometry.error import luminance
-from gi_core.gloss.sharp import MOMENTS, PLANAR, PROBE, ways
+from gi_core.gloss.sharp import BY_CELLS, PLANAR, PROBE, ways
 
 if TYPE_CHECKING:
     from gi_core.scene.types import Light
@@ -255,7 +255,7 @@ def _gloss(noise: np.ndarray, way: np.ndarray) -> str:
     glossy = ~np.isnan(noise)
     if not glossy.any():
         return ""
-    names = " and ".join(name for name in (PLANAR, PROBE, MOMENTS) if (way[glossy] == name).any())
+    names = " and ".join(name for name in (PLANAR, PROBE, BY_CELLS) if (way[glossy] == name).any())
     return f", gloss by {names} (noise factor {noise[glossy].max():.2g})"
 
 

@@ -1,7 +1,7 @@
 """Splitting work over Python threads: kernels and embree release the GIL.
 
 numba's own parallel loops take milliseconds to wake for tiny jobs, and their `workqueue` layer aborts when two threads
-enter. All sums are integers, so the result does not depend on the split.
+enter. No sum of floats crosses a split: sums over threads are integers, so results do not depend on the split.
 """
 
 from __future__ import annotations

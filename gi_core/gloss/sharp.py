@@ -18,14 +18,14 @@ from gi_core.bsdf.table import Tables
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.gloss.lobe_rays import draw_lobe
 
-MOST_NOISE = 2.0  # of moments: GGX of alpha 0.15; narrower lobes are also narrower than a cell
+MOST_NOISE = 2.0  # of cells: GGX of alpha 0.15; narrower lobes are also narrower than a cell
 DRAWS = 4096  # rays that measure a lobe: its noise factor within 2 %
 TAPS = 16  # rays per pixel in place of a lobe, each with a blurred look into the reflection
 NODES = 17  # of the albedo, in the cosine of the view
-PLANES, PROBES = 4, 6  # at most per scene, the largest first; the rest shows moments
+PLANES, PROBES = 4, 6  # at most per scene, the largest first; the rest shows cells
 PLANE_AREA = 0.01  # of the squared scene size: smaller flat parts are drawn from a probe
 FLAT = 1e-4  # of the scene size: departure from a plane
-MOMENTS, PLANAR, PROBE = "moments", "planar", "probe"
+BY_CELLS, PLANAR, PROBE = "cells", "planar", "probe"
 
 
 class SharpLobe(NamedTuple):
@@ -70,12 +70,12 @@ def hemispherical_albedo(lobe: np.ndarray, tables: Tables) -> np.ndarray:
 
 
 def sharp_lobe(lobe: np.ndarray, tables: Tables) -> SharpLobe | None:
-    """Return a lobe (5,) for reflections; None: moments carry it."""
+    """Return a lobe (5,) for reflections; None: cells carry it."""
     return _sharp_lobe(lobe.tobytes(), _Once(tables))
 
 
 class _Once:
-    """Tables as a key: by identity, kept alive by the cache."""
+    """Tables as a key, kept alive by the cache."""
 
     def __init__(self, tables: Tables) -> None:
         self.tables = tables
@@ -125,7 +125,7 @@ def _rays(lobe: np.ndarray, tables: Tables, cosine: float, numbers: np.ndarray):
 
 
 def reflectors(surfaces: Surfaces) -> tuple[tuple[Reflector, ...], ...]:
-    """Return the reflectors of each object, none for diffuse ones and for lobes that moments carry."""
+    """Return the reflectors of each object, none for diffuse ones and for lobes that cells carry."""
     s, found = surfaces, _sharp_faces(surfaces)
     kept: list[list[Reflector]] = [[] for _ in range(s.objects)]
     if found is None:
@@ -156,7 +156,7 @@ def in_probes(surfaces: Surfaces) -> np.ndarray:
 
 def ways(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
     """Return the noise factor (F,) of the gloss of each face, nan for diffuse ones, and its way (F,) in pictures."""
-    noise, way = np.full(len(surfaces.lobe), math.nan), np.full(len(surfaces.lobe), MOMENTS, object)
+    noise, way = np.full(len(surfaces.lobe), math.nan), np.full(len(surfaces.lobe), BY_CELLS, object)
     for f, faces in _lobe_classes(surfaces):
         noise[faces] = noise_factor(surfaces.lobe[f], surfaces.tables)
     for o, some in enumerate(reflectors(surfaces)):

@@ -257,7 +257,7 @@ def test_showroom_shows_each_kind_of_gloss_in_its_way():
     worn = np.concatenate([m.face_material for m in (scene.static, *(m.mesh for m in scene.mobiles))])
     noise, way = ways(surfaces)
     named = {m.name: worn == k for k, m in enumerate(scene.materials)}
-    expected = {"floor": "moments", "velvet": "moments", "mirror": "planar", "piano": "planar"}
+    expected = {"floor": "cells", "velvet": "cells", "mirror": "planar", "piano": "planar"}
     expected |= dict.fromkeys(("lacquer", "glass", "steel", "teal", "gold"), "probe")
     assert {name: set(way[named[name]]) for name in expected} == {name: {kind} for name, kind in expected.items()}
     assert np.isnan(noise[named["clay"]]).all()

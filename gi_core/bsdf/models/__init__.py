@@ -1,7 +1,7 @@
 """Reflection models: one file per model, one line per model in `MODELS`.
 
 A model is a module with PARAMETERS (name -> `common.Parameter`), RECIPROCAL, ANISOTROPIC, CONSERVES (True, or the
-condition in words), SOURCE, and three functions of its parameters p (`complete`):
+condition in words), SOURCE, and three functions of its parameters p:
 `evaluate(p, i, o)` returns f [1/sr], (n, 3), without the Lambertian part and without a mirror, 0 below the surface;
 `diffuse(p)` returns the Lambertian albedo kd (3,) that is split off; `mirror(p, cos_i)` the albedo (n, 3) of a perfect
 mirror. Directions i, o are (n, 3) float64 unit vectors away from the surface, z along the normal, x along the tangent.

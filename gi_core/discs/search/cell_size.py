@@ -1,8 +1,8 @@
 """Cell size of a disc grid: the size with the lowest predicted cost of traversal and disc tests.
 
 The report (2.7) tuned the number of discs per voxel by hand; the best number grows with the discs. In radii the best
-cells shrink, from 6 or 12 for sparse discs to 2 for dense ones. A random line visits 1 / edge cells per metre, so the
-mean over all cells gives its cost.
+cells shrink, from 6 or 12 for sparse discs to 2 for dense ones. Cells visited per metre of a random line are
+proportional to 1 / edge, so the mean over all cells gives its cost.
 """
 
 from __future__ import annotations
