@@ -1,4 +1,7 @@
-"""Quadrilaterals of a mesh: two triangles in one plane that share the longest edge of both. They are convex."""
+"""Quadrilaterals of a mesh: two triangles in one plane that share the longest edge of both.
+
+They are convex: both angles of a triangle at its longest edge are acute.
+"""
 
 from __future__ import annotations
 

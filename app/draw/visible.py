@@ -160,7 +160,7 @@ def visible_faces(accelerator, at, placed: Placed, origins, directions, cull: bo
         hidden = np.zeros(len(hit), bool)
         world, at_hit = placed(hit)
         met = world.met(at_hit, o, d)
-        hit, at_hit = hit + met - at_hit, met
+        hit, at_hit = hit + met - at_hit, met  # rows differ from faces only in scenes of some faces, without quads
         if cull:
             hidden = world.one_sided[at_hit] & ((world.normals[at_hit] * d).sum(axis=1) >= 0)
         hidden |= _cut_away(world, at_hit, o, d)

@@ -18,7 +18,7 @@ from gi_core.retrace.cuts import PoseChange
 
 QUADTREE, LIST, ALL_RAYS = WAYS = ("quadtree", "list", "all_rays")
 OPENED = {QUADTREE: 0.0, LIST: -1.0, ALL_RAYS: 1 / 16}  # share of light above which rays are read, decision 31
-RADII = 2.0  # radius of gloss discs: directions need more rays than irradiance
+RADII = 2.0  # radius of gloss discs, times that of irradiance: directions need more rays
 
 
 class GlossSource:
@@ -33,8 +33,7 @@ class GlossSource:
     def cells(self, radius: float, way: str = QUADTREE) -> GlossCells | None:
         """Return the cells of glossy receivers; radius [m]: of irradiance. None without glossy faces.
 
-        way: one of WAYS. With cells alone, receivers whose gloss pictures show from probes have none, and others share
-        those of a site.
+        way: one of WAYS. With cells alone, receivers drawn from probes have none. The others share those of a site.
         """
         if self._cells is None or self._kept != (radius, way == QUADTREE):
             s = self._model.surfaces
