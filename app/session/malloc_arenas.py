@@ -1,4 +1,4 @@
-"""Few malloc arenas: glibc keeps one per thread, up to a limit, and returns little of their free space.
+"""Few malloc arenas: glibc keeps an arena per thread, up to a limit, and returns little free space.
 
 Two arenas hold less free space and do not slow frames. Other C libraries have no such setting.
 """

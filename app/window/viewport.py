@@ -1,6 +1,6 @@
 """The viewport: input goes to camera, mobiles and pins; the picture is drawn.
 
-Mouse input goes by the window's hover state: inside a window `io.want_capture_mouse` is always true. A drag goes on
+Mouse input depends on the window's hover state: inside a window `io.want_capture_mouse` is always true. A drag goes on
 when the cursor leaves the viewport.
 """
 

@@ -2,7 +2,7 @@
 
 A cut removes the rest of a path. Whether an intersection is accepted does not depend on the cut
 (`discs/search/predicate.py`), so a removed suffix has exactly the cached intersections behind the cut. A frame looks
-them up instead of searching. An entry takes eight bytes.
+them up instead of searching, unless the cache is full. An entry takes eight bytes.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 E = flux of the segments that cross a receiver's disc from the front / area of the disc's region. The sum is additive
 in segments, so Eq. 2.4 holds on static receivers: background - removed suffixes + new suffixes. Receivers on a mobile
-are estimated from all current segments near it (report 2.5.2), in its object space, where discs never move. Artifact
-control estimates stale receivers in the same way: those whose regions a mobile enters (`stale_receivers.py`).
+are estimated from all current segments near it (report 2.5.2), in its object space, where discs never move. Stale
+receivers, whose regions a mobile enters, are estimated in the same way (`stale_receivers.py`).
 """
 
 from __future__ import annotations

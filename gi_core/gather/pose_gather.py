@@ -3,7 +3,7 @@
 Frames know the change from photons that mobiles cut, and the light of mobiles from single bounces. At rest, paths
 replace both.
 
-A path from a mobile ends in the static part's light at its first hit that is farther than its face is long. Nearer hits
+A path from a mobile ends in the static part's light, at its first hit beyond the length of the face hit. Nearer hits
 lie in the mobile's own shadow, which the corners of the face do not resolve: there and on mobiles it goes on.
 
 Each path from a static receiver is traced twice with the same random numbers, with mobiles and without. Its difference
@@ -12,7 +12,7 @@ is 0 unless it meets a mobile. Irradiance then has two unbiased estimates:
     W        the mean with mobiles; good in their shadow
     G + D    static light without mobiles, plus the mean difference; good where they change little
 
-The result is their mean, weighted by the inverse of their variances (D is a control variate, Kahn and Marshall 1953).
+The result weights W and G + D by their inverse variances (D is a control variate, Kahn and Marshall 1953).
 Variances are averaged over neighbours: weights from a receiver's own few paths would be biased. The mean is denoised
 as the static part's light is.
 """

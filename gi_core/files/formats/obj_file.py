@@ -1,7 +1,7 @@
 """Wavefront OBJ with its MTL.
 
 Read here and not by trimesh: both classic Cornell boxes use relative indices between the vertices,
-which trimesh 5.2 turns into wrong geometry without a word, and it keeps `Ke` as text.
+which trimesh 5.2 turns into wrong geometry without a word. It also keeps `Ke` as text.
 """
 
 from __future__ import annotations
