@@ -22,7 +22,7 @@ settings.load_profile("gi")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Keep bytecode of workers and child processes in pytest's cache where Python is told to write none.
+    """Where Python writes no bytecode, keep that of workers and child processes in the cache of pytest.
 
     It compiles the program and the tests in each process otherwise: 8 s per worker, 0.3 s per child.
     """

@@ -133,7 +133,7 @@ class GlossGather:
 class GlossGathers:
     """Directional light of the static part without mobiles, and at the last KEPT poses, at levels of the lamps.
 
-    It belongs to the discs of some cells: with others it begins anew.
+    It belongs to the discs of some cells. Other discs start an empty one.
     """
 
     def __init__(self, model: Model, seed: int):
