@@ -21,6 +21,7 @@ from gi_core.files.formats.materials_table import FINISH, checked, overridden
 from gi_core.files.formats.mesh_file import compact
 from gi_core.files.formats.metallic_roughness import as_metal_rough
 from gi_core.files.formats.toml_fields import Table
+from gi_core.files.gloss_classes import with_gloss_classes
 from gi_core.files.load import finished, join, with_mobile_file
 from gi_core.geometry.cutouts import without_holes
 from gi_core.geometry.surfaces import Surfaces
@@ -228,7 +229,8 @@ def _inserted(scene: Scene, name: str, path: Path, pose: Pose | None, allow_outs
     scene, up = with_mobile_file(translated(scene, -origin), path, name, allow_outside)
     scene, *_ = complete(scene, [(len(scene.mobiles) - 1, up)], bare=False)
     mobile = finished(scene.mobiles[-1])
-    mobile = mobile._replace(mesh=without_holes(mobile.mesh))
+    scene = with_gloss_classes(replace(scene, mobiles=(*scene.mobiles[:-1], mobile)))
+    mobile = scene.mobiles[-1]._replace(mesh=without_holes(scene.mobiles[-1].mesh))
     scene = translated(replace(scene, mobiles=(*scene.mobiles[:-1], mobile)), origin)
     if pose is None:
         return scene

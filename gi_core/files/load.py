@@ -19,9 +19,10 @@ from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.materials_table import check_used, override, single
 from gi_core.files.formats.mesh_file import SUFFIXES, MeshFile, read_mesh_file
 from gi_core.files.formats.toml_file import UP, SceneFile, StaticEntry, read_scene_file
+from gi_core.files.gloss_classes import with_gloss_classes
 from gi_core.files.scaling import scaled
 from gi_core.geometry.cutouts import without_holes
-from gi_core.geometry.paint import join_paints
+from gi_core.geometry.paint import join_finishes, join_paints
 from gi_core.geometry.tessellation import tessellate
 from gi_core.scene.errors import SceneError, named, shown
 from gi_core.scene.origin import origin_of, translated
@@ -127,7 +128,7 @@ class _Builder:
         described = len(self.file.mobiles)
         finer = tuple(finished(m) for m in scene.mobiles[described:])
         scene = replace(scene, mobiles=(*scene.mobiles[:described], *finer))
-        scene = self._refined(scene, max_edge, rays, box)
+        scene = with_gloss_classes(self._refined(scene, max_edge, rays, box))
         solid = tuple(m._replace(mesh=without_holes(m.mesh)) for m in scene.mobiles)
         return translated(replace(scene, static=without_holes(scene.static), mobiles=solid), origin)
 
@@ -266,6 +267,7 @@ def join(meshes: list[Mesh], materials) -> Mesh:
         normals,
         colours,
         join_paints(meshes, materials),
+        join_finishes(meshes),
     )
 
 

@@ -18,19 +18,22 @@ def srgb_to_linear(value: np.ndarray) -> np.ndarray:
 
 LINEAR = srgb_to_linear(np.arange(256) / 255.0)  # of a byte
 # The sRGB byte of a linear value in 65535ths; even near black each byte covers five values.
+LINEAR_BYTES = np.arange(256) / 255.0  # of a byte of a linear texture
 BYTE = np.searchsorted(srgb_to_linear((np.arange(255) + 0.5) / 255.0), np.arange(1 << 16) / 65535.0).astype(np.uint8)
+NEAREST_BYTE = np.round(np.arange(1 << 16) / 257.0).astype(np.uint8)  # BYTE of linear textures
 _chains: WeakKeyDictionary[Texture, tuple[np.ndarray, ...]] = WeakKeyDictionary()
 
 
 def levels(texture: Texture) -> tuple[np.ndarray, ...]:
-    """Return the image and its copies, each half as wide and high, down to one texel; read-only uint8 sRGB."""
+    """Return the image and its copies, each half as wide and high, down to one texel; read-only uint8, coded alike."""
     if texture not in _chains:
+        value, byte = (LINEAR_BYTES, NEAREST_BYTE) if texture.linear else (LINEAR, BYTE)
         chain = [np.ascontiguousarray(texture.pixels).view()]
         linear = np.zeros((0, 0, 3), np.float32)
         while max(chain[-1].shape[:2]) > 1:
             # From the unrounded copy: eleven successive roundings would accumulate.
             chain[-1].flags.writeable = False  # numba would compile again for writable arrays
-            linear, smaller = _halved(chain[-1], linear, LINEAR, BYTE)
+            linear, smaller = _halved(chain[-1], linear, value, byte)
             chain.append(smaller)
         chain[-1].flags.writeable = False
         _chains[texture] = tuple(chain)

@@ -14,8 +14,11 @@ def plain_paint(mesh: Mesh, materials: Sequence[Material]) -> Paint:
     colour = mesh.face_reflectance
     if colour is None:
         colour = np.array([m.reflectance for m in materials], np.float64).reshape(-1, 3)[mesh.face_material]
-    n = len(mesh.faces)
-    corners = np.repeat(colour.astype(np.float32)[:, None], 3, axis=1)
+    return _untextured(np.repeat(colour.astype(np.float32)[:, None], 3, axis=1))
+
+
+def _untextured(corners: np.ndarray) -> Paint:
+    n = len(corners)
     return Paint((), np.full(n, -1, np.int32), np.zeros((n, 3, 2), np.float32), corners)
 
 
@@ -26,7 +29,17 @@ def join_paints(meshes: Sequence[Mesh], materials: Sequence[Material]) -> Paint 
     """
     if all(m.paint is None for m in meshes):
         return None
-    paints = [m.paint or plain_paint(m, materials) for m in meshes]
+    return _joined([m.paint or plain_paint(m, materials) for m in meshes])
+
+
+def join_finishes(meshes: Sequence[Mesh]) -> Paint | None:
+    """Return the finish of the concatenated faces of several meshes; None if none has one."""
+    if all(m.finish is None for m in meshes):
+        return None
+    return _joined([m.finish or _untextured(np.ones((len(m.faces), 3, 3), np.float32)) for m in meshes])
+
+
+def _joined(paints: list[Paint]) -> Paint:
     first = np.cumsum([0, *(len(p.textures) for p in paints)])
     moved = [np.where(p.face_texture < 0, -1, p.face_texture + k) for p, k in zip(paints, first, strict=False)]
     return Paint(

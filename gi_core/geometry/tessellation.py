@@ -43,8 +43,8 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
     `longest`: a function of middles (n, 3) and lengths (n,) of edges that returns the length [m] allowed there,
     `max_edge` or more. `thinnest` [m]: faces of less height ask for no split, their neighbours do; mouldings would
     use up the receivers that walls need. With neither, slivers are cut across.
-    Vertices at the same place become one. Corner normals and paint are interpolated; materials and face reflectances
-    are kept.
+    Vertices at the same place become one. Corner normals, paint and finish are interpolated; materials and face
+    reflectances are kept.
 
     Raises SceneError if that makes more than MOST_FACES triangles.
     """
@@ -57,7 +57,7 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
     # No triangle is larger than half the square of its longest edge: refuse before the work, not after it.
     if uniform and face_normals(mesh)[1].sum() > MOST_FACES * max_edge * max_edge / 2:
         raise _too_many(max_edge)
-    weights = None if mesh.paint is None else np.broadcast_to(np.eye(3), (len(corners), 3, 3))
+    weights = None if mesh.paint is None and mesh.finish is None else np.broadcast_to(np.eye(3), (len(corners), 3, 3))
     faces = _Faces(np.arange(len(corners)), corners, mesh.corner_normals, weights)
     faces = faces.rows(every(corners != corners[:, [2, 0, 1]]))  # a face smaller than the weld is dropped
     sliver = _slivers(points[faces.corners], max_edge) if uniform else np.zeros(len(faces.source), bool)
@@ -75,7 +75,7 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
         mesh.face_material[source],
         faces.normals,
         None if mesh.face_reflectance is None else mesh.face_reflectance[source],
-        None if mesh.paint is None else _painted(mesh.paint, source, faces.weights),
+        *(None if paint is None else _painted(paint, source, faces.weights) for paint in (mesh.paint, mesh.finish)),
     )
 
 

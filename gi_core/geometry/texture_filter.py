@@ -9,7 +9,7 @@ import numpy as np
 
 from gi_core.base.jit import allocating, kernel
 from gi_core.base.threads import available_cores, run_ranges
-from gi_core.geometry.mipmap import LINEAR, levels
+from gi_core.geometry.mipmap import LINEAR, LINEAR_BYTES, levels
 from gi_core.scene.types import Paint, Texture
 
 MOST_REFLECTANCE = 0.98  # paths in a closed room of reflectance 1 would never end
@@ -75,12 +75,13 @@ def _means(texture: Texture, uv: np.ndarray, colour: np.ndarray) -> np.ndarray:
     samples = np.clip(np.ceil(longest / 2.0**level), 1, np.ceil(fineness)).astype(np.int64)
     out = np.empty((len(uv), 3))
     u, v = (WRAPS[way] for way in texture.wrap)
+    table = LINEAR_BYTES if texture.linear else REFLECTANCE
     for k in np.unique(level):
         rows = np.flatnonzero(level == k)
         pixels, given = chain[k], (uv[rows], colour[rows], samples[rows])
 
         def work(_, first, last, pixels=pixels, given=given):
-            return _under(pixels, REFLECTANCE, u, v, *(a[first:last] for a in given))
+            return _under(pixels, table, u, v, *(a[first:last] for a in given))
 
         out[rows] = np.concatenate(run_ranges(work, len(rows), available_cores(), GRAIN))
     return out

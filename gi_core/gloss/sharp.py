@@ -87,7 +87,7 @@ class _Once:
         return isinstance(other, _Once) and np.array_equal(self.tables.data, other.tables.data)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=1024)
 def _sharp_lobe(row: bytes, key: _Once) -> SharpLobe | None:
     lobe, tables = np.frombuffer(row), key.tables
     returns = lobe[4] < 0 and tables.head[int(-1 - lobe[4]), 5] < 0  # towards the light: no reflection shows it

@@ -22,6 +22,15 @@ class Gloss(NamedTuple):
     f90: float = 1.0  # reflected share of grazing light, in [0, 1]
 
 
+class VariedFinish(NamedTuple):
+    """Metallic and roughness by a texture of `Mesh.finish`. The end of loading replaces it by materials with gloss."""
+
+    factors: tuple[float, float]  # of roughness and of metallic
+    mean: tuple[float, float]  # of the texture: roughness and metallic
+    f0: tuple[float, float, float]  # reflected share of light along the normal of the part that is no metal
+    f90: float  # of grazing light
+
+
 class Material(NamedTuple):
     """A surface: a diffuse base, with or without gloss, or a model of reflection. Emission leaves the front only."""
 
@@ -33,16 +42,18 @@ class Material(NamedTuple):
     brdf: tuple[Lobe, ...] = ()  # linear combination of models, in place of reflectance and gloss
     scaled: bool = False  # a model that reflects more light than arrives is darkened there; False: it is refused
     grain: tuple[float, float, float] = (1.0, 0.0, 0.0)  # tangent of anisotropic models, in the object's space
+    varied: VariedFinish | None = None  # while a file is loaded: reflectance is the base colour
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Texture:
     """An image that colours a surface: its first row lies along v = 0, its first column along u = 0."""
 
-    pixels: np.ndarray  # (h, w, 3) uint8, sRGB
+    pixels: np.ndarray  # (h, w, 3) uint8, sRGB unless `linear`
     wrap: tuple[str, str] = ("repeat", "repeat")  # beyond 0..1 in u and in v: each "repeat", "mirror" or "clamp"
     nearest: bool = False  # near by, texels are squares instead of running into each other
     cover: np.ndarray | None = None  # (h, w) uint8: the surface is there from 128 on; None: everywhere
+    linear: bool = False  # pixels are linear values, not sRGB
 
     def __repr__(self) -> str:
         return f"<Texture of {self.pixels.shape[1]} x {self.pixels.shape[0]} texels>"
@@ -69,6 +80,7 @@ class Mesh(NamedTuple):
     corner_normals: np.ndarray | None = None  # (F, 3, 3) float64 unit; None: from crease angles
     face_reflectance: np.ndarray | None = None  # (F, 3) float64; None: the paint's mean, else the material's
     paint: Paint | None = None  # None: each face of one colour
+    finish: Paint | None = None  # while a file is loaded: green is roughness, blue metallic, of varied materials
 
     def __repr__(self) -> str:
         return f"<Mesh of {len(self.faces):,} triangles, {len(self.vertices):,} vertices>"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gi_core.bsdf.models import lobe
-from gi_core.files.formats.gltf_file import MATTE
+from gi_core.files.formats.metallic_roughness import MATTE
 from gi_core.files.load import load_scene
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Gloss

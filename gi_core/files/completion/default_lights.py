@@ -8,7 +8,7 @@ import numpy as np
 
 from gi_core.files.completion.camera_view import unit
 from gi_core.files.completion.pilot import Box, Rays, bottom_centre, corners_of, horizontal, ring
-from gi_core.geometry.paint import join_paints
+from gi_core.geometry.paint import join_finishes, join_paints
 from gi_core.scene.pose import to_world
 from gi_core.scene.types import Material, Mesh, Scene, SkyLight
 
@@ -105,6 +105,7 @@ def _with_quad(scene: Scene, corners: np.ndarray, normal: np.ndarray) -> Mesh:
         corner_normals=None if normals is None else np.concatenate([normals, np.broadcast_to(normal, (2, 3, 3))]),
         face_reflectance=None if colours is None else np.concatenate([colours, np.zeros((2, 3))]),
         paint=join_paints([m, quad], scene.materials),
+        finish=join_finishes([m, quad]),
     )
 
 

@@ -19,6 +19,8 @@ class Part(NamedTuple):
     corner_colour: np.ndarray | None = None  # (F, 3, 3) linear; None: that of the material, white under a texture
     face_texture: np.ndarray | None = None  # (F,) int64 into FileParts.textures, -1: none
     corner_uv: np.ndarray | None = None  # (F, 3, 2), v downwards; as good as zero where there is no texture
+    face_finish: np.ndarray | None = None  # (F,) int64 into FileParts.finishes, textures of roughness and metallic
+    corner_finish_uv: np.ndarray | None = None  # (F, 3, 2) as corner_uv
 
 
 class FileParts(NamedTuple):
@@ -31,3 +33,4 @@ class FileParts(NamedTuple):
     up: str  # "y" or "z", the format's custom
     notes: list[str]
     textures: tuple[Texture, ...] = ()
+    finishes: tuple[Texture, ...] = ()

@@ -14,17 +14,15 @@ from gi_core.files.formats.boundary import Boundary
 from gi_core.files.formats.file_parts import FileParts, Part
 from gi_core.files.formats.gltf_buffers import Document
 from gi_core.files.formats.gltf_lights import node_camera, node_light
-from gi_core.files.formats.metallic_roughness import metallic_roughness
+from gi_core.files.formats.metallic_roughness import is_diffuse, metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, Images
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import three
-from gi_core.scene.types import Material
+from gi_core.scene.types import Material, Texture, VariedFinish
 
-DULL = 0.9  # roughness above which metal is diffuse too: facets that reflect several times return its colour
-LEAST_METAL = 0.02  # less is taken as none
-MATTE = 0.5  # roughness from which gloss that is no metal's is left out: exporters write 0.5 where nothing was chosen
 TRIANGLES, STRIP, FAN = 4, 5, 6
 NEAREST = 9728
+NO_FINISH = "gloss is even where its texture is missing"
 WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 
 
@@ -47,6 +45,8 @@ class _Reader:
         self.notes = document.notes
         self.images = Images(document.boundary)
         self.materials = [self._material(i, m) for i, m in enumerate(self.json.get("materials", []))]
+        self.finishes: dict[int, int] = {}  # glTF texture of roughness and metallic -> index into finish_textures
+        self.finish_textures: list[Texture] = []
         self.plain = None  # index of the material for primitives without one
         self.parts, self.lights, self.camera = [], [], None
         self.world = {}  # node -> (4, 4)
@@ -81,7 +81,8 @@ class _Reader:
                 self.camera = node_camera(self.json, node, matrix)
         self.notes += self.images.notes()
         textures = tuple(self.images.textures)
-        return FileParts(self.parts, self.materials, self.lights, self.camera, "y", self.notes, textures)
+        finishes = tuple(self.finish_textures)
+        return FileParts(self.parts, self.materials, self.lights, self.camera, "y", self.notes, textures, finishes)
 
     def _primitive(self, node, matrix, primitive, what):
         mode = primitive.get("mode", TRIANGLES)
@@ -116,8 +117,8 @@ class _Reader:
             index = self.plain
         faces = faces[self._there(index, attributes, faces)]
         normals = None if n is None else n[faces]
-        paint = self._paint(index, attributes, faces)
-        self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, *paint))
+        paint, finish = self._paint(index, attributes, faces), self._finish(index, attributes, faces)
+        self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, *paint, *finish))
 
     def _take(self, what: str, amount: int = 1) -> None:
         self.document.boundary.take(self.document.where, what, amount)
@@ -138,8 +139,7 @@ class _Reader:
         factor = np.array(self.materials[index].reflectance)
         colour = texture = uv = None
         if reference is not None:
-            transform = reference.get("extensions", {}).get("KHR_texture_transform", {})
-            name = f"TEXCOORD_{transform.get('texCoord', reference.get('texCoord', 0))}"
+            name, transform = _coordinates(reference)
             found = self._texture(reference["index"], _cut(described))
             if found is None:
                 factor = factor * MISSING
@@ -161,6 +161,22 @@ class _Reader:
                 colour = factor * np.clip(vertex[faces], 0, 1)
         return colour, texture, uv
 
+    def _finish(self, index: int, attributes: dict, faces: np.ndarray):
+        """Return face finishes and their corner coordinates, None each where the material is even."""
+        if self.materials[index].varied is None:
+            return None, None
+        reference = self.json["materials"][index]["pbrMetallicRoughness"]["metallicRoughnessTexture"]
+        name, transform = _coordinates(reference)
+        if name not in attributes:
+            return None, None
+        texture = reference["index"]
+        if texture not in self.finishes:
+            self.finishes[texture] = len(self.finish_textures)
+            pixels = self.images.pixels(*self._image(texture), NO_FINISH)
+            self.finish_textures.append(Texture(pixels, self._wrap(texture), linear=True))
+        uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
+        return np.full(len(faces), self.finishes[texture]), uv
+
     def _material(self, i: int, m: dict) -> Material:
         pbr = m.get("pbrMetallicRoughness", {})
         extensions = m.get("extensions", {})
@@ -181,21 +197,20 @@ class _Reader:
         return plain if "KHR_materials_unlit" in extensions else self._glossy(plain, pbr, extensions)
 
     def _glossy(self, plain: Material, pbr: dict, extensions: dict) -> Material:
-        """Return the material with the gloss of its metallic-roughness description; textures count by their mean."""
+        """Return the material with the gloss of its metallic-roughness description."""
         metallic, roughness = (float(np.clip(pbr.get(f"{key}Factor", 1.0), 0, 1)) for key in ("metallic", "roughness"))
-        if "metallicRoughnessTexture" in pbr and (metallic > 0 or roughness > 0):
-            otherwise = "gloss is even where its texture is missing"
-            image = self.images.pixels(*self._image(pbr["metallicRoughnessTexture"]["index"]), otherwise)
-            if image is not None:
-                # Values of this image are linear: green is roughness, blue is metal.
-                roughness, metallic = np.array([roughness, metallic]) * image[..., 1:].mean(axis=(0, 1)) / 255
-                self.notes.append(f'material "{plain.name}": has the mean gloss of its metallic-roughness texture')
         ior = max(float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5)), 1.0)
         specular = extensions.get("KHR_materials_specular", {})
         strength = float(np.clip(specular.get("specularFactor", 1.0), 0, 1))
         tint = np.clip(np.array(specular.get("specularColorFactor", [1, 1, 1]), np.float64).reshape(3), 0, None)
         f0 = np.minimum(((ior - 1) / (ior + 1)) ** 2 * tint, 1) * strength
-        if roughness > DULL or (metallic < LEAST_METAL and (roughness >= MATTE or strength == 0)):
+        if "metallicRoughnessTexture" in pbr and (metallic > 0 or roughness > 0):
+            image = self.images.pixels(*self._image(pbr["metallicRoughnessTexture"]["index"]), NO_FINISH)
+            if image is not None:
+                # Values of this image are linear: green is roughness, blue is metal.
+                mean = tuple(float(x) for x in image[..., 1:].mean(axis=(0, 1)) / 255)
+                return plain._replace(varied=VariedFinish((roughness, metallic), mean, three(f0), strength))
+        if is_diffuse(metallic, roughness, strength):
             return plain
         colour = np.array(plain.reflectance)
         if "baseColorTexture" in pbr:
@@ -205,10 +220,17 @@ class _Reader:
 
     def _texture(self, index: int, cut) -> int | None:
         """Return the index of a texture among those read, None if it cannot be."""
-        sampler = self.json["textures"][index].get("sampler")
-        described = {} if sampler is None else self.json["samplers"][sampler]
-        wrap = tuple(WRAPS.get(described.get(axis), "repeat") for axis in ("wrapS", "wrapT"))
-        return self.images.texture(*self._image(index), wrap, described.get("magFilter") == NEAREST, cut)
+        nearest = self._sampler(index).get("magFilter") == NEAREST
+        return self.images.texture(*self._image(index), self._wrap(index), nearest, cut)
+
+    def _sampler(self, texture: int) -> dict:
+        sampler = self.json["textures"][texture].get("sampler")
+        return {} if sampler is None else self.json["samplers"][sampler]
+
+    def _wrap(self, texture: int) -> tuple[str, str]:
+        described = self._sampler(texture)
+        across, along = (WRAPS.get(described.get(axis), "repeat") for axis in ("wrapS", "wrapT"))
+        return across, along
 
     def _image(self, texture: int):
         """Return the name of a texture's image and the function that reads its bytes."""
@@ -280,6 +302,12 @@ def _triangles(order: np.ndarray, mode: int) -> np.ndarray:
         return np.stack([np.broadcast_to(order[:1], k.shape), order[k + 1], order[k + 2]], axis=1)
     odd = k % 2  # every other triangle of a strip runs the other way round
     return np.stack([order[k], order[k + 1 + odd], order[k + 2 - odd]], axis=1)
+
+
+def _coordinates(reference: dict) -> tuple[str, dict]:
+    """Return the attribute with the coordinates of a texture, and their transform."""
+    transform = reference.get("extensions", {}).get("KHR_texture_transform", {})
+    return f"TEXCOORD_{transform.get('texCoord', reference.get('texCoord', 0))}", transform
 
 
 def _transform_uv(uv: np.ndarray, transform: dict) -> np.ndarray:

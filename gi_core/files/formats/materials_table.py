@@ -93,7 +93,7 @@ def brdf_of(table: Table, material: Material) -> Material:
     except (ValueError, TypeError) as error:
         raise SceneError(f"{table.where}: {error}") from None
     scaled, grain = table.flag("scale", False), table.direction("grain", material.grain)
-    return material._replace(brdf=lobes, scaled=scaled, grain=three(grain), gloss=None)
+    return material._replace(brdf=lobes, scaled=scaled, grain=three(grain), gloss=None, varied=None)
 
 
 def override(mesh: Mesh, materials: list[Material], tables: dict[str, Table]) -> tuple[Mesh, list[Material]]:
@@ -120,7 +120,8 @@ def single(mesh: Mesh, name: str, materials: list[Material], tables: dict[str, T
         known = sorted({*tables, *(m.name for m in materials)})
         raise SceneError(f'{where}: there is no material "{name}"; {nearest(name, known)}')
     material = overridden(found or Material(name), tables.get(name))
-    plain = mesh._replace(face_material=np.zeros(len(mesh.faces), np.int32), face_reflectance=None, paint=None)
+    one = np.zeros(len(mesh.faces), np.int32)
+    plain = mesh._replace(face_material=one, face_reflectance=None, paint=None, finish=None)
     return plain, [material]
 
 

@@ -113,6 +113,7 @@ def _clean(read: FileParts, where: str) -> MeshFile:
     mesh = mesh._replace(
         corner_normals=_corner_normals(mesh, parts, part_of[keep], keep, notes),
         paint=rows_of(_paint(read, parts, materials), keep),
+        finish=rows_of(_finish(read, parts), keep),
     )
     return MeshFile(compact(mesh), materials, list(read.lights), read.camera, read.up, [one_line(n) for n in notes])
 
@@ -122,14 +123,19 @@ def _tamed(part: Part) -> Part:
 
     A vertex that no face uses may be anything, infinite too: it is put where it does no harm.
     """
-    normals, uv = part.corner_normals, part.corner_uv
+    normals = part.corner_normals
     used = np.zeros(len(part.vertices), bool)
     used[part.faces] = True
     return part._replace(
         vertices=np.where(used[:, None], part.vertices, part.vertices[part.faces[0, 0]]),
         corner_normals=None if normals is None else np.clip(np.nan_to_num(normals), -FARTHEST, FARTHEST),
-        corner_uv=None if uv is None else np.clip(np.nan_to_num(uv), -FARTHEST_UV, FARTHEST_UV),
+        corner_uv=_tamed_uv(part.corner_uv),
+        corner_finish_uv=_tamed_uv(part.corner_finish_uv),
     )
+
+
+def _tamed_uv(uv: np.ndarray | None) -> np.ndarray | None:
+    return None if uv is None else np.clip(np.nan_to_num(uv), -FARTHEST_UV, FARTHEST_UV)
 
 
 def compact(mesh: Mesh) -> Mesh:
@@ -239,6 +245,22 @@ def crease_corner_normals(mesh: Mesh) -> np.ndarray:
 
 def _textured(part: Part) -> np.ndarray:
     return np.zeros(len(part.faces), bool) if part.face_texture is None else part.face_texture >= 0
+
+
+def _finish(read: FileParts, parts: list[Part]) -> Paint | None:
+    """Return textures of roughness and metallic on the faces of all parts, None if no part has any."""
+    if all(p.face_finish is None for p in parts):
+        return None
+    counts = [len(p.faces) for p in parts]
+    none, nowhere = np.full(max(counts), -1), np.zeros((max(counts), 3, 2))
+    texture = [none[:n] if p.face_finish is None else p.face_finish for p, n in zip(parts, counts, strict=True)]
+    uv = [nowhere[:n] if p.corner_finish_uv is None else p.corner_finish_uv for p, n in zip(parts, counts, strict=True)]
+    return Paint(
+        read.finishes,
+        np.concatenate(texture).astype(np.int32),
+        np.concatenate(uv).astype(np.float32),
+        np.ones((sum(counts), 3, 3), np.float32),
+    )
 
 
 def _paint(read: FileParts, parts: list[Part], materials: list[Material]) -> Paint | None:

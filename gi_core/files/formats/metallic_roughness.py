@@ -11,6 +11,9 @@ from gi_core.scene.pose import three
 from gi_core.scene.types import Gloss, Material
 
 COAT = 0.04  # reflected share of light along the normal of the part that is no metal, in glTF
+DULL = 0.9  # roughness above which metal is diffuse too: facets that reflect several times return its colour
+LEAST_METAL = 0.02  # less is taken as none
+MATTE = 0.5  # roughness from which gloss that is no metal's is left out: exporters write 0.5 where nothing was chosen
 MOST_COAT = 0.2  # of a grey coat of another index of refraction; more is metal's
 
 
@@ -30,7 +33,12 @@ def metallic_roughness(
     metal = metallic * np.clip(base if colour is None else colour, 0, 1)
     coat = (1 - metallic) * np.broadcast_to(np.minimum(f0, 1.0), 3)
     gloss = Gloss(three(metal + coat), roughness * roughness, metallic + (1 - metallic) * f90)
-    return material._replace(reflectance=three((1 - metallic) * base), gloss=gloss)
+    return material._replace(reflectance=three((1 - metallic) * base), gloss=gloss, varied=None)
+
+
+def is_diffuse(metallic: float, roughness: float, f90: float) -> bool:
+    """Return whether the gloss of a glTF material is left out."""
+    return roughness > DULL or (metallic < LEAST_METAL and (roughness >= MATTE or f90 == 0))
 
 
 class MetalRough(NamedTuple):

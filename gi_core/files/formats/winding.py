@@ -109,10 +109,14 @@ def turned_mesh(mesh: Mesh, turn: np.ndarray) -> Mesh:
         corners[turn] = corners[turn][:, ::-1]
         return corners
 
-    normals, paint = mesh.corner_normals, mesh.paint
+    def turned(paint):
+        if paint is None:
+            return None
+        return paint._replace(corner_uv=flipped(paint.corner_uv), corner_colour=flipped(paint.corner_colour))
+
+    normals = mesh.corner_normals
     if normals is not None:
         normals = flipped(normals)
         normals[turn] = -normals[turn]
-    if paint is not None:
-        paint = paint._replace(corner_uv=flipped(paint.corner_uv), corner_colour=flipped(paint.corner_colour))
-    return mesh._replace(faces=flipped(mesh.faces), corner_normals=normals, paint=paint)
+    paint, finish = turned(mesh.paint), turned(mesh.finish)
+    return mesh._replace(faces=flipped(mesh.faces), corner_normals=normals, paint=paint, finish=finish)

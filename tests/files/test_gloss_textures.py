@@ -1,0 +1,178 @@
+"""metallicRoughnessTexture of glTF: triangles share materials of the means of their texture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.files.edits import Insert, edited
+from gi_core.files.formats.metallic_roughness import metallic_roughness
+from gi_core.files.gloss_classes import ALIKE, MOST, classes
+from gi_core.files.load import load_scene
+from gi_core.geometry.mipmap import levels
+from gi_core.geometry.surfaces import flatten
+from gi_core.scene.types import Material, Texture
+from tests.files.test_texture_files import UV, png
+from tests.support.mesh_writers import QUAD, QUAD_FACES, write_glb
+
+BASE = (0.8, 0.5, 0.25)
+
+
+def image(roughness: np.ndarray, metallic: np.ndarray) -> np.ndarray:
+    """Return the pixels of a texture of shares (h, w); red is no part of it."""
+    shares = np.stack([np.full(roughness.shape, 0.37), roughness, metallic], axis=2)
+    return np.round(255 * shares).astype(np.uint8)
+
+
+def halves() -> np.ndarray:
+    """A texture whose left half is metal of roughness 0.2, and whose right half is plastic of 0.4."""
+    left = np.arange(64) < 32
+    return image(*(np.tile(np.where(left, a, b), (64, 1)) for a, b in ((0.2, 0.4), (1.0, 0.0))))
+
+
+def quad_file(folder, pixels, name="a.glb", uv=UV, transform=None, **pbr):
+    extensions = {} if transform is None else {"extensions": {"KHR_texture_transform": transform}}
+    factors = {"baseColorFactor": [*BASE, 1], "metallicRoughnessTexture": {"index": 0, **extensions}}
+    material = {"name": "m", "doubleSided": True, "pbrMetallicRoughness": factors | pbr}
+    return write_glb(folder / name, QUAD, QUAD_FACES, uv=uv, material=material, image=png(pixels))
+
+
+def worn(mesh, scene) -> list[Material]:
+    """Return the material of each face of the file's own material."""
+    return [scene.materials[k] for k in mesh.face_material if scene.materials[k].name == "m"]
+
+
+def places(mesh, scene) -> np.ndarray:
+    named = [scene.materials[k].name == "m" for k in mesh.face_material]
+    return mesh.vertices[mesh.faces[named]].mean(axis=1)
+
+
+def test_gloss_follows_the_texture(tmp_path):
+    scene = load_scene(quad_file(tmp_path, halves()), max_edge=0.1)
+    middles, materials = places(scene.static, scene), worn(scene.static, scene)
+    metal = metallic_roughness(Material("m", BASE), 1.0, 0.2)
+    plastic = metallic_roughness(Material("m", BASE), 0.0, 0.4)
+    apart = np.abs(middles[:, 0] - 0.5) > 0.07  # faces that lie in one half
+    assert apart.sum() > 100
+    for (x, *_), found in zip(middles[apart], np.array(materials, object)[apart], strict=True):
+        gloss, reflectance = found[4], found[1]
+        wanted = metal if x < 0.5 else plastic
+        assert gloss.f0 == pytest.approx(wanted.gloss.f0, abs=0.01)
+        assert gloss.alpha == pytest.approx(wanted.gloss.alpha, abs=0.01)
+        assert reflectance == pytest.approx(wanted.reflectance, abs=0.01)
+
+
+def test_large_triangles_have_one_mean_each(tmp_path):
+    """The limit: without max_edge a quad of two triangles has one gloss per triangle."""
+    scene = load_scene(quad_file(tmp_path, halves()), max_edge=np.inf)
+    metals = sorted({m.gloss.f0[0] for m in worn(scene.static, scene)})
+    # Half of the texels are metal. Its share of the lower right triangle is 1/4, of the other 3/4.
+    assert metals == pytest.approx([0.25 * BASE[0] + 0.75 * 0.04, 0.75 * BASE[0] + 0.25 * 0.04], abs=0.01)
+
+
+def test_classes_reflect_what_their_texels_would(tmp_path):
+    """Sum over faces of area x F0 is that of the texels, and so is the diffuse part; there are MOST classes at most."""
+    rng = np.random.default_rng(4)
+    metallic = np.kron(rng.random((8, 8)), np.ones((8, 8)))
+    pixels = image(np.full((64, 64), 0.3), metallic)
+    scene = load_scene(quad_file(tmp_path, pixels), max_edge=0.05)
+    surfaces, _ = flatten(scene)
+    glossy = ~np.isnan(surfaces.lobe[:, 4])
+    area = surfaces.areas[glossy]
+    mean = area @ surfaces.lobe[glossy, :3] / area.sum()
+    m = pixels[..., 2].mean() / 255
+    assert mean == pytest.approx(m * np.array(BASE) + (1 - m) * 0.04, rel=2e-3)
+    plain = np.array([k.reflectance for k in worn(scene.static, scene)])
+    own = [scene.materials[k].name == "m" for k in scene.static.face_material]
+    areas = surfaces.areas[: len(scene.static.faces)][own]
+    assert areas @ plain / areas.sum() == pytest.approx((1 - m) * np.array(BASE), rel=2e-3)
+    assert 2 < sum(k.name == "m" for k in scene.materials) <= MOST
+
+
+@pytest.mark.parametrize("roughness, metallic", [(0.4, 0.0), (0.2, 1.0), (0.6, 0.6), (0.8, 0.0)])
+def test_an_even_texture_is_a_factor(tmp_path, roughness, metallic):
+    even = image(np.full((4, 4), roughness), np.full((4, 4), metallic))
+    (tmp_path / "b").mkdir()
+    factors = {"baseColorFactor": [*BASE, 1], "metallicFactor": metallic, "roughnessFactor": roughness}
+    plain = {"name": "m", "doubleSided": True, "pbrMetallicRoughness": factors}
+    write_glb(tmp_path / "b/a.glb", QUAD, QUAD_FACES, material=plain)
+    found, wanted = (
+        [m for m in load_scene(file).materials if m.name == "m"]
+        for file in (quad_file(tmp_path, even), tmp_path / "b/a.glb")
+    )
+    assert len(found) == len(wanted) == 1
+    assert found[0].reflectance == pytest.approx(wanted[0].reflectance, abs=1e-3)
+    assert (found[0].gloss is None) == (wanted[0].gloss is None)
+    if found[0].gloss is not None:
+        assert found[0].gloss.f0 == pytest.approx(wanted[0].gloss.f0, abs=1e-3)
+        assert found[0].gloss.alpha == pytest.approx(wanted[0].gloss.alpha, abs=1e-3)
+
+
+def test_factors_and_transform_apply(tmp_path):
+    """Shifted by half a texture the halves change places; factors of 1/2 halve roughness and metallic."""
+    file = quad_file(tmp_path, halves(), transform={"offset": [0.5, 0.0]}, metallicFactor=0.5, roughnessFactor=0.5)
+    scene = load_scene(file, max_edge=0.1)
+    middles, materials = places(scene.static, scene), worn(scene.static, scene)
+    at = int(np.argmin(np.abs(middles[:, :2] - (0.8, 0.5)).sum(axis=1)))
+    assert materials[at].gloss.alpha == pytest.approx(0.01, abs=1e-3)
+    assert materials[at].gloss.f0 == pytest.approx(0.5 * np.array(BASE) + 0.02, abs=0.01)
+
+
+def test_without_coordinates_the_mean_counts(tmp_path):
+    scene = load_scene(quad_file(tmp_path, halves(), uv=None), max_edge=0.2)
+    (found,) = [m for m in scene.materials if m.name == "m"]
+    assert found.gloss.f0 == pytest.approx(0.5 * np.array(BASE) + 0.02, abs=2e-3)
+    assert found.gloss.alpha == pytest.approx(0.09, abs=1e-3)
+
+
+def test_a_missing_texture_leaves_the_factors(tmp_path):
+    file = quad_file(tmp_path, halves(), roughnessFactor=0.3)
+    file.write_bytes(file.read_bytes().replace(b"\x89PNG", b"\x89PNX"))
+    scene = load_scene(file)
+    (found,) = [m for m in scene.materials if m.name == "m"]
+    assert found.gloss.f0 == pytest.approx(BASE) and found.gloss.alpha == pytest.approx(0.09)
+    assert any("gloss is even where its texture is missing" in note for note in scene.notes)
+
+
+@pytest.mark.parametrize("line", ["roughness = 0.25", 'brdf = "lewis"'])
+def test_a_scene_file_replaces_the_texture(tmp_path, line):
+    quad_file(tmp_path, halves())
+    (tmp_path / "a.toml").write_text(f'[static]\nmesh = "a.glb"\nmax_edge = 0.2\n[materials.m]\n{line}\n')
+    (found,) = [m for m in load_scene(tmp_path / "a.toml").materials if m.name == "m"]
+    assert found.varied is None
+    assert found.brdf if "brdf" in line else found.gloss.alpha == pytest.approx(0.0625)
+
+
+def test_mobiles_and_inserted_objects_follow_their_textures(tmp_path):
+    file = quad_file(tmp_path, halves())
+    scene = load_scene("cornell", mobiles=[file])
+    scene = edited(scene, [Insert("another", str(file))])
+    for mobile in scene.mobiles[-2:]:
+        alphas = {round(m.gloss.alpha, 2) for m in worn(mobile.mesh, scene)}
+        assert {0.04, 0.16} <= alphas and mobile.mesh.finish is None
+    assert all(m.varied is None for m in scene.materials)
+
+
+def test_a_colour_texture_gives_the_metal_its_colour(tmp_path):
+    """One image as both textures: where green and blue say rough metal, they are its colour too."""
+    pixels = np.zeros((64, 64, 3), np.uint8)
+    pixels[:, :32], pixels[:, 32:] = (255, 51, 255), (0, 51, 255)
+    scene = load_scene(quad_file(tmp_path, pixels, baseColorTexture={"index": 0}), max_edge=0.1)
+    middles, materials = places(scene.static, scene), worn(scene.static, scene)
+    reds = np.array([m.gloss.f0[0] for m in materials])
+    assert reds[middles[:, 0] < 0.4] == pytest.approx(0.98 * BASE[0], abs=0.01)
+    assert reds[middles[:, 0] > 0.6] == pytest.approx(0.0, abs=0.01)
+
+
+def test_classes_divide_where_values_vary():
+    values = np.repeat([[0.1, 0.0], [0.1, 1.0], [0.9, 0.5]], 5, axis=0)
+    found = classes(values, np.ones(15))
+    assert len(np.unique(found)) == 3
+    assert all(len(np.unique(found[k : k + 5])) == 1 for k in (0, 5, 10))
+    assert (classes(values * ALIKE, np.ones(15)) == 0).all()
+    assert classes(np.random.default_rng(1).random((500, 3)), np.ones(500)).max() == MOST - 1
+
+
+def test_copies_of_a_linear_texture_have_its_mean():
+    pixels = np.random.default_rng(2).integers(0, 256, (64, 64, 3)).astype(np.uint8)
+    assert levels(Texture(pixels, linear=True))[-1][0, 0] == pytest.approx(pixels.mean(axis=(0, 1)), abs=0.51)
