@@ -190,7 +190,8 @@ class _Baking:
             pair = mean_radiance(draw, *pair)
         base = self.model.scene.materials[side.material]
         if not side.tinted and base.gloss is not None:
-            diffuse = 1 - as_metal_rough(np.array(base.reflectance), base.gloss).metallic
+            described = as_metal_rough(np.array(base.reflectance), base.gloss).base
+            diffuse = max(base.reflectance) / max(*described, 1e-9)
             pair = pair[0] * diffuse, pair[1] * diffuse
         return pair[side.back][rows] * self.factor
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from gi_core.base.grouping import components
 from gi_core.base.vectors import cross, dot
+from gi_core.bsdf.ggx import under_gloss
 from gi_core.files.completion.completion import complete
 from gi_core.files.completion.pilot import bottom_centre
 from gi_core.files.formats.materials_table import FINISH, checked, overridden
@@ -24,7 +25,7 @@ from gi_core.files.formats.toml_fields import Table
 from gi_core.files.gloss_classes import with_gloss_classes
 from gi_core.files.load import finished, join, with_mobile_file
 from gi_core.geometry.cutouts import without_holes
-from gi_core.geometry.surfaces import Surfaces
+from gi_core.geometry.surfaces import Surfaces, lobe_of
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.origin import origin_of, translated
 from gi_core.scene.pose import as_pose, three, to_world, to_world_directions
@@ -216,7 +217,8 @@ def finish_of(scene: Scene, surfaces: Surfaces, name: str, of_static: bool) -> V
     base = ("reflectance", three(np.minimum(area @ surfaces.reflectance[surfaces.face_range(o)] / area.sum(), 0.98)))
     if m.gloss is None:
         return (base,)
-    found = as_metal_rough(np.array(base[1]), m.gloss)
+    through = under_gloss(np.array([lobe_of(m.gloss)]))  # surfaces have the base's reflectance under gloss
+    found = as_metal_rough(np.array(base[1]) / max(float(through[0]), 1e-9), m.gloss)
     colour = ("reflectance", three(np.minimum(found.base, 0.98)))
     return colour, ("metallic", found.metallic), ("roughness", found.roughness), ("ior", found.ior)
 

@@ -58,7 +58,7 @@ def _classed(mesh: Mesh, given: Sequence[Material], out: list[Material]) -> Mesh
                 out.append(worn)
             else:
                 out[k] = worn
-            diffuse[some] = 1.0 if worn.gloss is None else 1.0 - metallic
+            diffuse[some] = max(worn.reflectance) / max(*m.reflectance, 1e-12)
     paint, flat = mesh.paint, mesh.face_reflectance
     if paint is not None:
         paint = paint._replace(corner_colour=paint.corner_colour * diffuse[:, None, None].astype(np.float32))

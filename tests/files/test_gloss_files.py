@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gi_core.bsdf.ggx import gloss_albedo, under_gloss
 from gi_core.bsdf.models import lobe
-from gi_core.files.formats.metallic_roughness import MATTE
+from gi_core.files.formats.metallic_roughness import MATTE, as_metal_rough, metallic_roughness
 from gi_core.files.load import load_scene
 from gi_core.scene.errors import SceneError
-from gi_core.scene.types import Gloss
+from gi_core.scene.types import Gloss, Material
 from tests.support.mesh_writers import write_glb
 
 OBJ = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n"
@@ -34,7 +35,23 @@ def test_gltf_plastic_mixes_with_metal(tmp_path):
     pbr = {"baseColorFactor": [0.8, 0.4, 0.2, 1], "metallicFactor": 0.25, "roughnessFactor": 0.3}
     found = gltf_material(tmp_path, pbr)
     assert found.gloss.f0 == pytest.approx((0.23, 0.13, 0.08)) and found.gloss.alpha == pytest.approx(0.09)
-    assert found.reflectance == pytest.approx((0.6, 0.3, 0.15))
+    # The coat alone lets 0.84 of the light through, the mixture 0.66: the base of 3/4 the colour is that much larger.
+    through, mixed = under_gloss(np.array([[0.04, 0.04, 0.04, 1.0, 0.09], [*found.gloss.f0, 1.0, 0.09]]))
+    assert found.reflectance == pytest.approx(np.array((0.6, 0.3, 0.15)) * through / mixed)
+    assert as_metal_rough(np.array(found.reflectance), found.gloss).metallic == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("metallic", [0.0, 0.25, 0.5, 0.75, 1.0])
+@pytest.mark.parametrize("roughness", [0.1, 0.5, 0.8])
+def test_a_mixture_reflects_the_sum_of_its_parts(metallic, roughness):
+    """glTF: metallic of the light meets metal, the rest a coated base; their hemispherical albedos add up so."""
+
+    def albedo(m):
+        found = metallic_roughness(Material("m", (0.8, 0.4, 0.2)), m, roughness)
+        lobe = np.array([[*found.gloss.f0, found.gloss.f90, found.gloss.alpha]])
+        return (np.array(found.reflectance) * under_gloss(lobe) + gloss_albedo(lobe))[0]
+
+    assert albedo(metallic) == pytest.approx(metallic * albedo(1.0) + (1 - metallic) * albedo(0.0), rel=1e-9)
 
 
 def test_gltf_ior_and_specular(tmp_path):

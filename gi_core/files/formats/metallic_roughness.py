@@ -1,4 +1,9 @@
-"""Gloss by base colour, metallic and roughness, as glTF 2.0 (appendix B) defines them; alpha is roughness squared."""
+"""Gloss by base colour, metallic and roughness, as glTF 2.0 (appendix B) defines them; alpha is roughness squared.
+
+glTF mixes a metal and a plastic: metallic m of the light meets the metal, the rest a coat over the base colour. One
+lobe has the F of the mixture. It would let 1 - F of the mixture through to the base, less than the coat does alone.
+The base's reflectance is therefore larger by the ratio of both (docs/decisions/038).
+"""
 
 from __future__ import annotations
 
@@ -7,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gi_core.bsdf.ggx import under_gloss
 from gi_core.scene.pose import three
 from gi_core.scene.types import Gloss, Material
 
@@ -31,9 +37,16 @@ def metallic_roughness(
     """
     base = np.asarray(material.reflectance)
     metal = metallic * np.clip(base if colour is None else colour, 0, 1)
-    coat = (1 - metallic) * np.broadcast_to(np.minimum(f0, 1.0), 3)
-    gloss = Gloss(three(metal + coat), roughness * roughness, metallic + (1 - metallic) * f90)
-    return material._replace(reflectance=three((1 - metallic) * base), gloss=gloss, varied=None)
+    coat = np.broadcast_to(np.minimum(f0, 1.0), 3)
+    alpha, mixed = roughness * roughness, metal + (1 - metallic) * coat
+    gloss = Gloss(three(mixed), alpha, metallic + (1 - metallic) * f90)
+    share = (1 - metallic) * (_passed(coat, f90, alpha) / _passed(mixed, gloss.f90, alpha) if 0 < metallic < 1 else 1.0)
+    return material._replace(reflectance=three(min(share, 1.0) * base), gloss=gloss, varied=None)
+
+
+def _passed(f0: np.ndarray, f90: float, alpha: float) -> float:
+    """Return the share of light that a lobe lets through to its base."""
+    return max(float(under_gloss(np.array([[*f0, f90, alpha]]))[0]), 1e-9)
 
 
 def is_diffuse(metallic: float, roughness: float, f90: float) -> bool:
@@ -56,11 +69,12 @@ def as_metal_rough(reflectance: np.ndarray, gloss: Gloss) -> MetalRough:
     reflectance (3,): of the diffuse base. A grey gloss up to MOST_COAT is a coat, any other is a mixture of metal and a
     coat of COAT, exact for surfaces that were described so.
     """
-    rho, f0, roughness = np.asarray(reflectance, np.float64), np.array(gloss.f0), math.sqrt(gloss.alpha)
+    rho, f0, roughness = np.array(reflectance, np.float64), np.array(gloss.f0), math.sqrt(gloss.alpha)
     f = float(f0.mean())
     if np.ptp(f0) < 1e-6 and f <= MOST_COAT:
         return MetalRough(rho, 0.0, roughness, (1 + math.sqrt(f)) / (1 - math.sqrt(f)))
-    # f = m / (1 - m) rho + (1 - m) COAT, for the share 1 - m.
+    # f = m / (1 - m) rho + (1 - m) COAT, for the share 1 - m and rho under the coat alone.
+    rho *= _passed(f0, gloss.f90, gloss.alpha) / _passed(np.full(3, COAT), 1.0, gloss.alpha)
     both = float(rho.mean()) + f
     rest = (both - math.sqrt(max(both * both - 4 * COAT * float(rho.mean()), 0.0))) / (2 * COAT)
     metallic = 1 - min(max(rest, 0.0), 1.0)
