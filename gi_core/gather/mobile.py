@@ -195,9 +195,9 @@ class MobileGather:
         distance, face = batch.bounce.nearest(at)
         closeness(1 << m, distance, light.close)
         count = len(face)
-        out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))
-        known = Field(self._model.object_receivers.positions, s.corner_front, s.corner_back, static)
-        rays = Bounces(1 << m, positions, normals, R[0], batch.directions, distance, face)
+        out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), np.empty((count, 3)))
+        known = Field(s.corner_front, s.corner_back, static)
+        rays = Bounces(1 << m, normals, R[0], batch.directions, distance, face)
         row = batch.rows.start
         met = one_bounce.meet(world, at, area, lights.sky, known, rays, self.first, row, light.bounced, out)
         return Exchange(*(a[:met].copy() for a in out))
@@ -216,10 +216,8 @@ def _exchanged(direct: np.ndarray, known: np.ndarray, exchange: Exchange, paths:
 
 @kernel
 def _sweep(exchange, share, E, bounced):
-    row, corners, shares, rho = exchange
+    row, corners, rho = exchange
     for k in range(len(row)):
+        u, v, w = corners[k, 0], corners[k, 1], corners[k, 2]
         for c in range(3):
-            there = 0.0
-            for v in range(3):
-                there += shares[k, v] * E[corners[k, v], c]
-            bounced[row[k], c] += share * rho[k, c] * there
+            bounced[row[k], c] += share * rho[k, c] * (E[u, c] + E[v, c] + E[w, c]) / 3.0
