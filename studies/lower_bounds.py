@@ -244,7 +244,7 @@ def _rays(solver: Solver) -> list[Work]:
     near = segments_at(paths, model.eps, *rows, model.threads)
     work = [_cast(solver, "suffixes", 0, *_as_rays(solver, 0, frame.new_suffixes))]
     for stage, segments in (("cuts", near), ("suffixes", frame.new_suffixes)):
-        pass_by = select(model, frame.at, segments, -PAD * model.world.size, wanted.boxes[:0])
+        pass_by = select(model, frame.at, segments.origin, segments.end, -PAD * model.world.size, wanted.boxes[:0])
         for o in range(1, len(pass_by)):
             work.append(_cast(solver, stage, o, *_as_rays(solver, o, take(segments, np.flatnonzero(pass_by[o])))))
     return work

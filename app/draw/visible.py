@@ -157,13 +157,12 @@ def visible_faces(accelerator, at, placed: Placed, origins, directions, cull: bo
         t, hit = nearest_in_world(accelerator, at, o, d, far)
         found = hit >= 0
         going, o, d, t, hit = going[found], o[found], d[found], t[found], hit[found]
-        hidden = np.zeros(len(hit), bool)
         world, at_hit = placed(hit)
         met = world.met(at_hit, o, d)
         hit, at_hit = hit + met - at_hit, met  # rows differ from faces only in scenes of some faces, without quads
+        hidden = _cut_away(world, at_hit, o, d)
         if cull:
-            hidden = world.one_sided[at_hit] & ((world.normals[at_hit] * d).sum(axis=1) >= 0)
-        hidden |= _cut_away(world, at_hit, o, d)
+            hidden |= world.one_sided[at_hit] & ((world.normals[at_hit] * d).sum(axis=1) >= 0)
         seen = ~hidden
         rows = going[seen]
         face[rows] = hit[seen]

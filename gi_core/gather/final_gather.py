@@ -119,8 +119,8 @@ class FinalGather:
         scatter(world.bsdfs, self._seed, m, 0, ends, rays.origin, rays.direction)
         far = np.full(count, FAR * world.size, np.float32)
         distance, face = nearest_in_world(model.accelerator, at, rays.origin, rays.direction, far)
-        none = Exchange(np.empty(0, np.int64), np.empty((0, 3), np.int64), *np.empty((2, 0, 3)))  # no mobile is met
-        known = Field(model.object_receivers.positions, s.corner_front, s.corner_back, field)
-        bounces = Bounces(1 << m, positions, normals, at.rotation[0], rays.direction, distance, face)
+        none = Exchange(np.empty(0, np.int64), np.empty((0, 3), np.int64), np.empty((0, 3)))  # no mobile is met
+        known = Field(s.corner_front, s.corner_back, field)
+        bounces = Bounces(1 << m, normals, at.rotation[0], rays.direction, distance, face)
         meet(world, at, lights.area, lights.sky, known, bounces, 0, 0, total, none)
         return total

@@ -13,7 +13,7 @@ from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import rotate, rotate_back
 from gi_core.lights.next_event import Shadows
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, Transforms, passes_box, rays_to_object
+from gi_core.rays.accelerator import FAR, Transforms, passes_box
 from gi_core.rays.structures import any_hit, nearest_hit, new_ray
 from gi_core.rays.two_level import CUT_PAD
 
@@ -33,21 +33,15 @@ class BounceRays:
 
         The arrays may belong to the cache: do not write to them.
         """
-        accelerator, R, p = self._model.accelerator, at.rotation[self._own], at.position[self._own]
-        moved, others = self._pose != _pose_bits(at, self._own), len(at.position) > 2
-        if not (moved or others):
-            return self._cached
-        origins, directions = np.empty((2, *self._origins.shape), np.float32)
-        _to_world(R, p, self._origins, origins)
-        _to_world(R, np.zeros(3), self._directions, directions)
-        if moved:
-            distance, face = accelerator.nearest(0, origins, directions, self._on_own[0])
-            self._cached = distance, np.where(face < 0, self._on_own[1], face)
+        given = self._model.accelerator.scenes, new_ray(), self._model.world, at, self._own
+        if self._pose != _pose_bits(at, self._own):
+            self._cached = tuple(a.copy() for a in self._on_own)
+            _nearest_static(*given, self._origins, self._directions, *self._cached)
             self._pose = _pose_bits(at, self._own)
-        if not others:
+        if len(at.position) == 2:
             return self._cached
         distance, face = (a.copy() for a in self._cached)
-        _nearer(accelerator.scenes, new_ray(), self._model.world, at, self._own, origins, directions, distance, face)
+        _nearer(*given, self._origins, self._directions, distance, face)
         return distance, face
 
 
@@ -64,25 +58,20 @@ class ShadowRays:
 
     def occluded(self, at: Transforms, make) -> tuple[Shadows, np.ndarray]:
         """Return rays and (n,) bool: another mobile blocks the ray. make() returns all rays at the poses."""
-        accelerator = self._model.accelerator
+        given = self._model.accelerator.scenes, new_ray(), self._model.world, at, self._own
         if self._pose != _pose_bits(at, self._own):
             rays = make()
-            rays = _select(rays, ~accelerator.occluded(0, rays.origin, rays.direction, rays.limit))
-            local = rays_to_object(at, self._own, rays.origin, rays.direction)
-            self._free = _select(rays, ~accelerator.occluded(self._own, *local, rays.limit))
+            free = _keep_free(*given, rays)
+            self._free = Shadows(*(a[:free] for a in rays))
             self._pose = _pose_bits(at, self._own)
         blocked = np.zeros(len(self._free.row), bool)
         if len(at.position) > 2:
-            _block(accelerator.scenes, new_ray(), self._model.world, at, self._own, self._free, blocked)
+            _block(*given, self._free, blocked)
         return self._free, blocked
 
 
 def _pose_bits(at: Transforms, o: int) -> bytes:
     return at.rotation[o].tobytes() + at.position[o].tobytes()
-
-
-def _select(rays: Shadows, which: np.ndarray) -> Shadows:
-    return Shadows(*(a[which] for a in rays))
 
 
 @inlined
@@ -98,18 +87,61 @@ def _to_mobile(world, at, o, origin, direction, limit):
     return passes, np.float32(ox), np.float32(oy), np.float32(oz), np.float32(dx), np.float32(dy), np.float32(dz)
 
 
+@inlined
+def _in_world(at, o, origin, direction):
+    """Return a ray of mobile o's object space in the world: origin and direction, float32."""
+    R, p = at.rotation[o], at.position[o]
+    ox, oy, oz = rotate(R, origin)
+    dx, dy, dz = rotate(R, direction)
+    return (
+        (np.float32(ox + p[0]), np.float32(oy + p[1]), np.float32(oz + p[2])),
+        (np.float32(dx), np.float32(dy), np.float32(dz)),
+    )
+
+
+@kernel
+def _nearest_static(scenes, ray, world, at, own, origins, directions, distance, face):
+    """Replace distance and face of rays that meet the static part before; rays in mobile `own`'s object space."""
+    for k in range(len(origins)):
+        o, d = _in_world(at, own, origins[k], directions[k])
+        t, f = nearest_hit(scenes, 0, ray, o[0], o[1], o[2], d[0], d[1], d[2], distance[k])
+        if f >= 0:  # faces of the static part come first
+            distance[k], face[k] = t, f
+
+
 @kernel
 def _nearer(scenes, ray, world, at, own, origins, directions, distance, face):
     """Replace distance and face of rays that meet a mobile, other than `own`, before; ties stay."""
     for k in range(len(origins)):
+        origin, direction = _in_world(at, own, origins[k], directions[k])
         for o in range(1, len(world.first_face) - 1):
             if o == own:
                 continue
-            passes, ox, oy, oz, dx, dy, dz = _to_mobile(world, at, o, origins[k], directions[k], distance[k])
+            passes, ox, oy, oz, dx, dy, dz = _to_mobile(world, at, o, origin, direction, distance[k])
             if passes:
                 t, f = nearest_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, distance[k])
                 if f >= 0 and t < distance[k]:
                     distance[k], face[k] = t, world.first_face[o] + f
+
+
+@kernel
+def _keep_free(scenes, ray, world, at, own, rays):
+    """Move rays that neither the static part nor mobile `own` blocks to the front, in order; return their number."""
+    n, R, p = 0, at.rotation[own], at.position[own]
+    for k in range(len(rays.row)):
+        o, d = rays.origin[k], rays.direction[k]
+        if any_hit(scenes, 0, ray, o[0], o[1], o[2], d[0], d[1], d[2], rays.limit[k]):
+            continue
+        x, y, z = rotate_back(R, (o[0] - p[0], o[1] - p[1], o[2] - p[2]))
+        u, v, w = rotate_back(R, (np.float64(d[0]), np.float64(d[1]), np.float64(d[2])))
+        x, y, z, u, v, w = np.float32(x), np.float32(y), np.float32(z), np.float32(u), np.float32(v), np.float32(w)
+        if any_hit(scenes, own, ray, x, y, z, u, v, w, rays.limit[k]):
+            continue
+        rays.row[n], rays.limit[n], rays.lamp[n] = rays.row[k], rays.limit[k], rays.lamp[k]
+        for c in range(3):
+            rays.origin[n, c], rays.direction[n, c], rays.value[n, c] = o[c], d[c], rays.value[k, c]
+        n += 1
+    return n
 
 
 @kernel
@@ -121,11 +153,3 @@ def _block(scenes, ray, world, at, own, rays, blocked):
                 continue
             passes, ox, oy, oz, dx, dy, dz = _to_mobile(world, at, o, rays.origin[k], rays.direction[k], rays.limit[k])
             blocked[k] = passes and any_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, rays.limit[k])
-
-
-@kernel
-def _to_world(R, p, points, out):
-    """out = R points + p, element by element."""
-    for k in range(len(points)):
-        x, y, z = rotate(R, points[k])
-        out[k, 0], out[k, 1], out[k, 2] = x + p[0], y + p[1], z + p[2]

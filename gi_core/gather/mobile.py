@@ -44,7 +44,7 @@ from gi_core.rays.two_level import World
 from gi_core.scene.pose import to_world_at
 
 STREAM = 0x3B11  # separates these random numbers from those of photons and reference with the same seed
-BATCH_PATHS = 1 << 12  # paths per batch of receivers: their arrays fit into a core's cache
+BATCH_PATHS = 1 << 13  # paths per batch of receivers; of 2^11 .. 2^15, half take a tenth more time, twice none less
 CACHED_PATHS = 1 << 19  # paths with cached rays, some 100 bytes each
 SWEEPS = 32  # of Jacobi's method at most ...
 SETTLED = 1e-3  # ... or until a sweep changes the sum of all by less than this share
@@ -149,12 +149,12 @@ class MobileGather:
 
     def _places(self, m: int) -> list[tuple[int, slice]]:
         """Return mobile and receivers of each batch of 2^m paths per receiver."""
-        ends, step = self._model.surfaces.first_receiver[1:] - self.first, max(1, BATCH_PATHS >> m)
-        return [
-            (o, slice(a, min(a + step, int(last))))
-            for o, (first, last) in enumerate(zip(ends[:-1], ends[1:], strict=True), 1)
-            for a in range(int(first), int(last), step)
-        ]
+        ends, places = self._model.surfaces.first_receiver[1:] - self.first, []
+        for o, (first, last) in enumerate(itertools.pairwise(ends.tolist()), 1):
+            parts = -(-((last - first) << m) // BATCH_PATHS)
+            bounds = [first + (last - first) * k // max(parts, 1) for k in range(parts + 1)]
+            places += [(o, slice(*bound)) for bound in itertools.pairwise(bounds)]
+        return places
 
     def _room(self, m: int) -> list[ReceiverBatch | None]:
         """Return the cached batches of 2^m paths, None at first; those of other path counts are evicted beyond KEPT."""
@@ -195,9 +195,9 @@ class MobileGather:
         distance, face = batch.bounce.nearest(at)
         closeness(1 << m, distance, light.close)
         count = len(face)
-        out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), *np.empty((2, count, 3)))
-        known = Field(self._model.object_receivers.positions, s.corner_front, s.corner_back, static)
-        rays = Bounces(1 << m, positions, normals, R[0], batch.directions, distance, face)
+        out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), np.empty((count, 3)))
+        known = Field(s.corner_front, s.corner_back, static)
+        rays = Bounces(1 << m, normals, R[0], batch.directions, distance, face)
         row = batch.rows.start
         met = one_bounce.meet(world, at, area, lights.sky, known, rays, self.first, row, light.bounced, out)
         return Exchange(*(a[:met].copy() for a in out))
@@ -216,10 +216,8 @@ def _exchanged(direct: np.ndarray, known: np.ndarray, exchange: Exchange, paths:
 
 @kernel
 def _sweep(exchange, share, E, bounced):
-    row, corners, shares, rho = exchange
+    row, corners, rho = exchange
     for k in range(len(row)):
+        u, v, w = corners[k, 0], corners[k, 1], corners[k, 2]
         for c in range(3):
-            there = 0.0
-            for v in range(3):
-                there += shares[k, v] * E[corners[k, v], c]
-            bounced[row[k], c] += share * rho[k, c] * there
+            bounced[row[k], c] += share * rho[k, c] * (E[u, c] + E[v, c] + E[w, c]) / 3.0

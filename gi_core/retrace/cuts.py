@@ -23,7 +23,7 @@ from gi_core.rays.structures import new_ray
 from gi_core.rays.two_level import nearest_mobile
 from gi_core.retrace.broad_phase import Coarse, ScanBuffers, find_near
 from gi_core.retrace.removed_suffixes import RemovedSuffixes, no_removed_suffixes
-from gi_core.retrace.select_segments import copy_selected, select
+from gi_core.retrace.select_segments import select
 
 CUT_GRAIN = 2048  # segments per thread
 FOLLOW_GRAIN = 128  # photons per thread
@@ -53,7 +53,27 @@ class PoseChange(NamedTuple):
     new_suffixes: Segments  # paths from the cut onwards, among mobiles
     near_mobiles: tuple[Segments, ...]  # per mobile, if needed: current segments that may cross a disc on it
     near_boxes: Segments  # current segments that pass one of the boxes needed
-    fates: Fates  # of all photons at these poses, minus those of the background
+    new_fates: Fates  # of the flux that the cut photons bring to their cuts
+
+    @property
+    def fates(self) -> Fates:
+        """Fates of all photons at these poses, minus those of the background."""
+        sums, paths = np.zeros((3, len(self.new_fates.emitted)), np.int64), self.removed_suffixes.paths
+        given = paths.offsets, paths.side, paths.flux, paths.lamp
+        _fates_behind(*given, self.removed_suffixes.photon, self.removed_suffixes.vertex, sums)
+        fates = Fates(*(flux.copy() for flux in self.new_fates))
+        add_to(fates, sums, -1)
+        return fates
+
+
+class _Lines(NamedTuple):
+    """Background segments near mobiles, as far as tests read them."""
+
+    photon: np.ndarray  # (n,) int64, photon-major
+    vertex: np.ndarray  # (n,) int64, start vertex
+    origin: np.ndarray  # (n, 3) float32 [m]
+    end: np.ndarray  # (n, 3) float32 [m]
+    side: np.ndarray  # (n,) int32, side at the origin or NONE
 
 
 def change(
@@ -83,20 +103,21 @@ def change(
     # Find the first segment of each photon that any mobile cuts.
     rows = candidate_segments(model, coarse, at, wanted, room)
     clock("scan")
-    near = segments_at(paths, model.eps, *rows, model.threads)
+    near = _lines(paths, *rows, model.threads)
     cut, cut_side = _cuts(model, at, near)
     first_cut = _first_of_each(near.photon, np.flatnonzero(cut_side != NONE))
     clock("cuts")
 
     # Split these paths into kept prefix and removed suffix, and trace the new suffixes off the mobiles.
-    high = cut[first_cut] + model.eps
-    kept_prefixes = take(near, first_cut)._replace(high=high, cut_side=cut_side[first_cut])
-    removed_suffixes = RemovedSuffixes(paths, model.eps, kept_prefixes.photon, rows[1][first_cut], high)
-    hit, new_suffixes, fates = _new_suffixes(model, at, seed, kept_prefixes, cut[first_cut], removed_suffixes)
+    photon, vertex, high = near.photon[first_cut], near.vertex[first_cut], cut[first_cut] + model.eps
+    kept_prefixes = segments_at(paths, model.eps, photon, vertex, model.threads)
+    kept_prefixes = kept_prefixes._replace(high=high, cut_side=cut_side[first_cut])
+    removed_suffixes = RemovedSuffixes(paths, model.eps, photon, vertex, high)
+    hit, new_suffixes, fates = _new_suffixes(model, at, seed, kept_prefixes, cut[first_cut])
     kept_prefixes = kept_prefixes._replace(hit=hit)
     clock("suffixes")
 
-    near_boxes, near_mobiles = _seen(model, at, wanted, near, kept_prefixes, new_suffixes)
+    near_boxes, near_mobiles = _seen(model, at, wanted, paths, near, kept_prefixes, new_suffixes)
     clock("mobiles")
     return PoseChange(at, photons, kept_prefixes, removed_suffixes, new_suffixes, near_mobiles, near_boxes, fates)
 
@@ -107,9 +128,28 @@ def candidate_segments(model: Model, coarse: Coarse, at: Transforms, wanted: Wan
     return find_near(model.world, coarse, at, margin, room, model.threads)
 
 
+def _lines(paths: PathVertices, photons: np.ndarray, vertices: np.ndarray, threads: int) -> _Lines:
+    """Return the background segments that leave the given vertices (n,) of the given photons (n,)."""
+    n = len(vertices)
+    lines = _Lines(photons, vertices, *np.empty((2, n, 3), np.float32), np.empty(n, np.int32))
+    given = paths.position, paths.side, *lines[1:]
+    run_ranges(lambda _, first, last: _read_lines(*given, first, last), n, threads, CUT_GRAIN)
+    return lines
+
+
+@kernel
+def _read_lines(position, sides, vertex, origin, end, side, first, last):
+    for j in range(first, last):
+        k = vertex[j]
+        for c in range(3):
+            origin[j, c], end[j, c] = position[k, c], position[k + 1, c]
+        side[j] = sides[k]
+
+
 def _seen(
-    model: Model, at: Transforms, wanted: Wanted, near: Segments, kept_prefixes: Segments, new_suffixes: Segments
-):
+    model: Model, at: Transforms, wanted: Wanted, paths: PathVertices, near: _Lines, kept_prefixes: Segments,
+    new_suffixes: Segments,
+):  # fmt: skip
     """Collect current segments (uncut background, kept prefixes, new suffixes) near boxes and mobiles.
 
     Returns the segments that pass the needed boxes and, per mobile if needed, those near it.
@@ -117,24 +157,33 @@ def _seen(
     if not wanted.mobiles and not len(wanted.boxes):
         return empty_segments(0), ()
     reach = wanted.reach if wanted.mobiles else None
-    current = [(part, select(model, at, part, reach, wanted.boxes)) for part in (near, kept_prefixes, new_suffixes)]
-    current[0][1][:] &= _before_cut(near.photon, near.bounce, kept_prefixes.photon, kept_prefixes.bounce)
-    near_boxes, *near_mobiles = (
-        copy_selected([(part, np.flatnonzero(sees[o])) for part, sees in current], model.threads)
-        for o in range(len(at.position) if wanted.mobiles else 1)
+    uncut, *others = (
+        select(model, at, lines.origin, lines.end, reach, wanted.boxes) for lines in (near, kept_prefixes, new_suffixes)
     )
+
+    def collected(o: int) -> Segments:
+        rows = np.flatnonzero(uncut[o])
+        photon, vertex = near.photon[rows], near.vertex[rows]
+        bounce = vertex - paths.offsets[photon]
+        before = _before_cut(photon, bounce, kept_prefixes.photon, kept_prefixes.bounce)
+        background = segments_at(paths, model.eps, photon[before], vertex[before], model.threads)
+        some = [take(s, np.flatnonzero(sees[o])) for s, sees in zip((kept_prefixes, new_suffixes), others, strict=True)]
+        return concatenate([background, *some])
+
+    near_boxes, *near_mobiles = (collected(o) for o in range(len(at.position) if wanted.mobiles else 1))
     return near_boxes, tuple(near_mobiles)
 
 
-def _cuts(model: Model, at: Transforms, near: Segments) -> tuple[np.ndarray, np.ndarray]:
-    """Return the results of nearest_mobile() for all segments, on all threads."""
-    cut, cut_side = np.empty(near.size, np.float32), np.empty(near.size, np.int32)
+def _cuts(model: Model, at: Transforms, near: _Lines) -> tuple[np.ndarray, np.ndarray]:
+    """Return the results of nearest_mobile() for all lines, on all threads."""
+    n = len(near.side)
+    cut, cut_side = np.empty(n, np.float32), np.empty(n, np.int32)
 
     def work(_, first, last):
-        lines = (a[first:last] for a in (near.origin, near.end, near.start_side, cut, cut_side))
+        lines = (a[first:last] for a in (near.origin, near.end, near.side, cut, cut_side))
         nearest_mobile(model.accelerator.scenes, new_ray(), model.world, at, *lines)
 
-    run_ranges(work, near.size, model.threads, CUT_GRAIN)
+    run_ranges(work, n, model.threads, CUT_GRAIN)
     return cut, cut_side
 
 
@@ -152,22 +201,17 @@ def _before_cut(photon, bounce, cut_photon, cut_bounce) -> np.ndarray:
     return (cut_photon[k] != photon) | (bounce < cut_bounce[k])
 
 
-def _new_suffixes(
-    model: Model, at: Transforms, seed: int, kept_prefixes: Segments, cut: np.ndarray, removed_suffixes: RemovedSuffixes
-):
+def _new_suffixes(model: Model, at: Transforms, seed: int, kept_prefixes: Segments, cut: np.ndarray):
     """Trace cut photons off the mobiles, on all threads.
 
-    Returns the positions (n, 3) float32 of the cuts, the new suffixes, and the fates of their flux minus those of the
-    removed suffixes.
+    Returns the positions (n, 3) float32 of the cuts, the new suffixes, and the fates of the flux at the cuts.
     """
 
     def work(_, first, last):
         part, fates = slice(first, last), no_flux(model.emitters.lamps.count)
         ended = Segments(*(a[part] for a in kept_prefixes))
         hit, rays = reflected(model.world, at, seed, ended, cut[part], fates)
-        new_suffixes = follow(model.accelerator, model.world, at, seed, model.eps, rays, fates)
-        _subtract_background_fates(removed_suffixes.of(part), fates)
-        return hit, new_suffixes, fates
+        return hit, follow(model.accelerator, model.world, at, seed, model.eps, rays, fates), fates
 
     hits, new_suffixes, fates = zip(*run_ranges(work, kept_prefixes.size, model.threads, FOLLOW_GRAIN), strict=True)
     return np.concatenate(hits), concatenate(list(new_suffixes)), _together(fates)
@@ -200,14 +244,6 @@ def split_at_cuts(segments: Segments) -> tuple[Segments, Segments]:
     np.minimum.at(first, photon[cut], segments.bounce[cut])
     kept_prefixes = cut[segments.bounce[cut] == first[photon[cut]]]
     return take(segments, kept_prefixes), take(segments, segments.bounce > first[photon])
-
-
-def _subtract_background_fates(removed_suffixes: RemovedSuffixes, fates: Fates) -> None:
-    """Subtract the fates of the removed suffixes' flux from `fates`."""
-    sums, paths = np.zeros((3, len(fates.emitted)), np.int64), removed_suffixes.paths
-    given = paths.offsets, paths.side, paths.flux, paths.lamp
-    _fates_behind(*given, removed_suffixes.photon, removed_suffixes.vertex, sums)
-    add_to(fates, sums, -1)
 
 
 @kernel

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from gi_core.estimators import ESTIMATORS
 from gi_core.frames.light_source import LightSource
+from gi_core.gather import hit_cache, one_bounce
 from gi_core.gather import mobile as mobile_gather
-from gi_core.gather import one_bounce
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import relative_error
@@ -239,20 +239,16 @@ def test_rays_of_a_resting_mobile_are_not_traced_again(monkeypatch):
     model, poses = Model(scene, 1), {m.name: m.pose for m in scene.mobiles}
     gather, static = MobileGather(model, 0), np.ones((model.first_probe, 3))
     gather.irradiance(model.transforms(poses), static, 3)
-    traced = []
-    real = model.accelerator.nearest
-    monkeypatch.setattr(
-        model.accelerator, "nearest", lambda o, rays, *a: traced.append((o, len(rays))) or real(o, rays, *a)
-    )
+    traced, real = [], hit_cache._nearest_static
+    monkeypatch.setattr(hit_cache, "_nearest_static", lambda *a: traced.append((a[4], len(a[5]))) or real(*a))
+    monkeypatch.setattr(model.accelerator, "nearest", lambda *_: pytest.fail("traced through the mobile itself"))
     gather.irradiance(model.transforms(poses), static, 3)
     assert not traced
     moved = scene.mobiles[2]
     x, y, z = moved.pose.position
     gather.irradiance(model.transforms(poses | {moved.name: Pose((x, y, z + 0.05))}), static, 3)
-    rays = {o: sum(n for to, n in traced if to == o) for o in range(4)}
     last = model.surfaces.receiver_range(3)
-    assert rays[0] == 8 * (last.stop - last.start)
-    assert not (rays[1] or rays[2] or rays[3])
+    assert traced == [(3, 8 * (last.stop - last.start))]
 
 
 def test_frames_at_rest_are_not_timed_as_motion():

@@ -80,7 +80,7 @@ def test_light_at_a_pose_is_unbiased_and_better_than_the_frames(static_light, mo
 
 
 def test_no_vertex_at_the_foot_of_a_mobile_is_far_off():
-    """Frames read the foot's light from a floor vertex that is far from it: the worst were 41 % too bright."""
+    """Frames read the foot's light from the corners of the floor's face: the worst is 15 % off."""
     solver = solved()
     solver.move("box", ON_FLOOR)
     rows = np.arange(solver.surfaces.receiver_range(0).stop, len(solver.irradiance))
@@ -93,7 +93,7 @@ def test_no_vertex_at_the_foot_of_a_mobile_is_far_off():
 
     before = worst()
     gather_pose(solver)
-    assert before > 0.15 > worst()
+    assert before > 0.1 > worst()
 
 
 @settings(max_examples=6, deadline=None)
@@ -213,4 +213,4 @@ def test_no_vertex_is_far_off_in_the_first_light_of_a_pose():
     before = worst()
     for _, _ in zip(range(260), solver.gather_pose_steps(), strict=False):
         pass
-    assert before > 0.15 > worst()
+    assert before > 0.1 > worst()
