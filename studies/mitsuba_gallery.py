@@ -4,7 +4,8 @@
 
 PYTHON: as for studies.mitsuba_scene. Specular radiance towards three eyes is compared at vertices of the floor (GGX of
 alpha 0.3) and of the ball, by photons alone and with gathered light; irradiance on walls, floor and ball. `--parts`
-varies photons and radius of gloss discs, and compares cells with the rays that fill them: noise, blur and cells apart.
+varies photons and radius of gloss discs, compares cells with the rays that fill them, noise, blur and cells apart, and
+measures frames in motion.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ EDGE = 0.05  # [m], kept free along edges of the room
 POINTS = {"walls": 300, "floor": 200, "ball": 100}
 PATHS = 4096  # per point
 LOBE_RAYS = 1024  # per vertex and eye
+AWAY = (-1.2, 1.4, -0.6)  # where the ball comes from in frames of motion
+IN_MOTION = (1 << 16, 64), (1 << 16, 32), (1 << 14, 16), (1 << 12, 8), (None, 256)  # photons and paths
 
 
 def gallery(floor: tuple[int, int] = (32, 48)) -> Scene:
@@ -81,6 +84,8 @@ def main() -> None:
         parts(solver, truth)
     solver.configure(light="best")
     solver.solve()
+    if given.parts:
+        in_motion(solver, truth)
     gather(solver, given.seconds, lambda *progress: None)
     truth.report("gathered light", solver)
 
@@ -101,6 +106,14 @@ def parts(solver: Solver, truth: Truth) -> None:
     solver.solve()
     truth.report("list of rays", solver)
     solver.configure(gloss=source.QUADTREE)
+
+
+def in_motion(solver: Solver, truth: Truth) -> None:
+    """Print the errors of frames in which the ball has just arrived."""
+    for photons, paths in IN_MOTION:
+        solver.move("ball", Pose(AWAY))
+        solver.move_all({"ball": Pose(BALL)}, photons, paths)
+        truth.report(f"in motion, {solver.frame.photons:,} photons, {paths} paths", solver)
 
 
 class Truth:

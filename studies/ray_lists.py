@@ -21,8 +21,9 @@ from app.measure.chart.figure import need_matplotlib
 from app.settings import Settings, make_solver, open_scene
 from gi_core.base.random_numbers import basis
 from gi_core.bsdf.table import join
-from gi_core.gloss.cells import DIRECTION_BITS, FIELDS
+from gi_core.gloss.arrivals import DIRECTION_BITS
 from gi_core.gloss.hemisphere import CELLS, disc_of
+from gi_core.gloss.light import FIELDS
 from gi_core.gloss.radiance import GRAZING, Directions, gloss_radiance, room_for
 from gi_core.gloss.rays import RECEIVER_BIT
 from gi_core.gloss.sharp import BY_CELLS, ways

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 
 if TYPE_CHECKING:
-    from gi_core.gloss.cells import GlossLight
+    from gi_core.gloss.light import GlossLight
     from gi_core.gloss.rays import RayTree
 
 LINES = 4096  # texels along a column: as many receivers; OpenGL 3.3 promises 1024, every driver in use 16384

@@ -28,7 +28,7 @@ from gi_core.geometry.texture_footprint import footprints
 from gi_core.rays.accelerator import Accelerator, Transforms
 
 if TYPE_CHECKING:
-    from gi_core.gloss.cells import GlossLight
+    from gi_core.gloss.light import GlossLight
 
 BACKGROUND = (0.145, 0.15, 0.16)  # display values, those of the renderer (a test compares them)
 UNLIT = (0.24, 0.245, 0.255)  # the back of a one-sided face without culling

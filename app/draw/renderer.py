@@ -27,7 +27,7 @@ from gi_core.gloss.sharp import PLANAR, PROBE, Reflector
 
 if TYPE_CHECKING:
     from app.draw.draw_mesh import DrawMesh
-    from gi_core.gloss.cells import GlossLight
+    from gi_core.gloss.light import GlossLight
     from gi_core.gloss.radiance import Directions
     from gi_core.scene.types import Texture
 

@@ -16,7 +16,7 @@ from gi_core.geometry.radiosity import exitant_radiance
 from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
 
 if TYPE_CHECKING:
-    from gi_core.gloss.cells import GlossLight
+    from gi_core.gloss.light import GlossLight
     from gi_core.rays.accelerator import Transforms
 
 

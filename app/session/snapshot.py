@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gi_core.display.dilation import Drawn
     from gi_core.estimators.setting import Setting
     from gi_core.frames.frame import Changes
-    from gi_core.gloss.cells import GlossLight
+    from gi_core.gloss.light import GlossLight
     from gi_core.scene import Pose
     from gi_core.solver import Solver
 

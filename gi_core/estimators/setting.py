@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from gi_core.base.fixed_point import MAX_PHOTONS
+from gi_core.discs.search import DEFAULT
 from gi_core.scene.errors import SceneError
 from gi_core.scene.rules import FLAG, LENGTH, one_of, whole
 
@@ -17,7 +18,7 @@ class Setting(NamedTuple):
     radius: float  # of the disc, or the largest of a search [m]
     neighbours: int  # k of photon_map
     control: bool = True  # artifact control of tangent_plane, see `gi_core.discs.region`
-    search: str = "disc_index"  # a key of `gi_core.discs.search.SEARCHES`: how tangent_plane finds disc intersections
+    search: str = DEFAULT  # a key of `gi_core.discs.search.SEARCHES`: how tangent_plane finds disc intersections
     border_correction: bool = True  # photon_map at borders: alpha / 2 pi of a disc, see `gi_core.geometry.border_angle`
     textbook: bool = False  # photon_map counts the k-th hit too, as in the report: k / (k - 1) too much
 

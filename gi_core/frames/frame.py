@@ -21,7 +21,7 @@ from gi_core.frames.control_variate import AROUND, frame_irradiance
 from gi_core.frames.light_source import FrameSize, LightSource
 from gi_core.frames.progress import Interrupted
 from gi_core.geometry.radiosity import irradiance
-from gi_core.gloss.cells import GlossLight
+from gi_core.gloss.light import GlossLight
 from gi_core.lights.mix import mix
 from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.trace import Fates, add_fates
@@ -88,9 +88,13 @@ class Frame(NamedTuple):
             return Changes(0, 0, 0)
         return Changes(c.kept_prefixes.size, c.removed_suffixes.size, c.kept_prefixes.size + c.new_suffixes.size)
 
-    def has_sums(self, b: Background, size: FrameSize) -> bool:
-        """Return whether this frame still holds the sums of a background for frames of this size at its poses."""
+    def has_sums(self, b: Background, size: FrameSize, reach: float) -> bool:
+        """Return whether this frame still holds the sums of a background for frames of this size at its poses.
+
+        reach [m]: gloss needs the segments as near to mobiles, 0: none.
+        """
         alike = self.size.photons == size.photons and bool(self.size.paths) == bool(size.paths)
+        alike = alike and (reach == 0.0 or (self.change is not None and bool(self.change.near_mobiles)))
         return alike and self.background is b and self.evaluated is not None and self.evaluated is b.evaluated
 
     @property
@@ -159,14 +163,14 @@ def next_frame(
     `stop` returns True.
     """
     model, store, estimate, clock = b.model, b.store, b.estimate, StageTimer(stop)
-    at = model.transforms(poses)
-    if shown is not None and shown.has_sums(b, size):
+    at, reach = model.transforms(poses), source.gloss_reach(b.setting.radius, size.paths)
+    if shown is not None and shown.has_sums(b, size, reach):
         changed, evaluated = shown.change, shown.evaluated
     else:
         b.evaluated = None
         paths, coarse = store.prefix(size.photons)
         wanted = estimate.wanted(at, mobiles=not size.paths)
-        if reach := source.gloss_source.reach(b.setting.radius, source.gloss_way):
+        if reach:
             wanted = wanted._replace(mobiles=True, reach=max(wanted.reach, reach))
         clock("contact")
         changed = change(model, paths, coarse, at, store.seed, wanted, room, clock)
@@ -179,7 +183,7 @@ def next_frame(
         source.light_mobiles(E, at, size.paths, source.bounce_reflectance(b))
         clock("gather")
     source.settle(E, at)
-    gloss, facts = source.gloss(b, changed, clock), estimate.control_facts
+    gloss, facts = source.gloss(b, changed, clock, size.paths), estimate.control_facts
     light = changed, evaluated, gloss, size, source.is_gathered, facts, clock.seconds
     return Frame(poses, E, source.levels, store, b, *light)
 

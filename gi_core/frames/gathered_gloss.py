@@ -12,8 +12,10 @@ from gi_core.frames.progress import Progress
 from gi_core.gather.gloss_gather import ROUNDS, GlossGather, GlossGathers
 from gi_core.gather.pose_gather import KEPT
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
-from gi_core.gloss.cells import GlossCells, GlossLight, as_light, settled
+from gi_core.gloss.cells import GlossCells
 from gi_core.gloss.discs import GlossDiscs
+from gi_core.gloss.light import GlossLight, settled
+from gi_core.gloss.shares import as_light
 from gi_core.gloss.source import GlossSource
 from gi_core.model import Model
 from gi_core.rays.accelerator import Transforms

@@ -24,7 +24,7 @@ from gi_core.gather.static import StaticGather
 from gi_core.geometry.error import noise_from_prefix, prefix_to_compare
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
 from gi_core.gloss import source
-from gi_core.gloss.cells import GlossLight
+from gi_core.gloss.light import GlossLight
 from gi_core.gloss.source import GlossSource
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.mix import mix, sum_of_lamps
@@ -254,14 +254,33 @@ class LightSource:
 
     # -- gloss ------------------------------------------------------------------------------------
 
-    def gloss(self, b: Background, change: PoseChange, clock: Callable[[str], None]) -> GlossLight | None:
-        """Return the directional light of a frame; None without glossy faces. clock: called after each step."""
+    def gloss_reach(self, radius: float, paths: int) -> float:
+        """Return the distance [m] within which photons near mobiles matter for gloss; arguments as for gloss()."""
+        return 0.0 if self._gloss_by_paths(paths) else self.gloss_source.reach(radius, self.gloss_way)
+
+    def _gloss_by_paths(self, paths: int) -> bool:
+        """Whether paths give the directions of light on mobiles: single rays come from photons."""
+        return paths > 0 and self.gloss_way == source.QUADTREE
+
+    def gloss(
+        self, b: Background, change: PoseChange, clock: Callable[[str], None], paths: int = 0
+    ) -> GlossLight | None:
+        """Return the directional light of a frame; None without glossy faces. clock: called after each step.
+
+        paths: of light_mobiles(), which has lit this frame; 0: photons light mobiles.
+        """
         photons = b.store, b.store.prefix(b.estimate.photons)[0], b.store.weights(self.levels)
         rest = self._gathered_gloss.at_rest(b, self.levels) if self.is_gathered and self._gathers_gloss else None
-        light = self.gloss_source.light(self.gloss_way, b.setting.radius, photons, change, clock, rest)
+        on_mobiles = self._cells_on_mobiles if self._gloss_by_paths(paths) else None
+        light = self.gloss_source.light(self.gloss_way, b.setting.radius, photons, change, clock, rest, on_mobiles)
         if light is None or not self._gathers_gloss:
             return light
         return self._gathered_gloss.settle(light, b, change.at, self.levels)
+
+    def _cells_on_mobiles(self, rows: np.ndarray, place: np.ndarray, resting: np.ndarray, out: np.ndarray) -> None:
+        """Write cells from the paths of the last frame, see `CellWriter`."""
+        if len(rows) and self._mobile is not None and (light := self._mobile.path_light) is not None:
+            light.write_cells(rows - self._mobile.first, place, resting, out, self._model.threads)
 
     @property
     def _gathers_gloss(self) -> bool:

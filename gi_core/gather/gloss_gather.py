@@ -20,7 +20,7 @@ from gi_core.base.vec import rotate, rotate_back, weighted
 from gi_core.gather.path_tracer import SCATTER_U, SCATTER_V, KnownLight, PathEnds, arrive, follow, starts
 from gi_core.gather.pose_gather import KEPT, key_of
 from gi_core.geometry.evaluation_points import evaluation_points
-from gi_core.gloss.cells import SUMS
+from gi_core.gloss.arrivals import SUMS
 from gi_core.gloss.discs import GlossDiscs
 from gi_core.gloss.hemisphere import CELLS, SIDE, cell_of, direction_of
 from gi_core.gloss.radiance import GRAZING

@@ -24,10 +24,13 @@ from gi_core.base.threads import run_ranges
 from gi_core.gather import one_bounce
 from gi_core.gather.hit_cache import BounceRays, ShadowRays
 from gi_core.gather.interleaved_mean import KINDS, average_neighbours, closeness, kinds, near_receivers
+from gi_core.gather.mobile_gloss import DirectLight, PathLight, add_exchanged, direct_light, take_bounces
 from gi_core.gather.one_bounce import Bounces, Exchange, Field
 from gi_core.gather.path_tracer import SHADOW_GAP, starts
 from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.geometry.surfaces import glossy_receivers
+from gi_core.gloss.sharp import in_probes
 from gi_core.lights.light_sampling import Lights, aimed, steady
 from gi_core.lights.next_event import (
     LightSamples,
@@ -84,6 +87,10 @@ class MobileGather:
         self._kinds = kinds(self._near)
         self._directions: dict[int, np.ndarray] = {}  # by log2 of paths
         self._batches: dict[int, list[ReceiverBatch | None]] = {}  # by log2 of paths
+        glossy = glossy_receivers(s, besides=in_probes(s))
+        self._glossy = np.unique(np.searchsorted(s.first_receiver, glossy[glossy >= self.first], side="right") - 1)
+        self._bounced = np.empty((0, 3, 1), np.float32)  # see PathLight
+        self.path_light: PathLight | None = None  # of the last call, until the next; None without glossy mobiles
 
     def irradiance(
         self, at: Transforms, static: np.ndarray, log2_paths: int, reflectance: np.ndarray | None = None,
@@ -108,25 +115,39 @@ class MobileGather:
         lights = [self._lights_of(o, at) for o in range(1, len(at.position))]
         paths = np.arange(1 << m)[None]
         sampled = [(of, light_samples(self._seed, m, 0, paths, of)) for of in lights]
-        places, kept = self._places(m), self._room(m)
+        places, kept, bounced = self._places(m), self._room(m), self._room_by_path(m)
 
         def work(_, first, last):
             found = []
             for k in order[first:last]:
                 batch = kept[k] or self._batch(m, *places[k])
                 known = PathSums(*(a[batch.rows] for a in light))
-                found.append(self._gather(world, batch, at, *sampled[batch.mobile - 1], static, m, known))
+                found.append(self._gather(world, batch, at, *sampled[batch.mobile - 1], static, m, known, bounced))
                 if (n << m) <= CACHED_PATHS:
                     kept[k] = batch
             return found
 
         threads = self._model.threads
         order = [k for t in range(threads) for k in range(t, len(places), threads)]
-        exchanges = [e for part in run_ranges(work, len(places), threads, 1) for e in part]
+        exchanges, lit = zip(*(e for part in run_ranges(work, len(places), threads, 1) for e in part), strict=True)
         exchange = Exchange(*(np.concatenate(a) for a in zip(*exchanges, strict=True)))
         direct = light.direct / (1 << m)
-        bounced = _exchanged(direct, light.bounced / (1 << m), exchange, 1 << m)
-        return direct + average_neighbours(self._near, light.close, 1 << m, bounced, threads)
+        E = _exchanged(direct, light.bounced / (1 << m), exchange, 1 << m)
+        if len(self._glossy):
+            add_exchanged(exchange, direct + E, bounced)
+            given = self._near, self._kinds, self._kind_directions(m), light.close, bounced
+            self.path_light = PathLight(self._normals, *given, [d for d in lit if d is not None])
+        return direct + average_neighbours(self._near, light.close, 1 << m, E, threads)
+
+    def _room_by_path(self, m: int) -> np.ndarray:
+        """Return room for 2^m bounces per receiver (n, 3, 2^m), where a mobile is glossy."""
+        shape = len(self._positions) if len(self._glossy) else 0, 3, 1 << m
+        if self._bounced.shape != shape:
+            self._bounced = np.empty(shape, np.float32)
+        return self._bounced
+
+    def _kind_directions(self, m: int) -> np.ndarray:
+        return np.ascontiguousarray(self._directions[m].transpose(0, 2, 1), np.float32)
 
     def _light_by(self, lights: Lights) -> None:
         """Use these lights from now on."""
@@ -173,9 +194,12 @@ class MobileGather:
 
     def _gather(
         self, world: World, batch: ReceiverBatch, at: Transforms, lights: Lights, samples: LightSamples, static, m,
-        light: PathSums,
-    ) -> Exchange:  # fmt: skip
-        """Gather at a batch of receivers: add known light to `light`, return the hits on mobiles."""
+        light: PathSums, bounced: np.ndarray,
+    ) -> tuple[Exchange, DirectLight | None]:  # fmt: skip
+        """Gather at a batch of receivers: add known light to `light`, return the hits on mobiles.
+
+        Of a glossy mobile, write `bounced`, as in PathLight, and return the direct light too.
+        """
         s, area = self._model.surfaces, lights.area
         n, R, p = batch.rows.stop - batch.rows.start, at.rotation[batch.mobile, None], at.position[batch.mobile, None]
         positions = to_world_at(R, p, self._positions[batch.rows])
@@ -196,11 +220,16 @@ class MobileGather:
         closeness(1 << m, distance, light.close)
         count = len(face)
         out = Exchange(np.empty(count, np.int64), np.empty((count, 3), np.int64), np.empty((count, 3)))
+        glossy, first = batch.mobile in self._glossy, batch.rows.start << m
         known = Field(s.corner_front, s.corner_back, static)
-        rays = Bounces(1 << m, normals, R[0], batch.directions, distance, face)
-        row = batch.rows.start
-        met = one_bounce.meet(world, at, area, lights.sky, known, rays, self.first, row, light.bounced, out)
-        return Exchange(*(a[:met].copy() for a in out))
+        bounces = Bounces(1 << m, normals, R[0], batch.directions, distance, face)
+        total = np.zeros((count, 3)) if glossy else light.bounced
+        met = one_bounce.meet(world, at, area, lights.sky, known, bounces, self.first, first, total, out)
+        hits = Exchange(*(a[:met].copy() for a in out))
+        if not glossy:
+            return hits, None
+        take_bounces(total, light.bounced, bounced[batch.rows])
+        return hits, direct_light(batch.rows, R[0], rays, blocked)
 
 
 def _exchanged(direct: np.ndarray, known: np.ndarray, exchange: Exchange, paths: int) -> np.ndarray:
@@ -208,16 +237,17 @@ def _exchanged(direct: np.ndarray, known: np.ndarray, exchange: Exchange, paths:
     bounced = known
     for _ in range(SWEEPS):
         before, bounced = bounced, known.copy()
-        _sweep(exchange, 1.0 / paths, direct + before, bounced)
+        _sweep(exchange, paths, direct + before, bounced)
         if np.abs(bounced - before).sum() <= SETTLED * (direct + bounced).sum():
             break
     return bounced
 
 
 @kernel
-def _sweep(exchange, share, E, bounced):
-    row, corners, rho = exchange
-    for k in range(len(row)):
-        u, v, w = corners[k, 0], corners[k, 1], corners[k, 2]
+def _sweep(exchange, paths, E, bounced):
+    ray, corners, rho = exchange
+    share = 1.0 / paths
+    for k in range(len(ray)):
+        row, u, v, w = ray[k] // paths, corners[k, 0], corners[k, 1], corners[k, 2]
         for c in range(3):
-            bounced[row[k], c] += share * rho[k, c] * (E[u, c] + E[v, c] + E[w, c]) / 3.0
+            bounced[row, c] += share * rho[k, c] * (E[u, c] + E[v, c] + E[w, c]) / 3.0

@@ -39,27 +39,28 @@ class Field(NamedTuple):
 class Exchange(NamedTuple):
     """Bounces from mobiles that hit mobiles. Receivers are indices among those of mobiles."""
 
-    row: np.ndarray  # (n,) int64, receiver of the bounce
+    ray: np.ndarray  # (n,) int64, number of the bounce: P times its receiver, and on
     corners: np.ndarray  # (n, 3) int64, receivers at the corners of the hit face
     reflectance: np.ndarray  # (n, 3) float64
 
 
 @kernel
 def meet(world, at, lights, sky, field, rays, first, base, total, out):
-    """Add to `total` (n, 3 G) the light of rays that hit lamps, the sky and the static part.
+    """Add to `total` the light of rays that hit lamps, the sky and the static part: (n, 3 G), or (n P, 3 G) of each.
 
     With pdf cos / pi the mean of pi L is the irradiance, and pi L off a diffuse surface is rho E. Hits on mobiles
-    are written to `out`, an Exchange: its corners are counted from receiver `first`, its rows from `base`. Returns
+    are written to `out`, an Exchange: its corners are counted from receiver `first`, its rays from `base`. Returns
     their number. The loop is in one piece: helpers for sky, lamp and corners made it a third slower.
     """
-    n, known, static_faces = 0, field.irradiance, world.first_face[1]
+    n, known, static_faces, by_ray = 0, field.irradiance, world.first_face[1], len(total) == len(rays.face)
     for k in range(len(rays.face)):
         row, f = k // rays.paths, rays.face[k]
+        to = k if by_ray else row
         d = rotate(rays.rotation, rays.directions[k])
         if f < 0:
             if dot(d, sky.up) > 0.0:
                 for c in range(3):
-                    total[row, 3 * sky.lamp + c] += math.pi * sky.radiance[c]
+                    total[to, 3 * sky.lamp + c] += math.pi * sky.radiance[c]
             continue
         R = at.rotation[0] if f < static_faces else at.rotation[world.face_object[f]]
         facing = -dot(d, rotate(R, world.normals[f]))
@@ -69,7 +70,7 @@ def meet(world, at, lights, sky, field, rays, first, base, total, out):
                 p_bounce = lambertian.pdf(max(dot(d, rays.normals[row]), 0.0))
                 share = share_of_bounce(p_bounce, facing, rays.distance[k], lights.density[e])
                 for c in range(3):
-                    total[row, 3 * lights.lamp[e] + c] += math.pi * lights.radiance[e, c] * share
+                    total[to, 3 * lights.lamp[e] + c] += math.pi * lights.radiance[e, c] * share
         elif world.two_sided[f]:
             corners = field.corner_back[f]
         else:
@@ -79,9 +80,9 @@ def meet(world, at, lights, sky, field, rays, first, base, total, out):
             for g in range(0, known.shape[1], 3):
                 for c in range(3):
                     E = (known[u, g + c] + known[v, g + c] + known[w, g + c]) / 3.0
-                    total[row, g + c] += world.bsdfs.albedo[f, c] * E
+                    total[to, g + c] += world.bsdfs.albedo[f, c] * E
             continue
-        out.row[n] = base + row
+        out.ray[n] = base + k
         for c in range(3):
             out.corners[n, c] = corners[c] - first
             out.reflectance[n, c] = world.bsdfs.albedo[f, c]

@@ -9,15 +9,15 @@ import numpy as np
 
 from gi_core.base.threads import run_ranges
 from gi_core.discs.region import RAYS, WHOLE, Regions
-from gi_core.discs.search import SEARCHES
+from gi_core.discs.search.disc_index import DiscIndex
 from gi_core.discs.search.predicate import Discs, Lines, lines
-from gi_core.estimators.setting import Setting
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.photons.flux_sums import IntersectionLog, Sums
 from gi_core.photons.paths import Segments
 from gi_core.rays.accelerator import Transforms
 
+CELL_RADII = 2.0  # edge of the cells of the search: the discs of a flat surface lie in one layer, decision 37
 ROOM = 4  # crossings per segment in the first record
 GRAIN = 256  # segments per thread
 
@@ -55,7 +55,7 @@ class GlossDiscs:
         """Return the normals (count, 3) of an object's glossy receivers, in its space."""
         return self.normals[self.first[o] : self.first[o + 1]]
 
-    def _search(self, o: int):
+    def _search(self, o: int) -> DiscIndex:
         rows = self.rows[self.first[o] : self.first[o + 1]]
         r, n = self.model.object_receivers, len(rows)
         region = Regions(
@@ -64,9 +64,7 @@ class GlossDiscs:
         positions, normals = (np.ascontiguousarray(a[rows], np.float32) for a in (r.positions, r.normals))
         # The two sides of a face are discs of their own.
         own, back = self.model.receiver_sides[rows], np.full(n, NONE, np.int32)
-        return SEARCHES[Setting._field_defaults["search"]](
-            Discs(positions, normals, own, back, np.float32(self.radius), region)
-        )
+        return DiscIndex(Discs(positions, normals, own, back, np.float32(self.radius), region), cell_radii=CELL_RADII)
 
     def crossed(self, o: int, segments: Segments, at: Transforms) -> list[Crossings]:
         """Return the crossings of segments with object o's discs at poses, in parts."""

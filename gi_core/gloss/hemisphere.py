@@ -9,32 +9,40 @@ import math
 
 import numpy as np
 
-from gi_core.base.jit import kernel
+from gi_core.base.jit import inlined, kernel
 
 SIDE = 8  # cells along a side of the square: three divisions
 CELLS = SIDE * SIDE
 FINE = 8  # points along a side of a cell, for its means
+T0, T1, T2, T3, T4, T5, T6 = np.float32(  # of _turn()
+    (1.2732346, -0.4242099, 0.2522009, -0.16849202, 0.10137978, -0.042786028, 0.0086729813)
+)
 
 
-@kernel
+@inlined
 def cell_of(x, y, z):
-    """Return the cell, row-major in the square, of a unit direction in the frame of a normal; z < 0 counts as 0."""
+    """Return the cell, row-major in the square, of a unit direction in the frame of a normal; z < 0 counts as 0.
+
+    float32 and without a branch, so that LLVM vectorises loops over directions.
+    """
+    x, y, z = np.float32(x), np.float32(y), np.float32(z)
     # Equal-area disc of the hemisphere, then the concentric map from disc to square.
-    r = math.sqrt(max(0.0, 1.0 - max(z, 0.0)))
-    size = math.sqrt(x * x + y * y)
-    if size > 0.0:
-        x, y = x / size * r, y / size * r
-    a, b = 0.0, 0.0
-    if abs(x) >= abs(y):
-        if x != 0.0:
-            a = math.copysign(r, x)
-            b = a * (4.0 / math.pi) * math.atan(y / x)
-    else:
-        b = math.copysign(r, y)
-        a = b * (4.0 / math.pi) * math.atan(x / y)
-    i = min(max(int(0.5 * (a + 1.0) * SIDE), 0), SIDE - 1)
-    j = min(max(int(0.5 * (b + 1.0) * SIDE), 0), SIDE - 1)
-    return SIDE * i + j
+    wide = abs(x) >= abs(y)
+    major, minor = (x, y) if wide else (y, x)
+    t = minor / major if major != np.float32(0.0) else np.float32(0.0)
+    r = math.copysign(math.sqrt(np.float32(1.0) - min(max(z, np.float32(0.0)), np.float32(1.0))), major)
+    across = r * _turn(t)
+    a, b = (r, across) if wide else (across, r)
+    i = min(np.int32(np.float32(0.5 * SIDE) * (a + np.float32(1.0))), np.int32(SIDE - 1))
+    j = min(np.int32(np.float32(0.5 * SIDE) * (b + np.float32(1.0))), np.int32(SIDE - 1))
+    return np.int32(SIDE) * i + j
+
+
+@inlined
+def _turn(t):
+    """Return 4 / pi atan(t), -1 <= t <= 1, to 4e-7: a minimax polynomial."""
+    s = t * t
+    return t * (T0 + s * (T1 + s * (T2 + s * (T3 + s * (T4 + s * (T5 + s * T6))))))
 
 
 @kernel
@@ -81,9 +89,15 @@ def on_disc(square: np.ndarray) -> np.ndarray:
 
 def directions(square: np.ndarray) -> np.ndarray:
     """Return the unit directions (n, 3) of points (n, 2) of the square [-1, 1]^2."""
-    disc = on_disc(square)
-    r2 = (disc * disc).sum(axis=1)
-    return np.concatenate([disc * np.sqrt(np.maximum(2 - r2, 0))[:, None], 1 - r2[:, None]], axis=1)
+    out = np.empty((len(square), 3))
+    _fill(square, out)
+    return out
+
+
+@kernel
+def _fill(square, out):
+    for k in range(len(square)):
+        out[k, 0], out[k, 1], out[k, 2] = direction_of(square[k, 0], square[k, 1])
 
 
 def disc_of(towards: np.ndarray) -> np.ndarray:

@@ -17,11 +17,11 @@ from gi_core.base.random_numbers import basis
 from gi_core.base.threads import run_ranges
 from gi_core.gloss.discs import GRAIN, GlossDiscs
 from gi_core.gloss.hemisphere import CELLS, cell_of
+from gi_core.gloss.intake import Intake
 from gi_core.photons.paths import PathVertices, Segments, segments_of
 from gi_core.rays.accelerator import Transforms
 from gi_core.retrace.cuts import PoseChange
 
-PART = 8192  # photons added at a time
 MOST_PHOTONS = 1 << 18
 MOST_RAYS = 1 << 23  # 270 MB; a scene of more takes rays from fewer photons
 PHOTON_BITS, BOUNCE_BITS, CELL_BITS = 18, 19, 6
@@ -56,22 +56,24 @@ class RayLists:
     """Rays at the receivers of `discs`. Not thread safe."""
 
     def __init__(self, discs: GlossDiscs):
-        self.discs, self.photons = discs, 0  # in the lists
+        self.discs, self._intake = discs, Intake(discs.model.emitters.lamps.count)
         self._rays, self._parts = _joined([]), []
-        self._store: object = None  # of these photons
-        self._weights = np.ones((discs.model.emitters.lamps.count, 3))
+
+    @property
+    def photons(self) -> int:
+        """Photons in the lists."""
+        return self._intake.photons
 
     def bring_in(self, store: object, paths: PathVertices, weights: np.ndarray) -> Iterator[None]:
         """Add the photons of `paths` that are not yet in the lists, in steps; arguments as for GlossCells."""
-        if store is not self._store or not np.array_equal(weights, self._weights):
-            self._store, self._weights, self.photons = store, weights.copy(), 0
+        if self._intake.begins_anew(store, weights):
             self._rays, self._parts = _joined([]), []
         count, model = min(len(paths.offsets) - 1, MOST_PHOTONS), self.discs.model
         held = len(self._rays.key) + sum(len(p.key) for p in self._parts)
         while self.photons < count and held < MOST_RAYS:
-            last = min(self.photons + PART, count)
+            last = self._intake.end_of_part(count)
             self._parts.append(self._found(0, segments_of(paths, model.eps, self.photons, last), model.static))
-            self.photons, held = last, held + len(self._parts[-1].key)
+            self._intake.photons, held = last, held + len(self._parts[-1].key)
             yield
         if self._parts:
             self._rays, self._parts = _joined([self._rays, *self._parts]), []
@@ -116,7 +118,7 @@ class RayLists:
             given = c.receiver, c.line, line.direction, line.flux, line.lamp, c.photon, c.bounce
 
             def write(_, a, b, given=given, rays=rays):
-                _write(*given, self._weights, normals, first, a, b, *rays)
+                _write(*given, self._intake.weights, normals, first, a, b, *rays)
 
             run_ranges(write, n, threads, GRAIN)
             out.append(rays)

@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from gi_core.geometry.surfaces import glossy_receivers
-from gi_core.gloss.cells import GlossCells, GlossLight
+from gi_core.gloss.cells import GlossCells
 from gi_core.gloss.discs import GlossDiscs
+from gi_core.gloss.light import CellWriter, GlossLight
 from gi_core.gloss.rays import RayLists
 from gi_core.gloss.sharp import in_probes
 from gi_core.gloss.sites import sites
@@ -64,19 +65,19 @@ class GlossSource:
 
     def light(
         self, way: str, radius: float, photons: tuple[object, PathVertices, np.ndarray], change: PoseChange,
-        clock: Callable[[str], None], gathered: np.ndarray | None = None,
+        clock: Callable[[str], None], gathered: np.ndarray | None = None, on_mobiles: CellWriter | None = None,
     ) -> GlossLight | None:  # fmt: skip
         """Return the directional light of a frame; None without glossy faces or photons.
 
         way: one of WAYS; radius [m]: of irradiance; photons: as for GlossCells.bring_in(); clock: called after each
-        step; gathered: as for GlossCells.evaluate().
+        step; gathered, on_mobiles: as for GlossCells.evaluate().
         """
         cells = self.cells(radius, way)
         if cells is None or len(photons[1].offsets) < 2:
             return None
         for _ in cells.bring_in(*photons):
             clock("gloss")
-        light = cells.evaluate(change, gathered)
+        light = cells.evaluate(change, gathered, on_mobiles)
         if way != QUADTREE and (lists := self.lists(radius)) is not None:
             for _ in lists.bring_in(*photons):
                 clock("gloss")

@@ -154,7 +154,7 @@ def _trace(scene: Scene, rays: str | None) -> Solver:
 
 
 def _shine(solver: Solver) -> None:
-    """Compile the evaluation of gloss, and the gathering of its directions."""
+    """Compile the evaluation of gloss, and the gathering of its directions, at rest and on mobiles."""
     solver.move("mobile", Pose((0.0, 0.0, 0.4)))
     gathered = GatheredGloss(solver.model, 0, solver.light_source.gloss_source)
     at, irradiance = solver.model.transforms(solver.poses), solver.irradiance
@@ -165,6 +165,17 @@ def _shine(solver: Solver) -> None:
     light = cells, np.zeros(1, np.int32), one, narrow, narrow, np.ones((1, 5), np.float32), narrow, tables
     gloss_radiance(*light, np.zeros(3), np.empty((1, 3)))
     draw_lobe(np.ones((1, 5)), tables, one, one, one, one)
+    _shine_on_mobiles(solver)
+
+
+def _shine_on_mobiles(solver: Solver) -> None:
+    """Compile the directions of light on a mobile with the material of the floor."""
+    (mobile,) = solver.scene.mobiles
+    mesh = mobile.mesh._replace(face_material=np.zeros(len(mobile.mesh.faces), np.int32))
+    scene = replace(solver.scene, mobiles=(mobile._replace(mesh=mesh),))
+    other = Solver(scene, CHEAPEST, photons=64, radius=0.1, light="best", rays=solver.model.accelerator.rays)
+    other.solve()
+    other.move("mobile", Pose((0.0, 0.0, 0.4)))
 
 
 def _prepare() -> None:

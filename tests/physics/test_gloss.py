@@ -106,6 +106,7 @@ def test_any_history_equals_from_scratch(history):
     other.solve()
     other.move_all(solver.poses)
     assert np.array_equal(solver.irradiance, other.irradiance)
+    assert np.array_equal(solver.frame.gloss.directions().cells, other.frame.gloss.directions().cells)
     total = [
         getattr(solver.frame.store.fates, k) + getattr(solver.frame.change.fates, k)
         for k in ("emitted", "absorbed", "escaped", "truncated")
@@ -243,14 +244,17 @@ def expected_share(found: Lobe, eye: np.ndarray) -> np.ndarray:
 
 
 def test_a_mobile_of_every_model_in_a_furnace_shows_its_directional_albedo():
-    """Two poses, two eyes each: every tile of the picture shows the integral of f cos of its model within 6 %."""
+    """Two poses, two eyes each: every tile of the picture shows the integral of f cos of its model within 6 %.
+
+    With 64 paths, the noise of the narrowest lobe is 11 %.
+    """
     assert set(FURNACE) == set(MODELS)
     scene = furnace_of_models()
     solver = Solver(scene, photons=200_000, radius=0.1, seed=2, light="best")
     solver.solve()
     shot = Shot(solver, Settings(size=(160, 160), exposure=0.0, tone_map="clip"))
     for pose in (Pose(), Pose((0.2, -0.1, 0.1), axis_angle((0, 1, 1), 40.0))):
-        solver.move("slab", pose)
+        solver.move_all({"slab": pose}, paths=256)
         at = solver.model.transforms(solver.poses)
         R, place = at.rotation[1], at.position[1] + solver.model.origins[0]
         for local in ((0.1, -0.2, 0.7), (0.5, 0.3, 0.5)):

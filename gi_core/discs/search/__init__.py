@@ -6,7 +6,9 @@ from gi_core.discs.search.disc_index import DiscIndex
 from gi_core.discs.search.pretest import PRETESTS
 from gi_core.discs.search.ray_cache import RayCache
 
-__all__ = ["PRETESTS", "SEARCHES", "Search"]
+__all__ = ["DEFAULT", "PRETESTS", "SEARCHES", "Search"]
+
+DEFAULT = "disc_index"
 
 SEARCHES: dict[str, type[Search]] = {
     "disc_index": DiscIndex,

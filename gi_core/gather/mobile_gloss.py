@@ -1,0 +1,239 @@
+"""Directions of the light on mobiles: the paths that light a receiver in a frame, summed into its cells.
+
+Shadow rays are a receiver's own, as direct light has edges. Bounces come in KINDS: a receiver takes those of the
+nearest receiver of each kind, in its own frame. So it has KINDS times as many directions as it traced.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.base.jit import inlined, kernel
+from gi_core.base.random_numbers import basis
+from gi_core.base.threads import run_ranges
+from gi_core.base.vec import dot, rotate, row, weighted
+from gi_core.gather.interleaved_mean import CHANCE, NearReceivers
+from gi_core.gloss.hemisphere import CELLS, cell_of
+from gi_core.gloss.radiance import GRAZING
+from gi_core.lights.next_event import Shadows
+
+SUMS = 7  # of a cell: irradiance of three channels, weight times direction in the frame of the normal, weight
+ROOM = 64  # rays that are added at a time: columns of SUMS lines of scratch memory, one after the other
+# First columns of these lines. Unsigned, as LLVM vectorises no loop that checks for negative indices.
+RED, GREEN, BLUE, X, Y, Z, WEIGHT = (np.uint64(line * ROOM) for line in range(SUMS))
+GRAIN = 64  # receivers per thread
+
+
+class DirectLight(NamedTuple):
+    """Shadow rays of a batch of receivers that reach their lamps."""
+
+    rows: slice  # of the batch, among the receivers of mobiles
+    rotation: np.ndarray  # (3, 3) float64, of their mobile
+    first: np.ndarray  # (n + 1,) int64 into `ray`
+    ray: np.ndarray  # (k,) int32 into the next two, in the order of receivers
+    direction: np.ndarray  # (s, 3) float32 unit, in the world
+    value: np.ndarray  # (s, 3) float64, P times the irradiance [W/m2]
+
+
+class PathLight(NamedTuple):
+    """Light of a frame at the receivers of mobiles, path by path."""
+
+    normals: np.ndarray  # (m, 3) float64, in the object's space
+    near: NearReceivers
+    kinds: np.ndarray  # (m,) int64, of the bounces
+    directions: np.ndarray  # (KINDS, 3, P) float32 unit, of bounces, in the frame of a normal
+    close: np.ndarray  # (m,) float64, closeness() of the bounces [1/m]
+    bounced: np.ndarray  # (m, 3, P) float32, P times the irradiance by each bounce [W/m2]; of glossy mobiles alone
+    direct: list[DirectLight]  # of these
+
+    def write_cells(
+        self, rows: np.ndarray, place: np.ndarray, resting: np.ndarray, out: np.ndarray, threads: int
+    ) -> None:
+        """Write the cells (k, CELLS, 6) of receivers rows (k,), ascending, as those of a GlossLight.
+
+        Rows place (k,) of `resting` have the directions of cells without light.
+        """
+        paths = self.directions.shape[2]
+        parts = [(d, *np.searchsorted(rows, (d.rows.start, d.rows.stop))) for d in self.direct]
+
+        def work(_, begin, end):
+            room = np.empty(SUMS * ROOM, np.float32), np.empty(ROOM, np.int32), np.empty((CELLS, SUMS), np.float32)
+            for d, first, last in parts:
+                a, b = max(first, begin), min(last, end)
+                if a < b:
+                    given = d.rows.start, *d[1:], *self[:-1], CHANCE * paths
+                    _write(rows[a:b], *given, place[a:b], resting, *room, out[a:b])
+
+        run_ranges(work, len(rows), threads, GRAIN)
+
+
+def direct_light(rows: slice, rotation: np.ndarray, rays: Shadows, blocked: np.ndarray) -> DirectLight:
+    """Return the rays that are not blocked, from receivers rows of a mobile."""
+    first = np.zeros(rows.stop - rows.start + 1, np.int64)
+    ray = np.empty(len(blocked), np.int32)
+    _order(rays.row, blocked, first, ray)
+    return DirectLight(rows, rotation, first, ray, rays.direction, rays.value)
+
+
+@kernel
+def _order(rows, blocked, first, ray):
+    """Write free rays in the order of receivers; first (n + 1,): zeros before, place of the first ray of each after."""
+    for j in range(len(rows)):
+        if not blocked[j]:
+            first[rows[j]] += 1
+    total = 0
+    for i in range(len(first)):
+        total += first[i]
+        first[i] = total  # the end of each
+    for j in range(len(rows) - 1, -1, -1):
+        if not blocked[j]:
+            first[rows[j]] -= 1
+            ray[first[rows[j]]] = j
+
+
+@kernel
+def take_bounces(light, total, bounced):
+    """Add light (n P, 3) of bounces to the sums (n, 3) of their receivers; write it to bounced (n, 3, P)."""
+    paths = bounced.shape[2]
+    for i in range(len(total)):
+        red = green = blue = 0.0
+        for p in range(paths):
+            r, g, b = row(light, i * paths + p)
+            bounced[i, 0, p], bounced[i, 1, p], bounced[i, 2, p] = r, g, b
+            red, green, blue = red + r, green + g, blue + b
+        total[i, 0] += red
+        total[i, 1] += green
+        total[i, 2] += blue
+
+
+@kernel
+def add_exchanged(exchange, E, bounced):
+    """Add the light of mobiles that bounces (m, 3, P) hit; E (m, 3) of their receivers."""
+    paths = bounced.shape[2]
+    for k in range(len(exchange.ray)):
+        row, path = exchange.ray[k] // paths, exchange.ray[k] % paths
+        u, v, w = exchange.corners[k, 0], exchange.corners[k, 1], exchange.corners[k, 2]
+        for c in range(3):
+            bounced[row, c, path] += exchange.reflectance[k, c] * (E[u, c] + E[v, c] + E[w, c]) / 3.0
+
+
+@kernel
+def _write(
+    rows, start, rotation, first, ray, direction, value, normals, near, kinds, directions, close, bounced, chance,
+    place, resting, ready, cell, sums, out,
+):  # fmt: skip
+    """Write the cells of receivers of a batch that begins at receiver `start`.
+
+    Scratch memory: ready (SUMS ROOM,), cell (ROOM,), sums (CELLS, SUMS).
+    """
+    paths = directions.shape[2]
+    for r in range(len(rows)):
+        i = rows[r]
+        frame, seen, total = _frame(normals[i]), 0, np.float32(0.0)
+        sums[:] = np.float32(0.0)
+        for k in range(near.first[i], near.first[i + 1]):
+            j = near.of[k]
+            if (seen >> kinds[j]) & 1:
+                continue
+            seen |= 1 << kinds[j]
+            c = max(close[i], close[j])
+            share = np.float32(1.0 / (1.0 + chance * (near.apart[k] * c * c + near.turned[k])))
+            total += share
+            turn = _between(frame, _frame(normals[j]))
+            for p in range(0, paths, ROOM):
+                n = min(ROOM, paths - p)
+                _take_bounces(turn, directions[kinds[j]], share, bounced[j], p, n, ready)
+                _add(ready, n, cell, sums)
+        a, b, c = rotate(rotation, frame[0]), rotate(rotation, frame[1]), rotate(rotation, frame[2])
+        for begin in range(first[i - start], first[i - start + 1], ROOM):
+            n = min(ROOM, first[i - start + 1] - begin)
+            for k in range(np.uint64(n)):
+                e = ray[np.uint64(begin) + k]
+                d, v = direction[e], value[e]
+                ready[RED + k], ready[GREEN + k], ready[BLUE + k] = total * v[0], total * v[1], total * v[2]
+                ready[X + k], ready[Y + k], ready[Z + k] = dot(d, a), dot(d, b), dot(d, c)
+            _add(ready, n, cell, sums)
+        _normalise(sums, frame, resting[place[r]], out[r])
+
+
+@inlined
+def _frame(n):
+    ax, ay, az, bx, by, bz = basis(n[0], n[1], n[2])
+    return (ax, ay, az), (bx, by, bz), (n[0], n[1], n[2])
+
+
+@inlined
+def _between(to, frame):
+    """Return the rotation from one frame to another, as nine numbers."""
+    a, b, c = to
+    x, y, z = frame
+    return (
+        np.float32(dot(a, x)), np.float32(dot(a, y)), np.float32(dot(a, z)),
+        np.float32(dot(b, x)), np.float32(dot(b, y)), np.float32(dot(b, z)),
+        np.float32(dot(c, x)), np.float32(dot(c, y)), np.float32(dot(c, z)),
+    )  # fmt: skip
+
+
+@inlined
+def _take_bounces(turn, directions, share, light, p, n, ready):
+    """Write n bounces, times share: columns p and following of directions (3, P), turned, and of light (3, P)."""
+    ax, ay, az, bx, by, bz, cx, cy, cz = turn
+    for k in range(np.uint64(n)):
+        j = np.uint64(p) + k
+        x, y, z = directions[0, j], directions[1, j], directions[2, j]
+        ready[X + k] = ax * x + ay * y + az * z
+        ready[Y + k] = bx * x + by * y + bz * z
+        ready[Z + k] = cx * x + cy * y + cz * z
+        ready[RED + k], ready[GREEN + k], ready[BLUE + k] = (
+            share * light[0, j],
+            share * light[1, j],
+            share * light[2, j],
+        )
+
+
+@inlined
+def _add(ready, n, cell, sums):
+    """Add n rays (red, green, blue, x, y, z) to their cells. Two loops: LLVM vectorises the first."""
+    for k in range(np.uint64(n)):
+        x, y, z = ready[X + k], ready[Y + k], ready[Z + k]
+        cell[k] = cell_of(x, y, z)
+        # Between irradiance and radiance, see GlossLight.
+        weight = (ready[RED + k] + ready[GREEN + k] + ready[BLUE + k]) / math.sqrt(max(z, np.float32(GRAZING)))
+        ready[X + k], ready[Y + k], ready[Z + k], ready[WEIGHT + k] = weight * x, weight * y, weight * z, weight
+    for k in range(np.uint64(n)):
+        to = sums[cell[k]]
+        to[0] += ready[RED + k]
+        to[1] += ready[GREEN + k]
+        to[2] += ready[BLUE + k]
+        to[3] += ready[X + k]
+        to[4] += ready[Y + k]
+        to[5] += ready[Z + k]
+        to[6] += ready[WEIGHT + k]
+
+
+@kernel
+def _normalise(sums, frame, resting, out):
+    """Write shares and mean directions, in the object's space, of sums (CELLS, SUMS) in the frame of a normal."""
+    none, one = np.float32(0.0), np.float32(1.0)
+    red = green = blue = none
+    for c in range(CELLS):
+        red, green, blue = red + sums[c, 0], green + sums[c, 1], blue + sums[c, 2]
+    red, green, blue = (
+        one / red if red > none else none,
+        one / green if green > none else none,
+        (one / blue if blue > none else none),
+    )
+    for c in range(CELLS):
+        of, to = sums[c], out[c]
+        to[0], to[1], to[2] = red * of[0], green * of[1], blue * of[2]
+        x, y, z = of[3], of[4], of[5]
+        size = max(math.sqrt(x * x + y * y + z * z), of[6])
+        if size > none:
+            scale = one / size
+            x, y, z = weighted((scale * x, scale * y, scale * z), frame[0], frame[1], frame[2])
+            to[3], to[4], to[5] = x, y, z
+        else:
+            to[3], to[4], to[5] = resting[c, 3], resting[c, 4], resting[c, 5]
