@@ -19,7 +19,7 @@ from gi_core.frames.first_frame import FIRST_PICTURE, FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.light_source import LightSource
-from gi_core.frames.progress import Progress
+from gi_core.frames.progress import Progress, break_off_at
 from gi_core.gather.reference import ReferenceState
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
@@ -155,7 +155,8 @@ class Solver:
         """
         f, refresh = self.frame, partial(self._update, stop=stop)
         at = self.model.transforms(f.poses)
-        yield from self.light_source.pose_steps(f.background, f.photons, f.irradiance, f.gloss, at, refresh)
+        given = f.background, f.photons, f.irradiance, f.gloss, at, refresh, partial(break_off_at, stop)
+        yield from self.light_source.pose_steps(*given)
         yield Progress("done", 1.0, False)
 
     @property

@@ -299,12 +299,13 @@ class LightSource:
 
     def pose_steps(
         self, shown: Background | None, photons: int, irradiance: np.ndarray, gloss: GlossLight | None, at: Transforms,
-        refresh: Callable[[], None],
+        refresh: Callable[[], None], pause: Callable[[], None],
     ) -> Iterator[Progress]:  # fmt: skip
         """Gather light at poses, see `PoseGather.steps`; irradiance (R, 3) [W/m2] of the frame of `photons` there.
 
         gloss: of that frame; its directions come first, as they take few paths.
-        refresh: computes the frame again. Nothing for a frame of few photons, and where frames take no gathered light.
+        refresh: computes the frame again; pause: see `PoseGather.steps`. Nothing for a frame of few photons, and where
+        frames take no gathered light.
         """
         if shown is None or not 0 < photons == shown.estimate.photons or not self._model.names:
             return
@@ -323,7 +324,7 @@ class LightSource:
         def static() -> Static | None:
             return (self._gathered_at(levels), self.gathered.deviation_at(levels)) if self.is_gathered else None
 
-        for changed in begun.steps(static):
+        for changed in begun.steps(static, pause):
             if changed:
                 refresh()
             yield Progress("gathering at these poses", begun.fraction, bool(changed))
