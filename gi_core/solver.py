@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,11 +16,12 @@ from gi_core.display.first_look import EarlyPicture, early_picture
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting, checked
 from gi_core.frames.background import Background, Photons
+from gi_core.frames.earlier_light import EarlierLight
 from gi_core.frames.first_frame import FIRST_PICTURE, FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.light_source import LightSource
-from gi_core.frames.progress import Progress
+from gi_core.frames.progress import Progress, break_off_at
 from gi_core.gather.reference import ReferenceState
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
@@ -155,7 +157,8 @@ class Solver:
         """
         f, refresh = self.frame, partial(self._update, stop=stop)
         at = self.model.transforms(f.poses)
-        yield from self.light_source.pose_steps(f.background, f.photons, f.irradiance, f.gloss, at, refresh)
+        given = f.background, f.photons, f.irradiance, f.gloss, at, refresh, partial(break_off_at, stop)
+        yield from self.light_source.pose_steps(*given)
         yield Progress("done", 1.0, False)
 
     @property
@@ -260,6 +263,18 @@ class Solver:
 def photons_of(solver: Solver) -> Photons:
     """Return the photons that lamps share by flux, for a solver of an edited scene: unchanged paths are taken over."""
     return solver._first_frame.by_flux
+
+
+class BeforeEdit(NamedTuple):
+    """Results of a solver that one of the edited scene begins with."""
+
+    photons: Photons  # see photons_of()
+    light: EarlierLight | None  # gathered, of the static part
+
+
+def before_edit(solver: Solver) -> BeforeEdit:
+    """Return what a solver of an edited scene begins with."""
+    return BeforeEdit(photons_of(solver), solver.light_source.before_edit(solver.frame.background))
 
 
 def edited_solver(solver: Solver, scene: Scene) -> Solver:

@@ -93,8 +93,14 @@ def _with_gloss(mesh: DrawMesh, glossy: np.ndarray, normals: np.ndarray) -> Draw
 
 def dimmed(meshes: tuple[DrawMesh, ...], levels: np.ndarray) -> tuple[DrawMesh, ...]:
     """Return the meshes with emission at levels (G, 3) of the lamps."""
-    lit = (m.emission * levels[0 if m.lamp is None else m.lamp] for m in meshes)
-    return tuple(m._replace(emission=emission) for m, emission in zip(meshes, lit, strict=True))
+
+    def emission(m: DrawMesh) -> np.ndarray:
+        rows = np.flatnonzero(m.emission[:, 0] + m.emission[:, 1] + m.emission[:, 2])  # few: the others stay 0
+        out = np.zeros_like(m.emission)
+        out[rows] = m.emission[rows] * levels[0 if m.lamp is None else m.lamp[rows]]
+        return out
+
+    return tuple(m._replace(emission=emission(m)) for m in meshes)
 
 
 def part_of(mesh: DrawMesh, faces: np.ndarray) -> DrawMesh:

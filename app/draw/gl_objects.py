@@ -72,7 +72,7 @@ class DrawnObject:
 
     def __init__(self, ctx, programs: Programs, mesh: DrawMesh) -> None:
         self.ctx, self._programs = ctx, programs
-        self._one_sided = mesh.back < 0
+        self._two_sided = np.flatnonzero(mesh.back >= 0)
         order, self._calls = _draw_calls(mesh)
         self.indices = 3 * len(order)
         places = np.argsort(order)
@@ -81,7 +81,7 @@ class DrawnObject:
             triangles=mesh.triangles[order], quads=mesh.quads._replace(faces=places[mesh.quads.faces])
         )
         self._one_sided_indices = sum(call.indices for call in self._calls if call.one_sided)
-        self._colours = np.ones((len(mesh.positions), 8), np.float32)
+        self._colours = np.full((len(mesh.positions), 8), -1.0, np.float32)  # backs stay so: see surface.frag
         self._corners = np.zeros((0, 3))  # of its box, object space
         if len(mesh.positions):
             low_high = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)], axis=1)
@@ -160,8 +160,7 @@ class DrawnObject:
 
     def upload(self, front: np.ndarray, back: np.ndarray, layer: int = 0, weights: np.ndarray | None = None) -> None:
         self._colours[:, :3] = front
-        self._colours[:, 4:7] = back
-        self._colours[self._one_sided, 4:7] = -1.0  # see surface.frag
+        self._colours[self._two_sided, 4:7] = back[self._two_sided]
         self._colours[:, 3::4] = 1.0 if weights is None else weights
         if not len(self._colours):
             return

@@ -26,19 +26,20 @@ def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = Tru
     `irradiance` (R, 3) [W/m2]. The front has rho E / pi + Le, the back rho E / pi, or 0 on a one-sided face. Under a
     texture both lack the texture's value and Le. Without reflectance both are E / pi, as on white surfaces.
     """
-    E_front = irradiance[draw.front]
-    one_sided = draw.back < 0
-    E_back = irradiance[draw.back]  # -1 reads the last receiver: zeroed below
-    E_back[one_sided] = 0.0
-    if with_reflectance:
-        emission = draw.emission
-        if draw.texture is not None:
-            emission = np.where((draw.texture < 0)[:, None], emission, 0.0)
-        front = exitant_radiance(E_front, draw.reflectance, emission)
-        back = exitant_radiance(E_back, draw.reflectance, 0.0)
-    else:
-        front, back = exitant_radiance(E_front, 1.0, 0.0), exitant_radiance(E_back, 1.0, 0.0)
-    return front.astype(np.float32), back.astype(np.float32)
+    E, two_sided = irradiance.astype(np.float32), np.flatnonzero(draw.back >= 0)  # else black
+    front, back = E.take(draw.front, axis=0), np.zeros((len(draw.back), 3), np.float32)  # take: a third of E[...]
+    E_back = E[draw.back[two_sided]]
+    if not with_reflectance:
+        back[two_sided] = exitant_radiance(E_back, 1.0, 0.0)
+        return exitant_radiance(front, 1.0, 0.0), back
+    rho = draw.reflectance.astype(np.float32)
+    back[two_sided] = exitant_radiance(E_back, rho[two_sided], 0.0)
+    front = exitant_radiance(front, rho, 0.0)
+    glows = draw.emission[:, 0] + draw.emission[:, 1] + draw.emission[:, 2] > 0
+    if draw.texture is not None:
+        glows &= draw.texture < 0
+    front[glows] += draw.emission[glows]
+    return front, back
 
 
 def gloss_colours(

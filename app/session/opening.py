@@ -24,9 +24,8 @@ from app.worker import start, without_frames
 if TYPE_CHECKING:
     from app.draw.picking import Picker
     from app.session.first_look import FirstLook
-    from gi_core.frames.background import Photons
     from gi_core.scene import Scene
-    from gi_core.solver import Solver
+    from gi_core.solver import BeforeEdit, Solver
 
 IMPORTING, LOADING, TRACING = "importing", "loading scene", "tracing"
 COMPILING = "compiling kernels, once per installation"
@@ -48,9 +47,9 @@ class Opening:
 
     def __init__(
         self, settings: Settings, load: Callable[[Settings], Scene] = open_scene,
-        earlier: Callable[[], Photons] | None = None,
+        earlier: Callable[[], BeforeEdit] | None = None,
     ) -> None:  # fmt: skip
-        """earlier: returns the photons of the scene before its last edit; called in this thread."""
+        """earlier: returns results of the scene before its last edit; called in this thread."""
         self.settings = settings
         self._load, self._earlier = load, earlier
         self.phase, self.detail = IMPORTING, ""
@@ -146,11 +145,14 @@ class Opening:
         from gi_core.base.kernel_cache import problems
 
         self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
-        solver = make_solver(scene, self.settings, self._earlier and self._earlier())
+        earlier = self._earlier() if self._earlier is not None else None
+        solver = make_solver(scene, self.settings, earlier and earlier.photons)
         meshes = draw_meshes(solver.surfaces, solver.model.lamp_of_face, solver.model.object_receivers.normals)
         picker = Picker(solver.surfaces, solver.model.origins)
         for _ in load(solver) if solver.light == "best" else ():
             self._stop_if_cancelled()
+        if earlier is not None and earlier.light is not None and solver.light_source.is_without_stored_light:
+            solver.light_source.begin_with(earlier.light)
         self.phase, self.detail = TRACING, ""
         for progress in solver.solve_steps():
             self._stop_if_cancelled()

@@ -49,7 +49,7 @@ class Reload:
     def _edit(self, now: Session, asked: Asked) -> None:
         """Open the current scene with other edits; settings and photons that the edit does not touch stay."""
         settings = replace(now.settings, edits=asked.edits, poses=())
-        self._begin(now, settings, same=True, open_with=partial(self._open_with, earlier=now.light.photons))
+        self._begin(now, settings, same=True, open_with=partial(self._open_with, earlier=now.light.before_edit))
         self._edited = asked
 
     def _begin(self, now: Session, settings: Settings, same: bool, open_with: Callable | None = None) -> None:
@@ -76,7 +76,7 @@ class Reload:
 
     def tick(self, now: Session) -> Session | None:
         """Return the new session to show; None before it is ready and during a drag."""
-        if now.asked is not None and now.ready:
+        if now.asked is not None and now.ready and not (now.asked.follows and self.is_editing):
             asked, now.asked = now.asked, None
             self._edit(now, asked)
         coming = self.coming

@@ -41,6 +41,7 @@ class Asked(NamedTuple):
 
     edits: tuple[Edit, ...]
     poses: dict[str, Pose]
+    follows: bool = False  # an edit that is being opened: it is let finish, as values of a held slider come faster
 
 
 class Session(OpenScene):
@@ -254,17 +255,24 @@ class Session(OpenScene):
 
     # Edits ------------------------------------------------------------------------------------------
 
-    def change_scene(self, *edits: Edit) -> None:
-        """Change the scene, one step of undo; `Reload` opens it in the background, this picture staying until then."""
+    def change_scene(self, *edits: Edit, first: bool = True) -> None:
+        """Change the scene, one step of undo; `Reload` opens it in the background, this picture staying until then.
+
+        Not `first`: the next value of a held slider, in the same step of undo. Values that come while one is being
+        opened are dropped, except the newest.
+        """
         from gi_core.files.edits import Finish
 
         self.playing = False
         before, last, edit = self.edits, self.edits[-1:], edits[0]
         again = last and isinstance(edit, Finish) and isinstance(last[0], Finish) and last[0].name == edit.name
         self.edits = (*(before[:-1] if again else before), *edits)
-        poses: dict[Any, Any] = dict(self.poses)
-        self.history.push({Field("edits"): before, **poses}, {Field("edits"): self.edits, **dict.fromkeys(poses)})
-        self.asked = Asked(self.edits, {})
+        if first:
+            poses: dict[Any, Any] = dict(self.poses)
+            self.history.push({Field("edits"): before, **poses}, {Field("edits"): self.edits, **dict.fromkeys(poses)})
+        else:
+            self.history.extend({Field("edits"): before}, {Field("edits"): self.edits})
+        self.asked = Asked(self.edits, {}, follows=not first)
 
     def edit_failed(self) -> None:
         """Forget edits that could not be opened."""

@@ -42,6 +42,13 @@ class History:
         self._done.append(self._undone.pop())
         return self._done[-1][1]
 
+    def extend(self, before: Mapping[Any, Any], after: Mapping[Any, Any]) -> None:
+        """Record a change as part of the last step, if that step ended in the values before; else push it."""
+        if self._done and all(self._done[-1][1].get(key) == value for key, value in before.items()):
+            self._done[-1] = self._done[-1][0], {**self._done[-1][1], **after}
+        else:
+            self.push(before, after)
+
     def forget(self) -> None:
         """Drop the last step, which failed."""
         self._done = self._done[:-1]

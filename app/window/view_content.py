@@ -115,7 +115,7 @@ def paint(
         from app.draw.vertex_colours import colours
 
         front, back = colours(mesh, side.irradiance, with_reflectance)
-        return np.nan_to_num(front, nan=-1.0), np.nan_to_num(back, nan=-1.0)
+        return np.nan_to_num(front, copy=False, nan=-1.0), np.nan_to_num(back, copy=False, nan=-1.0)
     of_receivers = signed_colours(signed_error(side.irradiance, errors.reference, errors.areas) / errors.scale)
     back = of_receivers[mesh.back]
     back[mesh.back < 0] = UNKNOWN

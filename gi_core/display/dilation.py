@@ -61,6 +61,14 @@ class Drawn(NamedTuple):
 NONE_UNREACHED = Unreached(np.zeros(0, np.int64), np.zeros(1, np.int64), *[np.zeros(0, np.int64)] * 2)
 
 
+class Beside(NamedTuple):
+    """Static receivers beside a mobile at a pose."""
+
+    pose: bytes
+    rows: np.ndarray  # (n,) int64, ascending
+    place: np.ndarray  # (n,) int8, UNKNOWN until rays have found it
+
+
 class Dilation:
     """Search for unreached receivers of a scene. Ray results are cached; light and poses are arguments."""
 
@@ -73,6 +81,7 @@ class Dilation:
         self._neighbours = neighbours(np.concatenate([model.corners(o) for o in range(s.objects)]), len(points))
         self._static_columns = np.ascontiguousarray(self._points[s.receiver_range(0)].T)
         self._place = np.full(len(points), UNKNOWN, np.int8)
+        self._beside: dict[int, Beside] = {}  # by mobile, at its last pose: a lamp's slider moves nothing
         for o in range(1, s.objects):
             own = s.receiver_range(o)
             self._place[own] = self._places(o, self._points[own], directions(self._normals[own]))
@@ -128,17 +137,27 @@ class Dilation:
 
     def _under(self, o: int, light: np.ndarray, at: Transforms) -> np.ndarray:
         """Return the rows of black static receivers that mobile o encloses."""
+        pose = at.rotation[o].tobytes() + at.position[o].tobytes()
+        if o not in self._beside or self._beside[o].pose != pose:
+            rows = self._static_near(o, at)
+            self._beside[o] = Beside(pose, rows, np.full(len(rows), UNKNOWN, np.int8))
+        _, near, place = self._beside[o]
+        dark = np.flatnonzero(self._is_dark(near, light, BLACK))
+        if len(unknown := dark[place[dark] == UNKNOWN]):
+            rows = near[unknown]
+            origins = np.repeat(self._points[rows], DIRECTIONS, axis=0)
+            rays = directions(self._normals[rows]).reshape(-1, 3)
+            place[unknown] = self._places(o, *rays_to_object(at, o, origins, rays))
+        return near[dark[place[dark] != OPEN]]
+
+    def _static_near(self, o: int, at: Transforms) -> np.ndarray:
+        """Return the rows of static receivers in the box round the bounding sphere of mobile o."""
         world = self._model.world
-        middle = at.rotation[o] @ world.sphere_centre[o] + at.position[o]
-        near, r = np.ones(self._static_columns.shape[1], bool), np.float32(world.sphere_radius[o])
-        for x, m in zip(self._static_columns, middle.astype(np.float32), strict=True):
-            near &= np.abs(x - m) < r
-        rows = np.flatnonzero(near)
-        rows = rows[self._is_dark(rows, light, BLACK)]
-        rays = directions(self._normals[rows])
-        origins = np.repeat(self._points[rows], DIRECTIONS, axis=0)
-        origins, rays = rays_to_object(at, o, origins, rays.reshape(-1, 3))
-        return rows[self._places(o, origins, rays) != OPEN]
+        middle = (at.rotation[o] @ world.sphere_centre[o] + at.position[o]).astype(np.float32)
+        rows, r = np.arange(self._static_columns.shape[1]), np.float32(world.sphere_radius[o])
+        for x, m in zip(self._static_columns, middle, strict=True):
+            rows = rows[np.abs(x[rows] - m) < r]
+        return rows
 
     def _places(self, o: int, points: np.ndarray, rays: np.ndarray) -> np.ndarray:
         """Return the place (n,) int8 (OPEN, CLOSED or INSIDE) of each of n points, in object o's space.
@@ -165,7 +184,8 @@ class Dilation:
 
     def _pairs(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return all neighbours of the rows, and for each the index into `rows`."""
-        first, count = self._neighbours.first[rows], np.diff(self._neighbours.first)[rows]
+        first = self._neighbours.first[rows]
+        count = self._neighbours.first[rows + 1] - first
         of = np.repeat(np.arange(len(rows)), count)
         within = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
         return of, self._neighbours.of[first[of] + within].astype(np.int64)

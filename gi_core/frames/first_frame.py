@@ -178,7 +178,7 @@ class FirstFrame:
         return b
 
     def _is_slow(self, setting: Setting) -> bool:
-        controlled = setting.control and ESTIMATORS[setting.estimator].controlled
+        controlled = setting.control and ESTIMATORS[setting.estimator].controlled and not self._source.shows_earlier
         return controlled and len(self._photons.model.object_receivers.areas) > MANY_RECEIVERS
 
 

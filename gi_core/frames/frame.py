@@ -19,7 +19,7 @@ from gi_core.display.probes import probe_irradiance
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.control_variate import AROUND, frame_irradiance
 from gi_core.frames.light_source import FrameSize, LightSource
-from gi_core.frames.progress import Interrupted
+from gi_core.frames.progress import break_off_at
 from gi_core.geometry.radiosity import irradiance
 from gi_core.gloss.light import GlossLight
 from gi_core.lights.mix import mix
@@ -143,8 +143,7 @@ class StageTimer:
         now = time.perf_counter()
         self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
         self._last = now
-        if self._stop is not None and self._stop():
-            raise Interrupted
+        break_off_at(self._stop)
 
 
 def next_frame(

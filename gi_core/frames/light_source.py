@@ -13,6 +13,8 @@ import numpy as np
 
 from gi_core.display.dilation import NONE_UNREACHED, Dilation, Drawn, dilated
 from gi_core.frames.background import Background
+from gi_core.frames.control_variate import AROUND
+from gi_core.frames.earlier_light import EarlierLight, EditedLight, earlier_light
 from gi_core.frames.gathered_gloss import GatheredGloss
 from gi_core.frames.progress import Progress
 from gi_core.gather import coarse_faces
@@ -21,7 +23,7 @@ from gi_core.gather.mobile import MobileGather
 from gi_core.gather.pose_gather import PoseGather, PoseGathers, Static
 from gi_core.gather.reference import ReferenceState
 from gi_core.gather.static import StaticGather
-from gi_core.geometry.error import noise_from_prefix, prefix_to_compare
+from gi_core.geometry.error import luminance, noise_from_prefix, prefix_to_compare
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
 from gi_core.gloss import source
 from gi_core.gloss.light import GlossLight
@@ -36,6 +38,14 @@ from gi_core.scene.rules import FLAG, one_of
 LIGHTS = ("best", "photons")
 PATHS = (4, 8, 16, 32, 64, 128, 256)  # per receiver and frame
 REST = 64  # the default, with some 4 % of noise
+
+
+def _photon_noise(shown: Background) -> float:
+    """Return the relative l1 noise of a background's photons; inf where they are too few to measure it."""
+    photons, fewer = shown.estimate.photons, prefix_to_compare(shown.estimate.prefixes)
+    if fewer is None:
+        return math.inf
+    return noise_from_prefix(shown.resting(photons), shown.resting(fewer), photons, fewer, shown.weights)
 
 
 class FrameSize(NamedTuple):
@@ -58,6 +68,7 @@ class LightSource:
     def __init__(self, model: Model, seed: int):
         self.light, self.prefix_only, self.levels = "photons", False, model.emitters.lamps.full()
         self.gathered: StaticGather | None = None
+        self._edited: EditedLight | None = None  # until `gathered` has light of its own
         self.unreached = NONE_UNREACHED  # unreached static receivers, by the light of the last search
         self.dilation: Dilation | None = None
         self._model, self._seed = model, seed
@@ -78,7 +89,7 @@ class LightSource:
         """Return a light source with separate settings and the same gathered light, or none if `fresh`."""
         other = copy.copy(self)
         if fresh:
-            other.gathered, other._less_noise = None, False
+            other.gathered, other._edited, other._less_noise = None, None, False
             other._at_poses = PoseGathers(self._model, self._seed)
             other._gathered_gloss = GatheredGloss(self._model, self._seed, self.gloss_source)
         return other
@@ -100,6 +111,28 @@ class LightSource:
     def is_gathered(self) -> bool:
         """Whether frames start from gathered static light: `light` is "best", and it has less noise than photons."""
         return self.light == "best" and not self.prefix_only and self._less_noise
+
+    def begin_with(self, earlier: EarlierLight) -> None:
+        """Show static light gathered before an edit, changed as photons say, until there is better."""
+        self.gathered, self._edited = StaticGather(self._model, self._seed), EditedLight(earlier, self._model)
+
+    @property
+    def shows_earlier(self) -> bool:
+        """Whether gathered light is that before an edit."""
+        g = self.gathered
+        return self._edited is not None and g is not None and (g.is_earlier or math.isinf(g.noise))
+
+    def before_edit(self, shown: Background | None) -> EarlierLight | None:
+        """Return the static light on show for the scene after an edit; None where photons alone light frames."""
+        if shown is None or not shown.estimate.photons or self.light == "photons":
+            return None
+        if self.is_gathered and self.shows_earlier:
+            return self._edited.earlier
+        if self.is_gathered:
+            return earlier_light(shown, self.gathered.per_lamp, self.gathered.deviation, self.gathered.error)
+        light, noise = shown.resting_per_lamp(shown.estimate.photons), _photon_noise(shown)
+        deviation = noise * luminance(sum_of_lamps(light))
+        return earlier_light(shown, light, deviation, noise) if math.isfinite(noise) else None
 
     def gather_steps(
         self,
@@ -143,12 +176,10 @@ class LightSource:
         Photons too few to measure their noise count as noisier.
         """
         g, photons = self.gathered, 0 if shown is None else shown.estimate.photons
+        if photons and self.shows_earlier:
+            self._edited.show(shown, self.around(AROUND * shown.setting.radius), g)
         if photons and g is not None and math.isfinite(g.noise):
-            prefix = prefix_to_compare(shown.estimate.prefixes)
-            E, theirs = shown.resting(photons), math.inf
-            if prefix is not None:
-                theirs = noise_from_prefix(E, shown.resting(prefix), photons, prefix, shown.weights)
-            self._less_noise = g.left < theirs
+            self._less_noise = g.left < _photon_noise(shown)
         return self.is_gathered
 
     def static_irradiance(self, shown: Background, photons: int) -> np.ndarray:
@@ -299,12 +330,13 @@ class LightSource:
 
     def pose_steps(
         self, shown: Background | None, photons: int, irradiance: np.ndarray, gloss: GlossLight | None, at: Transforms,
-        refresh: Callable[[], None],
+        refresh: Callable[[], None], pause: Callable[[], None],
     ) -> Iterator[Progress]:  # fmt: skip
         """Gather light at poses, see `PoseGather.steps`; irradiance (R, 3) [W/m2] of the frame of `photons` there.
 
         gloss: of that frame; its directions come first, as they take few paths.
-        refresh: computes the frame again. Nothing for a frame of few photons, and where frames take no gathered light.
+        refresh: computes the frame again; pause: see `PoseGather.steps`. Nothing for a frame of few photons, and where
+        frames take no gathered light.
         """
         if shown is None or not 0 < photons == shown.estimate.photons or not self._model.names:
             return
@@ -323,7 +355,7 @@ class LightSource:
         def static() -> Static | None:
             return (self._gathered_at(levels), self.gathered.deviation_at(levels)) if self.is_gathered else None
 
-        for changed in begun.steps(static):
+        for changed in begun.steps(static, pause):
             if changed:
                 refresh()
             yield Progress("gathering at these poses", begun.fraction, bool(changed))

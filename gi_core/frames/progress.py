@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 
@@ -14,4 +15,10 @@ class Progress(NamedTuple):
 
 
 class Interrupted(Exception):
-    """A frame was broken off, because its result is no longer wanted."""
+    """A frame or a step was broken off, because its result is no longer wanted."""
+
+
+def break_off_at(stop: Callable[[], bool] | None) -> None:
+    """Raise Interrupted where stop() returns True."""
+    if stop is not None and stop():
+        raise Interrupted

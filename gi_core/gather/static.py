@@ -106,6 +106,7 @@ class StaticGather:
         self.per_lamp, self.noise, self.deviation = np.zeros((0, 3)), float("inf"), np.zeros(0)
         self._lamp_deviation = np.zeros((0, 1))  # (n, G) [W/m2], standard error of the luminance of each lamp's light
         self.left = self.error = float("inf")
+        self.is_earlier = False  # the light is that of show_earlier()
         lit = len(self.weights) and len(model.emitters.kind)
         self._left = float("inf" if lit else "nan")  # noise of whole paths at the last complete round
 
@@ -120,6 +121,14 @@ class StaticGather:
         g = cls(model, seed)
         vars(g).update(light)
         return g
+
+    def show_earlier(self, per_lamp: np.ndarray, deviation: np.ndarray, error: float) -> None:
+        """Show other light (n, 3 G) [W/m2] until this has less noise; deviation (n,): of its luminance [W/m2]."""
+        self.per_lamp, self.deviation, self.is_earlier = per_lamp, deviation, True
+        self.noise = self.left = self.error = error
+        lamps = luminance(per_lamp.reshape(len(per_lamp), self._channels // 3, 3))
+        total = np.maximum(lamps.sum(axis=1), 1e-300)
+        self._lamp_deviation = lamps * (deviation / total)[:, None]
 
     @property
     def mean(self) -> np.ndarray:
@@ -163,7 +172,7 @@ class StaticGather:
             return
         for new in f.steps(lambda: self._known(photons())):
             yield False
-            if new and f.noise < self.noise:
+            if new and (f.noise < self.noise or self.is_earlier):
                 found = f.per_lamp, f.standard_error, f.lamp_error, f.noise
                 yield from self._take_over(*found, self._measure)
             measured = new and self._sample is not None  # else the light before has less noise
@@ -227,9 +236,14 @@ class StaticGather:
         found = yield from denoise(*given, several)
         denoised = found.irradiance.copy()
         left = found.share * noise
-        self.error = yield from error(sum_of_lamps(denoised), left)
+        of_new = yield from error(sum_of_lamps(denoised), left)
+        if self.is_earlier and self._sample is not None:  # what photons say of its error may be too little
+            self.error = max(self.error, self._sample.error(self.mean))
+        if self.is_earlier and of_new >= self.error:
+            return
+        self.error = of_new
         # Less noise is smoothed less, and bias is traded for noise: the noise left may rise while the error falls.
-        self.per_lamp, self.noise, self.left = denoised, noise, min(self.left, left)
+        self.per_lamp, self.noise, self.left, self.is_earlier = denoised, noise, min(self.left, left), False
         self.deviation = found.share * luminance(standard_error)
         lamp_error = standard_error if several is None else lamp_error
         self._lamp_deviation = found.share * luminance(lamp_error.reshape(len(denoised), self._channels // 3, 3))

@@ -35,8 +35,14 @@ def change(hand, viewer, do) -> None:
     """Do something that edits the scene, and wait for the light of the edited one."""
     before = viewer.session
     do()
-    hand.wait(lambda: viewer.session is not before)
+    hand.wait(lambda: viewer.session is not before and viewer.session.asked is None and viewer.reload.coming is None)
     hand.wait_for_light()
+
+
+def imgui_mouse() -> tuple[float, float]:
+    from imgui_bundle import imgui
+
+    return imgui.get_io().mouse_pos.x, imgui.get_io().mouse_pos.y
 
 
 def built(session) -> np.ndarray:
@@ -80,6 +86,38 @@ def test_a_colour_is_edited_undone_and_done_again(play):
         assert np.array_equal(viewer.session.irradiance, now.irradiance)
 
     assert errors(play(script, open_with=open_edited)) == []
+
+
+def test_a_held_slider_is_followed_and_undone_as_one_step(play):
+    """The value being opened is let finish, the newest comes next, those in between are dropped."""
+    values = [(("reflectance", (0.1 * k, 0.5, 0.3)),) for k in range(1, 7)]
+    shown: list[tuple] = []
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        plain, first = viewer.session.irradiance, viewer.session
+        viewer._do(Refinish("white", values[0]))
+        hand.wait(lambda: viewer.reload.coming is not None)
+        coming = viewer.reload.coming
+        for value in values[1:-1]:
+            viewer._do(Refinish("white", value, first=False))
+            hand.ctx.yield_()
+            shown.append(viewer.session.settings.edits)
+            assert viewer.session.finish_of("white", True) == value, "the panel shows the newest value"
+        hand.wait(lambda: viewer.session is not first)
+        assert viewer.session is coming, "a newer value does not start the opening again"
+        viewer._do(Refinish("white", values[-1], first=False))
+        hand.wait(lambda: viewer.session.asked is None and viewer.reload.coming is None)
+        hand.wait_for_light()
+        assert viewer.session.settings.edits == (Finish("white", values[-1]),)
+        assert np.array_equal(viewer.session.irradiance, built(viewer.session))
+        change(hand, viewer, lambda: viewer._do("undo"))
+        assert viewer.session.settings.edits == () and np.array_equal(viewer.session.irradiance, plain)
+        change(hand, viewer, lambda: viewer._do("redo"))
+        assert viewer.session.settings.edits == (Finish("white", values[-1]),)
+
+    assert errors(play(script, open_with=open_edited)) == []
+    assert set(shown) <= {(), (Finish("white", values[0]),)}
 
 
 def test_objects_are_copied_removed_frozen_and_made_movable(play):
@@ -207,6 +245,22 @@ def test_the_panel_edits_the_material_of_the_clicked_wall(play, monkeypatch):
             "reflectance": pytest.approx((0.25, 0.06, 0.05)), "metallic": 1.0, "roughness": 0.3, "ior": 1.5,
         }  # fmt: skip
         assert viewer._facts().material == edit.material
+        slider = "**/##Roughness"
+        steps: list[float] = []
+        hand.ctx.mouse_move(slider)
+        hand.ctx.mouse_down(0)
+        x, y = imgui_mouse()
+        for k in (10, 20, 30):
+            hand.move((x + k, y))
+            before = viewer.session
+            hand.wait(lambda: viewer.session is not before)  # noqa: B023
+            steps.append(dict(viewer.session.settings.edits[-1].material)["roughness"])
+        hand.ctx.mouse_up(0)
+        hand.wait_for_light()
+        assert steps == sorted(set(steps)) and len(steps) == 3, "the light follows while the slider is held"
+        change(hand, viewer, lambda: viewer._do("undo"))
+        (edit,) = viewer.session.settings.edits
+        assert dict(edit.material)["roughness"] == 0.3, "one drag is one step of undo"
         assert viewer.session.light.snapshot.gloss is not None
         assert np.array_equal(viewer.session.irradiance, built(viewer.session))
         change(hand, viewer, lambda: hand.ctx.combo_click("##Model/Ward"))

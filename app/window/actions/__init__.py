@@ -38,8 +38,8 @@ def act(window: Window, name: str | Request) -> None:
     match name:
         case Select(names):
             window.viewport.select(names)
-        case Refinish(surface, material):
-            objects.refinish(window, surface, material)
+        case Refinish(surface, material, first):
+            objects.refinish(window, surface, material, first)
         case Move():
             objects.move(window, name)
         case Edit(field, value, first, last):

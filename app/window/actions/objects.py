@@ -34,11 +34,11 @@ def move(window: Window, asked: Move) -> None:
         session.end_drag()
 
 
-def refinish(window: Window, surface: str, material: Values) -> None:
-    """Change the reflection of a mobile or of a material of the static part."""
+def refinish(window: Window, surface: str, material: Values, first: bool = True) -> None:
+    """Change the reflection of a mobile or of a material of the static part; first: see Session.change_scene."""
     from gi_core.files.edits import Finish
 
-    window.session.change_scene(Finish(surface, material))
+    window.session.change_scene(Finish(surface, material), first=first)
 
 
 def rest(window: Window) -> None:

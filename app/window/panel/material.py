@@ -44,9 +44,10 @@ class Refinish(NamedTuple):
 
     surface: str
     material: Values
+    first: bool = True  # not: the next value of a slider that is still held
 
 
-_draft: dict[str, Values] = {}  # under change, by surface
+_held: list[str] = []  # the surface whose slider is held
 
 
 def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
@@ -54,12 +55,14 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
         imgui.text_disabled("Click on a surface, or select an object.")
         return s
     imgui.text_disabled(facts.surface)
-    values = dict(_draft.get(facts.surface, facts.material))
+    values = dict(facts.material)
     model = values.get("brdf") or (METAL_ROUGH if "roughness" in values else DIFFUSE)
     ui.label("Model")
     names = list(models())
     changed, k = imgui.combo("##Model", names.index(model), [_title(name) for name in names], len(names))
     ui.tip("Model of reflection. Photons that met the surface are traced again; the picture stays until then.")
+    if not imgui.is_any_item_active():
+        _held.clear()
     if changed:
         actions.add(Refinish(facts.surface, starting(names[k], values)))
         return s
@@ -69,9 +72,8 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
         if moved:
             values[name], edited = value, True
     if edited:
-        _draft[facts.surface] = tuple(values.items())
-    elif facts.surface in _draft and not imgui.is_any_item_active():
-        actions.add(Refinish(facts.surface, _draft.pop(facts.surface)))
+        actions.add(Refinish(facts.surface, tuple(values.items()), first=facts.surface not in _held))
+        _held[:] = [facts.surface]
     return s
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import functools
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gi_core.frames.progress import Interrupted
 from gi_core.gather import pose_gather, static
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance, relative_error
@@ -186,6 +188,29 @@ def test_gathering_ends_after_the_most_rounds(monkeypatch):
     light = gather_pose(solver)
     assert light.enough and light.fraction == 1.0 and light._rounds.state.rounds == 6
     assert np.array_equal(solver.irradiance, solver.from_scratch())
+
+
+def test_a_step_is_broken_off_within_its_paths_and_traced_again():
+    plain, broken = solved(False), solved(False)
+    at, looks = plain.model.transforms(plain.poses), 0
+
+    def stop() -> bool:
+        nonlocal looks
+        looks += 1
+        return looks % 11 == 0
+
+    for _, _ in zip(range(12), plain.gather_pose_steps(), strict=False):
+        pass
+    done = 0
+    while done < 12:
+        steps = broken.gather_pose_steps(stop)
+        with suppress(Interrupted):
+            while done < 12:
+                next(steps)
+                done += 1
+    a, b = (s.light_source.pose_gather(at)._rounds.state for s in (plain, broken))
+    assert looks > 12 and a.sets.any()
+    assert all(np.array_equal(x, y, equal_nan=True) for x, y in zip(a, b, strict=True))
 
 
 def room_of_indirect_light() -> Scene:

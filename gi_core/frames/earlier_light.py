@@ -1,0 +1,111 @@
+"""Light of the static part after an edit: the best before it, changed as photons say.
+
+    E = G + d        d = G F / B - G    where F < B: light is removed
+                     d = F - B          elsewhere: light is added
+
+G is the light gathered before the edit, else that of all photons. B and F are the irradiance of the same number of
+photons before and after. Photons that met no edited face have the same paths, so most of the noise of F and B cancels,
+as in `control_variate.py`. The change d is smoothed in proportion to its noise, which photon subsets tell. Receivers
+that the static part did not have before show photons alone: G = B = 0.
+
+The light serves until the edited scene has light of less error. docs/decisions/039-edits-shown-live.md has the
+measurements.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gi_core.estimators.setting import Setting
+from gi_core.frames.background import Background
+from gi_core.frames.control_variate import CORRELATED, REACH
+from gi_core.gather.denoise import VARIANCE, averaged, smooth
+from gi_core.gather.static import StaticGather
+from gi_core.geometry.error import luminance
+from gi_core.geometry.mesh_neighbours import Neighbours
+from gi_core.lights.mix import sum_of_lamps
+from gi_core.model import Model
+
+
+class EarlierLight(NamedTuple):
+    """Static light before an edit, of n receivers."""
+
+    places: np.ndarray  # (n, 6) float32, positions [m] and normals
+    per_lamp: np.ndarray  # (n, 3 G) [W/m2], gathered, else that of all photons
+    deviation: np.ndarray  # (n,) [W/m2], standard error of its luminance
+    error: float  # relative l1, bias included
+    setting: Setting
+    by_photons: dict[int, np.ndarray]  # number of photons -> their irradiance per lamp (n, 3 G) float32 [W/m2]
+
+
+def earlier_light(b: Background, per_lamp: np.ndarray, deviation: np.ndarray, error: float) -> EarlierLight:
+    """Return light of a background's static part, to be changed by edits; arguments as in EarlierLight."""
+    by_photons = {n: b.resting_per_lamp(n).astype(np.float32) for n in b.estimate.prefixes}
+    return EarlierLight(_places(b.model), per_lamp, deviation, error, b.setting, by_photons)
+
+
+class EditedLight:
+    """Static light before an edit, for the scene after it."""
+
+    def __init__(self, earlier: EarlierLight, model: Model):
+        self.earlier = earlier
+        self._rows = _rows_of(_places(model), earlier.places)
+        self._weights = model.object_receivers.areas[: len(self._rows)]
+        self._threads = model.threads
+        self._shown: tuple[Background, int] | None = None
+
+    def photons(self, b: Background) -> int:
+        """Return the largest number of photons, of the background, whose light before the edit is known; 0: none."""
+        known = self.earlier.by_photons if b.setting == self.earlier.setting else {}
+        return max((n for n in b.estimate.prefixes if n in known), default=0)
+
+    def show(self, b: Background, around: Neighbours, gathered: StaticGather) -> None:
+        """Let gathered light be that before the edit with the change that the photons of a background say."""
+        photons = self.photons(b)
+        if not photons or self._shown == (b, photons):
+            return
+        self._shown = b, photons
+        G = self._known(self.earlier.per_lamp)
+        change = self._change(b, photons, G)
+        fewer = max((n for n in b.estimate.prefixes if n in self.earlier.by_photons and 2 * n <= photons), default=0)
+        variance = np.zeros(len(G))
+        if fewer:
+            apart = sum_of_lamps(change - self._change(b, fewer, G)) ** 2 / (photons / fewer - 1)
+            everywhere = np.ones(len(G), bool)
+            variance = averaged(around, apart.sum(axis=1), everywhere, self._threads)
+            light = np.concatenate([sum_of_lamps(change), variance[:, None], change], axis=1)
+            smooth(light, REACH, around, self._threads)
+            variance, change = light[:, VARIANCE], light[:, VARIANCE + 1 :]
+        E, of_change = np.maximum(G + change, 0.0), np.sqrt(CORRELATED * variance / 3.0)
+        lit = max(float(self._weights @ luminance(sum_of_lamps(E))), 1e-300)
+        error = float(np.hypot(self.earlier.error, np.sqrt(2 / np.pi) * (self._weights @ of_change) / lit))
+        gathered.show_earlier(E, np.hypot(self._known(self.earlier.deviation), of_change), error)
+
+    def _known(self, light: np.ndarray) -> np.ndarray:
+        """Return light of receivers before the edit, at those after it; 0 at new ones."""
+        out = light[self._rows].astype(np.float64)
+        out[self._rows < 0] = 0.0
+        return out
+
+    def _change(self, b: Background, photons: int, G: np.ndarray) -> np.ndarray:
+        """Return d (n, 3 G) [W/m2], see the module."""
+        B = self._known(self.earlier.by_photons[photons])
+        F = b.resting_per_lamp(photons).astype(np.float32).astype(np.float64)  # equal light leaves no difference
+        less = F < B
+        return np.where(less, G * np.divide(F, B, out=np.ones_like(F), where=less) - G, F - B)
+
+
+def _places(model: Model) -> np.ndarray:
+    rows, r = model.surfaces.receiver_range(0), model.object_receivers
+    places = np.concatenate([r.positions[rows] + model.origins[0], r.normals[rows]], axis=1)
+    return places.astype(np.float32) + np.float32(0.0)  # no -0
+
+
+def _rows_of(places: np.ndarray, among: np.ndarray) -> np.ndarray:
+    """Return the row of each place (n, 6) among others (m, 6), -1 where it is not there."""
+    if places.shape == among.shape and np.array_equal(places, among):
+        return np.arange(len(places))
+    known = {key.tobytes(): k for k, key in enumerate(among)}
+    return np.array([known.get(key.tobytes(), -1) for key in places], np.int64)

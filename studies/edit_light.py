@@ -1,0 +1,116 @@
+"""Error of the picture after an edit of the static part, with the light gathered before it and without.
+
+    python -m studies.edit_light cornell white --gather 30 --noise 1.5
+
+The reflectance of a material changes to 0.3, 0.5, 0.7. CPU seconds stand for the clock, as in `studies.ten_seconds`:
+two threads count GAIN times. The first picture of the edited scene is at second 0. Luminance error (l1) at receivers
+of the first view, drawn by area, against the unbiased reference of the edited scene, whose noise is subtracted in
+squares.
+--pictures DIR writes a picture for each time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from app.rest.scheduler import RestWork
+from app.rest.within import NO_ERRORS
+from app.settings import Settings, make_solver, open_scene
+from gi_core.files.edits import Edit, Finish, Freeze, Promote, edited
+from gi_core.gather.reference_sample import draw_by_area, gather_sample
+from gi_core.scene import Scene
+from gi_core.solver import Solver, before_edit
+from studies.ten_seconds import GAIN
+from tests.support.receiver_samples import in_view
+
+ROWS = ("gathered before, changed by photons", True), ("photons", False)
+COLOUR = (0.3, 0.5, 0.7)
+TIMES = 0.0, 1.0, 3.0, 6.0, 10.0, 20.0, 30.0  # s after the first picture
+
+
+def edit_of(scene: Scene, what: str) -> Edit:
+    """Return the edit: "freeze" the first mobile, "promote:x,y,z", or a material or mobile by name."""
+    if what == "freeze":
+        return Freeze(scene.mobiles[0].name, scene.mobiles[0].pose)
+    if what.startswith("promote:"):
+        x, y, z = (float(c) for c in what.partition(":")[2].split(","))
+        return Promote("promoted", (x, y, z))
+    return Finish(what, (("reflectance", COLOUR),))
+
+
+def after(solver: Solver, scene: Scene, settings: Settings, with_light: bool) -> list[tuple[float, np.ndarray, Solver]]:
+    """Return the irradiance of the pictures after an edit, with their times [s]."""
+    given = before_edit(solver)
+    other = make_solver(scene, settings, given.photons)
+    if with_light and given.light is not None:
+        other.light_source.begin_with(given.light)
+    begun, found = time.process_time(), []
+
+    def look() -> None:
+        found.append(((time.process_time() - begun) / GAIN, other.drawn(other.irradiance).irradiance, other))
+
+    for progress in other.solve_steps():
+        if progress.picture:
+            look()
+    work = RestWork(other, time.perf_counter)
+    while found[-1][0] - found[0][0] < TIMES[-1] and (task := work.next_task(NO_ERRORS)) is not None:
+        task.run()
+        look()
+    return [(t - found[0][0], E, s) for t, E, s in found]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene")
+    parser.add_argument("edit", help='a material or a mobile, "freeze", or "promote:x,y,z"')
+    parser.add_argument("--gather", type=float, default=30.0, help="CPU s before the edit")
+    parser.add_argument("--points", type=int, default=400)
+    parser.add_argument("--noise", type=float, default=1.5, help="of the truth [%%]")
+    parser.add_argument("--photons", type=int)
+    parser.add_argument("--pictures", type=Path)
+    asked = parser.parse_args()
+    settings = Settings(scene=asked.scene, light="best", photons=asked.photons)
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["GI_VIEWER_REFERENCE_DIR"] = folder  # nothing is known from before
+        scene = open_scene(settings)
+        solver = make_solver(scene, settings)
+        solver.solve()
+        work, begun = RestWork(solver, time.perf_counter), time.process_time()
+        while time.process_time() - begun < asked.gather and (task := work.next_task(NO_ERRORS)) is not None:
+            task.run()
+        g = solver.light_source.gathered
+        print(f"{asked.scene}, {asked.edit}: gathered to {100 * g.error:.1f} % before the edit")
+        changed = edited(scene, [edit_of(scene, asked.edit)])
+        settings = replace(settings, photons=solver.photons)
+        print("| light of the static part | " + " | ".join(f"{t:g} s" for t in TIMES) + " | noise of truth |")
+        for name, with_light in ROWS:
+            os.environ["GI_VIEWER_REFERENCE_DIR"] = str(Path(folder) / name)
+            pictures = after(solver, changed, settings, with_light)
+            other = pictures[0][2]
+            rows, weights = draw_by_area(in_view(other), other.model.object_receivers.areas, asked.points, 10)
+            *_, sample = gather_sample(other.model, other.poses, rows, weights, 1, 1e-2 * asked.noise)
+            shown = [next(E for t, E, _ in reversed(pictures) if t <= time_) for time_ in TIMES]
+            errors = " | ".join(f"{100 * sample.error(E):.1f} %" for E in shown)
+            print(f"| {name} | {errors} | {100 * sample.noise:.1f} % |", flush=True)
+            if asked.pictures is not None:
+                save(asked.pictures, other, shown, "with" if with_light else "without")
+
+
+def save(folder: Path, solver: Solver, shown: list[np.ndarray], name: str) -> None:
+    from app.draw.png import write_png
+    from app.draw.shot import Shot
+
+    for seconds, E in zip(TIMES, shown, strict=True):
+        solver.frame = solver.frame._replace(irradiance=E)
+        write_png(folder / f"{name}-{seconds:g}.png", Shot(solver, Settings(size=(480, 300))).take())
+
+
+if __name__ == "__main__":
+    main()

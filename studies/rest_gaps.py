@@ -1,0 +1,62 @@
+"""Longest work at rest that a drag must wait for: `python -m studies.rest_gaps cornell office --seconds 60`.
+
+Work at rest looks at the stop flag between tasks and within frames. One line per kind of task: its number, and CPU ms
+(all threads) between two looks at the flag, in the median, at the 99th percentile and at most, with the stage of that.
+Two threads share most work, so quiet cores need half of it in wall time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import time
+
+import numpy as np
+
+from app.rest.scheduler import RestWork
+from app.settings import Settings, make_solver, open_scene
+
+
+def measure(scene: str, seconds: float, photons: int | None) -> None:
+    settings = Settings(scene=scene, light="best", photons=photons)
+    solver = make_solver(open_scene(settings), settings)
+    solver.solve()
+    gaps: list[float] = []
+    looked = [0.0]
+
+    def look() -> bool:
+        now = time.process_time()
+        gaps.append(now - looked[0])
+        looked[0] = now
+        return False
+
+    work, found = RestWork(solver, time.perf_counter, look), {}
+    begun = time.process_time()
+    while time.process_time() - begun < seconds and (task := work.next_task(settings)) is not None:
+        looked[0], frame = time.process_time(), solver.frame
+        task.run()
+        look()
+        stage = " with a frame" if solver.frame is not frame else ""
+        found.setdefault(task.name + stage, []).extend(gaps)
+        gaps.clear()
+    print(f"{scene}: {len(solver.irradiance):,} receivers, {solver.frame.photons:,} photons")
+    for name, each in sorted(found.items()):
+        ms = 1e3 * np.array(each)
+        print(f"  {name:50} {len(ms):6}   {np.median(ms):5.1f}   {np.quantile(ms, 0.99):5.1f}   {ms.max():5.1f}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="+")
+    parser.add_argument("--seconds", type=float, default=60.0, help="CPU s at rest")
+    parser.add_argument("--photons", type=int)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["GI_VIEWER_REFERENCE_DIR"] = folder  # nothing is known from before
+        for scene in asked.scenes:
+            measure(scene, asked.seconds, asked.photons)
+
+
+if __name__ == "__main__":
+    main()
