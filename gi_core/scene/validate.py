@@ -72,6 +72,7 @@ FIELDS: dict[type, dict[str, Rule]] = {
     Material: {
         "reflectance": REFLECTANCE, "emission": STRENGTH, "two_sided": FLAG, "scaled": FLAG, "grain": DIRECTION,
         "brdf": Rule("a tuple of lobes, see gi_core.bsdf.models", is_brdf),
+        "varied": Rule("None: gi_core.files.gloss_classes makes materials of it", lambda value: value is None),
     },
     PointLight: {"position": PLACE, "flux": STRENGTH},
     SpotLight: {
