@@ -32,7 +32,7 @@ class Effort(NamedTuple):
 
 
 FULL = Effort(
-    (1 << 14, 1 << 16, 1 << 17, 1 << 18, 1 << 20),
+    (1 << 14, 1 << 16, 1 << 18, 1 << 20),
     (0.5, 1.0, 2.0),
     (20, 100),
     (1, 4, 16, 64),
@@ -159,10 +159,7 @@ def choices(settings: Settings, solver: Solver, effort: Effort) -> list[Choice]:
 
 def _gathered(counts: tuple[int, ...]) -> list[tuple[int, int]]:
     """Return photons and paths of frames with gathered light: paths grow about as the root of the photons."""
-    root = [((n // counts[0]).bit_length() - 1) // 2 for n in counts]  # log2
-    return [
-        (n, p) for n, k in zip(counts, root, strict=True) for p in ((8, 16) if n == counts[0] else (min(8 << k, 64),))
-    ]
+    return [(n, p) for k, n in enumerate(counts) for p in ((8, 16) if k == 0 else (min(8 << k, 64),))]
 
 
 def _round(x: float) -> float:
