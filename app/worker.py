@@ -59,7 +59,7 @@ class Worker:
     def submit(self, call: Callable) -> Call:
         if not self._started:
             self._started = True
-            start(self._name, _work, self._calls)
+            daemon(self._name, _work, self._calls).start()
             _queues.add(self._calls)
         future: Future = Future()
         self._calls.put((future, call))
@@ -80,15 +80,14 @@ def _work(calls: queue.SimpleQueue) -> None:
         item = future = call = None  # frees the call's objects while the thread waits
 
 
-def start(name: str, target: Callable, *arguments) -> threading.Thread:
-    """Start a daemon thread that the end of the program awaits for LAST_PATIENCE.
+def daemon(name: str, target: Callable, *arguments) -> threading.Thread:
+    """Return a daemon thread, not started, that the end of the program awaits for LAST_PATIENCE.
 
     Before version 3.14, Python's end unwinds a daemon thread where it takes the interpreter's lock. Within np.unique,
     which is C++, the process then aborts: "terminate called without an active exception", in 4 of 8 runs.
     """
     thread = threading.Thread(target=target, args=arguments, name=name, daemon=True)
     _threads.add(thread)
-    thread.start()
     return thread
 
 
@@ -102,7 +101,8 @@ def _await_threads() -> None:
         calls.put(None)
     end = time.monotonic() + LAST_PATIENCE
     for thread in list(_threads):
-        thread.join(max(end - time.monotonic(), 0))
+        if thread.is_alive():
+            thread.join(max(end - time.monotonic(), 0))
 
 
 def without_frames(problem: BaseException) -> BaseException:

@@ -19,7 +19,7 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 
 from app.rest.static_job import load
 from app.settings import Settings, make_solver, open_scene
-from app.worker import start, without_frames
+from app.worker import daemon, without_frames
 
 if TYPE_CHECKING:
     from app.draw.picking import Picker
@@ -61,7 +61,8 @@ class Opening:
         self.look: FirstLook | None = None  # while kernels compile
         self._refused: Exception | None = None  # the scene, by the process of the first look
         self._processes: tuple[subprocess.Popen, ...] = ()
-        self._thread = start("opening", self._run)
+        self._thread = daemon("opening", self._run)
+        self._thread.start()  # it, and threads that it starts, read this attribute
 
     @property
     def progress(self) -> tuple[str, float | None]:
