@@ -1,7 +1,7 @@
 """Directions of the light on mobiles: the paths that light a receiver in a frame, summed into its cells.
 
-Shadow rays are a receiver's own, as direct light has edges. Bounces come in KINDS: a receiver takes those of the
-nearest receiver of each kind, in its own frame. So it has KINDS times as many directions as it traced.
+A receiver takes only its own shadow rays, as direct light has edges. Bounces come in KINDS. A receiver takes those of
+the nearest receiver of each kind, carried to its own frame: KINDS times as many directions as it traced.
 """
 
 from __future__ import annotations
