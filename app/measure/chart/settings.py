@@ -32,7 +32,7 @@ class Effort(NamedTuple):
 
 
 FULL = Effort(
-    (1 << 14, 1 << 16, 1 << 18, 1 << 20),
+    (1 << 14, 1 << 16, 1 << 17, 1 << 18, 1 << 20),  # 16 ms per frame lie about 2^17
     (0.5, 1.0, 2.0),
     (20, 100),
     (1, 4, 16, 64),
@@ -158,8 +158,9 @@ def choices(settings: Settings, solver: Solver, effort: Effort) -> list[Choice]:
 
 
 def _gathered(counts: tuple[int, ...]) -> list[tuple[int, int]]:
-    """Return photons and paths of frames with gathered light: paths grow about as the root of the photons."""
-    return [(n, p) for k, n in enumerate(counts) for p in ((8, 16) if k == 0 else (min(8 << k, 64),))]
+    """Return photons and paths of frames with gathered light: 8 to 64 paths, as the root of the photons."""
+    pairs = [(n, max(p for p in (8, 16, 32, 64) if p == 8 or 256 * p * p <= n)) for n in counts]
+    return [*pairs[:1], (counts[0], 2 * pairs[0][1]), *pairs[1:]]
 
 
 def _round(x: float) -> float:
