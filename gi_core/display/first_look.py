@@ -55,13 +55,12 @@ def first_looks(scene: Scene, model: Model, levels: np.ndarray, seed: int) -> It
     """
     at = model.transforms(model.start_poses())
     points, normals = evaluation_points(model.surfaces, model.receivers_at(model.start_poses()))
-    areas = model.object_receivers.areas
     near = neighbours(np.concatenate([model.corners(o) for o in range(model.surfaces.objects)]), len(points))
     dilation, static = Dilation(model, model.world.size), model.surfaces.receiver_range(0).stop
     for total in PATHS:
         paths = min(max(total // max(len(points), 1), LEAST), MOST)
         E, error = reference_irradiance(scene, points, normals, paths, seed, model=model, levels=levels)
-        E = _last(denoise(E, error, areas, near, seed, model.threads)).irradiance
+        E = _last(denoise(E, error, near, seed, model.threads)).irradiance
         yield dilated(E, _last(dilation.find_static(E[:static])), dilation.find_moved(E, at))
 
 

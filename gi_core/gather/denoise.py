@@ -6,11 +6,13 @@ that the first leaves; Dammertz et al. 2010 and Schied et al. 2017 filter pixels
 paths, and smoothing with it, so the limit is unbiased.
 
 Several reaches are tried, including none. Stein's unbiased risk estimate (1981), by the Monte Carlo method of Ramani et
-al. 2008, gives the expected squared error of each without the truth. The lowest is taken.
+al. 2008, gives the expected squared error of each without the truth. Each receiver takes the reach that has the lowest
+in its surroundings: noise and detail differ from surface to surface.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 from typing import NamedTuple
 
@@ -24,7 +26,7 @@ from gi_core.geometry.mesh_neighbours import Neighbours
 REACHES = (2.0, 4.0, 8.0)  # standard deviations at which the weight of a difference becomes 0
 PASSES = 2
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
-CLEAR = 0.7  # of the risk without smoothing; a smaller gain is not trusted, since few receivers make the estimate rough
+POOLED = 24  # means over neighbours by which risks are pooled: one receiver's estimate is as large as the risk itself
 GRAIN = 4096  # receivers per thread
 VARIANCE, NO_WEIGHT = 3, -1.0  # column of smooth(), and its value at receivers that do not count
 
@@ -33,14 +35,20 @@ class Denoised(NamedTuple):
     """Denoised irradiance."""
 
     irradiance: np.ndarray  # (n, 3) float64 [W/m2], or more channels
-    share: float  # of the error (l2, by area) that remains, 0 .. 1
+    squares: np.ndarray  # (n,) float64, squared standard error of the luminance before ...
+    risk: np.ndarray  # (n,) float64, ... and the estimated squared error after; rough for a single receiver
+
+    def share(self, weights: np.ndarray) -> float:
+        """Return the share of the error (l2, by weights (n,)) that remains, 0 .. 1."""
+        noise = float(weights @ self.squares)
+        return math.sqrt(min(max(float(weights @ self.risk) / noise, 0.0), 1.0)) if noise > 0 else 1.0
 
 
 def denoise(
-    mean: np.ndarray, standard_error: np.ndarray, weights: np.ndarray, near: Neighbours, seed: int, threads: int,
+    mean: np.ndarray, standard_error: np.ndarray, near: Neighbours, seed: int, threads: int,
     per_lamp: np.ndarray | None = None,
 ) -> Generator[None, None, Denoised]:  # fmt: skip
-    """Denoise irradiance `mean` (n, 3) with its standard error (n, 3), in steps; weights (n,) are areas.
+    """Denoise irradiance `mean` (n, 3) with its standard error (n, 3), in steps.
 
     per_lamp: light (n, 3 G) whose sum over lamps is `mean`; the result then is the same average of it. Black receivers
     stay black and have no weight for neighbours. The generator returns the result.
@@ -48,33 +56,47 @@ def denoise(
     lit, sigma = (mean > 0).any(axis=1), luminance(standard_error)
     squares = (standard_error**2).sum(axis=1)
     variance = averaged(near, squares, lit, threads)  # a single variance of few rounds is too rough
-    chance = np.random.default_rng(seed).standard_normal(len(mean))
-    more = mean + LITTLE * chance[:, None] * standard_error
-    noise = float((weights * sigma**2).sum())
-    best, least, reached = mean, noise, 0.0
+    sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(mean))  # Hutchinson 1990: the least variance
+    more = mean + LITTLE * sign[:, None] * standard_error
+    saved = np.zeros((len(mean), 1 + len(REACHES)))  # squared error less than without smoothing, by reach
+    lights = [mean]
     yield
-    for reach in REACHES:
-        E = _smoothed(mean, variance, reach, near, lit, threads)
+    for k, reach in enumerate(REACHES, 1):
+        lights.append(_smoothed(mean, variance, reach, near, lit, threads))
         yield
-        answer = luminance(_smoothed(more, variance, reach, near, lit, threads) - E) / LITTLE
-        moved = luminance(E - mean)
-        risk = float((weights * (moved**2 + 2 * sigma * chance * answer)).sum()) - noise
-        if risk < min(least, CLEAR * noise):
-            best, least, reached = E, risk, reach
+        answer = luminance(_smoothed(more, variance, reach, near, lit, threads) - lights[k]) / LITTLE
+        saved[:, k] = 2 * sigma * (sigma - sign * answer) - luminance(lights[k] - mean) ** 2
         yield
+    pooled = saved
+    for _ in range(POOLED):
+        pooled = averaged(near, pooled, lit, threads)
+        yield
+    best = pooled.argmax(axis=1)
+    risk = sigma**2 - np.take_along_axis(saved, best[:, None], axis=1)[:, 0]
+    out = _chosen(lights, best)
     if per_lamp is not None:
-        best = per_lamp
-        if reached:
-            joined = np.concatenate([mean, per_lamp], axis=1)
-            best = _smoothed(joined, variance, reached, near, lit, threads)[:, 3:]
+        joined = np.concatenate([mean, per_lamp], axis=1)
+        lights = [joined]
+        for reach in REACHES:
+            lights.append(_smoothed(joined, variance, reach, near, lit, threads))
             yield
-    return Denoised(best, float(np.sqrt(max(least, 0.0) / noise)) if noise > 0 else 1.0)
+        out = _chosen(lights, best)[:, 3:]
+    return Denoised(out, sigma**2, risk)
+
+
+def _chosen(lights: list[np.ndarray], best: np.ndarray) -> np.ndarray:
+    """Return light (n, c) of each receiver from the one of `lights` that is best (n,) there."""
+    out = lights[0].copy()
+    for k, light in enumerate(lights[1:], 1):
+        out[best == k] = light[best == k]
+    return out
 
 
 def averaged(near: Neighbours, values: np.ndarray, lit: np.ndarray, threads: int) -> np.ndarray:
-    """Return the means of values (n,) over each lit (n,) receiver and its lit neighbours; 0 at the others."""
-    out = np.zeros_like(values)
-    run_ranges(lambda _, a, b: _average(*near, values, lit, a, b, out), len(lit), threads, GRAIN)
+    """Return the means of values (n,) or (n, k) over each lit (n,) receiver and its lit neighbours; 0 at the others."""
+    out, columns = np.zeros_like(values), (len(lit), -1)
+    given = *near, values.reshape(columns), lit
+    run_ranges(lambda _, a, b: _average(*given, a, b, out.reshape(columns)), len(lit), threads, GRAIN)
     return out
 
 
@@ -83,11 +105,16 @@ def _average(first, of, values, lit, start, stop, out):
     for i in range(start, stop):
         if not lit[i]:
             continue
-        total, count = values[i], 1
+        count = 1
+        for c in range(values.shape[1]):
+            out[i, c] = values[i, c]
         for k in range(first[i], first[i + 1]):
             if lit[of[k]]:
-                total, count = total + values[of[k]], count + 1
-        out[i] = total / count
+                count += 1
+                for c in range(values.shape[1]):
+                    out[i, c] += values[of[k], c]
+        for c in range(values.shape[1]):
+            out[i, c] /= count
 
 
 def _smoothed(E: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, lit: np.ndarray, threads: int):

@@ -130,17 +130,18 @@ class PoseGather:
         p, s, near = self._points, self._rounds.state, self._paths.near
         error = s.standard_error / small_sample_bias(s.sets)[:, None]
         mean, error = combined(s.mean, error, self._paths.mobile, self.rows, static, near, p.model.threads)
-        shown, deviation, used, most = mean.copy(), luminance(error), self.used.copy(), 0.0
+        deviation, used, most = luminance(error), self.used.copy(), 0.0
+        found = yield from denoise(mean, error, near, p.seed, p.model.threads)
+        off = np.abs(luminance(self._own - found.irradiance))
         for of in self._classes:
-            found = yield from denoise(mean, error, self._weights * of, near, p.seed, p.model.threads)
-            left = found.share * noise_of_truth(error, mean, self._weights, of)
+            share = found.share(self._weights * of)
+            left = share * noise_of_truth(error, mean, self._weights, of)
             own = relative_error(self._own, found.irradiance, self._weights, of).l1
-            shown[of], deviation[of] = found.irradiance[of], found.share * deviation[of]
-            off = np.abs(luminance(self._own - found.irradiance))
+            deviation[of] *= share
             far_off = off > np.maximum(FAR_OFF * luminance(found.irradiance), SURE * deviation)
             used |= of & ((own > CLEARLY * left) | (far_off & of & self._paths.mobile).any())
             most = max(most, left)
-        self.mean, self.deviation, self.used, self.left = shown, deviation, used, most
+        self.mean, self.deviation, self.used, self.left = found.irradiance, deviation, used, most
         yield bool(used.any())
 
 

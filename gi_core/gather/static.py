@@ -232,10 +232,11 @@ class StaticGather:
         noise): generator that returns the error of denoised light (n, 3) with so much noise left.
         """
         several = per_lamp if per_lamp.shape[1] > 3 else None
-        given = sum_of_lamps(per_lamp), standard_error, self.weights, self._near, self._seed, self._model.threads
+        given = sum_of_lamps(per_lamp), standard_error, self._near, self._seed, self._model.threads
         found = yield from denoise(*given, several)
         denoised = found.irradiance.copy()
-        left = found.share * noise
+        share = found.share(self.weights)
+        left = share * noise
         of_new = yield from error(sum_of_lamps(denoised), left)
         if self.is_earlier and self._sample is not None:  # what photons say of its error may be too little
             self.error = max(self.error, self._sample.error(self.mean))
@@ -244,7 +245,7 @@ class StaticGather:
         self.error = of_new
         # Less noise is smoothed less, and bias is traded for noise: the noise left may rise while the error falls.
         self.per_lamp, self.noise, self.left, self.is_earlier = denoised, noise, min(self.left, left), False
-        self.deviation = found.share * luminance(standard_error)
+        self.deviation = share * luminance(standard_error)
         lamp_error = standard_error if several is None else lamp_error
-        self._lamp_deviation = found.share * luminance(lamp_error.reshape(len(denoised), self._channels // 3, 3))
+        self._lamp_deviation = share * luminance(lamp_error.reshape(len(denoised), self._channels // 3, 3))
         yield True

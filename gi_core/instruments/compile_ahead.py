@@ -237,7 +237,7 @@ def _gather(scene: Scene, rays: str | None) -> None:
 
 def _smooth() -> None:
     """Smooth three receivers of one face."""
-    for _ in denoise(*np.ones((2, 3, 3)), np.ones(3), neighbours(np.array([[0, 1, 2]]), 3), 0, 1):
+    for _ in denoise(*np.ones((2, 3, 3)), neighbours(np.array([[0, 1, 2]]), 3), 0, 1):
         pass
 
 

@@ -55,7 +55,7 @@ def test_static_gather_equals_the_reference_without_mobiles(gathered):
     z = ((mean - truth) / np.where(sigma > 0, sigma, np.inf))[:, 1]
     assert len(z) > 60 and abs(z.mean()) < 4 * z.std() / np.sqrt(len(z))
     assert 0.7 < z.std() < 1.6  # few sets a point: their deviations are rough
-    smoothing = denoise(mean, deviation, g.weights, neighbours(bare.model.corners(0), len(z)), 0, 1)
+    smoothing = denoise(mean, deviation, neighbours(bare.model.corners(0), len(z)), 0, 1)
     with pytest.raises(StopIteration) as end:
         while True:
             next(smoothing)
