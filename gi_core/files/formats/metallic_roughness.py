@@ -49,9 +49,9 @@ def _passed(f0: np.ndarray, f90: float, alpha: float) -> float:
     return max(float(under_gloss(np.array([[*f0, f90, alpha]]))[0]), 1e-9)
 
 
-def is_diffuse(metallic: float, roughness: float, f90: float) -> bool:
-    """Return whether the gloss of a glTF material is left out."""
-    return roughness > DULL or (metallic < LEAST_METAL and (roughness >= MATTE or f90 == 0))
+def is_diffuse(metallic: float, roughness: float, f90: float, matte: float = MATTE) -> bool:
+    """Return whether the gloss of a material is left out."""
+    return roughness > DULL or (metallic < LEAST_METAL and (roughness >= matte or f90 == 0))
 
 
 class MetalRough(NamedTuple):
