@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.bsdf.ggx import under_gloss
+from gi_core.bsdf.ggx import base_albedo
 from gi_core.files.edits import Insert, edited
 from gi_core.files.formats.metallic_roughness import metallic_roughness
 from gi_core.files.gloss_classes import ALIKE, MOST, classes
 from gi_core.files.load import load_scene
 from gi_core.geometry.mipmap import levels
 from gi_core.geometry.surfaces import flatten
+from gi_core.geometry.texture_filter import mean_colours
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Material, Texture
 from tests.files.test_texture_files import UV, png
@@ -84,9 +85,10 @@ def test_classes_reflect_what_their_texels_would(tmp_path):
     mean = area @ surfaces.lobe[glossy, :3] / area.sum()
     m = pixels[..., 2].mean() / 255
     assert mean == pytest.approx(m * np.array(BASE) + (1 - m) * 0.04, rel=2e-3)
-    coat = under_gloss(np.array([[0.04, 0.04, 0.04, 1.0, 0.09]]))  # what a coat alone lets through to its base
+    lobes = np.array([[0.04, 0.04, 0.04, 1.0, 0.09], [*BASE, 1.0, 0.09]])
+    coated, metal = base_albedo(lobes, np.array([BASE, (0.0, 0.0, 0.0)]))
     base = area @ surfaces.reflectance[glossy] / area.sum()
-    assert base == pytest.approx((1 - m) * np.array(BASE) * coat, rel=2e-3)
+    assert base == pytest.approx((1 - m) * coated + m * metal, rel=2e-3)
     assert 2 < sum(k.name == "m" for k in scene.materials) <= MOST
 
 
@@ -314,6 +316,17 @@ def test_mtl_map_of_specular_colour(tmp_path):
             assert found.gloss.f90 == pytest.approx(0.503, abs=0.01)
         if x > 0.57:
             assert found.gloss is None or max(found.gloss.f0) < 0.02
+
+
+def test_metal_of_a_painted_file_shows_its_further_reflections(tmp_path):
+    """Faces of metal lose the texture of their base, and have the paint of light that facets reflect more than once."""
+    pixels = np.full((8, 8, 3), (255, 230, 255), np.uint8)  # a base colour, and roughness 0.9 of metal
+    scene = load_scene(quad_file(tmp_path, pixels, baseColorTexture={"index": 0}), max_edge=0.3)
+    surfaces, _ = flatten(scene)
+    glossy = ~np.isnan(surfaces.lobe[:, 4])
+    wanted = base_albedo(surfaces.lobe[glossy], np.zeros((glossy.sum(), 3)))
+    assert surfaces.reflectance[glossy] == pytest.approx(wanted, abs=1e-3) and wanted.min() > 0.01
+    assert mean_colours(surfaces.paint[0])[glossy] == pytest.approx(surfaces.reflectance[glossy], abs=1e-6)
 
 
 def test_classes_divide_where_values_vary():

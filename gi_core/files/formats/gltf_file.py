@@ -22,6 +22,7 @@ from gi_core.scene.types import Material, VariedFinish
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 NEAREST = 9728
+CHOSEN = {"metallicFactor", "roughnessFactor", "metallicRoughnessTexture"}  # without any, a material is diffuse
 FINISH_VALUES = "linear", "linear", "alpha", "sRGB"  # of the textures of Finish
 WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 
@@ -202,6 +203,8 @@ class _Reader:
     def _glossy(self, plain: Material, described: dict) -> Material:
         """Return the material with the gloss of its metallic-roughness description."""
         pbr, extensions = described.get("pbrMetallicRoughness", {}), described.get("extensions", {})
+        if not pbr.keys() & CHOSEN:
+            return plain
         metallic, roughness = (float(np.clip(pbr.get(f"{key}Factor", 1.0), 0, 1)) for key in ("metallic", "roughness"))
         ior = max(float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5)), 1.0)
         specular = extensions.get("KHR_materials_specular", {})
