@@ -98,7 +98,7 @@ def described(solver: Solver) -> dict[str, np.ndarray]:
     material = np.concatenate([m.face_material for m in (solver.scene.static, *(o.mesh for o in solver.scene.mobiles))])
     of_faces = np.c_[s.lobe, s.reflectance, s.emission]
     _, first, kind = np.unique(of_faces, axis=0, return_index=True, return_inverse=True)
-    lobe, table, cosines = s.lobe[first], ggx.mean_fresnel(), (*np.linspace(0, 1, ggx.NODES), -1.0)
+    lobe, table, cosines = s.lobe[first], ggx.albedos(), (*np.linspace(0, 1, ggx.NODES), -1.0)
     through = np.array([[ggx.passed(table, np.nan_to_num(row), cos) for cos in cosines] for row in lobe])
     metal_rough, ward = np.zeros((len(first), 5)), np.zeros((len(first), 8))
     for k, m in enumerate(material[first]):

@@ -3,10 +3,11 @@
 Distribution and masking: Walter et al. 2007, with Smith's height-correlated G2 (Heitz 2014). Fresnel: Schlick 1994,
 from F0 to F90. Half vectors are drawn from those visible (Dupuy and Benyoub 2023), so a draw weighs F G2 / G1 <= 1.
 
-Fresnel's factor chooses between gloss and base, so throughput never grows. The base couples as
-f = rho' / pi (1 - E(i)) (1 - E(o)) / (1 - E_mean)^2, with E(i) the mean of F over visible half vectors and E_mean its
-cosine-weighted mean (Kelemen and Szirmay-Kalos 2001): reciprocal, and rho' is the base's hemispherical albedo. One
-reflection between facets is modelled; rough metal loses the light of further ones.
+Facets that reflect once have the albedo E(i): the mean of F G2 / G1 over visible half vectors. The base takes the rest,
+f = rho' / pi (1 - E(i)) (1 - E(o)) / (1 - E_mean)^2, with E_mean the cosine-weighted mean (Kelemen and Szirmay-Kalos
+2001): reciprocal, and rho' is its hemispherical albedo. Facets that reflect more than once are part of it, as light
+that they scatter evenly (Kulla and Conty 2017), so rough metal has a base too. Fresnel's factor and masking choose
+between gloss and base, so throughput never grows.
 
 Directions i (towards the light's start) and o are unit, in the local frame, z along the normal.
 """
@@ -22,27 +23,40 @@ from gi_core.base.jit import kernel
 from gi_core.base.random_numbers import cosine_hemisphere
 
 SMOOTH = 1e-3  # alpha below it: a perfect mirror
-NODES = 33  # of the table of mean Fresnel factors, in alpha and in cos
-MOST_COUPLING = 1.05  # of (1 - E(o)) / (1 - E_mean): its bound 1 / (1 - 1 / 21) for smooth surfaces seen from above
-MOST_BASE = 0.95  # base reflectance rho' / (1 - E_mean), so that MOST_COUPLING times it stays below 1
+NODES = 33  # of the table of albedos, in alpha and in cos; 2^k + 1
+NEWTON = 4  # steps to a cosine: its error is below 1e-6
 
 
 @cache
-def mean_fresnel() -> np.ndarray:
-    """Return the mean of (1 - i.h)^5 over visible half vectors, (NODES, NODES + 1) float64.
+def albedos() -> np.ndarray:
+    """Return the albedos of facets that reflect once, (4, NODES, NODES) float64.
 
-    Rows: alpha = k / (NODES - 1). Columns: cos of i = k / (NODES - 1), then the cosine-weighted mean over i.
+    Rows: alpha = k / (NODES - 1). Columns: cos of i = k / (NODES - 1). Plane 0: the mean A of G2 / G1 over visible half
+    vectors, the albedo for F = 1; plane 1: the mean B of (1 - i.h)^5 G2 / G1, so that E = F0 A + (F90 - F0) B. Planes
+    2, 3: the integrals of 2 cos A and 2 cos B from 0 to that cosine; the last column is the mean over directions.
     """
-    steps, count = np.arange(NODES) / (NODES - 1), 48
+    steps, count = np.arange(NODES) / (NODES - 1), 64
     u, v = ((a + 0.5).reshape(-1) / count for a in np.meshgrid(np.arange(count), np.arange(count)))
-    out = np.empty((NODES, NODES + 1))
+    out = np.zeros((4, NODES, NODES))
     for k, alpha in enumerate(np.maximum(steps, SMOOTH)):
         for j, cos in enumerate(np.maximum(steps, 1e-3)):
-            x, y, z = _visible_half(alpha, math.sqrt(1 - cos * cos), 0.0, cos, u, v)
-            out[k, j] = np.mean((1 - np.clip(math.sqrt(1 - cos * cos) * x + cos * z, 0, 1)) ** 5)
-        middles = (np.arange(256) + 0.5) / 256
-        out[k, NODES] = np.mean(2 * middles * np.interp(middles, steps, out[k, :NODES]))
+            sine = math.sqrt(1 - cos * cos)
+            x, _, z = _visible_half(alpha, sine, 0.0, cos, u, v)
+            c = np.clip(sine * x + cos * z, 0, 1)
+            seen = _shared(alpha, cos, 2 * c * z - cos)
+            out[:2, k, j] = seen.mean(), (seen * (1 - c) ** 5).mean()
+    # Values are linear between nodes, and so are the integrals exact.
+    low, high, first, last = out[:2, :, :-1], out[:2, :, 1:], steps[:-1], steps[1:]
+    slope = (high - low) / (last - first)
+    parts = (low - slope * first) * (last**2 - first**2) + slope * 2 / 3 * (last**3 - first**3)
+    out[2:, :, 1:] = np.cumsum(parts, axis=2)
     return out
+
+
+def _shared(alpha: float, cos_i: float, cos_o: np.ndarray) -> np.ndarray:
+    """Return masking() for an array of cosines, 0 below the surface."""
+    a, b = (0.5 * (np.sqrt(1 + alpha**2 * (1 / c**2 - 1)) - 1) for c in (cos_i, np.maximum(cos_o, 1e-9)))
+    return np.where(cos_o > 0, (1 + a) / (1 + a + b), 0.0)
 
 
 def _visible_half(alpha, ix, iy, iz, u, v):
@@ -83,31 +97,53 @@ def fresnels(lobe, cos):
 
 
 @kernel
-def interpolated_mean(table, alpha, cos):
-    """Return mean_fresnel() at alpha and cos in [0, 1], bilinear; cos < 0: its mean over directions."""
-    a = min(max(alpha, 0.0), 1.0) * (NODES - 1)
-    k = min(int(a), NODES - 2)
-    s = a - k
-    if cos < 0.0:
-        return (1.0 - s) * table[k, NODES] + s * table[k + 1, NODES]
-    c = min(cos, 1.0) * (NODES - 1)
-    j = min(int(c), NODES - 2)
-    t = c - j
-    below = (1.0 - t) * table[k, j] + t * table[k, j + 1]
-    return (1.0 - s) * below + s * ((1.0 - t) * table[k + 1, j] + t * table[k + 1, j + 1])
-
-
-@kernel
 def largest(lobe):
     """Return the largest F0 of a lobe (F0 red, green, blue, F90, alpha)."""
     return max(lobe[0], max(lobe[1], lobe[2]))
 
 
 @kernel
+def _once(table, plane, lobe, j):
+    """Return E of the largest channel at node j of the cosine: of planes `plane` and `plane` + 1 of albedos()."""
+    a = min(max(lobe[4], 0.0), 1.0) * (NODES - 1)
+    k = min(int(a), NODES - 2)
+    s, f0 = a - k, largest(lobe)
+    straight = (1.0 - s) * table[plane, k, j] + s * table[plane, k + 1, j]
+    grazing = (1.0 - s) * table[plane + 1, k, j] + s * table[plane + 1, k + 1, j]
+    return f0 * straight + (lobe[3] - f0) * grazing
+
+
+@kernel
 def passed(table, lobe, cos):
     """Return 1 - E(cos), the share that passes to the base; cos < 0: 1 - E_mean."""
-    mean, f0 = interpolated_mean(table, lobe[4], cos), largest(lobe)
-    return 1.0 - f0 - (lobe[3] - f0) * mean
+    if cos < 0.0:
+        return 1.0 - _once(table, 2, lobe, NODES - 1)
+    c = min(cos, 1.0) * (NODES - 1)
+    j = min(int(c), NODES - 2)
+    t = c - j
+    return 1.0 - (1.0 - t) * _once(table, 0, lobe, j) - t * _once(table, 0, lobe, j + 1)
+
+
+@kernel
+def _base_cosine(table, lobe, mean, u):
+    """Return a cosine of density 2 cos (1 - E(cos)) / mean for u in [0, 1); mean: 1 - E_mean."""
+    wanted, j, step = u * mean, 0, (NODES - 1) // 2
+    while step > 0:
+        c = (j + step) / (NODES - 1)
+        if c * c - _once(table, 2, lobe, j + step) <= wanted:
+            j += step
+        step //= 2
+    low, high = j / (NODES - 1), (j + 1) / (NODES - 1)
+    wanted -= low * low - _once(table, 2, lobe, j)
+    p = 1.0 - _once(table, 0, lobe, j)
+    slope = (1.0 - _once(table, 0, lobe, j + 1) - p) / (high - low)
+    whole = high * high - _once(table, 2, lobe, j + 1) - low * low + _once(table, 2, lobe, j)
+    c = math.sqrt(low * low + (high * high - low * low) * min(max(wanted / max(whole, 1e-300), 0.0), 1.0))
+    for _ in range(NEWTON):
+        more = c * c - low * low
+        off = (p - slope * low) * more + slope * 2.0 / 3.0 * (c * c * c - low * low * low) - wanted
+        c = min(max(c - off / max(2.0 * c * (p + slope * (c - low)), 1e-12), low), high)
+    return c
 
 
 @kernel
@@ -143,23 +179,20 @@ def scattered(table, lobe, rho, ix, iy, iz, u, v, s, t):
     if alpha >= SMOOTH:
         hx, hy, hz = visible_half(alpha, ix, iy, iz, s, t)
     c = ix * hx + iy * hy + iz * hz
-    most = fresnel(largest(lobe), lobe[3], c)
-    if u < most:
-        x, y, z = 2.0 * c * hx - ix, 2.0 * c * hy - iy, 2.0 * c * hz - iz
-        if z <= 0.0:
-            return 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
-        g = (masking(alpha, iz, z) if alpha >= SMOOTH else 1.0) / most
+    x, y, z = 2.0 * c * hx - ix, 2.0 * c * hy - iy, 2.0 * c * hz - iz
+    most, seen = fresnel(largest(lobe), lobe[3], c), 1.0
+    if alpha >= SMOOTH:
+        seen = masking(alpha, iz, z) if z > 0.0 else 0.0
+    if u < most * seen:
         red, green, blue = fresnels(lobe, c)
-        return x, y, z, g * red, g * green, g * blue
-    mean = passed(table, lobe, -1.0)
-    base = max(rho[0], max(rho[1], rho[2]))
-    survival = MOST_COUPLING * base / max(mean, 1e-9)
-    rest = (u - most) / (1.0 - most)
+        return x, y, z, red / most, green / most, blue / most
+    mean, base = passed(table, lobe, -1.0), max(rho[0], max(rho[1], rho[2]))
+    survival, rest = min(base / max(mean, 1e-9), 1.0), (u - most * seen) / (1.0 - most * seen)
     if not rest < survival:
         return 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
-    x, y, z = cosine_hemisphere(rest / survival, v)
-    w = min(1.0, passed(table, lobe, z) / mean / MOST_COUPLING) / base
-    return x, y, z, w * rho[0], w * rho[1], w * rho[2]
+    z = _base_cosine(table, lobe, mean, rest / survival)
+    across, turn = math.sqrt(max(0.0, 1.0 - z * z)), 2.0 * math.pi * v
+    return across * math.cos(turn), across * math.sin(turn), z, rho[0] / base, rho[1] / base, rho[2] / base
 
 
 @kernel
@@ -227,17 +260,29 @@ def pdf(table, lobe, rho, ix, iy, iz, ox, oy, oz):
 
 
 def under_gloss(lobe: np.ndarray) -> np.ndarray:
-    """Return 1 - E_mean of lobes (F, 5): the share of a base's reflectance that is left under gloss; 1 without."""
-    top = lobe[:, :3].max(axis=1)
-    passed = np.maximum(1 - top - (lobe[:, 3] - top) * _mean_over_directions(lobe[:, 4]), 0.0)
-    return np.where(lobe[:, 4] >= 0, passed, 1.0)
+    """Return 1 - E_mean of lobes (F, 5): the share of light that passes to a base; 1 without gloss."""
+    return np.where(lobe[:, 4] >= 0, np.maximum(1 - gloss_albedo(lobe).max(axis=1), 0.0), 1.0)
 
 
 def gloss_albedo(lobe: np.ndarray) -> np.ndarray:
-    """Return the hemispherical albedo (F, 3) of lobes (F, 5), without the loss by masking; 0 without gloss."""
-    albedo = lobe[:, :3] + (lobe[:, 3:4] - lobe[:, :3]) * _mean_over_directions(lobe[:, 4])[:, None]
+    """Return the hemispherical albedo (F, 3) of facets that reflect once, for lobes (F, 5); 0 without gloss."""
+    straight, grazing = (_mean(plane, lobe)[:, None] for plane in (2, 3))
+    albedo = lobe[:, :3] * straight + (lobe[:, 3:4] - lobe[:, :3]) * grazing
     return np.where(lobe[:, 4:5] >= 0, albedo, 0.0)
 
 
-def _mean_over_directions(alpha: np.ndarray) -> np.ndarray:
-    return np.interp(np.nan_to_num(alpha), np.arange(NODES) / (NODES - 1), mean_fresnel()[:, NODES])
+def further_albedo(lobe: np.ndarray) -> np.ndarray:
+    """Return the hemispherical albedo (F, 3) of facets that reflect more than once (Kulla and Conty 2017)."""
+    lost = 1 - _mean(2, lobe)[:, None]
+    mean = lobe[:, :3] + (lobe[:, 3:4] - lobe[:, :3]) / 21  # of Schlick's F over directions
+    return np.where(lobe[:, 4:5] >= SMOOTH, mean * mean * (1 - lost) * lost / (1 - mean * lost), 0.0)
+
+
+def base_albedo(lobe: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
+    """Return rho' (F, 3) of faces of `reflectance` (F, 3) under lobes (F, 5): all but facets that reflect once."""
+    further = further_albedo(lobe)
+    return further + np.maximum(under_gloss(lobe)[:, None] - further, 0.0) * reflectance
+
+
+def _mean(plane: int, lobe: np.ndarray) -> np.ndarray:
+    return np.interp(np.nan_to_num(lobe[:, 4]), np.arange(NODES) / (NODES - 1), albedos()[plane, :, -1])

@@ -38,7 +38,7 @@ class Glossy(NamedTuple):
     reflectance: np.ndarray  # (F, 3) float64, hemispherical albedo of the diffuse part
     albedo: np.ndarray  # (F, 3) float64, hemispherical albedo of all parts
     lobe: np.ndarray  # (F, 5) float64: F0 red, green, blue, F90, alpha; nan: diffuse
-    mean_fresnel: np.ndarray  # see ggx.mean_fresnel()
+    once: np.ndarray  # see ggx.albedos()
 
 
 class Tabulated(NamedTuple):
@@ -47,7 +47,7 @@ class Tabulated(NamedTuple):
     reflectance: np.ndarray
     albedo: np.ndarray
     lobe: np.ndarray  # alpha -1 - k: table k
-    mean_fresnel: np.ndarray
+    once: np.ndarray
     tables: Tables
     tangent: np.ndarray  # (F, 3) float64 unit, in the object's space
 
@@ -62,7 +62,7 @@ def build_bsdfs(reflectance: np.ndarray, lobe: np.ndarray, tables: Tables, tange
     albedo = reflectance + ggx.gloss_albedo(lobe)
     for k in range(len(tables.head)):
         albedo[lobe[:, 4] == -1 - k] += table_albedo(tables, k)
-    glossy = Glossy(reflectance, albedo, lobe, ggx.mean_fresnel())
+    glossy = Glossy(reflectance, albedo, lobe, ggx.albedos())
     return Tabulated(*glossy, tables, tangent) if len(tables.head) else glossy
 
 
@@ -181,7 +181,7 @@ def _ggx_scattered(bsdfs, f, i, n, t, u, v, s, w):
     a, b = _basis_of(n)
     ix, iy, iz = _arriving(i, a, b, n)
     lobe, rho = bsdfs.lobe[f], bsdfs.reflectance[f]
-    x, y, z, red, green, blue = ggx.scattered(bsdfs.mean_fresnel, lobe, rho, ix, iy, iz, u, v, s, w)
+    x, y, z, red, green, blue = ggx.scattered(bsdfs.once, lobe, rho, ix, iy, iz, u, v, s, w)
     return weighted((x, y, z), a, b, n), (red, green, blue)
 
 
@@ -190,7 +190,7 @@ def _ggx_value(bsdfs, f, i, o, n, t):
     a, b = _basis_of(n)
     ix, iy, iz = _arriving(i, a, b, n)
     lobe, rho = bsdfs.lobe[f], bsdfs.reflectance[f]
-    return ggx.value(bsdfs.mean_fresnel, lobe, rho, ix, iy, iz, dot(o, a), dot(o, b), dot(o, n))
+    return ggx.value(bsdfs.once, lobe, rho, ix, iy, iz, dot(o, a), dot(o, b), dot(o, n))
 
 
 @kernel
@@ -198,14 +198,14 @@ def _ggx_pdf(bsdfs, f, i, o, n, t):
     a, b = _basis_of(n)
     ix, iy, iz = _arriving(i, a, b, n)
     lobe, rho = bsdfs.lobe[f], bsdfs.reflectance[f]
-    return ggx.pdf(bsdfs.mean_fresnel, lobe, rho, ix, iy, iz, dot(o, a), dot(o, b), dot(o, n))
+    return ggx.pdf(bsdfs.once, lobe, rho, ix, iy, iz, dot(o, a), dot(o, b), dot(o, n))
 
 
 @kernel
 def _ggx_sampled(bsdfs, f, i, n, t, u, v, s):
     a, b = _basis_of(n)
     ix, iy, iz = _arriving(i, a, b, n)
-    means, lobe, rho = bsdfs.mean_fresnel, bsdfs.lobe[f], bsdfs.reflectance[f]
+    means, lobe, rho = bsdfs.once, bsdfs.lobe[f], bsdfs.reflectance[f]
     x, y, z = ggx.sample(means, lobe, rho, ix, iy, iz, u, v, s)
     red, green, blue, p = 0.0, 0.0, 0.0, 0.0
     share = ggx.gloss_share(means, lobe, rho, iz)

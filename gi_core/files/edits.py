@@ -15,7 +15,7 @@ import numpy as np
 
 from gi_core.base.grouping import components
 from gi_core.base.vectors import cross, dot
-from gi_core.bsdf.ggx import under_gloss
+from gi_core.bsdf.ggx import further_albedo, under_gloss
 from gi_core.files.completion.completion import complete
 from gi_core.files.completion.pilot import bottom_centre
 from gi_core.files.formats.materials_table import FINISH, checked, overridden
@@ -217,8 +217,9 @@ def finish_of(scene: Scene, surfaces: Surfaces, name: str, of_static: bool) -> V
     base = ("reflectance", three(np.minimum(area @ surfaces.reflectance[surfaces.face_range(o)] / area.sum(), 0.98)))
     if m.gloss is None:
         return (base,)
-    through = under_gloss(np.array([lobe_of(m.gloss)]))  # surfaces have the base's reflectance under gloss
-    found = as_metal_rough(np.array(base[1]) / max(float(through[0]), 1e-9), m.gloss)
+    row = np.array([lobe_of(m.gloss)])  # surfaces have the base's reflectance under gloss: base_albedo() inverted
+    further, through = further_albedo(row)[0], under_gloss(row)
+    found = as_metal_rough(np.maximum(np.array(base[1]) - further, 0) / np.maximum(through - further, 1e-9), m.gloss)
     colour = ("reflectance", three(np.minimum(found.base, 0.98)))
     return colour, ("metallic", found.metallic), ("roughness", found.roughness), ("ior", found.ior)
 

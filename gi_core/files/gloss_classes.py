@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gi_core.files.formats.file_parts import CHANNELS
 from gi_core.files.formats.metallic_roughness import is_diffuse, metallic_roughness
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import mean_colours
@@ -28,7 +29,7 @@ def with_gloss_classes(scene: Scene) -> Scene:
     out = list(scene.materials)
     static = _classed(scene.static, scene.materials, out)
     mobiles = tuple(m._replace(mesh=_classed(m.mesh, scene.materials, out)) for m in scene.mobiles)
-    worn = [m if m.varied is None else _with_gloss(m, *_means(m), np.array(m.reflectance)) for m in out]
+    worn = [m if m.varied is None else _mixed(m, np.ones(1), _even(m, 1), np.array([m.reflectance])) for m in out]
     return replace(scene, static=static, mobiles=mobiles, materials=tuple(worn))
 
 
@@ -37,22 +38,15 @@ def _classed(mesh: Mesh, given: Sequence[Material], out: list[Material]) -> Mesh
     varied = [k for k in np.unique(mesh.face_material) if given[k].varied is not None]
     if not varied:
         return mesh._replace(finish=None)
-    finish, base, areas = mesh.finish, _base_colours(mesh, given), np.maximum(face_normals(mesh)[1], 1e-300)
-    seen = None if finish is None else mean_colours(finish)[:, 1:]
+    base, areas = _base_colours(mesh, given), np.maximum(face_normals(mesh)[1], 1e-300)
+    texels = _texels(mesh, given)
     material, diffuse = mesh.face_material.copy(), np.ones(len(mesh.faces))
     for k in varied:
         m, rows = given[k], np.flatnonzero(mesh.face_material == k)
-        means = np.tile(_means(m), (len(rows), 1))
-        if finish is not None and seen is not None:
-            placed = finish.face_texture[rows] >= 0
-            means[placed] = seen[rows[placed]] * m.varied.factors
-        of = classes(np.c_[means, means[:, 1:] * base[rows]], areas[rows])
+        of = classes(_differing(m, texels[rows], base[rows]), areas[rows])
         for c in range(of.max() + 1):
             some = rows[of == c]
-            share = areas[some] / areas[some].sum()
-            roughness, metallic = share @ means[of == c]
-            metal = share @ (means[of == c, 1:] * base[some]) / max(metallic, 1e-12)
-            worn = _with_gloss(m, roughness, metallic, metal)
+            worn = _mixed(m, areas[some] / areas[some].sum(), texels[some], base[some])
             if out[k].varied is None:
                 material[some] = len(out)
                 out.append(worn)
@@ -64,6 +58,48 @@ def _classed(mesh: Mesh, given: Sequence[Material], out: list[Material]) -> Mesh
         paint = paint._replace(corner_colour=paint.corner_colour * diffuse[:, None, None].astype(np.float32))
     flat = None if flat is None else flat * diffuse[:, None]
     return mesh._replace(face_material=material, face_reflectance=flat, paint=paint, finish=None)
+
+
+def _texels(mesh: Mesh, materials: Sequence[Material]) -> np.ndarray:
+    """Return the mean of the textures of gloss (F, 8) over each face, in the order of Finish; 1 without a texture."""
+    out = np.ones((len(mesh.faces), sum(map(len, CHANNELS))))
+    for k in np.unique(mesh.face_material):
+        m, rows = materials[k], mesh.face_material == k
+        if m.varied is not None:
+            out[rows] = m.varied.means
+    first = 0
+    for paint, channels in zip(mesh.finish or (), CHANNELS, strict=False):
+        last = first + len(channels)
+        if paint is not None:
+            placed = paint.face_texture >= 0
+            out[placed, first:last] = mean_colours(paint, 1.0)[placed][:, channels]
+        first = last
+    return out
+
+
+def _even(material: Material, faces: int) -> np.ndarray:
+    return np.tile(material.varied.means, (faces, 1))
+
+
+def _differing(material: Material, texels: np.ndarray, base: np.ndarray) -> np.ndarray:
+    """Return what classes differ in: roughness, metallic, colour of metal, textures of the part that is no metal."""
+    metallic = material.varied.metallic * texels[:, 1:2]
+    rest = texels[:, 2:][:, np.ptp(texels[:, 2:], axis=0) > 0]
+    return np.c_[material.varied.roughness * texels[:, :1], metallic, metallic * base, (1 - metallic) * rest]
+
+
+def _mixed(material: Material, share: np.ndarray, texels: np.ndarray, base: np.ndarray) -> Material:
+    """Return the gloss of n triangles together: share (n,) of their area, texels (n, 8), base colour (n, 3)."""
+    v = material.varied
+    roughness, metallic = v.roughness * (share @ texels[:, 0]), v.metallic * (share @ texels[:, 1])
+    metal = share * v.metallic * texels[:, 1]
+    rest = share - metal
+    specular = v.specular * texels[:, 2:5]
+    f0, f90 = specular * np.minimum(np.array(v.f0) * texels[:, 5:], 1), specular.max(axis=1)
+    colour, f0, f90 = metal @ base / max(metal.sum(), 1e-12), *(rest @ x / max(rest.sum(), 1e-12) for x in (f0, f90))
+    if is_diffuse(metallic, roughness, f90, v.matte):
+        return material._replace(varied=None)
+    return metallic_roughness(material, float(metallic), float(roughness), f0, min(float(f90), 1.0), colour)
 
 
 def classes(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -91,12 +127,6 @@ def _variance(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return share @ (values - share @ values) ** 2
 
 
-def _means(material: Material) -> tuple[float, float]:
-    """Return the mean roughness and metallic of a varied material."""
-    v = material.varied
-    return v.factors[0] * v.mean[0], v.factors[1] * v.mean[1]
-
-
 def _base_colours(mesh: Mesh, materials: Sequence[Material]) -> np.ndarray:
     """Return the mean base colour (F, 3) of faces."""
     if mesh.face_reflectance is not None:
@@ -104,10 +134,3 @@ def _base_colours(mesh: Mesh, materials: Sequence[Material]) -> np.ndarray:
     if mesh.paint is not None:
         return mean_colours(mesh.paint)
     return np.array([m.reflectance for m in materials], np.float64)[mesh.face_material]
-
-
-def _with_gloss(material: Material, roughness: float, metallic: float, metal: np.ndarray) -> Material:
-    v = material.varied
-    if is_diffuse(metallic, roughness, v.f90):
-        return material._replace(varied=None)
-    return metallic_roughness(material, float(metallic), float(roughness), np.array(v.f0), v.f90, metal)

@@ -9,7 +9,7 @@ import numpy as np
 
 from gi_core.frames.background import Background
 from gi_core.frames.progress import Progress
-from gi_core.gather.gloss_gather import ROUNDS, GlossGather, GlossGathers
+from gi_core.gather.gloss_gather import GlossGather, GlossGathers
 from gi_core.gather.pose_gather import KEPT
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
 from gi_core.gloss.cells import GlossCells
@@ -87,7 +87,7 @@ class GatheredGloss:
         rows = np.concatenate([np.intersect1d(static, changed), rows[len(static) : cells.discs.first[objects]]])
         area = math.pi * b.setting.radius**2
         gather = self._gathers.begin(cells.discs, at, levels, rows, irradiance, area)
-        yield from (Progress(STAGE, gather.rounds / ROUNDS, new) for new in gather.steps())
+        yield from (Progress(STAGE, gather.rounds / gather.most, new) for new in gather.steps())
 
 
 def _averaged(light: np.ndarray, rows: np.ndarray, owner: np.ndarray, near: Neighbours) -> np.ndarray:

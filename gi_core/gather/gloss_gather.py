@@ -33,7 +33,8 @@ from gi_core.scene.pose import to_world_at
 STREAM = 0x6105  # separates these random numbers from those of photons and reference with the same seed
 LOG2_RAYS = 8  # of a receiver and round: four per cell
 RAYS = 1 << LOG2_RAYS
-ROUNDS = 4
+ROUNDS = 4  # of the static part without mobiles: its light is then averaged over discs
+ROUNDS_AT_POSES = 8  # light on mobiles is not
 PART = 16  # receivers per thread and call: 4,096 rays
 RECEIVERS_PER_STEP = 64  # some 30 ms
 MOST_DELTA = 64  # delta lights that a receiver samples per round
@@ -43,7 +44,7 @@ class GlossGather:
     """Directional light at n glossy receivers at one set of poses.
 
     rows (n,) int64, ascending: receivers. mean (n, CELLS, SUMS) float64: per cell its irradiance (3) [W/m2], and its
-    weight times direction (3) in the object's space, and weight, as in GlossCells. rounds: complete ones.
+    weight times direction (3) in the object's space, and weight, as in GlossCells. rounds: complete ones, of `most`.
     """
 
     def __init__(self, model: Model, seed: int, rows: np.ndarray, at: Transforms, lights: Lights, known: KnownLight):
@@ -52,6 +53,7 @@ class GlossGather:
         self._model, self._seed = model, (int(seed) ^ (STREAM << 40)) & (2**63 - 1)
         self._at, self._lights, self._known = at, lights, known
         receivers = model.object_receivers
+        self.most = ROUNDS if len(at.position) == 1 else ROUNDS_AT_POSES
         self._object = np.searchsorted(model.surfaces.first_receiver[1:], rows, side="right")
         self._normals = receivers.normals[rows]
         points, normals = (a[rows] for a in evaluation_points(model.surfaces, receivers))
@@ -62,7 +64,7 @@ class GlossGather:
     @property
     def enough(self) -> bool:
         """Whether gathering has ended."""
-        return self.rounds >= ROUNDS or not len(self.rows)
+        return self.rounds >= self.most or not len(self.rows)
 
     def steps(self) -> Iterator[bool]:
         """Gather until it is enough, in steps of some 30 ms; yields True where `mean` is new, an array of its own.
@@ -91,7 +93,7 @@ class GlossGather:
         world, size, k = model.world, model.world.size, part.stop - part.start
         far, gap = float(np.float32(FAR * size)), 4 * ORIGIN_LIFT * size
         own = self._normals[part], at.rotation[self._object[part]]
-        number = (self.rows[part] * ROUNDS + self.rounds)[:, None] * RAYS
+        number = (self.rows[part] * ROUNDS_AT_POSES + self.rounds)[:, None] * RAYS
         path = number + np.arange(RAYS)
         out, rays = np.zeros((k, CELLS, SUMS)), room_for_shadows(k * RAYS)
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gi_core.scene.types import Material, Mesh, Paint
+from gi_core.scene.types import Finish, Material, Mesh, Paint
 
 
 def plain_paint(mesh: Mesh, materials: Sequence[Material]) -> Paint:
@@ -32,11 +32,21 @@ def join_paints(meshes: Sequence[Mesh], materials: Sequence[Material]) -> Paint 
     return _joined([m.paint or plain_paint(m, materials) for m in meshes])
 
 
-def join_finishes(meshes: Sequence[Mesh]) -> Paint | None:
-    """Return the finish of the concatenated faces of several meshes; None if none has one."""
+def join_finishes(meshes: Sequence[Mesh]) -> Finish | None:
+    """Return the textures of gloss of the concatenated faces of several meshes; None if none has any."""
     if all(m.finish is None for m in meshes):
         return None
-    return _joined([m.finish or _untextured(np.ones((len(m.faces), 3, 3), np.float32)) for m in meshes])
+    white = [np.ones((len(m.faces), 3, 3), np.float32) for m in meshes]
+    layers = []
+    for paints in zip(*(m.finish or Finish() for m in meshes), strict=True):
+        some = any(p is not None for p in paints)
+        layers.append(_joined([p or _untextured(w) for p, w in zip(paints, white, strict=True)]) if some else None)
+    return Finish(*layers)
+
+
+def each_layer(finish: Finish | None, change: Callable[[Paint], Paint]) -> Finish | None:
+    """Return textures of gloss with every paint changed."""
+    return None if finish is None else Finish(*(None if p is None else change(p) for p in finish))
 
 
 def _joined(paints: list[Paint]) -> Paint:
@@ -50,9 +60,7 @@ def _joined(paints: list[Paint]) -> Paint:
     )
 
 
-def rows_of(paint: Paint | None, faces: np.ndarray) -> Paint | None:
+def rows_of(paint: Paint, faces: np.ndarray) -> Paint:
     """Return the paint of the given faces."""
-    if paint is None:
-        return None
     columns = (paint.face_texture, paint.corner_uv, paint.corner_colour)
     return Paint(paint.textures, *(c[faces] for c in columns))

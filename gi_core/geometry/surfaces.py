@@ -11,13 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.vectors import cross, dot, length
-from gi_core.bsdf.ggx import MOST_BASE, under_gloss
+from gi_core.bsdf.ggx import base_albedo
 from gi_core.bsdf.table import Table, Tables, join
 from gi_core.bsdf.tabulate import tabulate
 from gi_core.geometry.receivers import Receivers, build_receivers, no_receivers
 from gi_core.geometry.texture_filter import mean_colours
 from gi_core.scene.errors import SceneError
 from gi_core.scene.types import Gloss, Mesh, Paint, Scene
+
+MOST_SCALE = 2.0  # of paint under gloss: where facets add more than the base has, its texture does not show
 
 
 class Surfaces(NamedTuple):
@@ -79,11 +81,8 @@ def flatten(scene: Scene, with_receivers: bool = True) -> tuple[Surfaces, Receiv
             reflectance, paint = reflectance.copy(), _without(paint, tabulated, rho[mesh.face_material])
             reflectance[tabulated] = rho[mesh.face_material][tabulated]
         if (lobe[:, 4] >= 0).any():
-            share = under_gloss(lobe)[:, None]
-            reflectance = np.minimum(reflectance, np.where(share < 1, MOST_BASE, 1)) * share
-            if paint is not None:
-                colour = paint.corner_colour * share[:, None].astype(np.float32)
-                paint = paint._replace(corner_colour=colour)
+            given, reflectance = reflectance, base_albedo(lobe, reflectance)
+            paint = _repainted(paint, given, reflectance)
         paints.append(paint)
         sides = two_sided, front, back, built.patch + patch_count
         along = _tangents(normals, grain[mesh.face_material]) if tables else np.zeros((0, 3))
@@ -129,6 +128,16 @@ def tables_of(scene: Scene) -> dict[int, Table]:
             except ValueError as error:
                 raise SceneError(f'{scene.name}: material "{m.name}": {error}') from None
     return out
+
+
+def _repainted(paint: Paint | None, given: np.ndarray, wanted: np.ndarray) -> Paint | None:
+    """Return paint of mean colours `wanted` (F, 3) in place of `given`: scaled, or plain where most is added to it."""
+    if paint is None:
+        return None
+    paint = _without(paint, wanted.max(axis=1) > MOST_SCALE * given.max(axis=1), wanted)
+    scale = np.clip(wanted / np.maximum(given, 1e-12), 0, MOST_SCALE)
+    scale[wanted.max(axis=1) > MOST_SCALE * given.max(axis=1)] = 1.0
+    return paint._replace(corner_colour=paint.corner_colour * scale[:, None].astype(np.float32))
 
 
 def _without(paint: Paint | None, faces: np.ndarray, colour: np.ndarray) -> Paint | None:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base.vectors import cross, dot, every, greatest, length
+from gi_core.geometry.paint import each_layer
 from gi_core.geometry.receivers import weld
 from gi_core.geometry.slivers import cut_across
 from gi_core.geometry.surfaces import face_normals
@@ -75,7 +76,8 @@ def tessellate(mesh: Mesh, max_edge: float, longest: Callable | None = None, thi
         mesh.face_material[source],
         faces.normals,
         None if mesh.face_reflectance is None else mesh.face_reflectance[source],
-        *(None if paint is None else _painted(paint, source, faces.weights) for paint in (mesh.paint, mesh.finish)),
+        None if mesh.paint is None else _painted(mesh.paint, source, faces.weights),
+        each_layer(mesh.finish, lambda paint: _painted(paint, source, faces.weights)),
     )
 
 

@@ -22,14 +22,17 @@ CLAMPED_SIZE = 32  # texels: least size of clamped mipmaps, whose edges would bl
 REFLECTANCE = np.minimum(LINEAR, MOST_REFLECTANCE)
 
 
-def mean_colours(paint: Paint) -> np.ndarray:
-    """Return the mean reflectance (F, 3) float64 of each face: corner colours times textures, over its area."""
+def mean_colours(paint: Paint, most: float = MOST_REFLECTANCE) -> np.ndarray:
+    """Return the mean reflectance (F, 3) float64 of each face: corner colours times textures, over its area.
+
+    most: colours are limited to it.
+    """
     colour = paint.corner_colour.astype(np.float64)
-    result = np.minimum(colour.mean(axis=1), MOST_REFLECTANCE)
+    result = np.minimum(colour.mean(axis=1), most)
     for t, texture in enumerate(paint.textures):
         faces = np.flatnonzero(paint.face_texture == t)
         if len(faces):
-            result[faces] = _means(texture, paint.corner_uv[faces].astype(np.float64), colour[faces])
+            result[faces] = _means(texture, paint.corner_uv[faces].astype(np.float64), colour[faces], most)
     return result
 
 
@@ -60,7 +63,7 @@ def lookup(texture: Texture, uv: np.ndarray, across: np.ndarray, along: np.ndarr
     return out
 
 
-def _means(texture: Texture, uv: np.ndarray, colour: np.ndarray) -> np.ndarray:
+def _means(texture: Texture, uv: np.ndarray, colour: np.ndarray, most: float) -> np.ndarray:
     """Return the mean (n, 3) over each triangle uv (n, 3, 2), weighted by colours (n, 3, 3) at its corners."""
     chain = levels(texture)
     h, w = chain[0].shape[:2]
@@ -75,7 +78,7 @@ def _means(texture: Texture, uv: np.ndarray, colour: np.ndarray) -> np.ndarray:
     samples = np.clip(np.ceil(longest / 2.0**level), 1, np.ceil(fineness)).astype(np.int64)
     out = np.empty((len(uv), 3))
     u, v = (WRAPS[way] for way in texture.wrap)
-    table = LINEAR_BYTES if texture.linear else REFLECTANCE
+    table = LINEAR_BYTES if texture.linear else np.minimum(LINEAR, most)
     for k in np.unique(level):
         rows = np.flatnonzero(level == k)
         pixels, given = chain[k], (uv[rows], colour[rows], samples[rows])

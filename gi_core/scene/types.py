@@ -23,12 +23,17 @@ class Gloss(NamedTuple):
 
 
 class VariedFinish(NamedTuple):
-    """Metallic and roughness by a texture of `Mesh.finish`. The end of loading replaces it by materials with gloss."""
+    """Gloss by the textures of `Mesh.finish`. The end of loading replaces it by materials with gloss.
 
-    factors: tuple[float, float]  # of roughness and of metallic
-    mean: tuple[float, float]  # of the texture: roughness and metallic
-    f0: tuple[float, float, float]  # reflected share of light along the normal of the part that is no metal
-    f90: float  # of grazing light
+    The part that is no metal has F0 = specular x min(f0, 1) and F90 = specular.
+    """
+
+    roughness: float  # like the next three, a factor of its texture
+    metallic: float
+    f0: tuple[float, float, float]  # >= 0
+    specular: float
+    means: tuple[float, ...]  # (8,) of textures in the order of Finish, for faces without coordinates; 1: none
+    matte: float  # roughness from which gloss that is no metal's is left out
 
 
 class Material(NamedTuple):
@@ -71,6 +76,15 @@ class Paint(NamedTuple):
         return f"<Paint of {len(self.face_texture):,} triangles, {len(self.textures)} textures>"
 
 
+class Finish(NamedTuple):
+    """Textures of gloss, while a file is loaded; None: no face has one."""
+
+    roughness: Paint | None = None  # green
+    metallic: Paint | None = None  # blue
+    specular: Paint | None = None  # factor of F0, and by its largest channel of F90
+    tint: Paint | None = None  # factor of F0 alone
+
+
 class Mesh(NamedTuple):
     """Triangles. The front of a face is the side of (v1-v0) x (v2-v0)."""
 
@@ -80,7 +94,7 @@ class Mesh(NamedTuple):
     corner_normals: np.ndarray | None = None  # (F, 3, 3) float64 unit; None: from crease angles
     face_reflectance: np.ndarray | None = None  # (F, 3) float64; None: the paint's mean, else the material's
     paint: Paint | None = None  # None: each face of one colour
-    finish: Paint | None = None  # while a file is loaded: green is roughness, blue metallic, of varied materials
+    finish: Finish | None = None  # while a file is loaded: textures of varied materials
 
     def __repr__(self) -> str:
         return f"<Mesh of {len(self.faces):,} triangles, {len(self.vertices):,} vertices>"

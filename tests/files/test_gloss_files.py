@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gi_core.bsdf.ggx import gloss_albedo, under_gloss
+from gi_core.bsdf.ggx import base_albedo, further_albedo, gloss_albedo, under_gloss
 from gi_core.bsdf.models import lobe
 from gi_core.files.formats.metallic_roughness import MATTE, as_metal_rough, metallic_roughness
 from gi_core.files.load import load_scene
@@ -35,9 +35,12 @@ def test_gltf_plastic_mixes_with_metal(tmp_path):
     pbr = {"baseColorFactor": [0.8, 0.4, 0.2, 1], "metallicFactor": 0.25, "roughnessFactor": 0.3}
     found = gltf_material(tmp_path, pbr)
     assert found.gloss.f0 == pytest.approx((0.23, 0.13, 0.08)) and found.gloss.alpha == pytest.approx(0.09)
-    # The coat alone lets 0.84 of the light through, the mixture 0.66: the base of 3/4 the colour is that much larger.
-    through, mixed = under_gloss(np.array([[0.04, 0.04, 0.04, 1.0, 0.09], [*found.gloss.f0, 1.0, 0.09]]))
-    assert found.reflectance == pytest.approx(np.array((0.6, 0.3, 0.15)) * through / mixed)
+    # The coat alone lets 0.93 of the light through, the mixture 0.75: the base of 3/4 the colour is that much larger.
+    lobes = np.array([[0.04, 0.04, 0.04, 1.0, 0.09], [*found.gloss.f0, 1.0, 0.09], [0.8, 0.4, 0.2, 1.0, 0.09]])
+    (through, mixed, _), further = under_gloss(lobes), further_albedo(lobes)
+    assert through == pytest.approx(0.93, abs=0.01) and mixed == pytest.approx(0.75, abs=0.01)
+    parts = 0.75 * (np.array((0.8, 0.4, 0.2)) * (through - further[0]) + further[0]) + 0.25 * further[2]
+    assert found.reflectance == pytest.approx((parts - further[1]) / (mixed - further[1]))
     assert as_metal_rough(np.array(found.reflectance), found.gloss).metallic == pytest.approx(0.25)
 
 
@@ -49,9 +52,38 @@ def test_a_mixture_reflects_the_sum_of_its_parts(metallic, roughness):
     def albedo(m):
         found = metallic_roughness(Material("m", (0.8, 0.4, 0.2)), m, roughness)
         lobe = np.array([[*found.gloss.f0, found.gloss.f90, found.gloss.alpha]])
-        return (np.array(found.reflectance) * under_gloss(lobe) + gloss_albedo(lobe))[0]
+        return (base_albedo(lobe, np.array([found.reflectance])) + gloss_albedo(lobe))[0]
 
     assert albedo(metallic) == pytest.approx(metallic * albedo(1.0) + (1 - metallic) * albedo(0.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("metallic", [0.05, 0.25, 0.5, 0.75, 0.95, 1.0])
+@pytest.mark.parametrize("roughness", [0.1, 0.5, 0.8, 1.0])
+def test_a_mixture_is_parted_again(metallic, roughness):
+    material = metallic_roughness(Material("m", (0.8, 0.4, 0.2)), metallic, roughness)
+    found = as_metal_rough(np.array(material.reflectance), material.gloss)
+    assert found.metallic == pytest.approx(metallic, abs=1e-5)
+    assert found.base == pytest.approx((0.8, 0.4, 0.2), abs=1e-4)
+
+
+@pytest.mark.parametrize("metallic", [0.5, 1.0])
+def test_light_of_rough_metal_has_no_step(tmp_path, metallic):
+    """Albedo falls with roughness, by less than 0.03 per 0.05, up to roughness 1."""
+    albedos = []
+    for k in range(11):
+        pbr = {"baseColorFactor": [0.8, 0.5, 0.2, 1], "metallicFactor": metallic, "roughnessFactor": 0.5 + 0.05 * k}
+        found = gltf_material(tmp_path, pbr)
+        lobe = np.array([[*found.gloss.f0, found.gloss.f90, found.gloss.alpha]])
+        albedos.append((base_albedo(lobe, np.array([found.reflectance])) + gloss_albedo(lobe))[0])
+    steps = -np.diff(albedos, axis=0)
+    assert (steps > 0).all() and (steps < 0.03).all()
+
+
+def test_a_material_without_a_choice_is_diffuse(tmp_path):
+    """The format's default is metal of roughness 1: files that name neither mean paint."""
+    found = gltf_material(tmp_path, {"baseColorFactor": [0.8, 0.5, 0.2, 1]})
+    assert found.gloss is None and found.reflectance == pytest.approx((0.8, 0.5, 0.2))
+    assert gltf_material(tmp_path, {"metallicFactor": 1.0}).gloss.alpha == 1.0
 
 
 def test_gltf_ior_and_specular(tmp_path):

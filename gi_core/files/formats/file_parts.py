@@ -6,7 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.scene.types import Camera, Light, Material, Texture
+from gi_core.scene.types import Camera, Finish, Light, Material, Texture
+
+CHANNELS = (1,), (2,), (0, 1, 2), (0, 1, 2)  # of the textures of Finish that count: eight in all
+
+
+class Placed(NamedTuple):
+    """A texture on the faces of a part."""
+
+    texture: np.ndarray  # (F,) int64 into FileParts.finishes, -1: none
+    uv: np.ndarray  # (F, 3, 2) as Part.corner_uv
 
 
 class Part(NamedTuple):
@@ -19,8 +28,7 @@ class Part(NamedTuple):
     corner_colour: np.ndarray | None = None  # (F, 3, 3) linear; None: that of the material, white under a texture
     face_texture: np.ndarray | None = None  # (F,) int64 into FileParts.textures, -1: none
     corner_uv: np.ndarray | None = None  # (F, 3, 2), v downwards; as good as zero where there is no texture
-    face_finish: np.ndarray | None = None  # (F,) int64 into FileParts.finishes, textures of roughness and metallic
-    corner_finish_uv: np.ndarray | None = None  # (F, 3, 2) as corner_uv
+    finish: tuple[Placed | None, ...] = (None,) * len(Finish._fields)  # textures of gloss, in the order of Finish
 
 
 class FileParts(NamedTuple):

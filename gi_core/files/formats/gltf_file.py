@@ -11,18 +11,19 @@ from pathlib import Path
 import numpy as np
 
 from gi_core.files.formats.boundary import Boundary
-from gi_core.files.formats.file_parts import FileParts, Part
+from gi_core.files.formats.file_parts import FileParts, Part, Placed
 from gi_core.files.formats.gltf_buffers import Document
 from gi_core.files.formats.gltf_lights import node_camera, node_light
-from gi_core.files.formats.metallic_roughness import is_diffuse, metallic_roughness
+from gi_core.files.formats.metallic_roughness import MATTE, is_diffuse, metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, Images
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import three
-from gi_core.scene.types import Material, Texture, VariedFinish
+from gi_core.scene.types import Material, VariedFinish
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 NEAREST = 9728
-NO_FINISH = "gloss is even where its texture is missing"
+CHOSEN = {"metallicFactor", "roughnessFactor", "metallicRoughnessTexture"}  # without any, a material is diffuse
+FINISH_VALUES = "linear", "linear", "alpha", "sRGB"  # of the textures of Finish
 WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 
 
@@ -45,8 +46,6 @@ class _Reader:
         self.notes = document.notes
         self.images = Images(document.boundary)
         self.materials = [self._material(i, m) for i, m in enumerate(self.json.get("materials", []))]
-        self.finishes: dict[int, int] = {}  # glTF texture of roughness and metallic -> index into finish_textures
-        self.finish_textures: list[Texture] = []
         self.plain = None  # index of the material for primitives without one
         self.parts, self.lights, self.camera = [], [], None
         self.world = {}  # node -> (4, 4)
@@ -81,7 +80,7 @@ class _Reader:
                 self.camera = node_camera(self.json, node, matrix)
         self.notes += self.images.notes()
         textures = tuple(self.images.textures)
-        finishes = tuple(self.finish_textures)
+        finishes = tuple(self.images.finishes)
         return FileParts(self.parts, self.materials, self.lights, self.camera, "y", self.notes, textures, finishes)
 
     def _primitive(self, node, matrix, primitive, what):
@@ -118,7 +117,7 @@ class _Reader:
         faces = faces[self._there(index, attributes, faces)]
         normals = None if n is None else n[faces]
         paint, finish = self._paint(index, attributes, faces), self._finish(index, attributes, faces)
-        self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, *paint, *finish))
+        self.parts.append(Part(p, faces, np.full(len(faces), index, np.int64), normals, *paint, finish))
 
     def _take(self, what: str, amount: int = 1) -> None:
         self.document.boundary.take(self.document.where, what, amount)
@@ -161,21 +160,26 @@ class _Reader:
                 colour = factor * np.clip(vertex[faces], 0, 1)
         return colour, texture, uv
 
-    def _finish(self, index: int, attributes: dict, faces: np.ndarray):
-        """Return face finishes and their corner coordinates, None each where the material is even."""
+    def _finish(self, index: int, attributes: dict, faces: np.ndarray) -> tuple[Placed | None, ...]:
+        """Return the textures of gloss on faces, in the order of Finish; None where the material is even."""
+        placed: list[Placed | None] = [None] * len(FINISH_VALUES)
         if self.materials[index].varied is None:
-            return None, None
-        reference = self.json["materials"][index]["pbrMetallicRoughness"]["metallicRoughnessTexture"]
-        name, transform = _coordinates(reference)
-        if name not in attributes:
-            return None, None
-        texture = reference["index"]
-        if texture not in self.finishes:
-            self.finishes[texture] = len(self.finish_textures)
-            pixels = self.images.pixels(*self._image(texture), NO_FINISH)
-            self.finish_textures.append(Texture(pixels, self._wrap(texture), linear=True))
-        uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
-        return np.full(len(faces), self.finishes[texture]), uv
+            return tuple(placed)
+        references = _finish_references(self.json["materials"][index])
+        for k, (reference, values) in enumerate(zip(references, FINISH_VALUES, strict=True)):
+            found = self._finish_texture(reference, values)
+            name, transform = _coordinates(reference or {})
+            if found is not None and name in attributes:
+                uv = _transform_uv(self.document.accessor(attributes[name]), transform)[faces]
+                placed[k] = Placed(np.full(len(faces), found), uv)
+        return tuple(placed)
+
+    def _finish_texture(self, reference: dict | None, values: str) -> int | None:
+        """Return the index of a texture of gloss among those read, None if there is none or it cannot be read."""
+        if reference is None:
+            return None
+        index = reference["index"]
+        return self.images.finish(*self._image(index), self._wrap(index), values)
 
     def _material(self, i: int, m: dict) -> Material:
         pbr = m.get("pbrMetallicRoughness", {})
@@ -194,29 +198,32 @@ class _Reader:
             self.notes.append(f'material "{name}" is transparent in the file: taken as opaque{holes}')
         base = np.array(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3], np.float64).reshape(3)
         plain = Material(name, three(base), three(emission), bool(m.get("doubleSided", False)))
-        return plain if "KHR_materials_unlit" in extensions else self._glossy(plain, pbr, extensions)
+        return plain if "KHR_materials_unlit" in extensions else self._glossy(plain, m)
 
-    def _glossy(self, plain: Material, pbr: dict, extensions: dict) -> Material:
+    def _glossy(self, plain: Material, described: dict) -> Material:
         """Return the material with the gloss of its metallic-roughness description."""
+        pbr, extensions = described.get("pbrMetallicRoughness", {}), described.get("extensions", {})
+        if not pbr.keys() & CHOSEN:
+            return plain
         metallic, roughness = (float(np.clip(pbr.get(f"{key}Factor", 1.0), 0, 1)) for key in ("metallic", "roughness"))
         ior = max(float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5)), 1.0)
         specular = extensions.get("KHR_materials_specular", {})
         strength = float(np.clip(specular.get("specularFactor", 1.0), 0, 1))
         tint = np.clip(np.array(specular.get("specularColorFactor", [1, 1, 1]), np.float64).reshape(3), 0, None)
-        f0 = np.minimum(((ior - 1) / (ior + 1)) ** 2 * tint, 1) * strength
-        if "metallicRoughnessTexture" in pbr and (metallic > 0 or roughness > 0):
-            image = self.images.pixels(*self._image(pbr["metallicRoughnessTexture"]["index"]), NO_FINISH)
-            if image is not None:
-                # Values of this image are linear: green is roughness, blue is metal.
-                mean = tuple(float(x) for x in image[..., 1:].mean(axis=(0, 1)) / 255)
-                return plain._replace(varied=VariedFinish((roughness, metallic), mean, three(f0), strength))
+        tint = tint * ((ior - 1) / (ior + 1)) ** 2
+        if "metallicRoughnessTexture" not in pbr and is_diffuse(metallic, roughness, strength):
+            return plain
+        found = [self._finish_texture(*of) for of in zip(_finish_references(described), FINISH_VALUES, strict=True)]
+        if any(k is not None for k in found):
+            means = self.images.finish_means(found)
+            return plain._replace(varied=VariedFinish(roughness, metallic, three(tint), strength, means, MATTE))
         if is_diffuse(metallic, roughness, strength):
             return plain
         colour = np.array(plain.reflectance)
         if "baseColorTexture" in pbr:
             image = self.images.pixels(*self._image(pbr["baseColorTexture"]["index"]), "a metal is grey without it")
             colour = colour * (MISSING if image is None else self.images.mean(image))
-        return metallic_roughness(plain, metallic, roughness, f0, strength, colour)
+        return metallic_roughness(plain, metallic, roughness, np.minimum(tint, 1) * strength, strength, colour)
 
     def _texture(self, index: int, cut) -> int | None:
         """Return the index of a texture among those read, None if it cannot be."""
@@ -234,7 +241,11 @@ class _Reader:
 
     def _image(self, texture: int):
         """Return the name of a texture's image and the function that reads its bytes."""
-        described = self.json["textures"][texture]
+        textures = self.json.get("textures", [])
+        if type(texture) is not int or not 0 <= texture < len(textures):
+            rule = f"a material must name a texture by its number, 0 to {len(textures) - 1}"
+            raise SceneError(f"{self.document.where}: {rule}, got {texture!r}; add the texture, or correct the index")
+        described = textures[texture]
         # Some files name the image by an extension for its format alone: Pillow reads most of them.
         extended = (e["source"] for e in described.get("extensions", {}).values() if "source" in e)
         source = described.get("source", next(extended, None))
@@ -302,6 +313,13 @@ def _triangles(order: np.ndarray, mode: int) -> np.ndarray:
         return np.stack([np.broadcast_to(order[:1], k.shape), order[k + 1], order[k + 2]], axis=1)
     odd = k % 2  # every other triangle of a strip runs the other way round
     return np.stack([order[k], order[k + 1 + odd], order[k + 2 - odd]], axis=1)
+
+
+def _finish_references(material: dict) -> tuple[dict | None, ...]:
+    """Return the references to textures of gloss, in the order of Finish."""
+    both = material.get("pbrMetallicRoughness", {}).get("metallicRoughnessTexture")
+    specular = material.get("extensions", {}).get("KHR_materials_specular", {})
+    return both, both, specular.get("specularTexture"), specular.get("specularColorTexture")
 
 
 def _coordinates(reference: dict) -> tuple[str, dict]:

@@ -14,18 +14,18 @@ import numpy as np
 from gi_core.base.grouping import order_of
 from gi_core.base.vectors import box, cross, dot, every, greatest, length
 from gi_core.files.formats.boundary import MOST_AT_VERTEX, Boundary
-from gi_core.files.formats.file_parts import FileParts, Part
+from gi_core.files.formats.file_parts import FileParts, Part, Placed
 from gi_core.files.formats.gltf_file import read_gltf
 from gi_core.files.formats.obj_file import read_obj
 from gi_core.files.formats.trimesh_file import read_with_trimesh
 from gi_core.files.formats.winding import faces_to_turn, with_turned
-from gi_core.geometry.paint import rows_of
+from gi_core.geometry.paint import each_layer, rows_of
 from gi_core.geometry.receivers import build_receivers, weld
 from gi_core.geometry.surfaces import face_normals
 from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.errors import SceneError, one_line
 from gi_core.scene.rules import LARGEST
-from gi_core.scene.types import Camera, Light, Material, Mesh, Paint
+from gi_core.scene.types import Camera, Finish, Light, Material, Mesh, Paint
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 DEGENERATE = 1e-7  # of the mesh's extent: a face lower than that is a line (float32 files cannot say it better)
@@ -109,11 +109,12 @@ def _clean(read: FileParts, where: str) -> MeshFile:
     if not len(keep):
         raise SceneError(f"{where}: every triangle of the mesh has zero area; is it compressed or flattened?")
     material = _two_sided_copies(material, sided, materials)
+    paint = _paint(read, parts, materials)
     mesh = Mesh(vertices, faces[keep].astype(np.int32), material[keep].astype(np.int32))
     mesh = mesh._replace(
         corner_normals=_corner_normals(mesh, parts, part_of[keep], keep, notes),
-        paint=rows_of(_paint(read, parts, materials), keep),
-        finish=rows_of(_finish(read, parts), keep),
+        paint=None if paint is None else rows_of(paint, keep),
+        finish=each_layer(_finish(read, parts), lambda paint: rows_of(paint, keep)),
     )
     return MeshFile(compact(mesh), materials, list(read.lights), read.camera, read.up, [one_line(n) for n in notes])
 
@@ -130,7 +131,7 @@ def _tamed(part: Part) -> Part:
         vertices=np.where(used[:, None], part.vertices, part.vertices[part.faces[0, 0]]),
         corner_normals=None if normals is None else np.clip(np.nan_to_num(normals), -FARTHEST, FARTHEST),
         corner_uv=_tamed_uv(part.corner_uv),
-        corner_finish_uv=_tamed_uv(part.corner_finish_uv),
+        finish=tuple(p and p._replace(uv=_tamed_uv(p.uv)) for p in part.finish),
     )
 
 
@@ -247,14 +248,18 @@ def _textured(part: Part) -> np.ndarray:
     return np.zeros(len(part.faces), bool) if part.face_texture is None else part.face_texture >= 0
 
 
-def _finish(read: FileParts, parts: list[Part]) -> Paint | None:
-    """Return textures of roughness and metallic on the faces of all parts, None if no part has any."""
-    if all(p.face_finish is None for p in parts):
+def _finish(read: FileParts, parts: list[Part]) -> Finish | None:
+    """Return the textures of gloss on the faces of all parts, None if no part has any."""
+    layers = [_layer(read, [p.finish[k] for p in parts], parts) for k in range(len(Finish._fields))]
+    return None if all(paint is None for paint in layers) else Finish(*layers)
+
+
+def _layer(read: FileParts, placed: list[Placed | None], parts: list[Part]) -> Paint | None:
+    if all(p is None for p in placed):
         return None
     counts = [len(p.faces) for p in parts]
-    none, nowhere = np.full(max(counts), -1), np.zeros((max(counts), 3, 2))
-    texture = [none[:n] if p.face_finish is None else p.face_finish for p, n in zip(parts, counts, strict=True)]
-    uv = [nowhere[:n] if p.corner_finish_uv is None else p.corner_finish_uv for p, n in zip(parts, counts, strict=True)]
+    texture = [np.full(n, -1) if p is None else p.texture for p, n in zip(placed, counts, strict=True)]
+    uv = [np.zeros((n, 3, 2)) if p is None else p.uv for p, n in zip(placed, counts, strict=True)]
     return Paint(
         read.finishes,
         np.concatenate(texture).astype(np.int32),

@@ -1,8 +1,8 @@
 """Gloss by base colour, metallic and roughness, as glTF 2.0 (appendix B) defines them; alpha is roughness squared.
 
 glTF mixes a metal and a plastic: metallic m of the light meets the metal, the rest a coat over the base colour. One
-lobe has the F of the mixture. It would let 1 - F of the mixture through to the base, less than the coat does alone.
-The base's reflectance is therefore larger by the ratio of both (docs/decisions/038).
+lobe has the F of the mixture. Its base is the one with which the mixture reflects the sum of both parts
+(docs/decisions/038, 040).
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.bsdf.ggx import under_gloss
+from gi_core.bsdf.ggx import base_albedo, further_albedo, under_gloss
+from gi_core.geometry.texture_filter import MOST_REFLECTANCE
 from gi_core.scene.pose import three
 from gi_core.scene.types import Gloss, Material
 
 COAT = 0.04  # reflected share of light along the normal of the part that is no metal, in glTF
-DULL = 0.9  # roughness above which metal is diffuse too: facets that reflect several times return its colour
 LEAST_METAL = 0.02  # less is taken as none
 MATTE = 0.5  # roughness from which gloss that is no metal's is left out: exporters write 0.5 where nothing was chosen
+ROUNDS = 40  # that part a surface into metal and coat: to 1e-9
 MOST_COAT = 0.2  # of a grey coat of another index of refraction; more is metal's
 
 
@@ -40,8 +41,22 @@ def metallic_roughness(
     coat = np.broadcast_to(np.minimum(f0, 1.0), 3)
     alpha, mixed = roughness * roughness, metal + (1 - metallic) * coat
     gloss = Gloss(three(mixed), alpha, metallic + (1 - metallic) * f90)
-    share = (1 - metallic) * (_passed(coat, f90, alpha) / _passed(mixed, gloss.f90, alpha) if 0 < metallic < 1 else 1.0)
-    return material._replace(reflectance=three(min(share, 1.0) * base), gloss=gloss, varied=None)
+    if metallic > 0:
+        parts = metallic * _base(base, metal / metallic, 1.0, alpha, 0.0) + (1 - metallic) * _base(
+            base, coat, f90, alpha
+        )
+        further, through = _further(mixed, gloss.f90, alpha), _passed(mixed, gloss.f90, alpha)
+        base = np.clip((parts - further) / np.maximum(through - further, 1e-9), 0, MOST_REFLECTANCE)
+    return material._replace(reflectance=three(base), gloss=gloss, varied=None)
+
+
+def _base(reflectance: np.ndarray, f0: np.ndarray, f90: float, alpha: float, share: float = 1.0) -> np.ndarray:
+    """Return base_albedo() (3,) of one lobe over a share of a reflectance (3,)."""
+    return base_albedo(np.array([[*f0, f90, alpha]]), share * reflectance[None])[0]
+
+
+def _further(f0: np.ndarray, f90: float, alpha: float) -> np.ndarray:
+    return further_albedo(np.array([[*f0, f90, alpha]]))[0]
 
 
 def _passed(f0: np.ndarray, f90: float, alpha: float) -> float:
@@ -49,9 +64,9 @@ def _passed(f0: np.ndarray, f90: float, alpha: float) -> float:
     return max(float(under_gloss(np.array([[*f0, f90, alpha]]))[0]), 1e-9)
 
 
-def is_diffuse(metallic: float, roughness: float, f90: float) -> bool:
-    """Return whether the gloss of a glTF material is left out."""
-    return roughness > DULL or (metallic < LEAST_METAL and (roughness >= MATTE or f90 == 0))
+def is_diffuse(metallic: float, roughness: float, f90: float, matte: float = MATTE) -> bool:
+    """Return whether the gloss of a material is left out."""
+    return metallic < LEAST_METAL and (roughness >= matte or f90 == 0)
 
 
 class MetalRough(NamedTuple):
@@ -73,10 +88,15 @@ def as_metal_rough(reflectance: np.ndarray, gloss: Gloss) -> MetalRough:
     f = float(f0.mean())
     if np.ptp(f0) < 1e-6 and f <= MOST_COAT:
         return MetalRough(rho, 0.0, roughness, (1 + math.sqrt(f)) / (1 - math.sqrt(f)))
-    # f = m / (1 - m) rho + (1 - m) COAT, for the share 1 - m and rho under the coat alone.
-    rho *= _passed(f0, gloss.f90, gloss.alpha) / _passed(np.full(3, COAT), 1.0, gloss.alpha)
-    both = float(rho.mean()) + f
-    rest = (both - math.sqrt(max(both * both - 4 * COAT * float(rho.mean()), 0.0))) / (2 * COAT)
-    metallic = 1 - min(max(rest, 0.0), 1.0)
-    base = f0 if metallic == 1 else np.clip(rho / (1 - metallic), 0, 1)
-    return MetalRough(base, metallic, roughness, 1.5)
+    # f = m b + (1 - m) COAT for the base colour b, and (1 - m) b is what the coat alone would have to cover.
+    coat, further = np.full(3, COAT), _further(f0, gloss.f90, gloss.alpha)
+    whole = further + (_passed(f0, gloss.f90, gloss.alpha) - further) * rho
+    share, metallic, base = _passed(coat, 1.0, gloss.alpha) - _further(coat, 1.0, gloss.alpha), 1.0, f0
+    for _ in range(ROUNDS):
+        parts = metallic * _further(base, 1.0, gloss.alpha) + (1 - metallic) * _further(coat, 1.0, gloss.alpha)
+        rho = np.maximum(whole - parts, 0) / share
+        both = float(rho.mean()) + f
+        rest = (both - math.sqrt(max(both * both - 4 * COAT * float(rho.mean()), 0.0))) / (2 * COAT)
+        metallic = 1 - min(max(rest, 0.0), 1.0)
+        base = np.clip((f0 - (1 - metallic) * COAT) / max(metallic, 1e-9), 0, 1)
+    return MetalRough(base if metallic > 0.5 else np.clip(rho / (1 - metallic), 0, 1), metallic, roughness, 1.5)

@@ -9,19 +9,23 @@ from __future__ import annotations
 import math
 import os
 from array import array
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.files.formats.boundary import Boundary, text_of
-from gi_core.files.formats.file_parts import FileParts, Part
-from gi_core.files.formats.metallic_roughness import metallic_roughness
+from gi_core.files.formats.file_parts import FileParts, Part, Placed
+from gi_core.files.formats.metallic_roughness import COAT, metallic_roughness
 from gi_core.files.formats.texture_images import MISSING, Images, find
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import three
-from gi_core.scene.types import Gloss, Material
+from gi_core.scene.types import Gloss, Material, VariedFinish
 
 NO_MATERIAL = "default"
+FINISH_MAPS = "map_Pr", "map_Pm", "map_Ks", None  # in the order of Finish
+MAPS = {"map_Kd", "map_Ke", "map_d", *FINISH_MAPS[:3]}
 NUMBERS = {"Ns": (0.0, 1e6), "Pm": (0.0, 1.0), "Pr": (0.0, 1.0), "illum": (0.0, 10.0)}  # ranges of a material's numbers
 LEAST_SPECULAR, LEAST_EXPONENT = 0.01, 2.0  # of Ks and Ns; less is diffuse
 
@@ -74,14 +78,26 @@ def read_obj(path: Path, data: bytes, where: str, boundary: Boundary) -> FilePar
     if missing:
         notes.append(f"no definition of material {', '.join(missing)}: taken as grey 0.7")
     normals = directions[ids] if len(vn) and len(ids) and ids.min() >= 0 else None
-    texture, uv = _texture_coordinates(names, library, material, placed, uv_ids)
-    part = Part(vertices, faces, material, normals, None, texture, uv)
-    return FileParts([part], materials, [], None, "y", notes + images.notes(), tuple(images.textures))
+    entries = [library.get(n) or _Entry(n) for n in names]
+    colour, finish = _textures_of(entries, material, placed, uv_ids)
+    part = Part(vertices, faces, material, normals, None, *(colour or (None, None)), finish)
+    textures = tuple(images.textures), tuple(images.finishes)
+    return FileParts([part], materials, [], None, "y", notes + images.notes(), *textures)
 
 
 def _joined(data: bytes) -> str:
     """Return text whose continued lines are joined."""
     return text_of(data, "replace").replace("\\\n", " ")
+
+
+class _Map(NamedTuple):
+    """An image that a line names."""
+
+    name: str
+    load: Callable[[], bytes]
+    wrap: tuple[str, str]
+    scale: tuple[float, float]  # of texture coordinates, like the next; v upwards
+    offset: tuple[float, float]
 
 
 class _Entry:
@@ -91,24 +107,35 @@ class _Entry:
         self.name, self.kd, self.ke = name, (0.7, 0.7, 0.7), (0.0, 0.0, 0.0)
         self.ks, self.ns, self.illum = (0.0, 0.0, 0.0), 0.0, 2  # Phong's colour and exponent; 0, 1: without them
         self.pm, self.pr = 0.0, None  # metallic and roughness, of the PBR extension
-        self.picture: tuple | None = None  # name, loader and wrapping of map_Kd
-        self.mask: tuple | None = None  # name and loader of map_d: where the surface is
+        self.maps: dict[str, _Map] = {}  # by the line's first word
         self.dissolved = False  # the file says that it is transparent all over
         self.texture: int | None = None  # into Images.textures
         self.missing = False  # the texture
-        self.scale, self.offset = (1.0, 1.0), (0.0, 0.0)  # of texture coordinates, v upwards
+        self.finish: tuple[int | None, ...] = (None,) * len(FINISH_MAPS)  # into Images.finishes
+        self.means: tuple[float, ...] = ()  # of these, as VariedFinish has them
 
     @property
     def material(self) -> Material:
         plain = Material(self.name, (MISSING,) * 3 if self.missing else self.kd, self.ke, two_sided=True)
-        if self.pr is not None:
-            return metallic_roughness(plain, self.pm, self.pr)
-        if self.illum < 2 or max(self.ks) < LEAST_SPECULAR or self.ns < LEAST_EXPONENT:
+        # A map stands in place of its number: exporters leave that at anything.
+        mapped_pr, mapped_pm, mapped_ks, _ = (k is not None for k in self.finish)
+        if self.pr is not None or mapped_pr:
+            roughness, metallic = 1.0 if mapped_pr else self.pr, 1.0 if mapped_pm else self.pm
+            if mapped_pr or mapped_pm:
+                return plain._replace(varied=self._varied(roughness, metallic, (COAT,) * 3))
+            return metallic_roughness(plain, metallic, roughness)
+        ks = self.means[2:5] if mapped_ks else self.ks
+        if self.illum < 2 or max(ks) < LEAST_SPECULAR or self.ns < LEAST_EXPONENT:
             return plain
         # Microfacets whose lobe is as wide as that of the exponent (Walter et al. 2007); the sum stays below 1.
-        rest, alpha = 1 - max(self.ks), math.sqrt(2 / (self.ns + 2))
-        kd = three(min(c, rest) for c in plain.reflectance)
-        return plain._replace(reflectance=kd, gloss=Gloss(self.ks, alpha, max(self.ks)))
+        rest, alpha = 1 - max(ks), math.sqrt(2 / (self.ns + 2))
+        plain = plain._replace(reflectance=three(min(c, rest) for c in plain.reflectance))
+        if mapped_ks:
+            return plain._replace(varied=self._varied(math.sqrt(alpha), 0.0, (1.0,) * 3))
+        return plain._replace(gloss=Gloss(ks, alpha, max(ks)))
+
+    def _varied(self, roughness: float, metallic: float, f0: tuple[float, float, float]) -> VariedFinish:
+        return VariedFinish(roughness, metallic, f0, 1.0, self.means, math.inf)
 
 
 def _numbers(text: str, n: int) -> list[float]:
@@ -163,25 +190,36 @@ def _read_library(obj: Path, name: str, where: str, notes, images: Images, bound
             setattr(entry, words[0].lower(), min(max(low, float(words[1])), high))
         elif entry is not None and words[0] in ("d", "Tr") and len(words) > 1 and _is_number(words[-1]):
             entry.dissolved = 0 < float(words[-1]) < 1  # exporters disagree about the meaning of 0 and 1 in Tr
-        elif entry is not None and words[0] in ("map_Kd", "map_Ke", "map_d", "map_D") and len(words) > 1:
+        elif entry is not None and _map_of(words[0]) in MAPS and len(words) > 1:
             _read_map(entry, words, images, [found.parent, obj.parent], boundary, notes)
     for entry in entries.values():
-        _make_texture(entry, images)
+        _make_textures(entry, images)
     dissolved = [f'"{e.name}"' for e in entries.values() if e.dissolved]
     if dissolved:
         notes.append(f"transparent in the file, taken as opaque: {', '.join(dissolved)}")
     return entries
 
 
-def _make_texture(entry: _Entry, images: Images) -> None:
-    """Give a material its texture: its picture, or its colour where there is a mask alone."""
-    if entry.picture is not None:
-        name, load, wrap = entry.picture
-        entry.texture = images.texture(name, load, wrap, mask=entry.mask)
+def _map_of(word: str) -> str:
+    return "map_d" if word == "map_D" else word
+
+
+def _make_textures(entry: _Entry, images: Images) -> None:
+    """Give a material its textures: its picture, or its colour where there is a mask alone, and those of gloss."""
+    picture, mask = entry.maps.get("map_Kd"), entry.maps.get("map_d")
+    if picture is not None:
+        masked = None if mask is None else (mask.name, mask.load)
+        entry.texture = images.texture(picture.name, picture.load, picture.wrap, mask=masked)
         entry.missing = entry.texture is None
-    elif entry.mask is not None:
-        name, load = entry.mask
-        entry.texture = images.plain(entry.kd, name, load)
+    elif mask is not None:
+        entry.texture = images.plain(entry.kd, mask.name, mask.load)
+    rough = entry.pr is not None or "map_Pr" in entry.maps
+    found: list[int | None] = []
+    for k, word in enumerate(FINISH_MAPS):
+        given = entry.maps.get(word or "") if rough == (k < 2) else None
+        values = "linear" if k < 2 else "sRGB"
+        found.append(None if given is None else images.finish(given.name, given.load, given.wrap, values))
+    entry.finish, entry.means = tuple(found), images.finish_means(found)
 
 
 MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-mm": 2, "-boost": 1, "-texres": 1, "-imfchan": 1, "-type": 1}
@@ -189,16 +227,14 @@ MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-mm": 2, "-boost": 1, "-te
 
 def _read_map(entry: _Entry, words, images: Images, folders: list[Path], boundary: Boundary, notes: list[str]) -> None:
     """Read the texture of a line `map_Kd -s 2 2 -clamp on wood.png`, options in any order, spaces in the name."""
-    rest, wrap = list(words[1:]), "repeat"
+    rest, wrap, placing = list(words[1:]), "repeat", {"-s": (1.0, 1.0), "-o": (0.0, 0.0)}
     while rest and rest[0].startswith("-") and len(rest) > 1:
         option = rest.pop(0)
         if option in ("-s", "-o", "-t"):
             numbers = []
             while len(rest) > 1 and len(numbers) < 3 and _is_number(rest[0]):
                 numbers.append(float(rest.pop(0)))
-            pair = tuple((numbers + [1.0 if option == "-s" else 0.0] * 2)[:2])
-            if words[0] == "map_Kd" and option != "-t":
-                setattr(entry, "scale" if option == "-s" else "offset", pair)
+            placing[option] = tuple((numbers + [1.0 if option == "-s" else 0.0] * 2)[:2])
         elif option == "-clamp":
             wrap = "clamp" if rest.pop(0) == "on" else "repeat"
         else:
@@ -208,11 +244,8 @@ def _read_map(entry: _Entry, words, images: Images, folders: list[Path], boundar
     def load() -> bytes:
         return boundary.read(find(folders, boundary, name), name)
 
-    if words[0] == "map_Kd":
-        entry.picture = (name, load, (wrap, wrap))
-        return
-    if words[0] in ("map_d", "map_D"):
-        entry.mask = (name, load)
+    if words[0] != "map_Ke":
+        entry.maps[_map_of(words[0])] = _Map(name, load, (wrap, wrap), placing["-s"], placing["-o"])
         return
     image = images.pixels(name, load, "lamps emit evenly where an emissive texture is missing")
     if image is not None:
@@ -240,19 +273,28 @@ def _average_unplaced(names, library, material, uv_ids, images: Images, notes: l
         notes.append(f'material "{name}": its mesh has no texture coordinates, it shows the mean colour of its texture')
 
 
-def _texture_coordinates(names, library, material, vt, uv_ids):
-    """Return the texture (F,) and the corner coordinates (F, 3, 2), v downwards, of each face; None for no texture.
+def _textures_of(entries: list[_Entry], material, placed, uv_ids) -> tuple[Placed | None, tuple[Placed | None, ...]]:
+    """Return the texture of colour on each face, and those of gloss; None for none.
 
     The texture replaces Kd: exporters leave Kd at anything, black included, where a map is given.
     """
-    entries = [library.get(n) or _Entry(n) for n in names]
-    if not len(vt) or all(e.texture is None for e in entries):
-        return None, None
-    scale, offset = np.array([e.scale for e in entries]), np.array([e.offset for e in entries])
-    texture = np.array([-1 if e.texture is None else e.texture for e in entries])[material]
+    layers = [("map_Kd", [e.texture for e in entries])]
+    layers += [(word, [e.finish[k] for e in entries]) for k, word in enumerate(FINISH_MAPS)]
+    colour, *finish = (_placed(entries, word, found, material, placed, uv_ids) for word, found in layers)
+    return colour, tuple(finish)
+
+
+def _placed(entries: list[_Entry], word: str | None, found: list[int | None], material, vt, uv_ids) -> Placed | None:
+    """Return one texture per material, `found`, on each face (F,) with corner coordinates (F, 3, 2), v downwards."""
+    if not len(vt) or all(k is None for k in found):
+        return None
+    plain = _Map("", bytes, ("", ""), (1.0, 1.0), (0.0, 0.0))
+    maps = [e.maps.get(word or "", plain) for e in entries]
+    scale, offset = np.array([m.scale for m in maps]), np.array([m.offset for m in maps])
+    texture = np.array([-1 if k is None else k for k in found])[material]
     texture[uv_ids.min(axis=1) < 0] = -1
     rows, uv = np.flatnonzero(texture >= 0), np.zeros((len(material), 3, 2))
     used = material[rows, None]
     with np.errstate(over="ignore", invalid="ignore"):  # cleaned with the rest of the mesh
         uv[rows] = (vt[uv_ids[rows]] * scale[used] + offset[used]) * [1, -1] + [0, 1]  # OBJ counts v upwards
-    return texture, uv
+    return Placed(texture, uv)

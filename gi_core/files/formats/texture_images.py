@@ -6,7 +6,7 @@ import hashlib
 import io
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 from weakref import WeakValueDictionary
@@ -14,6 +14,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from gi_core.files.formats.boundary import MOST_PIXELS, Boundary
+from gi_core.files.formats.file_parts import CHANNELS
 from gi_core.geometry.cutouts import bled, cover_of
 from gi_core.geometry.mipmap import BYTE, mean_linear
 from gi_core.scene.errors import SceneError
@@ -21,6 +22,7 @@ from gi_core.scene.types import Texture
 
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA")  # no other plugin of Pillow runs: that of PostScript runs a program
 MISSING = 0.7  # reflectance in place of a texture that cannot be read
+NO_FINISH = "gloss is even where its texture is missing"
 NO_MASK = "surfaces are whole where a mask is missing"
 NAMED = 4  # images listed by name in a note
 
@@ -46,10 +48,11 @@ class DecodedImage(NamedTuple):
 
 
 class Images:
-    """The textures of one mesh file. One note lists those that cannot be read."""
+    """The textures of one mesh file, of colour and of gloss. One note lists those that cannot be read."""
 
     def __init__(self, boundary: Boundary) -> None:
         self.textures: list[Texture] = []
+        self.finishes: list[Texture] = []
         self._boundary = boundary
         self._index: dict[tuple, int | None] = {}
         self._pictures: dict[str, DecodedImage | None] = {}
@@ -95,6 +98,35 @@ class Images:
         """Return the pixels (h, w, 3) uint8 sRGB of an image; None if it cannot be read, with `otherwise` noted."""
         picture = self._picture(name, load, otherwise)
         return None if picture is None else picture.pixels
+
+    def finish(self, name: str, load: Callable[[], bytes], wrap: tuple[str, str], values: str) -> int | None:
+        """Return the index of a texture of gloss in `finishes`, None if it cannot be read.
+
+        values: what counts, "linear" or "sRGB" colours, or "alpha"; None also for an opaque image then.
+        """
+        key = (name, wrap, values)
+        if key not in self._index:
+            picture = self._picture(name, load, NO_FINISH)
+            pixels = None if picture is None else picture.pixels
+            if picture is not None and values == "alpha":
+                there = picture.alpha is not None and self._fits(name, picture.alpha.size, NO_FINISH)
+                pixels = np.repeat(picture.alpha[..., None], 3, axis=2) if there else None
+            self._index[key] = None if pixels is None else len(self.finishes)
+            if pixels is not None:
+                self.finishes.append(Texture(pixels, wrap, linear=values != "sRGB"))
+        return self._index[key]
+
+    def finish_means(self, textures: Sequence[int | None]) -> tuple[float, ...]:
+        """Return the mean linear values (8,) of textures of gloss in the order of Finish, 1 without."""
+        means: list[float] = []
+        for k, channels in zip(textures, CHANNELS, strict=True):
+            texture = None if k is None else self.finishes[k]
+            if texture is None:
+                mean = np.ones(3)
+            else:
+                mean = texture.pixels.mean(axis=(0, 1)) / 255 if texture.linear else self.mean(texture.pixels)
+            means += [float(mean[c]) for c in channels]
+        return tuple(means)
 
     def mean(self, pixels: np.ndarray) -> np.ndarray:
         """Return the mean linear colour (3,) of pixels of this object."""

@@ -9,6 +9,7 @@ import numpy as np
 from gi_core.base.grouping import components, order_of
 from gi_core.base.vectors import cross, dot, every, length
 from gi_core.files.formats.file_parts import Part
+from gi_core.geometry.paint import each_layer
 from gi_core.geometry.receivers import weld
 from gi_core.scene.types import Mesh
 
@@ -96,27 +97,28 @@ def with_turned(part: Part, turn: np.ndarray) -> Part:
     for name in part._fields:
         value = getattr(part, name)
         if value is not None and (name == "faces" or name.startswith("corner_")):
-            changed[name] = value.copy()
-            changed[name][turn] = value[turn][:, ::-1]
+            changed[name] = _flipped(value, turn)
+    changed["finish"] = tuple(p and p._replace(uv=_flipped(p.uv, turn)) for p in part.finish)
     return part._replace(**changed)
+
+
+def _flipped(corners: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Return values (F, 3, ...) per corner of faces, some wound the other way."""
+    corners = corners.copy()
+    corners[turn] = corners[turn][:, ::-1]
+    return corners
 
 
 def turned_mesh(mesh: Mesh, turn: np.ndarray) -> Mesh:
     """Return the mesh with some faces wound the other way, with all their values per corner."""
 
-    def flipped(corners):
-        corners = corners.copy()
-        corners[turn] = corners[turn][:, ::-1]
-        return corners
-
     def turned(paint):
-        if paint is None:
-            return None
-        return paint._replace(corner_uv=flipped(paint.corner_uv), corner_colour=flipped(paint.corner_colour))
+        uv, colour = (_flipped(a, turn) for a in (paint.corner_uv, paint.corner_colour))
+        return paint._replace(corner_uv=uv, corner_colour=colour)
 
     normals = mesh.corner_normals
     if normals is not None:
-        normals = flipped(normals)
+        normals = _flipped(normals, turn)
         normals[turn] = -normals[turn]
-    paint, finish = turned(mesh.paint), turned(mesh.finish)
-    return mesh._replace(faces=flipped(mesh.faces), corner_normals=normals, paint=paint, finish=finish)
+    paint, finish = None if mesh.paint is None else turned(mesh.paint), each_layer(mesh.finish, turned)
+    return mesh._replace(faces=_flipped(mesh.faces, turn), corner_normals=normals, paint=paint, finish=finish)

@@ -197,6 +197,14 @@ def _gltf_material(d: Document) -> dict:
             material["extensions"] = {
                 "KHR_materials_emissive_strength": {"emissiveStrength": g.leaf(g.real(0.0, 50.0))}
             }
+    if g.chance(0.3):
+        d.extensions.add("KHR_materials_specular")
+        specular: dict = {
+            "specularFactor": g.leaf(g.real(0.0, 1.0)),
+            "specularColorFactor": g.leaf(g.reals(3, 0.0, 2.0)),
+        }
+        specular |= {key: _texture(d) for key in ("specularTexture", "specularColorTexture") if g.chance(0.6)}
+        material.setdefault("extensions", {})["KHR_materials_specular"] = g.leaf(specular)
     for key in ("normalTexture", "occlusionTexture", "emissiveTexture"):
         if g.chance(0.15):
             material[key] = _texture(d)

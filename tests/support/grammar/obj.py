@@ -139,6 +139,7 @@ def _property(g: Grammar, files: Files) -> str:
     some = g.rng.sample(options, g.pick(0, 0, 0, 1, 2))
     glow, glowing = (0.0, "map_Kd") if g.dark else (20.0, "map_Ke")
     maps = ["map_Kd", "map_Kd", glowing, "map_d", "map_Ka", "bump", "map_Bump", "disp", "decal", "refl", "norm"]
+    maps += ["map_Pr", "map_Pr", "map_Pm", "map_Ks"]
     lines = [
         ["Kd", *colour(1.0)],
         ["Ka", *colour(1.0)],
@@ -153,5 +154,6 @@ def _property(g: Grammar, files: Files) -> str:
         ["sharpness", 60],
     ]
     lines += [["d", _number(g, 0.7)], ["d", "-halo", 0.5], ["Tr", _number(g, 0.2)], ["illum", g.pick(0, 1, 2, 10, 99)]]
+    lines += [["Ks", *colour(1.0)], ["Pm", _number(g, 0.5)]]
     lines += [["Pr", _number(g, 0.5)], ["map_aat", "on"], ["#", "comment"], [""]]
     return _line(g, g.pick(*maps), *some, picture()) if g.chance(0.3) else _line(g, *g.pick(*lines))

@@ -128,7 +128,7 @@ def test_uniform_light_shows_the_directional_albedo(alpha, cosine):
     gloss_radiance(of_cells(cells), np.zeros(1, np.int32), np.full((1, 3), math.pi), 0 * up, *light, eye, out)
     black = np.zeros(3)
     numbers = np.random.default_rng(0).random((20_000, 4))
-    drawn = [ggx.scattered(ggx.mean_fresnel(), lobe[0], black, *eye[[0, 1, 2]], *u)[3:] for u in numbers]
+    drawn = [ggx.scattered(ggx.albedos(), lobe[0], black, *eye[[0, 1, 2]], *u)[3:] for u in numbers]
     np.testing.assert_allclose(out[0], np.mean(drawn, axis=0), rtol=0.1, atol=0.002)
 
 
