@@ -69,8 +69,11 @@ class Reload:
 
     @property
     def progress(self) -> tuple[str, float | None] | None:
-        """Phase and fraction of the opening; None without one."""
-        if self.coming is None:
+        """Phase and fraction of the opening; None without one, and for a material: a held slider opens many."""
+        from gi_core.files.edits import Finish
+
+        edits = () if self._edited is None else self._edited.edits[-1:]
+        if self.coming is None or any(isinstance(edit, Finish) for edit in edits):
             return None
         return ("ready", 1.0) if self.coming.opening is None else self.coming.opening.progress
 
