@@ -21,7 +21,7 @@ from gi_core.frames.first_frame import FIRST_PICTURE, FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
 from gi_core.frames.light_source import LightSource
-from gi_core.frames.progress import Progress, break_off_at
+from gi_core.frames.progress import Progress
 from gi_core.gather.reference import ReferenceState
 from gi_core.geometry.receivers import Receivers
 from gi_core.geometry.surfaces import Surfaces
@@ -140,7 +140,7 @@ class Solver:
         return self.photons if len(self.model.emitters.kind) else 0
 
     def gather_steps(self, state: ReferenceState | None = None, stop: Stop = None) -> Iterator[Progress]:
-        """Gather the static part's light, used where `light` is "best", in steps of some 30 ms to 0.7 % noise.
+        """Gather the static part's light, used where `light` is "best", in steps of some 10 ms to 0.7 % noise.
 
         May be abandoned between steps and begun again. state: an earlier run's `gathered.state`, for the same scene and
         seed, else ValueError is raised; stop: as in move_all().
@@ -151,14 +151,13 @@ class Solver:
         yield Progress("done", 1.0, False)
 
     def gather_pose_steps(self, stop: Stop = None) -> Iterator[Progress]:
-        """Gather light with mobiles in place at the current poses, in steps of some 30 ms, for frames at these poses.
+        """Gather light with mobiles in place at the current poses, in steps of some 10 ms, for frames at these poses.
 
         To be abandoned at the next move; begun again, it continues. stop: as in move_all().
         """
         f, refresh = self.frame, partial(self._update, stop=stop)
         at = self.model.transforms(f.poses)
-        given = f.background, f.photons, f.irradiance, f.gloss, at, refresh, partial(break_off_at, stop)
-        yield from self.light_source.pose_steps(*given)
+        yield from self.light_source.pose_steps(f.background, f.photons, f.irradiance, f.gloss, at, refresh)
         yield Progress("done", 1.0, False)
 
     @property

@@ -6,8 +6,9 @@ uniform mat4 model;            // object to world
 uniform mat4 view_projection;  // world to clip
 
 in vec3 position;
-in vec4 front;  // linear radiance [W/m2/sr], weight in its triangles
-in vec4 back;   // the same; radiance negative where the face is one-sided
+in vec3 front;    // linear radiance [W/m2/sr]
+in vec3 back;     // the same; negative where the face is one-sided
+in vec2 weights;  // of front and back, in triangles
 
 // Centroid: at a silhouette the plain interpolant reaches beyond the triangle and may turn negative.
 centroid out vec4 front_radiance;  // times its weight; weight
@@ -124,15 +125,15 @@ out vec2 uv;
 #endif
 
 void main() {
-    front_radiance = vec4(front.rgb * front.a, front.a);
-    back_radiance = vec4(back.rgb * back.a, back.a);
+    front_radiance = vec4(front * weights.x, weights.x);
+    back_radiance = vec4(back * weights.y, weights.y);
 #ifdef SHARP
     point = (model * vec4(position, 1.0)).xyz;
     shading = mat3(model) * normal;
     grain = mat3(model) * along;
 #else
-    front_gloss = front.a * gloss(glossy.x, normal, front_lit, front_sent);
-    back_gloss = back.a * gloss(glossy.y, -normal, back_lit, back_sent);
+    front_gloss = weights.x * gloss(glossy.x, normal, front_lit, front_sent);
+    back_gloss = weights.y * gloss(glossy.y, -normal, back_lit, back_sent);
 #endif
 #ifdef TEXTURED
     uv = place;

@@ -33,7 +33,8 @@ def main() -> None:
     for k in range(FRAMES):
         begun, cpu = time.perf_counter(), time.process_time()
         paths = solver.size_within(BUDGET)[1] if given.light == "best" else None
-        solver.set_lamps({names[k % len(names)]: 0.3 + 0.6 * (k % 2)}, paths)
+        odd = (k + k // len(names)) % 2  # each lamp alternates
+        solver.set_lamps({names[k % len(names)]: 0.9 - 0.6 * odd}, paths)
         light, of_light = time.perf_counter(), time.process_time()
         show()
         shown, of_all = time.perf_counter(), time.process_time()

@@ -22,6 +22,7 @@ from gi_core.scene import Pose
 FRAME = 1 / 60  # s
 DRAWING = 0.005  # s of a frame
 FRAMES = 30  # per drag
+AT_REST = 60  # frames at rest before a drag, with work at rest under way
 
 
 class Hand:
@@ -95,7 +96,9 @@ def main() -> None:
         for _ in range(20):
             hand.frame()
     for k in range(asked.rounds):
-        hand.until(lambda: not session.refining and light.is_idle)
+        hand.until(lambda: not session.refining)
+        for _ in range(AT_REST):  # gathering to the end would take minutes
+            hand.frame()
         hand.drag("at rest", (-1) ** k)
         session.end_drag()
         hand.until(lambda: not session.refining or (light.is_moving and light._job.settles))  # it may be over soon

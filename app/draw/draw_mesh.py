@@ -25,7 +25,7 @@ class DrawMesh(NamedTuple):
     triangles: np.ndarray  # (F, 3) int32, into positions
     front: np.ndarray  # (D,) int32 receiver on the front
     back: np.ndarray  # (D,) int32 receiver on the back, -1 where one-sided
-    reflectance: np.ndarray  # (D, 3) float64 rho, or the texture's factor
+    reflectance: np.ndarray  # (D, 3) float32 rho, or the texture's factor
     emission: np.ndarray  # (D, 3) float64 Le [W/m2/sr]
     textures: tuple[Texture, ...] = ()  # empty: the three below are None
     texture: np.ndarray | None = None  # (D,) int32 into textures, -1: none; a triangle's vertices agree
@@ -41,6 +41,12 @@ class DrawMesh(NamedTuple):
     reflector: np.ndarray | None = None  # (F,) int32 into them, -1: none; None: there are none
     quads: Quads = NO_QUADS
     beside: np.ndarray | None = None  # (F,) int32, the other triangle of a quad drawn with its other diagonal, or -1
+    glowing: np.ndarray | None = None  # (k,) int64, draw vertices that emit; None: unknown
+
+    @property
+    def emissive(self) -> np.ndarray | slice:
+        """Draw vertices outside which emission is 0."""
+        return slice(None) if self.glowing is None else self.glowing
 
 
 def draw_meshes(
@@ -58,7 +64,8 @@ def draw_meshes(
 def _quads(mesh: DrawMesh) -> Quads:
     """Return the quads of a mesh; sharp reflections keep their faces."""
     usable = None if mesh.reflector is None else mesh.reflector < 0
-    return quads_of(mesh.positions, mesh.triangles, mesh.uv, usable)
+    quads = quads_of(mesh.positions, mesh.triangles, mesh.uv, usable)
+    return quads._replace(two_sided=np.flatnonzero((mesh.back >= 0)[quads.corners].any(axis=0)))
 
 
 def _with_gloss_and_reflectors(
@@ -95,8 +102,7 @@ def dimmed(meshes: tuple[DrawMesh, ...], levels: np.ndarray) -> tuple[DrawMesh, 
     """Return the meshes with emission at levels (G, 3) of the lamps."""
 
     def emission(m: DrawMesh) -> np.ndarray:
-        rows = np.flatnonzero(m.emission[:, 0] + m.emission[:, 1] + m.emission[:, 2])  # few: the others stay 0
-        out = np.zeros_like(m.emission)
+        rows, out = m.emissive, np.zeros_like(m.emission)
         out[rows] = m.emission[rows] * levels[0 if m.lamp is None else m.lamp[rows]]
         return out
 
@@ -115,7 +121,8 @@ def with_vertices(mesh: DrawMesh, rows: np.ndarray, triangles) -> DrawMesh:
     values = {name: getattr(mesh, name) for name in per_vertex}
     values = {name: None if a is None else a[rows] for name, a in values.items()}
     triangles = np.asarray(triangles, np.int32).reshape(-1, 3)
-    return mesh._replace(triangles=triangles, reflectors=(), reflector=None, quads=NO_QUADS, beside=None, **values)
+    bare = mesh._replace(reflectors=(), reflector=None, quads=NO_QUADS, beside=None, glowing=None)
+    return bare._replace(triangles=triangles, **values)
 
 
 def _draw_mesh(surfaces: Surfaces, lamp: np.ndarray, o: int) -> DrawMesh:
@@ -137,14 +144,15 @@ def _draw_mesh(surfaces: Surfaces, lamp: np.ndarray, o: int) -> DrawMesh:
     draw = group_of((group_of((corner, front)), group_of((back, kind))))
     first = np.empty(int(draw.max()) + 1, np.int64)
     first[draw[::-1]] = np.arange(len(draw))[::-1]
-    reflectance = surfaces.reflectance[of]
+    reflectance, emission = surfaces.reflectance[of], emission[first // 3]
     mesh = DrawMesh(
         positions=surfaces.vertices[o][corner[first]].astype(np.float32),
         triangles=draw.reshape(-1, 3).astype(np.int32),
         front=front[first].astype(np.int32),
         back=back[first].astype(np.int32),
-        reflectance=reflectance[first // 3] if paint is None else _tints(paint)[first],
-        emission=emission[first // 3],
+        reflectance=(reflectance[first // 3] if paint is None else _tints(paint)[first]).astype(np.float32),
+        emission=emission,
+        glowing=np.flatnonzero(emission.any(axis=1)),
         lamp=lamp[first // 3],
         lobe=lobe[first // 3].astype(np.float32),
         tables=surfaces.tables if len(surfaces.tangent) else None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import moderngl
 import numpy as np
 
-from app.draw.diagonals import other_diagonals, with_diagonals
+from app.draw.diagonals import Turning, other_diagonals
 from app.draw.vertex_colours import gloss_colours
 from gi_core.gloss.sharp import hemispherical_albedo
 
@@ -53,8 +53,11 @@ class DrawCall(NamedTuple):
 class Layer(NamedTuple):
     """One set of vertex colours of an object, and the vertex arrays that use it."""
 
-    colours: moderngl.Buffer  # radiance and weight of front and back
-    triangles: moderngl.Buffer  # with the diagonals for these colours
+    front: moderngl.Buffer  # radiance
+    back: moderngl.Buffer  # radiance, negative where one-sided
+    weights: moderngl.Buffer  # of front and back
+    triangles: moderngl.Buffer  # with the diagonals for these colours ...
+    turning: Turning  # ... and what it holds
     lit: moderngl.VertexArray  # without textures
     textured: moderngl.VertexArray | None  # for textures, None where there are none
     cut_out: moderngl.VertexArray | None  # the same for textures with holes
@@ -78,10 +81,11 @@ class DrawnObject:
         places = np.argsort(order)
         # The mesh with its faces in the order of the draw calls.
         self._ordered = mesh._replace(
-            triangles=mesh.triangles[order], quads=mesh.quads._replace(faces=places[mesh.quads.faces])
+            triangles=mesh.triangles[order].astype(np.int32), quads=mesh.quads._replace(faces=places[mesh.quads.faces])
         )
         self._one_sided_indices = sum(call.indices for call in self._calls if call.one_sided)
-        self._colours = np.full((len(mesh.positions), 8), -1.0, np.float32)  # backs stay so: see surface.frag
+        self._vertices = len(mesh.positions)
+        self._back = np.full((self._vertices, 3), -1.0, np.float32)  # it stays where one-sided: see surface.frag
         self._corners = np.zeros((0, 3))  # of its box, object space
         if len(mesh.positions):
             low_high = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)], axis=1)
@@ -89,7 +93,6 @@ class DrawnObject:
         # GL has no empty buffers; a scene may have an empty object.
         self._positions = ctx.buffer(np.ascontiguousarray(mesh.positions, np.float32).tobytes() or bytes(12))
         self._triangles = ctx.buffer(_indices(self._ordered))
-        self._others: dict[int, np.ndarray] = {}  # by layer: quads drawn with their other diagonal
         self._marked = ctx.vertex_array(programs.mask, [(self._positions, "3f", "position")], self._triangles)
         self._owned = [self._positions, self._triangles, self._marked]
         self._places = None
@@ -124,17 +127,19 @@ class DrawnObject:
         if k not in self._layers:
             programs = self._programs
             triangles = self.ctx.buffer(_indices(self._ordered), dynamic=True)
-            self._others[k] = np.zeros(len(self._mesh.quads.faces), bool)
-            colours = self.ctx.buffer(bytes(max(self._colours.nbytes, 32)), dynamic=True)
-            attributes = [(self._positions, "3f", "position"), (colours, "4f 4f", "front", "back")]
+            vertices = max(self._vertices, 1)  # GL has no empty buffers
+            front, weights = (self.ctx.buffer(bytes(size * vertices), dynamic=True) for size in (12, 8))
+            back = self.ctx.buffer(np.full((vertices, 3), -1.0, np.float32), dynamic=True)
+            attributes: list[tuple] = [(self._positions, "3f", "position"), (weights, "2f", "weights")]
+            attributes += [(front, "3f", "front"), (back, "3f", "back")]
             sharp_attributes = attributes.copy()
             irradiance = sent = None
             if self._gloss is not None:
-                irradiance = self.ctx.buffer(bytes(24 * len(self._colours)), dynamic=True)
+                irradiance = self.ctx.buffer(bytes(24 * self._vertices), dynamic=True)
                 attributes.append((self._gloss, "2f 3f 4f 1f", "glossy", "normal", "specular", "alpha"))
                 attributes.append((irradiance, "3f 3f", "front_lit", "back_lit"))
                 sharp_attributes.append((self._gloss, "2x4 3f 5x4", "normal"))
-                sent = self.ctx.buffer(bytes(24 * len(self._colours)), dynamic=True)
+                sent = self.ctx.buffer(bytes(24 * self._vertices), dynamic=True)
                 attributes.append((sent, "3f 3f", "front_sent", "back_sent"))
             if self._along is not None:
                 sharp_attributes.append((self._along, "3f", "along"))
@@ -150,8 +155,9 @@ class DrawnObject:
                 if self._mesh.reflectors:
                     more = [*sharp_attributes, place]
                     sharp_painted = self.ctx.vertex_array(programs.sharp_textured, more, triangles)
-            self._layers[k] = Layer(colours, triangles, lit, painted, holed, irradiance, sent, sharp, sharp_painted)
-            self._owned += [thing for thing in self._layers[k] if thing is not None]
+            buffers = front, back, weights, triangles, Turning(self._ordered)
+            self._layers[k] = Layer(*buffers, lit, painted, holed, irradiance, sent, sharp, sharp_painted)
+            self._owned += [thing for thing in self._layers[k] if hasattr(thing, "release")]
         return self._layers[k]
 
     def dim(self, emission: np.ndarray) -> None:
@@ -159,17 +165,18 @@ class DrawnObject:
         self._calls = [call._replace(emission=tuple(emission[call.vertex])) for call in self._calls]
 
     def upload(self, front: np.ndarray, back: np.ndarray, layer: int = 0, weights: np.ndarray | None = None) -> None:
-        self._colours[:, :3] = front
-        self._colours[self._two_sided, 4:7] = back[self._two_sided]
-        self._colours[:, 3::4] = 1.0 if weights is None else weights
-        if not len(self._colours):
+        """Upload the radiance (D, 3) float32 of both sides, and their weights (D, 2) float32; None: all 1."""
+        if not self._vertices:
             return
-        of = self._layer(layer)
-        of.colours.write(self._colours)
-        others = other_diagonals(self._mesh, front, back, weights)
-        if not np.array_equal(others, self._others[layer]):
-            of.triangles.write(_indices(with_diagonals(self._ordered, others)))
-            self._others[layer] = others
+        of, ones = self._layer(layer), np.ones((self._vertices, 2), np.float32)
+        of.front.write(np.ascontiguousarray(front, np.float32))
+        of.weights.write(ones if weights is None else weights)
+        if len(self._two_sided):
+            self._back[self._two_sided] = back[self._two_sided]
+            first, last = self._two_sided[[0, -1]]
+            of.back.write(self._back[first : last + 1], offset=self._back.strides[0] * int(first))
+        if of.turning.turn(other_diagonals(self._mesh, front, back, weights)):
+            of.triangles.write(of.turning.triangles)
 
     def light(self, irradiance: np.ndarray, layer: int = 0) -> None:
         """Upload irradiance (R, 3) [W/m2] under gloss."""
@@ -187,7 +194,7 @@ class DrawnObject:
         """Upload the radiance of gloss of tables towards an eye (3,) in the object's space."""
         which = self._tabulated
         for layer, irradiance in self._light.items():
-            seen = np.zeros((len(self._colours), 6), np.float32)
+            seen = np.zeros((self._vertices, 6), np.float32)
             seen[which] = np.c_[gloss_colours(self._mesh, directions, irradiance, eye, which)]
             self._layer(layer).sent.write(seen)
 
@@ -275,7 +282,7 @@ def _with_albedo(mesh: DrawMesh) -> np.ndarray:
 
 def _indices(mesh: DrawMesh) -> bytes:
     """Return the contents of an index buffer. GL has no empty buffers."""
-    return mesh.triangles.astype(np.int32).tobytes() or bytes(12)
+    return mesh.triangles.tobytes() or bytes(12)
 
 
 def _draw_calls(mesh: DrawMesh) -> tuple[np.ndarray, list[DrawCall]]:

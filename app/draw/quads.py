@@ -19,6 +19,7 @@ class Quads(NamedTuple):
 
     faces: np.ndarray  # (q, 2) int64, the two triangles
     corners: np.ndarray  # (4, q) int64 vertices a, b, d, c, in this order around the quadrilateral
+    two_sided: np.ndarray | None = None  # (k,) int64, quadrilaterals with light on the back; None: unknown
 
     @property
     def others(self) -> np.ndarray:
@@ -52,7 +53,7 @@ def quads_of(
     faces = np.stack([rows[first], rows[first + 1]], axis=1)[facing]
     corners = np.stack([one[:, 0], one[:, 1], two[:, 0], one[:, 2]])[:, facing]
     good = _is_flat(positions, uv, corners)
-    return Quads(faces[good], corners[:, good].astype(np.int64))
+    return Quads(faces[good], np.ascontiguousarray(corners[:, good], np.int64))  # a picture gathers a row at a time
 
 
 def _is_flat(positions: np.ndarray, uv: np.ndarray | None, corners: np.ndarray) -> np.ndarray:

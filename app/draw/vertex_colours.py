@@ -5,6 +5,7 @@ Under a texture they are E / pi times the texture's factor, without emission.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -26,19 +27,19 @@ def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = Tru
     `irradiance` (R, 3) [W/m2]. The front has rho E / pi + Le, the back rho E / pi, or 0 on a one-sided face. Under a
     texture both lack the texture's value and Le. Without reflectance both are E / pi, as on white surfaces.
     """
-    E, two_sided = irradiance.astype(np.float32), np.flatnonzero(draw.back >= 0)  # else black
-    front, back = E.take(draw.front, axis=0), np.zeros((len(draw.back), 3), np.float32)  # take: a third of E[...]
-    E_back = E[draw.back[two_sided]]
+    two_sided, back = np.flatnonzero(draw.back >= 0), np.zeros((len(draw.back), 3), np.float32)  # else black
+    front = irradiance.take(draw.front, axis=0).astype(np.float32)  # take: a third of irradiance[...]
+    E_back = irradiance[draw.back[two_sided]].astype(np.float32)
     if not with_reflectance:
         back[two_sided] = exitant_radiance(E_back, 1.0, 0.0)
         return exitant_radiance(front, 1.0, 0.0), back
-    rho = draw.reflectance.astype(np.float32)
-    back[two_sided] = exitant_radiance(E_back, rho[two_sided], 0.0)
-    front = exitant_radiance(front, rho, 0.0)
-    glows = draw.emission[:, 0] + draw.emission[:, 1] + draw.emission[:, 2] > 0
+    back[two_sided] = exitant_radiance(E_back, draw.reflectance[two_sided], 0.0)
+    front *= draw.reflectance
+    front /= math.pi  # in place: as exitant_radiance(), for twice its speed
+    glow = draw.emission[draw.emissive]
     if draw.texture is not None:
-        glows &= draw.texture < 0
-    front[glows] += draw.emission[glows]
+        glow = np.where(draw.texture[draw.emissive, None] < 0, glow, 0.0)
+    front[draw.emissive] += glow
     return front, back
 
 
@@ -82,8 +83,8 @@ def weights(draw: DrawMesh, of_receivers: np.ndarray | None) -> np.ndarray | Non
     if of_receivers is None:
         return None
     out = np.ones((len(draw.front), 2), np.float32)
-    out[:, 0] = of_receivers[draw.front]
-    both = draw.back >= 0
+    out[:, 0] = of_receivers.take(draw.front)
+    both = np.flatnonzero(draw.back >= 0)
     out[both, 1] = of_receivers[draw.back[both]]
     return out
 

@@ -226,7 +226,7 @@ def plane_steps(
     model: Model, plane: MeasuringPlane, level: Level, poses: Mapping[str, Pose], levels: np.ndarray, seed: int,
     noise: float = NOISE,
 ) -> Iterator[PlaneLight]:  # fmt: skip
-    """Trace paths from the points of a plane until their noise is small, in steps of some 30 ms; yield the light.
+    """Trace paths from the points of a plane until their noise is small, in steps of some 10 ms; yield the light.
 
     levels (G, 3): of the lamps; noise: relative l1 noise at the end, that of each point is OF_POINT times it at most.
     Values are nan at first. Raises SceneError for bad poses.

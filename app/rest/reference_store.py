@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import platformdirs
 
-from gi_core.gather.reference import PATHS_PER_STEP, ReferenceRounds, ReferenceState
+from gi_core.gather.reference import PATHS_AT_ONCE, ReferenceRounds, ReferenceState
 from gi_core.gather.reference_sample import Reached, gather_until
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.model import Model
@@ -153,7 +153,7 @@ class ReferenceStore(StateFile):
         return ReferenceRounds(*given, model=self.model, state=state, levels=self.levels)
 
     def gather(
-        self, error: float, paths: Callable[..., np.ndarray] | None = None, step: int = 8 * PATHS_PER_STEP
+        self, error: float, paths: Callable[..., np.ndarray] | None = None, step: int = PATHS_AT_ONCE
     ) -> Iterator[Reached]:
         """Gather until the noise is at most `error` (0.01: 1 %), as gather_until() does, in steps of so many paths.
 

@@ -20,6 +20,8 @@ OF_A_SCENE = (
     "exposure", "lamps", "solo", "light_scenes", "pins", "cameras", "plane",
 )  # fmt: skip
 
+QUIET = 3.0  # s of an edit without progress: a held slider opens several per second, and each would flash
+
 
 class Reload:
     """`again` and `other` start to open a scene; `tick`, once per frame, returns its session once it is ready."""
@@ -29,6 +31,7 @@ class Reload:
         self.same = False  # the new scene is the current one, reloaded
         self.problem = ""  # error of the last scene that failed to open
         self._open_with = open_with
+        self._begun = 0.0  # s, of the opening
         self._before = Settings()  # of the current session, at the start of the reload
         self._edited: Asked | None = None  # the edits, if the new scene is the current one after an edit
 
@@ -56,6 +59,7 @@ class Reload:
         self.close()
         self.same, self.problem, self._before, self._edited = same, "", now.settings, None
         self.coming = Session(settings, now.log, open_with or self._open_with)
+        self._begun = self.coming.clock()
 
     @property
     def is_editing(self) -> bool:
@@ -69,8 +73,8 @@ class Reload:
 
     @property
     def progress(self) -> tuple[str, float | None] | None:
-        """Phase and fraction of the opening; None without one."""
-        if self.coming is None:
+        """Phase and fraction of the opening; None without one, and in the first QUIET seconds of an edit."""
+        if self.coming is None or (self.is_editing and self.coming.clock() - self._begun < QUIET):
             return None
         return ("ready", 1.0) if self.coming.opening is None else self.coming.opening.progress
 

@@ -19,6 +19,7 @@ from app.session.undo import Field, History
 from app.settings import Settings
 from app.worker import PATIENCE, Worker
 from gi_core.scene import Pose
+from gi_core.scene.errors import one_line
 from gi_core.scene.pose import pose_at
 
 if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/session/opening.py
@@ -176,8 +177,10 @@ class Session(OpenScene):
         self.settings = self._applied = replace(self.settings, **filled)
         self._dimmed = opened.settings.lamps, opened.settings.solo
         self._show(opened, Solving(opened.solver, self.log, self.clock, self._worker))
+        known = {entry.text for entry in self.log.entries}  # each edit opens the same scene again
         for note in self.scene.notes:
-            self.log(note)
+            if one_line(note) not in known:
+                self.log(note)
 
     @property
     def _to_apply(self) -> bool:

@@ -115,7 +115,10 @@ def paint(
         from app.draw.vertex_colours import colours
 
         front, back = colours(mesh, side.irradiance, with_reflectance)
-        return np.nan_to_num(front, copy=False, nan=-1.0), np.nan_to_num(back, copy=False, nan=-1.0)
+        for side_colours in (front, back):
+            if (unknown := np.isnan(side_colours)).any():
+                side_colours[unknown] = -1.0
+        return front, back
     of_receivers = signed_colours(signed_error(side.irradiance, errors.reference, errors.areas) / errors.scale)
     back = of_receivers[mesh.back]
     back[mesh.back < 0] = UNKNOWN

@@ -73,6 +73,7 @@ class Viewer:
         self._awake_until = 0.0  # after input
         self.may_sleep = True  # between frames in which nothing changes
         self._ready = False
+        self._news = ""  # for the log: how the scene on show came
         self._waits_for_save = False
 
     # HelloImGui's callbacks -------------------------------------------------------------------------
@@ -258,16 +259,18 @@ class Viewer:
             files, self._dropped[:] = list(self._dropped), []
             drop(self, files)
         new = self.reload.tick(self.session)
-        if new is None:
-            return
-        try:
-            self._adopt(new)
-        except Exception as problem:
-            self.reload.problem = f"{problem}"
-            new.close(0.0)
-            raise
-        self._ready = True
-        self.log(f"{self.reload.done}: {new.settings.scene}")
+        if new is not None:
+            try:
+                self._adopt(new)
+            except Exception as problem:
+                self.reload.problem = f"{problem}"
+                new.close(0.0)
+                raise
+            self._ready = True
+            self._news = f"{self.reload.done}: {new.settings.scene}"
+        if self._news and not (imgui.is_any_item_active() or self.reload.is_editing):  # once per held slider
+            self.log(self._news)
+            self._news = ""
 
     def _adopt(self, new: Session) -> None:
         """Show a ready session with its own geometry, camera and exposure."""

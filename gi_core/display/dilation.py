@@ -66,6 +66,7 @@ class Beside(NamedTuple):
 
     pose: bytes
     rows: np.ndarray  # (n,) int64, ascending
+    pairs: tuple[np.ndarray, np.ndarray]  # of the rows, see _pairs()
     place: np.ndarray  # (n,) int8, UNKNOWN until rays have found it
 
 
@@ -86,11 +87,12 @@ class Dilation:
             own = s.receiver_range(o)
             self._place[own] = self._places(o, self._points[own], directions(self._normals[own]))
         self._in_mobiles = np.flatnonzero(self._place == INSIDE)
+        self._in_mobiles_pairs = self._pairs(self._in_mobiles)
 
     def find_static(self, irradiance: np.ndarray) -> Generator[None, None, Unreached]:
         """Find unreached static receivers by irradiance (n, 3) without mobiles; a generator that returns them."""
         light = luminance(irradiance)
-        brightest = self._brightest_beside(np.arange(len(light)), light)
+        brightest = _brightest(self._pairs(np.arange(len(light))), len(light), light)
         black = light <= BLACK * brightest
         rows = np.flatnonzero(light <= LITTLE * brightest)
         yield
@@ -132,7 +134,7 @@ class Dilation:
         """Find static receivers under mobiles at these poses, and receivers inside mobiles, by irradiance (R, 3)."""
         light = luminance(irradiance)
         rows = [self._under(o, light, at) for o in range(1, len(at.position))]
-        rows.append(self._in_mobiles[self._is_dark(self._in_mobiles, light, LITTLE)])
+        rows.append(self._in_mobiles[_is_dark(self._in_mobiles, self._in_mobiles_pairs, light, LITTLE)])
         return self._unreached(np.unique(np.concatenate(rows)), light)
 
     def _under(self, o: int, light: np.ndarray, at: Transforms) -> np.ndarray:
@@ -140,9 +142,9 @@ class Dilation:
         pose = at.rotation[o].tobytes() + at.position[o].tobytes()
         if o not in self._beside or self._beside[o].pose != pose:
             rows = self._static_near(o, at)
-            self._beside[o] = Beside(pose, rows, np.full(len(rows), UNKNOWN, np.int8))
-        _, near, place = self._beside[o]
-        dark = np.flatnonzero(self._is_dark(near, light, BLACK))
+            self._beside[o] = Beside(pose, rows, self._pairs(rows), np.full(len(rows), UNKNOWN, np.int8))
+        _, near, pairs, place = self._beside[o]
+        dark = np.flatnonzero(_is_dark(near, pairs, light, BLACK))
         if len(unknown := dark[place[dark] == UNKNOWN]):
             rows = near[unknown]
             origins = np.repeat(self._points[rows], DIRECTIONS, axis=0)
@@ -172,16 +174,6 @@ class Dilation:
         inside, near = ((a.reshape(-1, DIRECTIONS).mean(axis=1) > 0.5) for a in (behind, distance < self._near))
         return np.where(inside, INSIDE, np.where(near, CLOSED, OPEN)).astype(np.int8)
 
-    def _is_dark(self, rows: np.ndarray, light: np.ndarray, share: float) -> np.ndarray:
-        """Return which of the rows (n,) bool have at most a share of their brightest neighbour's light (R,)."""
-        return light[rows] <= share * self._brightest_beside(rows, light)
-
-    def _brightest_beside(self, rows: np.ndarray, light: np.ndarray) -> np.ndarray:
-        of, neighbour = self._pairs(rows)
-        out = np.zeros(len(rows))
-        np.fmax.at(out, of, light[neighbour])  # nan: unknown
-        return out
-
     def _pairs(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return all neighbours of the rows, and for each the index into `rows`."""
         first = self._neighbours.first[rows]
@@ -195,10 +187,23 @@ class Dilation:
         of, neighbour = self._pairs(rows)
         is_lit = np.ones(len(light), bool)
         is_lit[rows] = False
-        lit = is_lit[neighbour] & (light[neighbour] > BLACK * self._brightest_beside(rows, light)[of])
+        lit = is_lit[neighbour] & (light[neighbour] > BLACK * _brightest((of, neighbour), len(rows), light)[of])
         of, neighbour = of[lit], neighbour[lit]
         some, count = np.unique(of, return_counts=True)
         return Unreached(rows[some], np.concatenate([[0], np.cumsum(count)]), neighbour, np.delete(rows, some))
+
+
+def _is_dark(rows: np.ndarray, pairs: tuple[np.ndarray, np.ndarray], light: np.ndarray, share: float) -> np.ndarray:
+    """Return which of the rows (n,) bool have at most a share of their brightest neighbour's light (R,)."""
+    return light[rows] <= share * _brightest(pairs, len(rows), light)
+
+
+def _brightest(pairs: tuple[np.ndarray, np.ndarray], n: int, light: np.ndarray) -> np.ndarray:
+    """Return the light of the brightest neighbour (n,), 0 where there is none; pairs: of _pairs()."""
+    of, neighbour = pairs
+    out = np.zeros(n)
+    np.fmax.at(out, of, light[neighbour])  # nan: unknown
+    return out
 
 
 def directions(normals: np.ndarray) -> np.ndarray:
@@ -219,7 +224,7 @@ def dilated(irradiance: np.ndarray, *unreached: Unreached) -> Drawn:
         return Drawn(irradiance, None)
     out, weights = irradiance.copy(), np.ones(len(irradiance), np.float32)
     for u in some:
-        total = np.add.reduceat(irradiance[u.neighbours], u.first[:-1])
+        total = np.add.reduceat(irradiance.take(u.neighbours, axis=0), u.first[:-1])
         out[u.rows] = total / np.diff(u.first)[:, None]
         weights[u.rows], weights[u.enclosed] = WEIGHT, WEIGHT * WEIGHT
     return Drawn(out, weights)

@@ -330,13 +330,12 @@ class LightSource:
 
     def pose_steps(
         self, shown: Background | None, photons: int, irradiance: np.ndarray, gloss: GlossLight | None, at: Transforms,
-        refresh: Callable[[], None], pause: Callable[[], None],
+        refresh: Callable[[], None],
     ) -> Iterator[Progress]:  # fmt: skip
         """Gather light at poses, see `PoseGather.steps`; irradiance (R, 3) [W/m2] of the frame of `photons` there.
 
         gloss: of that frame; its directions come first, as they take few paths.
-        refresh: computes the frame again; pause: see `PoseGather.steps`. Nothing for a frame of few photons, and where
-        frames take no gathered light.
+        refresh: computes the frame again. Nothing for a frame of few photons, and where frames take no gathered light.
         """
         if shown is None or not 0 < photons == shown.estimate.photons or not self._model.names:
             return
@@ -352,10 +351,18 @@ class LightSource:
         light = irradiance, self.static_irradiance(shown, photons)
         begun = self._at_poses.begin(at, self.levels, photons, *light, math.pi * shown.setting.radius**2)
 
-        def static() -> Static | None:
-            return (self._gathered_at(levels), self.gathered.deviation_at(levels)) if self.is_gathered else None
+        known: Static | None = None
 
-        for changed in begun.steps(static, pause):
+        def static() -> Static | None:
+            nonlocal known
+            if not self.is_gathered:
+                return None
+            E = self._gathered_at(levels)
+            if known is None or known[0] is not E:  # a fifth of a step's time
+                known = E, self.gathered.deviation_at(levels)
+            return known
+
+        for changed in begun.steps(static):
             if changed:
                 refresh()
             yield Progress("gathering at these poses", begun.fraction, bool(changed))

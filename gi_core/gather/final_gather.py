@@ -25,7 +25,7 @@ from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, nearest_in_world
 
 STREAM = 0x51D3  # separates these random numbers from those of photons and reference with the same seed
 SMALLEST, LARGEST = 3, 10  # log2 of the paths of the first and last sets
-PATHS_PER_STEP = 1 << 15  # some 20 ms
+PATHS_PER_STEP = 1 << 13  # 15 CPU ms in the office: a drag waits for one step at most
 SET = 1 << 40  # stride of set numbers, above the number of receivers
 
 

@@ -43,7 +43,6 @@ MORE = 1.3  # growth of rounds from one result to the next
 KEPT = 8  # poses with light
 COST = 5.0  # CPU time of a path from a static receiver, traced twice, over that of a path from a mobile
 MOST = 47  # rounds until the last result: twice those that noise is sized for
-PATHS_PER_PAUSE = 1 << 11  # a step has four times as many; the office's take 100 to 200 CPU ms
 FIRST = 3  # rounds before the first result: noise after denoising is understated with fewer
 CLEARLY = 2.0  # times the noise: difference from the frame's light, which contains both errors. At sqrt(2) both are as
 # good, but noise after denoising may be understated: living_room's mobile went from 3.1 to 3.9 % at first
@@ -102,15 +101,12 @@ class PoseGather:
         """Fraction of the paths needed, 0 .. 1."""
         return max(min((static_gather.ENOUGH / self.left) ** 2, 1.0), self._seen / MOST) if self.left > 0 else 1.0
 
-    def steps(
-        self, static: Callable[[], Static | None], pause: Callable[[], None] = lambda: None
-    ) -> Iterator[bool | None]:
-        """Gather until it is enough, in steps of some 30 ms; yields True where frames change.
+    def steps(self, static: Callable[[], Static | None]) -> Iterator[bool | None]:
+        """Gather until it is enough, in steps of some 10 ms; yields True where frames change.
 
-        static() returns the static part's light, None where photons know it best. pause() is called every few ms; what
-        it raises breaks off the step, which is then traced again. The generator may be dropped and restarted.
+        static() returns the static part's light, None where photons know it best. The generator may be dropped and
+        restarted.
         """
-        self._paths.pause = pause
         while not self.enough:
             if (done := self._rounds.state.rounds) > MORE * self._seen:
                 self._seen = done
@@ -153,7 +149,6 @@ class PosePaths:
         self._points, self._at, self._lights, self._rows = points, at, lights, rows
         self.mobile, self.near = rows >= points.static, points.near_rows(rows)
         self._disc_area, self._known = disc_area, NOTHING_KNOWN
-        self.pause: Callable[[], None] = lambda: None  # see PoseGather.steps
 
     def end_in(self, static: np.ndarray) -> None:
         """Let paths from mobiles end in this irradiance (n, 3) [W/m2] of the static part, mobiles in place."""
@@ -167,14 +162,6 @@ class PosePaths:
 
     def traced(self, rows: np.ndarray, first: int, count: int, m: int, stream: int) -> np.ndarray:
         """Return estimates (rows, count, 6): irradiance with mobiles, and that less the one without (0 on mobiles)."""
-        at_once, found = max(PATHS_PER_PAUSE // count, 1), []
-        for k in range(0, len(rows), at_once):
-            self.pause()
-            found.append(self._traced(rows[k : k + at_once], first, count, m, stream))
-        return np.concatenate(found)
-
-    def _traced(self, rows: np.ndarray, first: int, count: int, m: int, stream: int) -> np.ndarray:
-        """Do traced() without a pause."""
         p, receivers = self._points, self._rows[rows]
         path = receivers[:, None] * PATHS_PER_POINT + first + np.arange(count)
         positions, normals = p.at(receivers, self._at)

@@ -156,7 +156,7 @@ class StaticGather:
         return min((ENOUGH / self._left) ** 2, 1.0) if self._left > 0 else 1.0
 
     def steps(self, photons: Callable[[], np.ndarray | None]) -> Iterator[bool | None]:
-        """Gather until it is enough, in steps of some 30 ms; yields True where `mean` is new.
+        """Gather until it is enough, in steps of some 10 ms; yields True where `mean` is new.
 
         photons() returns the current photon irradiance per lamp (n, 3 G) [W/m2] of these receivers, or None. The
         generator may be dropped and restarted, with the same result.

@@ -8,6 +8,7 @@ in blocks that vector instructions test at once.
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -95,7 +96,7 @@ class DiscGrid:
         visits = Visits.of(VISITS)
         return _accumulate(self.cells, self.blocks, self.discs, self.pretest, lines, first, last, sign, sums, visits)
 
-    @property
+    @cached_property
     def discs_a_cell(self) -> float:
         """Mean number of discs per occupied cell."""
         held = (self.blocks.front >= 0) | (self.blocks.behind >= 0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.draw import raycast
-from app.draw.diagonals import along_light, quad_around, with_diagonals
+from app.draw.diagonals import Turning, along_light, quad_around, with_diagonals
 from app.draw.draw_mesh import draw_meshes
 from app.draw.quads import quads_of
 from app.draw.shot import Shot
@@ -47,6 +47,18 @@ def with_all(mesh, *_):
 def test_a_grid_consists_of_quads():
     quads = draw_mesh(quad((0, 0, 0), (2, 0, 0), (0, 1, 0), (6, 4))).quads
     assert np.array_equal(np.sort(quads.faces.reshape(-1)), np.arange(48))
+
+
+def test_diagonals_turn_to_and_fro():
+    mesh, rng = draw_mesh(quad((0, 0, 0), (2, 0, 0), (0, 1, 0), (6, 4))), np.random.default_rng(0)
+    turning = Turning(mesh)
+    for _ in range(4):
+        others = rng.random(len(mesh.quads.faces)) < 0.5
+        assert turning.turn(others) and not turning.turn(others)
+        corners = np.sort(turning.triangles[mesh.quads.faces], axis=-1)
+        a, b, d, c = mesh.quads.corners
+        expected = np.where(others, [(a, b, d), (d, c, a)], [(a, b, c), (d, c, b)])
+        np.testing.assert_array_equal(corners, np.sort(expected.transpose(2, 0, 1), axis=-1))
 
 
 def test_quads_end_at_creases_materials_and_third_faces():

@@ -214,7 +214,7 @@ def test_any_number_of_paths_at_once_gives_the_same_bits(monkeypatch):
     P, N = (np.tile(a, (20, 1)) for a in build.ROOM_POINTS)
     runs = []
     for step in (1 << 16, 7, 350):
-        monkeypatch.setattr("gi_core.gather.reference.PATHS_PER_STEP", step)
+        monkeypatch.setattr("gi_core.gather.reference.PATHS_AT_ONCE", step)
         runs.append(reference_irradiance(build.coloured_room(), P, N, 5, 16))
     for run in runs[1:]:
         assert np.array_equal(run[0], runs[0][0]) and np.array_equal(run[1], runs[0][1])
