@@ -34,6 +34,7 @@ OF_SCENE = (
     "document", "scene", "mobiles", "poses", "edits", "camera", "max_edge", "up", "allow_outside", "seed", "size",
     "fallback", "pins", "cameras", "plane",
 )  # fmt: skip
+OF_LAMPS = "lamps", "solo", "light_scenes"  # settings of the panel whose changes are steps of undo
 SETTLE = 0.15  # s without change after which the value of a held slider counts
 
 
@@ -68,6 +69,7 @@ class Session(OpenScene):
         self.playing = False
         self.history = History()
         self._before_edit: dict[Field, Any] = {}  # fields when an edit began
+        self._dimming = False  # the panel holds a lamp's slider
         self.asked: Asked | None = None  # until `Reload` opens the scene with these edits
         self.points = MeasuredPoints()  # of the error chart
         self.lights: dict[str | None, str | None] = {}  # by estimator, as they were left
@@ -143,6 +145,17 @@ class Session(OpenScene):
         if settings != self.settings:
             self.settings = settings
             self._changed_at = self.clock()
+
+    def take(self, settings: Settings, held: bool) -> None:
+        """Request the panel's settings; held: its mouse button is down. Lamps change in one step of undo per press."""
+        changed = {name: getattr(settings, name) for name in OF_LAMPS}
+        if changed != {name: getattr(self.settings, name) for name in OF_LAMPS}:
+            self.edit(first=not self._dimming, last=not held, **changed)
+            self._dimming = held
+        elif self._dimming and not held:
+            self.edit(first=False)
+            self._dimming = False
+        self.want(settings)
 
     def reset_settings(self, exposure: float) -> None:
         """Return to the settings of a scene opened without options; exposure: as metered [EV]."""

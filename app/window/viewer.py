@@ -122,11 +122,17 @@ class Viewer:
 
     @property
     def _is_still(self) -> bool:
-        """Whether the next frame would equal the last one."""
-        unchanged = self.painter.is_done if self._ready else self.session.problem
+        """Whether the next frame would equal the last one; one that closes the window is still to come."""
+        failed = self.session.problem is not None and not is_user_error(self.session.problem)
+        unchanged = self.painter.is_done if self._ready else failed
         waits = self.session.opening is None and self.reload.coming is None and not self.params.app_shall_exit
         counted = self.frames_left is not None or self.exit_when_refined
         return bool(unchanged and waits and not counted and time.perf_counter() >= self._awake_until)
+
+    @property
+    def _has_news(self) -> bool:
+        """Whether there is light that no picture shows, or all work at rest is done."""
+        return self.session.version != self.painter.uploaded or self.session.light.all_done
 
     def _sleep(self) -> None:
         """Wait for input or new light while nothing changes; work at rest goes on."""
@@ -142,8 +148,7 @@ class Viewer:
             if self.files.changed_on_disk(time.monotonic()):
                 self._do("reload")
                 break
-            done = self.session.version != self.painter.uploaded or self.session.light.all_done
-            if resting and (done or time.perf_counter() >= refresh):
+            if resting and (self._has_news or time.perf_counter() >= refresh):
                 break
         self._before = max(self._before, time.perf_counter() - LONGEST_WAIT)
 
@@ -185,7 +190,7 @@ class Viewer:
             return
         facts = self._facts()
         wanted, actions = panel.draw(self.session.settings, facts, self.folds)
-        self.session.want(wanted)
+        self.session.take(wanted, held=imgui.is_any_item_active())
         for action in actions:
             self._do(action)
 

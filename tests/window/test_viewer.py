@@ -133,6 +133,7 @@ def test_unusable_scene_closes_the_window_with_its_sentence(monkeypatch):
         raise SceneError("room.toml: flux must be three numbers >= 0, got [-1, 0, 2]")
 
     monkeypatch.setattr(app.window.viewer, "Opening", lambda s: Opening(s, load=bad))
+    monkeypatch.setattr(app.window.viewer, "LINGER", 0.0)  # as if reading had taken long
     with pytest.raises(SceneError, match="flux must be"):
         app.window.run.run(support.SETTINGS)
 

@@ -9,6 +9,7 @@ import pytest
 
 from app.draw.kelvin import REC709, colour_of, factor, kelvin_of
 from app.settings import LampSetting
+from app.window.panel.lamps import BRIGHTEST
 from gi_core.scene import PointLight
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors
@@ -38,7 +39,7 @@ def test_panel_dims_lamps(play):
 
         ctx.item_close("**/Objects")  # items out of the panel's view cannot be found by name
         section = f"**/{session.model.emitters.lamps.names[1]}"
-        ctx.item_input_value(f"{section}/##100 %", 2.0)
+        ctx.item_input_value(f"{section}/##level", 200.0)
         brighter = lit({"bulb": (2.0,) * 3})
         assert (brighter >= full - 1e-12).all() and brighter.sum() > 1.05 * full.sum()
         ctx.item_uncheck(f"{section}/##on")
@@ -58,7 +59,7 @@ def test_panel_dims_lamps(play):
         assert session.meshes[0].emission.any() and session.settings.lamps == ()
 
         # A light scene, kept and chosen again.
-        ctx.item_input_value(f"{section}/##100 %", 0.5)
+        ctx.item_input_value(f"{section}/##level", 50.0)
         lit({"bulb": (0.5,) * 3})
         ctx.item_input_value("**/##Keep as", "evening")
         ctx.item_click("**/Keep")
@@ -70,6 +71,43 @@ def test_panel_dims_lamps(play):
         hand.wait(lambda: session.light.snapshot.levels[1][0] == 0.5)
         lit({"bulb": (0.5,) * 3})
         assert not errors(viewer)
+
+    play(script, replace(support.SETTINGS, light="photons"), support.opening(two_lamps()))
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_a_held_slider_follows_the_mouse_in_one_step_of_undo(play):
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+
+        def level() -> float:
+            return session.settings.levels(("bulb",))["bulb"][0]
+
+        hand.wait_for_light()
+        ctx.item_close("**/Objects")
+        slider = f"**/{session.model.emitters.lamps.names[1]}/##level"
+        ctx.item_input_value(slider, 900.0)
+        assert level() == BRIGHTEST, "typed in per cent, and limited"
+        low, high = ctx.item_info(slider).rect_full.min, ctx.item_info(slider).rect_full.max
+        levels = []
+        ctx.mouse_move(slider)
+        ctx.mouse_down(0)
+        for share in (0.2, 0.4, 0.6, 0.8):
+            ctx.mouse_move_to_pos((low.x + share * (high.x - low.x), 0.5 * (low.y + high.y)))
+            levels.append(level())
+        ctx.mouse_up(0)
+        assert np.allclose(np.diff(levels), 0.2 * BRIGHTEST, rtol=0.2)
+        hand.wait_for_light()
+        assert session.light.snapshot.levels[1].tolist() == [levels[-1]] * 3
+        session.undo()
+        assert level() == BRIGHTEST
+        session.undo()
+        assert level() == 1.0
+        session.redo()
+        session.redo()
+        hand.wait_for_light()
+        assert level() == levels[-1] and hand.light_is_that_from_scratch() and not errors(viewer)
 
     play(script, replace(support.SETTINGS, light="photons"), support.opening(two_lamps()))
 

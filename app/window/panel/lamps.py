@@ -94,11 +94,12 @@ def _row(lamp: LampSetting, solo: str, k: int, facts: Facts) -> tuple[bool, Lamp
     lamp = _colour(lamp, facts.lamp_colours[k])
     flux = _shown(_flux(lamp, solo, k, facts), facts)
     imgui.begin_disabled(not lit)
-    changed, dim = ui.float_slider(f"{100 * lamp.dim:.0f} %", lamp.dim, 0.0, BRIGHTEST, flux)
+    shown = f"{100 * lamp.dim:.0f} %"
+    changed, percent = ui.float_slider(shown, 100 * lamp.dim, 0.0, 100 * BRIGHTEST, flux, identity="level")
     imgui.end_disabled()
     if changed:
-        lamp = lamp._replace(dim=dim)
-    ui.tip("Level of the lamp, 100 % as in the scene file. Ctrl-click to type one.")
+        lamp = lamp._replace(dim=min(max(percent / 100, 0.0), BRIGHTEST))
+    ui.tip(f"Level of the lamp, 100 % as in the scene file. Ctrl-click to type one, up to {100 * BRIGHTEST:.0f} %.")
     return lamp != before, lamp, solo
 
 

@@ -43,12 +43,12 @@ def int_slider(name: str, value: int, low: int, high: int, shown: str, logarithm
 
 
 def float_slider(
-    name: str, value: float, low: float, high: float, shown: str, logarithmic: bool = False
+    name: str, value: float, low: float, high: float, shown: str, logarithmic: bool = False, identity: str = ""
 ) -> tuple[bool, float]:
-    """Draw a slider for a float, as int_slider()."""
+    """Draw a slider for a float, as int_slider(); identity: of a slider whose name changes with its value."""
     _beside(name, shown)
     flags = imgui.SliderFlags_.logarithmic if logarithmic else imgui.SliderFlags_.none
-    return imgui.slider_float(f"##{name}", value, low, high, "", flags)
+    return imgui.slider_float(f"##{identity or name}", value, low, high, "", flags)
 
 
 def _beside(name: str, shown: str) -> None:
