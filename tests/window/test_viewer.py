@@ -133,7 +133,8 @@ def test_unusable_scene_closes_the_window_with_its_sentence(monkeypatch):
         raise SceneError("room.toml: flux must be three numbers >= 0, got [-1, 0, 2]")
 
     monkeypatch.setattr(app.window.viewer, "Opening", lambda s: Opening(s, load=bad))
-    monkeypatch.setattr(app.window.viewer, "LINGER", 0.0)  # as if reading had taken long
+    monkeypatch.setattr(app.window.viewer, "LINGER", 0.0)  # as if reading had taken long ...
+    monkeypatch.setattr(app.window.window, "wait_for_input", lambda seconds: False)  # ... and nobody had moved a mouse
     with pytest.raises(SceneError, match="flux must be"):
         app.window.run.run(support.SETTINGS)
 
