@@ -12,7 +12,7 @@ import numpy as np
 from gi_core.defaults.choose import choose
 from gi_core.discs.search import SEARCHES
 from gi_core.display.dilation import Drawn
-from gi_core.display.first_look import EarlyPicture, early_picture
+from gi_core.display.first_look import ROUGH, EarlyPicture, LookLight, early_picture, first_looks
 from gi_core.estimators import DEFAULT, ESTIMATORS
 from gi_core.estimators.setting import Setting, checked
 from gi_core.frames.background import Background, Photons
@@ -116,6 +116,10 @@ class Solver:
         with self.light_source.dimmed_to(self.lamps.changed(self.levels, levels, self.scene.name)):
             self._update(paths=paths)
 
+    def begin_with_look(self, look: LookLight) -> None:
+        """Draw a first look, at these levels of the lamps, until photons or gathered light have less noise."""
+        self._early = early_picture(look, self.model, self.levels, self.chosen.grain)
+
     def solve(self) -> None:
         """Trace and estimate all photons wanted."""
         for _ in self.solve_steps(pictures=False):
@@ -129,9 +133,9 @@ class Solver:
         f, show = self._first_frame, partial(self._update, stop=stop)
         f.share(self.model)
         if pictures and self._goal and self.frame.background is None and self.light_source.is_without_stored_light:
-            self._early = early_picture(
-                self.scene, self.model, self.levels, self.seed, self.chosen.grain, min(FIRST_PICTURE, self._goal)
-            )
+            rough = self.chosen.grain > ROUGH * min(FIRST_PICTURE, self._goal) ** 0.5
+            if rough and self._early is None:
+                self.begin_with_look(next(first_looks(self.scene, self.model, self.levels, self.seed)))
         yield from f.steps(self.setting, lambda: self.frame, lambda: self._goal, pictures, show)
         yield Progress("done", 1.0, False)
 

@@ -7,6 +7,7 @@ first light, as records to standard output. Then it helps to compile: it is the 
 
 from __future__ import annotations
 
+import math
 import pickle
 import subprocess
 import sys
@@ -33,6 +34,7 @@ class FirstLook(NamedTuple):
     meshes: tuple[DrawMesh, ...]
     models: tuple[np.ndarray, ...]  # (4, 4) object to world
     drawn: Drawn
+    noise: float  # relative l1, of its light; inf without light
     camera: Turntable
     origin: np.ndarray  # (3,) [m] of the static part's coordinates
     exposure: float  # [EV]
@@ -63,8 +65,8 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     meshes = draw_meshes(dull, model.lamp_of_face)
     towards = camera.eye() - receivers.positions
     facing = np.abs((towards * receivers.normals).sum(axis=1)) / np.maximum(np.linalg.norm(towards, axis=1), 1e-30)
-    unlit = Drawn(np.repeat(facing[:, None], 3, axis=1), None)
-    look = FirstLook(meshes, tuple(matrices(model.transforms(poses))), unlit, camera, model.origins[0], 1.0, NEUTRAL)
+    unlit, models = Drawn(np.repeat(facing[:, None], 3, axis=1), None), tuple(matrices(model.transforms(poses)))
+    look = FirstLook(meshes, models, unlit, math.inf, camera, model.origins[0], 1.0, NEUTRAL)
     yield look
 
     from gi_core.display.first_look import first_looks
@@ -73,12 +75,12 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     levels = np.array(list(settings.levels(names).values()), np.float64).reshape(-1, 3)[: len(names)]
     exposure = scene.defaults.exposure if settings.exposure is None else settings.exposure
     gains = gains_for(model.emitters.total_flux)
-    for drawn in first_looks(scene, model, levels, settings.seed):
+    for light in first_looks(scene, model, levels, settings.seed):
         if exposure is None:
-            both = [colours(mesh, drawn.irradiance, with_reflectance=True) for mesh in meshes]
+            both = [colours(mesh, light.drawn.irradiance, with_reflectance=True) for mesh in meshes]
             without = [None] * len(meshes)
             exposure = metered(receivers, meshes, both.__getitem__, without, True, model.world.size, camera)
-        yield look._replace(drawn=drawn, exposure=exposure, gains=gains)
+        yield look._replace(drawn=light.drawn, noise=light.noise, exposure=exposure, gains=gains)
 
 
 def run() -> None:

@@ -7,6 +7,7 @@ solver's thread begins.
 
 from __future__ import annotations
 
+import math
 import pickle
 import subprocess
 import tempfile
@@ -144,10 +145,13 @@ class Opening:
         from app.draw.draw_mesh import draw_meshes
         from app.draw.picking import Picker
         from gi_core.base.kernel_cache import problems
+        from gi_core.display.first_look import LookLight
 
         self.phase, self.detail, self.fraction = LOADING, self.settings.scene, None
         earlier = self._earlier() if self._earlier is not None else None
         solver = make_solver(scene, self.settings, earlier and earlier.photons)
+        if self.look is not None and math.isfinite(self.look.noise):
+            solver.begin_with_look(LookLight(self.look.drawn, self.look.noise))
         meshes = draw_meshes(solver.surfaces, solver.model.lamp_of_face, solver.model.object_receivers.normals)
         picker = Picker(solver.surfaces, solver.model.origins)
         for _ in load(solver) if solver.light == "best" else ():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator, Iterator, Mapping
 from typing import NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 from gi_core.display.dilation import Dilation, Drawn, dilated
 from gi_core.gather.denoise import denoise
 from gi_core.gather.reference import reference_irradiance
+from gi_core.geometry.error import noise_of_truth
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.model import Model
@@ -18,15 +18,21 @@ from gi_core.scene.types import Pose, Scene
 
 PATHS = 1 << 18, 1 << 20  # in all: one and four seconds of a core
 LEAST, MOST = 4, 64  # paths per receiver
-ROUGH = 0.3  # relative l1 noise of the first photons, above which a first look is drawn in their place ...
-FINE = 0.12  # ... until they have so much; a look has 7 to 23 % error in such scenes
+ROUGH = 0.3  # relative l1 noise of the first photons, above which a first look is drawn in their place
+
+
+class LookLight(NamedTuple):
+    """Light of a first look at the start poses."""
+
+    drawn: Drawn
+    noise: float  # relative l1, that smoothing has left; nan without light
 
 
 class EarlyPicture(NamedTuple):
     """Light to be drawn while photons are few."""
 
     drawn: Drawn
-    photons: int  # from which theirs is better
+    photons: int  # from which theirs has less noise
     poses: Mapping[str, Pose]  # to which it belongs
     levels: np.ndarray  # (G, 3), of the lamps
 
@@ -35,33 +41,31 @@ class EarlyPicture(NamedTuple):
         return photons < self.photons and poses == self.poses and np.array_equal(levels, self.levels)
 
 
-def early_picture(
-    scene: Scene, model: Model, levels: np.ndarray, seed: int, grain: float, first: int
-) -> EarlyPicture | None:
-    """Return light for the first pictures, None where photons are good enough.
+def early_picture(look: LookLight, model: Model, levels: np.ndarray, grain: float) -> EarlyPicture:
+    """Return a look as light for the first pictures, until photons have less noise.
 
-    grain: relative noise of the photons' light times the root of their number; first: photons of the first picture.
+    levels (G, 3): of the lamps; grain: relative noise of the photons' light times the root of their number.
     """
-    if grain <= ROUGH * math.sqrt(first):
-        return None
-    drawn = next(first_looks(scene, model, levels, seed))
-    return EarlyPicture(drawn, round((grain / FINE) ** 2), model.start_poses(), levels.copy())
+    photons = round((grain / look.noise) ** 2) if look.noise > 0 else 0
+    return EarlyPicture(look.drawn, photons, model.start_poses(), levels.copy())
 
 
-def first_looks(scene: Scene, model: Model, levels: np.ndarray, seed: int) -> Iterator[Drawn]:
+def first_looks(scene: Scene, model: Model, levels: np.ndarray, seed: int) -> Iterator[LookLight]:
     """Yield irradiance (R, 3) [W/m2] at the start poses, for pictures, from few paths and then from more.
 
     levels (G, 3): of the lamps.
     """
     at = model.transforms(model.start_poses())
     points, normals = evaluation_points(model.surfaces, model.receivers_at(model.start_poses()))
+    areas = model.object_receivers.areas
     near = neighbours(np.concatenate([model.corners(o) for o in range(model.surfaces.objects)]), len(points))
     dilation, static = Dilation(model, model.world.size), model.surfaces.receiver_range(0).stop
     for total in PATHS:
         paths = min(max(total // max(len(points), 1), LEAST), MOST)
         E, error = reference_irradiance(scene, points, normals, paths, seed, model=model, levels=levels)
-        E = _last(denoise(E, error, near, seed, model.threads)).irradiance
-        yield dilated(E, _last(dilation.find_static(E[:static])), dilation.find_moved(E, at))
+        found = _last(denoise(E, error, near, seed, model.threads, alike=areas))
+        noise, E = found.share(areas) * noise_of_truth(error, E, areas), found.irradiance
+        yield LookLight(dilated(E, _last(dilation.find_static(E[:static])), dilation.find_moved(E, at)), noise)
 
 
 def _last(steps: Generator):

@@ -26,7 +26,7 @@ from gi_core.geometry.mesh_neighbours import Neighbours
 REACHES = (2.0, 4.0, 8.0)  # standard deviations at which the weight of a difference becomes 0
 PASSES = 2
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
-POOLED = 24  # means over neighbours by which risks are pooled: one receiver's estimate is as large as the risk itself
+POOLED = 40  # means over neighbours by which risks are pooled: one receiver's estimate is as large as the risk itself
 GRAIN = 4096  # receivers per thread
 VARIANCE, NO_WEIGHT = 3, -1.0  # column of smooth(), and its value at receivers that do not count
 
@@ -46,10 +46,11 @@ class Denoised(NamedTuple):
 
 def denoise(
     mean: np.ndarray, standard_error: np.ndarray, near: Neighbours, seed: int, threads: int,
-    per_lamp: np.ndarray | None = None,
+    per_lamp: np.ndarray | None = None, alike: np.ndarray | None = None,
 ) -> Generator[None, None, Denoised]:  # fmt: skip
     """Denoise irradiance `mean` (n, 3) with its standard error (n, 3), in steps.
 
+    alike (n,): areas, to take one reach for all; standard errors of a handful of paths are too rough to choose by place.
     per_lamp: light (n, 3 G) whose sum over lamps is `mean`; the result then is the same average of it. Black receivers
     stay black and have no weight for neighbours. The generator returns the result.
     """
@@ -67,11 +68,13 @@ def denoise(
         answer = luminance(_smoothed(more, variance, reach, near, lit, threads) - lights[k]) / LITTLE
         saved[:, k] = 2 * sigma * (sigma - sign * answer) - luminance(lights[k] - mean) ** 2
         yield
-    pooled = saved
-    for _ in range(POOLED):
-        pooled = averaged(near, pooled, lit, threads)
-        yield
-    best = pooled.argmax(axis=1)
+    best = np.full(len(mean), 0 if alike is None else (alike @ saved).argmax())
+    if alike is None:
+        pooled = saved
+        for _ in range(POOLED):
+            pooled = averaged(near, pooled, lit, threads)
+            yield
+        best = pooled.argmax(axis=1)
     risk = sigma**2 - np.take_along_axis(saved, best[:, None], axis=1)[:, 0]
     out = _chosen(lights, best)
     if per_lamp is not None:

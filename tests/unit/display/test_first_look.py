@@ -22,7 +22,8 @@ def test_light_of_a_first_look_is_close_to_the_reference():
     points, normals = evaluation_points(model.surfaces, receivers)
     truth, _ = reference_irradiance(scene, points, normals, 1 << 10, 1, model=model)
     level = 0.25
-    found = list(first_looks(scene, model, np.full((1, 3), level), 0))
+    looks = list(first_looks(scene, model, np.full((1, 3), level), 0))
+    found = [look.drawn for look in looks]
     seen = np.minimum(*(1.0 if drawn.weights is None else drawn.weights for drawn in found)) == 1.0
     weights = receivers.areas * seen
     errors = [
@@ -30,3 +31,4 @@ def test_light_of_a_first_look_is_close_to_the_reference():
         for drawn in found
     ]
     assert max(errors) < 0.08
+    assert all(0.3 < look.noise / error < 1.5 for look, error in zip(looks, errors, strict=True))
