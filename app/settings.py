@@ -191,11 +191,16 @@ def open_scene(settings: Settings) -> Scene:
     """Return the edited scene with its mobiles at the poses of the settings. Raises SceneError."""
     from gi_core.files.edits import edited
     from gi_core.files.load import load_scene
+    from gi_core.lights.lamps import OTHERS
     from gi_core.scene import Camera
+    from gi_core.scene.validate import check_lamp
 
     options = {name: getattr(settings, name) for name in ("max_edge", "up") if getattr(settings, name) is not None}
     scene = load_scene(settings.scene, mobiles=settings.mobiles, allow_outside=settings.allow_outside, **options)
     scene = edited(scene, settings.edits, settings.allow_outside)
+    for name in settings.levels(()):  # before kernels compile
+        if name != OTHERS:
+            check_lamp(scene.name, name, scene)
     poses = start_poses(settings, scene)
     if (c := settings.camera) is not None:
         scene = replace(scene, camera=Camera((c[0], c[1], c[2]), (c[3], c[4], c[5]), c[6]))

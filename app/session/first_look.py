@@ -8,6 +8,7 @@ first light, as records to standard output. Then it helps to compile: it is the 
 from __future__ import annotations
 
 import math
+import os
 import pickle
 import subprocess
 import sys
@@ -44,7 +45,7 @@ class FirstLook(NamedTuple):
 def start(settings: Settings, surfaces: str, errors: IO) -> subprocess.Popen:
     """Start the process. It writes looks, or the error of a bad scene. Its input must stay open; errors: a file."""
     process = child.start("app.session.first_look", stdout=subprocess.PIPE, stderr=errors)
-    pickle.dump((settings, surfaces), process.stdin)
+    pickle.dump((settings, surfaces, os.getcwd()), process.stdin)  # settings name files relative to this folder
     process.stdin.flush()
     return process
 
@@ -85,7 +86,8 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
 
 def run() -> None:
     """Be that process."""
-    settings, surfaces = pickle.load(sys.stdin.buffer)
+    settings, surfaces, folder = pickle.load(sys.stdin.buffer)
+    os.chdir(folder)  # child.start() begins elsewhere
     child.prepare()
     try:
         for look in looks(open_scene(settings), settings):

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from gi_core.solver import BeforeEdit, Solver
 
 IMPORTING, LOADING, TRACING = "importing", "loading scene", "tracing"
-COMPILING = "compiling kernels, once per installation"
+COMPILING = "compiling kernels, kept for the next start"
 POLL = 0.1  # s between looks at the compiler's progress
 KNOWN_FROM = 0.05  # fraction done from which the time left is known
 

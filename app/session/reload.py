@@ -91,7 +91,7 @@ class Reload:
             if coming.problem is not None:
                 self.problem, self.coming = f"{coming.problem}", None
                 if self._edited is not None:
-                    now.edit_failed()
+                    now.edit_failed(self._edited, coming.problem)
             return None
         coming.light.move_pending(0.0)
         if coming.light.is_moving or now.dragging or self._moves(now, coming):

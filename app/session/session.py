@@ -71,6 +71,7 @@ class Session(OpenScene):
         self._before_edit: dict[Field, Any] = {}  # fields when an edit began
         self._dimming = False  # the panel holds a lamp's slider
         self.asked: Asked | None = None  # until `Reload` opens the scene with these edits
+        self._returning: dict[str, Pose] = {}  # poses that the edits asked for last bring back
         self.points = MeasuredPoints()  # of the error chart
         self.lights: dict[str | None, str | None] = {}  # by estimator, as they were left
         self._refreshed = 0  # redraws of the same light
@@ -252,7 +253,7 @@ class Session(OpenScene):
         fields = {key.name: value for key, value in step.items() if isinstance(key, Field)}
         poses = {key: pose for key, pose in step.items() if not isinstance(key, Field) and pose is not None}
         if (edits := fields.pop("edits", None)) is not None:
-            self.edits, self.asked = edits, Asked(edits, poses)
+            self.edits, self.asked, self._returning = edits, Asked(edits, poses), poses
             return
         if fields:
             self.want(replace(self.settings, **fields))
@@ -288,12 +289,38 @@ class Session(OpenScene):
             self.history.push({Field("edits"): before, **poses}, {Field("edits"): self.edits, **dict.fromkeys(poses)})
         else:
             self.history.extend({Field("edits"): before}, {Field("edits"): self.edits})
-        self.asked = Asked(self.edits, {}, follows=not first)
+        self.asked, self._returning = Asked(self.edits, {}, follows=not first), {}
 
-    def edit_failed(self) -> None:
-        """Forget edits that could not be opened."""
-        self.edits, self.asked = self.settings.edits, None
-        self.history.forget()
+    @property
+    def is_editing(self) -> bool:
+        """Whether edits asked for are not yet on show."""
+        return self.edits != self.settings.edits
+
+    @property
+    def moved_after_edits(self) -> dict[str, Pose]:
+        """Poses as of `moved`, once the edits asked for are on show."""
+        from gi_core.files.edits import names_after
+
+        names = names_after(self.poses, self.settings.edits, self.edits)
+        return {name: pose for name, pose in {**self.moved, **self._returning}.items() if name in names}
+
+    def edit_failed(self, asked: Asked, problem: BaseException) -> None:
+        """Forget the edit that failed, in all steps of undo, and ask for the others again.
+
+        A problem that no single edit has takes all edits that are not on show.
+        """
+        from gi_core.files.edits import EditError
+
+        shown = self.settings.edits
+        pending = [edit for edit in asked.edits if edit not in shown]
+        failed = [asked.edits[problem.number]] if isinstance(problem, EditError) else pending
+
+        def others(edits: tuple[Edit, ...]) -> tuple[Edit, ...]:
+            return tuple(edit for edit in edits if edit not in failed)
+
+        self.edits = others(self.edits) if failed else shown
+        self.history.change(Field("edits"), others)
+        self.asked = Asked(self.edits, (self.asked or asked).poses) if self.edits != shown else None
 
     def reset_poses(self) -> None:
         self.playing = False

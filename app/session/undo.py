@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 DEPTH = 200
+
+Step = tuple[dict[Any, Any], dict[Any, Any]]  # values before and after
 
 
 class Field(NamedTuple):
@@ -18,8 +20,8 @@ class History:
     """Steps of ({key: value before}, {key: value after}); a key is the name of a mobile, or a Field."""
 
     def __init__(self) -> None:
-        self._done: list[tuple[dict[Any, Any], dict[Any, Any]]] = []
-        self._undone: list[tuple[dict[Any, Any], dict[Any, Any]]] = []
+        self._done: list[Step] = []
+        self._undone: list[Step] = []
 
     def push(self, before: Mapping[Any, Any], after: Mapping[Any, Any]) -> None:
         """Record a change; undone steps can then no longer be redone."""
@@ -49,6 +51,17 @@ class History:
         else:
             self.push(before, after)
 
-    def forget(self) -> None:
-        """Drop the last step, which failed."""
-        self._done = self._done[:-1]
+    def change(self, key: Field, new: Callable[[Any], Any]) -> None:
+        """Put new values of a field into all steps; steps that then leave it as it is are dropped."""
+        self._done, self._undone = _changed(self._done, key, new), _changed(self._undone, key, new)
+
+
+def _changed(steps: list[Step], key: Field, new: Callable[[Any], Any]) -> list[Step]:
+    """Return steps with new values of a field, without those that then leave it as it is."""
+    out = []
+    for before, after in steps:
+        if key not in before:
+            out.append((before, after))
+        elif new(before[key]) != new(after[key]):
+            out.append(({**before, key: new(before[key])}, {**after, key: new(after[key])}))
+    return out

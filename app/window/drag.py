@@ -24,6 +24,7 @@ MODES = {
 TURN_SPEED = 360.0  # degrees per picture height
 HEADROOM = 0.5  # of the scene's diagonal: least height of the drag box
 GRAZING = 1e-4  # |cos| of ray and plane; below it the hit lies outside any scene
+FLAT = 0.1  # sine of ray and plane; below it a slide follows the image plane: 180 pixels threw a drawer by 23 m
 STEEP = 0.25  # sine of view and vertical; below it a vertical drag is measured in the picture
 
 
@@ -83,7 +84,7 @@ def on_plane(origin, direction, point, normal) -> np.ndarray | None:
 
 
 def _slide(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.ndarray:
-    """Move at constant height; above the horizon, to the scene's end in that direction."""
+    """Move at constant height; near the horizon and above it, as far as in the image plane."""
     origin, direction = grab.camera.ray(u, v, aspect)
     up = frame_of(grab.camera.up)[2]
     level = direction - (direction @ up) * up
@@ -93,8 +94,7 @@ def _slide(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.
         return foot
     level = level / length
     low, high = _room(grab, bounds)
-    hit = on_plane(origin, direction, grab.point, up)
-    s = float((hit - foot) @ level) if hit is not None else np.inf
+    s = _distance(float((grab.point - origin) @ up), float(np.linalg.norm(grab.point - origin)), float(direction @ up))
     # Clip on the track itself: clipping a far point axis by axis would slide it along a wall into a corner.
     entry, leave = _track_in_box(foot, level, low, high)
     if leave is None:
@@ -103,6 +103,20 @@ def _slide(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.
         s = min(max(s, entry), leave)
     target = foot + s * level
     return target + float((grab.point - target) @ up) * up  # the height exactly as it was
+
+
+def _distance(height: float, depth: float, slope: float) -> float:
+    """Return the horizontal distance [m] at which a ray meets a horizontal plane.
+
+    height, depth: of the grabbed point over the eye and from it [m]; slope: sine of the ray over the horizontal. A ray
+    flatter than FLAT, and than that to the point, goes on by its angle times the distance there.
+    """
+    side = np.sign(height) or -1.0
+    angle, flat = np.arcsin(side * slope), np.arcsin(min(FLAT, abs(height) / max(depth, 1e-300), 1.0))
+    if angle > flat:
+        return float(abs(height) / np.tan(angle))
+    limit = abs(height) / np.tan(flat) if flat > 0 else depth
+    return float(limit * (1 + flat - angle))
 
 
 def _raise(grab: Grab, u: float, v: float, aspect: float, bounds: Bounds) -> np.ndarray:

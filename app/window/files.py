@@ -89,9 +89,10 @@ class Files:
         return str(folder / f"{Path(s.scene).stem}-saved.toml")
 
     def settings_now(self, session: Session, viewport: Viewport) -> saved_scene.Settings:
-        """Return settings that open the scene as it is on show."""
+        """Return settings that open the scene as it is on show, with edits that are still being prepared."""
         settings = session.settings.without_solo(session.model.emitters.lamps.names)
-        return saved_scene.with_view(settings, session.moved, viewport.view.camera.as_camera())
+        settings = replace(settings, edits=session.edits)
+        return saved_scene.with_view(settings, session.moved_after_edits, viewport.view.camera.as_camera())
 
     def command(self, session: Session, viewport: Viewport) -> str:
         """Return the command that opens the scene as it is on show."""

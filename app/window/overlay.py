@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from app.session.log import ERROR, INFO, WARNING, Log
+from app.session.log import ERROR, INFO, WARNING, Log, LogEntry
 from app.session.reload import Reload
 from app.session.session import Session
 from app.window import label, legend, theme
@@ -13,7 +13,7 @@ from app.window.viewport import Viewport
 from app.window.wipe import Wipe
 
 KEY_HINT = "H: help    Tab: panel"
-MESSAGE_SECONDS = {INFO: 3.0, WARNING: 8.0, ERROR: 20.0}  # before a read-out replaces a message
+MESSAGE_SECONDS = {INFO: 3.0, WARNING: 8.0, ERROR: 20.0}  # on show
 TOOLTIP_MESSAGES = 12  # of the log, in the status line's tooltip
 
 
@@ -68,24 +68,28 @@ def _draw_opening(session: Session, x: float, y: float, em: float) -> None:
     imgui.progress_bar(fraction, (width, 0.35 * em), "")
 
 
+def message_at(log: Log, now: float) -> LogEntry | None:
+    """Return the last message while it is new; now: the log's time [s]."""
+    entry = log.last
+    return entry if entry is not None and now - entry.when < MESSAGE_SECONDS[entry.level] else None
+
+
 def draw_status(log: Log, readout: str, state: str, now: float) -> None:
     """Write the status line: a new message or the light under the cursor; at the right the state of the light.
 
     state: in words, "" before the first picture; now: the log's time [s].
     """
-    start = imgui.get_cursor_pos()
+    start, (x, y) = imgui.get_cursor_pos(), imgui.get_cursor_screen_pos()
     right = f"{state}    {KEY_HINT}" if state else KEY_HINT
     room = imgui.get_content_region_avail().x - imgui.calc_text_size(right).x
-    entry = log.last
-    if entry is not None and (not readout or now - entry.when < MESSAGE_SECONDS[entry.level]):
-        text, colour = entry.text, {ERROR: theme.ERROR, WARNING: theme.WARNING}.get(entry.level, theme.DIM)
-    else:
-        text, colour = readout, theme.TEXT
+    message = message_at(log, now)
+    colours = {ERROR: theme.ERROR, WARNING: theme.WARNING, INFO: theme.DIM}
+    text, colour = (readout, theme.TEXT) if message is None else (message.text, colours[message.level])
     if imgui.calc_text_size(text).x < room:
         imgui.set_cursor_pos((start.x + room, start.y))
         imgui.text_disabled(right)
         imgui.set_cursor_pos(start)
     imgui.text_colored((*colour, 1.0), text)
-    if imgui.is_item_hovered():
+    if imgui.is_window_hovered() and imgui.is_mouse_hovering_rect((x, y), (x + room, y + imgui.get_text_line_height())):
         lines = "\n".join(e.text for e in list(log.entries)[-TOOLTIP_MESSAGES:])
         imgui.set_tooltip(lines or "Light under the cursor; messages.")

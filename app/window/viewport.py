@@ -55,7 +55,11 @@ class Viewport:
         self._drawn: tuple | None = None  # parameters of the last draw
 
     def adopt(self, session: Session, keep_view: bool = False) -> None:
-        """Show a ready session through the scene's camera; `keep_view`: through the user's, if it was moved."""
+        """Show a ready session through the scene's camera; `keep_view`: through the user's, if it was moved.
+
+        Mobiles that an edit adds are then selected.
+        """
+        appeared = tuple(name for name in session.poses if keep_view and name not in self.session.poses)
         same_faces = keep_view and len(session.scene.static.faces) == len(self.session.scene.static.faces)
         self.clicked, self._pressed = self.clicked if same_faces else None, None
         self.session = session
@@ -64,7 +68,9 @@ class Viewport:
         self.control.adopt(session, keep_view)
         self.pointer, self.pins = Pointer(), Pins()
         self.mobile_drag = MobileDrag(drag.room_for(self.control.bounds, session.scene.up))
-        if not self.selection and len(session.poses) == 1:
+        if appeared:
+            self.select(appeared)
+        elif not self.selection and len(session.poses) == 1:
             self.select(tuple(session.poses))
 
     @property

@@ -6,7 +6,7 @@ photon paths that an edit does not touch.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -82,22 +82,47 @@ class Freeze(NamedTuple):
     pose: Pose
 
 
+class EditError(SceneError):
+    """An edit that its scene refuses; `number`: its place in the list of edits, from 0."""
+
+    number = 0
+
+
 Edit = Finish | Insert | Duplicate | Remove | Promote | Freeze
 KINDS: dict[str, type[Edit]] = {
     kind.__name__.lower(): kind for kind in (Finish, Insert, Duplicate, Remove, Promote, Freeze)
 }
 
+ADDING, TAKING = (Insert, Duplicate, Promote), (Remove, Freeze)  # a mobile
+
 
 def edited(scene: Scene, edits: Sequence[Edit], allow_outside: bool = False) -> Scene:
     """Return a scene after edits, in order; allow_outside: as for load_scene(), of inserted files.
 
-    Raises SceneError for a name that the scene does not have at that point, or has already, and for a bad value.
+    Raises EditError for a name that the scene does not have at that point, or has already, and for a bad value.
     """
-    for edit in edits:
-        scene = _edited(scene, edit, allow_outside)
-    if edits:
-        check_scene(scene)
+    for number, edit in enumerate(edits):
+        try:
+            scene = _edited(scene, edit, allow_outside)
+            if number == len(edits) - 1:
+                check_scene(scene)
+        except SceneError as problem:
+            refused = EditError(str(problem))
+            refused.number = number
+            raise refused from None
     return scene
+
+
+def names_after(names: Iterable[str], before: Sequence[Edit], after: Sequence[Edit]) -> set[str]:
+    """Return the names of the mobiles after some edits, from those after other edits of the same scene."""
+    found = set(names)
+    for edit in reversed(before):
+        found = found - {edit.name} if isinstance(edit, ADDING) else found
+        found = found | {edit.name} if isinstance(edit, TAKING) else found
+    for edit in after:
+        found = found | {edit.name} if isinstance(edit, ADDING) else found
+        found = found - {edit.name} if isinstance(edit, TAKING) else found
+    return found
 
 
 def _edited(scene: Scene, edit: Edit, allow_outside: bool) -> Scene:

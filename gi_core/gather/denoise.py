@@ -50,7 +50,7 @@ def denoise(
 ) -> Generator[None, None, Denoised]:  # fmt: skip
     """Denoise irradiance `mean` (n, 3) with its standard error (n, 3), in steps.
 
-    alike (n,): areas, to take one reach for all; standard errors of a handful of paths are too rough to choose by place.
+    alike (n,): areas, to take one reach for all: standard errors of few paths are too rough to choose by place.
     per_lamp: light (n, 3 G) whose sum over lamps is `mean`; the result then is the same average of it. Black receivers
     stay black and have no weight for neighbours. The generator returns the result.
     """

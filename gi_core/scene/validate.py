@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
+
 import numpy as np
 
 from gi_core.bsdf.models import Lobe
@@ -92,6 +94,15 @@ FIELDS: dict[type, dict[str, Rule]] = {
 }  # fmt: skip
 
 
+def check_lamp(where: str, name: str, scene: Scene) -> None:
+    """Raise SceneError, with the nearest name, unless a light or an emissive material has a name."""
+    lamps = {light.name for light in scene.lights} | {m.name for m in scene.materials if max(m.emission) > 0}
+    if name not in lamps:
+        nearest = [f"did you mean {shown(lamp)}?" for lamp in get_close_matches(name, lamps, 1)]
+        there = "there is " + (", ".join(sorted(f'"{lamp}"' for lamp in lamps)) or "none")
+        raise SceneError(f"{where}: no lamp is called {shown(name)}; {(nearest or [there])[0]}")
+
+
 def check_scene(scene: Scene) -> None:
     """Raise SceneError, one sentence, for the first broken rule."""
     title = TEXT.check("the name of a scene", scene.name)
@@ -105,13 +116,10 @@ def check_scene(scene: Scene) -> None:
     if scene.camera is not None:
         _check_fields(f"{title}: camera", scene.camera)
     _check_fields(f"{title}: defaults", scene.defaults)
-    lamps = {light.name for light in scene.lights} | {m.name for m in scene.materials if max(m.emission) > 0}
     for light_scene in scene.light_scenes:
         where = _named(title, "light scene", light_scene)
         for lamp, level in light_scene.levels:
-            if lamp not in lamps:
-                there = ", ".join(sorted(f'"{name}"' for name in lamps)) or "none"
-                raise SceneError(f"{where}: no lamp is called {shown(lamp)}; there is {there}")
+            check_lamp(where, lamp, scene)
             STRENGTH.check(f"{where}: lamp {shown(lamp)}", level)
     _check_mesh(f"{title}: the static part", scene.static, len(scene.materials))
     for mobile in scene.mobiles:

@@ -236,6 +236,13 @@ def test_unknown_lamp_exits_with_3(capsys):
     assert "no lamp is called 'sun'; there is \"lamp\"" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("command", ["info", "render"])
+def test_a_mistyped_lamp_is_refused_before_kernels_compile(capsys, monkeypatch, command):
+    monkeypatch.setattr("app.cli.progress.compile_kernels", lambda *of: pytest.fail("compiles"))
+    assert cli.main([command, "cornell", "--lamp", "lmap=0.5"]) == 3
+    assert "no lamp is called 'lmap'; did you mean 'lamp'?" in one_line(capsys.readouterr().err)
+
+
 def test_unknown_mobile_and_non_rigid_pose_exit_with_3(capsys):
     assert cli.main(["info", *FAST, "--pose", "nobody=0,0,0"]) == 3
     assert '"nobody"' in one_line(capsys.readouterr().err)

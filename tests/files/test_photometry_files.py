@@ -155,6 +155,10 @@ def test_files_outside_of_the_scene_are_refused(tmp_path):
         (("4 1 1 2", "1e30 1 1 2"), "the number of vertical angles must be a number from 2 to 10000"),
         (("0 30 60 90", "0 60 30 90"), "vertical angles must increase, got"),
         (("100 80 30 0", "100 80 -30 0"), "candela values must be a number from 0 to 1e+12, got '-30'"),
+        (
+            ("100 80 30 0", "100 banana 30"),
+            "a.ies: line 8: candela values must be a number from 0 to 1e+12, got 'banana'",
+        ),
         (("100 80 30 0", "100 80 nan 0"), "candela values must be a number from 0 to 1e+12, got 'nan'"),
         (("100 80 30 0", "0 0 0 0"), "the flux of the table must be from 1e-09 to 1e+12 lm, got 0 lm"),
     ],
@@ -224,6 +228,12 @@ def test_mistakes_in_eulumdat_files(tmp_path, line, value, expected):
     lines[line - 1] = value
     path.write_text("\n".join(lines))
     assert expected in sentence(path)
+
+
+@pytest.mark.parametrize("name", ["a.ies", "a.ldt"])
+def test_an_empty_file_is_called_empty(tmp_path, name):
+    (tmp_path / name).write_text("\n \n")
+    assert sentence(tmp_path / name).endswith(f"{name}: the photometric file is empty; export it again")
 
 
 def test_short_eulumdat_file(tmp_path):

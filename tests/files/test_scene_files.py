@@ -103,7 +103,12 @@ MISTAKES = {
         "outer_degrees = 0",
         "outer_degrees must be a number > 0 and < 90",
     ),
-    "light without type": (SCENE + "[[light]]\nposition = [0, 0, 0]", 'light "0": type is missing; write type = '),
+    "key of a light": (
+        SCENE + '[[light]]\ntype = "point"\nname = "lamp"\nposition = [0, 1, 0]\nflux = [1, 1, 1]\n'
+        '[[light]]\ntype = "sky"\nradianse = [1, 1, 1]',
+        "light 2: unknown key 'radianse'; did you mean 'radiance'?",
+    ),
+    "light without type": (SCENE + "[[light]]\nposition = [0, 0, 0]", "light 1: type is missing; write type = "),
     "name too long for a file": (SCENE.replace("cube.obj", "x" * 5000 + ".obj"), "there is no such mesh file"),
     "malformed": ("title = ", "a scene file must be TOML, which this is not"),
     "misspelt key": (SCENE.replace("target", "taget"), r"\[camera\]: unknown key 'taget'; did you mean 'target'\?"),
@@ -150,7 +155,7 @@ MISTAKES = {
         SCENE + "[mobile.path]\ntimes = [1, 1]\npositions = [[0, 0, 0], [1, 0, 0]]",
         r"times must increase, got \[1.0, 1.0\]",
     ),
-    "light type": (SCENE + '[[light]]\ntype = "laser"', 'light "0": type must be one of "point", "spot"'),
+    "light type": (SCENE + '[[light]]\ntype = "laser"', 'light 1: type must be one of "point", "spot"'),
     "light key": (
         SCENE + '[[light]]\ntype = "point"\nposition = [0, 0, 0]\nfluks = [1, 1, 1]',
         "unknown key 'fluks'; did you mean 'flux'",

@@ -206,5 +206,5 @@ def test_light_scenes_name_lamps_of_the_scene():
         return replace(room(), light_scenes=(LightScene("evening", tuple((n, (0.5, 0.4, 0.2)) for n in lamps)),))
 
     Solver(named("bulb", "strip"), **GIVEN | {"photons": 0})
-    with pytest.raises(SceneError, match='light scene "evening": no lamp is called \'lmp\'; there is "bulb"'):
+    with pytest.raises(SceneError, match="light scene \"evening\": no lamp is called 'lmp'; did you mean 'lamp'"):
         Solver(named("lmp"), **GIVEN | {"photons": 0})

@@ -106,6 +106,17 @@ def test_crossing_the_horizon_is_no_jump():
     assert np.abs(np.diff(path[:, 2])).max() < 0.02, "nor slides sideways"
 
 
+def test_a_drag_over_a_nearly_edge_on_plane_moves_no_farther_than_in_the_picture():
+    """A drawer front just under the eye, in a building of 40 m: 180 pixels upwards move it by less than 2 m."""
+    building, point = Bounds((-20.0, 0.0, -20.0), (20.0, 3.0, 20.0)), np.array([0.0, 1.3, 0.0])
+    for height in (1.31, 1.4, 1.55):
+        c = from_camera(Camera((0.0, height, 3.0), (0.0, 1.2, 0.0), 60.0), (0, 1, 0), building)
+        u, v = c.project(point, ASPECT)
+        g = drag.Grab("drawer", drag.SLIDE, point, Pose(tuple(point)), c, u, v, point - 0.2, point + 0.2)
+        steps = [drag.dragged(g, u, v - k / 800, ASPECT, building).position[2] for k in range(181)]
+        assert (np.diff(steps) < 0).all() and -steps[-1] < 2
+
+
 def test_an_object_outside_may_stay_and_come_in_but_not_go_farther():
     c = camera()
     u, v = c.project(POINT, ASPECT)

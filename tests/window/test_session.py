@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import queue
 import subprocess
 import threading
@@ -18,6 +19,7 @@ from app.session.solver_thread import GRACE
 from app.settings import Settings
 from gi_core.scene import KeyFrames, Pose
 from tests.support import viewer_support as support
+from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
 
 FRAME = 1 / 60
 
@@ -306,6 +308,22 @@ while not pathlib.Path({str(shown)!r}).exists():
         assert job.warnings == expected
         assert job.problem is None and job.result is not None
     assert (COMPILING, 0.25, "s left") in seen and "a look" in looks and not programs
+
+
+def test_the_process_of_the_first_look_finds_files_by_relative_paths(tmp_path, monkeypatch):
+    """It begins in the program's folder, but settings name files relative to the user's."""
+    from app.session import first_look
+
+    monkeypatch.chdir(tmp_path)
+    write_glb(tmp_path / "thing.glb", BOX * 0.1, BOX_FACES)
+    with (tmp_path / "errors").open("w+") as errors:
+        process = first_look.start(Settings(scene="thing.glb"), "diffuse", errors)
+        try:
+            found = pickle.load(process.stdout)
+        finally:
+            process.kill()
+            process.communicate()
+    assert isinstance(found, first_look.FirstLook), found
 
 
 def test_a_bad_scene_is_refused_before_kernels_are_compiled(monkeypatch, tmp_path):

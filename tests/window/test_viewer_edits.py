@@ -11,9 +11,9 @@ from app.cli import saved_scene
 from app.session.opening import Opening
 from app.settings import Settings
 from app.window import dialogs
-from app.window.actions.objects import is_mesh
+from app.window.actions.objects import insert, is_mesh
 from app.window.panel.material import Refinish
-from gi_core.files.edits import Finish, Freeze, edited
+from gi_core.files.edits import Finish, Freeze, Remove, edited
 from gi_core.scene import Pose
 from gi_core.solver import Solver, photons_of
 from tests.support import viewer_support as support
@@ -126,7 +126,9 @@ def test_objects_are_copied_removed_frozen_and_made_movable(play):
         viewer.viewport.select(("block",))
         change(hand, viewer, lambda: viewer._do("duplicate"))
         assert list(viewer.session.poses) == ["block", "block 2"]
-        assert viewer.session.poses["block 2"].position == pytest.approx((0.74, 0.3, 0.5))
+        (low, high), (low2, high2) = viewer.session.box_of(("block",)), viewer.session.box_of(("block 2",))
+        assert ((high < low2) | (high2 < low)).any() and (low2 > 0).all() and (high2 < 1).all(), "beside, in the room"
+        assert viewer.viewport.selection == ("block 2",), "the copy is selected"
         assert np.array_equal(viewer.session.irradiance, built(viewer.session))
         viewer.session.move({"block": Pose((0.3, 0.12, 0.3))})
         hand.wait_for_light()
@@ -198,6 +200,66 @@ def test_a_mesh_dropped_on_the_picture_stands_there(play, folder, monkeypatch):
         assert list(viewer.session.poses) == ["block", "thing", "thing 2"]
 
     assert errors(play(script, open_with=open_edited)) == []
+
+
+def test_an_edit_that_fails_takes_no_other_with_it(play):
+    """A colour is being prepared when a mesh that does not exist is inserted; the colour comes, undo leaves it out."""
+    red = Finish("white", (("reflectance", RED),))
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        first = viewer.session
+        viewer._do(Refinish("white", red.material))
+        hand.wait(lambda: viewer.reload.coming is not None)
+        insert(viewer, "gone.glb")
+        hand.wait(lambda: viewer.session is not first)
+        assert viewer.session.settings.edits == viewer.session.edits == (red,)
+        assert any("gone.glb: there is no such mesh file" in e.text for e in viewer.log.entries)
+        change(hand, viewer, lambda: viewer._do("undo"))
+        assert viewer.session.settings.edits == ()
+        change(hand, viewer, lambda: viewer._do("redo"))
+        assert viewer.session.settings.edits == (red,)
+
+    play(script, open_with=open_edited)
+
+
+def test_a_scene_saved_while_edits_are_prepared_has_them(play, folder):
+    """Also the poses: an object that a pending edit removes has none, else the file could not be opened."""
+    red = Finish("white", (("reflectance", RED),))
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        viewer.session.move({"block": AWAY})
+        hand.wait_for_light()
+        viewer._do(Refinish("white", red.material))
+        hand.wait(lambda: viewer.reload.coming is not None)
+        viewer.files.save(viewer.session, viewer.viewport, str(folder / "a.toml"))
+        viewer.viewport.select(("block",))
+        viewer._do("remove")
+        assert viewer.session.settings.edits == ()
+        viewer.files.save(viewer.session, viewer.viewport, str(folder / "b.toml"))
+
+    assert errors(play(script, open_with=open_edited)) == []
+    first, second = (saved_scene.read(str(folder / name)) for name in ("a.toml", "b.toml"))
+    assert first.edits == (red,) and dict(first.poses)["block"] == (*AWAY.position, *AWAY.quaternion)
+    assert second.edits == (red, Remove("block")) and second.poses == ()
+
+
+def test_a_mesh_is_inserted_by_its_full_path(play, folder):
+    """A path is typed relative to the working folder; the saved scene names it relative to its own."""
+    (folder / "st").mkdir()
+    write_glb(folder / "st" / "thing.glb", BOX * 0.1, BOX_FACES)
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        change(hand, viewer, lambda: insert(viewer, "st/thing.glb"))
+        assert viewer.session.edits[0].file == str(folder / "st" / "thing.glb")
+        assert viewer.viewport.selection == ("thing",), "the new object is selected"
+        viewer.files.save(viewer.session, viewer.viewport, str(folder / "saved.toml"))
+
+    assert errors(play(script, open_with=open_edited)) == []
+    assert 'file = "st/thing.glb"' in (folder / "saved.toml").read_text()
+    assert saved_scene.read(str(folder / "saved.toml")).edits[0].file == str(folder / "st" / "thing.glb")
 
 
 def test_an_edit_that_fails_leaves_the_scene(play, folder):
@@ -277,7 +339,7 @@ def test_the_panel_edits_the_material_of_the_clicked_wall(play, monkeypatch):
 
 
 def test_a_saved_scene_keeps_its_edits(folder):
-    from gi_core.files.edits import Duplicate, Insert, Promote, Remove
+    from gi_core.files.edits import Duplicate, Insert, Promote
 
     thing = write_glb(folder / "thing.glb", BOX * 0.1, BOX_FACES)
     edits = (

@@ -173,9 +173,11 @@ def test_several_objects_are_selected_and_move_as_one(play):
         hand.wait_for_light()
         copied = viewer.session
         assert list(copied.poses) == ["left", "right", "left 2", "right 2"]
-        width = 0.75 - 0.25 + 0.24
-        for name in start:
-            assert copied.poses[f"{name} 2"].position[0] == pytest.approx(start[name].position[0] + width)
+        shifts = [np.subtract(copied.poses[f"{name} 2"].position, start[name].position) for name in start]
+        assert np.allclose(shifts[0], shifts[1]), "copies keep their places to each other"
+        assert np.abs(shifts[0]).max() == pytest.approx(1.05 * 0.24), "beside along z, as there is no room along x"
+        assert viewport.selection == ("left 2", "right 2")
+        viewport.select(("left", "right"))
         viewer._do("remove")
         hand.wait(lambda: viewer.session is not copied)
         hand.wait_for_light()

@@ -11,8 +11,9 @@ import pytest
 from PIL import Image
 
 from app.cli import saved_scene
+from app.session.log import Log
 from app.settings import MeasuringPlane
-from app.window import view_content
+from app.window import overlay, view_content
 from gi_core.scene import Camera, Material, Mobile, PointLight, Pose, Scene
 from tests.support import closed_form
 from tests.support import viewer_support as support
@@ -320,3 +321,13 @@ def test_the_measuring_plane_is_measured_at_rest_and_again_after_a_move(play, mo
 
     settings = replace(support.SETTINGS, light="photons")
     assert errors(play(script, settings, support.opening(lamp_over_floor()))) == []
+
+
+def test_a_message_is_shown_once():
+    """A message that has had its time does not come back where the cursor leaves the picture."""
+    log = Log()
+    assert overlay.message_at(log, 0.0) is None
+    log("nothing to undo")
+    (entry,) = log.entries
+    assert overlay.message_at(log, entry.when + 1.0) == entry
+    assert overlay.message_at(log, entry.when + 4.0) is None

@@ -56,7 +56,8 @@ def save_as(window: Window) -> None:
 
 def _write(window: Window, path: str) -> None:
     try:
-        window.log(f"saved {window.files.save(window.session, window.viewport, path)}")
+        pending = ", with an edit that is still being prepared" if window.session.is_editing else ""
+        window.log(f"saved {window.files.save(window.session, window.viewport, path)}{pending}")
     except (UsageError, OSError) as problem:
         _not_saved(window, problem, path)
 

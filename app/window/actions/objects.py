@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
@@ -75,7 +76,8 @@ def insert(window: Window, name: str, place: np.ndarray | None = None) -> None:
     from gi_core.files.edits import Insert
 
     pose = None if place is None else Pose(three(place))
-    window.session.change_scene(Insert(_free_name(window, Path(name).stem), name, pose))
+    file = os.path.abspath(os.path.expanduser(name))
+    window.session.change_scene(Insert(_free_name(window, Path(file).stem), file, pose))
 
 
 def choose_and_insert(window: Window) -> None:
@@ -85,15 +87,13 @@ def choose_and_insert(window: Window) -> None:
 
 def duplicate(window: Window) -> None:
     """Put copies of the selected objects beside them."""
+    from app.session.beside import beside
     from gi_core.files.edits import Duplicate
 
     session, names = window.session, _selected(window)
     if not names:
         return
-    low, high = session.box_of(names)
-    up = session.scene.up
-    axis = min(range(3), key=lambda k: abs(up[k]))  # horizontal
-    aside = np.eye(3)[axis] * (high - low)
+    aside = beside(session, window.viewport.view.camera, names)
     edits: list[Duplicate] = []
     for name in names:
         pose = session.poses[name]

@@ -31,8 +31,10 @@ class Document:
         try:
             self.json = json.loads(text)
         except ValueError as error:
+            readable = isinstance(error, json.JSONDecodeError) and path.suffix.lower() == ".gltf"
+            place = f" in line {error.lineno}" if readable else ""
             raise SceneError(
-                f"{where}: a .gltf or .glb file must hold glTF JSON, which this does not: {error}"
+                f"{where}: a .gltf or .glb file must hold glTF JSON, which this does not{place}; export it again"
             ) from None
         if not isinstance(self.json, dict) or not str(self.json.get("asset", {}).get("version", "")).startswith("2"):
             raise SceneError(f'{where}: glTF must be of version 2, with asset.version "2.0"; export it again')

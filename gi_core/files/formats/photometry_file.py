@@ -66,6 +66,8 @@ def read_photometry(path: Path, where: str, boundary: Boundary) -> PhotometryFil
         text = boundary.read(path, where).decode("latin-1")  # labels may be of any code page
     except OSError as error:
         raise SceneError(f"{where}: the photometric file cannot be read: {error.strerror or error}") from None
+    if not text.strip():
+        raise SceneError(f"{where}: the photometric file is empty; export it again")
     lines = re.split("\r\n|\r|\n", text.removeprefix("\xef\xbb\xbf"))
     found = (_ies if suffix == ".ies" else _eulumdat)(lines, where)
     return found._replace(notes=[f"{where}: {note}" for note in found.notes])
@@ -74,24 +76,24 @@ def read_photometry(path: Path, where: str, boundary: Boundary) -> PhotometryFil
 class _Numbers:
     """Numbers of a file, in order."""
 
-    def __init__(self, where: str, words: Sequence[str]):
+    def __init__(self, where: str, words: Sequence[tuple[int, str]]):
+        """words: with the line of each, counted from 1."""
         self.where, self._words, self._next = where, words, 0
 
     def take(self, what: str, count: int, low: float = -LARGEST, high: float = LARGEST) -> np.ndarray:
         """Return the next numbers (count,) float64. Raises SceneError for missing ones and for any out of range."""
         words = self._words[self._next : self._next + count]
+        out = np.array([_number(word) for _, word in words])
+        for value, (line, word) in zip(out.tolist(), words, strict=True):
+            if not low <= value <= high:
+                rule = f"must be a number from {low:g} to {high:g}, got {shown(word)}"
+                raise SceneError(f"{self.where}: line {line}: {what} {rule}")
         if len(words) < count:
             raise SceneError(
                 f"{self.where}: {what}: {count:,} numbers are needed, but the file ends after {len(words):,}; "
                 "is it cut off?"
             )
         self._next += count
-        out = np.empty(count)
-        for k, word in enumerate(words):
-            value = _number(word)
-            if not low <= value <= high:
-                raise SceneError(f"{self.where}: {what} must be a number from {low:g} to {high:g}, got {shown(word)}")
-            out[k] = value
         return out
 
     def number(self, what: str, low: float = -LARGEST, high: float = LARGEST) -> float:
@@ -100,7 +102,8 @@ class _Numbers:
     def count(self, what: str, low: int, high: int) -> int:
         value = self.number(what, low, high)
         if value != int(value):
-            raise SceneError(f"{self.where}: {what} must be a whole number, got {value:g}")
+            line, _ = self._words[self._next - 1]
+            raise SceneError(f"{self.where}: line {line}: {what} must be a whole number, got {value:g}")
         return int(value)
 
     def angles(self, what: str, count: int, high: float) -> np.ndarray:
@@ -131,7 +134,8 @@ def _ies(lines: list[str], where: str) -> PhotometryFile:
         raise SceneError(f"{where}: TILT must be NONE or INCLUDE, got {shown(kind)}; include the file that it names")
     year = re.match(r"IES(?:NA)?:?(?:LM-63-)?(\d+)", lines[0].strip())
     early = year is None or int(year[1][-4:]) in (86, 91, 95, 1986, 1991, 1995)  # of 1986 the first line is a label
-    numbers = _Numbers(where, re.split(r"[\s,]+", " ".join(lines[at + 1 :]).strip()))
+    after = enumerate(lines[at + 1 :], at + 2)
+    numbers = _Numbers(where, [(k, word) for k, line in after for word in re.split(r"[\s,]+", line) if word])
     tilt = _tilt(numbers) if kind == "INCLUDE" else None
     lamps, lumens = numbers.number("the number of lamps"), numbers.number("lumens per lamp")
     scale = numbers.number("the candela multiplier", 1e-12)
@@ -193,7 +197,9 @@ def _eulumdat(lines: list[str], where: str) -> PhotometryFile:
     def field(number: int, what: str) -> _Numbers:
         """Return the number of a line, counted from 1."""
         words = lines[number - 1 : number] if number <= len(lines) else []
-        return _Numbers(f"{where}: line {number}", [w.strip().partition(" ")[0] for w in words])
+        return _Numbers(
+            where if words else f"{where}: line {number}", [(number, w.strip().partition(" ")[0]) for w in words]
+        )
 
     symmetry = field(3, "").count("the symmetry Isym", 0, 4)
     planes = field(4, "").count("the number of C-planes", 1, MOST_ANGLES)
@@ -209,7 +215,7 @@ def _eulumdat(lines: list[str], where: str) -> PhotometryFile:
     sets = field(26, "").count("the number of sets of lamps", 1, 20)
     lumens = field(29, "").number("the luminous flux of the lamps", 1e-12)
     after = 26 + 6 * sets + 10  # lines before the angles
-    numbers = _Numbers(where, [line for line in lines[after:] if line.strip()])
+    numbers = _Numbers(where, [(k, line) for k, line in enumerate(lines[after:], after + 1) if line.strip()])
     angles = numbers.angles("C-planes", planes, 360)
     gammas = numbers.angles("angles gamma", rows, 180)
     first, count = {

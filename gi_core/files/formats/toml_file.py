@@ -182,9 +182,14 @@ def read_up(root: Table) -> tuple[float, float, float] | None:
     return tuple(float(x) for x in v / np.sqrt((v * v).sum()))
 
 
+def _entry(scene: str, kind: str, values: dict, i: int) -> str:
+    """Return the place of entry i of a list: by its name, else by its number from 1."""
+    return f"{scene}: {kind} " + (f'"{values["name"]}"' if "name" in values else str(i + 1))
+
+
 def _mobile(folder, values, i, scene, up, boundary) -> MobileEntry:
     keys = ("name", "mesh", "scale", "max_edge", "material", "position", "rotation", "axis", "angle", "path")
-    where = f'{scene}: mobile "{values.get("name", i)}"'
+    where = _entry(scene, "mobile", values, i)
     t = Table(values, where, keys)
     position = t.vector("position", 3, None)
     turn = _rotation(t)
@@ -250,7 +255,7 @@ def _path(t: Table, rest, up, boundary) -> KeyFrames:
 
 
 def _light(values, i, scene, luminaires: _Luminaires) -> Light:
-    where = f'{scene}: light "{values.get("name", i)}"'
+    where = _entry(scene, "light", values, i)
     kind = Table({k: v for k, v in values.items() if k == "type"}, where, ("type",)).text("type", choices=tuple(LIGHTS))
     t = Table(values, where, ("type", "name", *LIGHTS[kind]))
     name = t.text("name", f"light {i}")
@@ -295,7 +300,7 @@ READERS: dict[str, Callable[[Table, str], Light]] = {  # one per key of LIGHTS, 
 
 
 def _probe(values, i, scene) -> Probe:
-    t = Table(values, f'{scene}: probe "{values.get("name", i)}"', ("name", "position", "normal"))
+    t = Table(values, _entry(scene, "probe", values, i), ("name", "position", "normal"))
     n = np.array(t.direction("normal"))
     return Probe(t.text("name"), t.vector("position"), tuple(float(x) for x in n / np.sqrt((n * n).sum())))
 
