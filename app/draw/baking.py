@@ -191,7 +191,7 @@ class _Baking:
         base = self.model.scene.materials[side.material]
         if not side.tinted and base.gloss is not None:
             described = as_metal_rough(np.array(base.reflectance), base.gloss).base
-            diffuse = max(base.reflectance) / max(*described, 1e-9)
+            diffuse = np.divide(base.reflectance, described, out=np.zeros(3), where=described > 0)
             pair = pair[0] * diffuse, pair[1] * diffuse
         return pair[side.back][rows] * self.factor
 

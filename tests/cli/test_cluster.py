@@ -82,7 +82,7 @@ def test_frames_are_the_same_files_though_a_process_is_killed(machines, a_scene,
         (tmp_path / name).mkdir()
         counted = functools.partial(gather, clock=ticking(0.01))  # as much light on any machine
         monkeypatch.setattr("app.rest.within.gather", counted)
-        render.render(SMALL, tmp_path / name / "a.png", FRAMES, seconds=1.0, machines=team)
+        render.render(SMALL, tmp_path / name / "a.png", FRAMES, seconds=4.0, machines=team)
         found.append(files(tmp_path / name))
     assert one_is_killed and len(found[0]) == FRAMES and found[0] == found[1]
     assert b"static_light\0gathered" in found[0]["a.0001.png"]

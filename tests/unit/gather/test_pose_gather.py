@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import functools
-from contextlib import suppress
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gi_core.frames.progress import Interrupted
 from gi_core.gather import pose_gather, static
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance, relative_error
@@ -190,29 +188,6 @@ def test_gathering_ends_after_the_most_rounds(monkeypatch):
     assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
-def test_a_step_is_broken_off_within_its_paths_and_traced_again():
-    plain, broken = solved(False), solved(False)
-    at, looks = plain.model.transforms(plain.poses), 0
-
-    def stop() -> bool:
-        nonlocal looks
-        looks += 1
-        return looks % 11 == 0
-
-    for _, _ in zip(range(12), plain.gather_pose_steps(), strict=False):
-        pass
-    done = 0
-    while done < 12:
-        steps = broken.gather_pose_steps(stop)
-        with suppress(Interrupted):
-            while done < 12:
-                next(steps)
-                done += 1
-    a, b = (s.light_source.pose_gather(at)._rounds.state for s in (plain, broken))
-    assert looks > 12 and a.sets.any()
-    assert all(np.array_equal(x, y, equal_nan=True) for x, y in zip(a, b, strict=True))
-
-
 def room_of_indirect_light() -> Scene:
     """A room of fine walls, lit by a lamp that shines at its ceiling, and a fine box on its floor."""
     walls = box((0, 0, 0), (1, 1, 1), 12, 0, inward=True)
@@ -236,6 +211,6 @@ def test_no_vertex_is_far_off_in_the_first_light_of_a_pose():
         return float(np.abs(luminance(solver.irradiance[rows]) / truth - 1).max())
 
     before = worst()
-    for _, _ in zip(range(260), solver.gather_pose_steps(), strict=False):
+    for _, _ in zip(range(600), solver.gather_pose_steps(), strict=False):
         pass
     assert before > 0.15 > worst()
