@@ -96,3 +96,14 @@ def test_the_same_bits_with_any_number_of_threads():
     E, sigma = grainy(np.tile(1 + P[:, 0], 3), 0.1)
     one, two = (done(E, sigma, near, 3, threads) for threads in (1, 2))
     assert np.array_equal(one.irradiance, two.irradiance) and one.share(np.ones(len(E))) == two.share(np.ones(len(E)))
+
+
+def test_each_place_takes_its_own_reach():
+    """One half has detail of the size of its noise, the other is even: one reach for both would harm one of them."""
+    detailed = P[:, 0] < 0.5
+    light = 1 + np.where(detailed, 0.3 * np.sin(40 * np.pi * P[:, 0]) * np.sin(34 * np.pi * P[:, 1]), 0.0)
+    E, sigma = grainy(light, 0.05)
+    s = done(E, sigma, NEAR, 0, 1)
+    inner = np.abs(P[:, 0] - 0.5) > 0.1
+    left, right = (rms(s.irradiance[k], light[k]) / rms(E[k], light[k]) for k in (detailed & inner, ~detailed & inner))
+    assert left < 1.05 and right < 0.4
