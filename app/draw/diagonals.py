@@ -11,9 +11,9 @@ import numpy as np
 
 from app.draw.draw_mesh import DrawMesh, with_vertices
 from app.draw.quads import Quads
-from gi_core.geometry.error import REC709
+from gi_core.display.vertex_light import follow_light, turn_triangles
 
-LUMINANCE = REC709.astype(np.float32)
+NO_WEIGHTS = np.zeros((0, 2), np.float32)
 
 
 def other_diagonals(
@@ -24,21 +24,9 @@ def other_diagonals(
     front, back (D, 3) float32: colours of draw vertices; weights (D, 2): of interpolation, None: all 1. A quadrilateral
     with an unreached corner keeps its diagonal.
     """
-    quads, light = mesh.quads, front @ LUMINANCE
-    if weights is not None:
-        light[np.flatnonzero(weights != 1) // 2] = np.nan  # no diagonal differs less than nan
-    shared, other = _differences(light.take(quads.corners))
-    both = slice(None) if quads.two_sided is None else quads.two_sided
-    of_back = _differences(back[quads.corners[:, both]] @ LUMINANCE)
-    shared[both] += of_back[0]
-    other[both] += of_back[1]
-    return np.less(other, shared)
-
-
-def _differences(light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how much light (4, q) differs along each diagonal (q,): the shared one, then the other."""
-    a, b, d, c = light
-    return np.abs(b - c), np.abs(a - d)
+    light, out = np.empty((len(front), 2), np.float32), np.empty(len(mesh.quads.faces), bool)
+    follow_light(mesh.quads.corners, front, back, NO_WEIGHTS if weights is None else weights, light, out)
+    return out
 
 
 def with_diagonals(mesh: DrawMesh, others: np.ndarray) -> DrawMesh:
@@ -54,19 +42,15 @@ class Turning:
     """Triangles of a mesh whose quadrilaterals take either diagonal, again and again."""
 
     def __init__(self, mesh: DrawMesh) -> None:
-        self.triangles = mesh.triangles.astype(np.int32)  # (F, 3)
-        self._faces, self._others = mesh.quads.faces, np.zeros(len(mesh.quads.faces), bool)
-        pairs = np.concatenate([self.triangles[self._faces], mesh.quads.others]).astype(np.int32)
-        self._pairs = pairs.reshape(-1, 6)  # (2 q, 6): with the shared diagonals, then with the others
+        self.triangles = mesh.triangles.astype(np.int32)  # (F, 3); of one order of corners, however often they turn
+        self.triangles[mesh.quads.faces] = mesh.quads.corners.T[:, [[0, 1, 3], [2, 3, 1]]]
+        self._quads, self._others = mesh.quads, np.zeros(len(mesh.quads.faces), bool)
 
     def turn(self, others: np.ndarray) -> bool:
         """Set which quadrilaterals (q,) bool have the other diagonal; return whether any triangle changes."""
-        changed = np.flatnonzero(others != self._others)
-        pairs = self._pairs.take(changed + len(others) * others[changed], axis=0)
-        rows = self.triangles.view("V12")  # numpy copies a row of 12 bytes four times as fast as three numbers
-        rows[self._faces.take(changed, axis=0).reshape(-1)] = pairs.reshape(-1, 3).view("V12")
+        changed = turn_triangles(others, self._others, self._quads.faces, self._quads.corners, self.triangles)
         self._others = others
-        return len(changed) > 0
+        return changed > 0
 
 
 def along_light(mesh: DrawMesh, front: np.ndarray, back: np.ndarray, weights: np.ndarray | None = None) -> DrawMesh:

@@ -64,8 +64,7 @@ def draw_meshes(
 def _quads(mesh: DrawMesh) -> Quads:
     """Return the quads of a mesh; sharp reflections keep their faces."""
     usable = None if mesh.reflector is None else mesh.reflector < 0
-    quads = quads_of(mesh.positions, mesh.triangles, mesh.uv, usable)
-    return quads._replace(two_sided=np.flatnonzero((mesh.back >= 0)[quads.corners].any(axis=0)))
+    return quads_of(mesh.positions, mesh.triangles, mesh.uv, usable)
 
 
 def _with_gloss_and_reflectors(
@@ -102,7 +101,7 @@ def dimmed(meshes: tuple[DrawMesh, ...], levels: np.ndarray) -> tuple[DrawMesh, 
     """Return the meshes with emission at levels (G, 3) of the lamps."""
 
     def emission(m: DrawMesh) -> np.ndarray:
-        rows, out = m.emissive, np.zeros_like(m.emission)
+        rows, out = m.emissive, np.zeros(m.emission.shape)  # zeros_like() would write every page
         out[rows] = m.emission[rows] * levels[0 if m.lamp is None else m.lamp[rows]]
         return out
 

@@ -19,12 +19,6 @@ class Quads(NamedTuple):
 
     faces: np.ndarray  # (q, 2) int64, the two triangles
     corners: np.ndarray  # (4, q) int64 vertices a, b, d, c, in this order around the quadrilateral
-    two_sided: np.ndarray | None = None  # (k,) int64, quadrilaterals with light on the back; None: unknown
-
-    @property
-    def others(self) -> np.ndarray:
-        """The two triangles with the other diagonal, (q, 2, 3) int64."""
-        return self.corners.T[:, [[0, 1, 2], [2, 3, 0]]]
 
 
 NO_QUADS = Quads(np.zeros((0, 2), np.int64), np.zeros((4, 0), np.int64))

@@ -5,7 +5,6 @@ Under a texture they are E / pi times the texture's factor, without emission.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from app.draw.draw_mesh import DrawMesh
 from gi_core.bsdf.table import join
-from gi_core.geometry.radiosity import exitant_radiance
+from gi_core.display.vertex_light import light_vertices, weigh_vertices
 from gi_core.gloss.radiance import Directions, gloss_radiance, room_for
 
 if TYPE_CHECKING:
@@ -27,15 +26,12 @@ def colours(draw: DrawMesh, irradiance: np.ndarray, with_reflectance: bool = Tru
     `irradiance` (R, 3) [W/m2]. The front has rho E / pi + Le, the back rho E / pi, or 0 on a one-sided face. Under a
     texture both lack the texture's value and Le. Without reflectance both are E / pi, as on white surfaces.
     """
-    two_sided, back = np.flatnonzero(draw.back >= 0), np.zeros((len(draw.back), 3), np.float32)  # else black
-    front = irradiance.take(draw.front, axis=0).astype(np.float32)  # take: a third of irradiance[...]
-    E_back = irradiance[draw.back[two_sided]].astype(np.float32)
+    reflectance = draw.reflectance if with_reflectance else np.ones((1, 3), np.float32)
+    front, back = np.zeros((2, len(draw.front), 3), np.float32)
+    for receivers, out in ((draw.front, front), (draw.back, back)):
+        light_vertices(irradiance, receivers, reflectance, out)
     if not with_reflectance:
-        back[two_sided] = exitant_radiance(E_back, 1.0, 0.0)
-        return exitant_radiance(front, 1.0, 0.0), back
-    back[two_sided] = exitant_radiance(E_back, draw.reflectance[two_sided], 0.0)
-    front *= draw.reflectance
-    front /= math.pi  # in place: as exitant_radiance(), for twice its speed
+        return front, back
     glow = draw.emission[draw.emissive]
     if draw.texture is not None:
         glow = np.where(draw.texture[draw.emissive, None] < 0, glow, 0.0)
@@ -82,10 +78,8 @@ def weights(draw: DrawMesh, of_receivers: np.ndarray | None) -> np.ndarray | Non
     """
     if of_receivers is None:
         return None
-    out = np.ones((len(draw.front), 2), np.float32)
-    out[:, 0] = of_receivers.take(draw.front)
-    both = np.flatnonzero(draw.back >= 0)
-    out[both, 1] = of_receivers[draw.back[both]]
+    out = np.empty((len(draw.front), 2), np.float32)
+    weigh_vertices(of_receivers, draw.front, draw.back, out)
     return out
 
 

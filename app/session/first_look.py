@@ -55,9 +55,11 @@ def looks(scene: Scene, settings: Settings) -> Iterator[FirstLook]:
     from app.draw.draw_mesh import draw_meshes
     from app.draw.metering import metered
     from app.draw.vertex_colours import colours
+    from gi_core.display import vertex_light
     from gi_core.display.dilation import Drawn
     from gi_core.model import Model
 
+    vertex_light.compile_kernels()  # the window needs them for the first picture, and would stand still meanwhile
     model = Model(scene, rays=settings.rays)
     poses = model.start_poses()
     receivers, bounds = model.receivers_at(poses), scene_bounds(model, poses)

@@ -92,7 +92,8 @@ class Dilation:
     def find_static(self, irradiance: np.ndarray) -> Generator[None, None, Unreached]:
         """Find unreached static receivers by irradiance (n, 3) without mobiles; a generator that returns them."""
         light = luminance(irradiance)
-        brightest = _brightest(self._pairs(np.arange(len(light))), len(light), light)
+        of, neighbour = self._pairs(np.arange(len(light)))
+        brightest = _brightest(of, len(light), light[neighbour])
         black = light <= BLACK * brightest
         rows = np.flatnonzero(light <= LITTLE * brightest)
         yield
@@ -107,7 +108,7 @@ class Dilation:
         cut_off = self._cut_off(
             np.setdiff1d(np.flatnonzero(black & (place == OPEN)), self._of_black_faces(black)), black
         )
-        return self._unreached(np.unique(np.concatenate([inside, closed, cut_off])), light)
+        return self._unreached(np.unique(np.concatenate([inside, closed, cut_off])), irradiance)
 
     def _without_dark_beside(self, rows: np.ndarray, dark: np.ndarray) -> np.ndarray:
         """Return the rows without a neighbour in `dark` (n,) bool."""
@@ -132,19 +133,18 @@ class Dilation:
 
     def find_moved(self, irradiance: np.ndarray, at: Transforms) -> Unreached:
         """Find static receivers under mobiles at these poses, and receivers inside mobiles, by irradiance (R, 3)."""
-        light = luminance(irradiance)
-        rows = [self._under(o, light, at) for o in range(1, len(at.position))]
-        rows.append(self._in_mobiles[_is_dark(self._in_mobiles, self._in_mobiles_pairs, light, LITTLE)])
-        return self._unreached(np.unique(np.concatenate(rows)), light)
+        rows = [self._under(o, irradiance, at) for o in range(1, len(at.position))]
+        rows.append(self._in_mobiles[_is_dark(self._in_mobiles, self._in_mobiles_pairs, irradiance, LITTLE)])
+        return self._unreached(np.unique(np.concatenate(rows)), irradiance)
 
-    def _under(self, o: int, light: np.ndarray, at: Transforms) -> np.ndarray:
+    def _under(self, o: int, irradiance: np.ndarray, at: Transforms) -> np.ndarray:
         """Return the rows of black static receivers that mobile o encloses."""
         pose = at.rotation[o].tobytes() + at.position[o].tobytes()
         if o not in self._beside or self._beside[o].pose != pose:
             rows = self._static_near(o, at)
             self._beside[o] = Beside(pose, rows, self._pairs(rows), np.full(len(rows), UNKNOWN, np.int8))
         _, near, pairs, place = self._beside[o]
-        dark = np.flatnonzero(_is_dark(near, pairs, light, BLACK))
+        dark = np.flatnonzero(_is_dark(near, pairs, irradiance, BLACK))
         if len(unknown := dark[place[dark] == UNKNOWN]):
             rows = near[unknown]
             origins = np.repeat(self._points[rows], DIRECTIONS, axis=0)
@@ -182,27 +182,29 @@ class Dilation:
         within = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
         return of, self._neighbours.of[first[of] + within].astype(np.int64)
 
-    def _unreached(self, rows: np.ndarray, light: np.ndarray) -> Unreached:
-        """Return the rows with their lit neighbours."""
+    def _unreached(self, rows: np.ndarray, irradiance: np.ndarray) -> Unreached:
+        """Return the rows (n,), ascending, with their lit neighbours, by irradiance (R, 3)."""
         of, neighbour = self._pairs(rows)
-        is_lit = np.ones(len(light), bool)
-        is_lit[rows] = False
-        lit = is_lit[neighbour] & (light[neighbour] > BLACK * _brightest((of, neighbour), len(rows), light)[of])
+        light = luminance(irradiance.take(neighbour, axis=0))
+        lit = ~np.isin(neighbour, rows) & (light > BLACK * _brightest(of, len(rows), light)[of])
         of, neighbour = of[lit], neighbour[lit]
         some, count = np.unique(of, return_counts=True)
         return Unreached(rows[some], np.concatenate([[0], np.cumsum(count)]), neighbour, np.delete(rows, some))
 
 
-def _is_dark(rows: np.ndarray, pairs: tuple[np.ndarray, np.ndarray], light: np.ndarray, share: float) -> np.ndarray:
-    """Return which of the rows (n,) bool have at most a share of their brightest neighbour's light (R,)."""
-    return light[rows] <= share * _brightest(pairs, len(rows), light)
-
-
-def _brightest(pairs: tuple[np.ndarray, np.ndarray], n: int, light: np.ndarray) -> np.ndarray:
-    """Return the light of the brightest neighbour (n,), 0 where there is none; pairs: of _pairs()."""
+def _is_dark(
+    rows: np.ndarray, pairs: tuple[np.ndarray, np.ndarray], irradiance: np.ndarray, share: float
+) -> np.ndarray:
+    """Return which of the rows (n,) bool have at most a share of their brightest neighbour's light."""
     of, neighbour = pairs
+    own, beside = (luminance(irradiance.take(some, axis=0)) for some in (rows, neighbour))
+    return own <= share * _brightest(of, len(rows), beside)
+
+
+def _brightest(of: np.ndarray, n: int, light: np.ndarray) -> np.ndarray:
+    """Return the light of the brightest neighbour of n rows, 0 where there is none; of (k,), light (k,): of each."""
     out = np.zeros(n)
-    np.fmax.at(out, of, light[neighbour])  # nan: unknown
+    np.fmax.at(out, of, light)  # nan: unknown
     return out
 
 

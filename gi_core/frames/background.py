@@ -18,7 +18,7 @@ from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.estimators.setting import Setting
 from gi_core.frames.unchanged_paths import known_paths, traced_paths
 from gi_core.geometry.radiosity import irradiance
-from gi_core.lights.mix import mix
+from gi_core.lights.mix import irradiance_at
 from gi_core.model import Model
 from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.paths import PathStore, PathVertices, segments_of
@@ -73,8 +73,8 @@ class Background:
         levels = self.model.emitters.lamps.full() if levels is None else levels
         if photons not in self._resting or not np.array_equal(self._resting[photons][0], levels):
             sums, area = self.estimate.background(photons)
-            light = mix(sums, self.store.weights(levels), self.model.threads)
-            self._resting[photons] = levels, irradiance(light, self.model.emitters.unit_flux / photons, area)
+            unit, weights = self.model.emitters.unit_flux / photons, self.store.weights(levels)
+            self._resting[photons] = levels, irradiance_at(sums, weights, unit, area, self.model.threads)
         return self._resting[photons][1]
 
     def resting_per_lamp(self, photons: int) -> np.ndarray:

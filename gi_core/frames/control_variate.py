@@ -33,7 +33,7 @@ from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
 from gi_core.gather.denoise import NO_WEIGHT, VARIANCE, smooth
 from gi_core.geometry.mesh_neighbours import Neighbours
-from gi_core.lights.mix import mixed
+from gi_core.lights.mix import mixed, read_out
 from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Evaluated
 
 AROUND = 4.0  # disc radii: distance of the receivers over which changes are averaged
@@ -69,16 +69,15 @@ def _noise(sums, background, new_flux, levels, flux_per_cut, r):
 
 
 @kernel
-def _read_out(changed, sums, levels, scale, area, static, first, last, out):
-    """Write irradiance of the receivers from `static` on, in the changed chunks among first .. last - 1."""
+def _read_out(changed, sums, better, levels, scale, area, static, first, last, out):
+    """Write irradiance of chunks: in changed ones by sums from receiver `static` on, elsewhere better light."""
     for chunk in range(first, last):
-        if not changed[chunk]:
-            continue
-        for r in range(max(chunk << CHUNK_BITS, static), min((chunk + 1) << CHUNK_BITS, len(out))):
-            # Area 0: no light can reach the receiver, or it has no face.
-            factor = scale / area[r] if area[r] > 0.0 else 0.0
-            x, y, z = mixed(sums, r, levels)
-            out[r, 0], out[r, 1], out[r, 2] = x * factor, y * factor, z * factor
+        begin, end = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(out))
+        lit = min(max(begin, static), end) if changed[chunk] else end
+        for r in range(begin, min(lit, len(better))):
+            for c in range(3):
+                out[r, c] = better[r, c]
+        read_out(sums, levels, scale, area, lit, end, out)
 
 
 @kernel
@@ -139,9 +138,7 @@ def frame_irradiance(
     out, static = np.empty((len(frame.sums), 3)), 0 if better is resting else len(better)
 
     def read(_, first, last):
-        rows = slice(first << CHUNK_BITS, min(last << CHUNK_BITS, len(better)))
-        out[rows] = better[rows]  # receivers of unchanged chunks keep their light at rest
-        _read_out(frame.changed, frame.sums, levels, flux_unit, frame.area, static, first, last, out)
+        _read_out(frame.changed, frame.sums, better, levels, flux_unit, frame.area, static, first, last, out)
 
     run_ranges(read, len(frame.changed), threads, CHUNK_GRAIN)
     if not static:

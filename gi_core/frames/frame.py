@@ -20,9 +20,8 @@ from gi_core.frames.background import Background, Photons
 from gi_core.frames.control_variate import AROUND, frame_irradiance
 from gi_core.frames.light_source import FrameSize, LightSource
 from gi_core.frames.progress import break_off_at
-from gi_core.geometry.radiosity import irradiance
 from gi_core.gloss.light import GlossLight
-from gi_core.lights.mix import mix
+from gi_core.lights.mix import irradiance_at
 from gi_core.photons.flux_sums import Evaluated
 from gi_core.photons.trace import Fates, add_fates
 from gi_core.retrace.broad_phase import ScanBuffers
@@ -209,7 +208,7 @@ def light_from_scratch(shown: Frame, b: Background, source: LightSource, poses: 
     if not n:
         return np.zeros((len(every.area), 3))
     if shown.background is None:
-        return irradiance(mix(every.sums, b.store.weights(source.levels)), model.emitters.unit_flux / n, every.area)
+        return irradiance_at(every.sums, b.store.weights(source.levels), model.emitters.unit_flux / n, every.area)
     E = _controlled(b, source, every, n)
     if shown.paths:
         source.light_mobiles(E, at, shown.paths, source.bounce_reflectance(b), fresh=True)

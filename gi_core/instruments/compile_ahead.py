@@ -28,6 +28,7 @@ from gi_core.base.nearest_points import count_within, nearest
 from gi_core.base.threads import available_cores
 from gi_core.bsdf.models import lobe
 from gi_core.discs.search import SEARCHES
+from gi_core.display import vertex_light
 from gi_core.estimators import CHEAPEST, DEFAULT, ESTIMATORS
 from gi_core.files.completion.pilot import Rays, useful_box
 from gi_core.files.completion.refinement import refined
@@ -150,6 +151,7 @@ def _trace(scene: Scene, rays: str | None) -> Solver:
     solver = Solver(scene, CHEAPEST, photons=64, radius=0.1, neighbours=4, rays=rays)
     solver.solve()
     _see_texture()
+    vertex_light.compile_kernels()
     return solver
 
 

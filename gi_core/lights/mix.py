@@ -33,7 +33,26 @@ def mix(light: np.ndarray, levels: np.ndarray, threads: int = 1) -> np.ndarray:
     return out
 
 
+def irradiance_at(
+    sums: np.ndarray, levels: np.ndarray, flux_unit: float, area: np.ndarray, threads: int = 1
+) -> np.ndarray:
+    """Return E (R, 3) [W/m2] at levels (G, 3), of sums (R, 3 G) of flux units [W] over areas (R,) [m2]."""
+    out = np.empty((len(area), 3))
+    run_ranges(lambda _, *rows: read_out(sums, levels, flux_unit, area, *rows, out), len(out), threads, GRAIN)
+    return out
+
+
 @kernel
 def _mix(light, levels, first, last, out):
     for r in range(first, last):
         out[r, 0], out[r, 1], out[r, 2] = mixed(light, r, levels)
+
+
+@kernel
+def read_out(sums, levels, flux_unit, area, first, last, out):
+    """Write irradiance of receivers first .. last - 1, as irradiance_at()."""
+    for r in range(first, last):
+        # Area 0: no light can reach the receiver, or it has no face.
+        factor = flux_unit / area[r] if area[r] > 0.0 else 0.0
+        x, y, z = mixed(sums, r, levels)
+        out[r, 0], out[r, 1], out[r, 2] = x * factor, y * factor, z * factor
