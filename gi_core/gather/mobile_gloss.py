@@ -205,13 +205,17 @@ def _add(ready, n, cell, sums):
         ready[X + k], ready[Y + k], ready[Z + k], ready[WEIGHT + k] = weight * x, weight * y, weight * z, weight
     for k in range(np.uint64(n)):
         to = sums[cell[k]]
-        to[0] += ready[RED + k]
-        to[1] += ready[GREEN + k]
-        to[2] += ready[BLUE + k]
-        to[3] += ready[X + k]
-        to[4] += ready[Y + k]
-        to[5] += ready[Z + k]
-        to[6] += ready[WEIGHT + k]
+        # All is read before anything is written: LLVM cannot know that the arrays do not overlap.
+        r, g, b, w = ready[RED + k], ready[GREEN + k], ready[BLUE + k], ready[WEIGHT + k]
+        x, y, z = ready[X + k], ready[Y + k], ready[Z + k]
+        r, g, b, w = to[0] + r, to[1] + g, to[2] + b, to[6] + w
+        x, y, z = to[3] + x, to[4] + y, to[5] + z
+        to[0], to[1], to[2], to[3], to[4], to[5], to[6] = r, g, b, x, y, z, w
+
+
+@inlined
+def _single(v):
+    return np.float32(v[0]), np.float32(v[1]), np.float32(v[2])
 
 
 @kernel
@@ -226,14 +230,15 @@ def _normalise(sums, frame, resting, out):
         one / green if green > none else none,
         (one / blue if blue > none else none),
     )
-    for c in range(CELLS):
-        of, to = sums[c], out[c]
-        to[0], to[1], to[2] = red * of[0], green * of[1], blue * of[2]
+    a, b, c = _single(frame[0]), _single(frame[1]), _single(frame[2])
+    for k in range(CELLS):
+        of, to = sums[k], out[k]
         x, y, z = of[3], of[4], of[5]
         size = max(math.sqrt(x * x + y * y + z * z), of[6])
-        if size > none:
-            scale = one / size
-            x, y, z = weighted((scale * x, scale * y, scale * z), frame[0], frame[1], frame[2])
-            to[3], to[4], to[5] = x, y, z
-        else:
-            to[3], to[4], to[5] = resting[c, 3], resting[c, 4], resting[c, 5]
+        # Without a branch, which would be guessed wrong for every other cell.
+        lit = size > none
+        scale = one / (size if lit else one)
+        x, y, z = weighted((scale * x, scale * y, scale * z), a, b, c)
+        u, v, w = resting[k, 3], resting[k, 4], resting[k, 5]
+        to[0], to[1], to[2] = red * of[0], green * of[1], blue * of[2]
+        to[3], to[4], to[5] = x if lit else u, y if lit else v, z if lit else w

@@ -11,7 +11,7 @@ import numpy as np
 from gi_core.base.grouping import group_of
 from gi_core.model import Model
 
-SPACING = 0.5  # of the radius of a gloss disc, decision 35
+SPACING = 0.7  # of the radius of a gloss disc, decision 35
 TURN = 0.05  # of a normal, per component: flat surfaces share cells, a ball of 2,562 vertices none
 
 
