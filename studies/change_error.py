@@ -34,7 +34,7 @@ def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
         sums = sums._replace(new_flux=np.full_like(sums.new_flux, NOT_ADDITIVE))
     resting, better = (solver.frame.background.resting(n) for n in (photons, PHOTONS))
     flux_unit = solver.model.emitters.unit_flux / photons
-    near = solver.light_source.around(AROUND * solver.setting.radius)
+    near = solver.frame_light.static.around(AROUND * solver.setting.radius)
     given = sums, flux_unit, estimate.background(photons)[0], resting, better, solver.levels, near, 1
     return frame_irradiance(*given)[: len(better)]
 

@@ -139,8 +139,8 @@ def _at(shown: list[tuple[float, str, Drawn]], seconds: float) -> tuple[float, s
 
 def _made_of(solver) -> str:
     """Return photons and gathered noise of the picture, in words."""
-    source = solver.light_source
-    gathered = f", gathered to {100 * source.gathered.noise:.1f} %" if source.is_gathered else ""
+    static = solver.frame_light.static
+    gathered = f", gathered to {100 * static.gathered.noise:.1f} %" if static.is_gathered else ""
     return f"{solver.frame.photons:,}{gathered}"
 
 

@@ -132,10 +132,10 @@ def test_restored_light_is_what_it_was():
         if progress.picture:
             break
     before = plain.irradiance
-    restore(plain, gathered.light_source.gathered.light)
-    assert gathered.light_source.is_gathered and plain.light_source.is_gathered
+    restore(plain, gathered.frame_light.static.gathered.light)
+    assert gathered.frame_light.static.is_gathered and plain.frame_light.static.is_gathered
     np.testing.assert_array_equal(plain.irradiance, gathered.irradiance)
-    assert not np.array_equal(before, plain.irradiance) and isinstance(plain.light_source.gathered, StaticGather)
+    assert not np.array_equal(before, plain.irradiance) and isinstance(plain.frame_light.static.gathered, StaticGather)
 
 
 def test_a_failed_task_raises_here(machines):

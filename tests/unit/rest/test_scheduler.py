@@ -70,7 +70,7 @@ def test_all_work_at_rest_is_done_and_stored_in_a_new_folder(folder, capfd):
     assert shown.errors is not None and len(shown.sides) == 2 and not shown.coming
     assert errors(session) == [] and capfd.readouterr().err == ""
     store = StaticStore(session.light._solver.model, session.light._solver.seed)
-    assert np.array_equal(store.load().mean, session.light._solver.light_source.gathered.state.mean)
+    assert np.array_equal(store.load().mean, session.light._solver.frame_light.static.gathered.state.mean)
     assert len(list(folder.iterdir())) == 2, "the static light and the reference"
     assert np.array_equal(session.irradiance, session.light._solver.from_scratch())
 
