@@ -236,9 +236,9 @@ class Solver:
         return light_from_scratch(self.frame, b, self.frame_light, {**self.poses, **(poses or {})})
 
     @property
-    def resting_irradiance(self) -> np.ndarray:
+    def static_irradiance(self) -> np.ndarray:
         """Irradiance (n, 3) [W/m2] of static receivers without mobiles; zeros before the first solve."""
-        return self.frame_light.static.resting_irradiance(self.frame.background)
+        return self.frame_light.static.shown_irradiance(self.frame.background)
 
     def drawn(self, irradiance: np.ndarray, poses: Mapping[str, Pose] | None = None) -> Drawn:
         """Return irradiance (R, 3) as it is to be drawn: unreached receivers are filled from lit ones beside them.

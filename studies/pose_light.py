@@ -32,7 +32,7 @@ def study(name: str, photons: int | None, error: float, seconds: float) -> None:
         ):
             break
     background = np.zeros_like(solver.irradiance)
-    background[: len(solver.resting_irradiance)] = solver.resting_irradiance
+    background[: len(solver.static_irradiance)] = solver.static_irradiance
     kinds = receiver_classes(solver.surfaces, solver.receivers, solver.irradiance, background)
     samples = []
     for kind in CLASSES:

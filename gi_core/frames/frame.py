@@ -193,7 +193,7 @@ def _controlled(b: Background, light: FrameLight, sums: Evaluated, photons: int)
     model, better = b.model, light.static.irradiance(b, photons)
     scale, background = model.emitters.unit_flux / photons, b.estimate.background(photons)[0]
     levels = light.setting.levels
-    given = sums, scale, background, b.resting(photons, levels), better, b.store.weights(levels)
+    given = sums, scale, background, b.irradiance(photons, levels), better, b.store.weights(levels)
     return frame_irradiance(*given, light.static.around(AROUND * b.setting.radius), model.threads)
 
 

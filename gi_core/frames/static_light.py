@@ -27,7 +27,7 @@ def _photon_noise(b: Background) -> float:
     photons, fewer = b.estimate.photons, prefix_to_compare(b.estimate.prefixes)
     if fewer is None:
         return math.inf
-    return noise_from_prefix(b.resting(photons), b.resting(fewer), photons, fewer, b.weights)
+    return noise_from_prefix(b.irradiance(photons), b.irradiance(fewer), photons, fewer, b.weights)
 
 
 class StaticLight:
@@ -64,9 +64,9 @@ class StaticLight:
         """Return irradiance (n, 3) [W/m2] of static receivers, for a frame of `photons` photons."""
         if self.is_gathered:
             return self.gathered_at(self.setting.levels)
-        return b.resting(photons if self.setting.prefix_only else b.estimate.photons, self.setting.levels)
+        return b.irradiance(photons if self.setting.prefix_only else b.estimate.photons, self.setting.levels)
 
-    def resting_irradiance(self, shown: Background | None) -> np.ndarray:
+    def shown_irradiance(self, shown: Background | None) -> np.ndarray:
         """Return irradiance() for all photons of the background on show; zeros without photons."""
         if shown is None or not (photons := shown.estimate.photons):
             return np.zeros((self._model.surfaces.receiver_range(0).stop, 3))
@@ -81,7 +81,7 @@ class StaticLight:
 
     def of_all_lamps(self, b: Background) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of static receivers at the levels of the scene file."""
-        return sum_of_lamps(self.gathered.per_lamp if self.is_gathered else b.resting_per_lamp(b.estimate.photons))
+        return sum_of_lamps(self.gathered.per_lamp if self.is_gathered else b.irradiance_per_lamp(b.estimate.photons))
 
     def compare(self, shown: Background | None) -> bool:
         """Compare the noise of gathered light and of all photons; return whether frames start from gathered light.
@@ -122,7 +122,7 @@ class StaticLight:
 
         def photons() -> np.ndarray | None:
             b = shown()
-            return b.resting_per_lamp(b.estimate.photons) if b is not None and b.estimate.photons else None
+            return b.irradiance_per_lamp(b.estimate.photons) if b is not None and b.estimate.photons else None
 
         for new in itertools.chain((True,), g.steps(photons)):
             if used := bool(new) and self.compare(shown()):
@@ -139,7 +139,7 @@ class StaticLight:
             return self._edited.earlier
         if self.is_gathered:
             return earlier_light(shown, self.gathered.per_lamp, self.gathered.deviation, self.gathered.error)
-        light, noise = shown.resting_per_lamp(shown.estimate.photons), _photon_noise(shown)
+        light, noise = shown.irradiance_per_lamp(shown.estimate.photons), _photon_noise(shown)
         deviation = noise * luminance(sum_of_lamps(light))
         return earlier_light(shown, light, deviation, noise) if math.isfinite(noise) else None
 

@@ -68,7 +68,7 @@ def test_static_light_is_shown_saved_and_loaded_again():
     first.tick(1 / 60)
     assert gathered(first).used and gathered(first).error <= 0.05
     assert np.array_equal(first.irradiance, first.light._solver.irradiance)
-    assert np.array_equal(first.light._solver.resting_irradiance, first.light._solver.frame_light.static.gathered.mean)
+    assert np.array_equal(first.light._solver.static_irradiance, first.light._solver.frame_light.static.gathered.mean)
     first.close()
 
     again = opened()

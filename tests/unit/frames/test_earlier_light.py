@@ -26,7 +26,7 @@ def solved(scene: Scene, **given) -> Solver:
 def before() -> Solver:
     """A solver whose static part shows light of many more photons as gathered light."""
     solver, many = solved(room()), solved(room(), photons=400_000, light="photons")
-    light = many.frame.background.resting_per_lamp(400_000)
+    light = many.frame.background.irradiance_per_lamp(400_000)
     g = StaticGather(solver.model, solver.seed)
     g.show_earlier(light, np.zeros(len(light)), 0.01)
     g.is_earlier = False  # as if gathered
@@ -55,9 +55,9 @@ def test_a_walls_colour_changes_the_light_with_little_noise(before):
     edits = Finish("wall", (("reflectance", (0.9, 0.7, 0.5)),)), Finish("crate", RED)
     solver = after(before, *edits)
     many = solved(edited(room(), edits), photons=400_000, light="photons")
-    truth, areas = many.frame.background.resting(400_000), many.frame.background.weights
-    mine = relative_error(solver.resting_irradiance, truth, areas).l1
-    photons = relative_error(solver.frame.background.resting(GIVEN["photons"]), truth, areas).l1
+    truth, areas = many.frame.background.irradiance(400_000), many.frame.background.weights
+    mine = relative_error(solver.static_irradiance, truth, areas).l1
+    photons = relative_error(solver.frame.background.irradiance(GIVEN["photons"]), truth, areas).l1
     unchanged = relative_error(before.frame_light.static.gathered.mean, truth, areas).l1
     assert unchanged > 0.2 and mine < 0.7 * photons, (unchanged, mine, photons)
     assert solver.frame_light.static.gathered.error < 2 * mine + 0.02
@@ -86,7 +86,7 @@ def test_edits_in_a_row_begin_with_the_same_light(before):
 def test_without_gathered_light_all_photons_stand_in():
     solver = solved(room())
     light = before_edit(solver).light
-    assert np.array_equal(light.per_lamp, solver.frame.background.resting_per_lamp(GIVEN["photons"]))
+    assert np.array_equal(light.per_lamp, solver.frame.background.irradiance_per_lamp(GIVEN["photons"]))
     assert 0.01 < light.error < 1
     assert before_edit(solved(room(), light="photons")).light is None
     solver.move("ball", Pose((0.3, 0.6, 0.4)))

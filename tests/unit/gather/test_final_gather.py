@@ -115,7 +115,7 @@ def test_frames_over_gathered_light_equal_from_scratch():
     until_gathered(solver)
     g = solver.frame_light.static.gathered
     assert g.state is None and not g.enough and g.fraction == 0
-    assert np.array_equal(solver.resting_irradiance, g.mean)
+    assert np.array_equal(solver.static_irradiance, g.mean)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
     solver.move("box", POSE)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
@@ -129,7 +129,7 @@ def test_final_gather_beats_its_photons_and_whole_paths_replace_it(monkeypatch):
     solver.solve()
     points, normals = evaluation_points(solver.surfaces, solver.receivers)
     truth, _ = reference_irradiance(solver.scene, points, normals, 700, 5)
-    photons = relative_error(solver.resting_irradiance, truth, solver.receivers.areas).l1
+    photons = relative_error(solver.static_irradiance, truth, solver.receivers.areas).l1
     noises, off, fractions, g = [], [], [], None
     for progress in solver.gather_steps():
         g = solver.frame_light.static.gathered

@@ -64,7 +64,7 @@ def test_static_gather_equals_the_reference_without_mobiles(gathered):
 
 def test_unaffected_receivers_keep_gathered_light_and_frames_equal_scratch(gathered):
     gathered.move("box", POSE)
-    mean, photons = gathered.frame_light.static.gathered.mean, gathered.frame.background.resting(gathered.photons)
+    mean, photons = gathered.frame_light.static.gathered.mean, gathered.frame.background.irradiance(gathered.photons)
     gathered.configure(prefix_only=True)
     gathered.move_all({})
     plain = gathered.irradiance[: len(mean)]
@@ -74,7 +74,7 @@ def test_unaffected_receivers_keep_gathered_light_and_frames_equal_scratch(gathe
     assert 0.05 < untouched.mean() < 1
     assert np.array_equal(gathered.irradiance[: len(mean)][untouched], mean[untouched])
     assert np.array_equal(gathered.irradiance, gathered.from_scratch())
-    assert np.array_equal(gathered.resting_irradiance, mean)
+    assert np.array_equal(gathered.static_irradiance, mean)
     assert (gathered.irradiance >= 0).all()
 
 
@@ -161,7 +161,7 @@ def test_photon_distribution_is_forgotten_but_not_its_total():
     """Photons with a fifth of the true light in one half of the room, and too much in the other."""
     solver = Solver(replace(SCENE, mobiles=()), photons=200_000, radius=0.06)
     solver.solve()
-    right = solver.frame.background.resting_per_lamp(200_000)
+    right = solver.frame.background.irradiance_per_lamp(200_000)
     wrong = np.where(solver.receivers.positions[:, :1] < 0.5, 0.2, 1.8) * right
     wrong *= (solver.receivers.areas @ right) / (solver.receivers.areas @ wrong)
     total = solver.receivers.areas @ sum_of_lamps(right)

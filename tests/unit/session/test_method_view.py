@@ -76,7 +76,7 @@ def test_colours_tell_what_the_frame_computed_again():
     static = solver.surfaces.receiver_range(0)
     solver.move("block", Pose((0.5, 0.3, 0.5)))
     found = mv.recomputed(solver)
-    resting = solver.frame.background.resting(solver.frame.photons)
+    resting = solver.frame.background.irradiance(solver.frame.photons)
     differs = (solver.irradiance[static] != resting).any(axis=1)
     assert np.array_equal(found[static] == mv.CHANGED, differs) and 0.05 < differs.mean() < 1
     assert (found[static.stop :] == mv.ANEW).all()
