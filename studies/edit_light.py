@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from app.rest.scheduler import RestWork
-from app.rest.within import NO_ERRORS
+from app.rest.timed_gathering import NO_ERRORS
 from app.settings import Settings, make_solver, open_scene
 from gi_core.files.edits import Edit, Finish, Freeze, Promote, edited
 from gi_core.gather.reference_sample import draw_by_area, gather_sample

@@ -47,7 +47,7 @@ def measure(what: str, points: int, noise: float, pictures: Path | None) -> dict
 
 
 def _measure(what: str, points: int, noise: float, pictures: Path | None) -> dict:
-    from app.rest.static_job import Gathering
+    from app.rest.static_job import StaticJob
     from app.settings import Settings, make_solver, open_scene
     from gi_core.gather.reference_sample import draw_by_area, gather_sample
 
@@ -66,7 +66,7 @@ def _measure(what: str, points: int, noise: float, pictures: Path | None) -> dic
         if not shown or not np.array_equal(drawn.irradiance, shown[-1][2].irradiance):
             shown.append((clock(), _made_of(solver), drawn))
 
-    gathering = Gathering(solver, clock)
+    gathering = StaticJob(solver, clock)
     for progress in solver.solve_steps():
         if progress.picture or shown:
             look()

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from gi_core.solver import Solver
 
 
-class PoseGathering:
+class PoseJob:
     """One per solver; only the solver's thread uses it."""
 
     def __init__(self, solver: Solver, stop: Callable[[], bool] | None = None) -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gi_core.solver import Solver
 
 
-class Gathering:
+class StaticJob:
     """One per solver; only the solver's thread uses it."""
 
     def __init__(self, solver: Solver, clock: Callable[[], float], stop: Callable[[], bool] | None = None) -> None:

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.rest import within
+from app.rest import timed_gathering
 from app.rest.reference_store import StaticStore
-from app.rest.static_job import Gathering
+from app.rest.static_job import StaticJob
 from app.session.log import Log
 from app.session.opening import Opened, Opening
 from app.session.session import Session
@@ -116,7 +116,7 @@ def test_interrupted_gathering_keeps_its_state(monkeypatch):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        within.gather(solver, 3600.0, bar)
+        timed_gathering.gather(solver, 3600.0, bar)
     kept = StaticStore(solver.model, solver.seed).load()
     assert kept is not None and np.array_equal(kept.mean, solver.frame_light.static.gathered.state.mean)
 
@@ -134,7 +134,7 @@ def test_other_mobiles_find_the_same_file_other_walls_do_not():
 def test_nothing_is_gathered_with_photons_only():
     solver = Solver(SCENE, photons=100, radius=0.06)
     solver.solve()
-    assert Gathering(solver, time.monotonic).next_work() is None
+    assert StaticJob(solver, time.monotonic).next_work() is None
 
 
 def test_estimators_keep_their_light():
