@@ -19,7 +19,7 @@ SOLVER_SETTINGS = (
     "estimator", "photons", "radius", "neighbours", "control", "search", "border_correction", "textbook",
     "light", "gloss",
 )  # fmt: skip
-LIGHTS = ("best", "photons")  # those of gi_core.frames.light_source
+LIGHTS = ("best", "photons")  # those of gi_core.frames.light_setting
 GLOSS = ("quadtree", "list", "all_rays")  # those of gi_core.gloss.source
 REFERENCE = "reference"  # beside estimators, a choice of the wipe
 TONE_MAPS = ("aces", "reinhard", "clip")

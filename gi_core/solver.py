@@ -20,7 +20,7 @@ from gi_core.frames.earlier_light import EarlierLight
 from gi_core.frames.first_frame import FIRST_PICTURE, FirstFrame
 from gi_core.frames.frame import Frame, light_from_scratch, next_frame
 from gi_core.frames.frame_budget import FrameBudget
-from gi_core.frames.light_source import LightSource
+from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.progress import Progress
 from gi_core.gather.reference import ReferenceState
 from gi_core.geometry.receivers import Receivers
@@ -54,7 +54,7 @@ class Solver:
         """Prepare a scene; nothing is traced except a small pilot trace for the defaults.
 
         photons: to trace (>= 0); radius: of the disc [m]; neighbours: k of photon_map; None: the scene file's value,
-        else by `gi_core.defaults.choose`; light: "photons" or "best", see `gi_core.frames.light_source`; lamps: levels
+        else by `gi_core.defaults.choose`; light: "photons" or "best", see `gi_core.frames.light_setting`; lamps: levels
         that differ from 1, see set_lamps(); rays: as for `gi_core.model.Model`; earlier: photons_of() the scene before
         an edit; others: fields of `gi_core.estimators.setting.Setting` beside their defaults. Raises SceneError.
         """
@@ -63,10 +63,10 @@ class Solver:
         self.chosen = choose(self.model, photons, radius, neighbours)
         self.scene_size, self.photons = self.chosen.scene_size, self.chosen.photons
         self.setting = Setting(DEFAULT, self.chosen.radius, self.chosen.neighbours)
-        self.light_source, self._buffers = LightSource(self.model, self.seed), ScanBuffers()
+        self.frame_light, self._buffers = FrameLight(self.model, self.seed), ScanBuffers()
         store, black = Photons(self.model, self.seed, earlier), np.zeros((len(self.model.object_receivers.areas), 3))
-        self.frame, self.budget = Frame(self.model.start_poses(), black, self.light_source.levels, store), FrameBudget()
-        self._first_frame = FirstFrame(store, self.light_source, self.scene_size)
+        self.frame, self.budget = Frame(self.model.start_poses(), black, self.levels, store), FrameBudget()
+        self._first_frame = FirstFrame(store, self.frame_light, self.scene_size)
         self._early: EarlyPicture | None = None
         self.configure(estimator=estimator, light=light, **others)
         self.set_lamps(lamps or {})
@@ -89,12 +89,12 @@ class Solver:
         frames go on with the old settings. Raises SceneError for a bad value.
         """
         photons, setting = checked("photons", photons, self.photons), self.setting.changed(CHOICES, **changes)
-        self.light_source.choose(light, prefix_only, gloss)
+        self.frame_light.setting.choose(light, prefix_only, gloss)
         self.photons, self.setting = photons, setting
 
     @property
     def light(self) -> str:
-        return self.light_source.light
+        return self.frame_light.setting.light
 
     @property
     def lamps(self) -> Lamps:
@@ -104,7 +104,7 @@ class Solver:
     @property
     def levels(self) -> np.ndarray:
         """Levels (G, 3) of the lamps: factors of red, green and blue, 1 as in the scene file."""
-        return self.light_source.levels
+        return self.frame_light.setting.levels
 
     def set_lamps(self, levels: Mapping[str, float | Sequence[float]], paths: int | None = None) -> None:
         """Change levels of lamps by name: a factor >= 0, or three for red, green and blue; update irradiance.
@@ -113,7 +113,7 @@ class Solver:
         less than a quarter effective. paths: as for move_all(). Raises SceneError for a name that no
         lamp has, and for a bad level. A change that any exception breaks off has not been made.
         """
-        with self.light_source.dimmed_to(self.lamps.changed(self.levels, levels, self.scene.name)):
+        with self.frame_light.setting.dimmed_to(self.lamps.changed(self.levels, levels, self.scene.name)):
             self._update(paths=paths)
 
     def begin_with_look(self, look: LookLight) -> None:
@@ -132,7 +132,7 @@ class Solver:
         """
         f, show = self._first_frame, partial(self._update, stop=stop)
         f.share(self.model)
-        if pictures and self._goal and self.frame.background is None and self.light_source.is_without_stored_light:
+        if pictures and self._goal and self.frame.background is None and self.frame_light.static.lacks_gathered:
             rough = self.chosen.grain > ROUGH * min(FIRST_PICTURE, self._goal) ** 0.5
             if rough and self._early is None:
                 self.begin_with_look(next(first_looks(self.scene, self.model, self.levels, self.seed)))
@@ -151,7 +151,7 @@ class Solver:
         """
         show = partial(self._update, stop=stop)
         refresh = partial(self._first_frame.refresh, lambda: self.frame.background, lambda: self._goal, show)
-        yield from self.light_source.gather_steps(state, lambda: self.frame.background, refresh)
+        yield from self.frame_light.gather_steps(state, lambda: self.frame.background, refresh)
         yield Progress("done", 1.0, False)
 
     def gather_pose_steps(self, stop: Stop = None) -> Iterator[Progress]:
@@ -161,7 +161,7 @@ class Solver:
         """
         f, refresh = self.frame, partial(self._update, stop=stop)
         at = self.model.transforms(f.poses)
-        yield from self.light_source.pose_steps(f.background, f.photons, f.irradiance, f.gloss, at, refresh)
+        yield from self.frame_light.pose_steps(f.background, f.photons, f.irradiance, f.gloss, at, refresh)
         yield Progress("done", 1.0, False)
 
     @property
@@ -183,13 +183,13 @@ class Solver:
         """Put several mobiles at new poses and update irradiance once.
 
         photons: one of `prefixes`, None: all; paths: per receiver of a mobile, where its light is gathered, one of
-        `gi_core.frames.light_source.PATHS`, None: 64; stop: called every few ms; where it is True, Interrupted
+        `gi_core.frames.frame_size.PATHS`, None: 64; stop: called every few ms; where it is True, Interrupted
         (`gi_core.frames.progress`) breaks off the move. Raises SceneError for a name that no mobile has, a pose that is
         not rigid, and any other number of photons or paths. A move that any exception breaks off has not been made.
         """
         if photons is not None:
             one_of(self.frame.prefixes).check(f"{self.scene.name}: the photons of a frame", photons)
-        self.light_source.paths(paths)  # raises before the first photon too
+        self.frame_light.mobiles.paths(paths)  # raises before the first photon too
         self._update(None, {**self.poses, **self.model.checked_poses(poses)}, photons, paths, stop)
 
     def size_within(self, seconds: float) -> tuple[int | None, int | None]:
@@ -199,7 +199,7 @@ class Solver:
     @property
     def paths_at_rest(self) -> int:
         """Default paths per receiver of a mobile; 0 where none are gathered."""
-        return self.light_source.size(self._goal).paths
+        return self.frame_light.mobiles.size(self._goal).paths
 
     def _update(
         self, background: Background | None = None, poses: dict[str, Pose] | None = None, photons: int | None = None,
@@ -209,13 +209,13 @@ class Solver:
         shown, again = self.frame.background, self.frame if poses is None else None
         b, poses = background or shown, self.poses if poses is None else poses
         if b is None:
-            self.frame = self.frame._replace(poses=poses, levels=self.light_source.levels)
+            self.frame = self.frame._replace(poses=poses, levels=self.frame_light.setting.levels)
             return  # nothing traced yet
-        size = self.light_source.size(b.estimate.photons if photons is None else photons, paths)
-        frame = next_frame(b, self.light_source, poses, size, self._buffers, stop, again)
+        size = self.frame_light.mobiles.size(b.estimate.photons if photons is None else photons, paths)
+        frame = next_frame(b, self.frame_light, poses, size, self._buffers, stop, again)
         budget = self.budget if b is shown else FrameBudget()
         if frame.evaluated is not self.frame.evaluated:
-            budget.record(size, frame.timings, self.light_source.rays_traced)
+            budget.record(size, frame.timings, self.frame_light.mobiles.rays_traced)
         self.frame, self.budget = frame, budget
 
     def twin(self, fresh: bool = False) -> Solver:
@@ -223,9 +223,9 @@ class Solver:
 
         It starts as this one is or, `fresh`, with nothing estimated yet.
         """
-        other, light = copy.copy(self), self.light_source.twin(fresh)
-        other.budget, other._buffers, other.light_source = FrameBudget(), ScanBuffers(), light
-        other._first_frame = FirstFrame(self.frame.store, other.light_source, self.scene_size)
+        other, light = copy.copy(self), self.frame_light.twin(fresh)
+        other.budget, other._buffers, other.frame_light = FrameBudget(), ScanBuffers(), light
+        other._first_frame = FirstFrame(self.frame.store, other.frame_light, self.scene_size)
         if fresh:
             other.frame = Frame(self.poses, self.irradiance, self.frame.levels, self.frame.store)
         return other
@@ -233,12 +233,12 @@ class Solver:
     def from_scratch(self, poses: Mapping[str, Pose] | None = None) -> np.ndarray:
         """Return irradiance (R, 3) at poses from all photons, traced again; each frame must equal this bit for bit."""
         b = self.frame.background or self._first_frame.background(self.setting, None, self._goal)
-        return light_from_scratch(self.frame, b, self.light_source, {**self.poses, **(poses or {})})
+        return light_from_scratch(self.frame, b, self.frame_light, {**self.poses, **(poses or {})})
 
     @property
-    def resting_irradiance(self) -> np.ndarray:
+    def static_irradiance(self) -> np.ndarray:
         """Irradiance (n, 3) [W/m2] of static receivers without mobiles; zeros before the first solve."""
-        return self.light_source.resting_irradiance(self.frame.background)
+        return self.frame_light.static.shown_irradiance(self.frame.background)
 
     def drawn(self, irradiance: np.ndarray, poses: Mapping[str, Pose] | None = None) -> Drawn:
         """Return irradiance (R, 3) as it is to be drawn: unreached receivers are filled from lit ones beside them.
@@ -251,7 +251,7 @@ class Solver:
         if early is not None and irradiance is f.irradiance and not f.gathered:
             if early.is_better(f.photons, poses or f.poses, f.levels):
                 return early.drawn
-        return self.light_source.dilated(irradiance, self.model.transforms(poses or self.poses))
+        return self.frame_light.unreached.drawn(irradiance, self.model.transforms(poses or self.poses))
 
     @property
     def receivers(self) -> Receivers:
@@ -277,7 +277,7 @@ class BeforeEdit(NamedTuple):
 
 def before_edit(solver: Solver) -> BeforeEdit:
     """Return what a solver of an edited scene begins with."""
-    return BeforeEdit(photons_of(solver), solver.light_source.before_edit(solver.frame.background))
+    return BeforeEdit(photons_of(solver), solver.frame_light.static.before_edit(solver.frame.background))
 
 
 def edited_solver(solver: Solver, scene: Scene) -> Solver:
@@ -287,8 +287,8 @@ def edited_solver(solver: Solver, scene: Scene) -> Solver:
     these settings, bit for bit. Raises SceneError.
     """
     given = solver.setting._asdict() | {"photons": solver.photons, "light": solver.light, "seed": solver.seed}
-    model, source = solver.model, solver.light_source
-    given |= {"prefix_only": source.prefix_only, "gloss": source.gloss_way}
+    model, chosen = solver.model, solver.frame_light.setting
+    given |= {"prefix_only": chosen.prefix_only, "gloss": chosen.gloss}
     other = Solver(scene, threads=model.threads, rays=model.accelerator.rays, earlier=photons_of(solver), **given)
     other.move_all({name: pose for name, pose in solver.poses.items() if name in other.poses})
     levels = zip(solver.lamps.names, solver.levels.tolist(), strict=True)

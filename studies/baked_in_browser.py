@@ -26,7 +26,7 @@ from PIL import Image
 from app.cli.progress import Bar, compile_kernels, solve
 from app.draw.baking import baked
 from app.draw.shot import Shot
-from app.rest.within import gather
+from app.rest.timed_gathering import gather
 from app.settings import Settings, make_solver, open_scene
 
 PAGE = """<!DOCTYPE html><html><body><pre id="out"></pre>

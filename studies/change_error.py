@@ -32,10 +32,10 @@ def read(solver: Solver, photons: int, keep_all: bool) -> np.ndarray:
     sums: Evaluated = estimate.evaluate(frame)
     if keep_all:
         sums = sums._replace(new_flux=np.full_like(sums.new_flux, NOT_ADDITIVE))
-    resting, better = (solver.frame.background.resting(n) for n in (photons, PHOTONS))
+    own, better = (solver.frame.background.irradiance(n) for n in (photons, PHOTONS))
     flux_unit = solver.model.emitters.unit_flux / photons
-    near = solver.light_source.around(AROUND * solver.setting.radius)
-    given = sums, flux_unit, estimate.background(photons)[0], resting, better, solver.levels, near, 1
+    near = solver.frame_light.static.around(AROUND * solver.setting.radius)
+    given = sums, flux_unit, estimate.background(photons)[0], own, better, solver.levels, near, 1
     return frame_irradiance(*given)[: len(better)]
 
 
@@ -49,13 +49,13 @@ def rows_of(name: str) -> Iterator[str]:
     solver.solve()
     judge.solve()
     static = solver.surfaces.receiver_range(0)
-    weights, still, every = solver.receivers.areas[static], judge.resting_irradiance, places(solver)
+    weights, still, every = solver.receivers.areas[static], judge.static_irradiance, places(solver)
     for photons in FRAMES:
         found = np.zeros((2, 3))
         for poses in every:
             judge.move_all(poses, paths=4)
             after = judge.irradiance[static]
-            truth = with_change(after, still, solver.frame.background.resting(PHOTONS))
+            truth = with_change(after, still, solver.frame.background.irradiance(PHOTONS))
             changed = touched(after, still, weights, TOUCHED)
             solver.move_all(poses, photons, 4)
             for k, keep_all in enumerate((True, False)):

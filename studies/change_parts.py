@@ -58,7 +58,7 @@ def rows_of(name: str) -> Iterator[str]:
     areas, cases = scout.receivers.areas[static], []
     for place, poses in zip(PLACES, places(scout), strict=True):
         scout.move_all(poses)
-        changed = touched(scout.irradiance[static], scout.resting_irradiance, areas, TOUCHED)
+        changed = touched(scout.irradiance[static], scout.static_irradiance, areas, TOUCHED)
         rows, weights = draw_by_area(np.flatnonzero((areas > 0) & changed), areas, POINTS, place)
         moved = [truth(s, poses, rows, weights, SEED) for s in (scene, dark)]
         rest = [truth(replace(s, mobiles=()), {}, rows, weights, SEED + 1) for s in (scene, dark)]
@@ -75,7 +75,7 @@ def rows_of(name: str) -> Iterator[str]:
                     solver.move_all(poses)
                 ms += 1e3 * sum(pair[0].frame.timings.values()) / len(cases)
                 F, Fd = (s.irradiance[rows] for s in pair)
-                B, Bd = (s.resting_irradiance[rows] for s in pair)
+                B, Bd = (s.static_irradiance[rows] for s in pair)
                 every = with_change(F, B, G)
                 direct, rest = with_change(Fd, Bd, Gd), with_change(F - Fd, B - Bd, G - Gd)
                 light = (every, direct + T - Td, Td + rest)

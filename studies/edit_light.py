@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from app.rest.scheduler import RestWork
-from app.rest.within import NO_ERRORS
+from app.rest.timed_gathering import NO_ERRORS
 from app.settings import Settings, make_solver, open_scene
 from gi_core.files.edits import Edit, Finish, Freeze, Promote, edited
 from gi_core.gather.reference_sample import draw_by_area, gather_sample
@@ -50,7 +50,7 @@ def after(solver: Solver, scene: Scene, settings: Settings, with_light: bool) ->
     given = before_edit(solver)
     other = make_solver(scene, settings, given.photons)
     if with_light and given.light is not None:
-        other.light_source.begin_with(given.light)
+        other.frame_light.static.begin_with(given.light)
     begun, found = time.process_time(), []
 
     def look() -> None:
@@ -85,7 +85,7 @@ def main() -> None:
         work, begun = RestWork(solver, time.perf_counter), time.process_time()
         while time.process_time() - begun < asked.gather and (task := work.next_task(NO_ERRORS)) is not None:
             task.run()
-        g = solver.light_source.gathered
+        g = solver.frame_light.static.gathered
         print(f"{asked.scene}, {asked.edit}: gathered to {100 * g.error:.1f} % before the edit")
         changed = edited(scene, [edit_of(scene, asked.edit)])
         settings = replace(settings, photons=solver.photons)

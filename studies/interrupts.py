@@ -40,7 +40,7 @@ def now():
         return session.opening.progress[0] if session.opening else ""
     if session.light.progress is not None:
         return session.light.progress.stage
-    gathered = session.light._solver.light_source.gathered
+    gathered = session.light._solver.frame_light.static.gathered
     return "at rest" if gathered is None or gathered.enough else "gathering"
 def close():
     while viewer.frames < {frames} or {doing!r} not in ("", now()):

@@ -19,7 +19,7 @@ import numpy as np
 
 from app.draw.draw_mesh import draw_meshes
 from app.draw.vertex_colours import gloss_colours
-from app.rest.within import gather
+from app.rest.timed_gathering import gather
 from app.settings import Settings, make_solver
 from gi_core.bsdf.models import lobe
 from gi_core.gather.reference import reference_irradiance

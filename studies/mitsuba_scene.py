@@ -22,7 +22,7 @@ from app.draw.draw_mesh import draw_meshes
 from app.draw.png import write_png
 from app.draw.shot import Shot
 from app.draw.vertex_colours import gloss_colours
-from app.rest.within import gather
+from app.rest.timed_gathering import gather
 from app.settings import Settings, make_solver, open_scene
 from gi_core.bsdf import ggx
 from gi_core.files.formats.metallic_roughness import as_metal_rough

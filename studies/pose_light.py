@@ -25,10 +25,14 @@ def study(name: str, photons: int | None, error: float, seconds: float) -> None:
     solver = Solver(load_scene(name), photons=photons, light="best")
     solver.solve()
     for progress in solver.gather_steps():
-        if progress.picture and solver.light_source.is_gathered and solver.light_source.gathered.error <= error:
+        if (
+            progress.picture
+            and solver.frame_light.static.is_gathered
+            and solver.frame_light.static.gathered.error <= error
+        ):
             break
     background = np.zeros_like(solver.irradiance)
-    background[: len(solver.resting_irradiance)] = solver.resting_irradiance
+    background[: len(solver.static_irradiance)] = solver.static_irradiance
     kinds = receiver_classes(solver.surfaces, solver.receivers, solver.irradiance, background)
     samples = []
     for kind in CLASSES:
@@ -41,7 +45,7 @@ def study(name: str, photons: int | None, error: float, seconds: float) -> None:
         errors = " | ".join(f"{100 * s.error(solver.irradiance):.2f}" for s in samples)
         print(f"| {name} | {at} | {errors} |", flush=True)
 
-    row(f"static light, {100 * solver.light_source.gathered.error:.2g} %")
+    row(f"static light, {100 * solver.frame_light.static.gathered.error:.2g} %")
     started = time.process_time()
     for progress in solver.gather_pose_steps():
         spent = time.process_time() - started

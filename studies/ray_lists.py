@@ -162,7 +162,7 @@ def drift(moves: int, out: Path) -> None:
     """Move an object at random; print and draw the error of each tree at one receiver against the list."""
     solver = Solver(ROOM, **GIVEN | {"photons": 1000}, gloss=LIST)
     solver.solve()
-    source, rng = solver.light_source.gloss_source, np.random.default_rng(2)
+    source, rng = solver.frame_light.gloss.source, np.random.default_rng(2)
     lists, cells = source.lists(solver.setting.radius), source.cells(solver.setting.radius, LIST)
     receiver = int(np.argmax(np.diff(solver.frame.gloss.tree.offsets[::CELLS][: lists.discs.count(0) + 1])))
     normal = lists.discs.normals[receiver]

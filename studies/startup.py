@@ -71,11 +71,11 @@ def open_once(what: str, gather: float = 0.0) -> dict[str, float]:
             break
     made.move_all(made.poses)
     mark()
-    g, end = made.light_source.gathered, time.process_time() + gather
+    g, end = made.frame_light.static.gathered, time.process_time() + gather
     facts = {"photons": made.frame.photons, "error": g.error if made.frame.gathered else None, "seconds": time.time()}
     if gather:
         for _ in made.gather_steps():
-            g = made.light_source.gathered
+            g = made.frame_light.static.gathered
             if time.process_time() > end and g.state is not None and g.state.rounds > 2:
                 break
         StaticStore(made.model, made.seed).keep(g.state)

@@ -30,7 +30,7 @@ def measure(what: str, points: int, noise: float, cpu: float) -> None:
     print("\n| CPU s | light | stated | true | total |\n|---|---|---|---|---|", flush=True)
     begun = time.process_time()
     for progress in solver.gather_steps():
-        spent, g = time.process_time() - begun, solver.light_source.gathered
+        spent, g = time.process_time() - begun, solver.frame_light.static.gathered
         if progress.picture:
             light = "whole paths" if g.state is not None and g.noise == g.state.noise(g.weights) else "single bounces"
             true, total = truth.error(solver.irradiance), truth.relative_total(solver.irradiance)

@@ -47,7 +47,7 @@ def measure(what: str, points: int, noise: float, pictures: Path | None) -> dict
 
 
 def _measure(what: str, points: int, noise: float, pictures: Path | None) -> dict:
-    from app.rest.static_job import Gathering
+    from app.rest.static_job import StaticJob
     from app.settings import Settings, make_solver, open_scene
     from gi_core.gather.reference_sample import draw_by_area, gather_sample
 
@@ -66,7 +66,7 @@ def _measure(what: str, points: int, noise: float, pictures: Path | None) -> dic
         if not shown or not np.array_equal(drawn.irradiance, shown[-1][2].irradiance):
             shown.append((clock(), _made_of(solver), drawn))
 
-    gathering = Gathering(solver, clock)
+    gathering = StaticJob(solver, clock)
     for progress in solver.solve_steps():
         if progress.picture or shown:
             look()
@@ -139,8 +139,8 @@ def _at(shown: list[tuple[float, str, Drawn]], seconds: float) -> tuple[float, s
 
 def _made_of(solver) -> str:
     """Return photons and gathered noise of the picture, in words."""
-    source = solver.light_source
-    gathered = f", gathered to {100 * source.gathered.noise:.1f} %" if source.is_gathered else ""
+    static = solver.frame_light.static
+    gathered = f", gathered to {100 * static.gathered.noise:.1f} %" if static.is_gathered else ""
     return f"{solver.frame.photons:,}{gathered}"
 
 

@@ -65,7 +65,7 @@ def bake(
     from app.draw.exr import write_channels
     from app.draw.shot import Shot
     from app.draw.units import units_of
-    from app.rest.within import gather
+    from app.rest.timed_gathering import gather
 
     if out.suffix.lower() != ".glb":
         raise UsageError(f"--out must name a .glb file, got {out}")

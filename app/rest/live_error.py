@@ -123,7 +123,7 @@ class LiveError:
         """Time a frame of all photons TIMED_FRAMES times, then compute one of a subset, one frame per call."""
         if (m := self._measured) is None:
             m = self._measured = Measured(self._solver.twin())
-            if not self._solver.light_source.is_gathered:  # then photons light mobiles too
+            if not self._solver.frame_light.static.is_gathered:  # then photons light mobiles too
                 m.twin.configure(prefix_only=True)
         twin = m.twin
         if len(m.seconds) < TIMED_FRAMES:
@@ -180,7 +180,7 @@ class LiveError:
         noise = float("nan")
         if m is not None and m.prefix:
             at = self._solver.model.transforms(self._solver.poses)
-            others = self._solver.light_source.deviation(at)[reference.rows]
+            others = self._solver.frame_light.at_poses.deviation(at)[reference.rows]
             noise = noise_from_prefix(E, m.fewer[reference.rows], m.photons, m.prefix, w, others)
         done = not reference.noise > max(LEAST_NOISE, NOISE_OF_ERROR * total)
         if done:

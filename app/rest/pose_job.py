@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from gi_core.solver import Solver
 
 
-class PoseGathering:
+class PoseJob:
     """One per solver; only the solver's thread uses it."""
 
     def __init__(self, solver: Solver, stop: Callable[[], bool] | None = None) -> None:
@@ -25,7 +25,7 @@ class PoseGathering:
     def light(self) -> PoseGather | None:
         """The light at the present poses, None before the first step."""
         s = self._solver
-        return s.light_source.pose_gather(s.model.transforms(s.poses)) if s.light == "best" else None
+        return s.frame_light.at_poses.find(s.model.transforms(s.poses)) if s.light == "best" else None
 
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""

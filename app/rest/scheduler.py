@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from app.rest.live_error import LiveError, Wants
 from app.rest.plane_job import PlaneJob
-from app.rest.pose_job import PoseGathering
+from app.rest.pose_job import PoseJob
 from app.rest.results import GatherProgress, RestResults
-from app.rest.static_job import Gathering
+from app.rest.static_job import StaticJob
 from app.settings import REFERENCE, MeasuringPlane, Settings
 from app.worker import Task
 
@@ -28,8 +28,8 @@ class RestWork:
 
     def __init__(self, solver: Solver, clock: Callable[[], float], stop: Callable[[], bool] | None = None) -> None:
         """stop: whether to break off a frame, as for Solver.move_all()."""
-        self.gathering, self.live_error = Gathering(solver, clock, stop), LiveError(solver, clock, stop)
-        self.at_poses = PoseGathering(solver, stop)
+        self.gathering, self.live_error = StaticJob(solver, clock, stop), LiveError(solver, clock, stop)
+        self.at_poses = PoseJob(solver, stop)
         self.plane = PlaneJob(solver)
         self.given_up: set[str] = set()  # kinds of tasks that have failed
         self._wants = Wants()

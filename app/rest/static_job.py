@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gi_core.solver import Solver
 
 
-class Gathering:
+class StaticJob:
     """One per solver; only the solver's thread uses it."""
 
     def __init__(self, solver: Solver, clock: Callable[[], float], stop: Callable[[], bool] | None = None) -> None:
@@ -25,35 +25,38 @@ class Gathering:
 
     @property
     def progress(self) -> GatherProgress:
-        g = self._solver.light_source.gathered
-        return GatherProgress(g.fraction, g.error, self._solver.light_source.is_gathered) if g else GatherProgress()
+        static = self._solver.frame_light.static
+        g = static.gathered
+        return GatherProgress(g.fraction, g.error, static.is_gathered) if g else GatherProgress()
 
     def next_work(self) -> Callable[[], bool] | None:
         """Return the next task, None at the end; the task returns whether irradiance has changed."""
-        g, source = self._solver.light_source.gathered, self._solver.light_source
+        light = self._solver.frame_light
+        g = light.static.gathered
         finished = self._steps is None and g is not None and g.enough  # its light is in the picture
-        finished = finished and not source.lacks_gloss(self._solver.frame.background)
+        finished = finished and not light.gloss.lacks_static(self._solver.frame.background)
         return None if self._solver.light != "best" or finished else self._step
 
     def _step(self) -> bool:
         from app.rest.reference_store import SAVE_SECONDS, StaticStore
 
-        solver = self._solver
+        solver, static = self._solver, self._solver.frame_light.static
         if self._steps is None:
             self._store = StaticStore(solver.model, solver.seed)
-            state = self._store.load() if solver.light_source.gathered is None else None
+            state = self._store.load() if static.gathered is None else None
             self._steps = solver.gather_steps(state, self._stop)
             self._saved_at = self._clock()
         progress = next(self._steps, None)
         if progress is None:
             self._steps = None
-        if progress is None or solver.light_source.gathered.enough or self._clock() - self._saved_at > SAVE_SECONDS:
+        if progress is None or static.gathered.enough or self._clock() - self._saved_at > SAVE_SECONDS:
             self.keep()
         return progress is not None and progress.picture
 
     def keep(self) -> None:
         """Save the state of whole paths if the file has fewer; single bounces are not saved."""
-        state = self._solver.light_source.gathered and self._solver.light_source.gathered.state
+        gathered = self._solver.frame_light.static.gathered
+        state = gathered and gathered.state
         if self._store and state and (sets := int(state.sets.sum())) > self._saved:
             self._store.keep(state)
             self._saved_at, self._saved = self._clock(), sets
@@ -66,7 +69,7 @@ def load(solver: Solver) -> Iterator[Progress]:
     state = StaticStore(solver.model, solver.seed).load()
     if state is not None and state.rounds > 1:
         for progress in solver.gather_steps(state):
-            if solver.light_source.gathered.state is not state or progress.stage == GLOSS:
+            if solver.frame_light.static.gathered.state is not state or progress.stage == GLOSS:
                 return  # this step has traced new paths
             yield progress
 
@@ -75,7 +78,7 @@ def restore(solver: Solver, light: dict[str, object]) -> None:
     """Show static light gathered by another solver of the same scene and settings: its `gathered.light`."""
     from gi_core.gather.static import StaticGather
 
-    solver.light_source.gathered = StaticGather.restored(solver.model, solver.seed, light)
+    solver.frame_light.static.gathered = StaticGather.restored(solver.model, solver.seed, light)
     for progress in solver.gather_steps():
         if progress.stage == "gathering":
             return  # shown, and not a path traced

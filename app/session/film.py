@@ -73,7 +73,7 @@ def elsewhere(
         shot.settings, estimator=setting.estimator, photons=solver.frame.photons_at_rest, radius=setting.radius,
         neighbours=setting.neighbours, light=solver.light, exposure=shot.exposure,
     )  # fmt: skip
-    gathered = solver.light_source.gathered
+    gathered = solver.frame_light.static.gathered
     film = Film(scene, settings, shot.scale, None if gathered is None else gathered.light, linear)
     yield from machines.crew(_ready, film).map(_drawn, [(at,) for at in poses])
 

@@ -28,7 +28,7 @@ MOST_PHOTONS = 200_000  # that are searched for a disc
 MOST_CROSSINGS = 400  # drawn
 
 
-class Look(NamedTuple):
+class MethodParts(NamedTuple):
     """Parts that the window asks for."""
 
     paths: bool = False
@@ -59,7 +59,7 @@ class Disc(NamedTuple):
 class MethodView(NamedTuple):
     """The parts asked for, of the frame with this irradiance."""
 
-    look: Look
+    parts: MethodParts
     irradiance: np.ndarray  # (R, 3), to be compared by identity
     paths: Strokes | None = None
     disc: Disc | None = None
@@ -67,22 +67,22 @@ class MethodView(NamedTuple):
     recomputed: np.ndarray | None = None  # (R,) uint8; None: not asked for, or no longer known
 
 
-def method_view(solver: Solver, look: Look) -> MethodView:
+def method_view(solver: Solver, parts: MethodParts) -> MethodView:
     """Return the parts of the last frame; call it on the solver's thread."""
     frame = solver.frame
-    view = MethodView(look, solver.irradiance)
+    view = MethodView(parts, solver.irradiance)
     if not frame.photons:
         return view
-    if look.paths or look.receiver >= 0:
+    if parts.paths or parts.receiver >= 0:
         searched = min(frame.photons, MOST_PHOTONS)
         changed = _change(solver, searched)
         paths = changed.removed_suffixes.paths
-        view = view._replace(paths=_sample(solver, paths, changed) if look.paths else None)
-        if look.receiver >= 0:
-            disc = _disc(solver, look.receiver, paths, changed)
-            over = hemisphere_view(solver, look.receiver, disc.crossings.ends, disc.crossings.kind)
+        view = view._replace(paths=_sample(solver, paths, changed) if parts.paths else None)
+        if parts.receiver >= 0:
+            disc = _disc(solver, parts.receiver, paths, changed)
+            over = hemisphere_view(solver, parts.receiver, disc.crossings.ends, disc.crossings.kind)
             view = view._replace(disc=disc, hemisphere=over)
-    return view._replace(recomputed=recomputed(solver) if look.recomputed else None)
+    return view._replace(recomputed=recomputed(solver) if parts.recomputed else None)
 
 
 def _change(solver: Solver, photons: int) -> PoseChange:

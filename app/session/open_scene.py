@@ -11,7 +11,7 @@ import numpy as np
 from app.draw.camera import Turntable, matrices
 from app.draw.white_balance import NEUTRAL, Gains, gains_for
 from app.session.opening import Opened
-from app.session.solver_thread import Solving
+from app.session.solver_thread import SolverThread
 from app.settings import Settings
 from gi_core.scene import Pose
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from app.draw.draw_mesh import DrawMesh
     from app.draw.picking import Picker
     from app.rest.measuring_plane import Level
-    from app.session.method_view import Look
+    from app.session.method_view import MethodParts
     from gi_core.defaults.choose import Chosen
     from gi_core.files.edits import Values
     from gi_core.model import Model
@@ -36,7 +36,7 @@ class OpenScene:
         self.chosen: Chosen
         self.gains: Gains = NEUTRAL  # of the white balance
         self.picker: Picker | None = None
-        self.light: Solving | None = None
+        self.light: SolverThread | None = None
         self.receiver = -1  # under the cursor; -1: none
         self.edits = settings.edits  # those on show, and those asked for
         self._meshes: tuple[DrawMesh, ...] = ()
@@ -44,7 +44,7 @@ class OpenScene:
         self._finishes: dict[tuple[str, bool], Values] = {}
         self._paths: dict = {}
 
-    def _show(self, opened: Opened, light: Solving) -> None:
+    def _show(self, opened: Opened, light: SolverThread) -> None:
         """Take the records of an opened scene; they never change, and the solver's thread alone touches the rest."""
         from app.draw.motion import paths_of
 
@@ -105,14 +105,14 @@ class OpenScene:
         return self._paths
 
     @property
-    def _look(self) -> Look | None:
+    def _method_parts(self) -> MethodParts | None:
         """Parts of the method that the settings ask for."""
         s = self.settings
         if not (s.show_paths or s.show_disc or s.show_recomputed):
             return None
-        from app.session.method_view import Look
+        from app.session.method_view import MethodParts
 
-        return Look(s.show_paths, self.receiver if s.show_disc else -1, s.show_recomputed)
+        return MethodParts(s.show_paths, self.receiver if s.show_disc else -1, s.show_recomputed)
 
     def finish_of(self, name: str, material: bool) -> Values:
         """Return the reflection of a mobile, or of a material in the static part, as an edit gives it."""

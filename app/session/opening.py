@@ -156,8 +156,8 @@ class Opening:
         picker = Picker(solver.surfaces, solver.model.origins)
         for _ in load(solver) if solver.light == "best" else ():
             self._stop_if_cancelled()
-        if earlier is not None and earlier.light is not None and solver.light_source.is_without_stored_light:
-            solver.light_source.begin_with(earlier.light)
+        if earlier is not None and earlier.light is not None and solver.frame_light.static.lacks_gathered:
+            solver.frame_light.static.begin_with(earlier.light)
         self.phase, self.detail = TRACING, ""
         for progress in solver.solve_steps():
             self._stop_if_cancelled()

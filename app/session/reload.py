@@ -14,8 +14,8 @@ from app.cli import saved_scene
 from app.session.session import Asked, Session
 from app.settings import Settings
 
-# Settings that a new scene resets; display and estimator settings stay.
-OF_A_SCENE = (
+# Settings that another scene resets; those of display and estimator stay.
+RESET_BY_SCENE = (
     "document", "camera", "max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "edits",
     "exposure", "lamps", "solo", "light_scenes", "pins", "cameras", "plane",
 )  # fmt: skip
@@ -112,7 +112,7 @@ class Reload:
 
     def _take_over(self, now: Session, coming: Session) -> None:
         """Copy the settings that the user has changed since the start of the reload."""
-        before, theirs = vars(self._before), () if self.same else OF_A_SCENE
+        before, theirs = vars(self._before), () if self.same else RESET_BY_SCENE
         changed = {name: v for name, v in vars(now.settings).items() if v != before[name] and name not in theirs}
         coming.lights = now.lights
         if self._edited is not None:
@@ -134,7 +134,7 @@ def settings_again(now: Session) -> Settings:
 
 
 def settings_for(now: Session, scene: str, mobiles: tuple[str, ...]) -> Settings:
-    """Return settings for another scene; those of OF_A_SCENE become None. Raises SceneError for a bad saved scene.
+    """Return settings for another scene; those of RESET_BY_SCENE become None. Raises SceneError for a bad saved scene.
 
     A saved scene gives all its settings; others that were not changed then have their defaults again.
     """
@@ -143,5 +143,5 @@ def settings_for(now: Session, scene: str, mobiles: tuple[str, ...]) -> Settings
         fields = ("document", "scene", *saved_scene.ELSEWHERE, *saved_scene.WITHOUT_OPTION, *saved_scene.SAVED)
         of_file = {name: getattr(saved, name) for name in fields}
         return replace(now.settings, **(of_file | {"mobiles": (*saved.mobiles, *mobiles), "solo": ""}))
-    left_open = {name: getattr(Settings, name) for name in OF_A_SCENE}
+    left_open = {name: getattr(Settings, name) for name in RESET_BY_SCENE}
     return replace(settings_again(now), **left_open, scene=scene, mobiles=mobiles)

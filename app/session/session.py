@@ -14,7 +14,7 @@ from app.rest.measured_points import MeasuredPoints
 from app.session.log import WARNING, Log
 from app.session.open_scene import OpenScene
 from app.session.opening import Opened, Opening
-from app.session.solver_thread import Solving
+from app.session.solver_thread import SolverThread
 from app.session.undo import Field, History
 from app.settings import Settings
 from app.worker import PATIENCE, Worker
@@ -29,8 +29,8 @@ BUDGET = 0.008  # s per frame for refinement
 FADE = 1.0  # s of a cross-fade between light scenes
 STILL = 0.25  # s without motion in a drag, after which all photons are shown
 OF_COLOURS = "show", "reference", "compare", "error_range", "show_recomputed"  # settings that change uploaded colours
-# Settings that name the scene or belong to the window
-OF_SCENE = (
+# Settings that name the scene or belong to the window: they stay where the others are reset
+KEPT_BY_RESET = (
     "document", "scene", "mobiles", "poses", "edits", "camera", "max_edge", "up", "allow_outside", "seed", "size",
     "fallback", "pins", "cameras", "plane",
 )  # fmt: skip
@@ -120,7 +120,7 @@ class Session(OpenScene):
             self.points.add(self.light.snapshot.rest.point)
         elif self.clock() - self._moved_at >= STILL:
             self.light.settle()
-        self.light.show_method(self._look)
+        self.light.show_method(self._method_parts)
 
     def _dim(self) -> None:
         """Follow the settings of the lamps, at once or in a cross-fade."""
@@ -161,7 +161,7 @@ class Session(OpenScene):
     def reset_settings(self, exposure: float) -> None:
         """Return to the settings of a scene opened without options; exposure: as metered [EV]."""
         s = self.settings
-        kept: dict[str, Any] = {name: getattr(s, name) for name in OF_SCENE}
+        kept: dict[str, Any] = {name: getattr(s, name) for name in KEPT_BY_RESET}
         self.want(replace(Settings(), **(kept | {"exposure": exposure} | self.filled)))
 
     def choose_estimator(self, name: str) -> None:
@@ -190,7 +190,7 @@ class Session(OpenScene):
         self.filled = {name: value for name, value in filled.items() if value is not None}
         self.settings = self._applied = replace(self.settings, **filled)
         self._dimmed = opened.settings.lamps, opened.settings.solo
-        self._show(opened, Solving(opened.solver, self.log, self.clock, self._worker))
+        self._show(opened, SolverThread(opened.solver, self.log, self.clock, self._worker))
         known = {entry.text for entry in self.log.entries}  # each edit opens the same scene again
         for note in self.scene.notes:
             if one_line(note) not in known:

@@ -16,7 +16,7 @@ from gi_core.frames.progress import Interrupted
 if TYPE_CHECKING:
     from app.rest.results import RestResults
     from app.rest.scheduler import RestWork
-    from app.session.method_view import Look, MethodView
+    from app.session.method_view import MethodParts, MethodView
     from app.settings import Settings
     from gi_core.frames.progress import Progress
     from gi_core.scene import Pose
@@ -146,14 +146,14 @@ class Rest:
 class Show:
     """Copy parts of the method from the last frame, to be drawn."""
 
-    look: Look
+    parts: MethodParts
     name: ClassVar[str] = "showing the method"
     busy: ClassVar[bool] = False
 
     def run(self, solver: Solver, work: RestWork) -> MethodView:
         from app.session.method_view import method_view
 
-        return method_view(solver, self.look)
+        return method_view(solver, self.parts)
 
 
 Job = Refine | Move | Dim | Time | Rest | Show

@@ -22,7 +22,7 @@ from app.worker import PATIENCE, Worker
 from gi_core.frames.progress import Interrupted
 
 if TYPE_CHECKING:  # importing the solver lasts a second, so it happens behind the window's first frames
-    from app.session.method_view import Look, MethodView
+    from app.session.method_view import MethodParts, MethodView
     from app.settings import Settings
     from gi_core.frames.progress import Progress
     from gi_core.scene import Pose
@@ -39,7 +39,7 @@ class Stage(enum.Enum):
     REFINED = enum.auto()
 
 
-class Solving:
+class SolverThread:
     """Hands jobs to the solver's thread, which alone touches the solver; all methods are the window's thread's."""
 
     snapshot: Snapshot
@@ -56,7 +56,7 @@ class Solving:
         self.move_failed = False  # the last one
         self.all_done = False  # the last call for a task at rest found none
         self.method: MethodView | None = None  # parts of the method that the window draws
-        self._look: Look | None = None  # those asked for
+        self._parts: MethodParts | None = None  # those asked for
         self._warned: set[str] = set()  # kinds of warnings that the log has had
         self._waits = threading.Event()  # set while moves wait: a frame that shows no move is then broken off
         self._over = threading.Event()  # set while a new motion waits: a later frame of the old one is broken off
@@ -154,10 +154,10 @@ class Solving:
                 self._time_due = False
             case Rest():
                 self.all_done = True
-            case Show(look):
+            case Show(parts):
                 from app.session.method_view import MethodView
 
-                self.method = MethodView(look, self.snapshot.irradiance)  # not again for this frame
+                self.method = MethodView(parts, self.snapshot.irradiance)  # not again for this frame
         self.log.error(job.name, problem)
 
     def _show(self, snapshot: Snapshot) -> None:
@@ -251,20 +251,22 @@ class Solving:
             if self.clock() >= deadline:
                 return
 
-    def show_method(self, look: Look | None) -> None:
+    def show_method(self, parts: MethodParts | None) -> None:
         """Ask for parts of the method of the frame on show; `method` has them a little later. None: for nothing."""
-        self._look = look
-        if look is None:
+        self._parts = parts
+        if parts is None:
             self.method = None
         elif self.is_idle and not self._is_asked and self._begin_show():
             self._wait(SHOW_GRACE)
 
     def _begin_show(self) -> bool:
         """Begin to copy the parts of the method that are due; return False if none are."""
-        look, had = self._look, self.method
-        if look is None or (had is not None and (had.look, id(had.irradiance)) == (look, id(self.snapshot.irradiance))):
+        parts, had = self._parts, self.method
+        if parts is None or (
+            had is not None and (had.parts, id(had.irradiance)) == (parts, id(self.snapshot.irradiance))
+        ):
             return False
-        self._begin(Show(look))
+        self._begin(Show(parts))
         return True
 
     # -- moves ------------------------------------------------------------------------------------

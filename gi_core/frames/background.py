@@ -52,7 +52,7 @@ class Background:
         self.built = False
         self.pace = Pace()
         self.evaluated: Evaluated | None = None  # sums of the last frame; the next one overwrites them
-        self._resting = SubsetStore()  # of levels and irradiance
+        self._irradiance = SubsetStore()  # of levels and irradiance
 
     def build(self) -> Iterator[None]:
         """Build the parts that do not depend on photons, once, in steps."""
@@ -65,20 +65,20 @@ class Background:
         """Areas (n,) [m2] of static receivers."""
         return self.model.object_receivers.areas[self.model.surfaces.receiver_range(0)]
 
-    def resting(self, photons: int, levels: np.ndarray | None = None) -> np.ndarray:
+    def irradiance(self, photons: int, levels: np.ndarray | None = None) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of static receivers without mobiles, of a photon subset; cached.
 
         levels (G, 3): of the lamps; None: those of the scene file.
         """
         levels = self.model.emitters.lamps.full() if levels is None else levels
-        if photons not in self._resting or not np.array_equal(self._resting[photons][0], levels):
+        if photons not in self._irradiance or not np.array_equal(self._irradiance[photons][0], levels):
             sums, area = self.estimate.background(photons)
             unit, weights = self.model.emitters.unit_flux / photons, self.store.weights(levels)
-            self._resting[photons] = levels, irradiance_at(sums, weights, unit, area, self.model.threads)
-        return self._resting[photons][1]
+            self._irradiance[photons] = levels, irradiance_at(sums, weights, unit, area, self.model.threads)
+        return self._irradiance[photons][1]
 
-    def resting_per_lamp(self, photons: int) -> np.ndarray:
-        """Return irradiance (n, 3 G) [W/m2] of static receivers by lamp, as resting()."""
+    def irradiance_per_lamp(self, photons: int) -> np.ndarray:
+        """Return irradiance (n, 3 G) [W/m2] of static receivers by lamp, as irradiance()."""
         sums, area = self.estimate.background(photons)
         light = irradiance(sums, self.model.emitters.unit_flux / photons, area)
         return light * np.repeat(self.model.emitters.scale, 3)

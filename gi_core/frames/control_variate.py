@@ -42,10 +42,10 @@ CORRELATED = 4.0  # true variance over that of independent neighbours: discs sha
 
 
 @inlined
-def _combined(frame, resting, better):
-    if frame < resting:
-        return better * (frame / resting)
-    return better + (frame - resting)
+def _combined(frame, own, better):
+    if frame < own:
+        return better * (frame / own)
+    return better + (frame - own)
 
 
 @inlined
@@ -82,7 +82,7 @@ def _read_out(changed, sums, better, levels, scale, area, static, first, last, o
 
 @kernel
 def _measure(
-    changed, background, resting, better, sums, new_flux, levels, mean_levels, flux_per_cut, scale, area, first, last,
+    changed, background, own, better, sums, new_flux, levels, mean_levels, flux_per_cut, scale, area, first, last,
     change,
 ):  # fmt: skip
     """Write the change of static receivers in the changed chunks among first .. last - 1, and its variance."""
@@ -93,8 +93,8 @@ def _measure(
             factor = scale / area[r] if area[r] > 0.0 else 0.0
             frame, before, after = 0.0, 0.0, 0.0
             for c, flux in enumerate(mixed(sums, r, levels)):
-                change[r, c] = _combined(flux * factor, resting[r, c], better[r, c]) - better[r, c]
-                frame, before, after = frame + flux * factor, before + resting[r, c], after + better[r, c]
+                change[r, c] = _combined(flux * factor, own[r, c], better[r, c]) - better[r, c]
+                frame, before, after = frame + flux * factor, before + own[r, c], after + better[r, c]
             if new_flux[r, 0] == NOT_ADDITIVE:
                 change[r, VARIANCE] = 0.0 if frame == before else NO_WEIGHT  # 0 as in chunks that nothing changes
                 continue
@@ -123,7 +123,7 @@ def frame_irradiance(
     frame: Evaluated,
     flux_unit: float,
     background: np.ndarray,
-    resting: np.ndarray,
+    own: np.ndarray,
     better: np.ndarray,
     levels: np.ndarray,
     near: Neighbours,
@@ -131,11 +131,11 @@ def frame_irradiance(
 ) -> np.ndarray:
     """Return E (R, 3) [W/m2] of a frame at levels (G, 3) of its lamps; flux_unit [W] of its sums.
 
-    background: sums (n, 3 G) int64 of static receivers without mobiles, of the frame's photons. resting, better:
+    background: sums (n, 3 G) int64 of static receivers without mobiles, of the frame's photons. own, better:
     irradiance (n, 3) [W/m2] without mobiles, of the frame's photons and of the better source. The same array for both
     gives the frame's own light unchanged. near: static receivers within some AROUND radii of each.
     """
-    out, static = np.empty((len(frame.sums), 3)), 0 if better is resting else len(better)
+    out, static = np.empty((len(frame.sums), 3)), 0 if better is own else len(better)
 
     def read(_, first, last):
         _read_out(frame.changed, frame.sums, better, levels, flux_unit, frame.area, static, first, last, out)
@@ -149,7 +149,7 @@ def frame_irradiance(
 
     def measure(_, first, last):
         _measure(
-            frame.changed, background, resting, better, frame.sums, frame.new_flux, levels, mean_levels, flux_per_cut,
+            frame.changed, background, own, better, frame.sums, frame.new_flux, levels, mean_levels, flux_per_cut,
             flux_unit, frame.area, first, last, change,
         )  # fmt: skip
 

@@ -42,7 +42,7 @@ class EarlierLight(NamedTuple):
 
 def earlier_light(b: Background, per_lamp: np.ndarray, deviation: np.ndarray, error: float) -> EarlierLight:
     """Return light of a background's static part, to be changed by edits; arguments as in EarlierLight."""
-    by_photons = {n: b.resting_per_lamp(n).astype(np.float32) for n in b.estimate.prefixes}
+    by_photons = {n: b.irradiance_per_lamp(n).astype(np.float32) for n in b.estimate.prefixes}
     return EarlierLight(_places(b.model), per_lamp, deviation, error, b.setting, by_photons)
 
 
@@ -92,7 +92,7 @@ class EditedLight:
     def _change(self, b: Background, photons: int, G: np.ndarray) -> np.ndarray:
         """Return d (n, 3 G) [W/m2], see the module."""
         B = self._known(self.earlier.by_photons[photons])
-        F = b.resting_per_lamp(photons).astype(np.float32).astype(np.float64)  # equal light leaves no difference
+        F = b.irradiance_per_lamp(photons).astype(np.float32).astype(np.float64)  # equal light leaves no difference
         less = F < B
         return np.where(less, G * np.divide(F, B, out=np.ones_like(F), where=less) - G, F - B)
 

@@ -9,7 +9,7 @@ from gi_core.estimators import ESTIMATORS
 from gi_core.estimators.setting import Setting
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.frame import Frame
-from gi_core.frames.light_source import LightSource
+from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.progress import Progress
 from gi_core.model import Model
 from gi_core.photons.prefixes import is_level, next_level
@@ -58,8 +58,8 @@ class FirstFrame:
     The last RECENT backgrounds stay too: a return to their setting shows its light at once. They go if memory is short.
     """
 
-    def __init__(self, photons: Photons, source: LightSource, scene_size: float):
-        self._photons, self._source, self._scene_size = photons, source, scene_size
+    def __init__(self, photons: Photons, light: FrameLight, scene_size: float):
+        self._photons, self._light, self._scene_size = photons, light, scene_size
         self.by_flux = photons  # the first ones
         self._recent: list[Background] = []  # newest last
 
@@ -68,7 +68,7 @@ class FirstFrame:
 
         model: whose lamps share photons by flux.
         """
-        levels, by_flux = self._source.levels, model.emitters
+        levels, by_flux = self._light.setting.levels, model.emitters
         if by_flux.effective(levels) > self._photons.model.emitters.effective(levels):
             self._photons = self.by_flux  # still traced, and perhaps estimated
         if self._photons.model.emitters.effective(levels) >= FEW:
@@ -80,7 +80,7 @@ class FirstFrame:
 
     def _worth(self, shown: Background) -> int:
         """Return the number of new photons that bring as little noise as those of a background."""
-        levels = self._source.levels
+        levels = self._light.setting.levels
         new, old = (store.model.emitters.effective(levels) for store in (self._photons, shown.store))
         return round(shown.estimate.photons * (old / new))
 
@@ -114,7 +114,7 @@ class FirstFrame:
         yield from _build(b)
         returns = shown not in (None, b)
         # Gathered light of less noise need not wait for as many photons.
-        replaced = self._worth(shown) if returns and not self._source.compare(b) else 0
+        replaced = self._worth(shown) if returns and not self._light.static.compare(b) else 0
         if pictures and returns and max(FIRST_PICTURE, replaced) <= b.added < wanted():
             yield from self.show(b, wanted(), show)
         schedule = Schedule(b, replaced, pictures)
@@ -130,8 +130,8 @@ class FirstFrame:
                 yield from self.show(b, wanted(), show)
                 schedule.shown(b)
                 seconds = STEP_SECONDS if pictures else LONG_STEP_SECONDS
-        f, as_asked = frame(), (self._source.size(goal), self._source.is_gathered, True)
-        found = f.size, f.gathered, self._source.is_of_gloss(f.gloss)
+        f, as_asked = frame(), (self._light.mobiles.size(goal), self._light.static.is_gathered, True)
+        found = f.size, f.gathered, self._light.gloss.is_kept_as_chosen(f.gloss)
         if b is not f.background or f.photons_at_rest != goal or found != as_asked:
             yield from self.show(b, wanted(), show)
 
@@ -155,7 +155,7 @@ class FirstFrame:
     def show(self, b: Background, wanted: int, show: Callable[[Background], None]) -> Iterator[Progress]:
         """Prepare the photons added, and compute the frame from them."""
         yield from _prepare(b, wanted)
-        self._source.compare(b)
+        self._light.static.compare(b)
         if b.added == wanted > 0:
             yield from self.find_unreached(b)
         show(b)
@@ -163,7 +163,8 @@ class FirstFrame:
 
     def find_unreached(self, b: Background) -> Iterator[Progress]:
         """Find unreached receivers by the light of all photons of a background."""
-        for _ in self._source.find_unreached(self._scene_size, b):
+        light = self._light.static.of_all_lamps(b)
+        for _ in self._light.unreached.find(self._scene_size, light):
             yield Progress("looking for unreached receivers", 1.0, False)
 
     def _uncontrolled(self, setting: Setting, wanted: int, show: Callable) -> Generator[Progress, None, Background]:
@@ -178,7 +179,9 @@ class FirstFrame:
         return b
 
     def _is_slow(self, setting: Setting) -> bool:
-        controlled = setting.control and ESTIMATORS[setting.estimator].controlled and not self._source.shows_earlier
+        controlled = (
+            setting.control and ESTIMATORS[setting.estimator].controlled and not self._light.static.shows_earlier
+        )
         return controlled and len(self._photons.model.object_receivers.areas) > MANY_RECEIVERS
 
 

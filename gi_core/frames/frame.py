@@ -18,7 +18,8 @@ from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.display.probes import probe_irradiance
 from gi_core.frames.background import Background, Photons
 from gi_core.frames.control_variate import AROUND, frame_irradiance
-from gi_core.frames.light_source import FrameSize, LightSource
+from gi_core.frames.frame_light import FrameLight
+from gi_core.frames.frame_size import FrameSize
 from gi_core.frames.progress import break_off_at
 from gi_core.gloss.light import GlossLight
 from gi_core.lights.mix import irradiance_at
@@ -147,7 +148,7 @@ class StageTimer:
 
 def next_frame(
     b: Background,
-    source: LightSource,
+    light: FrameLight,
     poses: dict[str, Pose],
     size: FrameSize,
     room: ScanBuffers,
@@ -161,7 +162,7 @@ def next_frame(
     `stop` returns True.
     """
     model, store, estimate, clock = b.model, b.store, b.estimate, StageTimer(stop)
-    at, reach = model.transforms(poses), source.gloss_reach(b.setting.radius, size.paths)
+    at, reach = model.transforms(poses), light.gloss.reach(b.setting.radius, size.paths)
     if shown is not None and shown.has_sums(b, size, reach):
         changed, evaluated = shown.change, shown.evaluated
     else:
@@ -175,27 +176,27 @@ def next_frame(
         needed = changed._replace(near_mobiles=()) if size.paths else changed
         evaluated = b.evaluated = estimate.evaluate(needed, functools.partial(clock, "estimate"))
         clock("estimate")
-    E = _controlled(b, source, evaluated, size.photons) if size.photons else np.zeros((len(evaluated.area), 3))
+    E = _controlled(b, light, evaluated, size.photons) if size.photons else np.zeros((len(evaluated.area), 3))
     clock("read out")
     if size.paths:
-        source.light_mobiles(E, at, size.paths, source.bounce_reflectance(b))
+        light.mobiles.replace_in(E, at, size.paths, light.mobiles.reflectance(b))
         clock("gather")
-    source.settle(E, at)
-    gloss, facts = source.gloss(b, changed, clock, size.paths), estimate.control_facts
-    light = changed, evaluated, gloss, size, source.is_gathered, facts, clock.seconds
-    return Frame(poses, E, source.levels, store, b, *light)
+    light.at_poses.replace_in(E, at)
+    gloss, facts = light.gloss.light(b, changed, clock, size.paths), estimate.control_facts
+    parts = changed, evaluated, gloss, size, light.static.is_gathered, facts, clock.seconds
+    return Frame(poses, E, light.setting.levels, store, b, *parts)
 
 
-def _controlled(b: Background, source: LightSource, sums: Evaluated, photons: int) -> np.ndarray:
+def _controlled(b: Background, light: FrameLight, sums: Evaluated, photons: int) -> np.ndarray:
     """Return irradiance (R, 3) [W/m2] of a frame's sums, with its static light as control variate."""
-    model, better = b.model, source.static_irradiance(b, photons)
+    model, better = b.model, light.static.irradiance(b, photons)
     scale, background = model.emitters.unit_flux / photons, b.estimate.background(photons)[0]
-    resting = b.resting(photons, source.levels)
-    given = sums, scale, background, resting, better, b.store.weights(source.levels)
-    return frame_irradiance(*given, source.around(AROUND * b.setting.radius), model.threads)
+    levels = light.setting.levels
+    given = sums, scale, background, b.irradiance(photons, levels), better, b.store.weights(levels)
+    return frame_irradiance(*given, light.static.around(AROUND * b.setting.radius), model.threads)
 
 
-def light_from_scratch(shown: Frame, b: Background, source: LightSource, poses: dict[str, Pose]) -> np.ndarray:
+def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: dict[str, Pose]) -> np.ndarray:
     """Return irradiance (R, 3) [W/m2] from all photons, traced again through static part and mobiles.
 
     A frame must equal this bit for bit. Structures of a background are reused; its light is used only as the better
@@ -208,9 +209,10 @@ def light_from_scratch(shown: Frame, b: Background, source: LightSource, poses: 
     if not n:
         return np.zeros((len(every.area), 3))
     if shown.background is None:
-        return irradiance_at(every.sums, b.store.weights(source.levels), model.emitters.unit_flux / n, every.area)
-    E = _controlled(b, source, every, n)
+        weights = b.store.weights(light.setting.levels)
+        return irradiance_at(every.sums, weights, model.emitters.unit_flux / n, every.area)
+    E = _controlled(b, light, every, n)
     if shown.paths:
-        source.light_mobiles(E, at, shown.paths, source.bounce_reflectance(b), fresh=True)
-    source.settle(E, at)
+        light.mobiles.replace_in(E, at, shown.paths, light.mobiles.reflectance(b), fresh=True)
+    light.at_poses.replace_in(E, at)
     return E

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from statistics import median
 
-from gi_core.frames.light_source import PATHS, REST, FrameSize
+from gi_core.frames.frame_size import PATHS, PATHS_AT_REST, FrameSize
 
 REMEMBERED = 9  # frames per size, whose median counts
 TIMED = 3  # frames timed per photon subset at rest: one of them may be disturbed by other load
@@ -96,7 +96,7 @@ class FrameBudget:
         """
         paths = None
         if gathers:
-            paths = self._path_times.largest_within(GATHERING * seconds, [n for n in PATHS if n <= REST])
+            paths = self._path_times.largest_within(GATHERING * seconds, [n for n in PATHS if n <= PATHS_AT_REST])
             seconds -= self._path_times.expected(paths) or 0.0
         if not prefixes:
             return None, paths

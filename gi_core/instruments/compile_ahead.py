@@ -158,7 +158,7 @@ def _trace(scene: Scene, rays: str | None) -> Solver:
 def _shine(solver: Solver) -> None:
     """Compile the evaluation of gloss, and the gathering of its directions, at rest and on mobiles."""
     solver.move("mobile", Pose((0.0, 0.0, 0.4)))
-    gathered = GatheredGloss(solver.model, 0, solver.light_source.gloss_source)
+    gathered = GatheredGloss(solver.model, 0, solver.frame_light.gloss.source)
     at, irradiance = solver.model.transforms(solver.poses), solver.irradiance
     for _ in gathered.steps(solver.frame.background, at, solver.levels, irradiance, np.arange(len(irradiance))):
         pass

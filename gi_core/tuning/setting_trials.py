@@ -48,9 +48,9 @@ def reference_samples(
     for k, poses in enumerate(frames):
         solver.move_all(poses)
         receivers = solver.receivers
-        resting = np.zeros_like(solver.irradiance)
-        resting[solver.surfaces.receiver_range(0)] = solver.resting_irradiance
-        classes = receiver_classes(solver.surfaces, receivers, solver.irradiance, resting)
+        static = np.zeros_like(solver.irradiance)
+        static[solver.surfaces.receiver_range(0)] = solver.static_irradiance
+        classes = receiver_classes(solver.surfaces, receivers, solver.irradiance, static)
         inside = ((receivers.positions >= low) & (receivers.positions <= high)).all(axis=1) & (receivers.areas > 0)
         wanted = inside & (classes["affected"] | classes["mobile"])
         rows = np.flatnonzero(wanted if wanted.any() else inside)

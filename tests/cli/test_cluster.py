@@ -19,7 +19,7 @@ from app.measure.chart.page import _processes
 from app.measure.chart.run import Run
 from app.rest import spread_paths
 from app.rest.static_job import restore
-from app.rest.within import gather
+from app.rest.timed_gathering import gather
 from app.settings import Settings, make_solver
 from gi_core.defaults.choose import choose
 from gi_core.gather.static import StaticGather
@@ -81,7 +81,7 @@ def test_frames_are_the_same_files_though_a_process_is_killed(machines, a_scene,
         monkeypatch.setenv("GI_VIEWER_REFERENCE_DIR", str(tmp_path / "kept" / name))
         (tmp_path / name).mkdir()
         counted = functools.partial(gather, clock=ticking(0.01))  # as much light on any machine
-        monkeypatch.setattr("app.rest.within.gather", counted)
+        monkeypatch.setattr("app.rest.timed_gathering.gather", counted)
         render.render(SMALL, tmp_path / name / "a.png", FRAMES, seconds=4.0, machines=team)
         found.append(files(tmp_path / name))
     assert one_is_killed and len(found[0]) == FRAMES and found[0] == found[1]
@@ -132,10 +132,10 @@ def test_restored_light_is_what_it_was():
         if progress.picture:
             break
     before = plain.irradiance
-    restore(plain, gathered.light_source.gathered.light)
-    assert gathered.light_source.is_gathered and plain.light_source.is_gathered
+    restore(plain, gathered.frame_light.static.gathered.light)
+    assert gathered.frame_light.static.is_gathered and plain.frame_light.static.is_gathered
     np.testing.assert_array_equal(plain.irradiance, gathered.irradiance)
-    assert not np.array_equal(before, plain.irradiance) and isinstance(plain.light_source.gathered, StaticGather)
+    assert not np.array_equal(before, plain.irradiance) and isinstance(plain.frame_light.static.gathered, StaticGather)
 
 
 def test_a_failed_task_raises_here(machines):

@@ -14,7 +14,7 @@ import gi_core
 from gi_core.base.threads import run_ranges
 from gi_core.estimators import photon_map, tangent_plane
 from gi_core.estimators.tangent_plane import TangentPlane
-from gi_core.frames.light_source import LIGHTS
+from gi_core.frames.light_setting import LIGHTS
 from gi_core.frames.progress import Interrupted
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Mobile, Pose

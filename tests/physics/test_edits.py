@@ -191,7 +191,8 @@ def test_settings_stay():
     solver = solved(room(), light="best", gloss="list", prefix_only=True, search="brute_force")
     other = edited_solver(solver, edited(room(), [EDITS["material"]]))
     assert other.setting == solver.setting and other.light == "best" and other.photons == solver.photons
-    assert other.light_source.gloss_way == "list" and other.light_source.prefix_only
+    chosen = other.frame_light.setting
+    assert chosen.gloss == "list" and chosen.prefix_only
 
 
 def test_levels_of_lamps_stay():

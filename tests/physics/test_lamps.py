@@ -80,7 +80,7 @@ def built(levels: dict[str, float], shares: np.ndarray, **more) -> Solver:
     """Return a solver of the room with dimmed lamps, whose photons are shared as given."""
     solver = Solver(room(levels), **GIVEN | more)
     photons = Photons(solver.model.with_shares(shares), GIVEN["seed"])
-    solver._first_frame = FirstFrame(photons, solver.light_source, solver.scene_size)
+    solver._first_frame = FirstFrame(photons, solver.frame_light, solver.scene_size)
     solver.solve()
     return solver
 

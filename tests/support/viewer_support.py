@@ -15,7 +15,7 @@ from app.session.opening import Opening
 from app.settings import Settings
 from gi_core.base import vectors
 from gi_core.display.dilation import Drawn
-from gi_core.frames.light_source import FrameSize
+from gi_core.frames.frame_size import FrameSize
 from gi_core.frames.progress import Interrupted
 from gi_core.lights.lamps import Lamps
 from gi_core.scene import Camera, KeyFrames, Material, Mesh, Mobile, Pose, Probe, Scene
@@ -247,7 +247,8 @@ class CountingSolver:
             gloss=None,
         )  # fmt: skip
         self.levels = self.frame.levels
-        self.light, self.light_source = "photons", SimpleNamespace(gathered=None, is_gathered=False)
+        self.light = "photons"
+        self.frame_light = SimpleNamespace(static=SimpleNamespace(gathered=None, is_gathered=False))
         self.paths_at_rest = 0
         self.at_rest = 0  # photons of the last picture
         self.budget = FrameBudget()

@@ -10,7 +10,7 @@ import pytest
 from app.session.log import ERROR
 from app.session.session import STILL, Session
 from gi_core.frames.frame_budget import IN_A_ROW, FrameBudget
-from gi_core.frames.light_source import FrameSize
+from gi_core.frames.frame_size import FrameSize
 from gi_core.model import Model
 from gi_core.scene import Pose
 from tests.support import viewer_support as support

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.rest import within
+from app.rest import timed_gathering
 from app.rest.reference_store import StaticStore
-from app.rest.static_job import Gathering
+from app.rest.static_job import StaticJob
 from app.session.log import Log
 from app.session.opening import Opened, Opening
 from app.session.session import Session
@@ -68,14 +68,14 @@ def test_static_light_is_shown_saved_and_loaded_again():
     first.tick(1 / 60)
     assert gathered(first).used and gathered(first).error <= 0.05
     assert np.array_equal(first.irradiance, first.light._solver.irradiance)
-    assert np.array_equal(first.light._solver.resting_irradiance, first.light._solver.light_source.gathered.mean)
+    assert np.array_equal(first.light._solver.static_irradiance, first.light._solver.frame_light.static.gathered.mean)
     first.close()
 
     again = opened()
     assert StaticStore(again.light._solver.model, again.light._solver.seed).load() is not None
     rest_until(again, lambda: gathered(again).used)
     assert np.array_equal(
-        again.light._solver.light_source.gathered.mean, first.light._solver.light_source.gathered.mean
+        again.light._solver.frame_light.static.gathered.mean, first.light._solver.frame_light.static.gathered.mean
     )
     again.move({"box": Pose((0.6, 0.5, 0.4))})
     rest_until(again, lambda: gathered(again).fraction == 1 and not again.refining and not again.light.partial)
@@ -109,16 +109,16 @@ def test_interrupted_gathering_keeps_its_state(monkeypatch):
     calls = []
 
     def bar(stage, fraction):
-        g = solver.light_source.gathered
+        g = solver.frame_light.static.gathered
         if g is not None and g.state is not None:  # nothing is kept of single bounces
             calls.append(fraction)
         if len(calls) == 12:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        within.gather(solver, 3600.0, bar)
+        timed_gathering.gather(solver, 3600.0, bar)
     kept = StaticStore(solver.model, solver.seed).load()
-    assert kept is not None and np.array_equal(kept.mean, solver.light_source.gathered.state.mean)
+    assert kept is not None and np.array_equal(kept.mean, solver.frame_light.static.gathered.state.mean)
 
 
 def test_other_mobiles_find_the_same_file_other_walls_do_not():
@@ -134,7 +134,7 @@ def test_other_mobiles_find_the_same_file_other_walls_do_not():
 def test_nothing_is_gathered_with_photons_only():
     solver = Solver(SCENE, photons=100, radius=0.06)
     solver.solve()
-    assert Gathering(solver, time.monotonic).next_work() is None
+    assert StaticJob(solver, time.monotonic).next_work() is None
 
 
 def test_estimators_keep_their_light():
@@ -181,11 +181,13 @@ def test_work_at_rest_is_stored_at_quit(monkeypatch):
     """Nothing is saved by the clock: PATIENCE is less than a year."""
     monkeypatch.setattr("app.rest.reference_store.SAVE_SECONDS", 3e7)
     session = opened()
-    rest_until(session, lambda: (g := session.light._solver.light_source.gathered) and g.state and g.state.sets.any())
+    rest_until(
+        session, lambda: (g := session.light._solver.frame_light.static.gathered) and g.state and g.state.sets.any()
+    )
     store = StaticStore(session.light._solver.model, session.light._solver.seed)
     assert store.load() is None
     session.close(patience=PATIENCE)
-    assert np.array_equal(store.load().sets, session.light._solver.light_source.gathered.state.sets)
+    assert np.array_equal(store.load().sets, session.light._solver.frame_light.static.gathered.state.sets)
 
 
 @pytest.mark.parametrize("complete", [True, False])
@@ -195,17 +197,17 @@ def test_stored_light_is_in_the_first_picture(complete, monkeypatch):
     done = (lambda: is_finished(first)) if complete else (lambda: gathered(first).fraction > 0)
     rest_until(first, done)
     first.close(patience=PATIENCE)
-    kept = first.light._solver.light_source.gathered
+    kept = first.light._solver.frame_light.static.gathered
     assert complete == kept.enough
     again = Opening(first.settings, load=lambda settings: SCENE)
     again._thread.join()
-    source = again.result.solver.light_source
-    assert source.is_gathered and source.gathered.enough == complete
-    assert np.array_equal(source.gathered.mean, kept.mean) or not complete
-    assert (source.gathered.state.sets >= kept.state.sets).all()
+    light = again.result.solver.frame_light.static
+    assert light.is_gathered and light.gathered.enough == complete
+    assert np.array_equal(light.gathered.mean, kept.mean) or not complete
+    assert (light.gathered.state.sets >= kept.state.sets).all()
 
 
 def test_nothing_stored_delays_no_first_picture():
     opening = Opening(Settings(scene="room", photons=3000, radius=0.06, light="best"), load=lambda settings: SCENE)
     opening._thread.join()
-    assert opening.result.solver.light_source.gathered is None
+    assert opening.result.solver.frame_light.static.gathered is None

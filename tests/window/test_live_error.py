@@ -105,11 +105,11 @@ def test_the_noise_of_gathered_light_is_its_own(monkeypatch):
     s.solve()
     for _ in s.gather_steps():
         pass
-    assert s.light_source.is_gathered
+    assert s.frame_light.static.is_gathered
     live_error = LiveError(s, time.perf_counter)
     finish(live_error)
     r = live_error.report
-    assert 0.4 * s.light_source.gathered.noise < r.noise < s.light_source.gathered.noise
+    assert 0.4 * s.frame_light.static.gathered.noise < r.noise < s.frame_light.static.gathered.noise
     assert 0.5 * r.total < np.hypot(r.noise, r.reference_noise) < 1.2 * r.total
 
 

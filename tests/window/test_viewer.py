@@ -298,11 +298,11 @@ def test_unwritable_config_folder_disables_window_settings(monkeypatch, folder):
 def test_no_frame_is_drawn_while_nothing_changes(play, monkeypatch):
     """Between two events the window waits; each event makes one frame, and no frame a picture or a job."""
     from app.draw.renderer import Renderer
-    from app.session.solver_thread import Solving
+    from app.session.solver_thread import SolverThread
 
-    waits, viewers, draws, jobs, draw, begin = [], [], [], [], Renderer.draw, Solving._begin
+    waits, viewers, draws, jobs, draw, begin = [], [], [], [], Renderer.draw, SolverThread._begin
     monkeypatch.setattr(Renderer, "draw", lambda self, look: (draws.append(look), draw(self, look)))
-    monkeypatch.setattr(Solving, "_begin", lambda self, job: (jobs.append(job), begin(self, job)))
+    monkeypatch.setattr(SolverThread, "_begin", lambda self, job: (jobs.append(job), begin(self, job)))
 
     def wait(seconds: float) -> bool:
         waits.append((viewers[0].frames, len(draws), len(jobs), seconds))

@@ -163,14 +163,14 @@ def test_a_copy_appears_in_gathered_light(play):
 
     def script(hand, viewer):
         hand.wait_for_light()
-        source = viewer.session.light._solver.light_source
-        hand.wait(lambda: source.gathered is not None and source.gathered.state is not None and source.is_gathered)
-        hand.wait(lambda: source.gathered.state.rounds > 1)
+        static = viewer.session.light._solver.frame_light.static
+        hand.wait(lambda: static.gathered is not None and static.gathered.state is not None and static.is_gathered)
+        hand.wait(lambda: static.gathered.state.rounds > 1)
         first = viewer.session
         viewer.viewport.select(("block",))
         viewer._do("duplicate")
         hand.wait(lambda: viewer.session is not first)
-        assert viewer.session.light._solver.light_source.gathered.state.rounds > 1
+        assert viewer.session.light._solver.frame_light.static.gathered.state.rounds > 1
 
     assert errors(play(script, settings=replace(support.SETTINGS, light="best"), open_with=open_edited)) == []
 

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from app.session.lowering import lowered_pose
 from app.session.opening import Opening
-from app.session.resting import resting_pose
 from app.session.undo import History
 from app.settings import Settings
 from app.window.actions import objects as actions
@@ -218,9 +218,9 @@ def test_an_object_rests_on_the_floor_from_above_and_from_just_inside(height):
     model = Solver(support.room(4), photons=10, radius=0.1).model
     tilted = multiply_quaternions(axis_angle((0, 0, 1), 45.0), (1.0, 0.0, 0.0, 0.0))
     upright, edge = (
-        resting_pose(model, {"block": Pose((0.5, height, 0.5), q)}, "block") for q in ((1.0, 0.0, 0.0, 0.0), tilted)
+        lowered_pose(model, {"block": Pose((0.5, height, 0.5), q)}, "block") for q in ((1.0, 0.0, 0.0, 0.0), tilted)
     )
     assert upright.position == pytest.approx((0.5, 0.12, 0.5), abs=1e-4)
     if height > 0.12:
         assert edge.position[1] == pytest.approx(0.12 * math.sqrt(2), abs=1e-4)
-    assert resting_pose(model, {"block": Pose((5.0, 1.0, 0.5))}, "block") is None
+    assert lowered_pose(model, {"block": Pose((5.0, 1.0, 0.5))}, "block") is None

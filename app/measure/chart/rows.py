@@ -95,11 +95,11 @@ class Measurer:
     def _gather(self) -> None:
         """Gather the static light, once; every twin has it."""
         noise = self.effort.gathered_noise
-        if self.base.light_source.gathered is None or self.base.light_source.gathered.noise > noise:
+        if self.base.frame_light.static.gathered is None or self.base.frame_light.static.gathered.noise > noise:
             started = time.perf_counter()
             for progress in self.base.gather_steps():
                 self.bar(progress.stage, progress.fraction)
-                if self.base.light_source.gathered.noise <= noise:
+                if self.base.frame_light.static.gathered.noise <= noise:
                     break
             self._gather_seconds = time.perf_counter() - started
 

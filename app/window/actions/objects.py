@@ -44,7 +44,7 @@ def refinish(window: Window, surface: str, material: Values, first: bool = True)
 
 def rest(window: Window) -> None:
     """Lower each selected object onto what lies below it, the lowest one first."""
-    from app.session.resting import resting_pose
+    from app.session.lowering import lowered_pose
 
     session = window.session
     before, up = session.poses, np.array(session.scene.up)
@@ -54,7 +54,7 @@ def rest(window: Window) -> None:
         return float((session.model.vertices_at(1 + session.model.names.index(name), before) @ up).min())
 
     for name in sorted(window.viewport.selection, key=bottom):
-        pose = resting_pose(session.model, {**before, **rested}, name)
+        pose = lowered_pose(session.model, {**before, **rested}, name)
         if pose is None:
             window.log(f"nothing lies below {name}", WARNING)
         else:

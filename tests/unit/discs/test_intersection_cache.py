@@ -105,7 +105,7 @@ def test_full_log_is_recorded_again(monkeypatch):
         solver = solver_of()
         solver.solve()
         solver.move("box", standing(0.4))
-        return solver.irradiance, solver.resting_irradiance
+        return solver.irradiance, solver.static_irradiance
 
     frame, resting = light()
     monkeypatch.setattr(intersection_cache, "ROOM", 0)

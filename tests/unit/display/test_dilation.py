@@ -71,7 +71,7 @@ def test_unreached_receivers_have_almost_no_weight():
     solver = solved(standing())
     seen = solver.drawn(solver.irradiance)
     covered, on_floor = inside(solver)
-    rows = solver.light_source.unreached.rows
+    rows = solver.frame_light.unreached.static.rows
     assert covered[rows].all() and (seen.weights[rows] == np.float32(WEIGHT)).all()
     faces = solver.surfaces.corner_front[: 2 * 20 * 20]
     deep = faces[np.isin(faces, rows).any(axis=1)]
@@ -162,11 +162,11 @@ def test_fully_lit_scene_is_not_dilated():
 
 def test_moves_change_dilated_colours_but_not_dilated_vertices():
     solver = solved(standing(mobiles=(box_mobile(size=0.3),)))
-    filled = solver.light_source.unreached
+    filled = solver.frame_light.unreached.static
     at_rest = solver.drawn(solver.irradiance).irradiance
     solver.move("box", Pose((0.4, 0.0, 0.2)))  # its shadow falls beside the box
     moved = solver.drawn(solver.irradiance).irradiance
-    assert solver.light_source.unreached is filled
+    assert solver.frame_light.unreached.static is filled
     assert (moved[filled.rows] != at_rest[filled.rows]).any()
     total = np.add.reduceat(solver.irradiance[filled.neighbours], filled.first[:-1])
     assert np.array_equal(moved[filled.rows], total / np.diff(filled.first)[:, None])

@@ -24,7 +24,7 @@ def frames() -> dict:
     """Irradiance at POSE: of few photons with either static light and of all; at rest without the box: of both."""
     solver = Solver(SCENE, photons=PHOTONS, radius=0.06)
     solver.solve()
-    out = {"solver": solver, "resting": {n: solver.frame.background.resting(n) for n in (LOWEST, PHOTONS)}}
+    out = {"solver": solver, "own": {n: solver.frame.background.irradiance(n) for n in (LOWEST, PHOTONS)}}
     for kind in ("all", "prefix"):
         solver.configure(prefix_only=kind == "prefix")
         solver.move_all({"box": POSE}, photons=LOWEST)
@@ -40,7 +40,7 @@ def test_all_photons_show_no_difference(frames):
 
 
 def test_unaffected_receivers_keep_the_light_of_all_photons(frames):
-    few, many = frames["resting"][LOWEST], frames["resting"][PHOTONS]
+    few, many = frames["own"][LOWEST], frames["own"][PHOTONS]
     static = len(few)
     unchanged = (frames["prefix"][:static] == few).all(axis=1)
     assert 0.05 < unchanged.mean() < 1
@@ -50,8 +50,8 @@ def test_unaffected_receivers_keep_the_light_of_all_photons(frames):
 
 def test_noise_of_the_few_cancels(frames):
     truth = frames["all photons, all"]
-    static = len(frames["resting"][LOWEST])
-    changed = np.abs(truth[:static] - frames["resting"][PHOTONS]).sum(axis=1) > 0.02 * truth[:static].mean()
+    static = len(frames["own"][LOWEST])
+    changed = np.abs(truth[:static] - frames["own"][PHOTONS]).sum(axis=1) > 0.02 * truth[:static].mean()
     assert changed.sum() > 20
     weights = frames["solver"].receivers.areas[:static]
     off = {
@@ -61,7 +61,7 @@ def test_noise_of_the_few_cancels(frames):
 
 
 @pytest.mark.parametrize(
-    "resting, better, frame, expected",
+    "own, better, frame, expected",
     [
         (2.0, 3.0, 2.0, 3.0),  # not touched
         (2.0, 3.0, 1.0, 1.5),  # half of it blocked
@@ -73,19 +73,19 @@ def test_noise_of_the_few_cancels(frames):
         (0.0, 0.0, 0.0, 0.0),
     ],
 )
-def test_combination_of_static_and_frame_light(resting, better, frame, expected):
-    assert read_out(resting, better, frame, NOT_ADDITIVE, 0.0) == pytest.approx([expected] * 3)
+def test_combination_of_static_and_frame_light(own, better, frame, expected):
+    assert read_out(own, better, frame, NOT_ADDITIVE, 0.0) == pytest.approx([expected] * 3)
 
 
-def read_out(resting, better, frame, new_flux, flux_per_cut) -> np.ndarray:
+def read_out(own, better, frame, new_flux, flux_per_cut) -> np.ndarray:
     """Return the irradiance of one receiver of area 1; sums are in thousandths."""
     sums, background = np.zeros((2, CHUNK, 3), np.int64)
-    sums[0], background[0] = int(1000 * frame), int(1000 * resting)
+    sums[0], background[0] = int(1000 * frame), int(1000 * own)
     area, new = np.ones(CHUNK), np.zeros((CHUNK, 1), np.int64)
     new[0] = NOT_ADDITIVE if new_flux == NOT_ADDITIVE else int(3000 * new_flux)
     cut = CutFlux(np.array([int(3000 * flux_per_cut)]), np.array([1]))
     still, many = np.zeros((CHUNK, 3)), np.zeros((CHUNK, 3))
-    still[0], many[0] = resting, better
+    still[0], many[0] = own, better
     frame_sums, full = Evaluated(sums, area, np.array([True]), new, cut), np.ones((1, 3))
     alone = Neighbours(np.zeros(CHUNK + 1, np.int64), np.zeros(0, np.int32))
     out = frame_irradiance(frame_sums, 1e-3, background, still, many, full, alone, threads=1)
@@ -94,7 +94,7 @@ def read_out(resting, better, frame, new_flux, flux_per_cut) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "resting, frame, new_flux, share",
+    "own, frame, new_flux, share",
     [
         (8.0, 8.0, 0.0, 0.0),  # nothing added, nothing removed
         (8.0, 8.0, 2.0, 0.0),  # as much added as removed
@@ -108,12 +108,10 @@ def read_out(resting, better, frame, new_flux, flux_per_cut) -> np.ndarray:
         (8.0, 10.0, 6.0, 0.0),  # six added, four removed: a difference of 2 with a deviation of sqrt(6 + 2)
     ],
 )
-def test_changes_are_shrunk_by_their_noise(resting, frame, new_flux, share):
+def test_changes_are_shrunk_by_their_noise(own, frame, new_flux, share):
     better = 3.0
-    everything = better * frame / resting if frame < resting else better + frame - resting
-    assert read_out(resting, better, frame, new_flux, 1.0) == pytest.approx(
-        [better + share * (everything - better)] * 3
-    )
+    everything = better * frame / own if frame < own else better + frame - own
+    assert read_out(own, better, frame, new_flux, 1.0) == pytest.approx([better + share * (everything - better)] * 3)
 
 
 @pytest.mark.parametrize("estimator", ["tangent_plane", "impact_count"])
@@ -126,19 +124,19 @@ def test_smoothed_and_shrunk_changes_have_less_error(monkeypatch, estimator):
 
     measure = control_variate._measure
 
-    def as_measured(changed, background, resting, better, sums, new_flux, *others):
-        return measure(changed, background, resting, better, sums, np.full_like(new_flux, NOT_ADDITIVE), *others)
+    def as_measured(changed, background, own, better, sums, new_flux, *others):
+        return measure(changed, background, own, better, sums, np.full_like(new_flux, NOT_ADDITIVE), *others)
 
     smoothed, whole = [], []
     for seed in range(3):
         scene = coloured_room((box_mobile(size=0.1),), grid=12)
         solver = Solver(scene, estimator=estimator, photons=4 * PHOTONS, radius=0.06, seed=seed)
         solver.solve()
-        resting = solver.resting_irradiance
-        static, weights = slice(0, len(resting)), solver.receivers.areas[: len(resting)]
+        own = solver.static_irradiance
+        static, weights = slice(0, len(own)), solver.receivers.areas[: len(own)]
         solver.move("box", POSE)
         truth = solver.irradiance[static]
-        rows = np.abs(truth - resting).sum(axis=1) > 0.05 * truth.mean()
+        rows = np.abs(truth - own).sum(axis=1) > 0.05 * truth.mean()
         assert rows.sum() > 50
         for kernel, errors in ((measure, smoothed), (as_measured, whole)):
             monkeypatch.setattr(control_variate, "_measure", kernel)
@@ -167,8 +165,8 @@ def test_edges_of_clear_changes_stay_and_noise_goes():
     new[n // 2 :, 0] = 3000 * added
     cut = CutFlux(np.array([3000]), np.array([1]))
     frame = Evaluated(sums, np.ones(n), np.ones(n // CHUNK, bool), new, cut)
-    resting, better = np.full((n, 3), 1e-6 * background[0, 0]), np.full((n, 3), 1.0)
-    E = frame_irradiance(frame, 1e-6, background, resting, better, np.ones((1, 3)), near, threads=1)
+    own, better = np.full((n, 3), 1e-6 * background[0, 0]), np.full((n, 3), 1.0)
+    E = frame_irradiance(frame, 1e-6, background, own, better, np.ones((1, 3)), near, threads=1)
     assert (E[: n // 2] < 1e-3).all()
     measured = 1e-3 * np.abs(added - removed).mean()
     assert measured > 3e-3 and np.abs(E[n // 2 :] - 1).mean() < 0.3 * measured

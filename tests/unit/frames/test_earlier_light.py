@@ -26,28 +26,28 @@ def solved(scene: Scene, **given) -> Solver:
 def before() -> Solver:
     """A solver whose static part shows light of many more photons as gathered light."""
     solver, many = solved(room()), solved(room(), photons=400_000, light="photons")
-    light = many.frame.background.resting_per_lamp(400_000)
+    light = many.frame.background.irradiance_per_lamp(400_000)
     g = StaticGather(solver.model, solver.seed)
     g.show_earlier(light, np.zeros(len(light)), 0.01)
     g.is_earlier = False  # as if gathered
-    solver.light_source.gathered = g
-    solver.light_source.compare(solver.frame.background)
-    assert solver.light_source.is_gathered
+    solver.frame_light.static.gathered = g
+    solver.frame_light.static.compare(solver.frame.background)
+    assert solver.frame_light.static.is_gathered
     return solver
 
 
 def after(before: Solver, *edits: Edit) -> Solver:
     given = before_edit(before)
     solver = Solver(edited(before.scene, edits), **GIVEN, earlier=given.photons)
-    solver.light_source.begin_with(given.light)
+    solver.frame_light.static.begin_with(given.light)
     solver.solve()
     return solver
 
 
 def test_a_mobiles_colour_leaves_the_static_light_as_it_was(before):
     solver = after(before, Finish("ball", RED))
-    assert np.array_equal(solver.light_source.gathered.per_lamp, before.light_source.gathered.per_lamp)
-    assert solver.light_source.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())
+    assert np.array_equal(solver.frame_light.static.gathered.per_lamp, before.frame_light.static.gathered.per_lamp)
+    assert solver.frame_light.static.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())
 
 
 def test_a_walls_colour_changes_the_light_with_little_noise(before):
@@ -55,18 +55,18 @@ def test_a_walls_colour_changes_the_light_with_little_noise(before):
     edits = Finish("wall", (("reflectance", (0.9, 0.7, 0.5)),)), Finish("crate", RED)
     solver = after(before, *edits)
     many = solved(edited(room(), edits), photons=400_000, light="photons")
-    truth, areas = many.frame.background.resting(400_000), many.frame.background.weights
-    mine = relative_error(solver.resting_irradiance, truth, areas).l1
-    photons = relative_error(solver.frame.background.resting(GIVEN["photons"]), truth, areas).l1
-    unchanged = relative_error(before.light_source.gathered.mean, truth, areas).l1
+    truth, areas = many.frame.background.irradiance(400_000), many.frame.background.weights
+    mine = relative_error(solver.static_irradiance, truth, areas).l1
+    photons = relative_error(solver.frame.background.irradiance(GIVEN["photons"]), truth, areas).l1
+    unchanged = relative_error(before.frame_light.static.gathered.mean, truth, areas).l1
     assert unchanged > 0.2 and mine < 0.7 * photons, (unchanged, mine, photons)
-    assert solver.light_source.gathered.error < 2 * mine + 0.02
+    assert solver.frame_light.static.gathered.error < 2 * mine + 0.02
     assert np.array_equal(solver.irradiance, solver.from_scratch())
 
 
 def test_a_frozen_mobile_shows_photons_and_its_room_the_light_before(before):
     solver = after(before, Freeze("ball", before.poses["ball"]))
-    light, old = solver.light_source.gathered.mean, before.light_source.gathered.mean
+    light, old = solver.frame_light.static.gathered.mean, before.frame_light.static.gathered.mean
     corner = np.flatnonzero((before.model.object_receivers.positions[: len(old)] == 0).all(axis=1))
     assert len(light) > len(old) and len(corner)
     assert np.isfinite(light).all() and (light >= 0).all() and (light[len(old) :].sum(axis=1) > 0).any()
@@ -76,17 +76,17 @@ def test_a_frozen_mobile_shows_photons_and_its_room_the_light_before(before):
 def test_edits_in_a_row_begin_with_the_same_light(before):
     """Values of a dragged slider add no noise to each other."""
     first = after(before, Finish("wall", RED))
-    assert before_edit(first).light is first.light_source._edited.earlier
+    assert before_edit(first).light is first.frame_light.static._edited.earlier
     back = Solver(before.scene, **GIVEN, earlier=before_edit(first).photons)
-    back.light_source.begin_with(before_edit(first).light)
+    back.frame_light.static.begin_with(before_edit(first).light)
     back.solve()
-    assert np.array_equal(back.light_source.gathered.per_lamp, before.light_source.gathered.per_lamp)
+    assert np.array_equal(back.frame_light.static.gathered.per_lamp, before.frame_light.static.gathered.per_lamp)
 
 
 def test_without_gathered_light_all_photons_stand_in():
     solver = solved(room())
     light = before_edit(solver).light
-    assert np.array_equal(light.per_lamp, solver.frame.background.resting_per_lamp(GIVEN["photons"]))
+    assert np.array_equal(light.per_lamp, solver.frame.background.irradiance_per_lamp(GIVEN["photons"]))
     assert 0.01 < light.error < 1
     assert before_edit(solved(room(), light="photons")).light is None
     solver.move("ball", Pose((0.3, 0.6, 0.4)))
@@ -96,6 +96,6 @@ def test_without_gathered_light_all_photons_stand_in():
 def test_another_radius_is_not_compared(before):
     given = before_edit(before)
     solver = Solver(before.scene, **GIVEN | {"radius": 0.2}, earlier=given.photons)
-    solver.light_source.begin_with(given.light)
+    solver.frame_light.static.begin_with(given.light)
     solver.solve()
-    assert not solver.light_source.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())
+    assert not solver.frame_light.static.is_gathered and np.array_equal(solver.irradiance, solver.from_scratch())

@@ -63,7 +63,7 @@ def test_gathered_light_returns_at_once_though_its_photons_were_few(monkeypatch)
     few = solver.frame.photons
     for _ in solver.gather_steps():
         pass
-    assert solver.light_source.is_gathered and few < 50_000
+    assert solver.frame_light.static.is_gathered and few < 50_000
     solver.configure(estimator="impact_count", light="photons")
     solver.solve()
     solver.configure(estimator="tangent_plane", light="best")

@@ -113,9 +113,9 @@ def until_gathered(solver: Solver) -> None:
 def test_frames_over_gathered_light_equal_from_scratch():
     solver = noisy()
     until_gathered(solver)
-    g = solver.light_source.gathered
+    g = solver.frame_light.static.gathered
     assert g.state is None and not g.enough and g.fraction == 0
-    assert np.array_equal(solver.resting_irradiance, g.mean)
+    assert np.array_equal(solver.static_irradiance, g.mean)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
     solver.move("box", POSE)
     assert np.array_equal(solver.irradiance, solver.from_scratch())
@@ -129,10 +129,10 @@ def test_final_gather_beats_its_photons_and_whole_paths_replace_it(monkeypatch):
     solver.solve()
     points, normals = evaluation_points(solver.surfaces, solver.receivers)
     truth, _ = reference_irradiance(solver.scene, points, normals, 700, 5)
-    photons = relative_error(solver.resting_irradiance, truth, solver.receivers.areas).l1
+    photons = relative_error(solver.static_irradiance, truth, solver.receivers.areas).l1
     noises, off, fractions, g = [], [], [], None
     for progress in solver.gather_steps():
-        g = solver.light_source.gathered
+        g = solver.frame_light.static.gathered
         fractions.append(progress.fraction)
         if progress.picture and g.state is None:
             noises.append(g.noise)
@@ -150,8 +150,8 @@ def test_without_photons_there_is_nothing_to_gather_over(monkeypatch):
     solver.configure(light="best")
     solver.solve()
     for _ in solver.gather_steps():
-        assert solver.light_source.gathered._final.paths == 0
-    assert solver.light_source.gathered.enough
+        assert solver.frame_light.static.gathered._final.paths == 0
+    assert solver.frame_light.static.gathered.enough
 
 
 def test_scene_of_mobiles_alone_gathers_nothing():
@@ -161,7 +161,9 @@ def test_scene_of_mobiles_alone_gathers_nothing():
     solver = Solver(scene, photons=2000, radius=0.05)
     solver.configure(light="best")
     solver.solve()
-    assert len(list(solver.gather_steps())) <= 2 and solver.light_source.gathered.enough and solver.irradiance.any()
+    assert (
+        len(list(solver.gather_steps())) <= 2 and solver.frame_light.static.gathered.enough and solver.irradiance.any()
+    )
 
 
 @pytest.mark.slow
@@ -171,7 +173,7 @@ def test_whole_paths_replace_single_bounces_of_any_bias(monkeypatch):
     solver = noisy()
     solver.solve()
     for progress in solver.gather_steps():
-        g = solver.light_source.gathered
+        g = solver.frame_light.static.gathered
         if progress.picture and g.state is None:
             early = g.mean
     points, normals = (a[: len(g.mean)] for a in evaluation_points(solver.surfaces, solver.receivers))

@@ -38,7 +38,7 @@ def test_stated_error_is_the_true_one_and_the_mean_is_right(photons, enough, off
     solver.solve()
     stated, true = [], []
     for progress in solver.gather_steps():
-        g = solver.light_source.gathered
+        g = solver.frame_light.static.gathered
         if g.state is not None:  # whole paths begin
             break
         if progress.picture:

@@ -91,7 +91,7 @@ def test_threads_and_breaks_leave_the_bits():
 def rested(solver: Solver) -> Solver:
     solver.solve()
     for p in solver.gather_steps():
-        if p.stage == STAGE and not solver.light_source.lacks_gloss(solver.frame.background):
+        if p.stage == STAGE and not solver.frame_light.gloss.lacks_static(solver.frame.background):
             break
     return solver
 
@@ -99,7 +99,7 @@ def rested(solver: Solver) -> Solver:
 @pytest.mark.slow
 def test_frames_take_gathered_directions_and_depend_on_poses_alone():
     solver = rested(Solver(ROOM, **GIVEN, light="best"))
-    assert solver.light_source.is_gathered
+    assert solver.frame_light.static.is_gathered
     photons = Solver(ROOM, **GIVEN)
     photons.solve()
     begun = solver.frame.gloss
@@ -129,7 +129,7 @@ def test_a_shadow_takes_all_light_of_a_lamp_from_gathered_directions():
     )
     solver.solve()
     g = gathered(solver.model, 0 * solver.irradiance, 1)
-    cells = solver.light_source.gloss_source.cells(solver.setting.radius)
+    cells = solver.frame_light.gloss.source.cells(solver.setting.radius)
     assert np.array_equal(g.rows, cells.discs.rows)
     away = cells.evaluate(solver.frame.change, g.mean).directions().cells
     np.testing.assert_array_equal(away[:, :, :3], as_light(g.mean)[:, :, :3])

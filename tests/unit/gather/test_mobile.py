@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gi_core.estimators import ESTIMATORS
-from gi_core.frames.light_source import LightSource
+from gi_core.frames.frame_light import FrameLight
 from gi_core.gather import hit_cache, one_bounce
 from gi_core.gather import mobile as mobile_gather
 from gi_core.gather.mobile import MobileGather
@@ -253,14 +253,14 @@ def test_rays_of_a_resting_mobile_are_not_traced_again(monkeypatch):
 
 def test_frames_at_rest_are_not_timed_as_motion():
     model, at = at_start(three_things())
-    light, elsewhere = LightSource(model, 0), at._replace(position=at.position + 0.01)
+    light, elsewhere = FrameLight(model, 0), at._replace(position=at.position + 0.01)
     irradiance = np.ones((len(model.object_receivers.areas), 3))
-    light.choose("best", False)
+    light.setting.choose("best", False)
     for poses, traced in ((at, True), (at, False), (elsewhere, True), (elsewhere, False)):
-        light.light_mobiles(irradiance, poses, 8)
-        assert light.rays_traced is traced
-    light.light_mobiles(irradiance, elsewhere, 16)
-    assert light.rays_traced, "of other paths"
+        light.mobiles.replace_in(irradiance, poses, 8)
+        assert light.mobiles.rays_traced is traced
+    light.mobiles.replace_in(irradiance, elsewhere, 16)
+    assert light.mobiles.rays_traced, "of other paths"
 
 
 NOTHING_IS_COMPILED = """

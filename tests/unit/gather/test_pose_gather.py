@@ -43,7 +43,7 @@ kept = functools.cache(solved)  # one for all histories
 def gather_pose(solver: Solver) -> pose_gather.PoseGather:
     for _ in solver.gather_pose_steps():
         pass
-    return solver.light_source.pose_gather(solver.model.transforms(solver.poses))
+    return solver.frame_light.at_poses.find(solver.model.transforms(solver.poses))
 
 
 def reference(solver: Solver, rows: np.ndarray, paths: int) -> tuple[np.ndarray, np.ndarray]:
@@ -132,7 +132,7 @@ def test_complete_static_light_gives_each_session_the_same_bits():
     """Paths from mobiles end in static light, which is the same whenever a pose comes to rest."""
     solver, lights = kept(), []
     for steps in (0, 12):
-        solver.light_source._at_poses = pose_gather.PoseGathers(solver.model, solver.seed)
+        solver.frame_light.at_poses._gathers = pose_gather.PoseGathers(solver.model, solver.seed)
         solver.move("box", ON_FLOOR)
         for _, _ in zip(range(steps), solver.gather_pose_steps(), strict=False):
             pass
@@ -163,7 +163,7 @@ def test_photons_alone_take_no_light_of_poses(monkeypatch):
     assert gather_pose(solver).used.any()
     solver.configure(light="photons")
     solver.solve()
-    assert solver.light_source.pose_gather(solver.model.transforms(solver.poses)) is None
+    assert solver.frame_light.at_poses.find(solver.model.transforms(solver.poses)) is None
     plain = Solver(SCENE, photons=20_000, radius=0.06)
     plain.solve()
     plain.move("box", ON_FLOOR)

@@ -40,7 +40,7 @@ def gathered() -> Solver:
         solver = solved(5_000)
         for _ in solver.gather_steps():
             pass
-        assert solver.light_source.gathered.enough and solver.light_source.is_gathered
+        assert solver.frame_light.static.gathered.enough and solver.frame_light.static.is_gathered
         yield solver
 
 
@@ -49,7 +49,7 @@ def test_static_gather_equals_the_reference_without_mobiles(gathered):
     bare = Solver(replace(SCENE, mobiles=()), photons=0)
     points, normals = evaluation_points(bare.surfaces, bare.receivers)
     truth, error = reference_irradiance(bare.scene, points, normals, 2000, 5, model=bare.model)
-    g = gathered.light_source.gathered
+    g = gathered.frame_light.static.gathered
     mean, deviation = g.state.mean[:, :3], g.state.standard_error[:, :3]
     sigma = np.sqrt(error**2 + deviation**2)
     z = ((mean - truth) / np.where(sigma > 0, sigma, np.inf))[:, 1]
@@ -64,7 +64,7 @@ def test_static_gather_equals_the_reference_without_mobiles(gathered):
 
 def test_unaffected_receivers_keep_gathered_light_and_frames_equal_scratch(gathered):
     gathered.move("box", POSE)
-    mean, photons = gathered.light_source.gathered.mean, gathered.frame.background.resting(gathered.photons)
+    mean, photons = gathered.frame_light.static.gathered.mean, gathered.frame.background.irradiance(gathered.photons)
     gathered.configure(prefix_only=True)
     gathered.move_all({})
     plain = gathered.irradiance[: len(mean)]
@@ -74,7 +74,7 @@ def test_unaffected_receivers_keep_gathered_light_and_frames_equal_scratch(gathe
     assert 0.05 < untouched.mean() < 1
     assert np.array_equal(gathered.irradiance[: len(mean)][untouched], mean[untouched])
     assert np.array_equal(gathered.irradiance, gathered.from_scratch())
-    assert np.array_equal(gathered.resting_irradiance, mean)
+    assert np.array_equal(gathered.static_irradiance, mean)
     assert (gathered.irradiance >= 0).all()
 
 
@@ -84,17 +84,17 @@ def test_resumed_run_ends_in_the_same_bits(gathered, monkeypatch):
     first = solved(5_000)
     whole = 0
     for _ in first.gather_steps():
-        whole += first.light_source.gathered.state is not None
+        whole += first.frame_light.static.gathered.state is not None
         if whole == 5:
             break
-    state = kept(first.light_source.gathered.state)
+    state = kept(first.frame_light.static.gathered.state)
     for _ in first.gather_steps():  # as after a drag
         pass
     later = solved(5_000)
     for _ in later.gather_steps(state):
         pass
-    assert np.array_equal(first.light_source.gathered.mean, gathered.light_source.gathered.mean)
-    assert np.array_equal(later.light_source.gathered.mean, gathered.light_source.gathered.mean)
+    assert np.array_equal(first.frame_light.static.gathered.mean, gathered.frame_light.static.gathered.mean)
+    assert np.array_equal(later.frame_light.static.gathered.mean, gathered.frame_light.static.gathered.mean)
     assert np.array_equal(later.irradiance, first.irradiance)
 
 
@@ -103,13 +103,13 @@ def test_photons_are_shown_while_they_have_less_noise(monkeypatch):
     """The photons' noise is 0.001 until the first gathered light, and 0.01 afterwards."""
     photons = [0.001]
     monkeypatch.setattr(static, "ENOUGH", 0.01)
-    monkeypatch.setattr("gi_core.frames.light_source.noise_from_prefix", lambda *given: photons[0])
+    monkeypatch.setattr("gi_core.frames.static_light.noise_from_prefix", lambda *given: photons[0])
     solver, seen = solved(20_000), set()
     before = solver.irradiance
     for progress in solver.gather_steps():
-        known, used = np.isfinite(solver.light_source.gathered.noise), solver.light_source.is_gathered
+        known, used = np.isfinite(solver.frame_light.static.gathered.noise), solver.frame_light.static.is_gathered
         assert used or (solver.irradiance is before and not progress.picture)
-        assert not used or solver.light_source.gathered.left < photons[0]
+        assert not used or solver.frame_light.static.gathered.left < photons[0]
         seen.add((known, used))
         if known:
             photons[0] = 0.01
@@ -117,7 +117,7 @@ def test_photons_are_shown_while_they_have_less_noise(monkeypatch):
 
 
 def test_gathering_leaves_the_light_of_photons_unchanged(gathered):
-    state = kept(gathered.light_source.gathered.state)
+    state = kept(gathered.frame_light.static.gathered.state)
     solver = solved(5_000)
     solver.configure(light="photons")
     before = solver.irradiance
@@ -145,7 +145,7 @@ def test_a_scene_without_light_needs_nothing():
 
 
 def test_a_state_of_another_scene_is_refused(gathered):
-    state = ReferenceState(*(a[:-1].copy() for a in gathered.light_source.gathered.state))
+    state = ReferenceState(*(a[:-1].copy() for a in gathered.frame_light.static.gathered.state))
     with pytest.raises(ValueError, match="the state has"):
         list(solved(100).gather_steps(state))
 
@@ -154,14 +154,14 @@ def test_settings_of_a_twin_are_separate(gathered):
     gathered.configure(light="best")
     twin = gathered.twin()
     twin.configure(prefix_only=True)
-    assert gathered.light == "best" and twin.light_source.gathered is gathered.light_source.gathered
+    assert gathered.light == "best" and twin.frame_light.static.gathered is gathered.frame_light.static.gathered
 
 
 def test_photon_distribution_is_forgotten_but_not_its_total():
     """Photons with a fifth of the true light in one half of the room, and too much in the other."""
     solver = Solver(replace(SCENE, mobiles=()), photons=200_000, radius=0.06)
     solver.solve()
-    right = solver.frame.background.resting_per_lamp(200_000)
+    right = solver.frame.background.irradiance_per_lamp(200_000)
     wrong = np.where(solver.receivers.positions[:, :1] < 0.5, 0.2, 1.8) * right
     wrong *= (solver.receivers.areas @ right) / (solver.receivers.areas @ wrong)
     total = solver.receivers.areas @ sum_of_lamps(right)
@@ -188,8 +188,8 @@ def test_light_without_noise_is_gathered_to_the_end():
     solver.solve()
     for _ in solver.gather_steps():
         pass
-    g = solver.light_source.gathered
-    assert g.enough and g.left == 0 and solver.light_source.is_gathered
+    g = solver.frame_light.static.gathered
+    assert g.enough and g.left == 0 and solver.frame_light.static.is_gathered
 
 
 @pytest.mark.slow
@@ -198,10 +198,10 @@ def test_stored_light_of_less_noise_than_the_first_single_bounces_goes_on(gather
     monkeypatch.setattr(static, "ENOUGH", 0.013)
     monkeypatch.setattr(final_gather, "SMALLEST", 0)
     solver = Solver(SCENE, photons=5_000, radius=0.06, light="best")
-    for _ in solver.gather_steps(kept(gathered.light_source.gathered.state)):
-        if np.isfinite(solver.light_source.gathered.noise):
+    for _ in solver.gather_steps(kept(gathered.frame_light.static.gathered.state)):
+        if np.isfinite(solver.frame_light.static.gathered.noise):
             break
-    stored = solver.light_source.gathered
+    stored = solver.frame_light.static.gathered
     assert static.LOW * 0.013 < stored.noise < np.inf and not stored.enough
     solver.solve()
     for _ in solver.gather_steps():

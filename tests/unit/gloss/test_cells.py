@@ -48,7 +48,7 @@ def solved(**more) -> Solver:
 def test_sums_equal_those_from_scratch_after_many_moves(estimator):
     """Report 2.10.1 feared that a summary degrades with insertions and deletions: here not by one unit."""
     solver = solved(estimator=estimator)
-    cells = solver.light_source.gloss_source.cells(solver.setting.radius)
+    cells = solver.frame_light.gloss.source.cells(solver.setting.radius)
     rng = np.random.default_rng(8)
     for _ in range(12):
         solver.move("ball", Pose(tuple(rng.random(3)), axis_angle((0, 1, 1), 360 * rng.random())))
@@ -109,7 +109,7 @@ def test_a_scene_without_gloss_has_none():
 
     solver = Solver(SCENE, photons=300, radius=0.2, neighbours=6)
     solver.solve()
-    assert solver.frame.gloss is None and solver.light_source.gloss_source.cells(0.2) is None
+    assert solver.frame.gloss is None and solver.frame_light.gloss.source.cells(0.2) is None
 
 
 @pytest.mark.parametrize("cosine", [1.0, 0.7, 0.4])

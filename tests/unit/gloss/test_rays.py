@@ -39,7 +39,7 @@ def wander(solver: Solver, moves: int, seed: int = 8) -> None:
 def scratch_of(solver: Solver, photons: int | None = None) -> RayTree:
     change = solver.frame.change
     segments, _ = current_segments(solver.model, change.at, solver.seed, 0, photons or solver.photons)
-    return solver.light_source.gloss_source.lists(solver.setting.radius).from_scratch([segments], change.at)
+    return solver.frame_light.gloss.source.lists(solver.setting.radius).from_scratch([segments], change.at)
 
 
 def same(found: RayTree, scratch: RayTree) -> bool:
@@ -65,7 +65,7 @@ def test_lists_equal_those_from_scratch_after_many_moves(estimator):
 @pytest.mark.slow
 def test_a_frame_of_few_photons_has_their_rays_where_anything_changed():
     solver = solved(photons=20_000)
-    lists, rest = solver.light_source.gloss_source.lists(solver.setting.radius), solver.frame.gloss.tree
+    lists, rest = solver.frame_light.gloss.source.lists(solver.setting.radius), solver.frame.gloss.tree
     few = solver.frame.prefixes[0]
     solver.move_all({"ball": Pose((0.4, 0.5, 0.3))}, photons=few)
     found = solver.frame.gloss.tree

@@ -70,7 +70,7 @@ def test_all_work_at_rest_is_done_and_stored_in_a_new_folder(folder, capfd):
     assert shown.errors is not None and len(shown.sides) == 2 and not shown.coming
     assert errors(session) == [] and capfd.readouterr().err == ""
     store = StaticStore(session.light._solver.model, session.light._solver.seed)
-    assert np.array_equal(store.load().mean, session.light._solver.light_source.gathered.state.mean)
+    assert np.array_equal(store.load().mean, session.light._solver.frame_light.static.gathered.state.mean)
     assert len(list(folder.iterdir())) == 2, "the static light and the reference"
     assert np.array_equal(session.irradiance, session.light._solver.from_scratch())
 
@@ -83,8 +83,8 @@ def test_work_at_rest_ends_without_light():
 
 
 JOBS = {
-    "gathering the static light": "app.rest.static_job.Gathering._step",
-    "gathering the light at these poses": "app.rest.pose_job.PoseGathering._step",
+    "gathering the static light": "app.rest.static_job.StaticJob._step",
+    "gathering the light at these poses": "app.rest.pose_job.PoseJob._step",
     "timing frames": "app.rest.live_error.LiveError._measure",
     "computing impact count": "app.rest.comparison.ComparisonJob.step",
     "gathering the reference": "app.rest.reference_job.ReferenceJob.step",

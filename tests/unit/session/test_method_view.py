@@ -12,7 +12,7 @@ from gi_core.scene import Pose
 from gi_core.solver import Solver
 from tests.support.viewer_support import room
 
-LOOK = mv.Look(paths=True, receiver=-1, recomputed=True)
+PARTS = mv.MethodParts(paths=True, receiver=-1, recomputed=True)
 
 
 def solved(**options) -> Solver:
@@ -34,7 +34,7 @@ def test_segments_across_a_disc_are_those_of_the_estimate():
     background = solver.frame.background.estimate.background(solver.frame.photons)[0]
     cut = 0
     for receiver in places(solver, (0.5, 0.0, 0.5), (0.3, 0.0, 0.4), (0.0, 0.5, 0.5), (0.5, 0.5, 0.0)):
-        disc = mv.method_view(solver, mv.Look(receiver=receiver)).disc
+        disc = mv.method_view(solver, mv.MethodParts(receiver=receiver)).disc
         kept, removed, added = disc.flux
         assert disc.photons == solver.frame.photons and disc.radius == 0.1
         assert kept + removed == pytest.approx(background[receiver], rel=0.01)
@@ -49,16 +49,16 @@ def test_segments_across_a_disc_are_those_of_the_estimate():
 def test_a_mobiles_disc_moves_with_it():
     solver = solved()
     first = solver.surfaces.receiver_range(1).start
-    before = mv.method_view(solver, mv.Look(receiver=first)).disc
+    before = mv.method_view(solver, mv.MethodParts(receiver=first)).disc
     pose = solver.poses["block"]
     solver.move("block", pose._replace(position=(0.6, 0.3, 0.5)))
-    after = mv.method_view(solver, mv.Look(receiver=first)).disc
+    after = mv.method_view(solver, mv.MethodParts(receiver=first)).disc
     assert after.position - before.position == pytest.approx(np.subtract((0.6, 0.3, 0.5), pose.position))
 
 
 def test_paths_break_where_objects_cut_them():
     solver = solved()
-    strokes = mv.method_view(solver, LOOK).paths
+    strokes = mv.method_view(solver, PARTS).paths
     kept, removed, added = (strokes.ends[strokes.kind == kind] for kind in (mv.KEPT, mv.REMOVED, mv.ADDED))
     assert min(len(kept), len(removed), len(added)) > 20
     low, high = np.array((0.38, 0.18, 0.38)) - 1e-3, np.array((0.62, 0.42, 0.62)) + 1e-3
@@ -76,7 +76,7 @@ def test_colours_tell_what_the_frame_computed_again():
     static = solver.surfaces.receiver_range(0)
     solver.move("block", Pose((0.5, 0.3, 0.5)))
     found = mv.recomputed(solver)
-    resting = solver.frame.background.resting(solver.frame.photons)
+    resting = solver.frame.background.irradiance(solver.frame.photons)
     differs = (solver.irradiance[static] != resting).any(axis=1)
     assert np.array_equal(found[static] == mv.CHANGED, differs) and 0.05 < differs.mean() < 1
     assert (found[static.stop :] == mv.ANEW).all()
@@ -96,7 +96,7 @@ def test_receivers_estimated_anew_are_told_from_those_with_changed_sums():
 
 def test_a_scene_without_objects_or_photons_has_kept_paths_or_nothing():
     solver = Solver(replace(room(4), mobiles=()), photons=500, radius=0.1)
-    assert mv.method_view(solver, LOOK).paths is None
+    assert mv.method_view(solver, PARTS).paths is None
     solver.solve()
-    view = mv.method_view(solver, LOOK._replace(receiver=0))
+    view = mv.method_view(solver, PARTS._replace(receiver=0))
     assert set(view.paths.kind.tolist()) == {mv.KEPT} and view.disc.counts[1:] == (0, 0)

@@ -15,7 +15,7 @@ AWAY = 1e3  # of the scene's box: where the object itself is out of the rays' wa
 GAP = 1e-5  # of the scene's box between object and floor: their faces must not coincide
 
 
-def resting_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None:
+def lowered_pose(model: Model, poses: dict[str, Pose], name: str) -> Pose | None:
     """Return the pose of an object at rest on what lies below it; None if nothing does."""
     up = np.array(model.scene.up, np.float64)
     up /= np.sqrt((up * up).sum())

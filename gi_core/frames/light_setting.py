@@ -1,0 +1,54 @@
+"""Settings of the light of frames, besides those of the estimator."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from gi_core.gloss.source import QUADTREE, WAYS
+from gi_core.scene.rules import FLAG, one_of
+
+LIGHTS = ("best", "photons")
+
+
+@dataclass(eq=False)
+class LightSetting:
+    """`light` is one of LIGHTS. "photons": the estimator lights everything. "best": gathered light has a part.
+
+    levels (G, 3): of the lamps; never written to. prefix_only: frames of a photon subset start from the static light of
+    that subset, as in the report. gloss: how rays at glossy receivers are kept, one of `gi_core.gloss.source.WAYS`.
+    """
+
+    levels: np.ndarray
+    light: str = "photons"
+    prefix_only: bool = False
+    gloss: str = QUADTREE
+
+    def choose(self, light: str | None, prefix_only: bool | None, gloss: str | None = None) -> None:
+        """Change the settings; None keeps one. Raises SceneError for an unknown light or way of gloss."""
+        self.gloss = self.gloss if gloss is None else one_of(WAYS).check("gloss", gloss)
+        self.light = self.light if light is None else one_of(LIGHTS).check("light", light)
+        self.prefix_only = self.prefix_only if prefix_only is None else FLAG.check("prefix_only", prefix_only)
+
+    @contextmanager
+    def dimmed_to(self, levels: np.ndarray) -> Iterator[None]:
+        """Set the levels (G, 3) of the lamps, from the next frame on; an exception takes them back."""
+        before, self.levels = self.levels, levels
+        try:
+            yield
+        except BaseException:
+            self.levels = before
+            raise
+
+    @property
+    def takes_gathered(self) -> bool:
+        """Whether frames may take gathered light of the static part, and at resting poses."""
+        return self.light == "best" and not self.prefix_only
+
+    @property
+    def takes_gathered_gloss(self) -> bool:
+        """Whether frames may take gathered directions: single rays come from photons."""
+        return self.takes_gathered and self.gloss == QUADTREE

@@ -1,0 +1,154 @@
+"""Light of the static part without mobiles: that of photons, or gathered light once it has less noise."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from gi_core.frames.background import Background
+from gi_core.frames.control_variate import AROUND
+from gi_core.frames.earlier_light import EarlierLight, EditedLight, earlier_light
+from gi_core.frames.light_setting import LightSetting
+from gi_core.frames.progress import Progress
+from gi_core.gather.reference import ReferenceState
+from gi_core.gather.static import StaticGather
+from gi_core.geometry.error import luminance, noise_from_prefix, prefix_to_compare
+from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
+from gi_core.lights.mix import mix, sum_of_lamps
+from gi_core.model import Model
+
+
+def _photon_noise(b: Background) -> float:
+    """Return the relative l1 noise of a background's photons; inf where they are too few to measure it."""
+    photons, fewer = b.estimate.photons, prefix_to_compare(b.estimate.prefixes)
+    if fewer is None:
+        return math.inf
+    return noise_from_prefix(b.irradiance(photons), b.irradiance(fewer), photons, fewer, b.weights)
+
+
+class StaticLight:
+    """`gathered` is the light gathered so far (`gi_core.gather.static`), None before it begins."""
+
+    def __init__(self, model: Model, seed: int, setting: LightSetting):
+        self.setting = setting
+        self.gathered: StaticGather | None = None
+        self._model, self._seed = model, seed
+        self._edited: EditedLight | None = None  # until `gathered` has light of its own
+        self._less_noise = False  # gathered light has less noise than all photons
+        self._mixed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # light per lamp, levels, and their light
+        self._around: tuple[float, Neighbours] | None = None  # distance, and static receivers within it
+
+    def twin(self, setting: LightSetting, fresh: bool) -> StaticLight:
+        """Return static light under another setting, with the same gathered light, or none if `fresh`."""
+        other = copy.copy(self)
+        other.setting = setting
+        if fresh:
+            other.gathered, other._edited, other._less_noise = None, None, False
+        return other
+
+    @property
+    def lacks_gathered(self) -> bool:
+        """Whether frames may take gathered light, and there is none yet."""
+        return self.setting.light == "best" and self.gathered is None
+
+    @property
+    def is_gathered(self) -> bool:
+        """Whether frames start from gathered light: the setting allows it, and it has less noise than photons."""
+        return self.setting.takes_gathered and self._less_noise
+
+    def irradiance(self, b: Background, photons: int) -> np.ndarray:
+        """Return irradiance (n, 3) [W/m2] of static receivers, for a frame of `photons` photons."""
+        if self.is_gathered:
+            return self.gathered_at(self.setting.levels)
+        return b.irradiance(photons if self.setting.prefix_only else b.estimate.photons, self.setting.levels)
+
+    def shown_irradiance(self, shown: Background | None) -> np.ndarray:
+        """Return irradiance() for all photons of the background on show; zeros without photons."""
+        if shown is None or not (photons := shown.estimate.photons):
+            return np.zeros((self._model.surfaces.receiver_range(0).stop, 3))
+        return self.irradiance(shown, photons)
+
+    def gathered_at(self, levels: np.ndarray) -> np.ndarray:
+        """Return gathered irradiance (n, 3) [W/m2] at levels (G, 3) of the lamps; the same array for the same light."""
+        light = self.gathered.per_lamp
+        if self._mixed is None or self._mixed[0] is not light or not np.array_equal(self._mixed[1], levels):
+            self._mixed = light, levels, mix(light, levels, self._model.threads)
+        return self._mixed[2]
+
+    def of_all_lamps(self, b: Background) -> np.ndarray:
+        """Return irradiance (n, 3) [W/m2] of static receivers at the levels of the scene file."""
+        return sum_of_lamps(self.gathered.per_lamp if self.is_gathered else b.irradiance_per_lamp(b.estimate.photons))
+
+    def compare(self, shown: Background | None) -> bool:
+        """Compare the noise of gathered light and of all photons; return whether frames start from gathered light.
+
+        Photons too few to measure their noise count as noisier.
+        """
+        g, photons = self.gathered, 0 if shown is None else shown.estimate.photons
+        if photons and self.shows_earlier:
+            self._edited.show(shown, self.around(AROUND * shown.setting.radius), g)
+        if photons and g is not None and math.isfinite(g.noise):
+            self._less_noise = g.left < _photon_noise(shown)
+        return self.is_gathered
+
+    def around(self, distance: float) -> Neighbours:
+        """Return some of the static receivers within a distance [m] of each; the last answer is kept."""
+        if self._around is None or self._around[0] != distance:
+            model = self._model
+            static = model.surfaces.receiver_range(0)
+            near = neighbours(model.corners(0), static.stop)
+            points, normals = (a[static] for a in model.object_receivers[:2])
+            self._around = distance, scattered_neighbours(near, points, normals, distance, model.threads)
+        return self._around[1]
+
+    def gather_steps(
+        self,
+        state: ReferenceState | None,
+        shown: Callable[[], Background | None],
+        refresh: Callable[[], Iterator[Progress]],
+    ) -> Iterator[Progress]:
+        """Gather in steps, from `state` or continued; arguments as for StaticGather.
+
+        shown: returns the background on show; refresh: computes its frame again, after each result that has less noise
+        than photons. Raises ValueError for the state of another scene.
+        """
+        if self.gathered is None or state is not None:
+            self.gathered = StaticGather(self._model, self._seed, state)
+        g = self.gathered
+
+        def photons() -> np.ndarray | None:
+            b = shown()
+            return b.irradiance_per_lamp(b.estimate.photons) if b is not None and b.estimate.photons else None
+
+        for new in itertools.chain((True,), g.steps(photons)):
+            if used := bool(new) and self.compare(shown()):
+                yield from (p._replace(fraction=g.fraction) for p in refresh())
+            yield Progress("gathering", g.fraction, used)
+
+    # -- edits ------------------------------------------------------------------------------------
+
+    def before_edit(self, shown: Background | None) -> EarlierLight | None:
+        """Return the light on show for the scene after an edit; None where photons alone light frames."""
+        if shown is None or not shown.estimate.photons or self.setting.light == "photons":
+            return None
+        if self.is_gathered and self.shows_earlier:
+            return self._edited.earlier
+        if self.is_gathered:
+            return earlier_light(shown, self.gathered.per_lamp, self.gathered.deviation, self.gathered.error)
+        light, noise = shown.irradiance_per_lamp(shown.estimate.photons), _photon_noise(shown)
+        deviation = noise * luminance(sum_of_lamps(light))
+        return earlier_light(shown, light, deviation, noise) if math.isfinite(noise) else None
+
+    def begin_with(self, earlier: EarlierLight) -> None:
+        """Show light gathered before an edit, changed as photons say, until there is better."""
+        self.gathered, self._edited = StaticGather(self._model, self._seed), EditedLight(earlier, self._model)
+
+    @property
+    def shows_earlier(self) -> bool:
+        """Whether gathered light is that before an edit."""
+        g = self.gathered
+        return self._edited is not None and g is not None and (g.is_earlier or math.isinf(g.noise))

@@ -1,0 +1,104 @@
+"""The parts of a frame's light share one setting; a twin has its own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.display.dilation import NONE_UNREACHED
+from gi_core.frames.frame_light import FrameLight
+from gi_core.frames.light_setting import LightSetting
+from gi_core.frames.static_light import StaticLight
+from gi_core.frames.unreached import UnreachedReceivers
+from gi_core.gather.static import StaticGather
+from gi_core.gloss.source import LIST, QUADTREE
+from gi_core.model import Model
+from gi_core.scene.errors import SceneError
+from tests.support.scene_builders import box_mobile, coloured_room
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return Model(coloured_room((box_mobile(size=0.2),)), threads=1)
+
+
+def gathered(model: Model) -> StaticGather:
+    g = StaticGather(model, 0)
+    n = len(g.weights)
+    g.show_earlier(np.ones((n, model.emitters.lamps.channels)), np.zeros(n), 0.01)
+    return g
+
+
+def test_a_bad_choice_changes_nothing():
+    setting = LightSetting(np.ones((1, 3)))
+    for bad in ({"light": "dark"}, {"prefix_only": 2}, {"gloss": "none"}):
+        with pytest.raises(SceneError):
+            setting.choose(**{"light": None, "prefix_only": None} | bad)
+    assert (setting.light, setting.prefix_only, setting.gloss) == ("photons", False, QUADTREE)
+
+
+def test_single_rays_and_subsets_take_no_gathered_gloss():
+    setting = LightSetting(np.ones((1, 3)), "best")
+    assert setting.takes_gathered and setting.takes_gathered_gloss
+    setting.choose(None, None, LIST)
+    assert setting.takes_gathered and not setting.takes_gathered_gloss
+    setting.choose(None, True, QUADTREE)
+    assert not setting.takes_gathered and not setting.takes_gathered_gloss
+
+
+@pytest.mark.parametrize("problem", [ValueError, KeyboardInterrupt])
+def test_an_exception_takes_levels_back(problem):
+    setting = LightSetting(before := np.ones((1, 3)))
+    with pytest.raises(problem), setting.dimmed_to(np.zeros((1, 3))):
+        raise problem
+    assert setting.levels is before
+
+
+def test_mobiles_are_lit_as_before_once_an_exception_has_taken_levels_back(model):
+    light, at = FrameLight(model, 0), model.transforms(model.start_poses())
+    E = np.ones((len(model.object_receivers.areas), 3))
+    light.mobiles.replace_in(E, at, 8)
+    with pytest.raises(KeyboardInterrupt), light.setting.dimmed_to(0.0 * light.setting.levels):
+        dark = np.ones_like(E)
+        light.mobiles.replace_in(dark, at, 8)
+        raise KeyboardInterrupt
+    again = np.ones_like(E)
+    light.mobiles.replace_in(again, at, 8)
+    assert not np.array_equal(dark, E) and np.array_equal(again, E)
+
+
+def test_all_parts_of_a_twin_read_its_own_setting(model):
+    light = FrameLight(model, 0)
+    light.setting.choose("best", None)
+    light.static.gathered, light.static._less_noise = gathered(model), True
+    twin = light.twin(fresh=False)
+    assert twin.static.gathered is light.static.gathered and twin.static.is_gathered
+    twin.setting.choose("photons", None)
+    assert (twin.mobiles.paths(None), light.mobiles.paths(None)) == (0, 64)
+    assert not twin.static.is_gathered and light.static.is_gathered
+    at = model.transforms(model.start_poses())
+    assert not twin.at_poses.deviation(at).any() and light.at_poses.find(at) is None
+    assert twin.gloss.source is light.gloss.source  # cells of photons are collected once
+
+
+def test_a_fresh_twin_has_no_gathered_light(model):
+    light = FrameLight(model, 0)
+    light.setting.choose("best", None)
+    light.static.gathered, light.static._less_noise = gathered(model), True
+    twin = light.twin(fresh=True)
+    assert twin.static.lacks_gathered and not twin.static.is_gathered
+    assert not light.static.lacks_gathered and light.static.is_gathered
+
+
+def test_gathered_light_is_mixed_once_per_levels(model):
+    static = StaticLight(model, 0, LightSetting(model.emitters.lamps.full(), "best"))
+    static.gathered = gathered(model)
+    first = static.gathered_at(static.setting.levels)
+    assert static.gathered_at(static.setting.levels.copy()) is first
+    assert np.array_equal(static.gathered_at(0.5 * static.setting.levels), 0.5 * first)
+
+
+def test_before_the_search_no_receiver_is_unreached(model):
+    unreached, E = UnreachedReceivers(model), np.ones((len(model.object_receivers.areas), 3))
+    drawn = unreached.drawn(E, model.transforms(model.start_poses()))
+    assert unreached.static is NONE_UNREACHED and drawn.irradiance is E and drawn.weights is None
