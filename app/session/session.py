@@ -278,12 +278,12 @@ class Session(OpenScene):
         Not `first`: the next value of a held slider, in the same step of undo. Values that come while one is being
         opened are dropped, except the newest.
         """
-        from gi_core.files.edits import Finish
+        from gi_core.files.edits import with_edit
 
         self.playing = False
-        before, last, edit = self.edits, self.edits[-1:], edits[0]
-        again = last and isinstance(edit, Finish) and isinstance(last[0], Finish) and last[0].name == edit.name
-        self.edits = (*(before[:-1] if again else before), *edits)
+        before = self.edits
+        for edit in edits:
+            self.edits = with_edit(self.edits, edit)
         if first:
             poses: dict[Any, Any] = dict(self.poses)
             self.history.push({Field("edits"): before, **poses}, {Field("edits"): self.edits, **dict.fromkeys(poses)})

@@ -204,7 +204,7 @@ class Viewer:
     def _facts(self) -> panel.Facts:
         v, seconds = self.viewport, self.frame_seconds.value
         given = self.session, self.reload, self.estimators, seconds, self.metered
-        return panel.facts_of(*given, v.picture.scale, v.selection, v.pins.shown, v.clicked_material)
+        return panel.facts_of(*given, v.picture.scale, v.selection, v.pins.shown, v.clicked_material, v.part)
 
     def draw_menus(self) -> None:
         self.menus.draw(self.painter.ctx, self.session)
