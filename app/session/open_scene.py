@@ -141,7 +141,8 @@ class OpenScene:
                     return Finished(edit.material, False)
                 if "brdf" not in given:
                     given = {"reflectance": dict(found.values).get("reflectance", GREY), **given}
-                return Finished(tuple(given.items()), found.textured)
+                comes = self.edits != self.settings.edits  # an undo may bring the texture back
+                return Finished(tuple(given.items()), found.textured or comes)
         return found
 
     def parts_of(self, name: str) -> tuple[str, ...]:

@@ -88,14 +88,20 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
             values[name], edited = value, True
             keeps &= name != "reflectance"
     if facts.textured:
-        imgui.push_text_wrap_pos(0)
-        imgui.text_disabled(_about_texture(model))
-        imgui.pop_text_wrap_pos()
+        _dim(_about_texture(model))
+    if facts.loading is not None:  # first gloss: kernels compile
+        _dim(facts.loading[0])
     if edited:
         given, target = tuple(values.items()), (facts.surface, facts.part)
         actions.add(Refinish(facts.surface, _kept(given) if keeps else given, target not in _held, facts.part))
         _held[:] = [target]
     return s
+
+
+def _dim(text: str) -> None:
+    imgui.push_text_wrap_pos(0)
+    imgui.text_disabled(text)
+    imgui.pop_text_wrap_pos()
 
 
 def _kept(values: Values) -> Values:
