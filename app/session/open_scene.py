@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -41,7 +42,8 @@ class OpenScene:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings  # the user's
-        self.scene: Scene
+        self._opened: Scene
+        self._scene: Scene  # that, in other units
         self.model: Model
         self.chosen: Chosen
         self.gains: Gains = NEUTRAL  # of the white balance
@@ -61,10 +63,19 @@ class OpenScene:
 
         solver, self.light = opened.solver, light
         self._meshes, self.picker = opened.meshes, opened.picker
-        self.scene, self.model, self.chosen = solver.scene, solver.model, solver.chosen
+        self._opened = self._scene = solver.scene
+        self.model, self.chosen = solver.model, solver.chosen
         self.gains = gains_for(solver.model.emitters.total_flux)
         self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
         self._start = light.snapshot.poses
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, in the units of the settings, else in those of its files."""
+        units = self.settings.units or self._opened.units
+        if units != self._scene.units:
+            self._scene = replace(self._opened, units=units)
+        return self._scene
 
     @property
     def meshes(self) -> tuple[DrawMesh, ...]:

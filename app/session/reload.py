@@ -18,7 +18,7 @@ from app.settings import Settings
 # Settings that a new scene resets; display and estimator settings stay.
 OF_A_SCENE = (
     "document", "camera", "max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "edits",
-    "exposure", "lamps", "solo", "light_scenes", "pins", "cameras", "plane",
+    "exposure", "units", "lamps", "solo", "light_scenes", "pins", "cameras", "plane",
 )  # fmt: skip
 
 QUIET = 3.0  # s of an edit without progress: a held slider opens several per second, and each would flash

@@ -28,7 +28,8 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
 BUDGET = 0.008  # s per frame for refinement
 FADE = 1.0  # s of a cross-fade between light scenes
 STILL = 0.25  # s without motion in a drag, after which all photons are shown
-OF_COLOURS = "show", "reference", "compare", "error_range", "show_recomputed"  # settings that change uploaded colours
+# Settings that change uploaded colours, or read-outs
+OF_COLOURS = "show", "reference", "compare", "error_range", "show_recomputed", "units"
 # Settings that name the scene or belong to the window
 OF_SCENE = (
     "document", "scene", "mobiles", "poses", "edits", "camera", "max_edge", "up", "allow_outside", "seed", "size",

@@ -12,7 +12,8 @@ from app.settings import LampSetting, Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
-BRIGHTEST = 4.0  # times the level of the scene file
+BRIGHTEST = 4.0  # times the level of the scene file, by the slider
+MOST = 1000.0  # the same, typed; as gi_core.lights.lamps has it
 ROWS = 5  # lamps in view; more scroll
 
 _typed = [""]  # name of the light scene to keep
@@ -98,8 +99,8 @@ def _row(lamp: LampSetting, solo: str, k: int, facts: Facts) -> tuple[bool, Lamp
     changed, percent = ui.float_slider(shown, 100 * lamp.dim, 0.0, 100 * BRIGHTEST, flux, identity="level")
     imgui.end_disabled()
     if changed:
-        lamp = lamp._replace(dim=min(max(percent / 100, 0.0), BRIGHTEST))
-    ui.tip(f"Level of the lamp, 100 % as in the scene file. Ctrl-click to type one, up to {100 * BRIGHTEST:.0f} %.")
+        lamp = lamp._replace(dim=min(max(percent / 100, 0.0), MOST))
+    ui.tip(f"Level of the lamp, 100 % as in the scene file. Ctrl-click to type one, up to {100 * MOST:.0f} %.")
     return lamp != before, lamp, solo
 
 
