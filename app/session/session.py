@@ -36,6 +36,7 @@ OF_SCENE = (
     "fallback", "pins", "cameras", "plane",
 )  # fmt: skip
 OF_LAMPS = "lamps", "solo", "light_scenes"  # settings of the panel whose changes are steps of undo
+MUCH = 4.0  # times the flux of the lamps: two stops
 SETTLE = 0.15  # s without change after which the value of a held slider counts
 
 
@@ -154,10 +155,27 @@ class Session(OpenScene):
         if changed != {name: getattr(self.settings, name) for name in OF_LAMPS}:
             self.edit(first=not self._dimming, last=not held, **changed)
             self._dimming = held
+            self._hint_at_exposure(held)
         elif self._dimming and not held:
             self.edit(first=False)
             self._dimming = False
+            self._hint_at_exposure(held)
         self.want(settings)
+
+    def _hint_at_exposure(self, held: bool) -> None:
+        """Log how to meter the exposure where an edit of lamps has ended in other light: solo, or MUCH of the flux."""
+        if held:
+            return
+        from gi_core.geometry.error import luminance
+
+        emitters, now = self.model.emitters, self.settings
+        was = replace(now, **{key.name: value for key, value in self._before_edit.items()})
+        fluxes = []
+        for levels in (was.levels(emitters.lamps.names), now.levels(emitters.lamps.names)):
+            lit = [flux * levels[name] for name, flux in zip(emitters.lamps.names, emitters.flux_of_lamps, strict=True)]
+            fluxes.append(float(luminance(sum(lit))))
+        if now.solo != was.solo or max(fluxes) > MUCH * min(fluxes) > 0:
+            self.log("the exposure stays as it was: key A meters it", WARNING)
 
     def reset_settings(self, exposure: float) -> None:
         """Return to the settings of a scene opened without options; exposure: as metered [EV]."""

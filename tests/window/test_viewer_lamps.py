@@ -147,3 +147,33 @@ def test_a_temperature_keeps_luminance_and_dark_channels():
     assert made @ REC709 == pytest.approx(np.dot(base, REC709))
     assert made / made[1] == pytest.approx(np.array(colour_of(3000.0)) / colour_of(3000.0)[1])
     assert factor(3000.0, (1.0, 0.0, 0.0))[1:] == (0.0, 0.0)
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_other_light_says_how_to_meter_the_exposure(play):
+    """Solo left a dark picture without a word, and so did a lamp that was out; one at half its level needs none."""
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        ctx.item_close("**/Objects")
+        ctx.item_input_value("**/lamp/##level", 50.0)
+        hand.wait_for_light()
+        assert session.log.last is None or "exposure" not in session.log.last.text
+        exposure = session.settings.exposure
+        ctx.item_click("**/bulb/Solo")
+        hand.wait_for_light()
+        hint = session.log.last
+        assert hint.text == "the exposure stays as it was: key A meters it"
+        assert session.settings.exposure == exposure
+        ctx.item_click("**/bulb/All")
+        hand.wait_for_light()
+        assert session.log.last.text == hint.text and session.log.last is not hint
+        hint = session.log.last
+        ctx.item_input_value("**/lamp/##level", 4.0)
+        hand.wait_for_light()
+        assert session.log.last.text == hint.text and session.log.last is not hint
+
+    scene = replace(support.room(), lights=(PointLight("bulb", (0.8, 0.2, 0.8), (0.2, 0.2, 0.2)),))
+    play(script, replace(support.SETTINGS, light="photons"), support.opening(scene))

@@ -90,7 +90,7 @@ def _row(lamp: LampSetting, solo: str, k: int, facts: Facts) -> tuple[bool, Lamp
     imgui.same_line(right - 5.2 * em)
     if imgui.button("Solo" if solo != lamp.name else "All", (3.2 * em, 0)):
         solo = "" if solo == lamp.name else lamp.name
-    ui.tip("This lamp alone; press again for all that are on.")
+    ui.tip("This lamp alone; press again for all that are on. The exposure stays, to compare lamps; key A meters it.")
     imgui.same_line(right - 1.5 * em)
     lamp = _colour(lamp, facts.lamp_colours[k])
     flux = _shown(_flux(lamp, solo, k, facts), facts)
