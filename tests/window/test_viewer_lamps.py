@@ -9,7 +9,7 @@ import pytest
 
 from app.draw.kelvin import REC709, colour_of, factor, kelvin_of
 from app.settings import LampSetting
-from app.window.panel.lamps import BRIGHTEST
+from app.window.panel.lamps import BRIGHTEST, recoloured
 from gi_core.scene import PointLight
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors
@@ -177,3 +177,31 @@ def test_other_light_says_how_to_meter_the_exposure(play):
 
     scene = replace(support.room(), lights=(PointLight("bulb", (0.8, 0.2, 0.8), (0.2, 0.2, 0.2)),))
     play(script, replace(support.SETTINGS, light="photons"), support.opening(scene))
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_rgb_is_the_colour_of_the_light(play):
+    """It was a factor on the colour in the scene file: a peach lamp read 1, 1, 1 beside a white patch."""
+
+    def script(hand, viewer):
+        ctx = hand.ctx
+        hand.wait_for_light()
+        ctx.item_close("**/Objects")
+        base = viewer._facts().lamp_colours[1]
+        box = ctx.item_info("**/bulb/Solo").rect_full
+        ctx.mouse_move_to_pos((box.max.x + 15, (box.min.y + box.max.y) / 2))  # the patch of the lamp's colour
+        ctx.mouse_click(0)
+        ctx.yield_(2)
+        ctx.item_input_value("//$FOCUSED/RGB/##X", 0.25)
+        hand.wait_for_light()
+        (lamp,) = viewer.session.settings.lamps
+        assert lamp.colour == (pytest.approx(0.25 / base[0]), 1.0, 1.0)
+        assert np.allclose(viewer.session.light.snapshot.levels[1], lamp.colour)
+
+    play(script, replace(support.SETTINGS, light="photons"), support.opening(two_lamps()))
+
+
+def test_a_channel_without_light_stays_dark():
+    assert recoloured((1.0, 0.5, 1.0), (2.0, 0.3, 0.0), (2.0, 0.3, 4.0), (2.0, 0.6, 0.0)) == (1.0, 0.5, 1.0)
+    assert recoloured((1.0, 0.5, 1.0), (2.0, 0.3, 0.0), (1.0, 0.6, 4.0), (2.0, 0.6, 0.0)) == (0.5, 1.0, 1.0)

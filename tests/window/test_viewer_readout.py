@@ -145,7 +145,7 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
         hand.wait(lambda: viewer.session.light.all_done)
         assert viewport.picture.scale is None
         hand.ctx.set_ref("Panel")
-        hand.ctx.combo_click("##Show/Illuminance")
+        hand.ctx.combo_click("##Show/Illuminance in lx")
         hand.wait(lambda: viewport.picture.scale is not None)
         hand.ctx.yield_(25)
         scale, picture = viewport.picture.scale, hand.pixels()
@@ -177,7 +177,7 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
         hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True, (), "illuminance"))
 
         # Luminance of the diffuse floor, without a lamp in view: rho E / pi.
-        hand.ctx.combo_click("##Show/Luminance")
+        hand.ctx.combo_click("##Show/Luminance in cd\\/m²")
         hand.wait(lambda: viewport.picture.scale is not None and viewport.picture.scale.quantity == "luminance")
         hand.ctx.yield_(25)
         scale, picture = viewport.picture.scale, hand.pixels()
@@ -187,7 +187,7 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
             expected = 255 * sequential_colours(scale.position(np.array([L])))[0]
             column, row = (int(c - o) for c, o in zip(hand.at((x, y, 0.0)), viewport.view.origin, strict=True))
             assert np.abs(picture[row, column] - expected).max() <= 6, (L, picture[row, column])
-        hand.ctx.combo_click("##Show/Illuminance")
+        hand.ctx.combo_click("##Show/Illuminance in lx")
         hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True, (), "illuminance"))
 
         # Lines of equal light are circles about the lamp's foot, on known radii.

@@ -86,8 +86,18 @@ def _edits(facts: Facts, actions: set[Any], half: float) -> None:
     for name, action, enabled, about in (
         ("Duplicate", "duplicate", bool(facts.selected), "Put copies beside the selected objects."),
         ("Remove", "remove", bool(facts.selected), "Remove the selected objects."),
-        ("Make static", "freeze", bool(facts.selected), "Join the selected objects to the static part."),
-        ("Make movable", "promote", facts.piece, "Click on a static object, then make the connected piece movable."),
+        (
+            "Make static",
+            "freeze",
+            bool(facts.selected),
+            "Fix the selected objects in place. They join the static part: all that stands still.",
+        ),
+        (
+            "Make movable",
+            "promote",
+            facts.piece,
+            "Click on the static part, then make the piece there an object that moves: all its connected triangles.",
+        ),
     ):
         if action in ("duplicate", "freeze"):
             imgui.same_line()
