@@ -19,6 +19,7 @@ SOLVER_SETTINGS = (
     "estimator", "photons", "radius", "neighbours", "control", "search", "border_correction", "textbook",
     "light", "gloss",
 )  # fmt: skip
+UNITS = ("photometric", "radiometric")  # those of gi_core.scene.Scene
 LIGHTS = ("best", "photons")  # those of gi_core.frames.light_setting
 GLOSS = ("quadtree", "list", "all_rays")  # those of gi_core.gloss.source
 REFERENCE = "reference"  # beside estimators, a choice of the wipe
@@ -81,6 +82,7 @@ class Settings:
     camera: tuple[float, ...] | None = None  # eye, target [m], vertical field of view [degrees]; None: the scene's
     max_edge: float | None = None  # edges longer than this are split [m]
     up: str | None = None  # "x", "y" or "z"
+    units: str | None = None  # one of UNITS: those in which the numbers of the files are read
     allow_outside: bool = False  # the scene may name files outside its folder
     document: str = ""  # the saved scene that these settings come from and are saved to; "": none
 
@@ -202,6 +204,7 @@ def open_scene(settings: Settings) -> Scene:
         if name != OTHERS:
             check_lamp(scene.name, name, scene)
     poses = start_poses(settings, scene)
+    scene = replace(scene, units=settings.units or scene.units)
     if (c := settings.camera) is not None:
         scene = replace(scene, camera=Camera((c[0], c[1], c[2]), (c[3], c[4], c[5]), c[6]))
     return replace(scene, mobiles=tuple(m._replace(pose=poses.get(m.name, m.pose)) for m in scene.mobiles))

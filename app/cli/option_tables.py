@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from app.cli import values
-from app.settings import GLOSS, LIGHTS, SHOWS, TONE_MAPS, Settings
+from app.settings import GLOSS, LIGHTS, SHOWS, TONE_MAPS, UNITS, Settings
 
 SCENE: dict[str, dict[str, Any]] = {
     "mobiles": {"action": "append", "metavar": "FILE", "help": "mesh file that becomes a mobile"},
@@ -15,6 +15,8 @@ SCENE: dict[str, dict[str, Any]] = {
                "help": "eye and target [m], vertical field of view [degrees]"},
     "max_edge": {"type": values.positive, "metavar": "M", "help": "longest edge; longer ones are split [m]"},
     "up": {"choices": ["x", "y", "z"], "help": "axis that points up, instead of the file's"},
+    "units": {"choices": UNITS,
+              "help": "photometric: the files' numbers are lm, cd, lx and cd/m2; radiometric: watts (the scene's)"},
     "allow_outside": {"action": "store_true", "help": "the scene may name files outside its folder"},
 }  # fmt: skip
 LIGHT: dict[str, dict[str, Any]] = {

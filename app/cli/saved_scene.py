@@ -193,7 +193,7 @@ def _table_of(edit: Edit, document: Path, allow_outside: bool) -> dict[str, Any]
             table[field] = {key: list(v) if isinstance(v, tuple) else v for key, v in value}
         elif field == "pose" and value is not None:
             table[field] = [*value.position, *value.quaternion]
-        elif value is not None:
+        elif value not in (None, ""):
             table[field] = list(value) if isinstance(value, tuple) else value
     return table
 
@@ -218,7 +218,7 @@ def _edit(values: dict, number: int, file: Path, boundary, where: str) -> Edit:
             given[field] = tuple((k, tuple(v) if isinstance(v, list) else v) for k, v in table.table(field).items())
         elif field == "file":
             given[field] = _found(table.text(field), file, boundary, of)
-        else:
+        elif field in table or field not in kind._field_defaults:
             given[field] = table.text(field)
     return kind(**given)
 

@@ -18,6 +18,7 @@ from app.settings import Pin
 from gi_core.geometry.error import luminance
 from gi_core.rays.accelerator import Transforms
 from gi_core.scene import Camera
+from gi_core.scene.part_names import part_named
 from gi_core.scene.pose import rotation, three, to_world, to_world_directions
 
 if TYPE_CHECKING:
@@ -143,7 +144,7 @@ def read(
     L, _ = seen(with_reflectance=True)
     name = scene.mobiles[o - 1].name if o else STATIC
     shape = scene.mobiles[o - 1].mesh if o else scene.static
-    material = scene.materials[shape.face_material[hit.face]].name
+    material = part_named(name, scene.materials[shape.face_material[hit.face]].name)
     if not is_lit:
         E = L = math.nan
     return Reading(name, material, math.pi * E, L, is_lit, units_of(scene.units))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -26,12 +27,23 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
     from gi_core.scene import Scene
 
 
+GREY = (0.5, 0.5, 0.5)  # shown for textures until they are back under a model
+
+
+class Finished(NamedTuple):
+    """The reflection of a material, or of a part of a mobile."""
+
+    values: Values  # as an edit gives it
+    textured: bool  # its colour is a texture, or several colours
+
+
 class OpenScene:
     """A scene and its light; nothing here changes them. Before `_show` there is no light."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings  # the user's
-        self.scene: Scene
+        self._opened: Scene
+        self._scene: Scene  # that, in other units
         self.model: Model
         self.chosen: Chosen
         self.gains: Gains = NEUTRAL  # of the white balance
@@ -41,7 +53,8 @@ class OpenScene:
         self.edits = settings.edits  # those on show, and those asked for
         self._meshes: tuple[DrawMesh, ...] = ()
         self._lit: tuple[np.ndarray | None, tuple[DrawMesh, ...]] = None, ()  # levels, and the meshes at these
-        self._finishes: dict[tuple[str, bool], Values] = {}
+        self._finishes: dict[tuple[str, bool, str], Finished] = {}
+        self._parts: dict[str, tuple[str, ...]] = {}
         self._paths: dict = {}
 
     def _show(self, opened: Opened, light: SolverThread) -> None:
@@ -50,10 +63,19 @@ class OpenScene:
 
         solver, self.light = opened.solver, light
         self._meshes, self.picker = opened.meshes, opened.picker
-        self.scene, self.model, self.chosen = solver.scene, solver.model, solver.chosen
+        self._opened = self._scene = solver.scene
+        self.model, self.chosen = solver.model, solver.chosen
         self.gains = gains_for(solver.model.emitters.total_flux)
         self._paths = {name: path for name, path in paths_of(solver).items() if len(path.times) > 1}
         self._start = light.snapshot.poses
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, in the units of the settings, else in those of its files."""
+        units = self.settings.units or self._opened.units
+        if units != self._scene.units:
+            self._scene = replace(self._opened, units=units)
+        return self._scene
 
     @property
     def meshes(self) -> tuple[DrawMesh, ...]:
@@ -114,16 +136,33 @@ class OpenScene:
 
         return MethodParts(s.show_paths, self.receiver if s.show_disc else -1, s.show_recomputed)
 
-    def finish_of(self, name: str, material: bool) -> Values:
-        """Return the reflection of a mobile, or of a material in the static part, as an edit gives it."""
-        from gi_core.files.edits import Finish, finish_of
+    def finish_of(self, name: str, material: bool, part: str = "") -> Finished:
+        """Return the reflection of a part of a mobile, or of a material in the static part; of the edits asked for."""
+        from gi_core.files.edits import Finish
+        from gi_core.files.finishing import finish_of, is_textured
 
+        if (key := (name, material, part)) not in self._finishes:
+            values = finish_of(self.scene, self.model.surfaces, *key)
+            self._finishes[key] = Finished(values, is_textured(self.scene, *key))
+        found = self._finishes[key]
         for edit in reversed(self.edits):
-            if isinstance(edit, Finish) and edit.name == name:
-                return edit.material
-        if (name, material) not in self._finishes:
-            self._finishes[name, material] = finish_of(self.scene, self.model.surfaces, name, material)
-        return self._finishes[name, material]
+            if isinstance(edit, Finish) and (edit.name, edit.part) == (name, part):
+                given = dict(edit.material)
+                if "reflectance" in given:
+                    return Finished(edit.material, False)
+                if "brdf" not in given:
+                    given = {"reflectance": dict(found.values).get("reflectance", GREY), **given}
+                comes = self.edits != self.settings.edits  # an undo may bring the texture back
+                return Finished(tuple(given.items()), found.textured or comes)
+        return found
+
+    def parts_of(self, name: str) -> tuple[str, ...]:
+        """Return the parts of a mobile, by material; () for an unknown one."""
+        from gi_core.files.finishing import parts_of
+
+        if name not in self._parts:
+            self._parts[name] = parts_of(self.scene, name) if name in self.poses else ()
+        return self._parts[name]
 
     def colours(self, o: int) -> tuple[np.ndarray, np.ndarray]:
         """Return linear radiance (D, 3) float32 of front and back of an object's draw vertices."""

@@ -29,7 +29,11 @@ if TYPE_CHECKING:
     from gi_core.solver import BeforeEdit, Solver
 
 IMPORTING, LOADING, TRACING = "importing", "loading scene", "tracing"
-COMPILING = "compiling kernels, kept for the next start"
+COMPILING = {  # by kind of surfaces, those of gi_core.instruments.compile_ahead
+    "diffuse": "compiling kernels, once per machine",
+    "gloss": "compiling kernels for gloss, once per machine",
+    "tables": "compiling kernels for reflection models, once per machine",
+}
 POLL = 0.1  # s between looks at the compiler's progress
 KNOWN_FROM = 0.05  # fraction done from which the time left is known
 
@@ -104,7 +108,7 @@ class Opening:
 
         if compile_ahead.is_warm(self.settings.rays, surfaces):
             return
-        self.phase, self.fraction = COMPILING, 0.0
+        self.phase, self.fraction = COMPILING[surfaces], 0.0
         meter, started = compile_ahead.Meter(surfaces), time.perf_counter()
         options = [compile_ahead.BESIDE_LOOK, compile_ahead.OF, surfaces]
         options += [compile_ahead.RAYS, self.settings.rays] if self.settings.rays else []

@@ -59,7 +59,7 @@ class Picture(NamedTuple):
             "false_colours": "-" if self.scale is None else self.scale.text(self.units),
             "cull": s.cull,
             "light_shown": REFERENCE if s.reference and rest.reference else "estimate",
-            "wipe": right,
+            "comparison": right,
             "camera": f"position {_numbers(view.position)} target {_numbers(view.target)} "
             f"vertical_fov_degrees {view.vertical_fov_degrees:.6g}",
         }

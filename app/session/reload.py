@@ -11,13 +11,14 @@ from functools import partial
 from pathlib import Path
 
 from app.cli import saved_scene
+from app.session.opening import COMPILING
 from app.session.session import Asked, Session
 from app.settings import Settings
 
 # Settings that another scene resets; those of display and estimator stay.
 RESET_BY_SCENE = (
     "document", "camera", "max_edge", "up", "allow_outside", "photons", "radius", "neighbours", "poses", "edits",
-    "exposure", "lamps", "solo", "light_scenes", "pins", "cameras", "plane",
+    "exposure", "units", "lamps", "solo", "light_scenes", "pins", "cameras", "plane",
 )  # fmt: skip
 
 QUIET = 3.0  # s of an edit without progress: a held slider opens several per second, and each would flash
@@ -73,10 +74,17 @@ class Reload:
 
     @property
     def progress(self) -> tuple[str, float | None] | None:
-        """Phase and fraction of the opening; None without one, and in the first QUIET seconds of an edit."""
-        if self.coming is None or (self.is_editing and self.coming.clock() - self._begun < QUIET):
+        """Phase and fraction of the opening; None without one, and in the first QUIET seconds of an edit.
+
+        Compiling takes longer than QUIET, so it is shown at once.
+        """
+        if self.coming is None:
             return None
-        return ("ready", 1.0) if self.coming.opening is None else self.coming.opening.progress
+        opening = self.coming.opening
+        compiles = opening is not None and opening.phase in COMPILING.values()
+        if self.is_editing and not compiles and self.coming.clock() - self._begun < QUIET:
+            return None
+        return ("ready", 1.0) if opening is None else opening.progress
 
     def tick(self, now: Session) -> Session | None:
         """Return the new session to show; None before it is ready and during a drag."""

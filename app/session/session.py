@@ -28,13 +28,15 @@ if TYPE_CHECKING:  # heavy imports wait until the window is there, see app/sessi
 BUDGET = 0.008  # s per frame for refinement
 FADE = 1.0  # s of a cross-fade between light scenes
 STILL = 0.25  # s without motion in a drag, after which all photons are shown
-OF_COLOURS = "show", "reference", "compare", "error_range", "show_recomputed"  # settings that change uploaded colours
+# Settings that change uploaded colours, or read-outs
+OF_COLOURS = "show", "reference", "compare", "error_range", "show_recomputed", "units"
 # Settings that name the scene or belong to the window: they stay where the others are reset
 KEPT_BY_RESET = (
     "document", "scene", "mobiles", "poses", "edits", "camera", "max_edge", "up", "allow_outside", "seed", "size",
     "fallback", "pins", "cameras", "plane",
 )  # fmt: skip
 OF_LAMPS = "lamps", "solo", "light_scenes"  # settings of the panel whose changes are steps of undo
+MUCH = 4.0  # times the flux of the lamps: two stops
 SETTLE = 0.15  # s without change after which the value of a held slider counts
 
 
@@ -153,10 +155,27 @@ class Session(OpenScene):
         if changed != {name: getattr(self.settings, name) for name in OF_LAMPS}:
             self.edit(first=not self._dimming, last=not held, **changed)
             self._dimming = held
+            self._hint_at_exposure(held)
         elif self._dimming and not held:
             self.edit(first=False)
             self._dimming = False
+            self._hint_at_exposure(held)
         self.want(settings)
+
+    def _hint_at_exposure(self, held: bool) -> None:
+        """Log how to meter the exposure where an edit of lamps has ended in other light: solo, or MUCH of the flux."""
+        if held:
+            return
+        from gi_core.geometry.error import luminance
+
+        emitters, now = self.model.emitters, self.settings
+        was = replace(now, **{key.name: value for key, value in self._before_edit.items()})
+        fluxes = []
+        for levels in (was.levels(emitters.lamps.names), now.levels(emitters.lamps.names)):
+            lit = [flux * levels[name] for name, flux in zip(emitters.lamps.names, emitters.flux_of_lamps, strict=True)]
+            fluxes.append(float(luminance(sum(lit))))
+        if now.solo != was.solo or max(fluxes) > MUCH * min(fluxes) > 0:
+            self.log("the exposure stays as it was: key A meters it", WARNING)
 
     def reset_settings(self, exposure: float) -> None:
         """Return to the settings of a scene opened without options; exposure: as metered [EV]."""
@@ -278,12 +297,12 @@ class Session(OpenScene):
         Not `first`: the next value of a held slider, in the same step of undo. Values that come while one is being
         opened are dropped, except the newest.
         """
-        from gi_core.files.edits import Finish
+        from gi_core.files.edits import with_edit
 
         self.playing = False
-        before, last, edit = self.edits, self.edits[-1:], edits[0]
-        again = last and isinstance(edit, Finish) and isinstance(last[0], Finish) and last[0].name == edit.name
-        self.edits = (*(before[:-1] if again else before), *edits)
+        before = self.edits
+        for edit in edits:
+            self.edits = with_edit(self.edits, edit)
         if first:
             poses: dict[Any, Any] = dict(self.poses)
             self.history.push({Field("edits"): before, **poses}, {Field("edits"): self.edits, **dict.fromkeys(poses)})

@@ -19,7 +19,7 @@ MOUSE = (
     ("Shift or middle drag", "pan"),
     ("Wheel", "move the camera nearer or farther"),
     ("Double-click", "make this point the orbit centre"),
-    ("Drag the wipe's line", "move the border between two pictures"),
+    ("Drag a comparison", "move the line between two pictures"),
     ("Drop files", "open a scene; further files become objects"),
 )
 

@@ -137,7 +137,9 @@ class Viewer:
     def _sleep(self) -> None:
         """Wait for input or new light while nothing changes; work at rest goes on."""
         if not self._ready and self.session.opening is not None:
-            window.wait_for_input(COMPILING_PAUSE if self.session.opening.phase == COMPILING else OPENING_PAUSE)
+            window.wait_for_input(
+                COMPILING_PAUSE if self.session.opening.phase in COMPILING.values() else OPENING_PAUSE
+            )
         refresh = time.perf_counter() + REFRESH
         while self._is_still:
             resting = self._ready and not self.session.light.all_done
@@ -204,7 +206,7 @@ class Viewer:
     def _facts(self) -> panel.Facts:
         v, seconds = self.viewport, self.frame_seconds.value
         given = self.session, self.reload, self.estimators, seconds, self.metered
-        return panel.facts_of(*given, v.picture.scale, v.selection, v.pins.shown, v.clicked_material)
+        return panel.facts_of(*given, v.picture.scale, v.selection, v.pins.shown, v.clicked_material, v.part)
 
     def draw_menus(self) -> None:
         self.menus.draw(self.painter.ctx, self.session)

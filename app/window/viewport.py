@@ -29,6 +29,7 @@ from app.window.scale_fit import ScaleFit
 from app.window.view import View
 from app.window.view_content import Shown, Side
 from app.window.wipe import Wipe
+from gi_core.scene.part_names import part_named
 
 OUTLINE_PIXELS = 2.0  # at 96 dots per inch
 LEFT, RIGHT, MIDDLE = 0, 1, 2  # mouse buttons
@@ -49,6 +50,7 @@ class Viewport:
         self.gizmo = Gizmo()
         self._selection: tuple[str, ...] = ()  # names of mobiles
         self.clicked: Hit | None = None  # place of the static part, unless a mobile was selected since
+        self.part = ""  # of the mobile pressed last, or chosen in the panel
         self.shown: Shown | None = None  # content of the colour buffers
         self.covered: Box | None = None  # by a control, where the mouse is not for the picture
         self._pressed: tuple[Turntable, Hit | None] | None = None  # camera and static place at a press
@@ -166,11 +168,14 @@ class Viewport:
     def _begin_drag(self, mode: str) -> None:
         """Grab the mobile under the cursor, and with a selected one the whole selection."""
         self.control.stop()
-        name = self.session.scene.mobiles[self.pointer.hover.object - 1].name
+        scene, hover = self.session.scene, self.pointer.hover
+        mobile = scene.mobiles[hover.object - 1]
+        name = mobile.name
+        self.part = part_named(name, scene.materials[mobile.mesh.face_material[hover.face]].name)
         if name not in self.selection and mode not in (drag.RAISE, drag.TURN):
             self.select((name,))
         moves = self.selection if name in self.selection else (name,)
-        self.mobile_drag.begin(self.session, self.view, self.pointer.hover, mode, moves)
+        self.mobile_drag.begin(self.session, self.view, hover, mode, moves)
         self.clicked = None
 
     def _select_by(self, grab: drag.Grab) -> None:

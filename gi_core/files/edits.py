@@ -9,41 +9,38 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from gi_core.base.grouping import components
 from gi_core.base.vectors import cross, dot
-from gi_core.bsdf.ggx import further_albedo, under_gloss
 from gi_core.files.completion.completion import complete
 from gi_core.files.completion.pilot import bottom_centre
-from gi_core.files.formats.materials_table import FINISH, checked, overridden
-from gi_core.files.formats.mesh_file import compact
-from gi_core.files.formats.metallic_roughness import as_metal_rough
-from gi_core.files.formats.toml_fields import Table
+from gi_core.files.finishing import Values, finished_materials, materials_to_finish, mobile_called
+from gi_core.files.formats.materials_table import FINISH, checked
+from gi_core.files.formats.mesh_file import part_of
 from gi_core.files.gloss_classes import with_gloss_classes
 from gi_core.files.load import finished, join, with_mobile_file
 from gi_core.geometry.cutouts import without_holes
-from gi_core.geometry.surfaces import Surfaces, lobe_of
 from gi_core.scene.errors import SceneError, shown
 from gi_core.scene.origin import origin_of, translated
-from gi_core.scene.pose import as_pose, three, to_world, to_world_directions
+from gi_core.scene.pose import as_pose, to_world, to_world_directions
 from gi_core.scene.rules import PLACE
 from gi_core.scene.types import Mesh, Mobile, Pose, Scene
 from gi_core.scene.validate import check_scene
 
-Values = tuple[tuple[str, Any], ...]  # keys and values of [materials.NAME] in a scene file
-
 
 class Finish(NamedTuple):
-    """Give all faces of a mobile, or of a material, another reflection.
+    """Give all faces of a material, or a part of a mobile, another reflection.
 
-    A reflectance replaces textures; without one they stay. Without roughness or a model the surface is diffuse.
+    A part is the faces of one mobile with one material. A reflectance replaces textures and colours per face; without
+    one they stay. Without roughness or a model the surface is diffuse.
     """
 
-    name: str  # of a mobile, else of a material
+    name: str  # of a mobile if there is a part, else of a material of the static part, else of a mobile or material
     material: Values  # of FINISH, or parameters of a model
+    part: str = ""  # material of the mobile's faces; "": all of them
 
 
 class Insert(NamedTuple):
@@ -125,31 +122,40 @@ def names_after(names: Iterable[str], before: Sequence[Edit], after: Sequence[Ed
     return found
 
 
+def with_edit(edits: Sequence[Edit], edit: Edit) -> tuple[Edit, ...]:
+    """Return edits with one more at the end; a Finish takes the place of an earlier one of the same faces.
+
+    The earlier one stays if an edit in between may depend on it.
+    """
+    if isinstance(edit, Finish):
+        for k in reversed(range(len(edits))):
+            earlier = edits[k]
+            if not isinstance(earlier, Finish):
+                break
+            if (earlier.name, earlier.part) == (edit.name, edit.part):
+                return (*edits[:k], *edits[k + 1 :], edit)
+            if not (earlier.part and edit.part) and (earlier.part or earlier.name) == (edit.part or edit.name):
+                break  # a part of a mobile, and the material of that name
+    return (*edits, edit)
+
+
 def _edited(scene: Scene, edit: Edit, allow_outside: bool) -> Scene:
     match edit:
-        case Finish(name, material):
+        case Finish(name, material, part):
             values = {key: list(v) if isinstance(v, tuple) else v for key, v in material}
             table = checked(values, f"{scene.name}: the material of {shown(name)}", FINISH)
-            return _finished(scene, name, table)
+            return finished_materials(*materials_to_finish(scene, name, part), table)
         case Insert(name, file, pose):
             return _inserted(scene, _new(scene, name), Path(file), pose, allow_outside)
         case Duplicate(name, of, pose):
-            copy = _mobile(scene, of)._replace(name=_new(scene, name), pose=_pose(scene, name, pose), path=None)
+            copy = mobile_called(scene, of)._replace(name=_new(scene, name), pose=_pose(scene, name, pose), path=None)
             return replace(scene, mobiles=(*scene.mobiles, copy))
         case Remove(name):
-            return _without(scene, _mobile(scene, name))
+            return _without(scene, mobile_called(scene, name))
         case Promote(name, point):
             return _promoted(scene, _new(scene, name), PLACE.check(f"{scene.name}: the point of {shown(name)}", point))
         case Freeze(name, pose):
-            return _frozen(scene, _mobile(scene, name), _pose(scene, name, pose))
-
-
-def _mobile(scene: Scene, name: str) -> Mobile:
-    for mobile in scene.mobiles:
-        if mobile.name == name:
-            return mobile
-    there = ", ".join(f'"{m.name}"' for m in scene.mobiles) or "none"
-    raise SceneError(f"{scene.name}: no mobile is called {shown(name)}; there is {there}")
+            return _frozen(scene, mobile_called(scene, name), _pose(scene, name, pose))
 
 
 def _new(scene: Scene, name: str) -> str:
@@ -164,89 +170,6 @@ def _pose(scene: Scene, name: str, pose: Pose) -> Pose:
 
 def _without(scene: Scene, mobile: Mobile) -> Scene:
     return replace(scene, mobiles=tuple(m for m in scene.mobiles if m is not mobile))
-
-
-# Materials ------------------------------------------------------------------------------------------
-
-
-def _recoloured_faces(scene: Scene, these: np.ndarray, colours: np.ndarray) -> Scene:
-    """Return a scene in which faces of some materials, these (n,) bool, have their colours (n, 3)."""
-    rho = np.array([m.reflectance for m in scene.materials], np.float64)
-
-    def painted(mesh: Mesh) -> Mesh:
-        rows = these[mesh.face_material]
-        return _painted(mesh, rows, colours[mesh.face_material[rows]], rho) if rows.any() else mesh
-
-    mobiles = tuple(m._replace(mesh=painted(m.mesh)) for m in scene.mobiles)
-    return replace(scene, static=painted(scene.static), mobiles=mobiles)
-
-
-def _painted(mesh: Mesh, rows: np.ndarray, reflectance: np.ndarray, rho: np.ndarray) -> Mesh:
-    """Return a mesh with k of its faces, rows (F,) bool, in colours (k, 3) or one (1, 3), without texture."""
-    if mesh.paint is not None:
-        texture, colour = mesh.paint.face_texture.copy(), mesh.paint.corner_colour.copy()
-        texture[rows], colour[rows] = -1, reflectance[:, None]
-        mesh = mesh._replace(paint=mesh.paint._replace(face_texture=texture, corner_colour=colour))
-    if mesh.paint is None or mesh.face_reflectance is not None:
-        faces = rho[mesh.face_material] if mesh.face_reflectance is None else mesh.face_reflectance.copy()
-        faces[rows] = reflectance
-        mesh = mesh._replace(face_reflectance=faces)
-    return mesh
-
-
-def _materials_called(scene: Scene, name: str) -> np.ndarray:
-    """Return which materials (n,) bool have a name. Raises SceneError where none has."""
-    these = np.array([m.name == name for m in scene.materials], bool)
-    if not these.any():
-        names = ", ".join(dict.fromkeys(f'"{m.name}"' for m in (*scene.mobiles, *scene.materials)))
-        raise SceneError(f"{scene.name}: no mobile or material is called {shown(name)}; there is {names}")
-    return these
-
-
-def _finished(scene: Scene, name: str, table: Table) -> Scene:
-    """Return a scene whose mobile has materials of its own, or whose materials of a name are others."""
-    for mobile in scene.mobiles:
-        if mobile.name == name:
-            used, index = np.unique(mobile.mesh.face_material, return_inverse=True)
-            own = tuple(scene.materials[k]._replace(name=name) for k in used)
-            mesh = mobile.mesh._replace(face_material=(len(scene.materials) + index.reshape(-1)).astype(np.int32))
-            mobiles = tuple(m._replace(mesh=mesh) if m is mobile else m for m in scene.mobiles)
-            scene = replace(scene, materials=(*scene.materials, *own), mobiles=mobiles)
-            break
-    these = _materials_called(scene, name)
-    materials = tuple(
-        overridden(m._replace(gloss=None, brdf=()), table) if this else m
-        for m, this in zip(scene.materials, these.tolist(), strict=True)
-    )
-    if "reflectance" in table:
-        scene = _recoloured_faces(scene, these, np.array([m.reflectance for m in materials], np.float64))
-    return replace(scene, materials=materials)
-
-
-def finish_of(scene: Scene, surfaces: Surfaces, name: str, of_static: bool) -> Values:
-    """Return the reflection of a mobile, or of a material of the static part: that of its largest face.
-
-    A diffuse reflectance is the mean over the area. () for an unknown name.
-    """
-    names = [m.name for m in scene.mobiles]
-    o = 0 if of_static or name not in names else 1 + names.index(name)
-    faces = (scene.static if o == 0 else scene.mobiles[o - 1].mesh).face_material
-    area = surfaces.areas[surfaces.face_range(o)]
-    if o == 0:
-        area = area * np.array([m.name == name for m in scene.materials])[faces]
-    if not area.sum() > 0:
-        return ()
-    m = scene.materials[faces[area.argmax()]]
-    if m.brdf:
-        return (("brdf", m.brdf[0].model), *m.brdf[0].parameters)
-    base = ("reflectance", three(np.minimum(area @ surfaces.reflectance[surfaces.face_range(o)] / area.sum(), 0.98)))
-    if m.gloss is None:
-        return (base,)
-    row = np.array([lobe_of(m.gloss)])  # surfaces have the base's reflectance under gloss: base_albedo() inverted
-    further, through = further_albedo(row)[0], under_gloss(row)
-    found = as_metal_rough(np.maximum(np.array(base[1]) - further, 0) / np.maximum(through - further, 1e-9), m.gloss)
-    colour = ("reflectance", three(np.minimum(found.base, 0.98)))
-    return colour, ("metallic", found.metallic), ("roughness", found.roughness), ("ior", found.ior)
 
 
 # Objects --------------------------------------------------------------------------------------------
@@ -302,27 +225,6 @@ def _promoted(scene: Scene, name: str, point) -> Scene:
     centre = bottom_centre(mesh.vertices, np.array(scene.up, np.float64))
     mobile = Mobile(name, mesh._replace(vertices=mesh.vertices - centre), Pose(tuple(float(c) for c in centre)))
     return replace(scene, static=part_of(scene.static, ~rows), mobiles=(*scene.mobiles, mobile))
-
-
-def part_of(mesh: Mesh, rows: np.ndarray) -> Mesh:
-    """Return the mesh of some of the faces, rows (F,) bool, and of their vertices alone."""
-    paint = mesh.paint
-    if paint is not None:
-        paint = paint._replace(
-            face_texture=paint.face_texture[rows], corner_uv=paint.corner_uv[rows],
-            corner_colour=paint.corner_colour[rows],
-        )  # fmt: skip
-    normals, colours = mesh.corner_normals, mesh.face_reflectance
-    return compact(
-        Mesh(
-            mesh.vertices,
-            mesh.faces[rows],
-            mesh.face_material[rows],
-            None if normals is None else normals[rows],
-            None if colours is None else colours[rows],
-            paint,
-        )
-    )
 
 
 def _frozen(scene: Scene, mobile: Mobile, pose: Pose) -> Scene:

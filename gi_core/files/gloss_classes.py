@@ -38,7 +38,7 @@ def _classed(mesh: Mesh, given: Sequence[Material], out: list[Material]) -> Mesh
     varied = [k for k in np.unique(mesh.face_material) if given[k].varied is not None]
     if not varied:
         return mesh._replace(finish=None)
-    base, areas = _base_colours(mesh, given), np.maximum(face_normals(mesh)[1], 1e-300)
+    base, areas = base_colours(mesh, given), np.maximum(face_normals(mesh)[1], 1e-300)
     texels = _texels(mesh, given)
     material, diffuse = mesh.face_material.copy(), np.ones(len(mesh.faces))
     for k in varied:
@@ -127,7 +127,7 @@ def _variance(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return share @ (values - share @ values) ** 2
 
 
-def _base_colours(mesh: Mesh, materials: Sequence[Material]) -> np.ndarray:
+def base_colours(mesh: Mesh, materials: Sequence[Material]) -> np.ndarray:
     """Return the mean base colour (F, 3) of faces."""
     if mesh.face_reflectance is not None:
         return mesh.face_reflectance

@@ -30,6 +30,7 @@ from gi_core.scene.rules import FILE, FLAG, LENGTH, is_direction
 from gi_core.scene.types import Defaults, Material, Mesh, Mobile, Scene
 from gi_core.scene.validate import check_scene, check_size
 
+GLTF = ".glb", ".gltf"
 MOST_RECEIVERS = 150_000  # a bare mesh is refined to about as many, both sides counted, unless it is fine enough before
 
 
@@ -96,7 +97,12 @@ class _Builder:
         static = self._static(read)
         check_size(f"{self.where}: a scene", static)
         lights = [*self.file.lights, *(light for r in read for light in r.lights)]
-        punctual = any(r.lights for r in read)  # glTF lights are photometric
+        punctual = any(r.lights for r in read)  # glTF lights are photometric, and so is its emission
+        nits = (
+            self.bare
+            and self.file.static.meshes[0].suffix.lower() in GLTF
+            and any(any(m.emission) for m in read[0].materials)
+        )
         camera = self.file.camera or next((r.camera for r in read if r.camera), None)
         mobiles = [self._described(m) for m in self.file.mobiles]
         check_used(self.file.materials, {m.name for m in self.materials})
@@ -108,7 +114,7 @@ class _Builder:
             tuple(self.file.probes),
             camera,
             self.up,
-            "photometric" if punctual else self.file.units,
+            "photometric" if punctual or nits else self.file.units,
             self.file.title if not self.bare else self.name,
             self.file.defaults,
             tuple(self.notes),

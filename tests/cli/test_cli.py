@@ -11,7 +11,7 @@ import pytest
 
 from app import __main__ as cli
 from app.cli.options import settings_of
-from app.settings import LampSetting, Settings
+from app.settings import LampSetting, Settings, open_scene
 from tests.support.cli_support import FAST, one_line
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -108,10 +108,11 @@ WORDS = {
 
 @pytest.mark.parametrize("command", OPTIONS)
 def test_every_command_has_a_scene_and_only_options_it_reads(command, capsys):
-    scene = "x.toml --mobile a.glb --mobile b.glb --max-edge 0.1 --up z --allow-outside"
+    scene = "x.toml --mobile a.glb --mobile b.glb --max-edge 0.1 --up z --units photometric --allow-outside"
     scene += " --pose chair=-1,2,3 --pose lamp=a=0,0,0,1,0,0,0"
     s = settings(*command.split(), *scene.split())
     assert (s.scene, s.mobiles, s.max_edge, s.up, s.allow_outside) == ("x.toml", ("a.glb", "b.glb"), 0.1, "z", True)
+    assert s.units == "photometric" and open_scene(Settings("cornell", units=s.units)).units == "photometric"
     assert s.poses == (("chair", (-1, 2, 3)), ("lamp=a", (0, 0, 0, 1, 0, 0, 0)))
     for field, (words, value) in WORDS.items():
         if field in OPTIONS[command]:

@@ -97,6 +97,16 @@ def test_glb_light_and_camera(tmp_path):
     np.testing.assert_allclose(np.subtract(scene.camera.target, scene.camera.position), [0, 0, -1], atol=1e-12)
 
 
+def test_emission_of_a_gltf_file_is_in_candela_per_square_metre(tmp_path):
+    """KHR_materials_emissive_strength; a scene file states its units itself."""
+    nits = {"name": "lamp", "emissiveFactor": [1, 1, 1]}
+    lit = write_glb(tmp_path / "lit.glb", BOX, BOX_FACES, material=nits)
+    assert load_scene(lit).units == "photometric"
+    assert load_scene(write_glb(tmp_path / "dark.glb", BOX, BOX_FACES)).units == "radiometric"
+    (tmp_path / "lit.toml").write_text('[static]\nmesh = "lit.glb"\n')
+    assert load_scene(tmp_path / "lit.toml").units == "radiometric"
+
+
 def test_a_scaled_file_looks_the_same_with_its_own_lights_and_camera(tmp_path):
     """A room in millimetres, lights and camera inside: at scale 0.001 every surface receives the same light.
 

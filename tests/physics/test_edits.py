@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 
 from gi_core.bsdf.ggx import further_albedo
 from gi_core.estimators import ESTIMATORS
-from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove, edited, finish_of, piece_at
+from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove, edited, piece_at, with_edit
+from gi_core.files.finishing import finish_of, is_textured, parts_of
 from gi_core.files.load import load_scene
 from gi_core.geometry.sides import NONE
 from gi_core.model import Model
 from gi_core.scene.errors import SceneError
 from gi_core.scene.pose import axis_angle
-from gi_core.scene.types import Material, Mobile, PointLight, Pose, Scene, SkyLight
+from gi_core.scene.types import Material, Mesh, Mobile, Paint, PointLight, Pose, Scene, SkyLight, Texture
 from gi_core.solver import Solver, edited_solver, photons_of
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
 from tests.support.photometry import luminaire
@@ -27,8 +28,18 @@ GIVEN = {"photons": 6000, "radius": 0.15, "neighbours": 6, "seed": 5}
 TURNED = Pose((0.4, 0.6, 0.2), axis_angle((0, 0, 1), 30))
 
 
+def textured_box() -> Mesh:
+    """A box whose lower half is plain wall, and whose upper half is crate under a texture."""
+    low, high = box((-0.12, -0.12, 0), (0.12, 0.12, 0.12), 1, 0), box((-0.12, -0.12, 0.12), (0.12, 0.12, 0.24), 1, 3)
+    mesh, image = merge(low, high), Texture(np.arange(48, 240, 4, dtype=np.uint8).reshape(4, 4, 3))
+    upper = mesh.face_material == 3
+    uv = np.broadcast_to(np.array([[0, 0], [1, 0], [1, 1]], np.float32), (len(upper), 3, 2))
+    colour = np.where(upper[:, None, None], 1.0, np.array([0.8, 0.6, 0.4])) * np.ones((1, 3, 1))
+    return mesh._replace(paint=Paint((image,), np.where(upper, 0, -1).astype(np.int32), uv, colour.astype(np.float32)))
+
+
 def room(lights=None) -> Scene:
-    """A room with a screen and a crate that stand still, and two mobiles."""
+    """A room with a screen and a crate that stand still, and two mobiles: a box of two parts, a ball."""
     materials = (
         Material("wall", (0.8, 0.6, 0.4)),
         Material("lamp", (0.5, 0.5, 0.5), (3.0, 2.0, 1.0)),
@@ -42,7 +53,7 @@ def room(lights=None) -> Scene:
         box((0.7, 0.7, 0.0), (0.9, 0.9, 0.2), 2, 3),
     )
     mobiles = (
-        Mobile("box", box((-0.12, -0.12, 0), (0.12, 0.12, 0.24), 1, 0), Pose((0.6, 0.4, 0.0))),
+        Mobile("box", textured_box(), Pose((0.6, 0.4, 0.0))),
         Mobile("ball", sphere((0, 0, 0), 0.15, 1, 2), Pose((0.3, 0.7, 0.4))),
     )
     given_lights = (PointLight("bulb", (0.8, 0.2, 0.7), (0.5, 0.5, 2.0)), luminaire("spot", (0.4, 0.3, 0.6)))
@@ -69,6 +80,8 @@ EDITS = {
     "metal": Finish("screen", (("reflectance", (0.9, 0.6, 0.2)), ("metallic", 1.0), ("roughness", 0.4))),
     "varnish": Finish("ball", (("reflectance", (0.1, 0.8, 0.2)), ("roughness", 0.5), ("ior", 1.6))),
     "model": Finish("box", (("brdf", "ward"), ("kd", 0.2), ("ax", 0.4), ("scale", True))),
+    "part": Finish("box", (("reflectance", (0.2, 0.2, 0.9)),), part="wall"),
+    "glaze": Finish("box", (("roughness", 0.3),), part="crate"),
     "duplicate": Duplicate("ball 2", "ball", Pose((0.8, 0.3, 0.3))),
     "remove": Remove("box"),
     "promote": Promote("crate", CRATE),
@@ -135,6 +148,19 @@ step = st.one_of(
         st.sampled_from(["wall", "screen", "crate", "lamp"]),
         st.sampled_from([(0.1,) * 3, (0.9, 0.5, 0.0)]),
         st.sampled_from([(), (("roughness", 0.4),), (("metallic", 1.0), ("roughness", 0.3))]),
+    ),
+    st.builds(
+        lambda part, values: Finish("box", values, part=part),
+        st.sampled_from(["wall", "crate"]),
+        st.sampled_from(
+            [
+                (),
+                (("roughness", 0.4),),
+                (("metallic", 0.6), ("roughness", 0.3)),
+                (("reflectance", (0.9, 0.5, 0.1)),),
+                (("brdf", "ward"), ("kd", 0.2), ("scale", True)),
+            ]
+        ),
     ),
     st.builds(lambda n, x: Duplicate(f"copy {n}", "ball", Pose((x, 0.4, 0.4))), st.integers(0, 9), st.floats(0.2, 0.8)),
     st.sampled_from(
@@ -229,6 +255,11 @@ def test_a_mobile_from_a_file_is_that_of_a_scene_loaded_with_it(tmp_path):
         (Finish("ball", (("brdf", "wrad"),)), 'unknown reflection model "wrad"'),
         (Finish("ball", (("brdf", "ward"), ("gloss", 0.2))), "the material of 'ball'"),
         (Finish("ball", (("emission", (1.0, 1.0, 1.0)),)), "the material of 'ball'"),
+        (
+            Finish("box", (("roughness", 0.3),), part="leg"),
+            "mobile 'box' has no part 'leg'; there is \"wall\", \"crate\"",
+        ),
+        (Finish("chair", (), part="leg"), 'no mobile is called \'chair\'; there is "box", "ball"'),
         (Remove("chair"), 'no mobile is called \'chair\'; there is "box", "ball"'),
         (Duplicate("box", "ball", Pose()), "a new mobile must have a name of its own, got 'box'"),
         (
@@ -274,3 +305,76 @@ def test_a_metal_has_further_reflections_alone_where_faces_have_colours():
     of = surfaces.face_range(0)
     assert screen.any()
     assert surfaces.reflectance[of][screen] == pytest.approx(further_albedo(surfaces.lobe[of][screen]))
+
+
+def colours_of(scene: Scene, part: str) -> np.ndarray:
+    """Return the reflectance (n, 3) of the faces of a part of the box."""
+    surfaces, mesh = Model(scene).surfaces, scene.mobiles[0].mesh
+    rows = np.array([m.name.removeprefix("box: ") == part for m in scene.materials])[mesh.face_material]
+    return surfaces.reflectance[surfaces.face_range(1)][rows]
+
+
+def test_a_part_alone_is_edited():
+    """The other part of the object keeps colour and texture; so do walls of the same material."""
+    scene = edited(room(), [EDITS["part"]])
+    assert colours_of(scene, "wall") == pytest.approx(np.full((12, 3), (0.2, 0.2, 0.9)))
+    assert np.array_equal(colours_of(scene, "crate"), colours_of(room(), "crate"))
+    assert np.array_equal(scene.mobiles[0].mesh.paint.face_texture, room().mobiles[0].mesh.paint.face_texture)
+    static = Model(scene).surfaces.face_range(0)
+    assert np.array_equal(Model(scene).surfaces.reflectance[static], Model(room()).surfaces.reflectance[static])
+    assert parts_of(scene, "box") == parts_of(room(), "box") == ("wall", "crate")
+    again = edited(scene, [EDITS["part"]._replace(material=(("reflectance", (0.5, 0.1, 0.1)),))])
+    assert colours_of(again, "wall") == pytest.approx(np.full((12, 3), (0.5, 0.1, 0.1)))
+
+
+def test_a_texture_stays_until_a_reflectance_replaces_it():
+    scene = edited(room(), [EDITS["glaze"]])
+    assert is_textured(scene, "box", False, "crate") and not is_textured(scene, "box", False, "wall")
+    before, after = room().mobiles[0].mesh, scene.mobiles[0].mesh
+    assert np.array_equal(after.paint.corner_colour, before.paint.corner_colour)
+    assert dict(finish_of(scene, Model(scene).surfaces, "box", False, "crate"))["roughness"] == pytest.approx(0.3)
+    assert dict(finish_of(scene, Model(scene).surfaces, "box", False, "wall")).keys() == {"reflectance"}
+    matte = edited(scene, [EDITS["glaze"]._replace(material=())])
+    assert np.array_equal(colours_of(matte, "crate"), colours_of(room(), "crate"))
+    red = edited(scene, [EDITS["glaze"]._replace(material=(("reflectance", (0.8, 0.1, 0.1)), ("roughness", 0.3)))])
+    assert not is_textured(red, "box", False, "crate")
+
+
+def test_metal_takes_light_from_a_texture_and_gives_it_back():
+    """0.6 of the light meets the metal, so the base has about 0.4 of its colours; without metal it has all of them."""
+    metal = edited(room(), [EDITS["glaze"]._replace(material=(("metallic", 0.6), ("roughness", 0.3)))])
+    paint, plain = metal.mobiles[0].mesh.paint, room().mobiles[0].mesh.paint
+    upper = plain.face_texture >= 0
+    assert paint.face_texture[upper].min() == 0 and is_textured(metal, "box", False, "crate")
+    share = paint.corner_colour[upper] / plain.corner_colour[upper]
+    assert (share > 0.3).all() and (share < 0.5).all()
+    found = dict(finish_of(metal, Model(metal).surfaces, "box", False, "crate"))
+    assert found["metallic"] == pytest.approx(0.6, abs=1e-3)
+    back = edited(metal, [EDITS["glaze"]])
+    assert back.mobiles[0].mesh.paint.corner_colour[upper] == pytest.approx(plain.corner_colour[upper], abs=1e-3)
+    pure = edited(room(), [EDITS["glaze"]._replace(material=(("metallic", 1.0), ("roughness", 0.3)))])
+    flat = edited(pure, [EDITS["glaze"]])
+    mean = colours_of(room(), "crate").mean(axis=0)
+    assert flat.mobiles[0].mesh.paint.corner_colour[upper] == pytest.approx(np.tile(mean, (12, 3, 1)), abs=0.01)
+
+
+def test_a_mobile_of_the_name_of_a_static_material_is_edited_apart():
+    """A piece made movable has the name of its material, which walls may share."""
+    scene = edited(room(), [Promote("wall", CRATE)])
+    walls = Finish("wall", (("reflectance", (0.1, 0.2, 0.3)),))
+    piece = Finish("wall", (("reflectance", (0.9, 0.1, 0.1)),), part="crate")
+    scene = edited(scene, [walls, piece])
+    surfaces = Model(scene).surfaces
+    static = surfaces.reflectance[surfaces.face_range(0)][scene.static.face_material == 0]
+    assert static == pytest.approx(np.full(static.shape, (0.1, 0.2, 0.3)))
+    moved = surfaces.reflectance[surfaces.face_range(3)]
+    assert moved == pytest.approx(np.full(moved.shape, (0.9, 0.1, 0.1)))
+
+
+def test_a_finish_takes_the_place_of_an_earlier_one():
+    wall, crate, copy = EDITS["part"], EDITS["glaze"], EDITS["duplicate"]
+    later = wall._replace(material=(("reflectance", (0.5, 0.1, 0.1)),))
+    assert with_edit([wall, crate], later) == (crate, later)
+    assert with_edit([wall, copy], later) == (wall, copy, later), "a copy may show the earlier one"
+    static = Finish("wall", (("reflectance", (0.1, 0.2, 0.3)),))
+    assert with_edit([wall, static], later) == (wall, static, later)

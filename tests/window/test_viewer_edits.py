@@ -15,6 +15,7 @@ from app.window.actions.objects import insert, is_mesh
 from app.window.panel.material import Refinish
 from gi_core.files.edits import Finish, Freeze, Remove, edited
 from gi_core.scene import Pose
+from gi_core.scene.types import Paint, Texture
 from gi_core.solver import Solver, photons_of
 from tests.support import viewer_support as support
 from tests.support.mesh_writers import BOX, BOX_FACES, write_glb
@@ -103,7 +104,7 @@ def test_a_held_slider_is_followed_and_undone_as_one_step(play):
             viewer._do(Refinish("white", value, first=False))
             hand.ctx.yield_()
             shown.append(viewer.session.settings.edits)
-            assert viewer.session.finish_of("white", True) == value, "the panel shows the newest value"
+            assert viewer.session.finish_of("white", True).values == value, "the panel shows the newest value"
         hand.wait(lambda: viewer.session is not first)
         assert viewer.session is coming, "a newer value does not start the opening again"
         viewer._do(Refinish("white", values[-1], first=False))
@@ -338,12 +339,85 @@ def test_the_panel_edits_the_material_of_the_clicked_wall(play, monkeypatch):
     assert errors(play(script, open_with=open_edited)) == []
 
 
+def two_part_room():
+    """The room, whose block has a front of red under a texture."""
+    scene = support.room()
+    (block,) = scene.mobiles
+    front = block.mesh.vertices[block.mesh.faces][:, :, 2].min(axis=1) > 0.11
+    uv = np.broadcast_to(np.array([[0, 0], [1, 0], [1, 1]], np.float32), (len(front), 3, 2))
+    image = Texture(np.arange(48, 240, 4, dtype=np.uint8).reshape(4, 4, 3))
+    colour = np.where(front[:, None, None], 1.0, 0.73) * np.ones((1, 3, 3))
+    mesh = block.mesh._replace(
+        face_material=front.astype(np.int32),
+        paint=Paint((image,), front.astype(np.int32) - 1, uv, colour.astype(np.float32)),
+    )
+    return replace(scene, mobiles=(block._replace(mesh=mesh),))
+
+
+def test_the_panel_edits_the_part_that_was_clicked(play, monkeypatch, folder):
+    """A texture stays under gloss, and the other part as it is; a reflectance replaces the texture."""
+    from gi_core.instruments import compile_ahead
+
+    monkeypatch.setattr(compile_ahead, "is_warm", lambda *of: True)  # compiles only the kernels that run
+
+    def open_parts(settings: Settings, earlier=None) -> Opening:
+        return Opening(settings, load=lambda settings: edited(two_part_room(), settings.edits), earlier=earlier)
+
+    def textured(viewer) -> int:
+        (block,) = viewer.session.scene.mobiles
+        return int((block.mesh.paint.face_texture >= 0).sum())
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        hand.ctx.mouse_move_to_pos(hand.at((0.5, 0.415, 0.5)))
+        hand.ctx.mouse_click(0)
+        hand.ctx.yield_(2)
+        facts = viewer._facts()
+        assert (facts.surface, facts.parts, facts.part, facts.textured) == ("block", ("white", "red"), "white", False)
+        hand.ctx.mouse_move_to_pos(hand.at(BLOCK_FRONT))
+        hand.ctx.mouse_click(0)
+        hand.ctx.yield_(2)
+        facts, whole = viewer._facts(), textured(viewer)
+        assert (facts.surface, facts.part, facts.textured) == ("block", "red", True)
+        assert viewer.viewport.readout().endswith("block, red")
+        hand.ctx.set_ref("Panel")
+        hand.ctx.item_close("Objects")
+        hand.ctx.item_open("Material")
+        change(hand, viewer, lambda: hand.ctx.combo_click("##Model/Metal-rough"))
+        (edit,) = viewer.session.settings.edits
+        assert edit == Finish("block", (("metallic", 0.0), ("roughness", 0.3), ("ior", 1.5)), part="red")
+        assert textured(viewer) == whole and viewer._facts().textured and viewer._facts().part == "red"
+        change(hand, viewer, lambda: hand.ctx.item_input_value("**/##Roughness", 0.2))
+        (edit,) = viewer.session.settings.edits
+        assert dict(edit.material)["roughness"] == pytest.approx(0.2) and textured(viewer) == whole
+        change(hand, viewer, lambda: hand.ctx.item_input_value("**/##reflectance/##X", 0.25))
+        (edit,) = viewer.session.settings.edits
+        assert "reflectance" in dict(edit.material) and textured(viewer) == 0 and not viewer._facts().textured
+        hand.ctx.combo_click("##Part/white")
+        hand.ctx.yield_(2)
+        assert viewer._facts().part == "white" and dict(viewer._facts().material)["reflectance"] == pytest.approx(
+            (0.73,) * 3
+        )
+        change(hand, viewer, lambda: hand.ctx.item_input_value("**/##reflectance/##X", 0.4))
+        white = Finish("block", (("reflectance", pytest.approx((0.4, 0.73, 0.73))),), part="white")
+        assert viewer.session.settings.edits == (edit, white)
+        saved_scene.write(folder / "saved.toml", viewer.session.settings)
+        assert saved_scene.read(str(folder / "saved.toml")).edits == viewer.session.settings.edits
+        for edits in (1, 1, 1, 0):
+            change(hand, viewer, lambda: viewer._do("undo"))
+            assert len(viewer.session.settings.edits) == edits
+        assert textured(viewer) == whole
+
+    assert errors(play(script, open_with=open_parts)) == []
+
+
 def test_a_saved_scene_keeps_its_edits(folder):
     from gi_core.files.edits import Duplicate, Insert, Promote
 
     thing = write_glb(folder / "thing.glb", BOX * 0.1, BOX_FACES)
     edits = (
         Finish("wall", (("reflectance", (0.1, 0.25, 0.98)),)),
+        Finish("pawn", (("metallic", 1.0), ("roughness", 0.25)), part="base"),
         Finish("ground", (("brdf", "ward"), ("ax", 0.3), ("ks", (0.3, 0.2, 0.1)), ("scale", True))),
         Insert("thing", str(thing), AWAY),
         Insert("other", str(thing)),

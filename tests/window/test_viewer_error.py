@@ -69,7 +69,7 @@ def test_error_is_measured_at_rest_and_mapped_with_a_legend(play, monkeypatch):
         hand.ctx.combo_click("##Scale/\N{PLUS-MINUS SIGN}10 %")
         hand.wait(lambda: shown(viewer).errors.scale == 0.1)
         errors_of.next_task = next_task
-        hand.ctx.combo_click("##Show/Radiance")
+        hand.ctx.combo_click("##Show/Picture")
 
         # It disappears with a move, and returns.
         hand.press(keys().space)

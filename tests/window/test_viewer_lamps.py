@@ -9,7 +9,7 @@ import pytest
 
 from app.draw.kelvin import REC709, colour_of, factor, kelvin_of
 from app.settings import LampSetting
-from app.window.panel.lamps import BRIGHTEST
+from app.window.panel.lamps import BRIGHTEST, recoloured
 from gi_core.scene import PointLight
 from tests.support import viewer_support as support
 from tests.support.viewer_hand import BLOCK_FRONT, errors
@@ -88,7 +88,7 @@ def test_a_held_slider_follows_the_mouse_in_one_step_of_undo(play):
         ctx.item_close("**/Objects")
         slider = f"**/{session.model.emitters.lamps.names[1]}/##level"
         ctx.item_input_value(slider, 900.0)
-        assert level() == BRIGHTEST, "typed in per cent, and limited"
+        assert level() == 9.0, "typed in per cent, over the end of the slider"
         low, high = ctx.item_info(slider).rect_full.min, ctx.item_info(slider).rect_full.max
         levels = []
         ctx.mouse_move(slider)
@@ -101,7 +101,7 @@ def test_a_held_slider_follows_the_mouse_in_one_step_of_undo(play):
         hand.wait_for_light()
         assert session.light.snapshot.levels[1].tolist() == [levels[-1]] * 3
         session.undo()
-        assert level() == BRIGHTEST
+        assert level() == 9.0
         session.undo()
         assert level() == 1.0
         session.redo()
@@ -147,3 +147,61 @@ def test_a_temperature_keeps_luminance_and_dark_channels():
     assert made @ REC709 == pytest.approx(np.dot(base, REC709))
     assert made / made[1] == pytest.approx(np.array(colour_of(3000.0)) / colour_of(3000.0)[1])
     assert factor(3000.0, (1.0, 0.0, 0.0))[1:] == (0.0, 0.0)
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_other_light_says_how_to_meter_the_exposure(play):
+    """Solo left a dark picture without a word, and so did a lamp that was out; one at half its level needs none."""
+
+    def script(hand, viewer):
+        session, ctx = viewer.session, hand.ctx
+        hand.wait_for_light()
+        ctx.item_close("**/Objects")
+        ctx.item_input_value("**/lamp/##level", 50.0)
+        hand.wait_for_light()
+        assert session.log.last is None or "exposure" not in session.log.last.text
+        exposure = session.settings.exposure
+        ctx.item_click("**/bulb/Solo")
+        hand.wait_for_light()
+        hint = session.log.last
+        assert hint.text == "the exposure stays as it was: key A meters it"
+        assert session.settings.exposure == exposure
+        ctx.item_click("**/bulb/All")
+        hand.wait_for_light()
+        assert session.log.last.text == hint.text and session.log.last is not hint
+        hint = session.log.last
+        ctx.item_input_value("**/lamp/##level", 4.0)
+        hand.wait_for_light()
+        assert session.log.last.text == hint.text and session.log.last is not hint
+
+    scene = replace(support.room(), lights=(PointLight("bulb", (0.8, 0.2, 0.8), (0.2, 0.2, 0.2)),))
+    play(script, replace(support.SETTINGS, light="photons"), support.opening(scene))
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl", "folder")
+def test_rgb_is_the_colour_of_the_light(play):
+    """It was a factor on the colour in the scene file: a peach lamp read 1, 1, 1 beside a white patch."""
+
+    def script(hand, viewer):
+        ctx = hand.ctx
+        hand.wait_for_light()
+        ctx.item_close("**/Objects")
+        base = viewer._facts().lamp_colours[1]
+        box = ctx.item_info("**/bulb/Solo").rect_full
+        ctx.mouse_move_to_pos((box.max.x + 15, (box.min.y + box.max.y) / 2))  # the patch of the lamp's colour
+        ctx.mouse_click(0)
+        ctx.yield_(2)
+        ctx.item_input_value("//$FOCUSED/RGB/##X", 0.25)
+        hand.wait_for_light()
+        (lamp,) = viewer.session.settings.lamps
+        assert lamp.colour == (pytest.approx(0.25 / base[0]), 1.0, 1.0)
+        assert np.allclose(viewer.session.light.snapshot.levels[1], lamp.colour)
+
+    play(script, replace(support.SETTINGS, light="photons"), support.opening(two_lamps()))
+
+
+def test_a_channel_without_light_stays_dark():
+    assert recoloured((1.0, 0.5, 1.0), (2.0, 0.3, 0.0), (2.0, 0.3, 4.0), (2.0, 0.6, 0.0)) == (1.0, 0.5, 1.0)
+    assert recoloured((1.0, 0.5, 1.0), (2.0, 0.3, 0.0), (1.0, 0.6, 4.0), (2.0, 0.6, 0.0)) == (0.5, 1.0, 1.0)

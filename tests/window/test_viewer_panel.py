@@ -81,7 +81,7 @@ def test_panel_controls(play):
         assert hand.pixels().mean() > dark.mean() + 20
 
         ctx.combo_click("##Tone map/Clip")
-        ctx.combo_click("##Show/Irradiance")
+        ctx.combo_click("##Show/Light alone")
         ctx.item_uncheck("Back-face culling")
         ctx.yield_(2)
         s = session.settings

@@ -109,6 +109,32 @@ def test_each_side_of_a_wipe_reads_its_own_light(play):
     assert errors(play(script, replace(support.SETTINGS), support.opening(lamp_over_floor()))) == []
 
 
+def test_units_are_chosen_in_the_panel(play, folder):
+    """Read-out, lamps, saved scene and false colours follow at once; the light stays, and another scene has its own."""
+    from app.session.reload import settings_for
+
+    def script(hand, viewer):
+        hand.wait_for_light()
+        light, viewport = viewer.session.irradiance, viewer.viewport
+        hand.move(hand.at((0.3, -0.2, 0.0)))
+        assert " W/m²" in viewport.readout() and not viewer._facts().photometric
+        hand.ctx.set_ref("Panel")
+        hand.ctx.combo_click("##Units/lx, cd\\/m², lm")
+        hand.move(hand.at((0.3, -0.2, 0.0)))
+        assert " lx  ·  luminance" in viewport.readout() and viewer._facts().photometric
+        assert viewport.picture.units.per_area == "lx" and viewer.session.irradiance is light
+        saved_scene.write(folder / "saved.toml", viewer.session.settings)
+        assert saved_scene.read(str(folder / "saved.toml")).units == "photometric"
+        assert "--units=photometric" in viewer.files.command(viewer.session, viewport)
+        assert settings_for(viewer.session, "cornell", ()).units is None
+        hand.ctx.combo_click("##Units/W\\/m², W\\/m²\\/sr, W")
+        hand.ctx.yield_(2)
+        assert viewer.session.scene.units == "radiometric"
+
+    scene = replace(lamp_over_floor(), units="radiometric")
+    assert errors(play(script, replace(support.SETTINGS), support.opening(scene))) == []
+
+
 def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play):
     """A pixel has the colour of the illuminance at its place. The scale is fitted at rest, not during a drag."""
     from app.draw.colour_map import sequential_colours
@@ -119,7 +145,7 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
         hand.wait(lambda: viewer.session.light.all_done)
         assert viewport.picture.scale is None
         hand.ctx.set_ref("Panel")
-        hand.ctx.combo_click("##Show/Illuminance")
+        hand.ctx.combo_click("##Show/Illuminance in lx")
         hand.wait(lambda: viewport.picture.scale is not None)
         hand.ctx.yield_(25)
         scale, picture = viewport.picture.scale, hand.pixels()
@@ -151,7 +177,7 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
         hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True, (), "illuminance"))
 
         # Luminance of the diffuse floor, without a lamp in view: rho E / pi.
-        hand.ctx.combo_click("##Show/Luminance")
+        hand.ctx.combo_click("##Show/Luminance in cd\\/m²")
         hand.wait(lambda: viewport.picture.scale is not None and viewport.picture.scale.quantity == "luminance")
         hand.ctx.yield_(25)
         scale, picture = viewport.picture.scale, hand.pixels()
@@ -161,7 +187,7 @@ def test_false_colours_show_the_closed_form_and_keep_their_scale_in_motion(play)
             expected = 255 * sequential_colours(scale.position(np.array([L])))[0]
             column, row = (int(c - o) for c, o in zip(hand.at((x, y, 0.0)), viewport.view.origin, strict=True))
             assert np.abs(picture[row, column] - expected).max() <= 6, (L, picture[row, column])
-        hand.ctx.combo_click("##Show/Illuminance")
+        hand.ctx.combo_click("##Show/Illuminance in lx")
         hand.wait(lambda: viewport.picture.scale == (10.0, 1000.0, True, (), "illuminance"))
 
         # Lines of equal light are circles about the lamp's foot, on known radii.

@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 
 from app.window.actions import files, objects, picture, views
 from app.window.actions.parts import Window
-from app.window.panel.material import Refinish
+from app.window.panel.material import ChoosePart, Refinish
 from app.window.panel.objects import Move, Select
 from app.window.panel.readouts import Edit
 from app.window.window import toggle_full_screen
@@ -19,7 +19,7 @@ K = imgui.Key
 ESTIMATOR_KEYS = (K._1, K._2, K._3, K._4, K._5, K._6, K._7, K._8, K._9)
 
 
-Request = Select | Move | Refinish | Edit
+Request = Select | Move | Refinish | ChoosePart | Edit
 
 
 class Action(NamedTuple):
@@ -38,8 +38,10 @@ def act(window: Window, name: str | Request) -> None:
     match name:
         case Select(names):
             window.viewport.select(names)
-        case Refinish(surface, material, first):
-            objects.refinish(window, surface, material, first)
+        case Refinish():
+            objects.refinish(window, name)
+        case ChoosePart(part):
+            objects.choose_part(window, part)
         case Move():
             objects.move(window, name)
         case Edit(field, value, first, last):

@@ -6,19 +6,16 @@ import os
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.session.log import WARNING
 from app.window import dialogs
 from app.window.actions.parts import Window
+from app.window.panel.material import Refinish
 from app.window.panel.objects import Move
 from gi_core.scene import Pose
 from gi_core.scene.pose import carried, three
-
-if TYPE_CHECKING:
-    from gi_core.files.edits import Values
 
 
 def move(window: Window, asked: Move) -> None:
@@ -35,11 +32,15 @@ def move(window: Window, asked: Move) -> None:
         session.end_drag()
 
 
-def refinish(window: Window, surface: str, material: Values, first: bool = True) -> None:
-    """Change the reflection of a mobile or of a material of the static part; first: see Session.change_scene."""
+def refinish(window: Window, asked: Refinish) -> None:
+    """Change the reflection of a part of a mobile, or of a material of the static part."""
     from gi_core.files.edits import Finish
 
-    window.session.change_scene(Finish(surface, material), first=first)
+    window.session.change_scene(Finish(asked.surface, asked.material, asked.part), first=asked.first)
+
+
+def choose_part(window: Window, name: str) -> None:
+    window.viewport.part = name
 
 
 def rest(window: Window) -> None:

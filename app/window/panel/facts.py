@@ -69,7 +69,10 @@ class Facts:
     loading: tuple[str, float | None] | None = None  # phase and fraction of the scene being opened
     load_problem: str = ""  # of the last scene that failed to open
     surface: str = ""  # the mobile selected, or the material clicked; "": none
-    material: tuple[tuple[str, Any], ...] = ()  # of that surface, as `gi_core.files.edits.Finish` has it
+    parts: tuple[str, ...] = ()  # of that mobile, by material; () for a material of the static part
+    part: str = ""  # the one clicked, else the first
+    material: tuple[tuple[str, Any], ...] = ()  # of that surface or part, as `gi_core.files.edits.Finish` has it
+    textured: bool = False  # its colour is a texture, or several colours
     glossy: bool = False  # a face of the scene has gloss
     piece: bool = False  # a place of the static part has been clicked
 
@@ -89,14 +92,21 @@ def facts_of(
     selection: tuple[str, ...] = (),
     pinned: tuple[Pinned, ...] = (),
     clicked: str = "",
+    part: str = "",
 ) -> Facts:
-    """Return the facts of a ready session; clicked: the material of the static part clicked last, "" for none."""
+    """Return the facts of a ready session.
+
+    clicked: the material of the static part clicked last, "" for none; part: that of a mobile.
+    """
     from app.cli.saved_scene import lamp_at
     from app.draw.kelvin import of_luminance_one
     from gi_core.geometry.error import luminance
 
     snapshot, emitters = session.light.snapshot, session.model.emitters
     surface = clicked or (selection[-1] if selection else "")
+    parts = () if clicked or not surface else session.parts_of(surface)
+    part = part if part in parts or not parts else parts[0]
+    finish = session.finish_of(surface, bool(clicked), part if parts else "")
     return Facts(
         estimators=estimators,
         scene_size=session.chosen.scene_size,
@@ -146,6 +156,9 @@ def facts_of(
         loading=reload.progress,
         load_problem=reload.problem,
         surface=surface,
-        material=session.finish_of(surface, bool(clicked)),
+        parts=parts,
+        part=part if parts else "",
+        material=finish.values,
+        textured=finish.textured,
         piece=bool(clicked),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -12,8 +13,11 @@ from app.settings import LampSetting, Settings
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
 
-BRIGHTEST = 4.0  # times the level of the scene file
+BRIGHTEST = 4.0  # times the level of the scene file, by the slider
+MOST = 1000.0  # the same, typed; as gi_core.lights.lamps has it
 ROWS = 5  # lamps in view; more scroll
+RGB_FLAGS = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.hdr | imgui.ColorEditFlags_.no_small_preview
+ROUNDING = 1e-6  # of a colour: the field has float32
 
 _typed = [""]  # name of the light scene to keep
 
@@ -57,15 +61,17 @@ def _light_scenes(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         ui.label("Light scene")
         now = levels.index(asked) + 1 if asked in levels else 0
         changed, k = imgui.combo("##Light scene", now, ["-", *names])
-        ui.tip("Levels of all lamps, kept under a name. The light cross-fades within a second.")
+        ui.tip("A light scene is a named state of all lamps: levels, colours, on or off. The light cross-fades to it "
+               "within a second.")  # fmt: skip
         if changed and k:
             s = s.in_light_scene(facts.light_scenes[names[k - 1]])
             actions.add("fade")
     ui.label("Keep as")
     em = imgui.get_font_size()
     imgui.set_next_item_width(imgui.get_content_region_avail().x - 3.6 * em)
-    _, _typed[0] = imgui.input_text("##Keep as", _typed[0])
-    ui.tip("Name of a light scene: the levels of all lamps. File > Save scene stores it.")
+    _, _typed[0] = imgui.input_text_with_hint("##Keep as", "a light scene", _typed[0])
+    ui.tip("Keep the present levels of all lamps as a light scene, a named state that the list recalls. File > Save "
+           "stores it.")  # fmt: skip
     imgui.same_line()
     imgui.begin_disabled(not _typed[0].strip())
     if imgui.button("Keep", (-1, 0)):
@@ -89,7 +95,7 @@ def _row(lamp: LampSetting, solo: str, k: int, facts: Facts) -> tuple[bool, Lamp
     imgui.same_line(right - 5.2 * em)
     if imgui.button("Solo" if solo != lamp.name else "All", (3.2 * em, 0)):
         solo = "" if solo == lamp.name else lamp.name
-    ui.tip("This lamp alone; press again for all that are on.")
+    ui.tip("This lamp alone; press again for all that are on. The exposure stays, to compare lamps; key A meters it.")
     imgui.same_line(right - 1.5 * em)
     lamp = _colour(lamp, facts.lamp_colours[k])
     flux = _shown(_flux(lamp, solo, k, facts), facts)
@@ -98,8 +104,8 @@ def _row(lamp: LampSetting, solo: str, k: int, facts: Facts) -> tuple[bool, Lamp
     changed, percent = ui.float_slider(shown, 100 * lamp.dim, 0.0, 100 * BRIGHTEST, flux, identity="level")
     imgui.end_disabled()
     if changed:
-        lamp = lamp._replace(dim=min(max(percent / 100, 0.0), BRIGHTEST))
-    ui.tip(f"Level of the lamp, 100 % as in the scene file. Ctrl-click to type one, up to {100 * BRIGHTEST:.0f} %.")
+        lamp = lamp._replace(dim=min(max(percent / 100, 0.0), MOST))
+    ui.tip(f"Level of the lamp, 100 % as in the scene file. Ctrl-click to type one, up to {100 * MOST:.0f} %.")
     return lamp != before, lamp, solo
 
 
@@ -117,17 +123,29 @@ def _colour(lamp: LampSetting, base: tuple[float, float, float]) -> LampSetting:
         changed, kelvin = imgui.slider_float("K", now, COOLEST, HOTTEST, "%.0f", imgui.SliderFlags_.logarithmic)
         if changed:
             lamp = lamp._replace(colour=factor(kelvin, base))
-        changed, rgb = imgui.color_edit3(
-            "factor", list(lamp.colour), imgui.ColorEditFlags_.float.value | imgui.ColorEditFlags_.hdr.value
-        )
+        ui.tip("Colour temperature, from candle to blue sky. The luminance stays.")
+        changed, rgb = imgui.color_edit3("RGB", shown, RGB_FLAGS)
+        ui.tip("Red, green and blue of the light, linear; of luminance 1 in the scene file. A channel without light in "
+               "the scene file stays dark.")  # fmt: skip
         if changed:
-            r, g, b = (max(float(c), 0.0) for c in rgb)
-            lamp = lamp._replace(colour=(r, g, b))
+            lamp = lamp._replace(colour=recoloured(lamp.colour, shown, rgb, base))
         if imgui.button("As in the scene file"):
             lamp = lamp._replace(colour=(1.0, 1.0, 1.0))
         imgui.pop_item_width()
         imgui.end_popup()
     return lamp
+
+
+def recoloured(
+    factors: Sequence[float], before: Sequence[float], rgb: Sequence[float], base: Sequence[float]
+) -> tuple[float, float, float]:
+    """Return the factors of a lamp whose colour changes to `rgb`; base: its colour in the scene file.
+
+    A channel that has not been edited keeps its factor, bit for bit.
+    """
+    found = zip(factors, before, rgb, base, strict=True)
+    r, g, b = (f if b <= 0 or abs(new - old) < ROUNDING else max(new, 0.0) / b for f, old, new, b in found)
+    return r, g, b
 
 
 @lru_cache(maxsize=64)

@@ -40,14 +40,21 @@ def models() -> dict[str, dict[str, Parameter]]:
 
 
 class Refinish(NamedTuple):
-    """Request to change the reflection of a mobile or a material."""
+    """Request to change the reflection of a part of a mobile, or of a material."""
 
     surface: str
     material: Values
     first: bool = True  # not: the next value of a slider that is still held
+    part: str = ""
 
 
-_held: list[str] = []  # the surface whose slider is held
+class ChoosePart(NamedTuple):
+    """Request to show another part of the selected mobile."""
+
+    name: str
+
+
+_held: list[tuple[str, str]] = []  # the surface and part whose slider is held
 
 
 def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
@@ -55,6 +62,13 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
         imgui.text_disabled("Click on a surface, or select an object.")
         return s
     imgui.text_disabled(facts.surface)
+    if len(facts.parts) > 1:
+        ui.label("Part")
+        chosen, k = imgui.combo("##Part", facts.parts.index(facts.part), list(facts.parts))
+        ui.tip("Part of the object, by the material in its file. A click on the object chooses it too.")
+        if chosen:
+            actions.add(ChoosePart(facts.parts[k]))
+            return s
     values = dict(facts.material)
     model = values.get("brdf") or (METAL_ROUGH if "roughness" in values else DIFFUSE)
     ui.label("Model")
@@ -64,17 +78,43 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     if not imgui.is_any_item_active():
         _held.clear()
     if changed:
-        actions.add(Refinish(facts.surface, starting(names[k], values)))
+        given = starting(names[k], values)
+        actions.add(Refinish(facts.surface, _kept(given) if facts.textured else given, part=facts.part))
         return s
-    edited = False
+    edited, keeps = False, facts.textured
     for name, parameter in models()[model].items():
         value, moved = _edit(name, parameter, values.get(name, parameter.default))
         if moved:
             values[name], edited = value, True
+            keeps &= name != "reflectance"
+    if facts.textured:
+        _dim(_about_texture(model))
+    if facts.loading is not None:  # first gloss: kernels compile
+        _dim(facts.loading[0])
     if edited:
-        actions.add(Refinish(facts.surface, tuple(values.items()), first=facts.surface not in _held))
-        _held[:] = [facts.surface]
+        given, target = tuple(values.items()), (facts.surface, facts.part)
+        actions.add(Refinish(facts.surface, _kept(given) if keeps else given, target not in _held, facts.part))
+        _held[:] = [target]
     return s
+
+
+def _dim(text: str) -> None:
+    imgui.push_text_wrap_pos(0)
+    imgui.text_disabled(text)
+    imgui.pop_text_wrap_pos()
+
+
+def _kept(values: Values) -> Values:
+    """Return values of an edit that keeps the texture: without a reflectance."""
+    return tuple((name, value) for name, value in values if name != "reflectance")
+
+
+def _about_texture(model: str) -> str:
+    if model == DIFFUSE:
+        return "Textured: a new reflectance replaces the texture."
+    if model == METAL_ROUGH:
+        return "Textured: a new reflectance replaces the texture. Metal has its mean colour."
+    return "Textured, but this model shows one colour. Diffuse and Metal-rough show the texture."
 
 
 def starting(model: str, before: dict[str, Any]) -> Values:

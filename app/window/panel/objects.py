@@ -16,6 +16,10 @@ from gi_core.scene.pose import axis_angle, multiply_quaternions, rotation, three
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 SPEED = 1e-3  # of the scene size per pixel of a drag
 ROWS = 5  # of the list; more objects scroll
+UPRIGHT = 1e-6  # cosine of the angle about y at which those about x and z are one
+Angles = tuple[float, float, float]
+
+_shown: list[tuple[str, Angles]] = []  # the selected object in motion, and its angles in the last frame
 
 
 class Select(NamedTuple):
@@ -38,9 +42,11 @@ def draw(s: Settings, facts: Facts, actions: set[Any]) -> Settings:
     selected = facts.selected
     imgui.begin_disabled(selected not in facts.poses)
     pose = facts.poses.get(selected, Pose())
+    angles = angles_of(pose, *(last for name, last in _shown if name == selected))
+    _shown[:] = [(selected, angles)] if facts.moving or imgui.is_any_item_active() else []
     for name, values, about in (
         ("Position", pose.position, "Position [m]: x, y, z."),
-        ("Rotation", angles_of(pose), "Rotation [degrees] about x, then y, then z."),
+        ("Rotation", angles, "Rotation [degrees] about x, then y, then z."),
     ):
         speed, digits = (SPEED * facts.scene_size, "%.3f") if name == "Position" else (0.5, "%.1f")
         numbers, edited, first, last = ui.fields(name, values, speed, digits)
@@ -80,8 +86,18 @@ def _edits(facts: Facts, actions: set[Any], half: float) -> None:
     for name, action, enabled, about in (
         ("Duplicate", "duplicate", bool(facts.selected), "Put copies beside the selected objects."),
         ("Remove", "remove", bool(facts.selected), "Remove the selected objects."),
-        ("Make static", "freeze", bool(facts.selected), "Join the selected objects to the static part."),
-        ("Make movable", "promote", facts.piece, "Click on a static object, then make the connected piece movable."),
+        (
+            "Make static",
+            "freeze",
+            bool(facts.selected),
+            "Fix the selected objects in place. They join the static part: all that stands still.",
+        ),
+        (
+            "Make movable",
+            "promote",
+            facts.piece,
+            "Click on the static part, then make the piece there an object that moves: all its connected triangles.",
+        ),
     ):
         if action in ("duplicate", "freeze"):
             imgui.same_line()
@@ -92,15 +108,30 @@ def _edits(facts: Facts, actions: set[Any], half: float) -> None:
         imgui.end_disabled()
 
 
-def angles_of(pose: Pose) -> tuple[float, float, float]:
-    """Return the angles [degrees] about x, then y, then z whose product is the rotation of a pose."""
+def angles_of(pose: Pose, near: Angles = (0.0, 0.0, 0.0)) -> Angles:
+    """Return the angles [degrees] about x, then y, then z whose product is the rotation of a pose.
+
+    Two triples give each rotation, and many where y is 90: the one nearest to `near` is returned, each angle in
+    (-180, 180]. By default it is that of the smallest angles.
+    """
     R = rotation(pose)
-    y = math.asin(min(max(-float(R[2, 0]), -1.0), 1.0)) + 0.0  # never -0.0
+    y = math.asin(min(max(-float(R[2, 0]), -1.0), 1.0))
     x, z = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
-    return math.degrees(x), math.degrees(y), math.degrees(z)
+    if math.hypot(R[2, 1], R[2, 2]) < UPRIGHT:  # x and z turn about one axis
+        side = math.copysign(1.0, y)
+        z = math.radians(near[2])
+        x = side * z + math.atan2(side * R[0, 1], side * R[0, 2])
+    found = (x, y, z), (x + math.pi, math.pi - y, z + math.pi)
+    both = [three(_wrapped(math.degrees(angle)) for angle in triple) for triple in found]
+    return min(both, key=lambda triple: sum(abs(_wrapped(a - b)) for a, b in zip(triple, near, strict=True)))
 
 
-def turned(pose: Pose, angles: tuple[float, float, float]) -> Pose:
+def _wrapped(angle: float) -> float:
+    """Return an angle [degrees] in (-180, 180], never -0.0."""
+    return 180.0 - (180.0 - angle) % 360.0 + 0.0
+
+
+def turned(pose: Pose, angles: Angles) -> Pose:
     """Return a pose with the rotation of angles [degrees] about x, then y, then z."""
     x, y, z = (axis_angle(axis, angle) for axis, angle in zip(AXES, angles, strict=True))
     return pose._replace(quaternion=multiply_quaternions(z, multiply_quaternions(y, x)))

@@ -9,6 +9,7 @@ from typing import Any
 from imgui_bundle import imgui
 
 from app.cli import values
+from app.draw.units import PHOTOMETRIC, RADIOMETRIC, Units
 from app.settings import (
     ERROR_RANGES,
     ERRORS,
@@ -16,7 +17,6 @@ from app.settings import (
     ILLUMINANCE,
     LUMINANCE,
     PICTURE_SCALES,
-    SHOWS,
     TONE_MAPS,
     Settings,
 )
@@ -25,11 +25,6 @@ from app.window.panel.facts import Facts
 
 EXPOSURE_MARGIN = 10.0  # EV on either side of the exposure metered at load
 TONE_MAP_NAMES = {"aces": "ACES (filmic)", "reinhard": "Reinhard", "clip": "Clip"}
-SHOW_NAMES = {
-    "radiance": "Radiance", "irradiance": "Irradiance", ILLUMINANCE: "Illuminance", LUMINANCE: "Luminance",
-    ERRORS: "Error map",
-}  # fmt: skip
-UNITS = {ILLUMINANCE: ("W/m²", "lx"), LUMINANCE: ("W/m²/sr", "cd/m²")}  # radiometric, photometric
 AUTOMATIC = "Automatic"
 SWITCHES = {
     "white_balance": (
@@ -43,17 +38,30 @@ SWITCHES = {
 }
 
 
+def show_names(units: Units) -> dict[str, str]:
+    """Return the choices of the quantity shown, by value of `Settings.show`."""
+    return {
+        "radiance": "Picture",
+        "irradiance": "Light alone",
+        ILLUMINANCE: f"{units.on_surface} in {units.per_area}",
+        LUMINANCE: f"{units.from_surface.capitalize()} in {units.per_solid_angle}",
+        ERRORS: "Error map",
+    }
+
+
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
     low, high = facts.metered - EXPOSURE_MARGIN, facts.metered + EXPOSURE_MARGIN
     changed, exposure = ui.float_slider("Exposure", s.exposure, low, high, f"{s.exposure:+.1f} EV")
     if changed:
         s = replace(s, exposure=exposure)
     ui.tip("Exposure in stops; +1 EV doubles brightness. Metered at load, then fixed.")
-    s = ui.choice(s, "Show", "show", {k: SHOW_NAMES.get(k, k) for k in (*SHOWS, ERRORS)},
-                "Radiance: the picture. Irradiance: the light on surfaces, drawn as if all were white. "
-                "Illuminance: false colours of it, with a scale in lx or W/m². Luminance: false colours of the light "
-                "that reaches the camera, gloss and textures included. Error map: the error of irradiance against "
-                "the reference.")  # fmt: skip
+    units = PHOTOMETRIC if facts.photometric else RADIOMETRIC
+    s = ui.choice(s, "Show", "show", show_names(units),
+                "Picture: the light that the camera sees (radiance).\n"
+                "Light alone: the light on surfaces (irradiance), drawn as if all were white.\n"
+                f"{units.on_surface}: light per area on surfaces, in false colours.\n"
+                f"{units.from_surface.capitalize()}: light that the camera sees, in false colours.\n"
+                "Error map: error of irradiance against the reference.")  # fmt: skip
     s = _scale(s, facts)
     s = ui.choice(s, "Tone map", "tone_map", {k: TONE_MAP_NAMES.get(k, k) for k in TONE_MAPS},
                 "Map from radiance to display colour. ACES keeps highlights, Reinhard keeps hue, Clip is exact below "
@@ -88,7 +96,8 @@ def _scale(s: Settings, facts: Facts) -> Settings:
         fixed = s.false_colour_range or (facts.scale and facts.scale[:2])
         names = {None: AUTOMATIC}
         if fixed:
-            unit = UNITS.get(s.show, UNITS[ILLUMINANCE])[facts.photometric]
+            units = PHOTOMETRIC if facts.photometric else RADIOMETRIC
+            unit = units.per_solid_angle if s.show == LUMINANCE else units.per_area
             names[fixed] = f"{fixed[0]:g} to {fixed[1]:g} {unit}"
         s = ui.choice(s, "Scale", field, names,
                       "Automatic: fitted to the view at rest. Fixed: the present ends stay; "

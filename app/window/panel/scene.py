@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from imgui_bundle import imgui
 
-from app.settings import Settings
+from app.settings import UNITS, Settings
 from app.window import theme
 from app.window.panel import widgets as ui
 from app.window.panel.facts import Facts
+
+UNIT_NAMES = ["lx, cd/m², lm", "W/m², W/m²/sr, W"]  # of UNITS
 
 
 def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
@@ -24,6 +27,12 @@ def draw(s: Settings, facts: Facts, actions: set[str]) -> Settings:
         actions.add("reload")
     ui.tip("Read the scene's files again; settings and poses stay. Key F5.\n"
            "To open another scene: menu File, or drop its file on the window.")  # fmt: skip
+    ui.label("Units")
+    changed, k = imgui.combo("##Units", 0 if facts.photometric else 1, UNIT_NAMES)
+    ui.tip("Units of the numbers in the scene's files. Lights and emission of glTF are photometric by its standard. "
+           "For other files choose lx, then set the level of each lamp so that its lumens are right.")  # fmt: skip
+    if changed:
+        s = replace(s, units=UNITS[k])
     if facts.load_problem:
         imgui.push_style_color(imgui.Col_.text, (*theme.ERROR, 1.0))
         imgui.text_wrapped(facts.load_problem)

@@ -147,6 +147,21 @@ def compact(mesh: Mesh) -> Mesh:
     )
 
 
+def part_of(mesh: Mesh, rows: np.ndarray) -> Mesh:
+    """Return the mesh of some of the faces, rows (F,) bool, and of their vertices alone."""
+    paint, normals, colours = mesh.paint, mesh.corner_normals, mesh.face_reflectance
+    return compact(
+        Mesh(
+            mesh.vertices,
+            mesh.faces[rows],
+            mesh.face_material[rows],
+            None if normals is None else normals[rows],
+            None if colours is None else colours[rows],
+            None if paint is None else rows_of(paint, rows),
+        )
+    )
+
+
 def _clamped(materials: list[Material], plain: set[int], notes: list[str], where: str) -> list[Material]:
     """Return materials with reflectance clamped to the largest one; noted unless a texture gives the colour."""
     result, bright = [], []

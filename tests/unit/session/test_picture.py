@@ -25,7 +25,7 @@ def test_different_light_has_different_parameters():
     by_photons = metadata()
     assert by_photons == metadata()
     assert by_photons["static_light"] == by_photons["mobile_light"] == "photons" and by_photons["control"] == "True"
-    assert by_photons["error"] == "not measured" and by_photons["commit"] and by_photons["wipe"] == "-"
+    assert by_photons["error"] == "not measured" and by_photons["commit"] and by_photons["comparison"] == "-"
     solver.configure(light="best")
     solver.solve()
     best = metadata()
@@ -62,5 +62,5 @@ def test_the_wipe_and_the_reference_are_parameters():
     plain = Picture(settings, home_camera(solver))
     wiped = plain._replace(split=0.3)
     entries = wiped.metadata(snapshot_of(solver, work))
-    assert entries["light_shown"] == "reference" and entries["wipe"] == "reference right of 0.3 of the width"
+    assert entries["light_shown"] == "reference" and entries["comparison"] == "reference right of 0.3 of the width"
     assert plain != wiped != wiped._replace(settings=replace(settings, tone_map="clip"))
