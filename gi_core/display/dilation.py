@@ -186,10 +186,12 @@ class Dilation:
         """Return the rows (n,), ascending, with their lit neighbours, by irradiance (R, 3)."""
         of, neighbour = self._pairs(rows)
         light = luminance(irradiance.take(neighbour, axis=0))
-        lit = ~np.isin(neighbour, rows) & (light > BLACK * _brightest(of, len(rows), light)[of])
-        of, neighbour = of[lit], neighbour[lit]
-        some, count = np.unique(of, return_counts=True)
-        return Unreached(rows[some], np.concatenate([[0], np.cumsum(count)]), neighbour, np.delete(rows, some))
+        is_lit = np.ones(len(irradiance), bool)
+        is_lit[rows] = False
+        lit = is_lit[neighbour] & (light > BLACK * _brightest(of, len(rows), light)[of])
+        count = np.bincount(of[lit], minlength=len(rows))
+        some = count > 0
+        return Unreached(rows[some], np.append(0, np.cumsum(count[some])), neighbour[lit], rows[~some])
 
 
 def _is_dark(

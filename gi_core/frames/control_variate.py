@@ -33,7 +33,7 @@ from gi_core.base.jit import inlined, kernel
 from gi_core.base.threads import run_ranges
 from gi_core.gather.denoise import NO_WEIGHT, VARIANCE, smooth
 from gi_core.geometry.mesh_neighbours import Neighbours
-from gi_core.lights.mix import mixed, read_out
+from gi_core.lights.mix import GRAIN, mixed, read_out
 from gi_core.photons.flux_sums import CHUNK_BITS, CHUNK_GRAIN, NOT_ADDITIVE, Evaluated
 
 AROUND = 4.0  # disc radii: distance of the receivers over which changes are averaged
@@ -69,15 +69,11 @@ def _noise(sums, background, new_flux, levels, flux_per_cut, r):
 
 
 @kernel
-def _read_out(changed, sums, better, levels, scale, area, static, first, last, out):
-    """Write irradiance of chunks: in changed ones by sums from receiver `static` on, elsewhere better light."""
+def _read_own(changed, sums, background, levels, scale, area, first, last, out):
+    """Write irradiance of chunks first .. last - 1, by the background's sums where nothing changes."""
     for chunk in range(first, last):
         begin, end = chunk << CHUNK_BITS, min((chunk + 1) << CHUNK_BITS, len(out))
-        lit = min(max(begin, static), end) if changed[chunk] else end
-        for r in range(begin, min(lit, len(better))):
-            for c in range(3):
-                out[r, c] = better[r, c]
-        read_out(sums, levels, scale, area, lit, end, out)
+        read_out(sums if changed[chunk] else background, levels, scale, area, begin, end, out)
 
 
 @kernel
@@ -119,6 +115,19 @@ def _add(changed, better, change, first, last, out):
                 out[r, c] = max(better[r, c] + kept * change[r, c], 0.0)
 
 
+def own_irradiance(
+    frame: Evaluated, flux_unit: float, background: np.ndarray, levels: np.ndarray, threads: int
+) -> np.ndarray:
+    """Return E (R, 3) [W/m2] of a frame's own photons; arguments as for frame_irradiance()."""
+    out = np.empty((len(frame.sums), 3))
+
+    def read(_, first, last):
+        _read_own(frame.changed, frame.sums, background, levels, flux_unit, frame.area, first, last, out)
+
+    run_ranges(read, len(frame.changed), threads, CHUNK_GRAIN)
+    return out
+
+
 def frame_irradiance(
     frame: Evaluated,
     flux_unit: float,
@@ -132,17 +141,16 @@ def frame_irradiance(
     """Return E (R, 3) [W/m2] of a frame at levels (G, 3) of its lamps; flux_unit [W] of its sums.
 
     background: sums (n, 3 G) int64 of static receivers without mobiles, of the frame's photons. own, better:
-    irradiance (n, 3) [W/m2] without mobiles, of the frame's photons and of the better source. The same array for both
-    gives the frame's own light unchanged. near: static receivers within some AROUND radii of each.
+    irradiance (n, 3) [W/m2] without mobiles, of the frame's photons and of the better source. near: static receivers
+    within some AROUND radii of each.
     """
-    out, static = np.empty((len(frame.sums), 3)), 0 if better is own else len(better)
+    out, static = np.empty((len(frame.sums), 3)), len(better)
+    out[:static] = better
 
     def read(_, first, last):
-        _read_out(frame.changed, frame.sums, better, levels, flux_unit, frame.area, static, first, last, out)
+        read_out(frame.sums, levels, flux_unit, frame.area, static + first, static + last, out)
 
-    run_ranges(read, len(frame.changed), threads, CHUNK_GRAIN)
-    if not static:
-        return out
+    run_ranges(read, len(out) - static, threads, GRAIN)
     mean_levels = levels.mean(axis=1)
     flux_per_cut = frame.cut.per_photon(mean_levels)
     change = np.zeros((static, 4))  # and its variance

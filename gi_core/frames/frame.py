@@ -17,7 +17,7 @@ import numpy as np
 from gi_core.discs.contact.stale_receivers import ControlFacts
 from gi_core.display.probes import probe_irradiance
 from gi_core.frames.background import Background, Photons
-from gi_core.frames.control_variate import AROUND, frame_irradiance
+from gi_core.frames.control_variate import AROUND, frame_irradiance, own_irradiance
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.frame_size import FrameSize
 from gi_core.frames.progress import break_off_at
@@ -189,11 +189,13 @@ def next_frame(
 
 def _controlled(b: Background, light: FrameLight, sums: Evaluated, photons: int) -> np.ndarray:
     """Return irradiance (R, 3) [W/m2] of a frame's sums, with its static light as control variate."""
-    model, better = b.model, light.static.irradiance(b, photons)
-    scale, background = model.emitters.unit_flux / photons, b.estimate.background(photons)[0]
-    levels = light.setting.levels
-    given = sums, scale, background, b.irradiance(photons, levels), better, b.store.weights(levels)
-    return frame_irradiance(*given, light.static.around(AROUND * b.setting.radius), model.threads)
+    model, levels, static = b.model, light.setting.levels, light.static
+    given = sums, model.emitters.unit_flux / photons, b.estimate.background(photons)[0]
+    if static.is_own(b, photons):
+        return own_irradiance(*given, b.store.weights(levels), model.threads)
+    both = b.irradiance(photons, levels), static.irradiance(b, photons)
+    near = static.around(AROUND * b.setting.radius)
+    return frame_irradiance(*given, *both, b.store.weights(levels), near, model.threads)
 
 
 def light_from_scratch(shown: Frame, b: Background, light: FrameLight, poses: dict[str, Pose]) -> np.ndarray:

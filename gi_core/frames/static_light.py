@@ -66,6 +66,10 @@ class StaticLight:
             return self.gathered_at(self.setting.levels)
         return b.irradiance(photons if self.setting.prefix_only else b.estimate.photons, self.setting.levels)
 
+    def is_own(self, b: Background, photons: int) -> bool:
+        """Whether irradiance() is that of the frame's own photons: nothing is a better source."""
+        return not self.is_gathered and (self.setting.prefix_only or photons == b.estimate.photons)
+
     def shown_irradiance(self, shown: Background | None) -> np.ndarray:
         """Return irradiance() for all photons of the background on show; zeros without photons."""
         if shown is None or not (photons := shown.estimate.photons):
