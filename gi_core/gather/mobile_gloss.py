@@ -205,12 +205,13 @@ def _add(ready, n, cell, sums):
         ready[X + k], ready[Y + k], ready[Z + k], ready[WEIGHT + k] = weight * x, weight * y, weight * z, weight
     for k in range(np.uint64(n)):
         to = sums[cell[k]]
-        # All is read before anything is written: LLVM cannot know that the arrays do not overlap.
-        r, g, b, w = ready[RED + k], ready[GREEN + k], ready[BLUE + k], ready[WEIGHT + k]
-        x, y, z = ready[X + k], ready[Y + k], ready[Z + k]
-        r, g, b, w = to[0] + r, to[1] + g, to[2] + b, to[6] + w
-        x, y, z = to[3] + x, to[4] + y, to[5] + z
-        to[0], to[1], to[2], to[3], to[4], to[5], to[6] = r, g, b, x, y, z, w
+        to[0] += ready[RED + k]
+        to[1] += ready[GREEN + k]
+        to[2] += ready[BLUE + k]
+        to[3] += ready[X + k]
+        to[4] += ready[Y + k]
+        to[5] += ready[Z + k]
+        to[6] += ready[WEIGHT + k]
 
 
 @inlined

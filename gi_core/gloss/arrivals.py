@@ -91,10 +91,10 @@ def add_rays(arrivals, j, n, to, gone):
         cell = cell_of(x * ax + y * ay + z * az, x * bx + y * by + z * bz, w)
         weight = ray[7] * np.int64(ray[6] / math.sqrt(max(w, GRAZING)) + 0.5)
         out = to[cell] if ray[7] > 0 else gone[cell]
-        # All is read before anything is written: LLVM cannot know that the arrays do not overlap.
-        r, g, b = out[0] + ray[0], out[1] + ray[1], out[2] + ray[2]
-        x, y, z = out[3] + weight * ray[3], out[4] + weight * ray[4], out[5] + weight * ray[5]
-        out[0], out[1], out[2], out[3], out[4], out[5], out[6] = r, g, b, x, y, z, out[6] + weight
+        for c in range(3):
+            out[c] += ray[c]
+            out[3 + c] += weight * ray[3 + c]
+        out[6] += weight
         reached |= np.uint64(1) << np.uint64(cell)
     return reached
 
