@@ -13,6 +13,7 @@ from gi_core.base.threads import available_cores
 from gi_core.base.vectors import dot
 from gi_core.geometry.border_angle import covered_share
 from gi_core.geometry.receivers import Receivers
+from gi_core.geometry.shapes import Shapes
 from gi_core.geometry.sides import NONE
 from gi_core.geometry.surfaces import Surfaces, flatten
 from gi_core.lights.emission import build_emitters
@@ -66,6 +67,7 @@ class Model:
         self.eps = np.float32(END_EXTENSION * self.world.size)
         self.static = transforms([])
         self.first_probe = self.surfaces.receiver_range(0).stop - len(scene.probes)
+        self.shapes = Shapes()
 
     def _shifted(self, scene: Scene) -> Scene:
         """Return the scene with its places relative to `origins[0]`, and mobiles' meshes to their own origins."""
@@ -114,6 +116,27 @@ class Model:
         other = copy.copy(self)
         other.emitters = self.emitters.shared(shares)
         return other
+
+    def take_over_shapes(self, earlier: Model) -> None:
+        """Keep what an earlier model knows of objects that have the same triangles, sides and receivers here."""
+        if self.accelerator.rays != earlier.accelerator.rays:
+            return
+        before = {name: o for o, name in enumerate(earlier.names, 1)}
+        pairs = {0: 0} | {o: before[name] for o, name in enumerate(self.names, 1) if name in before}
+        alike = {
+            o: p
+            for o, p in pairs.items()
+            if all(np.array_equal(a, b) for a, b in zip(self._shape(o), earlier._shape(p), strict=True))
+        }
+        self.shapes.take_over(earlier.shapes, alike)
+
+    def _shape(self, o: int) -> list[np.ndarray]:
+        s, r = self.surfaces, self.object_receivers
+        rows, faces = s.receiver_range(o), s.face_range(o)
+        front, back, patch = s.corner_front[faces], s.corner_back[faces], s.patch[faces]
+        numbers = [front - rows.start, np.where(back >= 0, back - rows.start, back), patch - patch[:1]]
+        receivers = [r.positions[rows], r.normals[rows], r.areas[rows]]
+        return [s.vertices[o], s.faces[o], s.two_sided[faces], *numbers, *receivers]
 
     @cached_property
     def lamp_of_face(self) -> np.ndarray:

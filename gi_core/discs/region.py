@@ -60,6 +60,14 @@ def whole_discs(model: Model, o: int, radius: float) -> Regions:
 
 def regions(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:
     """Measure the regions of object o's receivers, in steps of a few ms; the generator returns them. radius [m]."""
+    given = radius, float(model.eps)
+    if (known := model.shapes.find("regions", o, *given)) is None:
+        known = yield from _measured(model, o, radius)
+        model.shapes.keep("regions", o, known, *given)
+    return Regions(known.row.copy(), known.reach, known.area.copy())
+
+
+def _measured(model: Model, o: int, radius: float) -> Generator[None, None, Regions]:
     s = model.surfaces
     rows = np.arange(*s.receiver_range(o).indices(len(model.object_receivers.areas)))
     points, normals = look_from(model, o, radius)

@@ -83,9 +83,13 @@ class Dilation:
         self._static_columns = np.ascontiguousarray(self._points[s.receiver_range(0)].T)
         self._place = np.full(len(points), UNKNOWN, np.int8)
         self._beside: dict[int, Beside] = {}  # by mobile, at its last pose: a lamp's slider moves nothing
-        for o in range(1, s.objects):
-            own = s.receiver_range(o)
-            self._place[own] = self._places(o, self._points[own], directions(self._normals[own]))
+        for o in range(s.objects):
+            own, given = s.receiver_range(o), (self._near, float(model.world.size))
+            if (known := model.shapes.find("places", o, *given)) is not None:
+                self._place[own] = known
+            elif o > 0:
+                self._place[own] = self._places(o, self._points[own], directions(self._normals[own]))
+            model.shapes.keep("places", o, self._place[own], *given)  # a view: those of the static part follow
         self._in_mobiles = np.flatnonzero(self._place == INSIDE)
         self._in_mobiles_pairs = self._pairs(self._in_mobiles)
 

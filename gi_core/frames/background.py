@@ -94,6 +94,8 @@ class Photons:
         self.model, self.seed = model, seed
         self.traced = 0  # photons, without those taken over
         self._known = None
+        if earlier is not None:
+            model.take_over_shapes(earlier.model)
         if earlier is not None and earlier.count and earlier.seed == seed:
             self._known = known_paths(earlier.model, model, earlier.prefix(earlier.count)[0])
         self.fates = no_flux(model.emitters.lamps.count)

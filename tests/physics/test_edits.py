@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gi_core.bsdf.ggx import further_albedo
+from gi_core.discs import region
 from gi_core.estimators import ESTIMATORS
 from gi_core.files.edits import Duplicate, Finish, Freeze, Insert, Promote, Remove, edited, piece_at, with_edit
 from gi_core.files.finishing import finish_of, is_textured, parts_of
@@ -101,6 +102,7 @@ def test_an_edited_solver_equals_a_new_one(kind, estimator):
     new.move_all({name: pose for name, pose in solver.poses.items() if name in new.poses})
     assert np.array_equal(other.irradiance, new.irradiance)
     assert np.array_equal(other.irradiance, other.from_scratch())
+    assert np.array_equal(other.drawn(other.irradiance).irradiance, new.drawn(new.irradiance).irradiance)
     for name, flux in new.frame.fates.items():
         assert np.array_equal(other.frame.fates[name], flux)
     other.move_all({name: Pose((0.5, 0.5, 0.3)) for name in other.model.names})
@@ -123,6 +125,42 @@ def test_a_colour_retraces_the_photons_that_met_it_and_no_others():
     more.solve()
     assert photons_of(more).traced == expected + 3000
     assert np.array_equal(more.irradiance, solved(edited(room(), [EDITS["material"]]), photons=9000).irradiance)
+
+
+def taller(scene: Scene) -> Scene:
+    """Return the scene with another ball of the same triangles and receivers."""
+    boxed, ball = scene.mobiles
+    mesh = ball.mesh._replace(vertices=ball.mesh.vertices * [1.0, 1.0, 1.2])
+    return replace(scene, mobiles=(boxed, ball._replace(mesh=mesh)))
+
+
+@pytest.mark.parametrize(
+    "change, new",
+    [
+        (lambda scene: edited(scene, [EDITS["material"]]), []),
+        (lambda scene: edited(scene, [EDITS["duplicate"]]), ["ball 2"]),
+        (lambda scene: edited(scene, [EDITS["promote"]]), ["", "crate"]),
+        (taller, ["ball"]),
+    ],
+)
+def test_an_edit_keeps_regions_of_the_shapes_that_stay(change, new, monkeypatch):
+    """Their rays took half of an edit's time. A shape is not known by its name or numbers of triangles."""
+    solver, measured, measure = solved(room()), [], region._measured
+
+    def counted(model, o, radius):
+        measured.append(["", *model.names][o])
+        return measure(model, o, radius)
+
+    monkeypatch.setattr(region, "_measured", counted)
+    other = edited_solver(solver, change(room()))
+    other.solve()
+    assert sorted(measured) == sorted(new)
+    assert np.array_equal(other.irradiance, solved(change(room())).irradiance)
+    discs, before = (
+        other.frame.background.estimate.searches[0].discs,
+        solver.frame.background.estimate.searches[0].discs,
+    )
+    assert discs.regions.row is not before.regions.row, "frames write to them"
 
 
 @pytest.mark.parametrize("kind", ["mobile", "duplicate", "remove"])
