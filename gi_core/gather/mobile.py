@@ -31,12 +31,12 @@ from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.sharp import in_probes
+from gi_core.lights.candidates import Candidates, candidates, join_candidates
 from gi_core.lights.light_sampling import Lights, aimed, steady
 from gi_core.lights.next_event import (
     LightSamples,
     Shadows,
     add_lit,
-    join_area,
     join_delta,
     light_samples,
     room_for_shadows,
@@ -49,6 +49,7 @@ from gi_core.scene.pose import to_world_at
 STREAM = 0x3B11  # separates these random numbers from those of photons and reference with the same seed
 BATCH_PATHS = 1 << 13  # paths per batch of receivers; of 2^11 .. 2^15, half take a tenth more time, twice none less
 CACHED_PATHS = 1 << 19  # paths with cached rays, some 100 bytes each
+PATHS_PER_SHADOW = 2  # bounces per shadow ray to an area light: docs/decisions 43
 SWEEPS = 32  # of Jacobi's method at most ...
 SETTLED = 1e-3  # ... or until a sweep changes the sum of all by less than this share
 
@@ -61,6 +62,14 @@ class ReceiverBatch(NamedTuple):
     directions: np.ndarray  # (n, 3) float32 unit, of bounces, object space
     bounce: BounceRays
     shadow: ShadowRays
+
+
+class LampPoints(NamedTuple):
+    """Lights, and where on them the shadow rays of all receivers of a mobile end."""
+
+    lights: Lights
+    candidates: Candidates  # on area lights
+    picks: LightSamples  # of delta lights
 
 
 class PathSums(NamedTuple):
@@ -112,9 +121,7 @@ class MobileGather:
             return light.direct
         if m not in self._directions:
             self._directions[m] = shared_directions(self._seed, m, KINDS)
-        lights = [self._lights_of(o, at) for o in range(1, len(at.position))]
-        paths = np.arange(1 << m)[None]
-        sampled = [(of, light_samples(self._seed, m, 0, paths, of)) for of in lights]
+        lamps = [self._lamps(o, at, m) for o in range(1, len(at.position))]
         places, kept, bounced = self._places(m), self._room(m), self._room_by_path(m)
 
         def work(_, first, last):
@@ -122,7 +129,7 @@ class MobileGather:
             for k in order[first:last]:
                 batch = kept[k] or self._batch(m, *places[k])
                 known = PathSums(*(a[batch.rows] for a in light))
-                found.append(self._gather(world, batch, at, *sampled[batch.mobile - 1], static, m, known, bounced))
+                found.append(self._gather(world, batch, at, lamps[batch.mobile - 1], static, m, known, bounced))
                 if (n << m) <= CACHED_PATHS:
                     kept[k] = batch
             return found
@@ -168,6 +175,12 @@ class MobileGather:
             self._aimed[o] = centre.tobytes(), lights._replace(area=aimed(lights.area, centre, radius))
         return self._aimed[o][1]
 
+    def _lamps(self, o: int, at: Transforms, m: int) -> LampPoints:
+        """Return where 2^m paths per receiver of mobile o look for lamps."""
+        lights, strata = self._lights_of(o, at), max((1 << m) // PATHS_PER_SHADOW, 1)
+        some = candidates(self._seed, strata, lights.area)
+        return LampPoints(lights, some, light_samples(self._seed, m, 0, np.arange(1 << m)[None], lights))
+
     def _places(self, m: int) -> list[tuple[int, slice]]:
         """Return mobile and receivers of each batch of 2^m paths per receiver."""
         ends, places = self._model.surfaces.first_receiver[1:] - self.first, []
@@ -193,14 +206,14 @@ class MobileGather:
         return ReceiverBatch(mobile, rows, directions, rays, ShadowRays(self._model, mobile))
 
     def _gather(
-        self, world: World, batch: ReceiverBatch, at: Transforms, lights: Lights, samples: LightSamples, static, m,
-        light: PathSums, bounced: np.ndarray,
+        self, world: World, batch: ReceiverBatch, at: Transforms, lamps: LampPoints, static, m, light: PathSums,
+        bounced: np.ndarray,
     ) -> tuple[Exchange, DirectLight | None]:  # fmt: skip
         """Gather at a batch of receivers: add known light to `light`, return the hits on mobiles.
 
         Of a glossy mobile, write `bounced`, as in PathLight, and return the direct light too.
         """
-        s, area = self._model.surfaces, lights.area
+        s, (lights, some, picks) = self._model.surfaces, lamps
         n, R, p = batch.rows.stop - batch.rows.start, at.rotation[batch.mobile, None], at.position[batch.mobile, None]
         positions = to_world_at(R, p, self._positions[batch.rows])
         normals = to_world_at(R, 0 * p, self._normals[batch.rows])
@@ -208,10 +221,10 @@ class MobileGather:
 
         def shadows() -> Shadows:
             deltas, rows = min(len(lights.delta.kind), 1 << m), np.arange(n)
-            rays = room_for_shadows((n << m) + n * deltas)
+            rays = room_for_shadows(n * (len(some.pick) + deltas))
             ends = starts(rows, rows, positions, normals)
-            count = join_area(world.bsdfs, samples, ends, area, gap, rays)
-            count = join_delta(world.bsdfs, samples, 1 << m, ends, lights.delta, far, gap, count, rays)
+            count = join_candidates(some, 1 << m, ends, lights.area, gap, rays)
+            count = join_delta(world.bsdfs, picks, 1 << m, ends, lights.delta, far, gap, count, rays)
             return Shadows(*(a[:count] for a in rays))
 
         rays, blocked = batch.shadow.occluded(at, shadows)
@@ -224,7 +237,7 @@ class MobileGather:
         known = Field(s.corner_front, s.corner_back, static)
         bounces = Bounces(1 << m, normals, R[0], batch.directions, distance, face)
         total = np.zeros((count, 3)) if glossy else light.bounced
-        met = one_bounce.meet(world, at, area, lights.sky, known, bounces, self.first, first, total, out)
+        met = one_bounce.meet(world, at, lights.area, lights.sky, known, bounces, self.first, first, total, out)
         hits = Exchange(*(a[:met].copy() for a in out))
         if not glossy:
             return hits, None

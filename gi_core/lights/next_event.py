@@ -22,7 +22,7 @@ LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each
 
 
 class LightSamples(NamedTuple):
-    """Light samples of P paths per start; s = n starts, or s = 1 where all starts share the same samples."""
+    """Light samples of P paths per start; s = n starts, or s = 1 where all starts share the picks of delta lights."""
 
     face: np.ndarray  # (s, P) int64, emissive face; (s, 0) without area lights
     point: np.ndarray  # (s, P, 3) float64 [m], on the face
@@ -71,7 +71,7 @@ def _sample(seed, m, vertex, path, lights, out):
         for j in range(out.face.shape[1]):
             u = strata.uniform(seed, path[k, j], vertex, LIGHT_U, m)
             v = strata.uniform(seed, path[k, j], vertex, LIGHT_V, m)
-            out.face[k, j], out.density[k, j], point = _point_on_lamp(lights, u, v)
+            out.face[k, j], out.density[k, j], point = point_on_lamp(lights, u, v)
             out.point[k, j, 0], out.point[k, j, 1], out.point[k, j, 2] = point
         for j in range(out.pick.shape[1]):
             out.pick[k, j] = strata.uniform(seed, path[k, j], vertex, SMALL_PICK, m)
@@ -87,11 +87,11 @@ def join_area(bsdfs, samples, ends, lights, gap, out):
     Weighted by the balance heuristic against bounces: E = Le cos cos' / d^2 / (p_light + p_bounce), both densities per
     area. A plain E / p_light has no finite variance where a lamp meets a wall: 1 / d^2 has no bound there.
     """
-    count, own = 0, len(samples.face) > 1
+    count = 0
     for k in range(len(ends.row)):
-        position, normal, s = ends.position[k], ends.normal[k], k if own else 0
+        position, normal = ends.position[k], ends.normal[k]
         for j in range(samples.face.shape[1]):
-            e, p = samples.face[s, j], samples.point[s, j]
+            e, p = samples.face[k, j], samples.point[k, j]
             cosine, at_light, way, d2 = _arriving(difference(p, position), normal, lights.normal[e])
             if lights.table[e] >= 0:
                 axis, c0 = lights.normal[e], lights.c0[e]
@@ -101,13 +101,13 @@ def join_area(bsdfs, samples, ends, lights, gap, out):
             d, T, p_bounce = math.sqrt(d2), _reflected(bsdfs, ends, k, way), 0.0
             if lights.table[e] < 0:  # no bounce hits a luminaire
                 p_bounce = _density(bsdfs, ends, k, way, cosine)
-            geometry = cosine * at_light / d2 / (samples.density[s, j] + p_bounce * at_light / d2)
+            geometry = cosine * at_light / d2 / (samples.density[k, j] + p_bounce * at_light / d2)
             radiance = lights.radiance[e]
             out.value[count, 0] = T[0] * radiance[0] * geometry
             out.value[count, 1] = T[1] * radiance[1] * geometry
             out.value[count, 2] = T[2] * radiance[2] * geometry
             out.lamp[count] = lights.lamp[e]
-            _aim_ray(ends.row[k], position, way, max(d - gap, 0.0), out, count)
+            aim_ray(ends.row[k], position, way, max(d - gap, 0.0), out, count)
             count += 1
     return count
 
@@ -163,7 +163,7 @@ def _reach(row, position, throughput, reached, strength, value, gap, out, count)
     out.value[count, 0] = throughput[0] * value[0] * strength
     out.value[count, 1] = throughput[1] * value[1] * strength
     out.value[count, 2] = throughput[2] * value[2] * strength
-    _aim_ray(row, position, reached[1:4], max(reached[4] - gap, 0.0), out, count)
+    aim_ray(row, position, reached[1:4], max(reached[4] - gap, 0.0), out, count)
 
 
 @kernel
@@ -176,7 +176,7 @@ def add_lit(row, value, lamp, blocked, total):
 
 
 @inlined
-def _point_on_lamp(lights, u, v):
+def point_on_lamp(lights, u, v):
     """Return the emissive face that u in [0, 1) picks, the density [1/m2], and a point on the face [m]."""
     e = random_numbers.picked(lights.cdf, u)
     before = lights.cdf[e - 1] if e > 0 else 0.0
@@ -233,7 +233,7 @@ def share_of_bounce(p, facing, distance, density):
 
 
 @kernel
-def _aim_ray(row, position, direction, limit, out, j):
+def aim_ray(row, position, direction, limit, out, j):
     """Write ray j, from a position."""
     out.row[j], out.limit[j] = row, limit
     for c in range(3):
