@@ -1,0 +1,89 @@
+"""Shadow rays chosen among candidates: no bias, shadow or not, and less noise than rays to random points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gi_core.gather.path_tracer import starts
+from gi_core.geometry.error import luminance
+from gi_core.lights.candidates import CANDIDATES, candidates, join_candidates
+from gi_core.lights.light_sampling import Lights, area_lights, delta_lights, sky_of
+from gi_core.lights.next_event import join_area, light_samples, room_for_shadows
+from gi_core.model import Model
+from gi_core.scene.types import Scene
+from tests.support.photometry import luminaire
+from tests.support.scene_builders import box, grey, lamp, merge, quad
+
+RAYS = 8
+PLACES = np.array([[0.2, 0.2, 0.1], [0.7, 0.4, 0.5], [0.5, 0.9, 0.8]])
+NORMALS = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, -0.8, 0.6]])
+
+
+def scene(lights=()) -> Scene:
+    """Return a black room with a red and a blue lamp side by side."""
+    red, blue = (quad((x, 0.3, 0.95), (0, 0.4, 0), (0.3, 0, 0), (2, 2), m) for x, m in ((0.2, 1), (0.5, 2)))
+    walls = merge(box((0, 0, 0), (1, 1, 1), 1, 0, inward=True), red, blue)
+    colours = (lamp(1.0)._replace(emission=of) for of in ((3.0, 1.0, 0.0), (0.0, 0.5, 2.0)))
+    return Scene(walls, (grey(0.0), *colours), (), tuple(lights), up=(0, 0, 1))
+
+
+def lit(rays, count: int, behind: float) -> np.ndarray:
+    """Return the light (3, 3) of the rays at each place; rays to points with x > behind are blocked."""
+    out = np.zeros((len(PLACES), 3))
+    ends = rays.origin[:count, 0] + rays.direction[:count, 0] * rays.limit[:count]
+    seen = ends < behind
+    np.add.at(out, rays.row[:count][seen], rays.value[:count][seen])
+    return out
+
+
+def found(lights, seed: int, behind: float) -> np.ndarray:
+    """Return the light (3, 3) at the places by RAYS rays chosen among candidates."""
+    rows, rays = np.arange(len(PLACES)), room_for_shadows(len(PLACES) * RAYS)
+    some = candidates(seed, RAYS, lights.area)
+    count = join_candidates(some, RAYS, starts(rows, rows, PLACES, NORMALS), lights.area, 1e-6, rays)
+    return lit(rays, count, behind) / RAYS
+
+
+def plain(model: Model, lights: Lights, m: int, seed: int, behind: float) -> np.ndarray:
+    """Return the same light by 2^m rays to random points."""
+    rows, rays = np.arange(len(PLACES)), room_for_shadows(len(PLACES) << m)
+    paths = np.tile(np.arange(1 << m), (len(PLACES), 1))
+    samples = light_samples(seed, m, 0, paths, lights)
+    ends = starts(rows, rows, PLACES, NORMALS)
+    return lit(rays, join_area(model.world.bsdfs, samples, ends, lights.area, 1e-6, rays), behind) / (1 << m)
+
+
+@pytest.mark.parametrize("behind", [2.0, 0.58], ids=["whole", "half in shadow"])
+@pytest.mark.parametrize("lamps", ["faces", "faces and a luminaire"])
+def test_the_mean_is_that_of_random_points(lamps, behind):
+    given = (luminaire()._replace(position=(0.5, 0.5, 0.9), size=(0.4, 0.3)),) if "luminaire" in lamps else ()
+    model = Model(scene(given), 1)
+    lights = Lights(area_lights(model.surfaces, scene=model.scene), delta_lights(model.scene), sky_of(model.scene), 1)
+    truth = np.mean([plain(model, lights, 12, seed, behind) for seed in range(8)], axis=0)
+    each = np.array([found(lights, seed, behind) for seed in range(1500)])
+    error = each.std(axis=0) / np.sqrt(len(each))
+    assert (truth.max(axis=1) > 0).all()
+    assert np.allclose(each.mean(axis=0), truth, rtol=3e-3, atol=4 * error.max())
+    if behind > 1:  # where nothing is in shadow, candidates leave far less noise
+        usual = luminance([plain(model, lights, 3, seed, behind) for seed in range(200)]).std(axis=0)
+        assert (luminance(each).std(axis=0) < 0.5 * usual).all()
+
+
+def test_candidates_lie_in_strata_along_the_lamps():
+    """Each stratum has its share of the probability, and points are those of the faces."""
+    model = Model(scene(), 1)
+    area = area_lights(model.surfaces)
+    some = candidates(5, RAYS, area)
+    share = np.diff(area.cdf, prepend=0.0)
+    first = np.searchsorted(area.cdf, np.arange(RAYS) / RAYS, side="right")
+    faces = some.face.reshape(RAYS, CANDIDATES)
+    assert (np.diff(some.face) >= 0).all() and (faces[:, 0] >= first).all()
+    assert np.allclose(np.bincount(some.face, minlength=len(share)) / len(some.face), share, atol=2 / len(some.face))
+    assert np.allclose(some.density, area.density[some.face]) and np.allclose(some.normal.T, area.normal[some.face])
+
+
+def test_without_area_lights_there_is_no_ray():
+    model = Model(Scene(box((0, 0, 0), (1, 1, 1), 1, 0, inward=True), (grey(0.5),), (), up=(0, 0, 1)), 1)
+    lights = Lights(area_lights(model.surfaces), delta_lights(model.scene), sky_of(model.scene), 1)
+    assert len(candidates(0, RAYS, lights.area).pick) == 0 and not found(lights, 0, 2.0).any()
