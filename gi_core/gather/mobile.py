@@ -4,10 +4,11 @@ Photons rarely reach a small mobile, so its photon estimate is the noisiest of a
 lamps, and the irradiance of the static part in this frame. A bounce therefore ends at its first hit with rho E of that
 place. Where it hits a mobile, E is unknown: these few hits form a linear system, solved by Jacobi's method.
 
-All receivers of a mobile use the same points on lamps (`light_sampling.aimed`), so errors of neighbours are correlated
-and invisible on a smooth surface. Bounces come in a few kinds, fixed in the mobile's object space. Each receiver traces
-one kind, and bounced light is averaged over neighbours (`interleaved_mean.py`). So E = direct + mean of bounced:
-`direct` comes from shadow rays, `bounced` from hits on static part, mobiles, sky and (weighted) lamps.
+All receivers of a mobile choose among the same points on lamps (`light_sampling.aimed`, `lights/candidates.py`), so
+errors of neighbours are correlated and invisible on a smooth surface. Bounces come in a few kinds, fixed in the
+mobile's object space. Each receiver traces one kind, and bounced light is averaged over neighbours
+(`interleaved_mean.py`). So E = direct + mean of bounced: `direct` comes from shadow rays, `bounced` from hits on static
+part, mobiles, sky and (weighted) lamps.
 
 The result is a function of poses and static light alone, bit for bit: cached hits (`hit_cache.py`) equal new ones.
 """
