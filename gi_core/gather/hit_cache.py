@@ -137,7 +137,8 @@ def _keep_free(scenes, ray, world, at, own, rays):
         x, y, z, u, v, w = np.float32(x), np.float32(y), np.float32(z), np.float32(u), np.float32(v), np.float32(w)
         if any_hit(scenes, own, ray, x, y, z, u, v, w, rays.limit[k]):
             continue
-        rays.row[n], rays.limit[n], rays.lamp[n] = rays.row[k], rays.limit[k], rays.lamp[k]
+        rays.row[n], rays.limit[n] = rays.row[k], rays.limit[k]
+        rays.lamp[n], rays.stratum[n] = rays.lamp[k], rays.stratum[k]
         for c in range(3):
             rays.origin[n, c], rays.direction[n, c], rays.value[n, c] = o[c], d[c], rays.value[k, c]
         n += 1

@@ -243,7 +243,7 @@ class MobileGather:
         if not glossy:
             return hits, None
         take_bounces(total, light.bounced, bounced[batch.rows])
-        return hits, direct_light(batch.rows, R[0], rays, blocked)
+        return hits, direct_light(batch.rows, R[0], positions, lights.area, some, rays, blocked)
 
 
 def _exchanged(direct: np.ndarray, known: np.ndarray, exchange: Exchange, paths: int) -> np.ndarray:

@@ -1,6 +1,8 @@
 """Directions of the light on mobiles: the paths that light a receiver in a frame, summed into its cells.
 
-A receiver takes only its own shadow rays, as direct light has edges. Bounces come in KINDS. A receiver takes those of
+A receiver takes only its own shadow rays, as direct light has edges. A ray that reaches its lamp brings light from all
+candidates of its stratum (`lights/candidates.py`), in proportion to their unoccluded light: where shadow divides a
+stratum, the highlight of the stratum is dimmer, not cut. Bounces come in KINDS. A receiver takes those of
 the nearest receiver of each kind, carried to its own frame: KINDS times as many directions as it traced.
 """
 
@@ -18,6 +20,8 @@ from gi_core.base.vec import dot, rotate, row, weighted
 from gi_core.gather.interleaved_mean import CHANCE, NearReceivers
 from gi_core.gloss.hemisphere import CELLS, cell_of
 from gi_core.gloss.radiance import GRAZING
+from gi_core.lights.candidates import CANDIDATES, Candidates, unoccluded
+from gi_core.lights.light_sampling import AreaLights
 from gi_core.lights.next_event import Shadows
 
 SUMS = 7  # of a cell: irradiance of three channels, weight times direction in the frame of the normal, weight
@@ -32,8 +36,12 @@ class DirectLight(NamedTuple):
 
     rows: slice  # of the batch, among the receivers of mobiles
     rotation: np.ndarray  # (3, 3) float64, of their mobile
+    positions: np.ndarray  # (n, 3) float64 [m], in the world
+    lights: AreaLights
+    candidates: Candidates
     first: np.ndarray  # (n + 1,) int64 into `ray`
-    ray: np.ndarray  # (k,) int32 into the next two, in the order of receivers
+    ray: np.ndarray  # (k,) int32 into the next three, in the order of receivers
+    stratum: np.ndarray  # (s,) int64 of the candidates, or -1
     direction: np.ndarray  # (s, 3) float32 unit, in the world
     value: np.ndarray  # (s, 3) float64, P times the irradiance [W/m2]
 
@@ -65,17 +73,23 @@ class PathLight(NamedTuple):
                 a, b = max(first, begin), min(last, end)
                 if a < b:
                     given = d.rows.start, *d[1:], *self[:-1], CHANCE * paths
-                    _write(rows[a:b], *given, place[a:b], resting, *room, out[a:b])
+                    reached, light = np.zeros(len(d.candidates.pick), bool), np.empty(len(d.candidates.face))
+                    _write(rows[a:b], *given, place[a:b], resting, *room, reached, light, out[a:b])
 
         run_ranges(work, len(rows), threads, GRAIN)
 
 
-def direct_light(rows: slice, rotation: np.ndarray, rays: Shadows, blocked: np.ndarray) -> DirectLight:
-    """Return the rays that are not blocked, from receivers rows of a mobile."""
+def direct_light(
+    rows: slice, rotation: np.ndarray, positions: np.ndarray, lights: AreaLights, candidates: Candidates, rays: Shadows,
+    blocked: np.ndarray,
+) -> DirectLight:  # fmt: skip
+    """Return the rays that are not blocked, from receivers rows of a mobile at positions (n, 3) [m]."""
     first = np.zeros(rows.stop - rows.start + 1, np.int64)
     ray = np.empty(len(blocked), np.int32)
     _order(rays.row, blocked, first, ray)
-    return DirectLight(rows, rotation, first, ray, rays.direction, rays.value)
+    return DirectLight(
+        rows, rotation, positions, lights, candidates, first, ray, rays.stratum, rays.direction, rays.value
+    )
 
 
 @kernel
@@ -122,12 +136,14 @@ def add_exchanged(exchange, E, bounced):
 
 @kernel
 def _write(
-    rows, start, rotation, first, ray, direction, value, normals, near, kinds, directions, close, bounced, chance,
-    place, resting, ready, cell, sums, out,
+    rows, start, rotation, positions, lights, candidates, first, ray, stratum, direction, value, normals, near, kinds,
+    directions, close, bounced, chance, place, resting, ready, cell, sums, reached, light,
+    out,
 ):  # fmt: skip
     """Write the cells of receivers of a batch that begins at receiver `start`.
 
-    Scratch memory: ready (SUMS ROOM,), cell (ROOM,), sums (CELLS, SUMS).
+    Scratch memory: ready (SUMS ROOM,), cell (ROOM,), sums (CELLS, SUMS), reached (strata,), False,
+    light (candidates,).
     """
     paths = directions.shape[2]
     for r in range(len(rows)):
@@ -147,15 +163,28 @@ def _write(
                 n = min(ROOM, paths - p)
                 _take_bounces(turn, directions[kinds[j]], share, bounced[j], p, n, ready)
                 _add(ready, n, cell, sums)
-        a, b, c = rotate(rotation, frame[0]), rotate(rotation, frame[1]), rotate(rotation, frame[2])
-        for begin in range(first[i - start], first[i - start + 1], ROOM):
-            n = min(ROOM, first[i - start + 1] - begin)
-            for k in range(np.uint64(n)):
-                e = ray[np.uint64(begin) + k]
-                d, v = direction[e], value[e]
-                ready[RED + k], ready[GREEN + k], ready[BLUE + k] = total * v[0], total * v[1], total * v[2]
-                ready[X + k], ready[Y + k], ready[Z + k] = dot(d, a), dot(d, b), dot(d, c)
-            _add(ready, n, cell, sums)
+        turned, n, some = (rotate(rotation, frame[0]), rotate(rotation, frame[1]), rotate(rotation, frame[2])), 0, False
+        for k in range(first[i - start], first[i - start + 1]):
+            e = ray[k]
+            if stratum[e] >= 0:
+                some = reached[stratum[e]] = True
+                continue
+            _put(turned, row(direction, e), total, row(value, e), n, ready)
+            n += 1
+            if n == ROOM:
+                _add(ready, n, cell, sums)
+                n = 0
+        _add(ready, n, cell, sums)
+        if some:
+            # All candidates where they are few, at last one of each stratum: more in a cell add time alone.
+            step = min(max(len(light) // ROOM, 1), CANDIDATES)
+            at, scale = row(positions, i - start), total * np.float32(step * paths / len(light))
+            unoccluded(candidates, at, turned[2], lights, light)
+            _forget_unreached(reached, light)
+            for begin in range(0, len(light), ROOM * step):
+                n = min(ROOM, (len(light) - begin) // step)
+                _put_candidates(turned, at, candidates, scale, light, begin, step, n, ready)
+                _add(ready, n, cell, sums)
         _normalise(sums, frame, resting[place[r]], out[r])
 
 
@@ -192,6 +221,34 @@ def _take_bounces(turn, directions, share, light, p, n, ready):
             share * light[1, j],
             share * light[2, j],
         )
+
+
+@inlined
+def _put(frame, direction, share, light, n, ready):
+    """Write ray n of a unit direction in the world, with share times its light; axes of the receiver in the world."""
+    k, (a, b, c) = np.uint64(n), frame
+    ready[RED + k], ready[GREEN + k], ready[BLUE + k] = share * light[0], share * light[1], share * light[2]
+    ready[X + k], ready[Y + k], ready[Z + k] = dot(direction, a), dot(direction, b), dot(direction, c)
+
+
+@inlined
+def _put_candidates(frame, position, of, share, light, first, step, n, ready):
+    """Write n candidates, each step-th from `first` on, with share times their light."""
+    for k in range(np.uint64(n)):
+        i = np.uint64(first) + np.uint64(step) * k
+        x, y, z = of.point[0, i] - position[0], of.point[1, i] - position[1], of.point[2, i] - position[2]
+        scale, bright = 1.0 / math.sqrt(max(x * x + y * y + z * z, 1e-300)), share * light[i]
+        colour = of.colour[0, i], of.colour[1, i], of.colour[2, i]
+        _put(frame, (scale * x, scale * y, scale * z), bright, colour, k, ready)
+
+
+@kernel
+def _forget_unreached(reached, light):
+    """Set the light of the candidates of strata that no ray reached to 0, and forget those that are."""
+    for j in range(len(reached)):
+        if not reached[j]:
+            light[j * CANDIDATES : (j + 1) * CANDIDATES] = 0.0
+        reached[j] = False
 
 
 @inlined

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gi_core.base import owen_sobol, random_numbers
-from gi_core.base.jit import allocating, kernel
+from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.vec import difference, dot, row
 from gi_core.geometry.error import REC709
 from gi_core.lights.light_sampling import AreaLights
@@ -33,6 +33,7 @@ class Candidates(NamedTuple):
     normal: np.ndarray  # (3, n CANDIDATES) float64 unit, of the lamp
     density: np.ndarray  # (n CANDIDATES,) float64 [1/m2], probability density of the point
     power: np.ndarray  # (n CANDIDATES,) float64 [W/m2/sr], luminance of the radiance
+    colour: np.ndarray  # (3, n CANDIDATES) float64, radiance over its luminance
     face: np.ndarray  # (n CANDIDATES,) int64, emissive face
     pick: np.ndarray  # (n,) float64 in [0, 1), chooses one point of a stratum
 
@@ -40,20 +41,25 @@ class Candidates(NamedTuple):
 def candidates(seed: int, strata: int, lights: AreaLights) -> Candidates:
     """Draw candidates in strata of equal probability; none without area lights."""
     n = strata * CANDIDATES if len(lights.cdf) else 0
-    out = Candidates(*np.empty((2, 3, n)), *np.empty((2, n)), np.empty(n, np.int64), np.empty(n // CANDIDATES))
+    point, normal, colour = np.empty((3, 3, n))
+    face, pick = np.empty(n, np.int64), np.empty(n // CANDIDATES)
+    out = Candidates(point, normal, *np.empty((2, n)), colour, face, pick)
     _draw(seed, lights, *out)
     return out
 
 
 @kernel
-def _draw(seed, lights, point, normal, density, power, face, pick):
+def _draw(seed, lights, point, normal, density, power, colour, face, pick):
     n, key = len(face), random_numbers.hashed(seed, 0, 0, LIGHT_V)
     for i in range(n):
         # A Hammersley set: its first number ascends, so a stratum is a run of points.
         u = (i + random_numbers.independent(seed, i, 0, LIGHT_U)) / n
         v = owen_sobol.unit(np.uint64(i), key)
         e, density[i], p = point_on_lamp(lights, min(u, 1.0 - 2.0**-53), v)
-        face[i], power[i] = e, dot((RED, GREEN, BLUE), row(lights.radiance, e))
+        radiance = row(lights.radiance, e)
+        face[i], power[i] = e, dot((RED, GREEN, BLUE), radiance)
+        scale = 1.0 / power[i] if power[i] > 0.0 else 0.0
+        colour[0, i], colour[1, i], colour[2, i] = scale * radiance[0], scale * radiance[1], scale * radiance[2]
         point[0, i], point[1, i], point[2, i] = p
         normal[0, i], normal[1, i], normal[2, i] = row(lights.normal, e)
     for j in range(len(pick)):
@@ -67,49 +73,54 @@ def join_candidates(of, paths, ends, lights, gap, out):
     Starts are on diffuse surfaces. Values [W/m2] of a start sum to `paths` times its irradiance; they are weighted
     against bounces as in `next_event.join_area`. Rays end `gap` [m] before the lamp.
     """
-    count, light = 0, np.empty(CANDIDATES)
+    count, light = 0, np.empty(len(of.face))
     scale = paths / max(len(of.face), 1)
     for k in range(len(ends.row)):
         position, normal = row(ends.position, k), row(ends.normal, k)
+        unoccluded(of, position, normal, lights, light)
         for j in range(len(of.pick)):
-            first = np.uint64(j * CANDIDATES)
-            _unoccluded(of, first, position, normal, light)
-            for c in range(CANDIDATES):
-                if lights.table[of.face[first + np.uint64(c)]] >= 0:
-                    light[c] = _from_luminaire(of, first + np.uint64(c), position, normal, lights)
-            total = 0.0
-            for c in range(CANDIDATES):
+            first, total = j * CANDIDATES, 0.0
+            for c in range(first, first + CANDIDATES):
                 total += light[c]
             if total <= 0.0:
                 continue
             left, chosen = of.pick[j] * total, first
-            for c in range(CANDIDATES):
+            for c in range(first, first + CANDIDATES):
                 if light[c] > 0.0:
-                    chosen = first + np.uint64(c)  # the last candidate stays if rounding exhausts the sum
+                    chosen = c  # the last candidate stays if rounding exhausts the sum
                     left -= light[c]
                     if left < 0.0:
                         break
-            value, radiance = scale * total / of.power[chosen], lights.radiance[of.face[chosen]]
-            out.value[count, 0], out.value[count, 1] = value * radiance[0], value * radiance[1]
-            out.value[count, 2], out.lamp[count] = value * radiance[2], lights.lamp[of.face[chosen]]
+            value, out.lamp[count] = scale * total, lights.lamp[of.face[chosen]]
+            for c in range(3):
+                out.value[count, c] = value * of.colour[c, chosen]
             way = difference((of.point[0, chosen], of.point[1, chosen], of.point[2, chosen]), position)
             d = math.sqrt(dot(way, way))
             aim_ray(ends.row[k], position, (way[0] / d, way[1] / d, way[2] / d), max(d - gap, 0.0), out, count)
+            out.stratum[count] = j
             count += 1
     return count
 
 
-@kernel
-def _unoccluded(of, first, position, normal, out):
-    """Write the luminance of candidates `first` and following over their density. LLVM vectorises this loop."""
-    for c in range(np.uint64(CANDIDATES)):
-        i = first + c
+@inlined
+def unoccluded(of, position, normal, lights, out):
+    """Write the luminance [W/m2] of all candidates over their density, without shadow."""
+    _from_faces(of, position, normal, out)
+    for c in range(len(out)):
+        if lights.table[of.face[c]] >= 0:
+            out[c] = _from_luminaire(of, c, position, normal, lights)
+
+
+@inlined
+def _from_faces(of, position, normal, out):
+    """Write the same, as if each were on a diffuse lamp. LLVM vectorises no loop of few, known turns: one over all."""
+    for i in range(np.uint64(len(out))):
         x, y, z = of.point[0, i] - position[0], of.point[1, i] - position[1], of.point[2, i] - position[2]
         d2 = x * x + y * y + z * z
         here = max(x * normal[0] + y * normal[1] + z * normal[2], 0.0)
         there = max(-(x * of.normal[0, i] + y * of.normal[1, i] + z * of.normal[2, i]), 0.0)
         # Le cos cos' / d^2 / (p_light + cos cos' / d^2 / pi), times d^4 above and below
-        out[c] = of.power[i] * here * there / max(of.density[i] * d2 * d2 + here * there / math.pi, 1e-300)
+        out[i] = of.power[i] * here * there / max(of.density[i] * d2 * d2 + here * there / math.pi, 1e-300)
 
 
 @kernel

@@ -39,6 +39,7 @@ class Shadows(NamedTuple):
     limit: np.ndarray  # (n,) float32 [m], a little short of the light
     value: np.ndarray  # (n, 3) float64 irradiance where the path starts [W/m2]
     lamp: np.ndarray  # (n,) int64
+    stratum: np.ndarray  # (n,) int64, of the candidates that a ray stands for; -1: for its own direction alone
 
 
 def room_for_shadows(n: int) -> Shadows:
@@ -49,6 +50,7 @@ def room_for_shadows(n: int) -> Shadows:
         np.empty((n, 3), np.float32),
         np.empty(n, np.float32),
         np.empty((n, 3)),
+        np.empty(n, np.int64),
         np.empty(n, np.int64),
     )
 
@@ -235,7 +237,7 @@ def share_of_bounce(p, facing, distance, density):
 @kernel
 def aim_ray(row, position, direction, limit, out, j):
     """Write ray j, from a position."""
-    out.row[j], out.limit[j] = row, limit
+    out.row[j], out.limit[j], out.stratum[j] = row, limit, -1
     for c in range(3):
         out.origin[j, c] = position[c]
     out.direction[j, 0], out.direction[j, 1], out.direction[j, 2] = direction[0], direction[1], direction[2]

@@ -10,12 +10,14 @@ import pytest
 from gi_core.base.random_numbers import basis
 from gi_core.gather.interleaved_mean import CHANCE, KINDS, average_neighbours
 from gi_core.gather.mobile import MobileGather
-from gi_core.gather.mobile_gloss import PathLight
+from gi_core.gather.mobile_gloss import ROOM as ROOM_OF_RAYS
+from gi_core.gather.mobile_gloss import DirectLight, PathLight
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.hemisphere import CELLS, cell_of, even_light
 from gi_core.gloss.radiance import GRAZING
 from gi_core.gloss.sharp import in_probes
 from gi_core.gloss.source import LIST, QUADTREE
+from gi_core.lights.candidates import CANDIDATES, unoccluded
 from gi_core.model import Model
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Gloss, Material, Mobile, PointLight, Pose, Scene
@@ -47,6 +49,20 @@ def frame_of(normal: np.ndarray) -> np.ndarray:
     return np.concatenate([basis(*normal), normal]).reshape(3, 3)
 
 
+def of_stratum(d: DirectLight, r: int, e: int, paths: int, normal: np.ndarray) -> list[tuple]:
+    """Return direction in the object's space and light of the candidates that ray e of receiver r stands for."""
+    of, first = d.candidates, d.stratum[e] * CANDIDATES
+    found = np.empty(len(of.face))
+    unoccluded(of, d.positions[r], d.rotation @ normal, d.lights, found)
+    step = min(max(len(of.face) // ROOM_OF_RAYS, 1), CANDIDATES)
+    rays = []
+    for c in range(first, first + CANDIDATES, step):
+        way = of.point[:, c] - d.positions[r]
+        light = of.colour[:, c] * (step * paths * found[c] / len(of.face))
+        rays.append((way / np.linalg.norm(way) @ d.rotation, light))
+    return rays
+
+
 def twin(light: PathLight, i: int) -> np.ndarray:
     """Return the cells of a receiver, ray by ray."""
     paths, own = light.directions.shape[2], frame_of(light.normals[i])
@@ -65,7 +81,10 @@ def twin(light: PathLight, i: int) -> np.ndarray:
         if d.rows.start <= i < d.rows.stop:
             r = i - d.rows.start
             for e in d.ray[d.first[r] : d.first[r + 1]]:
-                rays.append((total, d.direction[e] @ d.rotation, d.value[e]))
+                if d.stratum[e] < 0:
+                    rays.append((total, d.direction[e] @ d.rotation, d.value[e]))
+                else:
+                    rays += [(total, *ray) for ray in of_stratum(d, r, e, paths, light.normals[i])]
     sums = np.zeros((CELLS, 7))
     for share, d, v in rays:
         local = own @ d
