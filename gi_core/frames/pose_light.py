@@ -58,6 +58,7 @@ class PoseLight:
         light, levels = self._static, self._static.setting.levels
         given = photons, irradiance, light.irradiance(b, photons), math.pi * b.setting.radius**2
         begun = self._gathers.begin(at, levels, *given)
+        yield Progress("gathering at these poses", begun.fraction, False)
         known: Static | None = None
 
         def static() -> Static | None:

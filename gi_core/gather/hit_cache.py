@@ -13,9 +13,8 @@ from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import rotate, rotate_back
 from gi_core.lights.next_event import Shadows
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, Transforms, passes_box
+from gi_core.rays.accelerator import FAR, Transforms, to_object
 from gi_core.rays.structures import any_hit, nearest_hit, new_ray
-from gi_core.rays.two_level import CUT_PAD
 
 
 class BounceRays:
@@ -33,15 +32,15 @@ class BounceRays:
 
         The arrays may belong to the cache: do not write to them.
         """
-        given = self._model.accelerator.scenes, new_ray(), self._model.world, at, self._own
+        of, given = self._model.accelerator, (new_ray(), at, self._own, self._origins, self._directions)
         if self._pose != _pose_bits(at, self._own):
             self._cached = tuple(a.copy() for a in self._on_own)
-            _nearest_static(*given, self._origins, self._directions, *self._cached)
+            _nearest_static(of.scenes, *given, *self._cached)
             self._pose = _pose_bits(at, self._own)
         if len(at.position) == 2:
             return self._cached
         distance, face = (a.copy() for a in self._cached)
-        _nearer(*given, self._origins, self._directions, distance, face)
+        _nearer(of.scenes, of.boxes, of.first_face, *given, distance, face)
         return distance, face
 
 
@@ -58,33 +57,20 @@ class ShadowRays:
 
     def occluded(self, at: Transforms, make) -> tuple[Shadows, np.ndarray]:
         """Return rays and (n,) bool: another mobile blocks the ray. make() returns all rays at the poses."""
-        given = self._model.accelerator.scenes, new_ray(), self._model.world, at, self._own
+        of, given = self._model.accelerator, (new_ray(), at, self._own)
         if self._pose != _pose_bits(at, self._own):
             rays = make()
-            free = _keep_free(*given, rays)
+            free = _keep_free(of.scenes, *given, rays)
             self._free = Shadows(*(a[:free] for a in rays))
             self._pose = _pose_bits(at, self._own)
         blocked = np.zeros(len(self._free.row), bool)
         if len(at.position) > 2:
-            _block(*given, self._free, blocked)
+            _block(of.scenes, of.boxes, *given, self._free, blocked)
         return self._free, blocked
 
 
 def _pose_bits(at: Transforms, o: int) -> bytes:
     return at.rotation[o].tobytes() + at.position[o].tobytes()
-
-
-@inlined
-def _to_mobile(world, at, o, origin, direction, limit):
-    """Return a ray in mobile o's object space, float32, after whether it passes the mobile's box."""
-    R, p = at.rotation[o], at.position[o]
-    ox, oy, oz = rotate_back(R, (origin[0] - p[0], origin[1] - p[1], origin[2] - p[2]))
-    dx, dy, dz = rotate_back(R, (np.float64(direction[0]), np.float64(direction[1]), np.float64(direction[2])))
-    t = np.float64(limit)
-    passes = passes_box(
-        ox, oy, oz, ox + t * dx, oy + t * dy, oz + t * dz, world.box_low[o], world.box_high[o], CUT_PAD * world.size
-    )
-    return passes, np.float32(ox), np.float32(oy), np.float32(oz), np.float32(dx), np.float32(dy), np.float32(dz)
 
 
 @inlined
@@ -100,7 +86,7 @@ def _in_world(at, o, origin, direction):
 
 
 @kernel
-def _nearest_static(scenes, ray, world, at, own, origins, directions, distance, face):
+def _nearest_static(scenes, ray, at, own, origins, directions, distance, face):
     """Replace distance and face of rays that meet the static part before; rays in mobile `own`'s object space."""
     for k in range(len(origins)):
         o, d = _in_world(at, own, origins[k], directions[k])
@@ -110,22 +96,22 @@ def _nearest_static(scenes, ray, world, at, own, origins, directions, distance, 
 
 
 @kernel
-def _nearer(scenes, ray, world, at, own, origins, directions, distance, face):
+def _nearer(scenes, boxes, first_face, ray, at, own, origins, directions, distance, face):
     """Replace distance and face of rays that meet a mobile, other than `own`, before; ties stay."""
     for k in range(len(origins)):
         origin, direction = _in_world(at, own, origins[k], directions[k])
-        for o in range(1, len(world.first_face) - 1):
+        for o in range(1, len(at.position)):
             if o == own:
                 continue
-            passes, ox, oy, oz, dx, dy, dz = _to_mobile(world, at, o, origin, direction, distance[k])
+            passes, ox, oy, oz, dx, dy, dz = to_object(at, o, boxes[o], origin, direction, distance[k])
             if passes:
                 t, f = nearest_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, distance[k])
                 if f >= 0 and t < distance[k]:
-                    distance[k], face[k] = t, world.first_face[o] + f
+                    distance[k], face[k] = t, first_face[o] + f
 
 
 @kernel
-def _keep_free(scenes, ray, world, at, own, rays):
+def _keep_free(scenes, ray, at, own, rays):
     """Move rays that neither the static part nor mobile `own` blocks to the front, in order; return their number."""
     n, R, p = 0, at.rotation[own], at.position[own]
     for k in range(len(rays.row)):
@@ -146,11 +132,12 @@ def _keep_free(scenes, ray, world, at, own, rays):
 
 
 @kernel
-def _block(scenes, ray, world, at, own, rays, blocked):
+def _block(scenes, boxes, ray, at, own, rays, blocked):
     """Mark rays that a mobile other than `own` blocks."""
     for k in range(len(blocked)):
-        for o in range(1, len(world.first_face) - 1):
+        for o in range(1, len(at.position)):
             if o == own or blocked[k]:
                 continue
-            passes, ox, oy, oz, dx, dy, dz = _to_mobile(world, at, o, rays.origin[k], rays.direction[k], rays.limit[k])
-            blocked[k] = passes and any_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, rays.limit[k])
+            origin, direction, limit = rays.origin[k], rays.direction[k], rays.limit[k]
+            passes, ox, oy, oz, dx, dy, dz = to_object(at, o, boxes[o], origin, direction, limit)
+            blocked[k] = passes and any_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, limit)

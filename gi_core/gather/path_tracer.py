@@ -27,7 +27,7 @@ from gi_core.lights.next_event import (
     share_of_bounce,
 )
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world, occluded_in_world, rays_to_object
+from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world, occluded_in_world
 
 BLOCK = 1 << 14  # paths per batch: their arrays fit into a core's cache, and Embree needs 10,000 rays or more
 SHADOW_GAP = 4 * ORIGIN_LIFT  # of the world's size: gap between the end of a shadow ray and its light
@@ -147,7 +147,6 @@ def last_kernels_first(model: Model) -> None:
     arrive(world, at, lights.area, lights.sky, NOTHING_KNOWN, 0, 0, 0, ends, *hits, points)
     scatter(world.bsdfs, 0, 0, 0, ends, rays.origin, rays.direction)
     add_lit(rays.row, rays.value, rays.lamp, np.zeros(0, bool), points)
-    rays_to_object(at, 0, rays.origin, rays.direction)
     occluded_in_world(model.accelerator, at, rays.origin, rays.direction, rays.limit)
 
 

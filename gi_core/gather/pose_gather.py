@@ -28,7 +28,7 @@ from gi_core.gather import static as static_gather
 from gi_core.gather.denoise import averaged, denoise
 from gi_core.gather.path_tracer import NOTHING_KNOWN, KnownLight, gather
 from gi_core.gather.point_gather import PATHS_PER_POINT
-from gi_core.gather.reference import ReferenceState, Rounds
+from gi_core.gather.reference import PATHS_PER_STEP, ReferenceState, Rounds
 from gi_core.geometry.error import DARK, luminance, noise_of_truth, relative_error, small_sample_bias
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours
@@ -113,7 +113,7 @@ class PoseGather:
                 yield from self._result(static())
             else:
                 self._know(static())
-                self._rounds.step()
+                self._rounds.step(PATHS_PER_STEP // 2)  # those from static receivers are traced twice
                 yield False
 
     def _know(self, static: Static | None) -> None:

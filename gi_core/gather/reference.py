@@ -120,6 +120,7 @@ class Rounds:
         """
         self.paths, self._pilot, self._smoothed = paths, pilot, smoothed
         self._weights, self._rounds, self.state = weights, rounds, state
+        self._parts: list[np.ndarray] = []  # estimates of the first paths of a set that takes several steps
 
     def step(self, paths: int = PATHS_PER_STEP, end: int | None = None) -> None:
         """Trace about `paths` paths of the pilot or of one round; end: of several rounds at once, up to that one."""
@@ -139,9 +140,12 @@ class Rounds:
         sets = 1 if end is None else min(end - now, max(1, paths // int((1 << s.log2_set.astype(np.int64)).sum())))
         due = np.flatnonzero(s.sets == now)
         m = int(s.log2_set[due].min())
-        rows = due[s.log2_set[due] == m][: max(1, paths // (sets << m))]
-        values = self.paths(rows, now << m, sets << m, m, 0)
-        take_in(values, 1 << m, rows, s.sets, s.mean, s.squares)
+        rows, whole = due[s.log2_set[due] == m][: max(1, paths // (sets << m))], sets << m
+        first = sum(part.shape[1] for part in self._parts)
+        self._parts.append(self.paths(rows, (now << m) + first, min(paths, whole - first), m, 0))
+        if first + paths >= whole:
+            take_in(np.concatenate(self._parts, axis=1), 1 << m, rows, s.sets, s.mean, s.squares)
+            self._parts = []
 
 
 class ReferenceRounds(Rounds):

@@ -240,7 +240,7 @@ def test_rays_of_a_resting_mobile_are_not_traced_again(monkeypatch):
     gather, static = MobileGather(model, 0), np.ones((model.first_probe, 3))
     gather.irradiance(model.transforms(poses), static, 3)
     traced, real = [], hit_cache._nearest_static
-    monkeypatch.setattr(hit_cache, "_nearest_static", lambda *a: traced.append((a[4], len(a[5]))) or real(*a))
+    monkeypatch.setattr(hit_cache, "_nearest_static", lambda *a: traced.append((a[3], len(a[4]))) or real(*a))
     monkeypatch.setattr(model.accelerator, "nearest", lambda *_: pytest.fail("traced through the mobile itself"))
     gather.irradiance(model.transforms(poses), static, 3)
     assert not traced

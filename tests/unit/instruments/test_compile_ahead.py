@@ -41,7 +41,7 @@ from gi_core.rays import accelerator
 from tests.support.viewer_support import room
 
 kernels = [strata.uniform, mesh_neighbours._join, mesh_neighbours._pack, reference.take_in, path_tracer.arrive]
-kernels += [path_tracer.scatter, next_event.add_lit, accelerator._carry, accelerator._occluded, denoise._average]
+kernels += [path_tracer.scatter, next_event.add_lit, accelerator._occluded_by_any, denoise._average]
 kernels += [denoise._pass]
 compile_ahead._light_backwards(compile_ahead._tiny_scene(), None)
 before = [k.signatures for k in kernels]
