@@ -1,8 +1,8 @@
 """Longest work at rest that a drag must wait for: `python -m studies.rest_gaps cornell office --seconds 60`.
 
-Work at rest looks at the stop flag between tasks and within frames. One line per kind of task: its number, and CPU ms
-(all threads) between two looks at the flag, in the median, at the 99th percentile and at most, with the stage of that.
-Two threads share most work, so quiet cores need half of it in wall time.
+Work at rest looks at the stop flag between tasks and within frames. One line per kind of task: its number, and wall ms
+between two looks at the flag, in the median, at the 99th percentile and at most. Run it alone on the machine. The first
+task of a kind sets up arrays once per scene, and after a change of kernels loads them.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ def measure(scene: str, seconds: float, photons: int | None) -> None:
     looked = [0.0]
 
     def look() -> bool:
-        now = time.process_time()
+        now = time.perf_counter()
         gaps.append(now - looked[0])
         looked[0] = now
         return False
 
     work, found = RestWork(solver, time.perf_counter, look), {}
-    begun = time.process_time()
-    while time.process_time() - begun < seconds and (task := work.next_task(settings)) is not None:
-        looked[0], frame = time.process_time(), solver.frame
+    begun = time.perf_counter()
+    while time.perf_counter() - begun < seconds and (task := work.next_task(settings)) is not None:
+        looked[0], frame = time.perf_counter(), solver.frame
         task.run()
         look()
         stage = " with a frame" if solver.frame is not frame else ""
@@ -49,7 +49,7 @@ def measure(scene: str, seconds: float, photons: int | None) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="+")
-    parser.add_argument("--seconds", type=float, default=60.0, help="CPU s at rest")
+    parser.add_argument("--seconds", type=float, default=60.0, help="at rest")
     parser.add_argument("--photons", type=int)
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
