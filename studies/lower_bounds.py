@@ -29,7 +29,8 @@ from gi_core.estimators import ESTIMATORS, Estimator
 from gi_core.estimators.photon_map import PhotonMap
 from gi_core.instruments.search_timing import search_run
 from gi_core.photons.paths import Segments, empty_segments, segments_at, segments_of, take
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, rays_to_object
+from gi_core.rays.accelerator import FAR, ORIGIN_LIFT
+from gi_core.rays.all_objects import rays_to_object
 from gi_core.retrace.broad_phase import PAD, ScanBuffers
 from gi_core.retrace.cuts import candidate_segments
 from gi_core.retrace.select_segments import select

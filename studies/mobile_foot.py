@@ -23,7 +23,7 @@ from gi_core.files.load import load_scene
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import luminance
 from gi_core.geometry.evaluation_points import evaluation_points
-from gi_core.rays.accelerator import nearest_in_world
+from gi_core.rays.all_objects import nearest_in_world
 from gi_core.solver import Solver
 
 SCENES = ("cornell", "living_room", "gallery", "office", "tree", "tree_worst", "second_tree")

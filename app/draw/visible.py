@@ -10,7 +10,8 @@ import numpy as np
 from app.draw.camera import Turntable
 from app.draw.draw_mesh import DrawMesh
 from gi_core.geometry.cutouts import covered
-from gi_core.rays.accelerator import Accelerator, Transforms, nearest_in_world
+from gi_core.rays.accelerator import Accelerator, Transforms
+from gi_core.rays.all_objects import nearest_in_world
 from gi_core.scene.types import Texture
 
 # Offsets of a pixel's rays: a rotated grid, so that edges near the axes get all four levels.

@@ -21,7 +21,8 @@ from app.settings import MeasuringPlane
 from gi_core.base.vectors import dot
 from gi_core.gather.reference import PATHS_PER_STEP, ReferenceRounds
 from gi_core.geometry.error import luminance, small_sample_bias
-from gi_core.rays.accelerator import Transforms, nearest_in_world
+from gi_core.rays.accelerator import Transforms
+from gi_core.rays.all_objects import nearest_in_world
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gi_core.model import Model
-from gi_core.rays.accelerator import nearest_in_world
+from gi_core.rays.all_objects import nearest_in_world
 from gi_core.scene import Pose
 from gi_core.scene.pose import three
 

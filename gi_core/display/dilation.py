@@ -28,7 +28,8 @@ from gi_core.geometry.error import luminance
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.model import Model
-from gi_core.rays.accelerator import Transforms, rays_to_object
+from gi_core.rays.accelerator import Transforms
+from gi_core.rays.all_objects import rays_to_object
 
 DIRECTIONS = 16
 NEAR = 0.06  # of the scene's size: a narrower space counts as closed

@@ -21,7 +21,8 @@ from gi_core.geometry.error import noise_of_truth, small_sample_bias
 from gi_core.lights.mix import sum_of_lamps
 from gi_core.lights.next_event import room_for_shadows
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, nearest_in_world
+from gi_core.rays.accelerator import FAR, ORIGIN_LIFT
+from gi_core.rays.all_objects import nearest_in_world
 
 STREAM = 0x51D3  # separates these random numbers from those of photons and reference with the same seed
 SMALLEST, LARGEST = 3, 10  # log2 of the paths of the first and last sets

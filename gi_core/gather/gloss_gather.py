@@ -27,7 +27,8 @@ from gi_core.gloss.radiance import GRAZING
 from gi_core.lights.light_sampling import Lights
 from gi_core.lights.next_event import join_area, join_delta, light_samples, room_for_shadows
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world, occluded_in_world
+from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
+from gi_core.rays.all_objects import nearest_in_world, occluded_in_world
 from gi_core.scene.pose import to_world_at
 
 STREAM = 0x6105  # separates these random numbers from those of photons and reference with the same seed

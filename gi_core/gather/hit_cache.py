@@ -13,7 +13,8 @@ from gi_core.base.jit import inlined, kernel
 from gi_core.base.vec import rotate, rotate_back
 from gi_core.lights.next_event import Shadows
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, Transforms, to_object
+from gi_core.rays.accelerator import FAR, Transforms
+from gi_core.rays.all_objects import to_object
 from gi_core.rays.structures import any_hit, nearest_hit, new_ray
 
 

@@ -27,7 +27,8 @@ from gi_core.lights.next_event import (
     share_of_bounce,
 )
 from gi_core.model import Model
-from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms, nearest_in_world, occluded_in_world
+from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
+from gi_core.rays.all_objects import nearest_in_world, occluded_in_world
 
 BLOCK = 1 << 14  # paths per batch: their arrays fit into a core's cache, and Embree needs 10,000 rays or more
 SHADOW_GAP = 4 * ORIGIN_LIFT  # of the world's size: gap between the end of a shadow ray and its light

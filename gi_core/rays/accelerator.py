@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gi_core.base.jit import inlined, kernel
+from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
-from gi_core.base.vec import rotate_back, row
 from gi_core.base.vectors import box, dot
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.rays.structures import DEFAULT, STRUCTURES, any_hit, nearest_hit, new_ray
@@ -21,7 +20,6 @@ from gi_core.scene.types import Pose
 RAY_GRAIN = 2048  # rays per thread: with fewer, starting a thread costs more than it saves
 ORIGIN_LIFT = 2e-6  # of the world's size: lifts a ray off the face that it leaves (float32 rounding is 6e-8)
 BOX_PAD = 1e-5  # of the largest object's size: growth of bounding boxes, so that culling loses no hit
-ENDLESS = 1e30  # [m], in place of an infinite limit
 FAR = 4.0  # of the world's size: length of a segment that hits nothing
 
 
@@ -59,7 +57,7 @@ class Accelerator:
         origins, directions: (n, 3) float32, directions unit; limits: (n,) float32, not changed.
         """
         n, first = len(origins), self.first_face[o]
-        origins, directions, limits = _as_rays(origins, directions, limits)
+        origins, directions, limits = as_rays(origins, directions, limits)
         distances, faces = np.empty(n, np.float32), np.empty(n, np.int32)
 
         def work(_, a, b):
@@ -72,7 +70,7 @@ class Accelerator:
     def occluded(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
         """Return (n,) bool: object o blocks the ray within its limit; arguments as nearest()."""
         blocked = np.empty(len(origins), bool)
-        origins, directions, limits = _as_rays(origins, directions, limits)
+        origins, directions, limits = as_rays(origins, directions, limits)
 
         def work(_, a, b):
             _occluded(self.scenes, o, new_ray(), origins[a:b], directions[a:b], limits[a:b], blocked[a:b])
@@ -81,7 +79,7 @@ class Accelerator:
         return blocked
 
 
-def _as_rays(*arrays: np.ndarray) -> list[np.ndarray]:
+def as_rays(*arrays: np.ndarray) -> list[np.ndarray]:
     """Return the arrays in the layout and type that the kernels are compiled for."""
     return [np.ascontiguousarray(a, np.float32) for a in arrays]
 
@@ -101,89 +99,6 @@ def _occluded(scenes, o, ray, origins, directions, limits, blocked):
         ox, oy, oz = origins[k, 0], origins[k, 1], origins[k, 2]
         dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
         blocked[k] = any_hit(scenes, o, ray, ox, oy, oz, dx, dy, dz, limits[k])
-
-
-def nearest_in_world(accelerator: Accelerator, at: Transforms, origins, directions, limits):
-    """Return distance (n,) float32 and global face (n,) int32 over all objects.
-
-    Used by pictures and by the reference. Rays are tested as given, not as stored lines, so bits may differ from paths.
-    """
-    n, given = len(origins), (accelerator.scenes, accelerator.boxes, accelerator.first_face, at)
-    origins, directions, limits = _as_rays(origins, directions, limits)
-    distances, faces = np.empty(n, np.float32), np.empty(n, np.int32)
-
-    def work(_, a, b):
-        _nearest_of_all(*given, new_ray(), origins[a:b], directions[a:b], limits[a:b], distances[a:b], faces[a:b])
-
-    run_ranges(work, n, accelerator.threads, RAY_GRAIN)
-    return distances, faces
-
-
-def occluded_in_world(accelerator: Accelerator, at: Transforms, origins, directions, limits) -> np.ndarray:
-    """Return (n,) bool: any object blocks the ray within its limit."""
-    blocked, given = np.empty(len(origins), bool), (accelerator.scenes, accelerator.boxes, at)
-    origins, directions, limits = _as_rays(origins, directions, limits)
-
-    def work(_, a, b):
-        _occluded_by_any(*given, new_ray(), origins[a:b], directions[a:b], limits[a:b], blocked[a:b])
-
-    run_ranges(work, len(origins), accelerator.threads, RAY_GRAIN)
-    return blocked
-
-
-@kernel
-def _nearest_of_all(scenes, boxes, first_face, at, ray, origins, directions, limits, distances, faces):
-    for k in range(len(origins)):
-        origin, direction = row(origins, k), row(directions, k)
-        (x, y, z), (u, v, w) = origin, direction
-        distance, face = nearest_hit(scenes, 0, ray, x, y, z, u, v, w, limits[k])
-        for o in range(1, len(at.position)):
-            passes, x, y, z, u, v, w = to_object(at, o, boxes[o], origin, direction, distance)
-            if passes:
-                t, f = nearest_hit(scenes, o, ray, x, y, z, u, v, w, distance)
-                if f >= 0:
-                    distance, face = t, first_face[o] + f
-        distances[k], faces[k] = distance, face
-
-
-@kernel
-def _occluded_by_any(scenes, boxes, at, ray, origins, directions, limits, blocked):
-    for k in range(len(origins)):
-        origin, direction = row(origins, k), row(directions, k)
-        (x, y, z), (u, v, w) = origin, direction
-        blocked[k] = any_hit(scenes, 0, ray, x, y, z, u, v, w, limits[k])
-        for o in range(1, len(at.position)):
-            if blocked[k]:
-                break
-            passes, x, y, z, u, v, w = to_object(at, o, boxes[o], origin, direction, limits[k])
-            blocked[k] = passes and any_hit(scenes, o, ray, x, y, z, u, v, w, limits[k])
-
-
-@inlined
-def to_object(at, o, box, origin, direction, limit):
-    """Return whether a ray passes the box (2, 3) of object o, and the ray in its space, float32."""
-    R, p = at.rotation[o], at.position[o]
-    x, y, z = rotate_back(R, (origin[0] - p[0], origin[1] - p[1], origin[2] - p[2]))
-    u, v, w = rotate_back(R, (np.float64(direction[0]), np.float64(direction[1]), np.float64(direction[2])))
-    t = min(np.float64(limit), ENDLESS)
-    passes = passes_box(x, y, z, x + t * u, y + t * v, z + t * w, box[0], box[1], 0.0)
-    return passes, np.float32(x), np.float32(y), np.float32(z), np.float32(u), np.float32(v), np.float32(w)
-
-
-def rays_to_object(at: Transforms, o: int, origins: np.ndarray, directions: np.ndarray):
-    """Return origins and directions (n, 3) float32 in object o's space, from the world."""
-    local_o, local_d = np.empty_like(origins), np.empty_like(directions)
-    _carry(at.rotation[o], at.position[o], origins, local_o)
-    _carry(at.rotation[o], np.zeros(3), directions, local_d)
-    return local_o, local_d
-
-
-@kernel
-def _carry(R, p, points, out):
-    """out = R^T (points - p), element by element."""
-    for k in range(len(points)):
-        x, y, z = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 2] - p[2]
-        out[k, 0], out[k, 1], out[k, 2] = rotate_back(R, (x, y, z))
 
 
 @kernel

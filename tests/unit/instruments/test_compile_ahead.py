@@ -37,11 +37,11 @@ from gi_core.geometry import mesh_neighbours
 from gi_core.instruments import compile_ahead
 from gi_core.lights import next_event
 from gi_core.model import Model
-from gi_core.rays import accelerator
+from gi_core.rays import all_objects
 from tests.support.viewer_support import room
 
 kernels = [strata.uniform, mesh_neighbours._join, mesh_neighbours._pack, reference.take_in, path_tracer.arrive]
-kernels += [path_tracer.scatter, next_event.add_lit, accelerator._occluded_by_any, denoise._average]
+kernels += [path_tracer.scatter, next_event.add_lit, all_objects._occluded_by_any, denoise._average]
 kernels += [denoise._pass]
 compile_ahead._light_backwards(compile_ahead._tiny_scene(), None)
 before = [k.signatures for k in kernels]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gi_core.model import Model
-from gi_core.rays.accelerator import Transforms, nearest_in_world, occluded_in_world, rays_to_object
+from gi_core.rays.accelerator import Transforms
+from gi_core.rays.all_objects import nearest_in_world, occluded_in_world, rays_to_object
 from gi_core.scene.pose import axis_angle
 from gi_core.scene.types import Mobile, Pose, Scene
 from tests.support.scene_builders import box, grey, sphere
