@@ -137,8 +137,7 @@ def add_exchanged(exchange, E, bounced):
 @kernel
 def _write(
     rows, start, rotation, positions, lights, candidates, first, ray, stratum, direction, value, normals, near, kinds,
-    directions, close, bounced, chance, place, resting, ready, cell, sums, reached, light,
-    out,
+    directions, close, bounced, chance, place, resting, ready, cell, sums, reached, light, out,
 ):  # fmt: skip
     """Write the cells of receivers of a batch that begins at receiver `start`.
 

@@ -140,6 +140,8 @@ class Rounds:
         sets = 1 if end is None else min(end - now, max(1, paths // int((1 << s.log2_set.astype(np.int64)).sum())))
         due = np.flatnonzero(s.sets == now)
         m = int(s.log2_set[due].min())
+        if self._parts:
+            sets, paths = 1, min(paths, 1 << m)  # of the one point whose set is begun
         rows, whole = due[s.log2_set[due] == m][: max(1, paths // (sets << m))], sets << m
         first = sum(part.shape[1] for part in self._parts)
         self._parts.append(self.paths(rows, (now << m) + first, min(paths, whole - first), m, 0))

@@ -19,7 +19,7 @@ from gi_core.scene.types import Pose
 
 RAY_GRAIN = 2048  # rays per thread: with fewer, starting a thread costs more than it saves
 ORIGIN_LIFT = 2e-6  # of the world's size: lifts a ray off the face that it leaves (float32 rounding is 6e-8)
-BOX_PAD = 1e-5  # of the largest object's size: growth of bounding boxes, so that culling loses no hit
+CUT_PAD = 1e-5  # of a size: growth of bounding boxes, so that culling loses no hit
 FAR = 4.0  # of the world's size: length of a segment that hits nothing
 
 
@@ -47,8 +47,8 @@ class Accelerator:
         meshes = list(zip(surfaces.vertices, surfaces.faces, strict=True))
         self.scenes = STRUCTURES[rays].build(meshes)  # for kernels: all objects
         low, high = bounding_boxes(surfaces)
-        pad = BOX_PAD * np.linalg.norm(high - low, axis=1).max()
-        self.boxes = np.stack([low - pad, high + pad], axis=1)  # (objects, 2, 3), in object space
+        pad = CUT_PAD * np.linalg.norm(high - low, axis=1).max()
+        self.boxes = np.stack([low - pad, high + pad], axis=1)  # (objects, 2, 3), grown, in object space
         self.face_object = np.repeat(np.arange(surfaces.objects), np.diff(surfaces.first_face)).astype(np.int16)
 
     def nearest(self, o: int, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray):

@@ -18,6 +18,7 @@ from gi_core.bsdf.surface import Bsdfs, build_bsdfs
 from gi_core.geometry.sides import NONE
 from gi_core.geometry.surfaces import Surfaces
 from gi_core.rays.accelerator import (
+    CUT_PAD,
     FAR,
     ORIGIN_LIFT,
     Accelerator,
@@ -28,8 +29,6 @@ from gi_core.rays.accelerator import (
     point_on_line,
 )
 from gi_core.rays.structures import nearest_hit
-
-CUT_PAD = 1e-5  # of the world's size: growth of bounding boxes, so that culling loses no hit
 
 
 class World(NamedTuple):

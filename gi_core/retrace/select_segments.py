@@ -11,8 +11,7 @@ from gi_core.base.jit import kernel
 from gi_core.base.threads import run_ranges
 from gi_core.base.vec import difference, rotate_back
 from gi_core.model import Model
-from gi_core.rays.accelerator import Transforms, passes_box
-from gi_core.rays.two_level import CUT_PAD
+from gi_core.rays.accelerator import CUT_PAD, Transforms, passes_box
 from gi_core.retrace.broad_phase import PAD
 
 GRAIN = 2048  # segments per thread

@@ -22,8 +22,7 @@ from gi_core.discs.contact.surface_cells import box_is_near, points_near, surfac
 from gi_core.discs.region import COS, PROBES, RAYS, SIN, Regions, levels, look_from, polygon_areas
 from gi_core.model import Model
 from gi_core.photons.hit_grid import HitGrid, Hits, build, cell_of
-from gi_core.rays.accelerator import Transforms, passes_box
-from gi_core.rays.two_level import CUT_PAD
+from gi_core.rays.accelerator import CUT_PAD, Transforms, passes_box
 
 ALL, PROBED, REST = 0, 1, 2  # subsets of a receiver's directions
 _STRIDE = RAYS // PROBES
