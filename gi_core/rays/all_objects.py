@@ -13,6 +13,7 @@ from gi_core.base.threads import run_ranges
 from gi_core.base.vec import rotate_back, row
 from gi_core.rays.accelerator import RAY_GRAIN, Accelerator, Transforms, as_rays, passes_box
 from gi_core.rays.structures import any_hit, nearest_hit, new_ray
+from gi_core.scene.pose import to_world_at
 
 ENDLESS = 1e30  # [m], in place of an infinite limit
 
@@ -86,15 +87,6 @@ def to_object(at, o, box, origin, direction, limit):
 
 def rays_to_object(at: Transforms, o: int, origins: np.ndarray, directions: np.ndarray):
     """Return origins and directions (n, 3) float32 in object o's space, from the world."""
-    local_o, local_d = np.empty_like(origins), np.empty_like(directions)
-    _carry(at.rotation[o], at.position[o], origins, local_o)
-    _carry(at.rotation[o], np.zeros(3), directions, local_d)
-    return local_o, local_d
-
-
-@kernel
-def _carry(R, p, points, out):
-    """out = R^T (points - p), element by element."""
-    for k in range(len(points)):
-        x, y, z = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 2] - p[2]
-        out[k, 0], out[k, 1], out[k, 2] = rotate_back(R, (x, y, z))
+    back, none = at.rotation[o].T[None], np.zeros((1, 3))
+    found = (to_world_at(back, none, np.asarray(a, np.float64)) for a in (origins - at.position[o], directions))
+    return tuple(a.astype(np.float32) for a in found)
