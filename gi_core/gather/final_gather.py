@@ -1,8 +1,8 @@
 """Final gathering of the static part's light (Reichert 1992; Jensen 2001): one bounce, then the photons' light.
 
-A bounce averages the photons' noise over all surfaces that a receiver sees. A path consists of a shadow ray and a
-bounce, so its variance is low. Final gathering converges much sooner than full paths (`reference.py`), but inherits the
-photons' error one bounce away.
+A bounce averages the photons' noise over all surfaces that a receiver sees. Shadow rays go to points on lamps chosen
+among candidates (`lights/candidates.py`). So variance is low, and final gathering converges much sooner than full paths
+(`reference.py`), but it inherits the photons' error one bounce away.
 
 Paths come in pairs of sets; each pair has twice as many paths as the last, because large sets are better stratified.
 The differences within pairs give the noise.
@@ -16,10 +16,11 @@ import numpy as np
 
 from gi_core.base.threads import run_ranges
 from gi_core.gather.one_bounce import Bounces, Exchange, Field, meet
-from gi_core.gather.path_tracer import BLOCK, join_lights, scatter, starts
+from gi_core.gather.path_tracer import BLOCK, SHADOW_GAP, add_unblocked, scatter, starts
 from gi_core.geometry.error import noise_of_truth, small_sample_bias
+from gi_core.lights.candidates import Candidates, candidates, join_lamps
 from gi_core.lights.mix import sum_of_lamps
-from gi_core.lights.next_event import room_for_shadows
+from gi_core.lights.next_event import picks
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT
 from gi_core.rays.all_objects import nearest_in_world
@@ -28,6 +29,7 @@ STREAM = 0x51D3  # separates these random numbers from those of photons and refe
 SMALLEST, LARGEST = 3, 10  # log2 of the paths of the first and last sets
 PATHS_PER_STEP = 1 << 13  # 15 CPU ms in the office: a drag waits for one step at most
 SET = 1 << 40  # stride of set numbers, above the number of receivers
+CANDIDATE_SETS = 32  # of points on lamps, one of them for each receiver: neighbours should not share their errors
 
 
 class FinalGather:
@@ -80,9 +82,10 @@ class FinalGather:
             m = min(SMALLEST + pair, LARGEST)
             halves = np.zeros((2, *self.last.shape))
             for half in range(2):
-                at_once = max(1, PATHS_PER_STEP >> m)
+                number, at_once = 2 * pair + half, max(1, PATHS_PER_STEP >> m)
+                some = candidates(self._seed ^ (number << 20), m, self._lights.area, CANDIDATE_SETS)
                 for first in range(0, len(self._lit), at_once):
-                    self._gather(self._lit[first : first + at_once], 2 * pair + half, m, light, halves[half])
+                    self._gather(self._lit[first : first + at_once], number, m, some, light, halves[half])
                     yield False
             self._take_in(halves, 2 << m)
             yield True
@@ -97,31 +100,36 @@ class FinalGather:
         self._lamp_variance = a * a * self._lamp_variance + b * b * 0.25 * apart**2
         self._variance = a * a * self._variance + b * b * 0.25 * sum_of_lamps(apart) ** 2
 
-    def _gather(self, rows: np.ndarray, number: int, m: int, field: np.ndarray, out: np.ndarray) -> None:
+    def _gather(
+        self, rows: np.ndarray, number: int, m: int, some: Candidates, field: np.ndarray, out: np.ndarray
+    ) -> None:
         """Write the estimates of set `number` of 2^m paths at receivers."""
 
         def work(_, first, last):
             at_once = max(1, BLOCK >> m)
             for a in range(first, last, at_once):
                 part = rows[a : min(a + at_once, last)]
-                out[part] = self._block(part, number, m, field) / (1 << m)
+                out[part] = self._block(part, number, m, some, field) / (1 << m)
 
         run_ranges(work, len(rows), self._model.threads, max(1, BLOCK >> (m + 2)))
 
-    def _block(self, rows: np.ndarray, number: int, m: int, field: np.ndarray) -> np.ndarray:
+    def _block(self, rows: np.ndarray, number: int, m: int, some: Candidates, field: np.ndarray) -> np.ndarray:
         model, lights, s, world = self._model, self._lights, self._model.surfaces, self._model.world
-        n, count, at = len(rows), len(rows) << m, model.static
-        positions, normals = self._positions[rows], self._normals[rows]
-        path = ((number * SET + rows[:, None] << m) + np.arange(1 << m)).reshape(-1)
+        n, count, at, far = len(rows), len(rows) << m, model.static, float(np.float32(FAR * world.size))
+        positions, normals, total = self._positions[rows], self._normals[rows], np.zeros((n, lights.channels))
+        path = (number * SET + rows[:, None] << m) + np.arange(1 << m)
+        pick = picks(self._seed, m, 0, path, lights.delta)
+        ends = starts(rows, np.arange(n), positions, normals)
+        rays = join_lamps(world.bsdfs, some, pick, 1 << m, ends, lights, far, SHADOW_GAP * world.size)
+        add_unblocked(model, at, rays, len(rays.row), total)
         start = np.repeat(positions, 1 << m, axis=0), np.repeat(normals, 1 << m, axis=0)
-        ends = starts(path, np.repeat(np.arange(n), 1 << m), *start)
-        total, rays = np.zeros((n, lights.channels)), room_for_shadows(count)
-        join_lights(model, at, lights, self._seed, m, 0, ends, rays, total)
-        scatter(world.bsdfs, self._seed, m, 0, ends, rays.origin, rays.direction)
-        far = np.full(count, FAR * world.size, np.float32)
-        distance, face = nearest_in_world(model.accelerator, at, rays.origin, rays.direction, far)
+        ends = starts(path.reshape(-1), np.repeat(np.arange(n), 1 << m), *start)
+        origin, direction = np.empty((2, count, 3), np.float32)
+        scatter(world.bsdfs, self._seed, m, 0, ends, origin, direction)
+        limits = np.full(count, far, np.float32)
+        distance, face = nearest_in_world(model.accelerator, at, origin, direction, limits)
         none = Exchange(np.empty(0, np.int64), np.empty((0, 3), np.int64), np.empty((0, 3)))  # no mobile is met
         known = Field(s.corner_front, s.corner_back, field)
-        bounces = Bounces(1 << m, normals, at.rotation[0], rays.direction, distance, face)
+        bounces = Bounces(1 << m, normals, at.rotation[0], direction, distance, face)
         meet(world, at, lights.area, lights.sky, known, bounces, 0, 0, total, none)
         return total

@@ -25,7 +25,7 @@ from gi_core.gloss.discs import GlossDiscs
 from gi_core.gloss.hemisphere import CELLS, SIDE, cell_of, direction_of
 from gi_core.gloss.radiance import GRAZING
 from gi_core.lights.light_sampling import Lights
-from gi_core.lights.next_event import join_area, join_delta, light_samples, room_for_shadows
+from gi_core.lights.next_event import join_area, join_delta, picks, points_on_lamps, room_for_shadows
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
 from gi_core.rays.all_objects import nearest_in_world, occluded_in_world
@@ -101,12 +101,12 @@ class GlossGather:
         # Join the receivers with lamps: a point on an area light per ray, and every delta light once.
         ends = starts(path.reshape(-1), *(np.repeat(a, RAYS, axis=0) for a in self._starts(part)))
         if len(lights.area.cdf):
-            samples = light_samples(seed, LOG2_RAYS, 0, path.reshape(-1, 1), lights)
-            self._join(rays, join_area(world.bsdfs, samples, ends, lights.area, gap, rays), 1 / RAYS, own, out)
+            points = points_on_lamps(seed, LOG2_RAYS, 0, path.reshape(-1, 1), lights.area)
+            self._join(rays, join_area(world.bsdfs, points, ends, lights.area, gap, rays), 1 / RAYS, own, out)
         if delta := min(len(lights.delta.kind), MOST_DELTA):
-            samples = light_samples(seed, 0, 0, path[:, :delta], lights)
+            pick = picks(seed, 0, 0, path[:, :delta], lights.delta)
             few, room = starts(path[:, 0].copy(), *self._starts(part)), room_for_shadows(k * delta)
-            n = join_delta(world.bsdfs, samples, delta, few, lights.delta, far, gap, 0, room)
+            n = join_delta(world.bsdfs, pick, delta, few, lights.delta, far, gap, 0, room)
             self._join(room, n, 1 / delta, own, out)
 
         # Send rays through the cells, and on from glossy surfaces.

@@ -32,16 +32,9 @@ from gi_core.gather.shared_samples import bounces, shared_directions
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.surfaces import glossy_receivers
 from gi_core.gloss.sharp import in_probes
-from gi_core.lights.candidates import Candidates, candidates, join_candidates
+from gi_core.lights.candidates import Candidates, candidates, join_lamps
 from gi_core.lights.light_sampling import Lights, aimed, steady
-from gi_core.lights.next_event import (
-    LightSamples,
-    Shadows,
-    add_lit,
-    join_delta,
-    light_samples,
-    room_for_shadows,
-)
+from gi_core.lights.next_event import add_lit, picks
 from gi_core.model import Model
 from gi_core.rays.accelerator import FAR, ORIGIN_LIFT, Transforms
 from gi_core.rays.two_level import World
@@ -50,7 +43,6 @@ from gi_core.scene.pose import to_world_at
 STREAM = 0x3B11  # separates these random numbers from those of photons and reference with the same seed
 BATCH_PATHS = 1 << 13  # paths per batch of receivers; of 2^11 .. 2^15, half take a tenth more time, twice none less
 CACHED_PATHS = 1 << 19  # paths with cached rays, some 100 bytes each
-PATHS_PER_SHADOW = 2  # bounces per shadow ray to an area light: docs/decisions 43
 SWEEPS = 32  # of Jacobi's method at most ...
 SETTLED = 1e-3  # ... or until a sweep changes the sum of all by less than this share
 
@@ -65,12 +57,12 @@ class ReceiverBatch(NamedTuple):
     shadow: ShadowRays
 
 
-class LampPoints(NamedTuple):
+class LampSamples(NamedTuple):
     """Lights, and where on them the shadow rays of all receivers of a mobile end."""
 
     lights: Lights
     candidates: Candidates  # on area lights
-    picks: LightSamples  # of delta lights
+    picks: np.ndarray  # of delta lights, see `next_event.picks`
 
 
 class PathSums(NamedTuple):
@@ -176,11 +168,11 @@ class MobileGather:
             self._aimed[o] = centre.tobytes(), lights._replace(area=aimed(lights.area, centre, radius))
         return self._aimed[o][1]
 
-    def _lamps(self, o: int, at: Transforms, m: int) -> LampPoints:
+    def _lamps(self, o: int, at: Transforms, m: int) -> LampSamples:
         """Return where 2^m paths per receiver of mobile o look for lamps."""
-        lights, strata = self._lights_of(o, at), max((1 << m) // PATHS_PER_SHADOW, 1)
-        some = candidates(self._seed, strata, lights.area)
-        return LampPoints(lights, some, light_samples(self._seed, m, 0, np.arange(1 << m)[None], lights))
+        lights, every = self._lights_of(o, at), np.arange(1 << m)[None]
+        some = candidates(self._seed, m, lights.area)
+        return LampSamples(lights, some, picks(self._seed, m, 0, every, lights.delta))
 
     def _places(self, m: int) -> list[tuple[int, slice]]:
         """Return mobile and receivers of each batch of 2^m paths per receiver."""
@@ -207,28 +199,22 @@ class MobileGather:
         return ReceiverBatch(mobile, rows, directions, rays, ShadowRays(self._model, mobile))
 
     def _gather(
-        self, world: World, batch: ReceiverBatch, at: Transforms, lamps: LampPoints, static, m, light: PathSums,
+        self, world: World, batch: ReceiverBatch, at: Transforms, lamps: LampSamples, static, m, light: PathSums,
         bounced: np.ndarray,
     ) -> tuple[Exchange, DirectLight | None]:  # fmt: skip
         """Gather at a batch of receivers: add known light to `light`, return the hits on mobiles.
 
         Of a glossy mobile, write `bounced`, as in PathLight, and return the direct light too.
         """
-        s, (lights, some, picks) = self._model.surfaces, lamps
+        s, (lights, some, pick) = self._model.surfaces, lamps
         n, R, p = batch.rows.stop - batch.rows.start, at.rotation[batch.mobile, None], at.position[batch.mobile, None]
         positions = to_world_at(R, p, self._positions[batch.rows])
         normals = to_world_at(R, 0 * p, self._normals[batch.rows])
         far, gap = float(np.float32(FAR * world.size)), SHADOW_GAP * world.size
 
-        def shadows() -> Shadows:
-            deltas, rows = min(len(lights.delta.kind), 1 << m), np.arange(n)
-            rays = room_for_shadows(n * (len(some.pick) + deltas))
-            ends = starts(rows, rows, positions, normals)
-            count = join_candidates(some, 1 << m, ends, lights.area, gap, rays)
-            count = join_delta(world.bsdfs, picks, 1 << m, ends, lights.delta, far, gap, count, rays)
-            return Shadows(*(a[:count] for a in rays))
-
-        rays, blocked = batch.shadow.occluded(at, shadows)
+        ends = starts(np.arange(n), np.arange(n), positions, normals)
+        to_lamps = some, pick, 1 << m, ends, lights, far, gap
+        rays, blocked = batch.shadow.occluded(at, lambda: join_lamps(world.bsdfs, *to_lamps))
         add_lit(rays.row, rays.value, rays.lamp, blocked, light.direct)
         distance, face = batch.bounce.nearest(at)
         closeness(1 << m, distance, light.close)

@@ -178,7 +178,7 @@ def _write(
             # All candidates where they are few, at last one of each stratum: more in a cell add time alone.
             step = min(max(len(light) // ROOM, 1), CANDIDATES)
             at, scale = row(positions, i - start), total * np.float32(step * paths / len(light))
-            unoccluded(candidates, at, turned[2], lights, light)
+            unoccluded(candidates, np.uint64(0), at, turned[2], lights, light)
             _forget_unreached(reached, light)
             for begin in range(0, len(light), ROOM * step):
                 n = min(ROOM, (len(light) - begin) // step)

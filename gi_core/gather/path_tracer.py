@@ -22,7 +22,8 @@ from gi_core.lights.next_event import (
     add_lit,
     join_area,
     join_delta,
-    light_samples,
+    picks,
+    points_on_lamps,
     room_for_shadows,
     share_of_bounce,
 )
@@ -126,14 +127,16 @@ def join_lights(model: Model, at: Transforms, lights: Lights, seed, m, vertex, e
     """
     size, bsdfs = model.world.size, model.world.bsdfs
     far, gap = float(np.float32(FAR * size)), SHADOW_GAP * size
-    samples = light_samples(seed, m, vertex, ends.path[:, None], lights)
+    path = ends.path[:, None]
     if len(lights.delta.kind):
-        _join(model, at, rays, join_delta(bsdfs, samples, 1, ends, lights.delta, far, gap, 0, rays), total)
-    _join(model, at, rays, join_area(bsdfs, samples, ends, lights.area, gap, rays), total)
+        pick = picks(seed, m, vertex, path, lights.delta)
+        add_unblocked(model, at, rays, join_delta(bsdfs, pick, 1, ends, lights.delta, far, gap, 0, rays), total)
+    points = points_on_lamps(seed, m, vertex, path, lights.area)
+    add_unblocked(model, at, rays, join_area(bsdfs, points, ends, lights.area, gap, rays), total)
 
 
-def _join(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
-    """Add the values of the first n rays that are not blocked."""
+def add_unblocked(model: Model, at: Transforms, rays: Shadows, n: int, total) -> None:
+    """Add the values of those of the first n rays that are not blocked to their rows of `total` (rows, 3 G)."""
     if n:
         blocked = occluded_in_world(model.accelerator, at, rays.origin[:n], rays.direction[:n], rays.limit[:n])
         add_lit(rays.row, rays.value, rays.lamp, blocked, total)

@@ -3,7 +3,7 @@
 Points on lamps lie along the lamps in strata of CANDIDATES points, the same for many receivers. A receiver computes the
 unoccluded light of each candidate and sends one shadow ray per stratum, to a candidate chosen in proportion to it. A
 ray that arrives brings the mean of its stratum. Its expectation is the light of the candidates, so it is unbiased, and
-distance and angle add little noise: their means are over all candidates.
+distance and angle add little noise: their means are over all candidates. One shadow ray comes with two bounces.
 """
 
 from __future__ import annotations
@@ -17,44 +17,59 @@ from gi_core.base import owen_sobol, random_numbers
 from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.vec import difference, dot, row
 from gi_core.geometry.error import REC709
-from gi_core.lights.light_sampling import AreaLights
-from gi_core.lights.next_event import LIGHT_U, LIGHT_V, aim_ray, point_on_lamp
+from gi_core.lights.light_sampling import AreaLights, Lights
+from gi_core.lights.next_event import (
+    LIGHT_U,
+    LIGHT_V,
+    Shadows,
+    aim_ray,
+    join_delta,
+    point_on_lamp,
+    room_for_shadows,
+)
 from gi_core.lights.photometric import density
 
 CANDIDATES = 8  # per shadow ray
+PATHS_PER_SHADOW = 2  # bounces per shadow ray to an area light: docs/decisions 43
 PICK = 3  # dimension, after those of next_event.py
 RED, GREEN, BLUE = REC709
 
 
 class Candidates(NamedTuple):
-    """Points on area lights in n strata, n CANDIDATES in all, in the order of their strata."""
+    """Points on area lights in sets of strata of CANDIDATES, n in all. A receiver takes one set."""
 
-    point: np.ndarray  # (3, n CANDIDATES) float64 [m]
-    normal: np.ndarray  # (3, n CANDIDATES) float64 unit, of the lamp
-    density: np.ndarray  # (n CANDIDATES,) float64 [1/m2], probability density of the point
-    power: np.ndarray  # (n CANDIDATES,) float64 [W/m2/sr], luminance of the radiance
-    colour: np.ndarray  # (3, n CANDIDATES) float64, radiance over its luminance
-    face: np.ndarray  # (n CANDIDATES,) int64, emissive face
-    pick: np.ndarray  # (n,) float64 in [0, 1), chooses one point of a stratum
+    point: np.ndarray  # (3, n) float64 [m]
+    normal: np.ndarray  # (3, n) float64 unit, of the lamp
+    density: np.ndarray  # (n,) float64 [1/m2], probability density of the point
+    power: np.ndarray  # (n,) float64 [W/m2/sr], luminance of the radiance
+    colour: np.ndarray  # (3, n) float64, radiance over its luminance
+    face: np.ndarray  # (n,) int64, emissive face
+    pick: np.ndarray  # (n / CANDIDATES,) float64 in [0, 1), chooses one point of a stratum
+    sets: int
+
+    @property
+    def strata(self) -> int:
+        """Strata of a set: shadow rays of a receiver."""
+        return len(self.pick) // self.sets
 
 
-def candidates(seed: int, strata: int, lights: AreaLights) -> Candidates:
-    """Draw candidates in strata of equal probability; none without area lights."""
-    n = strata * CANDIDATES if len(lights.cdf) else 0
+def candidates(seed: int, m: int, lights: AreaLights, sets: int = 1) -> Candidates:
+    """Draw candidates for 2^m paths per receiver, in strata of equal probability; none without area lights."""
+    n = max((1 << m) // PATHS_PER_SHADOW, 1) * CANDIDATES * sets if len(lights.cdf) else 0
     point, normal, colour = np.empty((3, 3, n))
     face, pick = np.empty(n, np.int64), np.empty(n // CANDIDATES)
-    out = Candidates(point, normal, *np.empty((2, n)), colour, face, pick)
+    out = Candidates(point, normal, *np.empty((2, n)), colour, face, pick, sets)
     _draw(seed, lights, *out)
     return out
 
 
 @kernel
-def _draw(seed, lights, point, normal, density, power, colour, face, pick):
-    n, key = len(face), random_numbers.hashed(seed, 0, 0, LIGHT_V)
-    for i in range(n):
+def _draw(seed, lights, point, normal, density, power, colour, face, pick, sets):
+    n = len(face) // sets
+    for i in range(len(face)):
         # A Hammersley set: its first number ascends, so a stratum is a run of points.
-        u = (i + random_numbers.independent(seed, i, 0, LIGHT_U)) / n
-        v = owen_sobol.unit(np.uint64(i), key)
+        u = (i % n + random_numbers.independent(seed, i, 0, LIGHT_U)) / n
+        v = owen_sobol.unit(np.uint64(i % n), random_numbers.hashed(seed, i // n, 0, LIGHT_V))
         e, density[i], p = point_on_lamp(lights, min(u, 1.0 - 2.0**-53), v)
         radiance = row(lights.radiance, e)
         face[i], power[i] = e, dot((RED, GREEN, BLUE), radiance)
@@ -66,31 +81,46 @@ def _draw(seed, lights, point, normal, density, power, colour, face, pick):
         pick[j] = random_numbers.independent(seed, j, 0, PICK)
 
 
+def join_lamps(bsdfs, some: Candidates, picks: np.ndarray, paths: int, ends, lights: Lights, far, gap) -> Shadows:
+    """Return shadow rays from n path starts on diffuse surfaces to all lamps.
+
+    Values [W/m2] of a start sum to `paths` times its irradiance. picks: of delta lights, see `next_event.picks`.
+    Directional lights are `far` [m] away. Rays end `gap` [m] before the lamp.
+    """
+    rays = room_for_shadows(len(ends.row) * (some.strata + min(len(lights.delta.kind), paths)))
+    count = join_candidates(some, paths, ends, lights.area, gap, rays)
+    count = join_delta(bsdfs, picks, paths, ends, lights.delta, far, gap, count, rays)
+    return Shadows(*(a[:count] for a in rays))
+
+
 @allocating
 def join_candidates(of, paths, ends, lights, gap, out):
     """Write shadow rays from n path starts to area lights, one per stratum of candidates; return their number.
 
-    Starts are on diffuse surfaces. Values [W/m2] of a start sum to `paths` times its irradiance; they are weighted
-    against bounces as in `next_event.join_area`. Rays end `gap` [m] before the lamp.
+    A start takes its set of candidates by chance, from its path number. Its values are those of join_lamps(), weighted
+    against bounces as in `next_event.join_area`.
     """
-    count, light = 0, np.empty(len(of.face))
-    scale = paths / max(len(of.face), 1)
+    n, strata = len(of.face) // of.sets, len(of.pick) // of.sets
+    count, light, scale = 0, np.empty(n), paths / max(n, 1)
     for k in range(len(ends.row)):
         position, normal = row(ends.position, k), row(ends.normal, k)
-        unoccluded(of, position, normal, lights, light)
-        for j in range(len(of.pick)):
+        own = random_numbers.hashed(0, ends.path[k], 0, PICK) % np.uint64(of.sets)
+        before = own * np.uint64(n)
+        unoccluded(of, before, position, normal, lights, light)
+        for j in range(strata):
             first, total = j * CANDIDATES, 0.0
             for c in range(first, first + CANDIDATES):
                 total += light[c]
             if total <= 0.0:
                 continue
-            left, chosen = of.pick[j] * total, first
+            left, chosen = of.pick[own * np.uint64(strata) + np.uint64(j)] * total, first
             for c in range(first, first + CANDIDATES):
                 if light[c] > 0.0:
                     chosen = c  # the last candidate stays if rounding exhausts the sum
                     left -= light[c]
                     if left < 0.0:
                         break
+            chosen = before + np.uint64(chosen)
             value, out.lamp[count] = scale * total, lights.lamp[of.face[chosen]]
             for c in range(3):
                 out.value[count, c] = value * of.colour[c, chosen]
@@ -103,24 +133,25 @@ def join_candidates(of, paths, ends, lights, gap, out):
 
 
 @inlined
-def unoccluded(of, position, normal, lights, out):
-    """Write the luminance [W/m2] of all candidates over their density, without shadow."""
-    _from_faces(of, position, normal, out)
-    for c in range(len(out)):
-        if lights.table[of.face[c]] >= 0:
-            out[c] = _from_luminaire(of, c, position, normal, lights)
+def unoccluded(of, before, position, normal, lights, out):
+    """Write the luminance [W/m2] of n candidates, after `before` others, over their density, without shadow."""
+    _from_faces(of, before, position, normal, out)
+    for c in range(np.uint64(len(out))):
+        if lights.table[of.face[before + c]] >= 0:
+            out[c] = _from_luminaire(of, before + c, position, normal, lights)
 
 
 @inlined
-def _from_faces(of, position, normal, out):
+def _from_faces(of, before, position, normal, out):
     """Write the same, as if each were on a diffuse lamp. LLVM vectorises no loop of few, known turns: one over all."""
-    for i in range(np.uint64(len(out))):
+    for k in range(np.uint64(len(out))):
+        i = before + k
         x, y, z = of.point[0, i] - position[0], of.point[1, i] - position[1], of.point[2, i] - position[2]
         d2 = x * x + y * y + z * z
         here = max(x * normal[0] + y * normal[1] + z * normal[2], 0.0)
         there = max(-(x * of.normal[0, i] + y * of.normal[1, i] + z * of.normal[2, i]), 0.0)
         # Le cos cos' / d^2 / (p_light + cos cos' / d^2 / pi), times d^4 above and below
-        out[i] = of.power[i] * here * there / max(of.density[i] * d2 * d2 + here * there / math.pi, 1e-300)
+        out[k] = of.power[i] * here * there / max(of.density[i] * d2 * d2 + here * there / math.pi, 1e-300)
 
 
 @kernel

@@ -15,19 +15,18 @@ from gi_core.base import random_numbers, strata
 from gi_core.base.jit import allocating, inlined, kernel
 from gi_core.base.vec import difference, dot, row, weighted
 from gi_core.bsdf import lambertian, surface
-from gi_core.lights.light_sampling import DIRECTIONAL, PHOTOMETRIC, SPOT, Lights, triangle_area
+from gi_core.lights.light_sampling import DIRECTIONAL, PHOTOMETRIC, SPOT, AreaLights, DeltaLights, triangle_area
 from gi_core.lights.photometric import density
 
 LIGHT_U, LIGHT_V, SMALL_PICK = 0, 1, 2  # dimensions of strata.uniform() at each path vertex
 
 
-class LightSamples(NamedTuple):
-    """Light samples of P paths per start; s = n starts, or s = 1 where all starts share the picks of delta lights."""
+class LampPoints(NamedTuple):
+    """Points on area lights, P per start of n."""
 
-    face: np.ndarray  # (s, P) int64, emissive face; (s, 0) without area lights
-    point: np.ndarray  # (s, P, 3) float64 [m], on the face
-    density: np.ndarray  # (s, P) float64 [1/m2], probability density of the point
-    pick: np.ndarray  # (s, P) float64 in [0, 1), picks a delta light; (s, 0) where every delta light is sampled
+    face: np.ndarray  # (n, P) int64, emissive face; (n, 0) without area lights
+    point: np.ndarray  # (n, P, 3) float64 [m], on the face
+    density: np.ndarray  # (n, P) float64 [1/m2], probability density of the point
 
 
 class Shadows(NamedTuple):
@@ -55,33 +54,44 @@ def room_for_shadows(n: int) -> Shadows:
     )
 
 
-def light_samples(seed: int, m: int, vertex: int, path: np.ndarray, lights: Lights) -> LightSamples:
-    """Sample points on lights at vertex `vertex` of paths (s, P) int64, stratified in sets of 2^m (see strata)."""
-    s, paths = path.shape
-    faces = paths if len(lights.area.cdf) else 0
-    picks = paths if len(lights.delta.kind) > paths else 0
-    out = LightSamples(
-        np.empty((s, faces), np.int64), np.empty((s, faces, 3)), np.empty((s, faces)), np.empty((s, picks))
-    )
-    _sample(seed, m, vertex, path, lights.area, out)
+def points_on_lamps(seed: int, m: int, vertex: int, path: np.ndarray, lights: AreaLights) -> LampPoints:
+    """Draw points at vertex `vertex` of paths (n, P) int64, stratified in sets of 2^m (see strata)."""
+    n, points = path.shape[0], path.shape[1] if len(lights.cdf) else 0
+    out = LampPoints(np.empty((n, points), np.int64), np.empty((n, points, 3)), np.empty((n, points)))
+    _draw_points(seed, m, vertex, path, lights, *out)
     return out
 
 
 @kernel
-def _sample(seed, m, vertex, path, lights, out):
-    for k in range(path.shape[0]):
-        for j in range(out.face.shape[1]):
+def _draw_points(seed, m, vertex, path, lights, face, point, density):
+    for k in range(face.shape[0]):
+        for j in range(face.shape[1]):
             u = strata.uniform(seed, path[k, j], vertex, LIGHT_U, m)
             v = strata.uniform(seed, path[k, j], vertex, LIGHT_V, m)
-            out.face[k, j], out.density[k, j], point = point_on_lamp(lights, u, v)
-            out.point[k, j, 0], out.point[k, j, 1], out.point[k, j, 2] = point
-        for j in range(out.pick.shape[1]):
-            out.pick[k, j] = strata.uniform(seed, path[k, j], vertex, SMALL_PICK, m)
+            face[k, j], density[k, j], p = point_on_lamp(lights, u, v)
+            point[k, j, 0], point[k, j, 1], point[k, j, 2] = p
+
+
+def picks(seed: int, m: int, vertex: int, path: np.ndarray, lights: DeltaLights) -> np.ndarray:
+    """Return numbers in [0, 1) that pick a delta light for each of paths (s, P) int64, as float64 of that shape.
+
+    They are (s, 0) where P paths sample every delta light. Numbers are stratified as points are.
+    """
+    out = np.empty((len(path), path.shape[1] if len(lights.kind) > path.shape[1] else 0))
+    _pick(seed, m, vertex, path, out)
+    return out
 
 
 @kernel
-def join_area(bsdfs, samples, ends, lights, gap, out):
-    """Write shadow rays from n path ends to points on area lights; return their number.
+def _pick(seed, m, vertex, path, out):
+    for k in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[k, j] = strata.uniform(seed, path[k, j], vertex, SMALL_PICK, m)
+
+
+@kernel
+def join_area(bsdfs, points, ends, lights, gap, out):
+    """Write shadow rays from n path ends to LampPoints; return their number.
 
     Ends that face away get no ray. Values [W/m2] of a start sum to P times its irradiance. Rays end `gap` [m] before
     the lamp.
@@ -92,8 +102,8 @@ def join_area(bsdfs, samples, ends, lights, gap, out):
     count = 0
     for k in range(len(ends.row)):
         position, normal = ends.position[k], ends.normal[k]
-        for j in range(samples.face.shape[1]):
-            e, p = samples.face[k, j], samples.point[k, j]
+        for j in range(points.face.shape[1]):
+            e, p = points.face[k, j], points.point[k, j]
             cosine, at_light, way, d2 = _arriving(difference(p, position), normal, lights.normal[e])
             if lights.table[e] >= 0:
                 axis, c0 = lights.normal[e], lights.c0[e]
@@ -103,7 +113,7 @@ def join_area(bsdfs, samples, ends, lights, gap, out):
             d, T, p_bounce = math.sqrt(d2), _reflected(bsdfs, ends, k, way), 0.0
             if lights.table[e] < 0:  # no bounce hits a luminaire
                 p_bounce = _density(bsdfs, ends, k, way, cosine)
-            geometry = cosine * at_light / d2 / (samples.density[k, j] + p_bounce * at_light / d2)
+            geometry = cosine * at_light / d2 / (points.density[k, j] + p_bounce * at_light / d2)
             radiance = lights.radiance[e]
             out.value[count, 0] = T[0] * radiance[0] * geometry
             out.value[count, 1] = T[1] * radiance[1] * geometry
@@ -115,13 +125,14 @@ def join_area(bsdfs, samples, ends, lights, gap, out):
 
 
 @allocating
-def join_delta(bsdfs, samples, paths, ends, lights, far, gap, first, out):
+def join_delta(bsdfs, pick, paths, ends, lights, far, gap, first, out):
     """Write shadow rays from n path ends to delta lights, from row `first` on; return the next free row.
 
     With no more delta lights than paths, each end samples all of them, so unoccluded light is exact. Otherwise each
-    path picks one, in proportion to its unoccluded contribution. Values and gap as in join_area().
+    path picks one by pick (n, paths), in proportion to its unoccluded contribution; starts share pick (1, paths).
+    Values and gap as in join_area().
     """
-    lamps, count, own = len(lights.kind), first, len(samples.pick) > 1
+    lamps, count, own = len(lights.kind), first, len(pick) > 1
     reached, weight = np.empty((lamps, 5)), np.empty(lamps)
     for k in range(len(ends.row)):
         row, position, normal = ends.row[k], ends.position[k], ends.normal[k]
@@ -143,7 +154,7 @@ def join_delta(bsdfs, samples, paths, ends, lights, far, gap, first, out):
                     count += 1
             continue
         for j in range(paths):
-            left, chosen = samples.pick[k if own else 0, j] * total, -1
+            left, chosen = pick[k if own else 0, j] * total, -1
             for e in range(lamps):
                 if weight[e] > 0.0:
                     chosen = e  # the last candidate stays if rounding exhausts the sum

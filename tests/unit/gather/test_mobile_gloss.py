@@ -53,7 +53,7 @@ def of_stratum(d: DirectLight, r: int, e: int, paths: int, normal: np.ndarray) -
     """Return direction in the object's space and light of the candidates that ray e of receiver r stands for."""
     of, first = d.candidates, d.stratum[e] * CANDIDATES
     found = np.empty(len(of.face))
-    unoccluded(of, d.positions[r], d.rotation @ normal, d.lights, found)
+    unoccluded(of, np.uint64(0), d.positions[r], d.rotation @ normal, d.lights, found)
     step = min(max(len(of.face) // ROOM_OF_RAYS, 1), CANDIDATES)
     rays = []
     for c in range(first, first + CANDIDATES, step):

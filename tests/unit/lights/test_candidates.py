@@ -7,15 +7,16 @@ import pytest
 
 from gi_core.gather.path_tracer import starts
 from gi_core.geometry.error import luminance
-from gi_core.lights.candidates import CANDIDATES, candidates, join_candidates
+from gi_core.lights.candidates import CANDIDATES, PATHS_PER_SHADOW, candidates, join_candidates
 from gi_core.lights.light_sampling import Lights, area_lights, delta_lights, sky_of
-from gi_core.lights.next_event import join_area, light_samples, room_for_shadows
+from gi_core.lights.next_event import join_area, points_on_lamps, room_for_shadows
 from gi_core.model import Model
 from gi_core.scene.types import Scene
 from tests.support.photometry import luminaire
 from tests.support.scene_builders import box, grey, lamp, merge, quad
 
-RAYS = 8
+M = 4  # log2 of the paths per receiver
+RAYS = (1 << M) // PATHS_PER_SHADOW
 PLACES = np.array([[0.2, 0.2, 0.1], [0.7, 0.4, 0.5], [0.5, 0.9, 0.8]])
 NORMALS = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, -0.8, 0.6]])
 
@@ -37,31 +38,32 @@ def lit(rays, count: int, behind: float) -> np.ndarray:
     return out
 
 
-def found(lights, seed: int, behind: float) -> np.ndarray:
+def found(lights, seed: int, behind: float, sets: int = 1) -> np.ndarray:
     """Return the light (3, 3) at the places by RAYS rays chosen among candidates."""
     rows, rays = np.arange(len(PLACES)), room_for_shadows(len(PLACES) * RAYS)
-    some = candidates(seed, RAYS, lights.area)
-    count = join_candidates(some, RAYS, starts(rows, rows, PLACES, NORMALS), lights.area, 1e-6, rays)
-    return lit(rays, count, behind) / RAYS
+    some = candidates(seed, M, lights.area, sets)
+    count = join_candidates(some, 1 << M, starts(rows, rows, PLACES, NORMALS), lights.area, 1e-6, rays)
+    return lit(rays, count, behind) / (1 << M)
 
 
 def plain(model: Model, lights: Lights, m: int, seed: int, behind: float) -> np.ndarray:
     """Return the same light by 2^m rays to random points."""
     rows, rays = np.arange(len(PLACES)), room_for_shadows(len(PLACES) << m)
     paths = np.tile(np.arange(1 << m), (len(PLACES), 1))
-    samples = light_samples(seed, m, 0, paths, lights)
+    points = points_on_lamps(seed, m, 0, paths, lights.area)
     ends = starts(rows, rows, PLACES, NORMALS)
-    return lit(rays, join_area(model.world.bsdfs, samples, ends, lights.area, 1e-6, rays), behind) / (1 << m)
+    return lit(rays, join_area(model.world.bsdfs, points, ends, lights.area, 1e-6, rays), behind) / (1 << m)
 
 
 @pytest.mark.parametrize("behind", [2.0, 0.58], ids=["whole", "half in shadow"])
+@pytest.mark.parametrize("sets", [1, 5])
 @pytest.mark.parametrize("lamps", ["faces", "faces and a luminaire"])
-def test_the_mean_is_that_of_random_points(lamps, behind):
+def test_the_mean_is_that_of_random_points(lamps, sets, behind):
     given = (luminaire()._replace(position=(0.5, 0.5, 0.9), size=(0.4, 0.3)),) if "luminaire" in lamps else ()
     model = Model(scene(given), 1)
     lights = Lights(area_lights(model.surfaces, scene=model.scene), delta_lights(model.scene), sky_of(model.scene), 1)
     truth = np.mean([plain(model, lights, 12, seed, behind) for seed in range(8)], axis=0)
-    each = np.array([found(lights, seed, behind) for seed in range(1500)])
+    each = np.array([found(lights, seed, behind, sets) for seed in range(1500)])
     error = each.std(axis=0) / np.sqrt(len(each))
     assert (truth.max(axis=1) > 0).all()
     assert np.allclose(each.mean(axis=0), truth, rtol=3e-3, atol=4 * error.max())
@@ -74,7 +76,7 @@ def test_candidates_lie_in_strata_along_the_lamps():
     """Each stratum has its share of the probability, and points are those of the faces."""
     model = Model(scene(), 1)
     area = area_lights(model.surfaces)
-    some = candidates(5, RAYS, area)
+    some = candidates(5, M, area)
     share = np.diff(area.cdf, prepend=0.0)
     first = np.searchsorted(area.cdf, np.arange(RAYS) / RAYS, side="right")
     faces = some.face.reshape(RAYS, CANDIDATES)
@@ -83,7 +85,25 @@ def test_candidates_lie_in_strata_along_the_lamps():
     assert np.allclose(some.density, area.density[some.face]) and np.allclose(some.normal.T, area.normal[some.face])
 
 
+def test_sets_are_independent_and_receivers_take_them_by_chance():
+    """Receivers at one place have the light of as many sets as there are; without sets all are alike."""
+    model, places = Model(scene(), 1), 2000
+    area, at = area_lights(model.surfaces), np.tile(PLACES[0], (places, 1))
+    light = {}
+    for sets in (1, 7):
+        rows, rays = np.arange(places), room_for_shadows(places * RAYS)
+        ends = starts(rows, rows, at, np.tile(NORMALS[0], (places, 1)))
+        some = candidates(3, M, area, sets)
+        assert some.strata == RAYS and len(some.face) == sets * RAYS * CANDIDATES
+        count = join_candidates(some, 1 << M, ends, area, 1e-6, rays)
+        light[sets] = np.zeros((places, 3))
+        np.add.at(light[sets], rays.row[:count], rays.value[:count])
+    assert len(np.unique(light[1], axis=0)) == 1
+    _, times = np.unique(light[7], axis=0, return_counts=True)
+    assert len(times) == 7 and times.min() > 0.8 * places / 7
+
+
 def test_without_area_lights_there_is_no_ray():
     model = Model(Scene(box((0, 0, 0), (1, 1, 1), 1, 0, inward=True), (grey(0.5),), (), up=(0, 0, 1)), 1)
     lights = Lights(area_lights(model.surfaces), delta_lights(model.scene), sky_of(model.scene), 1)
-    assert len(candidates(0, RAYS, lights.area).pick) == 0 and not found(lights, 0, 2.0).any()
+    assert len(candidates(0, M, lights.area).pick) == 0 and not found(lights, 0, 2.0).any()

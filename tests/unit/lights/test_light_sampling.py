@@ -10,8 +10,8 @@ import pytest
 from gi_core.gather import mobile
 from gi_core.gather.mobile import MobileGather
 from gi_core.gather.reference import reference_irradiance
-from gi_core.lights.light_sampling import BY_FLUX, Lights, aimed, area_lights, delta_lights, sky_of, steady
-from gi_core.lights.next_event import light_samples
+from gi_core.lights.light_sampling import BY_FLUX, aimed, area_lights, steady
+from gi_core.lights.next_event import points_on_lamps
 from gi_core.model import Model
 from gi_core.scene.types import Mesh, Mobile, Pose, Scene
 from tests.support.closed_form import lambert_polygon
@@ -65,9 +65,8 @@ def test_choice_is_a_density_and_prefers_lamps_facing_the_mobile():
     total = [share[plain.radiance[:, 0] == Le].sum() for Le in (1, 2, 3)]
     assert total[1] == pytest.approx(BY_FLUX * 2 / 6) and total[2] == pytest.approx(BY_FLUX * 3 / 6, rel=0.2)
     assert sum(total) == pytest.approx(1.0)
-    every = Lights(lights, delta_lights(model.scene), sky_of(model.scene), 1)
-    samples = light_samples(0, 10, 0, np.arange(1024)[None], every)
-    counted = np.bincount(samples.face[0], minlength=len(share)) / 1024
+    points = points_on_lamps(0, 10, 0, np.arange(1024)[None], lights)
+    counted = np.bincount(points.face[0], minlength=len(share)) / 1024
     assert np.allclose(counted, share, atol=2 / 1024)
 
 
