@@ -113,7 +113,7 @@ class FirstFrame:
         b = self.background(setting, shown, wanted())
         yield from _build(b)
         returns = shown not in (None, b)
-        # Gathered light of less noise need not wait for as many photons.
+        # Gathered light of less error need not wait for as many photons.
         replaced = self._worth(shown) if returns and not self._light.static.compare(b) else 0
         if pictures and returns and max(FIRST_PICTURE, replaced) <= b.added < wanted():
             yield from self.show(b, wanted(), show)

@@ -1,4 +1,4 @@
-"""Light of the static part without mobiles: that of photons, or gathered light once it has less noise."""
+"""Light of the static part without mobiles: that of photons, or gathered light once it has less error."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class StaticLight:
         self.gathered: StaticGather | None = None
         self._model, self._seed = model, seed
         self._edited: EditedLight | None = None  # until `gathered` has light of its own
-        self._less_noise = False  # gathered light has less noise than all photons
+        self._less_error = False  # gathered light has less error than all photons
         self._mixed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # light per lamp, levels, and their light
         self._around: tuple[float, Neighbours] | None = None  # distance, and static receivers within it
 
@@ -47,7 +47,7 @@ class StaticLight:
         other = copy.copy(self)
         other.setting = setting
         if fresh:
-            other.gathered, other._edited, other._less_noise = None, None, False
+            other.gathered, other._edited, other._less_error = None, None, False
         return other
 
     @property
@@ -57,8 +57,8 @@ class StaticLight:
 
     @property
     def is_gathered(self) -> bool:
-        """Whether frames start from gathered light: the setting allows it, and it has less noise than photons."""
-        return self.setting.takes_gathered and self._less_noise
+        """Whether frames start from gathered light: the setting allows it, and it has less error than photons."""
+        return self.setting.takes_gathered and self._less_error
 
     def irradiance(self, b: Background, photons: int) -> np.ndarray:
         """Return irradiance (n, 3) [W/m2] of static receivers, for a frame of `photons` photons."""
@@ -88,15 +88,17 @@ class StaticLight:
         return sum_of_lamps(self.gathered.per_lamp if self.is_gathered else b.irradiance_per_lamp(b.estimate.photons))
 
     def compare(self, shown: Background | None) -> bool:
-        """Compare the noise of gathered light and of all photons; return whether frames start from gathered light.
+        """Compare the errors of gathered light and of all photons; return whether frames start from gathered light.
 
-        Photons too few to measure their noise count as noisier.
+        Photons have their noise, or the error that whole paths find, which includes the blur of discs. Photons too few
+        to measure their noise count as worse.
         """
         g, photons = self.gathered, 0 if shown is None else shown.estimate.photons
         if photons and self.shows_earlier:
             self._edited.show(shown, self.around(AROUND * shown.setting.radius), g)
         if photons and g is not None and math.isfinite(g.noise):
-            self._less_noise = g.left < _photon_noise(shown)
+            theirs = sum_of_lamps(shown.irradiance_per_lamp(photons))
+            self._less_error = g.error < max(_photon_noise(shown), g.error_of(theirs))
         return self.is_gathered
 
     def around(self, distance: float) -> Neighbours:
@@ -117,7 +119,7 @@ class StaticLight:
     ) -> Iterator[Progress]:
         """Gather in steps, from `state` or continued; arguments as for StaticGather.
 
-        shown: returns the background on show; refresh: computes its frame again, after each result that has less noise
+        shown: returns the background on show; refresh: computes its frame again, after each result that has less error
         than photons. Raises ValueError for the state of another scene.
         """
         if self.gathered is None or state is not None:

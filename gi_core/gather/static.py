@@ -29,7 +29,8 @@ ENOUGH = 0.007  # relative l1 noise at which phase 2 ends; with interpolation th
 LOW = 1.4  # times ENOUGH: noise at which phase 1 ends, and below which whole paths take over
 ROUNDS = 24  # until 1 % noise; the first noise is known after two
 SAMPLE = 512  # receivers, drawn by area, that measure the error of phase 1 ...
-SAMPLE_NOISE = 1.0  # ... by paths of so many times its noise
+SAMPLE_NOISE = 2.0  # ... by paths of so many times its noise, ...
+SAMPLE_ROUNDS = 48  # ... in smaller rounds: the first two are known sooner
 GROUPS = 8  # of receivers whose paths are alike in noise
 SAMPLE_STREAM = 0x5A3B  # separates their random numbers from those of phase 2
 
@@ -145,6 +146,10 @@ class StaticGather:
         scale = np.divide(at.sum(axis=1), own.sum(axis=1), out=np.zeros(len(own)), where=own.sum(axis=1) > 0)
         return self.deviation * np.sqrt(scale)
 
+    def error_of(self, E: np.ndarray) -> float:
+        """Return the relative l1 error of other irradiance E (n, 3) [W/m2] by the sample; 0 before there is one."""
+        return 0.0 if self._sample is None else self._sample.error(E)
+
     @property
     def enough(self) -> bool:
         """Whether phase 2 has ended. True without receivers or without light, where the noise is nan."""
@@ -185,7 +190,7 @@ class StaticGather:
             rows, times = draw_by_area(np.flatnonzero(self._paid > 0), self._paid, SAMPLE, self._seed)
             points, seed = (a[rows] for a in self._points), self._seed ^ (SAMPLE_STREAM << 40)
             given = self._model.scene, *points, seed, times
-            rounds = ReferenceRounds(*given, model=self._model, mobiles=False, rounds=ROUNDS)
+            rounds = ReferenceRounds(*given, model=self._model, mobiles=False, rounds=SAMPLE_ROUNDS)
             self._sample = ErrorSample(rows, times, rounds)
         s = self._sample
         for _ in gather_until(s.rounds, s.times, SAMPLE_NOISE * noise):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from gi_core.display.dilation import NONE_UNREACHED
+from gi_core.frames import static_light
 from gi_core.frames.frame_light import FrameLight
 from gi_core.frames.light_setting import LightSetting
 from gi_core.frames.static_light import StaticLight
@@ -70,7 +73,7 @@ def test_mobiles_are_lit_as_before_once_an_exception_has_taken_levels_back(model
 def test_all_parts_of_a_twin_read_its_own_setting(model):
     light = FrameLight(model, 0)
     light.setting.choose("best", None)
-    light.static.gathered, light.static._less_noise = gathered(model), True
+    light.static.gathered, light.static._less_error = gathered(model), True
     twin = light.twin(fresh=False)
     assert twin.static.gathered is light.static.gathered and twin.static.is_gathered
     twin.setting.choose("photons", None)
@@ -84,7 +87,7 @@ def test_all_parts_of_a_twin_read_its_own_setting(model):
 def test_a_fresh_twin_has_no_gathered_light(model):
     light = FrameLight(model, 0)
     light.setting.choose("best", None)
-    light.static.gathered, light.static._less_noise = gathered(model), True
+    light.static.gathered, light.static._less_error = gathered(model), True
     twin = light.twin(fresh=True)
     assert twin.static.lacks_gathered and not twin.static.is_gathered
     assert not light.static.lacks_gathered and light.static.is_gathered
@@ -96,6 +99,23 @@ def test_gathered_light_is_mixed_once_per_levels(model):
     first = static.gathered_at(static.setting.levels)
     assert static.gathered_at(static.setting.levels.copy()) is first
     assert np.array_equal(static.gathered_at(0.5 * static.setting.levels), 0.5 * first)
+
+
+@pytest.mark.parametrize(
+    ("error", "noise", "of_sample", "better"),
+    [(0.03, 0.02, 0.05, True), (0.03, 0.02, 0.0, False), (0.03, 0.05, 0.01, True), (0.05, 0.02, 0.04, False)],
+    ids=["blurred photons", "no sample yet", "noisy photons", "little error"],
+)
+def test_gathered_light_is_used_once_photons_have_more_error(error, noise, of_sample, better, model, monkeypatch):
+    """The photons' error is their noise, or what whole paths find: discs may blur light without any noise."""
+    static = StaticLight(model, 0, LightSetting(model.emitters.lamps.full(), "best"))
+    static.gathered = gathered(model)
+    static.gathered.error = error
+    monkeypatch.setattr(static.gathered, "error_of", lambda E: of_sample)
+    monkeypatch.setattr(static_light, "_photon_noise", lambda b: noise)
+    light = np.ones((len(static.gathered.weights), model.emitters.lamps.channels))
+    shown = SimpleNamespace(estimate=SimpleNamespace(photons=1), irradiance_per_lamp=lambda photons: light)
+    assert static.compare(shown) is better and static.is_gathered is better
 
 
 def test_before_the_search_no_receiver_is_unreached(model):
