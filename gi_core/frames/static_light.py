@@ -15,7 +15,7 @@ from gi_core.frames.earlier_light import EarlierLight, EditedLight, earlier_ligh
 from gi_core.frames.light_setting import LightSetting
 from gi_core.frames.progress import Progress
 from gi_core.gather.reference import ReferenceState
-from gi_core.gather.static import StaticGather
+from gi_core.gather.static import PhotonLight, StaticGather
 from gi_core.geometry.error import luminance, noise_from_prefix, prefix_to_compare
 from gi_core.geometry.mesh_neighbours import Neighbours, neighbours, scattered_neighbours
 from gi_core.lights.mix import mix, sum_of_lamps
@@ -126,9 +126,11 @@ class StaticLight:
             self.gathered = StaticGather(self._model, self._seed, state)
         g = self.gathered
 
-        def photons() -> np.ndarray | None:
+        def photons() -> PhotonLight | None:
             b = shown()
-            return b.irradiance_per_lamp(b.estimate.photons) if b is not None and b.estimate.photons else None
+            if b is None or not b.estimate.photons:
+                return None
+            return PhotonLight(b.irradiance_per_lamp(b.estimate.photons), _photon_noise(b))
 
         for new in itertools.chain((True,), g.steps(photons)):
             if used := bool(new) and self.compare(shown()):

@@ -5,6 +5,10 @@ in units of its standard deviation, so noise is averaged and edges of shadows ar
 that the first leaves; Dammertz et al. 2010 and Schied et al. 2017 filter pixels in this way. Noise falls with more
 paths, and smoothing with it, so the limit is unbiased.
 
+Weights from noisy light keep its outliers and make edges of its noise. A guide is other light of the same receivers
+with less noise, such as that of photons: weights then are those of its differences (cross-bilateral filtering, Eisemann
+and Durand 2004).
+
 Several reaches are tried, including none. Stein's unbiased risk estimate (1981), by the Monte Carlo method of Ramani et
 al. 2008, gives the expected squared error of each without the truth. Each receiver takes the reach that has the lowest
 in its surroundings: noise and detail differ from surface to surface.
@@ -24,6 +28,7 @@ from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
 
 REACHES = (2.0, 4.0, 8.0)  # standard deviations at which the weight of a difference becomes 0
+GUIDED = (0.14, 0.28, 0.56)  # the same of a guide, in its luminance
 PASSES = 2
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
 POOLED = 40  # means over neighbours by which risks are pooled: one receiver's estimate is as large as the risk itself
@@ -46,28 +51,32 @@ class Denoised(NamedTuple):
 
 def denoise(
     mean: np.ndarray, standard_error: np.ndarray, near: Neighbours, seed: int, threads: int,
-    per_lamp: np.ndarray | None = None, alike: np.ndarray | None = None,
+    per_lamp: np.ndarray | None = None, alike: np.ndarray | None = None, guide: np.ndarray | None = None,
 ) -> Generator[None, None, Denoised]:  # fmt: skip
     """Denoise irradiance `mean` (n, 3) with its standard error (n, 3), in steps.
 
     alike (n,): areas, to take one reach for all: standard errors of few paths are too rough to choose by place.
     per_lamp: light (n, 3 G) whose sum over lamps is `mean`; the result then is the same average of it. Black receivers
-    stay black and have no weight for neighbours. The generator returns the result.
+    stay black and have no weight for neighbours. guide (n, 3): light of less and independent noise; None: `mean` itself
+    decides. The generator returns the result.
     """
     lit, sigma = (mean > 0).any(axis=1), luminance(standard_error)
     squares = (standard_error**2).sum(axis=1)
-    variance = averaged(near, squares, lit, threads)  # a single variance of few rounds is too rough
+    reaches = REACHES if guide is None else GUIDED
+    if guide is None:
+        variance = averaged(near, squares, lit, threads)  # a single variance of few rounds is too rough
+    else:
+        variance = luminance(guide) ** 2
+    given = guide, np.where(lit, variance, NO_WEIGHT), near, threads
     sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(mean))  # Hutchinson 1990: the least variance
     more = mean + LITTLE * sign[:, None] * standard_error
-    saved = np.zeros((len(mean), 1 + len(REACHES)))  # squared error less than without smoothing, by reach
+    saved = np.zeros((len(mean), 1 + len(reaches)))  # squared error less than without smoothing, by reach
     lights = [mean]
     yield
-    for k, reach in enumerate(REACHES, 1):
-        lights.append(_smoothed(mean, variance, reach, near, lit, threads))
-        yield
-        answer = luminance(_smoothed(more, variance, reach, near, lit, threads) - lights[k]) / LITTLE
+    for k, reach in enumerate(reaches, 1):
+        lights.append((yield from _smoothed(mean, reach, *given)))
+        answer = luminance((yield from _smoothed(more, reach, *given)) - lights[k]) / LITTLE
         saved[:, k] = 2 * sigma * (sigma - sign * answer) - luminance(lights[k] - mean) ** 2
-        yield
     best = np.full(len(mean), 0 if alike is None else (alike @ saved).argmax())
     if alike is None:
         pooled = saved
@@ -80,9 +89,8 @@ def denoise(
     if per_lamp is not None:
         joined = np.concatenate([mean, per_lamp], axis=1)
         lights = [joined]
-        for reach in REACHES:
-            lights.append(_smoothed(joined, variance, reach, near, lit, threads))
-            yield
+        for reach in reaches:
+            lights.append((yield from _smoothed(joined, reach, *given)))
         out = _chosen(lights, best)[:, 3:]
     return Denoised(out, sigma**2, risk)
 
@@ -120,13 +128,18 @@ def _average(first, of, values, lit, start, stop, out):
             out[i, c] /= count
 
 
-def _smoothed(E: np.ndarray, variance: np.ndarray, reach: float, near: Neighbours, lit: np.ndarray, threads: int):
-    light = np.concatenate([E[:, :3], np.where(lit, variance, NO_WEIGHT)[:, None], E[:, 3:]], axis=1)
-    smooth(light, reach, near, threads)
-    return np.delete(light, VARIANCE, axis=1)
+def _smoothed(
+    E: np.ndarray, reach: float, guide: np.ndarray | None, variance: np.ndarray, near: Neighbours, threads: int
+) -> Generator[None, None, np.ndarray]:
+    columns = E if guide is None else np.concatenate([guide, E], axis=1)
+    light = np.insert(columns, VARIANCE, variance, axis=1)
+    for _ in range(PASSES):
+        smooth(light, reach, near, threads, 1)
+        yield
+    return np.delete(light, VARIANCE if guide is None else slice(VARIANCE + 1), axis=1)
 
 
-def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> None:
+def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int, passes: int = PASSES) -> None:
     """Average light (n, 4 or more) with neighbours, in place.
 
     Columns: three channels that decide, the sum of their variances, more channels. Receivers of variance 0 stay, as do
@@ -134,7 +147,7 @@ def smooth(light: np.ndarray, reach: float, near: Neighbours, threads: int) -> N
     """
     rows = np.flatnonzero(light[:, VARIANCE] > 0)
     out = np.empty((len(rows), light.shape[1]))
-    for _ in range(PASSES):
+    for _ in range(passes):
         run_ranges(lambda _, a, b: _pass(*near, light, reach * reach, rows, a, b, out), len(rows), threads, GRAIN)
         light[rows] = out
 

@@ -48,11 +48,7 @@ class FinalGather:
         self._pairs = 0  # of sets
         self.paths = 0  # per receiver in `mean`; 0: no result yet
         self.per_lamp = self.last = np.zeros(shape)  # (n, 3 G) float64 [W/m2]; `last`: of the last pair alone
-
-    @property
-    def mean(self) -> np.ndarray:
-        """Irradiance (n, 3) [W/m2] of all lamps."""
-        return sum_of_lamps(self.per_lamp)
+        self.mean = np.zeros(positions.shape)  # (n, 3) float64 [W/m2], of all lamps
 
     @property
     def standard_error(self) -> np.ndarray:
@@ -96,6 +92,7 @@ class FinalGather:
         a, b = before / self.paths, paths / self.paths
         self.last = 0.5 * (halves[0] + halves[1])
         self.per_lamp = a * self.per_lamp + b * self.last
+        self.mean = sum_of_lamps(self.per_lamp)
         apart = halves[0] - halves[1]
         self._lamp_variance = a * a * self._lamp_variance + b * b * 0.25 * apart**2
         self._variance = a * a * self._variance + b * b * 0.25 * sum_of_lamps(apart) ** 2

@@ -45,6 +45,13 @@ LIGHT = (
 )  # fields that frames and texts read
 
 
+class PhotonLight(NamedTuple):
+    """Light of photons at the static part's receivers."""
+
+    per_lamp: np.ndarray  # (n, 3 G) float64 [W/m2]
+    noise: float  # relative l1; inf: unknown
+
+
 class ErrorSample(NamedTuple):
     """Receivers, how often each was drawn, and whole paths there."""
 
@@ -160,26 +167,36 @@ class StaticGather:
         """Fraction of the paths needed for ENOUGH, 0 .. 1; 0 before the second round."""
         return min((ENOUGH / self._left) ** 2, 1.0) if self._left > 0 else 1.0
 
-    def steps(self, photons: Callable[[], np.ndarray | None]) -> Iterator[bool | None]:
+    def steps(self, photons: Callable[[], PhotonLight | None]) -> Iterator[bool | None]:
         """Gather until it is enough, in steps of some 10 ms; yields True where `mean` is new.
 
-        photons() returns the current photon irradiance per lamp (n, 3 G) [W/m2] of these receivers, or None. The
-        generator may be dropped and restarted, with the same result.
+        photons() returns the photons' current light, or None. The generator may be dropped and restarted, with the
+        same result.
         """
         if not self.enough:
             yield from self._single_bounces(photons)
             yield from self._whole_paths()
 
-    def _single_bounces(self, photons: Callable[[], np.ndarray | None]) -> Iterator[bool | None]:
+    def _single_bounces(self, photons: Callable[[], PhotonLight | None]) -> Iterator[bool | None]:
         f = self._final
         known = np.inf if self.state is None else self.state.noise(self.weights)
-        if photons() is None or not min(known, f.noise) > LOW * ENOUGH:
+        theirs = photons()
+        if theirs is None or not min(known, f.noise) > LOW * ENOUGH:
             return
-        for new in f.steps(lambda: self._known(photons())):
+
+        def field() -> np.ndarray:
+            nonlocal theirs
+            theirs = photons()
+            return self._known(theirs.per_lamp)
+
+        for new in f.steps(field):
             yield False
             if new and (f.noise < self.noise or self.is_earlier):
+                # Photons know best where edges of light are, until they have more noise.
+                guide = sum_of_lamps(theirs.per_lamp) if theirs.noise < f.noise else None
                 found = f.per_lamp, f.standard_error, f.lamp_error, f.noise
-                yield from self._take_over(*found, self._measure)
+                yield False
+                yield from self._take_over(*found, self._measure, guide)
             measured = new and self._sample is not None  # else the light before has less noise
             if not f.noise > LOW * ENOUGH or (measured and self._sample.error(f.mean) > math.sqrt(2) * f.noise):
                 return
@@ -229,16 +246,16 @@ class StaticGather:
 
     def _take_over(
         self, per_lamp: np.ndarray, standard_error: np.ndarray, lamp_error: np.ndarray, noise: float,
-        error: Callable = _unbiased,
+        error: Callable = _unbiased, guide: np.ndarray | None = None,
     ) -> Iterator[bool | None]:  # fmt: skip
         """Denoise this light and store it, in steps; the arrays must not change meanwhile.
 
         per_lamp (n, 3 G); standard_error (n, 3) of its sum; lamp_error (n, 3 G), or empty for one lamp. error(E,
-        noise): generator that returns the error of denoised light (n, 3) with so much noise left.
+        noise): generator that returns the error of denoised light (n, 3) with so much noise left. guide: for denoise().
         """
         several = per_lamp if per_lamp.shape[1] > 3 else None
         given = sum_of_lamps(per_lamp), standard_error, self._near, self._seed, self._model.threads
-        found = yield from denoise(*given, several)
+        found = yield from denoise(*given, several, guide=guide)
         denoised = found.irradiance.copy()
         share = found.share(self.weights)
         left = share * noise

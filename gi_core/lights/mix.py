@@ -23,7 +23,7 @@ def mixed(light, row, levels):
 
 def sum_of_lamps(light: np.ndarray) -> np.ndarray:
     """Return light (n, 3) of light per lamp (n, 3 G), at the levels of the scene file."""
-    return light if light.shape[1] == 3 else light.reshape(len(light), light.shape[1] // 3, 3).sum(axis=1)
+    return light if light.shape[1] == 3 else mix(light, np.ones((light.shape[1] // 3, 3)))
 
 
 def mix(light: np.ndarray, levels: np.ndarray, threads: int = 1) -> np.ndarray:

@@ -23,8 +23,8 @@ def grainy(light: np.ndarray, sigma, seed: int = 1) -> tuple[np.ndarray, np.ndar
     return np.repeat((light + noise)[:, None], 3, axis=1), np.repeat(sigma[:, None], 3, axis=1)
 
 
-def done(*given) -> Denoised:
-    steps = denoise(*given)
+def done(*given, **more) -> Denoised:
+    steps = denoise(*given, **more)
     while True:
         try:
             next(steps)
@@ -96,6 +96,32 @@ def test_the_same_bits_with_any_number_of_threads():
     E, sigma = grainy(np.tile(1 + P[:, 0], 3), 0.1)
     one, two = (done(E, sigma, near, 3, threads) for threads in (1, 2))
     assert np.array_equal(one.irradiance, two.irradiance) and one.share(np.ones(len(E))) == two.share(np.ones(len(E)))
+
+
+@pytest.mark.parametrize(("spread", "gain", "honest"), [(0.4, 0.95, 0.2), (0.6, 0.85, 0.5)])
+def test_a_guide_knows_edges_better_than_noisy_light(spread, gain, honest):
+    """Noise has outliers (lognormal), which unguided smoothing keeps; the guide blurs the step and has 3 % noise."""
+    where = P[:, 0] - 0.5 - 0.1 * np.sin(9 * P[:, 1])
+    light, blurred = np.where(where < 0, 1.0, 0.5), 0.75 - 0.25 * np.clip(where * (N - 1) / 2, -1, 1)
+    found = np.random.default_rng(3).lognormal(-spread * spread / 2, spread, len(P))
+    E, sigma = (np.repeat(a[:, None], 3, axis=1) for a in (light * found, light * np.sqrt(np.expm1(spread**2))))
+    guide, _ = grainy(blurred, 0.03, 2)
+    own, guided = done(E, sigma, NEAR, 0, 1), done(E, sigma, NEAR, 0, 1, guide=guide)
+    assert off(guided.irradiance, light) < gain * off(own.irradiance, light)
+    true = rms(guided.irradiance, light) / rms(E, light)
+    assert guided.share(WEIGHTS) == pytest.approx(true, rel=honest) and own.share(WEIGHTS) < 0.5 * true
+    several = done(E, sigma, NEAR, 0, 2, np.concatenate([0.25 * E, 0.75 * E], axis=1), guide=guide).irradiance
+    assert np.allclose(several[:, :3] + several[:, 3:], guided.irradiance, rtol=1e-12)
+
+
+@pytest.mark.parametrize("of", ["even light", "nothing"])
+def test_a_guide_that_knows_no_edge_does_no_harm(of):
+    """Even light would average over the step, so the light beside it stays; without light nothing is averaged."""
+    light = np.where(P[:, 0] < 0.5, 1.0, 0.3)
+    E, sigma = grainy(light, 0.02)
+    s = done(E, sigma, NEAR, 0, 1, guide=np.full_like(E, 1.0 if of == "even light" else 0.0))
+    assert off(s.irradiance, light) <= 1.02 * off(E, light)
+    assert of == "even light" or np.array_equal(s.irradiance, E)
 
 
 def test_each_place_takes_its_own_reach():

@@ -99,17 +99,18 @@ def test_resumed_run_ends_in_the_same_bits(gathered, monkeypatch):
 
 
 @pytest.mark.slow
-def test_photons_are_shown_while_they_have_less_noise(monkeypatch):
-    """The photons' noise is 0.001 until the first gathered light, and 0.01 afterwards."""
+def test_photons_are_shown_while_they_have_less_error(monkeypatch):
+    """The photons' noise is 0.001 until the first gathered light, and 0.01 afterwards; they have no bias."""
     photons = [0.001]
     monkeypatch.setattr(static, "ENOUGH", 0.01)
     monkeypatch.setattr("gi_core.frames.static_light.noise_from_prefix", lambda *given: photons[0])
+    monkeypatch.setattr(static.StaticGather, "error_of", lambda self, E: 0.0)
     solver, seen = solved(20_000), set()
     before = solver.irradiance
     for progress in solver.gather_steps():
         known, used = np.isfinite(solver.frame_light.static.gathered.noise), solver.frame_light.static.is_gathered
         assert used or (solver.irradiance is before and not progress.picture)
-        assert not used or solver.frame_light.static.gathered.left < photons[0]
+        assert not used or solver.frame_light.static.gathered.error < photons[0]
         seen.add((known, used))
         if known:
             photons[0] = 0.01
