@@ -28,7 +28,7 @@ from gi_core.geometry.error import luminance
 from gi_core.geometry.mesh_neighbours import Neighbours
 
 REACHES = (2.0, 4.0, 8.0)  # standard deviations at which the weight of a difference becomes 0
-GUIDED = (0.14, 0.28, 0.56)  # the same of a guide, in its luminance
+GUIDED = (0.14, 0.28, 0.56)  # the same of a guide, in luminances: of equal ones, at 20, 40 and 80 % of difference
 PASSES = 2
 LITTLE = 0.1  # of the noise: perturbation for the risk estimate
 POOLED = 40  # means over neighbours by which risks are pooled: one receiver's estimate is as large as the risk itself

@@ -10,6 +10,7 @@ from gi_core.gather.final_gather import FinalGather
 from gi_core.gather.reference import reference_irradiance
 from gi_core.geometry.error import relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
+from gi_core.lights.candidates import candidates
 from gi_core.model import Model
 from gi_core.scene.types import Mesh, PointLight, Pose, Scene, SkyLight
 from gi_core.solver import Solver
@@ -55,6 +56,30 @@ def test_uniform_room_gives_rho_times_its_light():
     pairs(gather, np.broadcast_to([1.0, 2.0, 4.0], (len(areas), 3)), 2)
     assert np.allclose(gather.mean, [0.7, 1.4, 2.8], rtol=1e-12)
     assert gather.noise < 1e-12 and gather.paths == 16 + 32
+
+
+def test_more_delta_lights_than_paths_are_picked_and_fewer_are_all_sampled():
+    """Twelve bulbs in a black box: exact with 16 paths, right in the mean with eight, lamp by lamp."""
+    places = [(0.2 + 0.2 * (k % 4), 0.25 + 0.25 * (k // 4), 0.7) for k in range(12)]
+    bulbs = tuple(PointLight(f"b{k}", p, (1.0 + k, 2.0, 0.5)) for k, p in enumerate(places))
+    gather, areas = final(Scene(box((0, 0, 0), (1, 1, 1), 3, 0, inward=True), (grey(0.0),), (), bulbs, up=(0, 0, 1)))
+    exact = np.zeros((len(areas), 12, 3))
+    for k, bulb in enumerate(bulbs):
+        way = np.array(bulb.position) - gather._positions
+        cosine, d2 = (way * gather._normals).sum(axis=1), (way**2).sum(axis=1)
+        exact[:, k] = (np.maximum(cosine, 0) / d2**1.5 / (4 * np.pi))[:, None] * bulb.flux
+    found = {3: [], 4: []}
+    for m, each in found.items():
+        for number in range(400 if m == 3 else 1):
+            out, none = np.zeros((len(areas), 36)), candidates(0, m, gather._lights.area)
+            gather._gather(gather._lit, number, m, none, np.zeros((len(areas), 36)), out)
+            each.append(out.reshape(len(areas), 12, 3))
+    lit = gather._lit
+    assert len(lit) > 40 and np.allclose(found[4][0][lit], exact[lit], rtol=1e-9)
+    mean, error = np.mean(found[3], axis=0), np.std(found[3], axis=0) / 20
+    assert (error[lit].max(axis=(0, 2)) > 0).all(), "every lamp is picked by chance"
+    z = (mean - exact)[lit] / np.maximum(error[lit], 1e-9)
+    assert abs(z).mean() < 1.2 and np.allclose(mean[lit].sum(axis=1), exact[lit].sum(axis=1), rtol=0.08)
 
 
 def test_open_receivers_see_the_sky():
