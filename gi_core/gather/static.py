@@ -210,7 +210,8 @@ class StaticGather:
             rounds = ReferenceRounds(*given, model=self._model, mobiles=False, rounds=SAMPLE_ROUNDS)
             self._sample = ErrorSample(rows, times, rounds)
         s = self._sample
-        for _ in gather_until(s.rounds, s.times, SAMPLE_NOISE * noise):
+        # Of point lights on a convex body single bounces have no noise, but whole paths do: they pick a light each.
+        for _ in gather_until(s.rounds, s.times, max(SAMPLE_NOISE * noise, ENOUGH)):
             yield False
         # The error of the total is known best, as noise averages out there; the rest is only known to a part.
         return max(s.error(E), math.hypot(noise, s.reference.relative_total(E) - 1.0))

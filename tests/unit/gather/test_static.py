@@ -14,9 +14,9 @@ from gi_core.geometry.error import relative_error
 from gi_core.geometry.evaluation_points import evaluation_points
 from gi_core.geometry.mesh_neighbours import neighbours
 from gi_core.lights.mix import sum_of_lamps
-from gi_core.scene import PointLight, Pose
+from gi_core.scene import PointLight, Pose, Scene
 from gi_core.solver import Solver
-from tests.support.scene_builders import box_mobile, coloured_room, plane_scene
+from tests.support.scene_builders import box, box_mobile, coloured_room, grey, plane_scene
 
 SCENE = coloured_room((box_mobile(size=0.1),))
 POSE = Pose((0.55, 0.5, 0.35))
@@ -115,6 +115,19 @@ def test_photons_are_shown_while_they_have_less_error(monkeypatch):
         if known:
             photons[0] = 0.01
     assert seen == {(False, False), (True, False), (True, True)}
+
+
+def test_light_without_noise_is_used_soon():
+    """Bulbs over a box in the open: single bounces are exact, whole paths at the sample never are."""
+    bulbs = tuple(PointLight(f"b{k}", (x, 0.5, 2.0), (1.0, 2.0, 3.0)) for k, x in enumerate((-1.0, 0.5, 2.0)))
+    scene = Scene(box((0, 0, 0), (1, 1, 1), 4, 0), (grey(0.5),), (), bulbs, up=(0, 0, 1))
+    solver = Solver(scene, photons=20_000, radius=0.1, light="best")
+    solver.solve()
+    for _, progress in zip(range(300), solver.gather_steps(), strict=False):
+        if progress.picture:
+            break
+    static_light = solver.frame_light.static
+    assert static_light.is_gathered and static_light.gathered.noise < 1e-9 and static_light.gathered.error < 0.02
 
 
 def test_gathering_leaves_the_light_of_photons_unchanged(gathered):
